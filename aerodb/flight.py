@@ -1,0 +1,79 @@
+"""A Flight: canonical channels (SI, body axes) on one time grid, with flags that say which samples not to use."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from datetime import datetime
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aerodb.errors import UnknownNameError, nearest
+from aerodb.nomenclature import FLAGS, channel
+from aerodb.recording import Damage
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Flight:
+    """Canonical channels on a uniform time grid.
+
+    time : (n,) s. channels : name -> (n,), SI, names as in `aerodb.nomenclature`. flags : channel name (or
+    ``flight`` for all of them) -> (n,) uint8, bits as in `nomenclature.FLAGS`; a channel without an entry is good
+    everywhere. missing : channels that the mapping knows and the log lacks. notes : what was assumed on the way.
+    """
+
+    id: str
+    vehicle: str
+    time: Array
+    channels: Mapping[str, Array]
+    flags: Mapping[str, NDArray[np.uint8]] = field(default_factory=dict)
+    missing: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    damage: tuple[Damage, ...] = ()
+    start_utc: datetime | None = None
+    log_sha256: str = ""
+    mapping: str = ""
+
+    def __post_init__(self) -> None:
+        n = self.time.shape[0]
+        for name, values in self.channels.items():
+            channel(name)
+            if values.shape != (n,):
+                raise ValueError(f"{self.id}: channel {name} has shape {values.shape}, the time grid {(n,)}")
+        for name, bits in self.flags.items():
+            channel(f"flags_{name}")
+            if bits.shape != (n,):
+                raise ValueError(f"{self.id}: flags of {name} have shape {bits.shape}, the time grid {(n,)}")
+
+    def __getitem__(self, name: str) -> Array:
+        if name not in self.channels:
+            raise UnknownNameError(f"no channel '{name}'", f"flight {self.id}", nearest(name, self.channels))
+        return self.channels[name]
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.channels
+
+    @property
+    def step(self) -> float:
+        """Sampling interval of the grid, s."""
+        return float(self.time[-1] - self.time[0]) / (len(self.time) - 1)
+
+    def usable(self, names: Iterable[str] = ()) -> NDArray[np.bool_]:
+        """(n,) true where neither the flight as a whole nor any of the named channels is flagged or not finite."""
+        good = self.flags["flight"] == 0 if "flight" in self.flags else np.ones(len(self.time), dtype=bool)
+        for name in names:
+            good = good & np.isfinite(self[name])
+            if name in self.flags:
+                good = good & (self.flags[name] == 0)
+        return good
+
+    def with_channels(self, channels: Mapping[str, Array]) -> "Flight":
+        """The same flight with these channels added or replaced."""
+        return replace(self, channels={**self.channels, **channels})
+
+    def with_flag(self, name: str, reason: str, where: NDArray[np.bool_]) -> "Flight":
+        """The same flight with `reason` (a key of FLAGS) set for channel `name` where `where` is true."""
+        bits = np.array(self.flags.get(name, np.zeros(len(self.time), dtype=np.uint8)))
+        bits[where] |= np.uint8(FLAGS[reason])
+        return replace(self, flags={**self.flags, name: bits})

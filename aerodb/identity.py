@@ -1,0 +1,42 @@
+"""Identities: the same content has the same name on every machine.
+
+A stored result's key is the sha256 of canonical JSON (RFC 8785) of its input hashes, resolved settings and the
+result version of its step. Floats are written by RFC 8785's shortest round-trip rule, so that equal values give equal
+keys.
+"""
+
+import hashlib
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+import rfc8785
+from numpy.typing import NDArray
+
+
+def canonical_json(value: Any) -> bytes:
+    """`value` as canonical JSON (RFC 8785): sorted keys, shortest floats, UTF-8.
+
+    >>> canonical_json({"b": 1.0, "a": [2, None]})
+    b'{"a":[2,null],"b":1}'
+    """
+    return rfc8785.dumps(value)
+
+
+def key_of(value: Any) -> str:
+    """sha256 (64 hexadecimal digits) of the canonical JSON of `value`."""
+    return hashlib.sha256(canonical_json(value)).hexdigest()
+
+
+def result_key(inputs: Mapping[str, str], settings: Mapping[str, Any], step: str, result_version: int) -> str:
+    """Key of a stored result: what went in, how it was asked for, and which form of the step made it."""
+    return key_of({"inputs": dict(inputs), "settings": dict(settings), "step": step, "result_version": result_version})
+
+
+def content_sha256(arrays: Iterable[NDArray[np.float64]]) -> str:
+    """sha256 over float64 little-endian values, each array preceded by its shape: guards integrity of tables."""
+    digest = hashlib.sha256()
+    for array in arrays:
+        digest.update(repr(tuple(array.shape)).encode())
+        digest.update(np.ascontiguousarray(array, dtype="<f8").tobytes())
+    return digest.hexdigest()

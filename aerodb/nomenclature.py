@@ -1,0 +1,162 @@
+"""The one glossary: every channel, coefficient and flag that is stored, with unit, axis and positive direction.
+
+Axes and signs are those of flight mechanics: body x forward, y right, z down; earth north, east, down. Everything
+is SI and radians. What is not listed here is not stored: `channel` refuses it and offers the nearest name.
+"""
+
+import re
+from dataclasses import dataclass
+from typing import Final
+
+from aerodb.errors import UnknownNameError, nearest
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One canonical channel: its name, SI unit, meaning with positive direction, and where the definition is from."""
+
+    name: str
+    unit: str
+    description: str
+    source: str = ""
+
+
+_ISO = "ISO 1151"
+_TABLE: tuple[tuple[str, str, str, str], ...] = (
+    ("time", "s", "time on the log's monotonic clock", ""),
+    # Air-relative motion of the centre of gravity
+    ("V", "m/s", "true airspeed", _ISO),
+    ("alpha", "rad", "angle of attack atan2(w, u) of the air-relative velocity at the CG", _ISO),
+    ("beta", "rad", "angle of sideslip asin(v/V) of the air-relative velocity at the CG", _ISO),
+    ("alphadot", "rad/s", "time derivative of alpha", _ISO),
+    ("betadot", "rad/s", "time derivative of beta", _ISO),
+    ("qbar", "Pa", "dynamic pressure rho V^2 / 2", _ISO),
+    ("mach", "1", "Mach number", _ISO),
+    ("rho", "kg/m^3", "air density", _ISO),
+    ("temperature", "K", "static air temperature", _ISO),
+    ("static_pressure", "Pa", "static air pressure", _ISO),
+    ("calibrated_airspeed", "m/s", "calibrated airspeed", _ISO),
+    # Inertial motion
+    ("ax", "m/s^2", "specific force at the CG along body x (forward)", _ISO),
+    ("ay", "m/s^2", "specific force at the CG along body y (right)", _ISO),
+    ("az", "m/s^2", "specific force at the CG along body z (down); -9.81 at rest and level", _ISO),
+    ("ax_imu", "m/s^2", "specific force at the accelerometer along body x (forward)", _ISO),
+    ("ay_imu", "m/s^2", "specific force at the accelerometer along body y (right)", _ISO),
+    ("az_imu", "m/s^2", "specific force at the accelerometer along body z (down)", _ISO),
+    ("p", "rad/s", "roll rate about body x, right wing down", _ISO),
+    ("q", "rad/s", "pitch rate about body y, nose up", _ISO),
+    ("r", "rad/s", "yaw rate about body z, nose right", _ISO),
+    ("pdot", "rad/s^2", "roll acceleration", _ISO),
+    ("qdot", "rad/s^2", "pitch acceleration", _ISO),
+    ("rdot", "rad/s^2", "yaw acceleration", _ISO),
+    ("phi", "rad", "bank angle, Euler 3-2-1, right wing down", _ISO),
+    ("theta", "rad", "pitch attitude, Euler 3-2-1, nose up", _ISO),
+    ("psi", "rad", "heading, Euler 3-2-1, clockwise from north", _ISO),
+    ("velocity_north", "m/s", "velocity over the earth, north", _ISO),
+    ("velocity_east", "m/s", "velocity over the earth, east", _ISO),
+    ("velocity_down", "m/s", "velocity over the earth, down", _ISO),
+    ("north", "m", "position north of the local origin", ""),
+    ("east", "m", "position east of the local origin", ""),
+    ("altitude", "m", "altitude above mean sea level, positive up", ""),
+    ("height_above_ground", "m", "height above ground, positive up", ""),
+    ("latitude", "rad", "geodetic latitude, north positive", ""),
+    ("longitude", "rad", "longitude, east positive", ""),
+    # Mass properties and propulsion at that moment
+    ("mass", "kg", "mass", ""),
+    ("fuel_mass", "kg", "mass of fuel on board", ""),
+    ("cg_x", "m", "CG position along body x from the vehicle's datum", ""),
+    ("cg_y", "m", "CG position along body y from the vehicle's datum", ""),
+    ("cg_z", "m", "CG position along body z from the vehicle's datum", ""),
+    ("Ixx", "kg m^2", "moment of inertia about body x at the CG", ""),
+    ("Iyy", "kg m^2", "moment of inertia about body y at the CG", ""),
+    ("Izz", "kg m^2", "moment of inertia about body z at the CG", ""),
+    ("Ixz", "kg m^2", "product of inertia, integral of x z dm", ""),
+    ("thrust", "N", "total thrust along the thrust line, forward", ""),
+    ("thrust_left", "N", "thrust of the left engine", ""),
+    ("thrust_right", "N", "thrust of the right engine", ""),
+    # Rates without dimension: CONVENTIONS of this product and of Klein & Morelli (2006), eq. 3.2
+    ("p_hat", "1", "p b / (2 V)", "Klein & Morelli 2006"),
+    ("q_hat", "1", "q c / (2 V)", "Klein & Morelli 2006"),
+    ("r_hat", "1", "r b / (2 V)", "Klein & Morelli 2006"),
+    ("alphadot_hat", "1", "alphadot c / (2 V)", "Klein & Morelli 2006"),
+    # Positions that are not surfaces but are used like them
+    ("delta_landing_gear", "1", "landing gear position, 0 up to 1 down and locked", ""),
+)
+
+_SURFACE = re.compile(r"delta_[a-z][a-z0-9_]*")
+
+CHANNELS: Final[dict[str, Channel]] = {row[0]: Channel(*row) for row in _TABLE}
+
+#: The six coefficient axes. They are values in tables and files, never names of columns or files.
+AXES: Final[tuple[str, ...]] = ("CX", "CY", "CZ", "Cl", "Cm", "Cn")
+FORCE_AXES: Final[tuple[str, ...]] = AXES[:3]
+MOMENT_AXES: Final[tuple[str, ...]] = AXES[3:]
+
+_AXIS_TEXT: Final[dict[str, str]] = {
+    "CX": "force along body x over qbar S, positive forward",
+    "CY": "force along body y over qbar S, positive right",
+    "CZ": "force along body z over qbar S, positive down",
+    "Cl": "moment about body x over qbar S b, positive right wing down",
+    "Cm": "moment about body y over qbar S c, positive nose up",
+    "Cn": "moment about body z over qbar S b, positive nose right",
+    "C_lift": "lift over qbar S, positive up, normal to the air-relative velocity",
+    "C_drag": "drag over qbar S, positive aft, along the air-relative velocity",
+    "C_side": "side force over qbar S, positive right, normal to lift and drag",
+}
+
+#: Columns of stored results in long form (one row per time and axis), beside `time` and `axis`.
+RESULT_COLUMNS: Final[dict[str, Channel]] = {
+    c.name: c
+    for c in (
+        Channel("axis", "", "which coefficient the row is about: CX CY CZ Cl Cm Cn"),
+        Channel("measured", "1", "total coefficient reconstructed from flight"),
+        Channel("sigma", "1", "one standard deviation of `measured` from sensor noise"),
+        Channel("predicted", "1", "coefficient that a database version gives for the same flight condition"),
+        Channel("residual", "1", "measured - predicted"),
+        Channel("usable", "", "true where the sample may identify or validate"),
+    )
+}
+
+#: Bits of a `flags_<channel>` column: why a sample of that channel must not be used.
+FLAGS: Final[dict[str, int]] = {
+    "gap": 1,
+    "wild_point": 2,
+    "saturated": 4,
+    "on_ground": 8,
+    "out_of_table": 16,
+    "damaged": 32,
+    "implausible": 64,
+}
+
+
+def axis_description(axis: str) -> str:
+    """What a coefficient axis means; raises UnknownNameError with the nearest name."""
+    if axis not in _AXIS_TEXT:
+        raise UnknownNameError(f"unknown axis '{axis}'", remedy=nearest(axis, _AXIS_TEXT))
+    return _AXIS_TEXT[axis]
+
+
+def is_surface(name: str) -> bool:
+    """Whether `name` has the form of a control surface deflection, ``delta_<name>``."""
+    return _SURFACE.fullmatch(name) is not None
+
+
+def channel(name: str) -> Channel:
+    """The glossary entry of a channel; surfaces follow the one rule of the product.
+
+    >>> channel("alpha").unit
+    'rad'
+    >>> channel("delta_elevator").unit
+    'rad'
+
+    Raises UnknownNameError for a name that is not registered.
+    """
+    if name in CHANNELS:
+        return CHANNELS[name]
+    if is_surface(name):
+        what = name.removeprefix("delta_").replace("_", " ")
+        return Channel(name, "rad", f"deflection of {what}, trailing edge down positive (rudder: left)", _ISO)
+    inner = name.removeprefix("flags_")
+    if inner != name and (inner == "flight" or inner in CHANNELS or is_surface(inner)):
+        return Channel(name, "", f"why samples of {inner} must not be used; bits as in FLAGS")
+    raise UnknownNameError(f"unknown channel '{name}'", remedy=nearest(name, CHANNELS))

@@ -1,0 +1,73 @@
+"""Units at the edges: what a log or a file declares becomes SI; inside the product nothing carries a unit."""
+
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import pint
+from numpy.typing import NDArray
+
+from aerodb.errors import InputError
+
+
+@lru_cache(maxsize=1)
+def _registry() -> Any:
+    registry: Any = pint.UnitRegistry(autoconvert_offset_to_baseunit=True)
+    # Names that flight-test files use and pint does not know.
+    registry.define("psf = pound_force / foot ** 2")
+    registry.define("g0 = 9.80665 * meter / second ** 2")
+    return registry
+
+
+_SPELLINGS = {"": "dimensionless", "-": "dimensionless", "1": "dimensionless", "g": "g0", "lbs": "lbf"}
+
+
+@lru_cache(maxsize=256)
+def conversion(unit: str, to: str) -> tuple[float, float]:
+    """Scale and offset that turn a value in `unit` into one in `to`: ``y = scale * x + offset``.
+
+    `g` means standard gravity (9.80665 m/s2), never gram: logs measure accelerations.
+
+    >>> conversion("deg", "rad")[0] * 180
+    3.141592653589793
+    >>> conversion("degC", "K")
+    (1.0, 273.15)
+
+    Raises InputError for an unknown unit or one of another dimension.
+    """
+    try:
+        source = _registry().Unit(_SPELLINGS.get(unit, unit))
+        target = _registry().Unit(_SPELLINGS.get(to, to))
+        zero, one = (float(_registry().Quantity(x, source).to(target).magnitude) for x in (0.0, 1.0))
+    except pint.DimensionalityError as error:
+        raise InputError(f"unit '{unit}' cannot become '{to}': {error.dim1} is not {error.dim2}") from error
+    except Exception as error:  # pint's parser raises many types, down to TokenError, on malformed text
+        raise InputError(f"unknown unit '{unit}'", remedy="use a name that pint knows, such as deg, ft/s, slug") from error
+    return one - zero, zero
+
+
+def convert(values: NDArray[np.floating[Any]] | float, unit: str, to: str) -> NDArray[np.float64]:
+    """`values` in `unit` as float64 in `to`."""
+    scale, offset = conversion(unit, to)
+    result: NDArray[np.float64] = np.asarray(values, dtype=np.float64) * scale
+    return result + offset if offset else result
+
+
+def quantity(value: float | int | str, unit: str) -> float:
+    """A number in SI: a bare number is taken as SI, text such as ``"6.5 ft"`` is converted to `unit`.
+
+    >>> quantity("90 deg", "rad") == quantity(1.5707963267948966, "rad")
+    True
+    """
+    if isinstance(value, bool):
+        raise InputError(f"'{value}' is not a quantity")
+    if isinstance(value, (int, float)):
+        return float(value)
+    text = value.strip()
+    for end in range(len(text), 0, -1):
+        try:
+            number = float(text[:end])
+        except ValueError:
+            continue
+        return float(convert(number, text[end:].strip() or unit, unit))
+    raise InputError(f"'{value}' is not a quantity", remedy=f"write a number (in {unit or 'no unit'}) or a number with a unit")

@@ -1,0 +1,266 @@
+"""The vehicle file: reference geometry, points, mass properties, surfaces, thrust, sensors and accuracy limits.
+
+Positions are metres in body axes (x forward, y right, z down) from the vehicle's datum. Numbers are SI; text with a
+unit ("6.5 ft", "-25 deg") is converted when the file is read. Unknown keys are errors with the nearest known key.
+"""
+
+import tomllib
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal, Self, TypeVar
+
+import numpy as np
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+
+from aerodb.errors import InputError, UnknownNameError, nearest
+from aerodb.flight import Array, Flight
+from aerodb.nomenclature import channel
+from aerodb.units import quantity
+
+Model = TypeVar("Model", bound=BaseModel)
+
+
+def _unit(unit: str) -> BeforeValidator:
+    return BeforeValidator(lambda value: quantity(value, unit) if isinstance(value, (str, int, float)) else value)
+
+
+Metres = Annotated[float, _unit("m")]
+Radians = Annotated[float, _unit("rad")]
+Seconds = Annotated[float, _unit("s"), Field(ge=0)]
+Kilograms = Annotated[float, _unit("kg"), Field(gt=0)]
+Inertia = Annotated[float, _unit("kg m^2")]
+Number = Annotated[float, _unit("")]
+Point = tuple[Metres, Metres, Metres]
+
+
+class Strict(BaseModel):
+    """Frozen, and closed to keys that it does not know."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class Reference(Strict):
+    """Reference area [m2], chord [m] (for Cm and q_hat) and full span [m] (for Cl, Cn, p_hat, r_hat)."""
+
+    area: Annotated[float, _unit("m^2"), Field(gt=0)]
+    chord: Annotated[float, _unit("m"), Field(gt=0)]
+    span: Annotated[float, _unit("m"), Field(gt=0)]
+
+
+class Points(Strict):
+    """Named points in body axes from the datum. `moment_reference` may be ``"cg"``: moments about the moving CG."""
+
+    moment_reference: Point | Literal["cg"]
+    datum_note: str = ""
+    imu: Point | Literal["cg"] = "cg"
+    air_data: Point | None = None
+    gps: Point | None = None
+
+
+class MassProperties(Strict):
+    """Mass, CG and inertia: constant; or over fuel mass (`fuel_mass` increasing, all others lists of that length);
+    or named channels of the log (`source = "channels"`)."""
+
+    source: Literal["constant", "fuel_table", "channels"] = "constant"
+    fuel_mass: tuple[Annotated[float, _unit("kg"), Field(ge=0)], ...] = ()
+    mass: Kilograms | tuple[Kilograms, ...] | None = None
+    cg: Point | tuple[Point, ...] | None = None
+    Ixx: Inertia | tuple[Inertia, ...] | None = None
+    Iyy: Inertia | tuple[Inertia, ...] | None = None
+    Izz: Inertia | tuple[Inertia, ...] | None = None
+    Ixz: Inertia | tuple[Inertia, ...] | None = None
+
+    @model_validator(mode="after")
+    def _complete(self) -> Self:
+        fields = {name: getattr(self, name) for name in ("mass", "cg", "Ixx", "Iyy", "Izz", "Ixz")}
+        if self.source == "channels":
+            return self
+        absent = [name for name, value in fields.items() if value is None]
+        if absent:
+            raise ValueError(f"mass properties lack {', '.join(absent)}")
+        if self.source == "fuel_table":
+            if len(self.fuel_mass) < 2 or np.any(np.diff(self.fuel_mass) <= 0):
+                raise ValueError("fuel_mass must hold at least two increasing values")
+            for name, value in fields.items():
+                if np.shape(value)[:1] != (len(self.fuel_mass),):
+                    raise ValueError(f"{name} must have one entry per fuel_mass")
+        for name in ("Ixx", "Iyy", "Izz"):
+            if np.any(np.asarray(fields[name], dtype=float) <= 0):
+                raise ValueError(f"{name} must be positive")
+        return self
+
+
+class LogSource(Strict):
+    """Where a surface stands in the log, when the built-in mapping cannot know: topic, field, unit."""
+
+    topic: str
+    field: str
+    unit: str = ""
+
+
+class Surface(Strict):
+    """A control surface: deflection limits, and how a logged command becomes a deflection.
+
+    ``deflection = offset + scale * command``, then a first-order lag with time constant `lag` [s]. `log` names the
+    place in the log; without it the mapping's own channel ``delta_<name>`` is used.
+    """
+
+    limits: tuple[Radians, Radians]
+    scale: Radians = 1.0
+    offset: Radians = 0.0
+    lag: Seconds = 0.0
+    log: LogSource | None = None
+    convention: str = "trailing edge down positive"
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if self.limits[0] >= self.limits[1]:
+            raise ValueError("limits must be (lower, upper)")
+        return self
+
+
+class Combination(Strict):
+    """A deflection made of a right and a left surface: symmetric (R + L)/2 or asymmetric (R - L)/2 (003, eq. 6)."""
+
+    kind: Literal["symmetric", "asymmetric"]
+    right: str
+    left: str
+
+
+class Thrust(Strict):
+    """Thrust: none; unknown (flagged); a channel of the log in N along `direction` through `point`."""
+
+    source: Literal["none", "unknown", "channel"] = "none"
+    direction: tuple[Number, Number, Number] = (1.0, 0.0, 0.0)
+    point: Point | None = None
+
+
+class Sensor(Strict):
+    """White noise (one sigma, SI of the channel), and what is known beforehand of bias and delay (one sigma)."""
+
+    noise: Number = Field(default=0.0, ge=0)
+    bias_prior: Number = Field(default=0.0, ge=0)
+    delay_prior: Seconds = 0.0
+
+
+class Accuracy(Strict):
+    """Limits of the consistency verdict; defaults are CONVENTIONS' (003, III)."""
+
+    attitude: Radians = float(np.deg2rad(0.3))
+    flow_angle: Radians = float(np.deg2rad(0.5))
+    horizontal_velocity: Annotated[float, _unit("m/s")] = 0.8
+    lateral_position: Metres = 10.0
+    qbar_fraction: Number = 0.02
+
+
+class Processing(Strict):
+    """Uniform grid rate [Hz] (None: the fastest inertial topic's own) and smoothing bandwidth [Hz] of the rates."""
+
+    rate: Annotated[float, _unit("Hz"), Field(gt=0)] | None = None
+    bandwidth: Annotated[float, _unit("Hz"), Field(gt=0)] | None = None
+
+
+class Vehicle(Strict):
+    """A vehicle as its file describes it."""
+
+    name: str = Field(pattern=r"^[a-z0-9][a-z0-9_-]{0,62}$")
+    description: str = ""
+    reference: Reference
+    points: Points
+    mass: MassProperties
+    surfaces: dict[str, Surface] = {}
+    combinations: dict[str, Combination] = {}
+    thrust: Thrust = Thrust()
+    sensors: dict[str, Sensor] = {}
+    accuracy: Accuracy = Accuracy()
+    processing: Processing = Processing()
+    configuration: dict[str, Number] = {}
+
+    @model_validator(mode="after")
+    def _names(self) -> Self:
+        for combination in self.combinations.values():
+            for side in (combination.right, combination.left):
+                if side not in self.surfaces:
+                    raise ValueError(f"combination uses surface '{side}' which is not declared; {nearest(side, self.surfaces)}")
+        for name in (*self.configuration, *self.sensors):
+            try:
+                channel(name)
+            except UnknownNameError as error:
+                raise ValueError(f"{error.what}; {error.remedy}") from None
+        return self
+
+
+def parse_vehicle(text: str, where: str = "vehicle file") -> Vehicle:
+    """A Vehicle from the text of its TOML file; InputError names the key, the reason and the nearest known key."""
+    try:
+        data = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"not valid TOML: {error}", where) from error
+    return validated(Vehicle, data, where)
+
+
+def validated(model: type[Model], data: Any, where: str) -> Model:
+    """`data` as a `model`; the first fault as an InputError that names the key and the nearest known one."""
+    try:
+        return model.model_validate(data)
+    except (ValidationError, InputError) as error:
+        if isinstance(error, InputError):
+            raise InputError(error.what, where, error.remedy) from error
+        fault = error.errors()[0]
+        path = ".".join(str(part) for part in fault["loc"])
+        if fault["type"] == "extra_forbidden":
+            known = _known_keys(model, fault["loc"][:-1])
+            raise InputError(f"unknown key '{path}'", where, nearest(str(fault["loc"][-1]), known)) from None
+        raise InputError(f"{path}: {fault['msg']}".lstrip(": "), where, f"got {str(fault['input'])[:80]!r}") from None
+
+
+def _known_keys(model: type[BaseModel], path: tuple[int | str, ...]) -> list[str]:
+    """Keys that the (nested) model at `path` accepts."""
+    current: Any = model
+    for part in path:
+        found = current.model_fields.get(str(part)) if isinstance(current, type) and issubclass(current, BaseModel) else None
+        annotation = found.annotation if found is not None else current
+        models = _models_in(annotation)
+        if models:
+            current = models[0]
+    return list(current.model_fields) if isinstance(current, type) and issubclass(current, BaseModel) else []
+
+
+def _models_in(annotation: Any) -> list[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [m for argument in getattr(annotation, "__args__", ()) for m in _models_in(argument)]
+
+
+def add_combinations(flight: Flight, vehicle: Vehicle) -> Flight:
+    """Adds ``delta_<combination>`` (003, below eq. 6) for every combination whose two surfaces the flight has."""
+    made: dict[str, Array] = {}
+    for name, combination in vehicle.combinations.items():
+        right, left = f"delta_{combination.right}", f"delta_{combination.left}"
+        if right in flight and left in flight:
+            sign = 1.0 if combination.kind == "symmetric" else -1.0
+            made[f"delta_{name}"] = 0.5 * (flight[right] + sign * flight[left])
+    return flight.with_channels(made)
+
+
+def mass_channels(flight: Flight, vehicle: Vehicle) -> Mapping[str, Array]:
+    """Mass [kg], CG [m, from the datum] and inertia [kg m2] at each sample: channels mass, cg_*, I**; each (n,).
+
+    Raises InputError where the vehicle says that the log holds them and it does not.
+    """
+    properties, n = vehicle.mass, len(flight.time)
+    names = ("mass", "cg_x", "cg_y", "cg_z", "Ixx", "Iyy", "Izz", "Ixz")
+    if properties.source == "channels":
+        absent = [name for name in names if name not in flight]
+        if absent:
+            what = f"mass properties not logged: {', '.join(absent)}"
+            raise InputError(what, f"flight {flight.id}", "give constants in [mass]")
+        return {name: flight[name] for name in names}
+    columns = np.column_stack(
+        [np.atleast_1d(np.asarray(properties.mass, float)), np.atleast_2d(np.asarray(properties.cg, float))]
+        + [np.atleast_1d(np.asarray(getattr(properties, name), float)) for name in names[4:]]
+    )
+    if properties.source == "constant":
+        return {name: np.full(n, columns[0, k]) for k, name in enumerate(names)}
+    if "fuel_mass" not in flight:
+        raise InputError("no channel fuel_mass for the fuel table", f"flight {flight.id}", "log it, or give constants in [mass]")
+    return {name: np.interp(flight["fuel_mass"], properties.fuel_mass, columns[:, k]) for k, name in enumerate(names)}
