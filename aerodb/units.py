@@ -4,7 +4,6 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-import pint
 from numpy.typing import NDArray
 
 from aerodb.errors import InputError
@@ -12,6 +11,8 @@ from aerodb.errors import InputError
 
 @lru_cache(maxsize=1)
 def _registry() -> Any:
+    import pint  # takes a third of a second: queries that convert nothing should not pay it
+
     registry: Any = pint.UnitRegistry(autoconvert_offset_to_baseunit=True)
     # Names that flight-test files use and pint does not know.
     registry.define("psf = pound_force / foot ** 2")
@@ -39,9 +40,9 @@ def conversion(unit: str, to: str) -> tuple[float, float]:
         source = _registry().Unit(_SPELLINGS.get(unit, unit))
         target = _registry().Unit(_SPELLINGS.get(to, to))
         zero, one = (float(_registry().Quantity(x, source).to(target).magnitude) for x in (0.0, 1.0))
-    except pint.DimensionalityError as error:
-        raise InputError(f"unit '{unit}' cannot become '{to}': {error.dim1} is not {error.dim2}") from error
     except Exception as error:  # pint's parser raises many types, down to TokenError, on malformed text
+        if type(error).__name__ == "DimensionalityError":
+            raise InputError(f"unit '{unit}' cannot become '{to}': {error}") from error
         raise InputError(f"unknown unit '{unit}'", remedy="use a name that pint knows, such as deg, ft/s, slug") from error
     return one - zero, zero
 

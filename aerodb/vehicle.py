@@ -175,6 +175,20 @@ class Vehicle(Strict):
     processing: Processing = Processing()
     configuration: dict[str, Number] = {}
 
+    @model_validator(mode="before")
+    @classmethod
+    def _channel_units(cls, data: Any) -> Any:
+        """Noise, priors and fixed channels are stated in units of their channel: here alone it is known which that is."""
+        if not isinstance(data, dict):
+            return data
+        sensors = data.get("sensors", {})
+        if isinstance(sensors, dict):
+            sensors = {name: _in_unit_of(name, entry) if isinstance(entry, dict) else entry for name, entry in sensors.items()}
+        configuration = data.get("configuration", {})
+        if isinstance(configuration, dict):
+            configuration = {name: _converted(name, value) for name, value in configuration.items()}
+        return {**data, "sensors": sensors, "configuration": configuration}
+
     @model_validator(mode="after")
     def _names(self) -> Self:
         for combination in self.combinations.values():
@@ -187,6 +201,17 @@ class Vehicle(Strict):
             except UnknownNameError as error:
                 raise ValueError(f"{error.what}; {error.remedy}") from None
         return self
+
+
+def _converted(name: str, value: Any) -> Any:
+    try:
+        return quantity(value, channel(name).unit) if isinstance(value, str) else value
+    except UnknownNameError:
+        return value  # the name is refused further on, with the nearest one
+
+
+def _in_unit_of(name: str, entry: dict[str, Any]) -> dict[str, Any]:
+    return {key: _converted(name, value) if key in ("noise", "bias_prior") else value for key, value in entry.items()}
 
 
 def parse_vehicle(text: str, where: str = "vehicle file") -> Vehicle:
@@ -205,7 +230,8 @@ def validated(model: type[Model], data: Any, where: str) -> Model:
     except (ValidationError, InputError) as error:
         if isinstance(error, InputError):
             raise InputError(error.what, where, error.remedy) from error
-        fault = error.errors()[0]
+        # A mistyped required key is both unknown and missing: the unknown one can name its neighbour.
+        fault = next((each for each in error.errors() if each["type"] == "extra_forbidden"), error.errors()[0])
         path = ".".join(str(part) for part in fault["loc"])
         if fault["type"] == "extra_forbidden":
             known = _known_keys(model, fault["loc"][:-1])
@@ -264,3 +290,59 @@ def mass_channels(flight: Flight, vehicle: Vehicle) -> Mapping[str, Array]:
     if "fuel_mass" not in flight:
         raise InputError("no channel fuel_mass for the fuel table", f"flight {flight.id}", "log it, or give constants in [mass]")
     return {name: np.interp(flight["fuel_mass"], properties.fuel_mass, columns[:, k]) for k, name in enumerate(names)}
+
+
+def vehicle_template(name: str) -> str:
+    """A commented vehicle file for people to fill in; `name` is the vehicle's.
+
+    >>> parse_vehicle(vehicle_template("my-glider")).name
+    'my-glider'
+    """
+    return _TEMPLATE.replace("NAME", name)
+
+
+_TEMPLATE = """\
+# A vehicle of aerodb. Numbers are SI; text with a unit ("6.5 ft", "-25 deg") is converted.
+# Positions are in body axes (x forward, y right, z down) from a datum of your choice.
+name = "NAME"
+description = ""
+
+[reference]
+area = "1.0 m^2"       # reference area of CX CY CZ
+chord = "0.2 m"        # reference length of Cm and q_hat
+span = "2.0 m"         # full span: reference length of Cl, Cn, p_hat, r_hat
+
+[points]
+datum_note = "nose"
+moment_reference = [-0.5, 0.0, 0.0]   # or "cg": moments about the moving CG
+imu = [-0.45, 0.0, 0.0]               # where the accelerometers are, or "cg"
+
+[mass]
+source = "constant"    # or "fuel_table" (lists over fuel_mass), or "channels" (logged)
+mass = "5.0 kg"
+cg = [-0.5, 0.0, 0.0]
+Ixx = 0.4              # kg m2
+Iyy = 0.5
+Izz = 0.8
+Ixz = 0.02
+
+# One block per surface. A log that holds commands needs scale, offset and lag:
+# deflection = offset + scale * command, then a first-order lag.
+[surfaces.elevator]
+limits = ["-25 deg", "25 deg"]
+scale = "25 deg"
+lag = "0.05 s"
+# log = {topic = "actuator_servos", field = "control[1]"}
+
+[thrust]
+source = "unknown"     # "none" for a glider, "channel" when the log has it
+
+# [sensors.p]          # one sigma of the noise; measured from the data where it is not given
+# noise = "0.1 deg/s"
+
+# [processing]
+# bandwidth = "5 Hz"   # of differentiated rates: about five times the short-period frequency
+
+# [configuration]      # channels that the log lacks and that were constant
+# delta_flap = 0.0
+"""

@@ -1,0 +1,229 @@
+"""Total aerodynamic force and moment coefficients from a flight, with their uncertainty (003, eqs. 1-4).
+
+Newton and Euler for a rigid body, solved for the aerodynamic part. 003's printed equations carry two faults (a square
+on z in eq. 1, a missing division in eq. 4); those below are derived anew from ``a_P = a_CG + wdot x r + w x (w x r)``.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aerodb.conditioning.differentiation import bridge, smooth
+from aerodb.errors import InputError
+from aerodb.flight import Array, Flight
+from aerodb.nomenclature import AXES, FORCE_AXES, MOMENT_AXES
+from aerodb.tables.reference import Reference, transfer_moments
+from aerodb.vehicle import Thrust, Vehicle, mass_channels
+
+#: Bandwidth of the differentiated rates, Hz, when the vehicle file states none: above the rigid-body modes of manned
+#: and larger unmanned aircraft. It is capped at a quarter of the sampling rate.
+DEFAULT_BANDWIDTH = 5.0
+
+RateSource = Literal["differentiated", "logged"]
+
+
+@dataclass(frozen=True)
+class Coefficients:
+    """Total coefficients of one flight, positive along the body axes, moments about `moment_reference`.
+
+    time (n,) s; `values`, `sigma` (one standard deviation from sensor noise) and `usable`: axis -> (n,). An axis that
+    the flight cannot give is absent, with the reason in `notes`. `moment_reference` (n, 3) m in body axes from the
+    datum. `bandwidth` of the angular accelerations, Hz.
+    """
+
+    flight: str
+    time: Array
+    values: Mapping[str, Array]
+    sigma: Mapping[str, Array]
+    usable: Mapping[str, NDArray[np.bool_]]
+    moment_reference: Array
+    bandwidth: float
+    notes: tuple[str, ...]
+
+
+def specific_force_at_cg(force: Array, rates: Array, angular_acceleration: Array, arm: Array) -> Array:
+    """Specific force at the CG from that at a sensor: ``a_CG = a_P - wdot x r - w x (w x r)`` (003, eq. 1, re-derived).
+
+    All (n, 3): force m/s2, rates rad/s, angular acceleration rad/s2, arm r from the CG to the sensor, m, body axes.
+
+    >>> import numpy as np
+    >>> spin = np.array([[0.0, 0.0, 2.0]])  # 2 rad/s of yaw, sensor 1 m ahead: it shows -4 m/s2 that the CG does not
+    >>> specific_force_at_cg(np.array([[-4.0, 0, 0]]), spin, np.zeros((1, 3)), np.array([[1.0, 0, 0]])).tolist()
+    [[0.0, 0.0, 0.0]]
+    """
+    return force - np.cross(angular_acceleration, arm) - np.cross(rates, np.cross(rates, arm))
+
+
+def inertial_moment(rates: Array, angular_acceleration: Array, inertia: Mapping[str, Array]) -> Array:
+    """Moment about the CG that the motion shows, ``I wdot + w x (I w)`` with the xz plane of symmetry; (n, 3) N m.
+
+    `inertia` holds Ixx Iyy Izz Ixz [kg m2], Ixz the integral of x z dm (Klein & Morelli 2006, eqs. 3.22-3.24).
+    """
+    p, q, r = rates.T
+    pdot, qdot, rdot = angular_acceleration.T
+    ixx, iyy, izz, ixz = (inertia[name] for name in ("Ixx", "Iyy", "Izz", "Ixz"))
+    return np.column_stack(
+        [
+            ixx * pdot - ixz * (p * q + rdot) + (izz - iyy) * q * r,
+            iyy * qdot + (ixx - izz) * p * r + ixz * (p**2 - r**2),
+            izz * rdot - ixz * (pdot - q * r) + (iyy - ixx) * p * q,
+        ]
+    )
+
+
+def total_coefficients(
+    flight: Flight,
+    vehicle: Vehicle,
+    *,
+    bandwidth: float | None = None,
+    angular_acceleration: RateSource = "differentiated",
+) -> Coefficients:
+    """CX CY CZ Cl Cm Cn of a flight about the vehicle's moment reference.
+
+    Parameters
+    ----------
+    bandwidth : Hz, of the differentiated rates; None: the vehicle's, else DEFAULT_BANDWIDTH.
+    angular_acceleration : differentiate p q r, or take pdot qdot rdot from the log.
+
+    Raises InputError when no axis can be computed.
+    """
+    notes: list[str] = []
+    limit = 0.25 / flight.step
+    band = min(bandwidth or vehicle.processing.bandwidth or DEFAULT_BANDWIDTH, limit)
+    if "qbar" not in flight:
+        what = "no dynamic pressure: no coefficient can be computed"
+        raise InputError(what, f"flight {flight.id}", "log qbar, or airspeed and density")
+    qbar = bridge(flight["qbar"])
+    if np.median(qbar) <= 0:
+        raise InputError("dynamic pressure is not positive", f"flight {flight.id}", "check the mapping of qbar")
+    area, chord, span = vehicle.reference.area, vehicle.reference.chord, vehicle.reference.span
+    geometry = Reference(area, chord, span, (0.0, 0.0, 0.0))  # lengths only: the point moves with the CG
+    properties = mass_channels(flight, vehicle)
+    cg = np.column_stack([properties[name] for name in ("cg_x", "cg_y", "cg_z")])
+    reference = cg if vehicle.points.moment_reference == "cg" else np.broadcast_to(vehicle.points.moment_reference, cg.shape)
+    rates = _rates(flight, vehicle, band, angular_acceleration, notes)
+    force = _force_at_cg(flight, vehicle, rates, cg, notes)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        scale = np.where(qbar > 0, 1.0 / (qbar * area), np.nan)
+    thrust_force, thrust_moment = _thrust(flight, vehicle.thrust, cg, notes)
+    values: dict[str, Array] = {}
+    sigma: dict[str, Array] = {}
+    qbar_fraction = _noise(flight, vehicle, "qbar", band) / qbar
+    if force is not None:
+        forces, force_sigma = force
+        aerodynamic = properties["mass"][:, None] * forces - thrust_force
+        for k, axis in enumerate(FORCE_AXES):
+            values[axis] = aerodynamic[:, k] * scale
+            sigma[axis] = np.hypot(properties["mass"] * force_sigma[k] * scale, values[axis] * qbar_fraction)
+    if rates is not None:
+        moment = inertial_moment(rates.omega, rates.acceleration, properties) - thrust_moment
+        for k, (axis, length) in enumerate(zip(MOMENT_AXES, (span, chord, span), strict=True)):
+            values[axis] = moment[:, k] * scale / length
+            inertia = properties[("Ixx", "Iyy", "Izz")[k]]
+            sigma[axis] = np.hypot(inertia * rates.acceleration_sigma[k] * scale / length, values[axis] * qbar_fraction)
+        if force is not None:
+            values = dict(transfer_moments(values, cg, reference, geometry))
+        elif vehicle.points.moment_reference != "cg":
+            notes.append("moments are about the CG: without specific force they cannot be moved to the moment reference")
+            reference = cg
+    if not values:
+        raise InputError("no axis can be computed", f"flight {flight.id}", "specific force or body rates are needed")
+    usable = {axis: _usable(flight, axis) & np.isfinite(values[axis]) for axis in AXES if axis in values}
+    return Coefficients(flight.id, flight.time, values, sigma, usable, np.asarray(reference), band, tuple(notes))
+
+
+@dataclass(frozen=True)
+class _Rates:
+    omega: Array
+    acceleration: Array
+    acceleration_sigma: Array
+
+
+def _rates(flight: Flight, vehicle: Vehicle, band: float, source: RateSource, notes: list[str]) -> _Rates | None:
+    """Body rates and angular accelerations (n, 3) with the latter's one sigma; None when a rate is not logged."""
+    absent = [name for name in "pqr" if name not in flight]
+    if absent:
+        notes.append(f"no moments: {', '.join(absent)} not logged")
+        return None
+    smoothed = [smooth(flight[name], flight.step, band, _declared_noise(vehicle, name)) for name in "pqr"]
+    omega = np.column_stack([bridge(flight[name]) for name in "pqr"])
+    logged = [f"{name}dot" for name in "pqr"]
+    if source == "logged":
+        lacking = [name for name in logged if name not in flight]
+        if lacking:
+            raise InputError(f"{', '.join(lacking)} not logged", f"flight {flight.id}", "use differentiated rates")
+        acceleration = np.column_stack([bridge(flight[name]) for name in logged])
+        notes.append("angular accelerations taken from the log; their noise taken as that of differentiated rates")
+    else:
+        acceleration = np.column_stack([s.rate for s in smoothed])
+        notes.append(f"angular accelerations: rates differentiated at a bandwidth of {band:g} Hz")
+    return _Rates(omega, acceleration, np.array([s.rate_sigma for s in smoothed]))
+
+
+def _force_at_cg(
+    flight: Flight, vehicle: Vehicle, rates: _Rates | None, cg: Array, notes: list[str]
+) -> tuple[Array, Array] | None:
+    """Specific force at the CG (n, 3) and its one sigma per axis; None when it is not logged."""
+    band = 0.25 / flight.step
+    if all(name in flight for name in ("ax", "ay", "az")):
+        names = ("ax", "ay", "az")
+        force = np.column_stack([bridge(flight[name]) for name in names])
+        notes.append("specific force at the CG taken from the log")
+        return force, np.array([_noise(flight, vehicle, name, band) for name in names])
+    names = ("ax_imu", "ay_imu", "az_imu")
+    absent = [name for name in names if name not in flight]
+    if absent:
+        notes.append(f"no forces: {', '.join(absent)} not logged")
+        return None
+    force = np.column_stack([bridge(flight[name]) for name in names])
+    noise = np.array([_noise(flight, vehicle, name, band) for name in names])
+    if vehicle.points.imu == "cg":
+        return force, noise
+    if rates is None:
+        notes.append("no forces: the accelerometer is off the CG and the body rates that move it there are not logged")
+        return None
+    arm = np.asarray(vehicle.points.imu) - cg
+    moved = specific_force_at_cg(force, rates.omega, rates.acceleration, arm)
+    x, y, z = np.abs(arm).mean(axis=0)
+    a, b, c = rates.acceleration_sigma
+    lever = np.array([np.hypot(b * z, c * y), np.hypot(c * x, a * z), np.hypot(a * y, b * x)])
+    return moved, np.hypot(noise, lever)
+
+
+def _thrust(flight: Flight, thrust: Thrust, cg: Array, notes: list[str]) -> tuple[Array, Array]:
+    """Thrust force (n, 3) N and its moment about the CG (n, 3) N m; zero and flagged where it is not known."""
+    none = np.zeros_like(cg)
+    if thrust.source == "none":
+        return none, none
+    if thrust.source == "unknown" or "thrust" not in flight:
+        notes.append("thrust is not known: CX, CZ and Cm contain it")
+        return none, none
+    direction = np.asarray(thrust.direction) / np.linalg.norm(thrust.direction)
+    force = bridge(flight["thrust"])[:, None] * direction
+    if thrust.point is None:
+        notes.append("thrust line not given in [thrust] point: its moment is left in Cm and Cn")
+        return force, none
+    return force, np.cross(np.asarray(thrust.point) - cg, force)
+
+
+def _usable(flight: Flight, axis: str) -> NDArray[np.bool_]:
+    """Samples at which all that an axis is made of is good."""
+    wanted = ["qbar", "p", "q", "r"]
+    if axis in FORCE_AXES:
+        letter = axis[1].lower()
+        wanted += [name for name in (f"a{letter}", f"a{letter}_imu") if name in flight][:1]
+    return flight.usable(name for name in wanted if name in flight)
+
+
+def _declared_noise(vehicle: Vehicle, name: str) -> float | None:
+    sensor = vehicle.sensors.get(name)
+    return sensor.noise if sensor is not None and sensor.noise > 0 else None
+
+
+def _noise(flight: Flight, vehicle: Vehicle, name: str, band: float) -> float:
+    """One sigma of a channel's noise: declared in the vehicle file, else measured above the bandwidth."""
+    declared = _declared_noise(vehicle, name)
+    return declared if declared is not None else smooth(flight[name], flight.step, band).noise

@@ -1,0 +1,124 @@
+"""Resampling onto one uniform grid without aliasing, and the first-order lag of actuators.
+
+Going down, a zero-phase low-pass comes first; going up, values are joined by straight lines; on the same time base
+nothing is touched.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import firwin, kaiserord, lfilter, oaconvolve
+
+from aerodb.conditioning.clock import interval, is_uniform
+
+Array = NDArray[np.float64]
+
+#: Edges of the anti-aliasing filter in parts of the grid's rate, and its ripple. Above the upper edge nothing may pass.
+PASS_EDGE, STOP_EDGE, RIPPLE_DB = 0.35, 0.5, 60.0
+#: Source intervals between two samples beyond which the samples of the grid between them are a gap.
+GAP_INTERVALS = 3.0
+#: Grid and source stamps closer than this part of a step are the same instant: the value passes unchanged.
+SAME_INSTANT = 1e-3
+
+
+def uniform_grid(start: float, end: float, step: float) -> Array:
+    """Times [s] ``start + k * step`` up to `end` inclusive, up to rounding; at least one."""
+    count = int(np.floor((end - start) / step + 1e-6)) + 1
+    return np.asarray(start + step * np.arange(max(count, 1)), dtype=np.float64)
+
+
+def low_pass(values: Array, step: float, new_step: float) -> Array:
+    """`values` (n, k) at uniform `step` [s] without what a grid of `new_step` [s] cannot hold; zero phase.
+
+    A Kaiser-window linear-phase FIR filter (Oppenheim & Schafer, *Discrete-Time Signal Processing*, sec. 7.5): flat
+    to 0.35, 60 dB down from 0.5 of the new rate. The ends are continued by point reflection, which keeps level and slope.
+    """
+    ratio = new_step / step
+    taps, beta = kaiserord(RIPPLE_DB, 2.0 * (STOP_EDGE - PASS_EDGE) / ratio)
+    half = taps // 2
+    kernel = firwin(2 * half + 1, (PASS_EDGE + STOP_EDGE) / ratio, window=("kaiser", beta))
+    padded = np.pad(values, ((half, half), (0, 0)), mode="reflect", reflect_type="odd")
+    result: Array = oaconvolve(padded, kernel[:, None], mode="valid", axes=0)
+    return result
+
+
+@dataclass(frozen=True)
+class Resampler:
+    """Brings values from one time base to a grid; made once per time base, used for all of its fields."""
+
+    time: Array
+    grid: Array
+    gap: NDArray[np.bool_]
+    """(m,) true where the grid has no source sample near enough, or lies outside the source."""
+
+    def __call__(self, values: Array) -> Array:
+        """`values` (n,) or (n, k) at `time`, finite, as (m,) or (m, k) at `grid`; held beyond the ends."""
+        if self._same_base():
+            return values
+        columns = values.reshape(len(values), -1)
+        time, step = self.time, interval(self.time) if len(self.time) > 1 else np.inf
+        new_step = interval(self.grid) if len(self.grid) > 1 else step
+        if step < 0.9 * new_step and len(time) > 2:
+            if not is_uniform(time):
+                even = uniform_grid(float(time[0]), float(time[-1]), step)
+                columns, time = _lines(time, columns, even), even
+            columns = low_pass(columns, step, new_step)
+        result = _lines(time, columns, self.grid)
+        return result.reshape(len(self.grid), *values.shape[1:])
+
+    def _same_base(self) -> bool:
+        if len(self.time) != len(self.grid) or len(self.time) < 2:
+            return False
+        step = interval(self.grid)
+        return bool(np.max(np.abs(self.time - self.grid)) <= SAME_INSTANT * step)
+
+
+def resampler(time: Array, grid: Array) -> Resampler:
+    """A Resampler from strictly increasing `time` (n,) [s] to uniform `grid` (m,) [s].
+
+    A grid sample is in a gap when its two neighbours in `time` are more than three source intervals apart (and it
+    coincides with neither), or when it lies more than one source interval outside.
+    """
+    step = interval(time) if len(time) > 1 else 0.0
+    limit = SAME_INSTANT * (interval(grid) if len(grid) > 1 else 1.0)
+    right = np.clip(np.searchsorted(time, grid), 1, max(len(time) - 1, 1))
+    left = right - 1
+    right = np.minimum(right, len(time) - 1)
+    apart = (time[right] - time[left] > GAP_INTERVALS * step) & (grid - time[left] > limit) & (time[right] - grid > limit)
+    outside = (grid < time[0] - step - limit) | (grid > time[-1] + step + limit)
+    return Resampler(time, grid, apart | outside)
+
+
+def _lines(time: Array, columns: Array, grid: Array) -> Array:
+    """Straight lines through `columns` (n, k) at `grid`; a sample at the same instant passes unchanged."""
+    if len(time) == 1:
+        return np.repeat(columns, len(grid), axis=0)
+    right = np.clip(np.searchsorted(time, grid), 1, len(time) - 1)
+    weight = np.clip((grid - time[right - 1]) / (time[right] - time[right - 1]), 0.0, 1.0)
+    weight = np.where(weight < SAME_INSTANT, 0.0, np.where(weight > 1.0 - SAME_INSTANT, 1.0, weight))[:, None]
+    result: Array = np.where(weight == 1.0, columns[right], columns[right - 1] + weight * (columns[right] - columns[right - 1]))
+    return result
+
+
+def hold(time: Array, values: Array, grid: Array) -> Array:
+    """`values` (n,) as a stair: at each grid time the last one that was sent; the first one before that.
+
+    So commands are to be read: a command stands until the next.
+    """
+    reach = SAME_INSTANT * interval(grid) if len(grid) > 1 else 0.0
+    result: Array = values[np.maximum(np.searchsorted(time, grid + reach, side="right") - 1, 0)]
+    return result
+
+
+def first_order_lag(command: Array, step: float, time_constant: float) -> Array:
+    """Response (n,) of ``T y' + y = u`` to a stair `command` (n,) at uniform `step` [s], at rest at the start.
+
+    Exact for a command that is held between samples: ``y[k+1] = a y[k] + (1 - a) u[k]``, ``a = exp(-step / T)``.
+    """
+    if time_constant <= 0.0:
+        return command
+    a = float(np.exp(-step / time_constant))
+    response, _ = lfilter([0.0, 1.0 - a], [1.0, -a], command, zi=np.array([command[0]]))
+    result: Array = response
+    return result

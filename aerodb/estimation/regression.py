@@ -1,0 +1,117 @@
+"""Least squares on stacked records, with standard errors that stay true when residuals are correlated in time."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import irfft, next_fast_len, rfft
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Regression:
+    """A least-squares fit.
+
+    estimates (k,); `covariance` (k, k) corrected for coloured residuals; `white_covariance` (k, k) as if they were
+    white; residual (n,); r_squared; `vif` (k,) variance inflation of each regressor by the others (1 for a constant
+    alone); `names` of the regressors; `excited` (k,) false where the regressor does not vary enough to be estimated.
+    """
+
+    names: tuple[str, ...]
+    estimates: Array
+    covariance: Array
+    white_covariance: Array
+    residual: Array
+    r_squared: float
+    vif: Array
+
+    @property
+    def standard_errors(self) -> Array:
+        """Coloured-residual standard errors (k,)."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def correlation(self) -> Array:
+        """Correlation (k, k) among the estimates, from the coloured covariance."""
+        deviation = self.standard_errors
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = self.covariance / np.outer(deviation, deviation)
+        return np.where(np.isfinite(ratio), ratio, np.eye(len(deviation)))
+
+
+def least_squares(regressors: Array, response: Array, names: Sequence[str], lengths: Sequence[int] | None = None) -> Regression:
+    """Ordinary least squares; covariance for coloured residuals after Morelli & Klein, JGCD 20(1), 1997, eq. 31.
+
+    ``cov = (X'X)^-1 [sum_ij x_i R(i-j) x_j'] (X'X)^-1`` with ``R(k) = (1/N) sum v_i v_(i+k)``, the double sum within
+    each record only: records are independent.
+
+    Parameters
+    ----------
+    regressors : (n, k), with a column of ones if a constant is wanted. response : (n,).
+    names : k names. lengths : samples of each record in order, summing to n; None: one record.
+
+    Raises ValueError when regressors are linearly dependent (which ones is said) or samples are too few.
+    """
+    n, k = regressors.shape
+    if n <= k:
+        raise ValueError(f"{n} samples cannot give {k} estimates")
+    scale = np.linalg.norm(regressors, axis=0)
+    if np.any(scale == 0):
+        zero = [name for name, s in zip(names, scale, strict=True) if s == 0]
+        raise ValueError(f"never excited: {', '.join(zero)}")
+    scaled = regressors / scale
+    _, singular, right = np.linalg.svd(scaled, full_matrices=False)
+    if singular[-1] < singular[0] * n * np.finfo(float).eps:
+        tied = [name for name, weight in zip(names, np.abs(right[-1]), strict=True) if weight > 0.1 * np.abs(right[-1]).max()]
+        raise ValueError(f"linearly dependent: {', '.join(tied)}")
+    estimates = np.linalg.lstsq(scaled, response, rcond=None)[0]
+    residual = response - scaled @ estimates
+    inverse = (right.T / singular**2) @ right
+    middle = np.zeros((k, k))
+    start = 0
+    for length in lengths if lengths is not None else (n,):
+        block = slice(start, start + length)
+        middle += _coloured_sum(scaled[block], residual[block])
+        start += length
+    if start != n:
+        raise ValueError(f"record lengths sum to {start}, samples are {n}")
+    centred = response - response.mean()
+    total = float(centred @ centred)
+    outer = np.outer(scale, scale)
+    return Regression(
+        names=tuple(names),
+        estimates=estimates / scale,
+        covariance=inverse @ middle @ inverse / outer,
+        white_covariance=inverse * float(residual @ residual) / (n - k) / outer,
+        residual=residual,
+        r_squared=1.0 - float(residual @ residual) / total if total > 0 else 0.0,
+        vif=_variance_inflation(regressors),
+    )
+
+
+def _coloured_sum(regressors: Array, residual: Array) -> Array:
+    """sum_ij x_i R(i-j) x_j' for one record, by FFT: R is even, so its transform weights the cross spectra of x."""
+    n = len(residual)
+    size = next_fast_len(2 * n)
+    spectrum = rfft(residual, size)
+    autocovariance = irfft(np.abs(spectrum) ** 2, size) / n
+    weight = rfft(autocovariance).real
+    transformed = rfft(regressors, size, axis=0)
+    full = np.r_[1.0, np.full(len(weight) - 1, 2.0)]
+    if size % 2 == 0:
+        full[-1] = 1.0
+    cross = (transformed.conj() * (weight * full)[:, None]).T @ transformed
+    return np.asarray(cross.real / size)
+
+
+def _variance_inflation(regressors: Array) -> Array:
+    """VIF (k,): how much the other regressors and the constant inflate each estimate's variance; 1 for a constant."""
+    spread = regressors.std(axis=0)
+    varying = spread > 1e-12 * np.abs(regressors).max(axis=0)
+    vif = np.ones(regressors.shape[1])
+    if varying.sum() > 1:
+        standard = (regressors[:, varying] - regressors[:, varying].mean(axis=0)) / spread[varying]
+        vif[varying] = np.diag(np.linalg.pinv(standard.T @ standard / len(standard)))
+    return vif

@@ -1,0 +1,271 @@
+"""The mission of 003, section II, flown by simulation: drop, dive, steep approach, flare, end at touchdown.
+
+Each flight superposes its own test inputs on the autopilot: elevator 3-2-1-1 and doublets, speed-brake and body-flap holds that
+are not perfectly correlated, aileron, rudder and bank doublets, at its own approach speed, wind and turbulence. Wheel
+forces and the roll after touchdown are left out.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import UTC, datetime, timedelta
+
+import numpy as np
+
+from aerodb.atmosphere import DENSITY_0, GRAVITY, standard_atmosphere
+from aerodb.examples.phoenix import text
+from aerodb.examples.phoenix.instruments import instruments, servo_channels
+from aerodb.examples.phoenix.truth import truth
+from aerodb.exchange.native import read_native
+from aerodb.recording import Topic
+from aerodb.simulation.airframe import Airframe, MovingAir, airframe
+from aerodb.simulation.autopilot import Autopilot, ControlDerivatives, control_derivatives
+from aerodb.simulation.flight import History
+from aerodb.simulation.flight import fly as fly_closed_loop
+from aerodb.simulation.inputs import Event, superposed
+from aerodb.simulation.motion import Array, quaternion_from_euler
+from aerodb.simulation.sensors import at_instruments, measure
+from aerodb.simulation.turbulence import DrydenGusts
+from aerodb.tables.database import AeroDatabase
+from aerodb.vehicle import Vehicle, parse_vehicle
+
+STEP = 0.01  # s
+LONGEST = 110.0  # s
+GROUND = 180.0  # m above sea level
+DROP_HEIGHT = 2400.0  # m above the runway
+DROP_SPEED = 40.0  # m/s equivalent airspeed
+GEAR_HEIGHT = 40.0  # m
+TOUCHDOWN_HEIGHT = 1.6  # m, CG above ground with the gear just touching
+FLARE_TIME = 5.0  # s, time constant of the exponential flare
+FLARE_SINK = 3.5  # m/s that the flare leaves
+CAPTURE_SPEED = 62.0  # m/s equivalent airspeed at which the dive ends
+ALPHA_RATE = 0.1  # rad/s, of the guidance's command
+APPROACH = {"V": 105.0, "alpha": 0.08, "qbar": 6000.0, "height_above_ground": 1000.0}
+ELEVATOR = ("delta_elevator_outboard", "delta_elevator_inboard")
+AILERON = ("delta_aileron_outboard", "delta_aileron_inboard")
+
+
+@dataclass(frozen=True)
+class SimulatedLog:
+    """What one flight leaves behind: a name, PX4 topics and the UTC at which the log's clock starts."""
+
+    name: str
+    topics: tuple[Topic, ...]
+    start_utc: datetime
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How the flights differ, each (k,): approach speed [m/s EAS], path angle [rad], angle of attack in the dive [rad],
+    heading [rad], share of the body flap that goes with the speed brake, wind (3, k) [m/s]; events per flight."""
+
+    speed: Array
+    path: Array
+    dive: Array
+    heading: Array
+    coupling: Array
+    wind: Array
+    turbulence: Array
+    events: tuple[tuple[Event, ...], ...]
+
+
+def plan(generator: np.random.Generator, flights: int) -> Plan:
+    """Draws the flights of a campaign."""
+    wind = np.zeros((3, flights))
+    wind[:2] = generator.uniform(-4.0, 4.0, (2, flights))
+    spread = np.linspace(0.0, 1.0, flights) if flights > 1 else np.array([0.5])
+    return Plan(
+        speed=92.0 + 14.0 * generator.permutation(spread),
+        path=-np.deg2rad(generator.uniform(24.5, 27.5, flights)),
+        dive=np.deg2rad(generator.uniform(3.0, 7.0, flights)),
+        heading=generator.uniform(-np.pi, np.pi, flights),
+        coupling=generator.uniform(0.25, 0.45, flights),
+        wind=wind,
+        turbulence=generator.uniform(4.0, 9.0, flights),
+        events=tuple(_events(generator, n) for n in range(flights)),
+    )
+
+
+def _events(generator: np.random.Generator, number: int) -> tuple[Event, ...]:
+    """Test inputs of one flight: slots of the approach in an order of its own; slow surfaces run beside quick ones."""
+    degree = np.deg2rad(1.0)
+    sign = 1.0 if number % 2 else -1.0
+    quick = [
+        Event("elevator_outboard", 0.0, 0.35, 4.5 * sign * degree, "3211"),
+        Event("elevator_inboard", 0.0, 0.35, -4.0 * sign * degree, "3211"),
+        Event("alpha", 0.0, 1.3, 4.5 * degree),
+        Event("elevator_outboard", 0.0, 0.5, 5.0 * degree),
+        Event("aileron_outboard", 0.0, 0.4, 4.0 * sign * degree),
+        Event("aileron_inboard", 0.0, 0.4, -5.0 * sign * degree),
+        Event("rudder", 0.0, 0.6, 6.0 * sign * degree, "3211"),
+        Event("bank", 0.0, 2.0, 20.0 * sign * degree),
+        Event("alpha", 0.0, 1.0, 7.0 * degree, "pulse"),
+    ]
+    # Slow flight right after the dive is where a large angle of attack costs little load factor.
+    slow = Event("alpha", generator.uniform(9.5, 10.5), generator.uniform(3.0, 4.0), generator.uniform(5.0, 8.0) * degree, "hold")
+    start, placed = 15.0 + generator.uniform(0.0, 1.0), [slow]
+    for index in generator.permutation(len(quick)):
+        event = quick[index]
+        size = generator.uniform(0.8, 1.2)
+        placed.append(Event(event.target, start, event.width * generator.uniform(0.9, 1.1), size * event.amplitude, event.shape))
+        start += generator.uniform(3.2, 4.0)
+    for target, low, high in (("speed_brake", -12.0, 14.0), ("body_flap", -7.0, 9.0)):
+        start = 15.0 + generator.uniform(0.0, 4.0)
+        for amplitude in (low, high, low / 2, high / 2):
+            width = generator.uniform(3.5, 6.0)
+            placed.append(Event(target, start, width, amplitude * generator.uniform(0.7, 1.1) * degree, "hold"))
+            start += width + generator.uniform(0.5, 3.0)
+    return tuple(placed)
+
+
+@dataclass
+class Guidance:
+    """Guidance, autopilot and test inputs of the campaign: a Controller of `aerodb.simulation.flight`."""
+
+    frame: Airframe
+    autopilot: Autopilot
+    plan: Plan
+    capture: Array = field(init=False)
+    flare: Array = field(init=False)
+    brake: Array = field(init=False)
+    wanted_alpha: Array = field(init=False)
+    inputs: Mapping[str, Array] = field(init=False)
+
+    def __post_init__(self) -> None:
+        clock = STEP * np.arange(round(LONGEST / STEP) + 1)
+        self.inputs = {name: superposed(self.plan.events, name, clock) for name in _TARGETS}
+        k = len(self.plan.speed)
+        self.capture, self.flare = np.zeros(k, dtype=bool), np.zeros(k, dtype=bool)
+        self.brake = np.zeros(k)
+        self.wanted_alpha = self.plan.dive
+
+    def __call__(self, time: float, channels: Mapping[str, Array]) -> Mapping[str, Array]:
+        c = channels
+        height = c["height_above_ground"]
+        equivalent = np.sqrt(2 * c["qbar"] / DENSITY_0)
+        self.capture = self.capture | (equivalent > CAPTURE_SPEED)
+        self.flare = self.flare | (height + FLARE_SINK * FLARE_TIME < FLARE_TIME * c["velocity_down"])
+        testing = np.where(self.flare, 0.0, 1.0)
+        inputs = {name: testing * values[round(time / STEP)] for name, values in self.inputs.items()}
+        brake = self._speed_brake(equivalent) + inputs["speed_brake"]
+        flap = np.deg2rad(-3.0) + self.plan.coupling * brake + inputs["body_flap"]
+        alpha = np.clip(self._alpha(c) + inputs["alpha"], np.deg2rad(1.0), np.deg2rad(15.0))
+        elevator = self.autopilot.elevator(c, alpha, {"body_flap": flap, "speed_brake": brake})
+        course = np.arctan2(c["velocity_east"], c["velocity_north"])
+        turn = np.angle(np.exp(1j * (self.plan.heading - course)))
+        aileron = self.autopilot.aileron(c, np.clip(1.2 * turn, -0.25, 0.25) + inputs["bank"])
+        outboard, inboard = (elevator + inputs[f"elevator_{where}"] for where in ("outboard", "inboard"))
+        roll_outboard, roll_inboard = (aileron + inputs[f"aileron_{where}"] for where in ("outboard", "inboard"))
+        return {
+            "elevon_outboard_right": outboard + roll_outboard,
+            "elevon_outboard_left": outboard - roll_outboard,
+            "elevon_inboard_right": inboard + roll_inboard,
+            "elevon_inboard_left": inboard - roll_inboard,
+            "rudder": self.autopilot.rudder(c) + inputs["rudder"],
+            "body_flap": flap,
+            "speed_brake": brake,
+            "landing_gear": np.where(height < GEAR_HEIGHT, 1.0, 0.0),
+        }
+
+    def _alpha(self, c: Mapping[str, Array]) -> Array:
+        """Commanded angle of attack (k,): fixed in the dive, then the load factor that turns the path onto its target."""
+        ground_speed = np.sqrt(c["velocity_north"] ** 2 + c["velocity_east"] ** 2 + c["velocity_down"] ** 2)
+        path = -np.arcsin(c["velocity_down"] / ground_speed)
+        sink = np.maximum(c["height_above_ground"] / FLARE_TIME + FLARE_SINK, 0.0)
+        wanted = np.where(self.flare, -np.arcsin(np.clip(sink / ground_speed, 0.0, 0.7)), self.plan.path)
+        gain = np.where(self.flare, 0.9, 0.8)
+        bend = np.where(self.flare, c["velocity_down"] / FLARE_TIME / GRAVITY, 0.0)
+        load = np.cos(path) + bend + ground_speed * gain * (wanted - path) / GRAVITY
+        known = self.autopilot.known
+        lift = np.clip(load, 0.2, 1.8) * self.frame.mass * GRAVITY / (c["qbar"] * self.frame.area)
+        alpha = np.clip(known.alpha + (-lift - known.CZ) / known.CZ_alpha, np.deg2rad(1.0), np.deg2rad(14.0))
+        change = np.where(self.capture, alpha, self.plan.dive) - self.wanted_alpha
+        self.wanted_alpha = self.wanted_alpha + np.clip(change, -STEP * ALPHA_RATE, STEP * ALPHA_RATE)
+        return self.wanted_alpha
+
+    def _speed_brake(self, equivalent: Array) -> Array:
+        """Speed-brake angle (k,) that holds the approach speed; closed in the dive and nearly so in the flare."""
+        error = equivalent - self.plan.speed
+        approaching = self.capture & ~self.flare
+        self.brake = np.where(approaching, np.clip(self.brake + STEP * 0.006 * error, 0.0, 0.5), self.brake)
+        wanted = np.where(self.flare, np.deg2rad(4.0), np.where(self.capture, 0.15 + self.brake + 0.035 * error, 0.0))
+        return np.clip(wanted, 0.0, np.deg2rad(40.0))
+
+
+_TARGETS = (
+    *("alpha", "bank", "elevator_outboard", "elevator_inboard", "aileron_outboard", "aileron_inboard"),
+    *("rudder", "speed_brake", "body_flap"),
+)
+
+
+def known_derivatives(vehicle: Vehicle, preflight: AeroDatabase) -> ControlDerivatives:
+    """What the autopilot is designed with: the preflight database at the approach, never the truth."""
+    frame = airframe(vehicle, preflight)
+    condition = {name: 0.0 for name in preflight.inputs} | APPROACH
+    pitch = {"elevator": ELEVATOR, "body_flap": ("delta_body_flap",), "speed_brake": ("delta_speed_brake",)}
+    return control_derivatives(frame, condition, pitch, AILERON, "delta_rudder")
+
+
+def drop_state(planned: Plan) -> Array:
+    """State (13, k) at the drop: level at DROP_SPEED through the moving air, at the angle of attack of the dive."""
+    k = len(planned.speed)
+    density = float(standard_atmosphere(GROUND + DROP_HEIGHT).density)
+    speed = np.full(k, DROP_SPEED * np.sqrt(DENSITY_0 / density))
+    state = np.zeros((13, k))
+    theta = planned.dive
+    along = planned.wind[0] * np.cos(planned.heading) + planned.wind[1] * np.sin(planned.heading)
+    across = planned.wind[1] * np.cos(planned.heading) - planned.wind[0] * np.sin(planned.heading)
+    state[0], state[1], state[2] = (speed + along) * np.cos(theta), across, (speed + along) * np.sin(theta)
+    state[6:10] = quaternion_from_euler(np.zeros(k), theta, planned.heading)
+    state[12] = -DROP_HEIGHT
+    return state
+
+
+def simulate(vehicle: Vehicle, database: AeroDatabase, preflight: AeroDatabase, seed: int, flights: int) -> History:
+    """Flies the campaign on `database` with an autopilot designed on `preflight`; all randomness from `seed`."""
+    generator = np.random.default_rng([seed, 1])
+    planned = plan(generator, flights)
+    frame = airframe(vehicle, database, GROUND)
+    known = known_derivatives(vehicle, preflight)
+    start = drop_state(planned)
+
+    def guidance() -> Guidance:
+        return Guidance(frame, Autopilot(frame, known, STEP), planned)
+
+    # The servos have been following the autopilot on the tow: they start where its first command puts them.
+    resting = {name: np.zeros(flights) for name in vehicle.surfaces}
+    seen, _ = frame.evaluate(start, MovingAir(planned.wind, 0 * planned.wind), resting)
+    first = guidance()(0.0, seen)
+    return fly_closed_loop(
+        frame,
+        vehicle.surfaces,
+        start,
+        {name: np.clip(first[name], *surface.limits) for name, surface in vehicle.surfaces.items()},
+        guidance(),
+        step=STEP,
+        duration=LONGEST,
+        wind=planned.wind,
+        gusts=DrydenGusts(planned.turbulence, generator),
+        touchdown_height=TOUCHDOWN_HEIGHT,
+    )
+
+
+def fly(seed: int = 0, flights: int = 8) -> list[SimulatedLog]:
+    """Logs of a campaign flown on the sealed truth, in the order flown, one day apart."""
+    vehicle = parse_vehicle(text("vehicle.toml"), "vehicle.toml")
+    preflight = read_native(text("preflight.toml"), "preflight.toml")
+    history = simulate(vehicle, truth(preflight)[0], preflight, seed, flights)
+    return logs(vehicle, history, seed)
+
+
+def logs(vehicle: Vehicle, history: History, seed: int) -> list[SimulatedLog]:
+    """What the instruments log of simulated flights; biases are the vehicle's own, alike in all flights of a seed."""
+    carried = instruments(vehicle, np.random.default_rng([seed, 2]))
+    channels = at_instruments({**history.channels, **servo_channels(vehicle, history)}, vehicle)
+    found = []
+    for number in range(len(history.samples)):
+        generator = np.random.default_rng([seed, 3, number])
+        start = round(float(generator.uniform(20.0, 60.0)), 3)
+        topics = measure(history, channels, number, carried, generator, start)
+        taken_off = datetime(2004, 5, 8, 9, 0, tzinfo=UTC) + timedelta(days=number)
+        found.append(SimulatedLog(f"phoenix-{number + 1:02d}", topics, taken_off))
+    return found

@@ -1,0 +1,51 @@
+"""The sealed truth of the example: how the vehicle that flies differs from preflight.toml.
+
+Only the simulated flight (mission.py) and whoever opens the envelope after all results are stored may import this.
+The effects are those that 003, section IV.D reports, in its sizes: more lift than predicted by 9-10 %, with another slope
+beyond 0.175 rad; a force along x due to pitch rate that the preflight database does not have; clean CX
+underestimated and speed brakes overestimated; less than 3 % in the pitching-moment slope; zero terms.
+"""
+
+from dataclasses import dataclass, replace
+
+from aerodb.tables.database import AeroDatabase, Term
+from aerodb.tables.expression import parse
+
+
+@dataclass(frozen=True)
+class Effect:
+    """One difference: ``value * regressor`` is added on `axis`; `effect` is its name in the contract's list."""
+
+    effect: str
+    axis: str
+    parameter: str
+    regressor: str
+    value: float
+
+
+EFFECTS: tuple[Effect, ...] = (
+    Effect("zero_offset", "CX", "CX_0", "1", -0.006),
+    Effect("alpha_slope", "CX", "CX_alpha", "alpha", 0.030),
+    Effect("pitch_rate_force", "CX", "CX_q", "q_hat", -0.80),
+    Effect("speed_brake", "CX", "CX_delta_speed_brake", "delta_speed_brake", 0.018),
+    Effect("zero_offset", "CZ", "CZ_0", "1", -0.005),
+    Effect("alpha_slope", "CZ", "CZ_alpha", "min(alpha, 0.175)", -0.21),
+    Effect("alpha_slope_break", "CZ", "CZ_alpha > 0.175", "max(alpha - 0.175, 0)", -0.12),
+    Effect("pitch_rate_force", "CZ", "CZ_q", "q_hat", -1.5),
+    Effect("body_flap", "CZ", "CZ_delta_body_flap", "delta_body_flap", -0.025),
+    Effect("zero_offset", "Cm", "Cm_0", "1", 0.0015),
+    Effect("alpha_slope", "Cm", "Cm_alpha", "min(alpha, 0.175)", 0.0022),
+    Effect("alpha_slope_break", "Cm", "Cm_alpha > 0.175", "max(alpha - 0.175, 0)", -0.006),
+    Effect("control_effectiveness", "Cm", "Cm_delta_elevator_outboard", "delta_elevator_outboard", -0.005),
+    Effect("control_effectiveness", "Cm", "Cm_delta_elevator_inboard", "delta_elevator_inboard", 0.004),
+    Effect("body_flap", "Cm", "Cm_delta_body_flap", "delta_body_flap", 0.003),
+)
+
+
+def truth(preflight: AeroDatabase) -> tuple[AeroDatabase, tuple[Effect, ...]]:
+    """The database that flies, made of the preflight database and the effects, and the effects as data."""
+    added = tuple(
+        Term(name=f"truth_{e.axis}_{n}", axis=e.axis, expression=parse(f"{e.value!r}*({e.regressor})"), description=e.effect)
+        for n, e in enumerate(EFFECTS)
+    )
+    return replace(preflight, name="truth", terms=(*preflight.terms, *added)), EFFECTS

@@ -1,0 +1,85 @@
+"""What JSBSim's properties mean in this product's channels, SI and signs.
+
+Signs: JSBSim's control derivatives use elevator and left aileron positive trailing edge down, rudder positive
+trailing edge left. Only the ailerons differ from ours (asymmetric deflection (R - L)/2): JSBSim's left one enters
+with a minus sign. Rates `*-aero-*` are relative to the air; flights without gust rates give them as p, q, r.
+"""
+
+import math
+from typing import Final
+
+FOOT: Final = 0.3048  # m, exact
+POUND_FORCE: Final = 4.4482216152605  # N, exact
+PSF: Final = POUND_FORCE / FOOT**2  # Pa
+SLUG_PER_FT3: Final = POUND_FORCE / FOOT**4  # kg/m3: a slug is 1 lbf s2/ft
+KNOT: Final = 1852.0 / 3600.0  # m/s, exact
+DEGREES: Final = 180.0 / math.pi
+
+QBAR: Final = "aero/qbar-psf"
+AREA: Final = "metrics/Sw-sqft"
+SPAN: Final = "metrics/bw-ft"
+CHORD: Final = "metrics/cbarw-ft"
+LIFT_SQUARED: Final = "aero/cl-squared"
+
+#: Property -> expression over channels and the constants S_ref c_ref b_ref, in JSBSim's unit.
+PROPERTIES: Final[dict[str, str]] = {
+    QBAR: f"qbar/{PSF!r}",
+    "aero/qbarUW-psf": f"qbar*cos(beta)^2/{PSF!r}",
+    "aero/qbarUV-psf": f"qbar*((cos(alpha)*cos(beta))^2 + sin(beta)^2)/{PSF!r}",
+    "aero/qbar-area": f"qbar*S_ref/{POUND_FORCE!r}",
+    AREA: f"S_ref/{FOOT**2!r}",
+    SPAN: f"b_ref/{FOOT!r}",
+    CHORD: f"c_ref/{FOOT!r}",
+    "aero/alpha-rad": "alpha",
+    "aero/alpha-deg": f"alpha*{DEGREES!r}",
+    "aero/beta-rad": "beta",
+    "aero/beta-deg": f"beta*{DEGREES!r}",
+    "aero/mag-beta-rad": "abs(beta)",
+    "aero/mag-beta-deg": f"abs(beta)*{DEGREES!r}",
+    "aero/alphadot-rad_sec": "alphadot",
+    "aero/alphadot-deg_sec": f"alphadot*{DEGREES!r}",
+    "aero/betadot-rad_sec": "betadot",
+    "aero/betadot-deg_sec": f"betadot*{DEGREES!r}",
+    "aero/bi2vel": "b_ref/(2*V)",
+    "aero/ci2vel": "c_ref/(2*V)",
+    "aero/h_b-cg-ft": "height_above_ground/b_ref",
+    **{f"velocities/{rate}{kind}-rad_sec": rate for rate in "pqr" for kind in ("", "-aero")},
+    "velocities/mach": "mach",
+    "velocities/vt-fps": f"V/{FOOT!r}",
+    "velocities/u-aero-fps": f"V*cos(alpha)*cos(beta)/{FOOT!r}",
+    "velocities/v-aero-fps": f"V*sin(beta)/{FOOT!r}",
+    "velocities/w-aero-fps": f"V*sin(alpha)*cos(beta)/{FOOT!r}",
+    "velocities/vc-kts": f"calibrated_airspeed/{KNOT!r}",
+    "velocities/vc-fps": f"calibrated_airspeed/{FOOT!r}",
+    "attitude/phi-rad": "phi",
+    "attitude/roll-rad": "phi",
+    "attitude/theta-rad": "theta",
+    "attitude/pitch-rad": "theta",
+    "atmosphere/rho-slugs_ft3": f"rho/{SLUG_PER_FT3!r}",
+    "position/h-sl-ft": f"altitude/{FOOT!r}",
+    "position/h-agl-ft": f"height_above_ground/{FOOT!r}",
+    "gear/gear-pos-norm": "delta_landing_gear",
+    **{
+        f"fcs/{surface}-pos-{unit}": expression + scale
+        for surface, expression in {
+            "elevator": "delta_elevator",
+            "mag-elevator": "abs(delta_elevator)",
+            "left-aileron": "-delta_aileron",
+            "mag-left-aileron": "abs(delta_aileron)",
+            "right-aileron": "delta_aileron",
+            "mag-right-aileron": "abs(delta_aileron)",
+            "rudder": "delta_rudder",
+            "mag-rudder": "abs(delta_rudder)",
+            "flap": "delta_flap",
+            "speedbrake": "delta_speedbrake",
+            "spoiler": "delta_spoiler",
+        }.items()
+        for unit, scale in (("rad", ""), ("deg", f"*{DEGREES!r}"))
+    },
+}
+
+
+def height_of_reference_point(x: float, y: float, z: float) -> str:
+    """``aero/h_b-mac-ft``: height of the moment reference (x, y, z [m], body axes) above ground over the span."""
+    below_cg = f"-sin(theta)*({x!r} - cg_x) + cos(theta)*(sin(phi)*({y!r} - cg_y) + cos(phi)*({z!r} - cg_z))"
+    return f"(height_above_ground - ({below_cg}))/b_ref"

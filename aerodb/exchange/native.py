@@ -1,0 +1,260 @@
+"""The product's own forms of a database: a TOML file that people write, and the document that is stored.
+
+The TOML holds either plain handbook derivatives (``[derivatives.CZ]`` with ``alpha = -6.6``), or variables, tables and
+terms, or all of them; numbers are SI and rad, text with a unit is converted. The document is JSON-able and exact: floats
+survive as they are, expressions as text.
+"""
+
+import re
+import tomllib
+from collections.abc import Mapping
+from itertools import starmap
+from typing import Annotated, Any, Final
+
+import numpy as np
+from pydantic import Field
+
+from aerodb.errors import InputError, UnknownNameError
+from aerodb.identity import content_sha256
+from aerodb.nomenclature import axis_description, channel
+from aerodb.tables.database import AeroDatabase, Reference, Term, Variable
+from aerodb.tables.expression import Expression, Number, Operation, number, parse
+from aerodb.tables.increment import Increment, Interval
+from aerodb.tables.table import Table
+from aerodb.units import conversion
+from aerodb.vehicle import Number as Coefficient
+from aerodb.vehicle import Point, Strict, validated
+from aerodb.vehicle import Reference as Lengths
+
+DOCUMENT_FORMAT: Final = 1
+MAX_TEXT: Final = 50_000_000
+
+
+class _Reference(Lengths):
+    moment_reference: Point
+
+
+class _Variable(Strict):
+    expression: str
+    unit: str = "1"
+    description: str = ""
+
+
+class _Table(Strict):
+    """`units`: of the breakpoints, one per argument, empty where they are SI and rad already."""
+
+    arguments: tuple[str, ...]
+    breakpoints: tuple[tuple[float, ...], ...]
+    values: Any
+    units: tuple[str, ...] = ()
+
+
+class _Term(Strict):
+    name: str
+    axis: str
+    expression: str
+    description: str = ""
+
+
+class _File(Strict):
+    name: str = Field(min_length=1)
+    description: str = ""
+    source: str = ""
+    reference: _Reference
+    free_inputs: dict[str, str] = Field(default_factory=dict)
+    variables: dict[str, _Variable] = Field(default_factory=dict)
+    tables: dict[str, _Table] = Field(default_factory=dict)
+    terms: tuple[_Term, ...] = ()
+    derivatives: dict[str, dict[str, Coefficient]] = Field(default_factory=dict)
+
+
+class _Interval(Strict):
+    low: float
+    high: float
+    cell: Annotated[float, Field(ge=0)]
+
+
+class _Increment(Strict):
+    axis: str
+    regressors: tuple[str, ...]
+    estimates: tuple[float, ...]
+    covariance: tuple[tuple[float, ...], ...]
+    envelope: dict[str, _Interval] = Field(default_factory=dict)
+    flights: tuple[str, ...] = ()
+    note: str = ""
+
+
+class _Document(_File):
+    format: int
+    increments: tuple[_Increment, ...] = ()
+
+
+def read_native(text: str, where: str = "database file") -> AeroDatabase:
+    """A database from the text of its TOML file.
+
+    Raises InputError that names the key and, for a mistyped name, the nearest valid one; breakpoints that do not
+    increase and shapes that do not fit are refused.
+    """
+    if len(text) > MAX_TEXT:
+        raise InputError(f"{len(text)} characters", where, f"at most {MAX_TEXT}")
+    try:
+        data = tomllib.loads(text)
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise InputError(f"not valid TOML: {error}", where) from error
+    file = validated(_File, data, where)
+    if not file.terms and not file.derivatives:
+        raise InputError("neither terms nor derivatives", where, "write [[terms]] or [derivatives.<axis>]")
+    return _database(file, (), where)
+
+
+def _database(file: _File, increments: tuple[Increment, ...], where: str) -> AeroDatabase:
+    try:
+        terms = [Term(t.name, t.axis, _parsed(t.expression, f"term {t.name}"), t.description) for t in file.terms]
+        terms += [term for axis, entries in file.derivatives.items() for term in _derivative_terms(axis, entries)]
+        return AeroDatabase(
+            name=file.name,
+            reference=Reference(**dict(file.reference)),
+            variables={
+                name: Variable(_parsed(v.expression, f"variable {name}"), v.unit, v.description)
+                for name, v in file.variables.items()
+            },
+            tables=dict(zip(file.tables, starmap(_table, file.tables.items()), strict=True)),
+            terms=tuple(terms),
+            increments=increments,
+            free_inputs=file.free_inputs,
+            description=file.description,
+            source=file.source,
+        )
+    except InputError as error:
+        place = f"{where}: {error.where}" if error.where else where
+        raise InputError(error.what, place, error.remedy) from error
+
+
+def _parsed(text: str, where: str) -> Expression:
+    try:
+        return parse(text)
+    except InputError as error:
+        raise InputError(error.what, where, error.remedy) from None
+
+
+def _table(name: str, file: _Table) -> Table:
+    where = f"table {name}"
+    units = file.units or ("",) * len(file.arguments)
+    if len(units) != len(file.breakpoints):
+        raise InputError(f"{len(units)} units for {len(file.breakpoints)} breakpoint lists", where)
+    axes = []
+    for argument, unit, axis in zip(file.arguments, units, file.breakpoints, strict=False):
+        scale, offset = conversion(unit, _si(argument)) if unit else (1.0, 0.0)
+        axes.append(np.array(axis) * scale + offset)
+    try:
+        values = np.array(file.values, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError("values are not a rectangular list of numbers", where) from None
+    return Table(name, file.arguments, tuple(axes), values)
+
+
+def _si(argument: str) -> str:
+    """SI unit of a table argument: that of the channel of this name; anything else with a unit is taken as an angle."""
+    try:
+        return channel(argument).unit
+    except UnknownNameError:
+        return "rad"
+
+
+def _derivative_terms(axis: str, entries: Mapping[str, float]) -> list[Term]:
+    """Terms ``value * regressor`` of handbook derivatives; the regressor ``1`` is the constant, named ``<axis>_0``."""
+    try:
+        axis_description(axis)
+    except UnknownNameError as error:
+        raise InputError(error.what, f"[derivatives.{axis}]", error.remedy) from None
+    terms = []
+    for regressor, value in entries.items():
+        tree = _parsed(regressor, f"[derivatives.{axis}]")
+        if isinstance(tree, Number) and tree.value == 1.0:
+            terms.append(Term(f"{axis}_0", axis, number(value)))
+        else:
+            suffix = re.sub(r"\W+", "_", regressor).strip("_")
+            terms.append(Term(f"{axis}_{suffix}", axis, Operation("*", number(value), tree)))
+    return terms
+
+
+def to_document(database: AeroDatabase) -> dict[str, Any]:
+    """`database` as plain JSON-able values, increments included; `from_document` gives back an equal one."""
+    reference = database.reference
+    return {
+        "format": DOCUMENT_FORMAT,
+        "name": database.name,
+        "description": database.description,
+        "source": database.source,
+        "reference": {
+            "area": reference.area,
+            "chord": reference.chord,
+            "span": reference.span,
+            "moment_reference": list(reference.moment_reference),
+        },
+        "free_inputs": dict(database.free_inputs),
+        "variables": {
+            name: {"expression": str(v.expression), "unit": v.unit, "description": v.description}
+            for name, v in database.variables.items()
+        },
+        "tables": {
+            name: {
+                "arguments": list(table.arguments),
+                "breakpoints": [axis.tolist() for axis in table.breakpoints],
+                "values": table.values.tolist(),
+            }
+            for name, table in database.tables.items()
+        },
+        "terms": [
+            {"name": t.name, "axis": t.axis, "expression": str(t.expression), "description": t.description}
+            for t in database.terms
+        ],
+        "increments": [_increment_document(increment) for increment in database.increments],
+    }
+
+
+def _increment_document(increment: Increment) -> dict[str, Any]:
+    return {
+        "axis": increment.axis,
+        "regressors": [str(regressor) for regressor in increment.regressors],
+        "estimates": increment.estimates.tolist(),
+        "covariance": increment.covariance.tolist(),
+        "envelope": {name: {"low": i.low, "high": i.high, "cell": i.cell} for name, i in increment.envelope.items()},
+        "flights": list(increment.flights),
+        "note": increment.note,
+    }
+
+
+def from_document(document: Mapping[str, Any], where: str = "stored database") -> AeroDatabase:
+    """The database that `to_document` wrote. Raises InputError for anything else."""
+    file = validated(_Document, dict(document), where)
+    if file.format != DOCUMENT_FORMAT:
+        raise InputError(f"format {file.format}", where, f"this version reads format {DOCUMENT_FORMAT}")
+    return _database(file, tuple(_increment(item, where) for item in file.increments), where)
+
+
+def _increment(file: _Increment, where: str) -> Increment:
+    return Increment(
+        axis=file.axis,
+        regressors=tuple(_parsed(text, f"{where}: increment on {file.axis}") for text in file.regressors),
+        estimates=np.array(file.estimates),
+        covariance=np.array(file.covariance),
+        envelope={name: Interval(i.low, i.high, i.cell) for name, i in file.envelope.items()},
+        flights=file.flights,
+        note=file.note,
+    )
+
+
+def database_content_sha256(database: AeroDatabase) -> str:
+    """sha256 over the numbers of a database (float64 little-endian): reference, tables by name, increments in order.
+
+    It guards the stored numbers; expressions and texts are guarded by the key of the version's document.
+    """
+    reference = database.reference
+    arrays = [np.array([reference.area, reference.chord, reference.span, *reference.moment_reference])]
+    for name in sorted(database.tables):
+        arrays += [*database.tables[name].breakpoints, database.tables[name].values]
+    for increment in database.increments:
+        bounds = [[i.low, i.high, i.cell] for _, i in sorted(increment.envelope.items())]
+        arrays += [increment.estimates, increment.covariance, np.array(bounds, dtype=np.float64).reshape(-1, 3)]
+    return content_sha256(arrays)

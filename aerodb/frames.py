@@ -1,0 +1,33 @@
+"""Frames: attitudes from one description to another. Quaternions are (w, x, y, z)."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+def euler_321_from_quaternion(w: Array, x: Array, y: Array, z: Array) -> tuple[Array, Array, Array]:
+    """Bank, pitch and heading (phi, theta, psi) [rad], each (n,), of the rotation from earth (NED) to body (FRD) axes.
+
+    The quaternion rotates body vectors into earth axes (PX4, JSBSim). It is normalised here. Stevens, Lewis &
+    Johnson, *Aircraft Control and Simulation*, 3rd ed., sec. 1.8.
+    """
+    norm = np.sqrt(w * w + x * x + y * y + z * z)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        w, x, y, z = w / norm, x / norm, y / norm, z / norm
+    phi = np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
+    theta = np.arcsin(np.clip(2.0 * (w * y - z * x), -1.0, 1.0))
+    psi = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+    return phi, theta, psi
+
+
+def euler_321_from_enu_quaternion(w: Array, x: Array, y: Array, z: Array) -> tuple[Array, Array, Array]:
+    """As `euler_321_from_quaternion`, from an attitude of forward-left-up body axes in east-north-up earth axes.
+
+    So ROS states it (REP 103). With R for the rotation there, ``R_ned_frd = P R D``: P swaps east with north and turns
+    up into down, D turns left into right and up into down. As quaternions ``q = q_P q q_D``, ``q_P = (0, 1, 1, 0)/sqrt 2``,
+    ``q_D = (0, 1, 0, 0)``.
+    """
+    half = np.sqrt(0.5)
+    w1, x1, y1, z1 = half * (-x - y), half * (w + z), half * (w - z), half * (y - x)
+    return euler_321_from_quaternion(-x1, w1, z1, -y1)

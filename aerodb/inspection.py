@@ -1,0 +1,159 @@
+"""What is in a recording: rates, gaps, damage per topic, before any meaning is given to the fields."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aerodb.recording import Damage, Recording, Topic
+
+#: An interval longer than this many median intervals is a gap.
+GAP_RATIO = 3.0
+
+
+@dataclass(frozen=True)
+class Gap:
+    """An interval without samples: its ends [s] (the samples beside it), and how many samples the median interval
+    makes one expect there."""
+
+    start: float
+    end: float
+    samples: int
+
+    @property
+    def duration(self) -> float:
+        """Length, s."""
+        return self.end - self.start
+
+
+@dataclass(frozen=True)
+class TopicSummary:
+    """One topic: median rate [Hz] (nan below two samples), first and last time [s], gaps, fields, its damage."""
+
+    name: str
+    samples: int
+    rate: float
+    start: float
+    end: float
+    gaps: tuple[Gap, ...]
+    fields: tuple[str, ...]
+    damage: tuple[Damage, ...]
+
+    @property
+    def duration(self) -> float:
+        """Time from the first to the last sample, s."""
+        return self.end - self.start
+
+    @property
+    def longest_gap(self) -> float:
+        """Length of the longest gap, s; 0 without one."""
+        return max((gap.duration for gap in self.gaps), default=0.0)
+
+
+@dataclass(frozen=True)
+class RecordingSummary:
+    """A recording: its topics in the order of their names, and the damage that concerns the whole file."""
+
+    source: str
+    format: str
+    layout: str
+    sha256: str
+    size: int
+    start: float
+    end: float
+    topics: tuple[TopicSummary, ...]
+    damage: tuple[Damage, ...]
+
+
+def median_interval(time: NDArray[np.float64]) -> float:
+    """Median of the positive intervals of `time` (n,) [s]; nan without one.
+
+    >>> median_interval(np.array([0.0, 0.1, 0.2, 5.0]))
+    0.1
+    """
+    steps = np.diff(time)
+    steps = steps[steps > 0]
+    return float(np.median(steps)) if len(steps) else float("nan")
+
+
+def gaps(time: NDArray[np.float64], ratio: float = GAP_RATIO) -> tuple[Gap, ...]:
+    """Intervals of `time` (n,) [s] longer than `ratio` median intervals.
+
+    >>> [gap.samples for gap in gaps(np.array([0.0, 1.0, 2.0, 3.0, 8.0, 9.0]))]
+    [4]
+    """
+    usual = median_interval(time)
+    long = np.flatnonzero(np.diff(time) > ratio * usual)
+    return tuple(_gap(time, int(k), usual) for k in long)
+
+
+def missing_samples(time: NDArray[np.float64], start: float, end: float) -> Gap | None:
+    """The gap of a topic around a damaged interval: `time` (n,), `start` and `end` in s.
+
+    The longest interval of `time` that touches [start, end], when it is longer than 1.5 median intervals; None when no
+    sample is missing there, or fewer than four samples leave the usual interval unknown.
+    """
+    if len(time) < 4:
+        return None
+    usual = median_interval(time)
+    first = max(int(np.searchsorted(time, start, side="right")) - 1, 0)
+    last = min(int(np.searchsorted(time, end, side="left")), len(time) - 1)
+    if last <= first:
+        return None
+    k = first + int(np.argmax(np.diff(time[first : last + 1])))
+    return _gap(time, k, usual) if time[k + 1] - time[k] > 1.5 * usual else None
+
+
+def missing_by_topic(topics: Mapping[str, Topic], damage: Iterable[Damage]) -> tuple[Damage, ...]:
+    """Per topic, the samples that are missing where the file as a whole is damaged (framing, dropouts)."""
+    places = [
+        (place.kind, place.start, place.end)
+        for place in damage
+        if not place.topic and place.kind in ("framing", "dropout") and place.start is not None and place.end is not None
+    ]
+    found = []
+    for name in topics if places else ():
+        time = topics[name].time
+        for kind, start, end in places:
+            gap = missing_samples(time, start, end)
+            if gap is not None:
+                plural = "sample" if gap.samples == 1 else "samples"
+                found.append(Damage(kind, f"about {gap.samples} {plural} missing", name, gap.start, gap.end))
+    return tuple(found)
+
+
+def _gap(time: NDArray[np.float64], k: int, usual: float) -> Gap:
+    start, end = float(time[k]), float(time[k + 1])
+    return Gap(start, end, max(round((end - start) / usual) - 1, 1))
+
+
+def describe(recording: Recording) -> RecordingSummary:
+    """What `aerodb log inspect` shows of a recording: per topic rate, samples, duration, gaps, fields and damage."""
+    topics = tuple(_describe_topic(recording, topic) for _, topic in sorted(recording.topics.items()))
+    filled = [topic for topic in topics if topic.samples]
+    return RecordingSummary(
+        source=recording.source,
+        format=recording.format,
+        layout=recording.layout,
+        sha256=recording.sha256,
+        size=recording.size,
+        start=min((topic.start for topic in filled), default=float("nan")),
+        end=max((topic.end for topic in filled), default=float("nan")),
+        topics=topics,
+        damage=tuple(damage for damage in recording.damage if not damage.topic),
+    )
+
+
+def _describe_topic(recording: Recording, topic: Topic) -> TopicSummary:
+    time = topic.time
+    return TopicSummary(
+        name=topic.name,
+        samples=len(time),
+        rate=1.0 / median_interval(time),
+        start=float(time[0]) if len(time) else float("nan"),
+        end=float(time[-1]) if len(time) else float("nan"),
+        gaps=gaps(time),
+        fields=tuple(topic.fields),
+        damage=tuple(damage for damage in recording.damage if damage.topic == topic.name),
+    )

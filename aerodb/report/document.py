@@ -1,0 +1,108 @@
+"""The JSON of an update, as CONTRACT.md states it: what was estimated, on which flights, and what it is worth."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from typing import Any
+
+from aerodb.proof import AxisProof, HoldOut
+from aerodb.update import AxisUpdate, Update
+
+
+def update_document(
+    *,
+    vehicle: str,
+    baseline: str,
+    hold_out: HoldOut,
+    excluded: Sequence[tuple[str, str]],
+    looks: Mapping[str, int],
+    update: Update,
+    proof: Sequence[AxisProof],
+) -> dict[str, Any]:
+    """The document of an update; `looks` says for each held-out flight how often it has validated a version before.
+
+    ``candidate`` is left None: who stores the version fills it in.
+    """
+    return {
+        "vehicle": vehicle,
+        "baseline": baseline,
+        "candidate": None,
+        "flights": {
+            "identified": list(hold_out.identified),
+            "held_out": list(hold_out.held_out),
+            "excluded": [{"flight": flight, "reason": reason} for flight, reason in excluded],
+        },
+        "validation": {"kind": hold_out.kind, "looked_at_before": dict(looks)},
+        "axes": {entry.axis: _axis(entry) for entry in proof},
+        "increments": [_increment(entry) for entry in update.axes],
+        "findings": [],
+        "not_found": [],
+        "next_flight": [],
+        "remarks": _remarks(update.axes, proof, hold_out),
+    }
+
+
+def _axis(entry: AxisProof) -> dict[str, Any]:
+    return {
+        "rms_before": entry.rms_before,
+        "rms_after": entry.rms_after,
+        "held_out_rms_before": entry.held_out_rms_before,
+        "held_out_rms_after": entry.held_out_rms_after,
+        "held_out_without_constant_before": entry.held_out_shape_before,
+        "held_out_without_constant_after": entry.held_out_shape_after,
+        "excess_before": entry.excess_before,
+        "excess_after": entry.excess_after,
+        "theil": asdict(entry.theil) if entry.theil is not None else None,
+        "noise_floor": entry.noise_floor,
+        "explained": entry.explained,
+        "outcome": entry.outcome,
+    }
+
+
+def _increment(entry: AxisUpdate) -> dict[str, Any]:
+    terms = [
+        {
+            "term": name,
+            "value": float(entry.estimates[k]),
+            "standard_error": float(entry.standard_errors[k]),
+            "ci95": [float(entry.estimates[k] + side * 1.96 * entry.standard_errors[k]) for side in (-1, 1)],
+            "vif": float(entry.vif[k]),
+            "at_bound": name in entry.at_bound,
+        }
+        for k, name in enumerate(entry.names)
+    ]
+    return {
+        "axis": entry.axis,
+        "terms": terms,
+        "r_squared": entry.r_squared,
+        "fit_percent": entry.theil.fit_percent,
+        "correlation": entry.correlation.tolist(),
+        "not_excited": list(entry.not_excited),
+        "aliases": [list(group) for group in entry.aliases],
+    }
+
+
+def _remarks(axes: Sequence[AxisUpdate], proof: Sequence[AxisProof], hold_out: HoldOut) -> list[str]:
+    """What a reader must know before trusting the numbers, in plain sentences."""
+    said = []
+    if hold_out.kind == "cross-validated":
+        said.append("Fewer than five flights: each was predicted from the others (cross-validated), none was held out.")
+    if hold_out.kind == "not validated":
+        said.append("No flight was held out: the error after is that of the flights that identified, and proves nothing.")
+    declared = {entry.axis for entry in axes}
+    for entry in proof:
+        if entry.axis in declared and entry.outcome == "not repaired":
+            after = entry.held_out_rms_after if entry.held_out_rms_after is not None else entry.rms_after
+            said.append(
+                f"{entry.axis} is not repaired by the declared structure: {after:.4g} rms remain, {entry.explained:.0%} of the "
+                f"measured variance is explained. The database lacks or distorts an effect that no declared term describes."
+            )
+    for axis in axes:
+        for group in axis.aliases:
+            said.append(
+                f"{axis.axis}: {' and '.join(group)} moved together in these flights and cannot be told apart (alias group)."
+            )
+        if axis.not_excited:
+            said.append(f"{axis.axis}: {', '.join(axis.not_excited)} did not move in these flights and was left out.")
+        if axis.at_bound:
+            said.append(f"{axis.axis}: {', '.join(axis.at_bound)} ended on a bound of the model file.")
+    return said

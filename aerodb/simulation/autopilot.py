@@ -1,0 +1,123 @@
+"""An autopilot for an elevon glider that is unstable in pitch: commanded angle of attack and bank by dynamic inversion.
+
+It feeds back the true motion: navigation errors are not in its loop. Where the vehicle shall go does not belong here.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from aerodb.atmosphere import GRAVITY
+from aerodb.simulation.airframe import Airframe
+from aerodb.simulation.motion import Array
+
+
+@dataclass(frozen=True)
+class ControlDerivatives:
+    """What the autopilot knows: coefficients about the CG at a design point, per rad, rates per p b/V, q c/V, r b/V."""
+
+    Cm: float
+    alpha: float
+    Cm_alpha: float
+    Cm_q: float
+    Cm_controls: Mapping[str, float]
+    Cl_beta: float
+    Cl_p: float
+    Cl_aileron: float
+    Cn_r: float
+    Cn_rudder: float
+    CZ: float
+    CZ_alpha: float
+
+
+def control_derivatives(
+    airframe: Airframe, condition: Mapping[str, float], pitch: Mapping[str, tuple[str, ...]], aileron: tuple[str, ...], rudder: str
+) -> ControlDerivatives:
+    """Central differences of the airframe's coefficients about the CG at one flight condition.
+
+    condition : every channel that the aerodynamics read, SI. pitch : name of a pitch control -> the channels that move
+    together for it; the first is the elevator. aileron, rudder : channels of the roll and yaw controls.
+    """
+    v = condition["V"]
+    chord, span = airframe.lengths[1], airframe.lengths[0]
+
+    def coefficients(**changed: float) -> Array:
+        channels = {name: np.array([changed.get(name, value)]) for name, value in condition.items()}
+        force, moment = airframe.loads(channels)
+        scale = channels["qbar"] * airframe.area
+        return np.concatenate([airframe.mass * force / scale, moment / scale / airframe.lengths[:, None]])[:, 0]
+
+    def slope(names: tuple[str, ...], step: float) -> Array:
+        up = coefficients(**{n: condition[n] + step for n in names})
+        result: Array = (up - coefficients(**{n: condition[n] - step for n in names})) / (2 * step)
+        return result
+
+    base, alpha, beta = coefficients(), slope(("alpha",), 0.02), slope(("beta",), 0.02)
+    return ControlDerivatives(
+        Cm=base[4],
+        alpha=condition["alpha"],
+        Cm_alpha=alpha[4],
+        Cm_q=slope(("q",), 0.02)[4] * v / chord,
+        Cm_controls={name: slope(channels, 0.02)[4] for name, channels in pitch.items()},
+        Cl_beta=beta[3],
+        Cl_p=slope(("p",), 0.02)[3] * v / span,
+        Cl_aileron=slope(aileron, 0.02)[3],
+        Cn_r=slope(("r",), 0.02)[5] * v / span,
+        Cn_rudder=slope((rudder,), 0.02)[5],
+        CZ=base[2],
+        CZ_alpha=alpha[2],
+    )
+
+
+@dataclass
+class Autopilot:
+    """Inner loops; frequencies in rad/s. `integral` (k,) rad s is the accumulated error of angle of attack."""
+
+    airframe: Airframe
+    known: ControlDerivatives
+    step: float
+    pitch_frequency: float = 3.5
+    pitch_damping: float = 0.9
+    pitch_integral: float = 4.0
+    roll_frequency: float = 2.5
+    roll_damping: float = 0.9
+    yaw_damping: float = 2.0
+    integral: Array | float = field(default=0.0)
+
+    def elevator(self, channels: Mapping[str, Array], alpha_command: Array, others: Mapping[str, Array]) -> Array:
+        """Symmetric elevator (k,) [rad] towards a commanded angle of attack [rad]; `others`: pitch controls beside it."""
+        c, k = channels, self.known
+        error = alpha_command - c["alpha"]
+        self.integral = np.clip(self.integral + self.step * error, -0.15, 0.15)
+        weight = GRAVITY * np.cos(c["theta"]) * np.cos(c["phi"])
+        path_rate = (-c["az"] - weight) / c["V"]
+        wanted = (
+            self.pitch_frequency**2 * error
+            + self.pitch_integral * self.integral
+            - 2 * self.pitch_damping * self.pitch_frequency * (c["q"] - path_rate)
+        )
+        chord = self.airframe.lengths[1]
+        scale = c["qbar"] * self.airframe.area * chord / self.airframe.inertia[1, 1]
+        natural = k.Cm + k.Cm_alpha * (c["alpha"] - k.alpha) + k.Cm_q * c["q"] * chord / c["V"]
+        natural = natural + sum(k.Cm_controls[name] * value for name, value in others.items())
+        elevator = next(iter(k.Cm_controls.values()))
+        result: Array = (wanted / scale - natural) / elevator
+        return result
+
+    def aileron(self, channels: Mapping[str, Array], bank_command: Array) -> Array:
+        """Asymmetric deflection (k,) [rad] towards a commanded bank angle [rad]."""
+        c, k, span = channels, self.known, self.airframe.lengths[0]
+        wanted = self.roll_frequency**2 * (bank_command - c["phi"]) - 2 * self.roll_damping * self.roll_frequency * c["p"]
+        scale = c["qbar"] * self.airframe.area * span / self.airframe.inertia[0, 0]
+        natural = k.Cl_beta * c["beta"] + k.Cl_p * c["p"] * span / c["V"]
+        result: Array = (wanted / scale - natural) / k.Cl_aileron
+        return result
+
+    def rudder(self, channels: Mapping[str, Array]) -> Array:
+        """Rudder (k,) [rad] that damps yaw about the rate of a coordinated turn."""
+        c, span = channels, self.airframe.lengths[0]
+        turn = GRAVITY / c["V"] * np.sin(c["phi"]) * np.cos(c["theta"])
+        scale = c["qbar"] * self.airframe.area * span / self.airframe.inertia[2, 2]
+        result: Array = -self.yaw_damping * (c["r"] - turn) / scale / self.known.Cn_rudder
+        return result

@@ -1,0 +1,166 @@
+"""Expressions compiled into one straight line of steps: each distinct sub-expression is computed once per call.
+
+A database has some hundred small operations that a simulation asks for thousands of times on a few points; what
+costs is the overhead per operation, so that names, constants and order are settled here, once.
+"""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aerodb.errors import InputError
+from aerodb.tables.expression import Call, Expression, Name, Negation, Number, Operation, TableCall, unknown_table
+from aerodb.tables.functions import FUNCTIONS, OPERATORS, Array, Value
+from aerodb.tables.table import Table
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """What one run gives: a value per output (a number where nothing varies), and points outside tables by table name."""
+
+    values: list[Any]
+    outside: dict[str, NDArray[np.bool_]]
+
+
+@dataclass(frozen=True, eq=False)
+class Program:
+    """Steps in order of evaluation. `inputs` are the names that `run` needs; `outputs` the slots of the results."""
+
+    inputs: dict[str, int]
+    outputs: tuple[int, ...]
+    _slots: tuple[float | None, ...]
+    _steps: tuple[tuple[int, Callable[..., Any], tuple[int, ...], str], ...]
+
+    def run(self, values: Mapping[str, Value]) -> Run:
+        """Evaluates at `values`: each (n,) or a number. Division by zero and the like give inf or NaN, no error."""
+        slots: list[Any] = list(self._slots)
+        outside: dict[str, NDArray[np.bool_]] = {}
+        for name, slot in self.inputs.items():
+            slots[slot] = values[name]
+        with np.errstate(all="ignore"):
+            for slot, function, arguments, table in self._steps:
+                result = function(*[slots[i] for i in arguments])
+                if table:
+                    if result.beyond:
+                        outside[table] = outside[table] | result.outside if table in outside else result.outside
+                    result = result.values
+                slots[slot] = result
+        return Run([slots[i] for i in self.outputs], outside)
+
+
+@dataclass
+class _Builder:
+    tables: Mapping[str, Table]
+    variables: Mapping[str, Expression]
+    constants: Mapping[str, float]
+    slots: list[float | None] = field(default_factory=list)
+    steps: list[tuple[int, Callable[..., Any], tuple[int, ...], str]] = field(default_factory=list)
+    inputs: dict[str, int] = field(default_factory=dict)
+    known: dict[Any, int] = field(default_factory=dict)
+    names: dict[str, int] = field(default_factory=dict)
+    resolving: list[str] = field(default_factory=list)
+
+    def slot(self, value: float | None) -> int:
+        self.slots.append(value)
+        return len(self.slots) - 1
+
+    def add(self, node: Expression) -> int:
+        """Slot of the value of `node`."""
+        if isinstance(node, Number):
+            return self.once((Number, node.value), lambda: self.slot(node.value))
+        if isinstance(node, Name):
+            return self.name(node.name)
+        arguments = tuple([self.add(child) for child in node.children])
+        if isinstance(node, TableCall):
+            return self.table(node, arguments)
+        function = _function(node)
+        return self.once((function, arguments), lambda: self.step(function, arguments))
+
+    def once(self, key: Any, make: Callable[[], int]) -> int:
+        if key not in self.known:
+            self.known[key] = make()
+        return self.known[key]
+
+    def step(self, function: Callable[..., Any], arguments: tuple[int, ...]) -> int:
+        fixed = [self.slots[i] for i in arguments]
+        if None not in fixed:
+            with np.errstate(all="ignore"):
+                return self.slot(float(function(*fixed)))
+        slot = self.slot(None)
+        self.steps.append((slot, function, arguments, ""))
+        return slot
+
+    def table(self, node: TableCall, arguments: tuple[int, ...]) -> int:
+        if node.table not in self.tables:
+            raise unknown_table(node.table, self.tables)
+        table = self.tables[node.table]
+        if len(arguments) != len(table.arguments):
+            what = f"table '{node.table}' called with {len(arguments)} arguments, it has {len(table.arguments)}"
+            raise InputError(what, remedy=f"its arguments: {', '.join(table.arguments)}")
+
+        def make() -> int:
+            slot = self.slot(None)
+            self.steps.append((slot, table.lookup, arguments, node.table))
+            return slot
+
+        return self.once((node.table, arguments), make)
+
+    def name(self, name: str) -> int:
+        if name in self.names:
+            return self.names[name]
+        if name in self.resolving:
+            cycle = " -> ".join([*self.resolving[self.resolving.index(name) :], name])
+            raise InputError(f"variables are defined by each other: {cycle}", remedy="break the cycle")
+        if name in self.variables:
+            self.resolving.append(name)
+            self.names[name] = self.add(self.variables[name])
+            self.resolving.pop()
+        elif name in self.constants:
+            self.names[name] = self.slot(self.constants[name])
+        else:
+            self.names[name] = self.inputs[name] = self.slot(None)
+        return self.names[name]
+
+
+def _function(node: Expression) -> Callable[..., Any]:
+    if isinstance(node, Call):
+        return FUNCTIONS[node.function].evaluate
+    if isinstance(node, Operation):
+        return OPERATORS[node.operator]
+    if isinstance(node, Negation):
+        return np.negative
+    raise TypeError(f"{type(node).__name__} is not a node of an expression")
+
+
+def compile_program(
+    expressions: Iterable[Expression],
+    tables: Mapping[str, Table],
+    variables: Mapping[str, Expression] | None = None,
+    constants: Mapping[str, float] | None = None,
+) -> Program:
+    """One program whose outputs are the values of `expressions`, in their order.
+
+    A name is looked for in `variables` (expressions in turn), then in `constants`; what is left is an input. Raises
+    InputError for an unknown table, a wrong number of arguments, and variables that are defined by each other.
+    """
+    builder = _Builder(tables, variables or {}, constants or {})
+    try:
+        outputs = tuple([builder.add(expression) for expression in expressions])
+    except RecursionError:
+        raise InputError("variables build on each other through too many levels", remedy="define them more directly") from None
+    return Program(builder.inputs, outputs, tuple(builder.slots), tuple(builder.steps))
+
+
+def evaluate(expression: Expression, values: Mapping[str, Value], tables: Mapping[str, Table] | None = None) -> Array:
+    """The value of one expression, vectorised over `values` (each (n,) or a number): (n,), or () when nothing varies.
+
+    Raises InputError for a name without a value and for an unknown table.
+    """
+    program = compile_program([expression], tables or {})
+    absent = sorted(set(program.inputs) - set(values))
+    if absent:
+        raise InputError(f"no value for {', '.join(absent)} in '{expression}'")
+    return np.asarray(program.run(values).values[0], dtype=np.float64)

@@ -1,0 +1,238 @@
+"""Declared increments from the residuals of several flights (003, eq. 7): estimate, doubt, and fence them in."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import lsq_linear
+
+from aerodb.comparison import Comparison
+from aerodb.errors import InputError
+from aerodb.estimation.regression import Regression, least_squares
+from aerodb.estimation.statistics import Theil, theil
+from aerodb.flight import Array, Flight
+from aerodb.model_file import DeclaredIncrement, ModelFile, Regressor, check_channels, expand
+from aerodb.tables.database import AeroDatabase
+from aerodb.tables.expression import Expression, Name, TableCall
+from aerodb.tables.increment import BASE_VARIABLES, Increment, Interval
+from aerodb.tables.program import evaluate
+from aerodb.tables.reference import HAT_RATES, hat_rate
+
+#: Two estimates correlated beyond this cannot be told apart by these flights: reported as an alias group.
+ALIAS_CORRELATION = 0.95
+
+
+@dataclass(frozen=True)
+class AxisUpdate:
+    """What was estimated on one axis.
+
+    names, estimates, standard_errors, vif: (k,); covariance (k, k), coloured. `at_bound` names estimates that ended
+    on a bound; `not_excited` names declared terms that these flights do not move, which were left out; `aliases` are
+    groups of estimates that these flights cannot separate. theil compares database + increment with measurement.
+    """
+
+    axis: str
+    names: tuple[str, ...]
+    estimates: Array
+    standard_errors: Array
+    covariance: Array
+    correlation: Array
+    vif: Array
+    r_squared: float
+    theil: Theil
+    at_bound: tuple[str, ...]
+    not_excited: tuple[str, ...]
+    aliases: tuple[tuple[str, ...], ...]
+
+
+@dataclass(frozen=True)
+class Update:
+    """The candidate database and what was estimated for it, axis by axis."""
+
+    candidate: AeroDatabase
+    axes: tuple[AxisUpdate, ...]
+    flights: tuple[str, ...]
+
+
+def estimate_increments(
+    flights: Sequence[Flight], comparisons: Sequence[Comparison], model: ModelFile, database: AeroDatabase
+) -> Update:
+    """Estimates the declared increments on top of `database` from flights and their comparisons (same order).
+
+    Raises InputError for a term that names an unknown channel, and where a declared axis cannot be estimated at all.
+    """
+    channels = [_with_hat_rates(flight.channels, database) for flight in flights]
+    shared = set.intersection(*(set(c) for c in channels)) if channels else set()
+    check_channels(model, shared)
+    results = [_axis(declared, channels, comparisons, database) for declared in model.increment]
+    increments = tuple(increment for _, increment in results)
+    candidate = replace(database, increments=(*database.increments, *increments))
+    return Update(candidate, tuple(axis for axis, _ in results), tuple(flight.id for flight in flights))
+
+
+def _axis(
+    declared: DeclaredIncrement,
+    channels: Sequence[Mapping[str, Array]],
+    comparisons: Sequence[Comparison],
+    database: AeroDatabase,
+) -> tuple[AxisUpdate, Increment]:
+    axis, regressors = declared.axis, expand(declared)
+    used = [(c, k.usable[axis], k) for c, k in zip(channels, comparisons, strict=True) if axis in k.usable]
+    used = [entry for entry in used if entry[1].any()]
+    if not used:
+        raise InputError(f"no flight gives a usable sample on {axis}", "update", "remove the axis from the model file")
+    matrix = np.concatenate([_columns(regressors, c)[good] for c, good, _ in used])
+    response = np.concatenate([k.residual(axis)[good] for _, good, k in used])
+    moving = _excited(matrix, regressors)
+    kept = [regressor for regressor, moves in zip(regressors, moving, strict=True) if moves]
+    names = [regressor.name for regressor in kept]
+    if not kept:
+        raise InputError(f"no declared term on {axis} is excited by these flights", "update", "fly a manoeuvre that moves one")
+    try:
+        fit = least_squares(matrix[:, moving], response, names, [int(good.sum()) for _, good, _ in used])
+    except ValueError as error:
+        remedy = "declare one of them only, or fly them apart"
+        raise InputError(f"increment on {axis}: {error}", "update", remedy) from error
+    estimates, covariance, at_bound = _constrained(fit, declared)
+    measured = np.concatenate([k.measured[axis][good] for _, good, k in used])
+    predicted = measured - response + matrix[:, moving] @ estimates
+    ids = tuple(k.flight for _, _, k in used)
+    increment = Increment(
+        axis=axis,
+        regressors=tuple(regressor.expression for regressor in kept),
+        estimates=estimates,
+        covariance=covariance,
+        envelope=_envelope(kept, [(c, good) for c, good, _ in used], database),
+        flights=ids,
+    )
+    deviation = np.sqrt(np.diag(covariance))
+    correlation = covariance / np.outer(deviation, deviation) if np.all(deviation > 0) else fit.correlation
+    result = AxisUpdate(
+        axis=axis,
+        names=tuple(names),
+        estimates=estimates,
+        standard_errors=deviation,
+        covariance=covariance,
+        correlation=correlation,
+        vif=fit.vif,
+        r_squared=fit.r_squared,
+        theil=theil(predicted, measured),
+        at_bound=at_bound,
+        not_excited=tuple(r.name for r, moves in zip(regressors, moving, strict=True) if not moves),
+        aliases=_aliases(names, correlation),
+    )
+    return result, increment
+
+
+def _with_hat_rates(channels: Mapping[str, Array], database: AeroDatabase) -> dict[str, Array]:
+    """The channels and the rates without dimension that can be made of them, over the database's own lengths."""
+    hats = {
+        name: hat_rate(name, channels, database.reference)
+        for name, (rate, _) in HAT_RATES.items()
+        if {rate, "V"} <= set(channels)
+    }
+    return {**channels, **{name: values for name, values in hats.items() if name not in channels}}
+
+
+def _columns(regressors: Sequence[Regressor], channels: Mapping[str, Array]) -> Array:
+    n = len(next(iter(channels.values())))
+    return np.column_stack([np.broadcast_to(evaluate(r.expression, channels), (n,)) for r in regressors])
+
+
+def _excited(matrix: Array, regressors: Sequence[Regressor]) -> np.ndarray:
+    """Which columns move: a constant always does; others must vary beyond rounding about their mean."""
+    constant = np.array([not regressor.expression.names for regressor in regressors])
+    spread = matrix.std(axis=0)
+    return constant | (spread > 1e-9 * np.maximum(np.abs(matrix).max(axis=0), 1e-12))
+
+
+def _constrained(fit: Regression, declared: DeclaredIncrement) -> tuple[Array, Array, tuple[str, ...]]:
+    """Estimates and covariance with priors combined, bounds and fixed values kept, all in the metric of the coloured
+    covariance: minimise ``(x - x0)' C^-1 (x - x0)`` over what is allowed."""
+    names, estimates, covariance = fit.names, fit.estimates, fit.covariance
+    information = np.linalg.inv(covariance)
+    right = information @ estimates
+    for name, (value, sigma) in declared.prior.items():
+        if name in names:
+            k = names.index(name)
+            information[k, k] += sigma**-2
+            right[k] += value * sigma**-2
+    if declared.prior:
+        covariance = np.linalg.inv(information)
+        estimates = covariance @ right
+    low, high = np.full(len(names), -np.inf), np.full(len(names), np.inf)
+    for name, (lower, upper) in declared.bounds.items():
+        if name in names:
+            low[names.index(name)], high[names.index(name)] = lower, upper
+    held = {names.index(name): value for name, value in declared.fixed.items() if name in names}
+    free = [k for k in range(len(names)) if k not in held]
+    if held:
+        index = list(held)
+        shift = np.array([held[k] for k in index]) - estimates[index]
+        gain = covariance[:, index] @ np.linalg.inv(covariance[np.ix_(index, index)])
+        estimates = estimates + gain @ shift
+        covariance = covariance - gain @ covariance[index, :]
+        covariance[index, :] = covariance[:, index] = 0.0
+        estimates[index] = [held[k] for k in index]
+    if np.all((estimates >= low) & (estimates <= high)):
+        return estimates, covariance, ()
+    root = np.linalg.cholesky(np.linalg.inv(covariance[np.ix_(free, free)])).T
+    bounded = lsq_linear(root, root @ estimates[free], bounds=(low[free], high[free]), tol=1e-12).x
+    estimates = estimates.copy()
+    estimates[free] = bounded
+    touching = (np.isclose(estimates, low) | np.isclose(estimates, high)) & np.isfinite(low)
+    return estimates, covariance, tuple(name for name, touches in zip(names, touching, strict=True) if touches)
+
+
+def _envelope(
+    regressors: Sequence[Regressor], used: Sequence[tuple[Mapping[str, Array], np.ndarray]], database: AeroDatabase
+) -> dict[str, Interval]:
+    """Where the flights have been: for each variable of the increment, and alpha, beta, mach that every one rests on."""
+    variables = {name for regressor in regressors for name in regressor.expression.names}
+    variables |= {name for name in BASE_VARIABLES if name in database.inputs}
+    envelope = {}
+    for name in sorted(variables):
+        values = np.concatenate([np.broadcast_to(channels[name], good.shape)[good] for channels, good in used])
+        low, high = float(values.min()), float(values.max())
+        envelope[name] = Interval(low, high, _cell(name, low, high, database))
+    return envelope
+
+
+def _cell(name: str, low: float, high: float, database: AeroDatabase) -> float:
+    """One table cell of a variable: the median spacing of the database's breakpoints in it, else the flown range."""
+    spacing = [np.diff(points) for points in _breakpoints_over(name, database)]
+    if spacing:
+        return float(np.median(np.concatenate(spacing)))
+    return high - low if high > low else max(abs(high), 1e-3)
+
+
+def _breakpoints_over(name: str, database: AeroDatabase) -> list[Array]:
+    """Breakpoints of every table that is looked up directly at channel `name`."""
+
+    def channel_of(expression: Expression) -> str | None:
+        while isinstance(expression, Name) and expression.name in database.variables:
+            expression = database.variables[expression.name].expression
+        return expression.name if isinstance(expression, Name) else None
+
+    pending = [term.expression for term in database.terms] + [v.expression for v in database.variables.values()]
+    found = []
+    while pending:
+        node = pending.pop()
+        pending.extend(node.children)
+        if isinstance(node, TableCall):
+            axes = zip(node.arguments, database.tables[node.table].breakpoints, strict=True)
+            found += [points for argument, points in axes if channel_of(argument) == name]
+    return found
+
+
+def _aliases(names: Sequence[str], correlation: Array) -> tuple[tuple[str, ...], ...]:
+    """Groups of estimates linked by correlations beyond ALIAS_CORRELATION; the constant is nobody's rival."""
+    groups: list[set[str]] = []
+    for i, one in enumerate(names):
+        for j in range(i + 1, len(names)):
+            if "1" in (one, names[j]) or abs(correlation[i, j]) < ALIAS_CORRELATION:
+                continue
+            touching = [g for g in groups if one in g or names[j] in g]
+            groups = [g for g in groups if g not in touching]
+            groups.append({one, names[j]}.union(*touching))
+    return tuple(tuple(sorted(group)) for group in groups)

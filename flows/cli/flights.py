@@ -1,0 +1,249 @@
+"""``aerodb log`` and ``aerodb flight``: look into a log, take it in, list, show and retract flights."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from aerodb.completeness import prevents
+from aerodb.errors import InputError
+from aerodb.inspection import describe
+from aerodb.mapping import choose_mapping
+from aerodb.recording import Damage
+from flows.cli.output import Session
+from flows.flight import flight_flow
+from storage.mappings import builtin_mappings, load_mapping
+from storage.readers import read_log
+from storage.rows import FlightRow
+
+logs = typer.Typer(name="log", no_args_is_help=True, help="Logs as they are.")
+app = typer.Typer(name="flight", no_args_is_help=True, help="Flights: logs that were taken in.")
+
+
+@logs.command()
+def inspect(
+    context: typer.Context,
+    log: Annotated[Path, typer.Argument(help="ULog, MCAP, MAT, CSV, ASCII or Parquet.")],
+    mapping: Annotated[str | None, typer.Option(help="Name or file of a mapping; chosen by content without it.")] = None,
+) -> None:
+    """Say what is in a log, what is damaged, which channels map, and what is missing; stores nothing.
+
+    Example: aerodb log inspect flight.ulg
+    """
+    session: Session = context.obj
+    if not log.is_file():
+        raise InputError("no such file", str(log), "check the path")
+    recording = read_log(log)
+    summary = describe(recording)
+    document: dict[str, Any] = {
+        "source": recording.source,
+        "format": recording.format,
+        "sha256": recording.sha256,
+        "size": recording.size,
+        "start_utc": recording.start_utc.isoformat() if recording.start_utc else None,
+        "topics": [
+            {
+                "topic": topic.name,
+                "rate": topic.rate,
+                "samples": topic.samples,
+                "start": topic.start,
+                "end": topic.end,
+                "gaps": len(topic.gaps),
+                "longest_gap": topic.longest_gap,
+                "fields": list(topic.fields),
+            }
+            for topic in summary.topics
+        ],
+        "damage": [_damage(entry) for entry in recording.damage],
+    }
+    session.say(f"{recording.source}: {recording.format}, {recording.size / 1e6:.1f} MB, sha256 {recording.sha256[:12]}")
+    session.table(
+        ["topic", "rate [Hz]", "samples", "from [s]", "to [s]", "gaps", "longest [s]", "fields"],
+        [
+            [
+                t.name,
+                f"{t.rate:.4g}",
+                str(t.samples),
+                f"{t.start:.2f}",
+                f"{t.end:.2f}",
+                str(len(t.gaps)),
+                f"{t.longest_gap:.3g}",
+                str(len(t.fields)),
+            ]
+            for t in summary.topics
+        ],
+        numbers=(1, 2, 3, 4, 5, 6, 7),
+    )
+    for entry in recording.damage:
+        session.say(f"damage: {_damage_text(entry)}")
+    try:
+        chosen = load_mapping(mapping) if mapping else choose_mapping(recording, builtin_mappings().values())
+    except InputError as error:
+        session.say(f"mapping: {error}")
+        session.answer({**document, "mapping": None, "channels": [], "missing": [], "prevents": [str(error)]})
+        return
+    found, missing = chosen.found_in(recording)
+    sentences = prevents(missing)
+    session.say(f"mapping {chosen.name}: {', '.join(found)}")
+    session.say(f"missing: {', '.join(missing) or 'nothing that this mapping knows'}")
+    for sentence in sentences:
+        session.say(f"  {sentence}")
+    session.answer({**document, "mapping": chosen.name, "channels": found, "missing": missing, "prevents": sentences})
+
+
+@app.command()
+def ingest(
+    context: typer.Context,
+    log: Annotated[list[str], typer.Argument(help="One or more logs.")],
+    vehicle: Annotated[str, typer.Option(help="The vehicle that flew.")],
+    mapping: Annotated[str | None, typer.Option(help="Name or file of a mapping; chosen by content without it.")] = None,
+    name: Annotated[str | None, typer.Option(help="A name for the flight (one log only).")] = None,
+    strict: Annotated[bool, typer.Option(help="Quarantine a damaged log instead of keeping what is intact.")] = False,
+    direct: Annotated[bool, typer.Option(help="Without Prefect: the same steps, the same keys.")] = False,
+) -> None:
+    """Take logs in: read, store, reconstruct coefficients, compare with the released database.
+
+    Example: aerodb flight ingest *.ulg --vehicle my-glider
+    """
+    session: Session = context.obj
+    if name is not None and len(log) > 1:
+        raise InputError("one name for several logs", "--name", "ingest them one by one, or without --name")
+    session.catalogue(create=True).vehicle(vehicle)
+    parameters = {"logs": log, "vehicle": vehicle, "mapping": mapping, "name": name, "strict": strict}
+    outcomes = session.run(flight_flow, parameters, direct)
+    for outcome in outcomes:
+        _report(session, outcome)
+    session.answer(outcomes)
+    if any(outcome["status"] == "refused" for outcome in outcomes):
+        raise typer.Exit(3)
+
+
+def _report(session: Session, outcome: dict[str, Any]) -> None:
+    if outcome["status"] == "refused":
+        # Two lines: what and where, then what to do.
+        typer.echo(f"aerodb: {outcome['where']}: {outcome['what']}\n{outcome['remedy']}", err=True)
+        return
+    session.say(f"{outcome['log']}: {outcome['status']} as flight {outcome['flight'][:12]}")
+    for entry in outcome["damage"]:
+        session.say(f"  damage: {_damage_text(Damage(**entry))}")
+    for step in ("coefficients", "comparison"):
+        result = outcome[step]
+        if result is not None and result["key"] is None:
+            session.say(f"  no {step}: {result['reason']}")
+    comparison = outcome["comparison"]
+    if comparison is not None and comparison["key"] is not None:
+        rows = [
+            [axis, f"{v['rms_measured']:.4g}", f"{v['rms_residual']:.4g}", f"{v['noise_floor']:.2g}", str(v["samples"])]
+            for axis, v in comparison["axes"].items()
+        ]
+        session.table(["axis", "flight rms", "flight - database rms", "noise floor", "samples"], rows, numbers=(1, 2, 3, 4))
+        for note in comparison["notes"]:
+            session.say(f"  note: {note}")
+
+
+@app.command("list")
+def list_flights(
+    context: typer.Context, vehicle: Annotated[str | None, typer.Option(help="Only of this vehicle.")] = None
+) -> None:
+    """List flights.
+
+    Example: aerodb flight list --vehicle my-glider
+    """
+    session: Session = context.obj
+    rows = session.catalogue().flights(vehicle)
+    session.table(
+        ["flight", "id", "vehicle", "start", "duration [s]", "verdict", ""],
+        [
+            [r.name or "", r.id[:12], r.vehicle, _when(r), f"{r.duration:.1f}", r.verdict, "retracted" if r.retracted_utc else ""]
+            for r in rows
+        ],
+        numbers=(4,),
+    )
+    session.answer([_document(row) for row in rows])
+
+
+@app.command()
+def show(
+    context: typer.Context, flight: str, vehicle: Annotated[str | None, typer.Option(help="Where names repeat.")] = None
+) -> None:
+    """Show a flight: its log, results, and the versions that rest on it.
+
+    Example: aerodb flight show 1a2b3c
+    """
+    session: Session = context.obj
+    catalogue = session.catalogue()
+    row = catalogue.flight(flight, vehicle)
+    log, results, impact = catalogue.log(row.log_sha256), catalogue.results_of(row.id), catalogue.impact(row.id)
+    document = {
+        **_document(row),
+        "log": {"name": log.name, "status": log.status, "damage": [_damage(d) for d in log.damage]} if log else None,
+        "results": [{"key": r.key, "step": r.step, "created_utc": r.created_utc.isoformat()} for r in results],
+        "versions": [{"version": i.version.id, "label": i.version.label, "role": i.role} for i in impact],
+    }
+    session.say(
+        f"flight {row.label} of {row.vehicle}: {_when(row)}, {row.duration:.1f} s at {1 / row.step:.4g} Hz, mapping {row.mapping}"
+    )
+    session.say(f"log {log.name if log else '?'} ({row.log_sha256[:12]}), {log.status if log else 'unknown'}")
+    for entry in log.damage if log else ():
+        session.say(f"  damage: {_damage_text(entry)}")
+    session.table(["step", "key", "made"], [[r.step, r.key[:12], f"{r.created_utc:%Y-%m-%d %H:%M}"] for r in results])
+    for use in impact:
+        session.say(f"{use.version.label} rests on it: {use.role.replace('_', ' ')}")
+    session.answer(document)
+
+
+@app.command()
+def retract(
+    context: typer.Context,
+    flight: str,
+    reason: Annotated[str, typer.Option(help="Why it must not be used.")],
+    vehicle: Annotated[str | None, typer.Option(help="Where names repeat.")] = None,
+) -> None:
+    """Withdraw a flight; every version that rests on it is stale from now on. Nothing is deleted.
+
+    Example: aerodb flight retract 1a2b3c --reason "pitot cover left on"
+    """
+    session: Session = context.obj
+    catalogue = session.catalogue()
+    row = catalogue.retract_flight(catalogue.flight(flight, vehicle).id, reason)
+    stale = [use.version for use in catalogue.impact(row.id)]
+    session.say(f"flight {row.label} retracted: {row.retract_reason}")
+    session.say(f"stale now: {', '.join(version.label for version in stale) or 'no version'}")
+    session.answer({"flight": row.id, "reason": row.retract_reason, "stale": [version.id for version in stale]})
+
+
+def _document(row: FlightRow) -> dict[str, Any]:
+    return {
+        "flight": row.id,
+        "name": row.name,
+        "vehicle": row.vehicle,
+        "start_utc": row.start_utc.isoformat() if row.start_utc else None,
+        "duration": row.duration,
+        "samples": row.samples,
+        "mapping": row.mapping,
+        "verdict": row.verdict,
+        "reasons": list(row.reasons),
+        "retracted": row.retract_reason or None,
+    }
+
+
+def _when(row: FlightRow) -> str:
+    return f"{row.start_utc:%Y-%m-%d %H:%M:%S}" if row.start_utc else "start unknown"
+
+
+def _damage(entry: Damage) -> dict[str, Any]:
+    return {
+        "kind": entry.kind,
+        "what": entry.what,
+        "topic": entry.topic,
+        "start": entry.start,
+        "end": entry.end,
+        "bytes_lost": entry.bytes_lost,
+    }
+
+
+def _damage_text(entry: Damage) -> str:
+    where = f" in {entry.topic}" if entry.topic else ""
+    when = f" from {entry.start:.3f} s" if entry.start is not None else ""
+    until = f" to {entry.end:.3f} s" if entry.end is not None else ""
+    return f"{entry.kind.replace('_', ' ')}{where}{when}{until}: {entry.what}"

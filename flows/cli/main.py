@@ -1,0 +1,84 @@
+"""The application: global options, the commands, and how an error becomes an exit code."""
+
+import os
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from aerodb.errors import AeroError, GateRefusal, InputError, UnknownNameError
+from flows.cli import databases, flights, updates, vehicles, versions
+from flows.cli.output import Session
+
+DONE, FAILED, USAGE, REFUSED, GATE = 0, 1, 2, 3, 4
+
+app = typer.Typer(
+    name="aerodb",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    help="Keeps aerodynamic databases true to flight.\n\nExample: aerodb flight ingest log.ulg --vehicle my-glider",
+)
+for group in (vehicles.app, databases.app, flights.logs, flights.app, versions.app):
+    app.add_typer(group)
+app.command("update")(updates.update)
+app.command("demo")(updates.demo)
+
+
+@app.callback()
+def session(
+    context: typer.Context,
+    workspace: Annotated[
+        Path | None, typer.Option(help="Folder of catalogue and store.", show_default="./aerodb-workspace")
+    ] = None,
+    json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
+    debug: Annotated[bool, typer.Option(help="Show tracebacks.")] = False,
+) -> None:
+    """Keeps the options that every command shares."""
+    root = workspace or Path(os.environ.get("AERODB_WORKSPACE") or "aerodb-workspace")
+    context.obj = Session(root, json, debug)
+
+
+def main() -> None:
+    """Runs the command line and ends the process with the exit code of CONTRACT.md."""
+    debug = "--debug" in sys.argv
+    try:
+        app(standalone_mode=False)
+        code = DONE
+    except typer.Exit as leave:
+        code = leave.exit_code
+    except typer.Abort:
+        code = FAILED
+    except AeroError as error:
+        if debug:
+            raise
+        print(f"aerodb: {error}", file=sys.stderr)
+        code = _code(error)
+    except Exception as error:
+        if debug:
+            raise
+        code = _unexpected(error)
+    sys.exit(code)
+
+
+def _code(error: AeroError) -> int:
+    if isinstance(error, GateRefusal):
+        return GATE
+    if isinstance(error, UnknownNameError):
+        return USAGE
+    return REFUSED if isinstance(error, InputError) else FAILED
+
+
+def _unexpected(error: Exception) -> int:
+    # Errors of usage come from the library below typer, which has no public name for their common class.
+    show = getattr(error, "show", None)
+    if callable(show):
+        show()
+        return int(getattr(error, "exit_code", USAGE))
+    print(
+        f"aerodb: {type(error).__name__}: {error}\nthis is a fault of aerodb; run again with --debug and report it",
+        file=sys.stderr,
+    )
+    return FAILED

@@ -1,0 +1,76 @@
+"""What a command says: text and tables for people, one JSON document for programs, a progress bar for the patient."""
+
+import json
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from flows.run import How, run_flow
+from storage.catalogue import Catalogue
+from storage.workspace import Workspace
+
+
+class Session:
+    """One call of the command line: where the workspace is, and how to answer."""
+
+    def __init__(self, root: Path, as_json: bool, debug: bool) -> None:
+        self.root = root
+        self.as_json = as_json
+        self.debug = debug
+        self.people = Console(stderr=as_json, highlight=False, soft_wrap=True)
+
+    def workspace(self, create: bool = False) -> Workspace:
+        """The workspace; InputError when there is none and it is not to be made."""
+        return Workspace.open(self.root, create)
+
+    def catalogue(self, create: bool = False) -> Catalogue:
+        """The workspace's catalogue."""
+        return Catalogue.open(self.workspace(create).catalogue, create)
+
+    def say(self, text: str = "") -> None:
+        """A line for people. Text is never markup: names in logs are not ours."""
+        self.people.print(text, markup=False)
+
+    def table(self, columns: Sequence[str], rows: Sequence[Sequence[str]], numbers: Sequence[int] = ()) -> None:
+        """A table for people; columns whose positions are in `numbers` are set right."""
+        made = Table(box=None, header_style="bold", pad_edge=False)
+        for k, column in enumerate(columns):
+            made.add_column(column, justify="right" if k in numbers else "left", no_wrap=k in numbers)
+        for row in rows:
+            made.add_row(*(cell.replace("[", r"\[") for cell in row))
+        self.people.print(made)
+
+    def answer(self, document: Any) -> None:
+        """The one JSON document, when that is what was asked for."""
+        if self.as_json:
+            json.dump(document, sys.stdout, indent=1, default=str)
+            sys.stdout.write("\n")
+
+    def run(self, body: Any, parameters: dict[str, Any], direct: bool) -> Any:
+        """Runs a flow, with a progress bar for whatever takes longer than two seconds."""
+        how: How = "direct" if direct else "auto"
+        with _progress(self.as_json) as report:
+            return run_flow(body, parameters, self.workspace(create=True), how, report)
+
+
+@contextmanager
+def _progress(as_json: bool) -> Iterator[Any]:
+    """A bar on standard error that appears two seconds after the start; nothing where nobody watches."""
+    console = Console(stderr=True)
+    columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    started = time.monotonic()
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task("starting", total=None, visible=False)
+
+        def report(step: str, done: int, total: int) -> None:
+            visible = time.monotonic() - started > 2.0
+            bar.update(task, description=step, completed=done, total=total, visible=visible)
+
+        yield report

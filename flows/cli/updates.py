@@ -1,0 +1,117 @@
+"""``aerodb update`` and ``aerodb demo``: from flights to a candidate version, with its error before and after."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from aerodb.errors import InputError
+from aerodb.model_file import parse_model_file
+from flows.cli.output import Session
+from flows.cli.vehicles import read_text
+from flows.demo import Demo, run_demo
+from flows.update import update_flow
+
+
+def update(
+    context: typer.Context,
+    vehicle: Annotated[str, typer.Option(help="The vehicle.")],
+    model: Annotated[Path, typer.Option(help="Model file (TOML): the declared increments.")],
+    baseline: Annotated[str, typer.Option(help="Version to build on.")] = "released",
+    flights: Annotated[list[str] | None, typer.Option(help="Flights to use; all of the vehicle without it.")] = None,
+    hold_out: Annotated[
+        list[str] | None, typer.Option(help="Flights to hold out, or `none`; the newest fifth without it.")
+    ] = None,
+    direct: Annotated[bool, typer.Option(help="Without Prefect: the same steps, the same keys.")] = False,
+) -> None:
+    """Estimate declared increments, store a candidate version, and report the error before and after.
+
+    Example: aerodb update --vehicle my-glider --model increments.toml
+    """
+    session: Session = context.obj
+    text = read_text(model)
+    parse_model_file(text, str(model))
+    catalogue = session.catalogue()
+    row = catalogue.version(catalogue.vehicle(vehicle).name, baseline)
+    chosen = [catalogue.flight(ref, vehicle).id for ref in flights] if flights else [f.id for f in catalogue.flights(vehicle)]
+    if not chosen:
+        raise InputError("no flight is stored", f"vehicle {vehicle}", "ingest one: aerodb flight ingest LOG --vehicle " + vehicle)
+    held = None if hold_out is None else ([] if hold_out == ["none"] else hold_out)
+    parameters = {"vehicle": vehicle, "baseline": row.id, "flights": chosen, "model": text, "hold_out": held}
+    document = session.run(update_flow, parameters, direct)
+    print_update(session, document)
+    session.answer(document)
+
+
+def demo(
+    context: typer.Context,
+    flights: Annotated[int, typer.Option(min=5, max=40, help="How many flights to fly.")] = 8,
+    direct: Annotated[bool, typer.Option(help="Without Prefect: the same steps, the same keys.")] = False,
+) -> None:
+    """Fly the built-in example, take its logs in, update its database, and prove it on flights not used.
+
+    Example: aerodb demo
+    """
+    session: Session = context.obj
+    result: Demo = run_demo(session, flights, direct)
+    print_update(session, result.document)
+    session.say()
+    session.say(
+        "The envelope is open now. Residual of the true model on the held-out flights, and the updated database beside it:"
+    )
+    session.table(
+        ["axis", "database", "updated", "true model (floor)", "updated / floor"],
+        [
+            [a, f"{v['before']:.5f}", f"{v['after']:.5f}", f"{v['floor']:.5f}", f"{v['after'] / v['floor']:.3f}"]
+            for a, v in result.floors.items()
+        ],
+        numbers=(1, 2, 3, 4),
+    )
+    for line in result.lines:
+        session.say(line)
+    session.answer({**result.document, "truth": result.truth, "truth_floor": result.floors})
+
+
+def print_update(session: Session, document: dict[str, Any]) -> None:
+    """The update for people: increments, the table before and after, and what to know before trusting it."""
+    used, held = document["flights"]["identified"], document["flights"]["held_out"]
+    session.say(f"candidate {document['label']} ({document['candidate'][:12]}) on baseline {document['baseline'][:12]}")
+    session.say(f"identified on {len(used)} flights, validated on {len(held) or 'none'} ({document['validation']['kind']})")
+    looks = {flight: count for flight, count in document["validation"]["looked_at_before"].items() if count}
+    if looks:
+        session.say("held-out flights looked at before: " + ", ".join(f"{f[:12]} {n} times" for f, n in looks.items()))
+    for entry in document["flights"]["excluded"]:
+        session.say(f"excluded {entry['flight'][:12]}: {entry['reason']}")
+    for entry in document["increments"]:
+        session.say()
+        session.say(f"increment on {entry['axis']} (R2 {entry['r_squared']:.3f}):")
+        session.table(
+            ["term", "value", "standard error", "VIF"],
+            [[t["term"], f"{t['value']:.5g}", f"{t['standard_error']:.2g}", f"{t['vif']:.3g}"] for t in entry["terms"]],
+            numbers=(1, 2, 3),
+        )
+    session.say()
+    session.table(
+        ["axis", "before", "after", "held out: before", "after", "without its constant", "after", "noise floor", "outcome"],
+        [[axis, *(_number(v[k]) for k in _COLUMNS), v["outcome"]] for axis, v in document["axes"].items()],
+        numbers=tuple(range(1, 8)),
+    )
+    for sentence in document["remarks"]:
+        session.say(f"- {sentence}")
+    if document.get("figure"):
+        session.say(f"figure: {document['figure']}")
+
+
+_COLUMNS = (
+    "rms_before",
+    "rms_after",
+    "held_out_rms_before",
+    "held_out_rms_after",
+    "held_out_without_constant_before",
+    "held_out_without_constant_after",
+    "noise_floor",
+)
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.5f}"

@@ -1,0 +1,12 @@
+"""The import flow: a database file becomes a version."""
+
+from typing import Any
+
+from flows.run import Steps
+from tasks.publish import import_database
+
+
+def import_flow(steps: Steps, *, workspace: str, run: str, file: str, vehicle: str, bindings: dict[str, str]) -> dict[str, Any]:
+    """Imports a database file; see `tasks.publish.import_database`."""
+    result: dict[str, Any] = steps(import_database, file, workspace=workspace, run=run, vehicle=vehicle, bindings=bindings)
+    return result

@@ -1,0 +1,35 @@
+"""The update flow: declared increments from flights, a candidate version, and its error before and after."""
+
+from typing import Any
+
+from flows.run import Steps
+from tasks.compare import compare_with_version
+from tasks.deltas import estimate, plan_update, validate
+from tasks.publish import publish_candidate
+from tasks.report import draw_update
+
+
+def update_flow(
+    steps: Steps,
+    *,
+    workspace: str,
+    run: str,
+    vehicle: str,
+    baseline: str,
+    flights: list[str],
+    model: str,
+    hold_out: list[str] | None = None,
+) -> dict[str, Any]:
+    """Estimates the increments that `model` (the text of a model file) declares, on top of version `baseline` (its id).
+
+    flights : their full ids. hold_out : references of flights to hold out, an empty list for none, None for the rule.
+    Returns the update's document with ``label`` and ``figure``.
+    """
+    where = {"workspace": workspace, "run": run}
+    compared = steps.map(compare_with_version, flights, **where, version=baseline)
+    plan = steps(plan_update, compared, **where, vehicle=vehicle, baseline=baseline, model=model, hold_out=hold_out)
+    update = steps(estimate, plan, **where)
+    proof = steps(validate, plan, update, **where)
+    document = steps(publish_candidate, plan, update, proof, **where)
+    figure = steps(draw_update, plan, update, document["candidate"], document["label"], **where)
+    return {**document, "figure": figure}

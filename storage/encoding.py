@@ -1,0 +1,87 @@
+"""How values become columns of the catalogue and come back: times, JSON, damage, names. No SQL here."""
+
+import json
+import re
+from collections.abc import Iterable
+from dataclasses import asdict
+from datetime import UTC, datetime
+from typing import Any, Final
+
+from aerodb.errors import InputError
+from aerodb.identity import canonical_json
+from aerodb.recording import Damage
+
+VEHICLE_NAME: Final = re.compile(r"[a-z0-9][a-z0-9_-]{0,62}")
+FLIGHT_NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,62}")
+FLIGHT_ID: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,127}")
+VERSION_NAME: Final = re.compile(r"(?!v[0-9]+$)[a-z][a-z0-9_-]{0,62}")  # v0007 is a label
+WORD: Final = re.compile(r"[A-Za-z][A-Za-z0-9_.:-]{0,62}")
+KEY: Final = re.compile(r"[0-9a-f]{64}")
+RUN_ID: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9-]{0,63}")
+REFERENCE: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,127}")
+LABEL: Final = re.compile(r"v([0-9]{1,9})")
+
+
+def checked(name: str, pattern: re.Pattern[str], what: str) -> str:
+    """`name` when it has the form that `what` must have; InputError otherwise."""
+    if not pattern.fullmatch(name):
+        raise InputError(f"{shown(name)} cannot be {what}", remedy="use letters, digits, '-' and '_'")
+    return name
+
+
+def checked_key(key: str, what: str) -> str:
+    """`key` when it is a sha256 in hexadecimal digits; InputError otherwise."""
+    if not KEY.fullmatch(key):
+        raise InputError(f"{shown(key)} is not {what}", remedy="it must be a sha256: 64 hexadecimal digits")
+    return key
+
+
+def shown(text: str) -> str:
+    """`text` for a message: quoted, control characters escaped, of bounded length."""
+    return ascii(text if len(text) <= 60 else text[:57] + "...")
+
+
+def plain_text(text: str) -> str:
+    """`text` as any database can hold it: what UTF-8 cannot write, and NUL, becomes a visible escape."""
+    return text.encode("utf-8", "backslashreplace").decode("utf-8").replace("\0", "\\x00")
+
+
+def to_json(value: Any) -> str:
+    """`value` as canonical JSON text."""
+    return canonical_json(value).decode("utf-8")
+
+
+def from_json(text: str) -> Any:
+    """The value of a JSON text."""
+    return json.loads(text)
+
+
+def damage_to_json(damage: Iterable[Damage]) -> str:
+    """Damage reports as canonical JSON."""
+    return to_json([{**asdict(d), "what": plain_text(d.what), "topic": plain_text(d.topic)} for d in damage])
+
+
+def damage_from_json(text: str) -> tuple[Damage, ...]:
+    """Damage reports from their JSON."""
+    return tuple(Damage(**d) for d in json.loads(text))
+
+
+def now() -> datetime:
+    """The current time, UTC."""
+    return datetime.now(UTC)
+
+
+def time_text(time: datetime) -> str:
+    """UTC with microseconds, in a form whose alphabetical order is the order in time; InputError for a naive time.
+
+    >>> time_text(datetime(2026, 1, 2, 3, 4, 5, tzinfo=UTC))
+    '2026-01-02T03:04:05.000000Z'
+    """
+    if time.tzinfo is None:
+        raise InputError(f"time {time.isoformat()} has no zone", remedy="give it with an offset, or Z for UTC")
+    return time.astimezone(UTC).strftime("%Y-%m-%dT%H:%M:%S.%fZ").zfill(27)
+
+
+def time_of(text: str) -> datetime:
+    """The time of a stored text, aware, UTC."""
+    return datetime.fromisoformat(text)

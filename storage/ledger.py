@@ -1,0 +1,68 @@
+"""What all parts of the catalogue share: the database, and checks that something is there."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import sqlalchemy as sa
+
+from aerodb.errors import UnknownNameError, nearest
+from storage import encoding as enc
+from storage import schema as s
+from storage.database import Database
+from storage.rows import RunRow
+
+
+class Ledger:
+    """Base of the catalogue's parts."""
+
+    def __init__(self, database: Database) -> None:
+        self._database = database
+
+    @staticmethod
+    def _require_vehicle(connection: sa.Connection, name: str) -> None:
+        known = connection.scalars(sa.select(s.vehicles.c.name)).all()
+        if name not in known:
+            remedy = nearest(name[:128], known) if known else "add its file first: aerodb vehicle add FILE.toml"
+            raise UnknownNameError(f"no vehicle {enc.shown(name)}", remedy=remedy)
+
+    @staticmethod
+    def _require_flight(connection: sa.Connection, id: str) -> None:
+        if connection.execute(sa.select(s.flights.c.id).where(s.flights.c.id == id)).scalar() is None:
+            raise UnknownNameError(f"no flight with id {enc.shown(id)}", remedy="add the flight first")
+
+    @staticmethod
+    def _note_run(connection: sa.Connection, edges: sa.Table, run: str, target: Mapping[str, str]) -> None:
+        """The edge from a run to what it made or used; once."""
+        if connection.execute(sa.select(s.runs.c.id).where(s.runs.c.id == run)).scalar() is None:
+            raise UnknownNameError(f"no run {enc.shown(run)}", remedy="start the run first")
+        row = {"run": run, **target}
+        same = sa.and_(*(edges.c[name] == value for name, value in row.items()))
+        if connection.execute(sa.select(edges.c.run).where(same)).scalar() is None:
+            connection.execute(sa.insert(edges).values(row))
+
+    @staticmethod
+    def _by_prefix(connection: sa.Connection, column: sa.Column[str], prefix: str, where: sa.ColumnElement[bool]) -> str | None:
+        """The one id that begins with `prefix`; None when there is none, UnknownNameError when there are several."""
+        if len(prefix) < _SHORTEST_PREFIX:
+            return None
+        after = prefix[:-1] + chr(ord(prefix[-1]) + 1)
+        query = sa.select(column).where(where, column >= prefix, column < after).order_by(column).limit(3)
+        found = connection.scalars(query).all()
+        if len(found) > 1:
+            remedy = f"give more digits: {', '.join(f'{id[: len(prefix) + 8]}...' for id in found)}"
+            raise UnknownNameError(f"{enc.shown(prefix)} is not unique", remedy=remedy)
+        return found[0] if found else None
+
+    @staticmethod
+    def _run_row(row: sa.Row[Any]) -> RunRow:
+        values = {
+            **row._mapping,
+            "started_utc": enc.time_of(row.started_utc),
+            "ended_utc": enc.time_of(row.ended_utc) if row.ended_utc else None,
+            "parameters": enc.from_json(row.parameters),
+        }
+        return RunRow(**values)
+
+
+#: Shorter ones are more likely a mistyped name than the beginning of a hash.
+_SHORTEST_PREFIX = 4

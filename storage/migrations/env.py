@@ -1,0 +1,11 @@
+"""Runs migrations on the connection that `storage.database` hands over, inside its transaction."""
+
+from alembic import context
+
+from storage import schema
+
+connection = context.config.attributes["connection"]
+# SQLite alters a table by copying it: batch mode lets one migration serve SQLite and PostgreSQL.
+context.configure(connection=connection, target_metadata=schema.metadata, render_as_batch=connection.dialect.name == "sqlite")
+with context.begin_transaction():
+    context.run_migrations()

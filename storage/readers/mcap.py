@@ -1,0 +1,282 @@
+"""MCAP with ROS 2 messages to Recording.
+
+Messages are decoded by mcap-ros2-support from the schemas in the file; the walk through the file, and what is lost of
+it, are `mcap_framing`'s. Units are not in ROS messages; a mapping declares them.
+"""
+
+import hashlib
+import zlib
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from io import BytesIO
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+from mcap.data_stream import ReadDataStream
+from mcap.opcode import Opcode
+from mcap.records import Channel, DataEnd, Header, Message, Metadata, Schema
+from mcap_ros2.decoder import DecoderFactory
+
+from aerodb.errors import InputError
+from aerodb.inspection import missing_by_topic
+from aerodb.recording import Damage, Recording, Topic
+from storage.readers.mcap_framing import MAGIC, Chunk, Hole, Record, inner_records, open_chunk, read_content, walk
+
+#: Longer sequences (images, point clouds) are no channels.
+_LONGEST = 64
+#: Header stamps farther than this from the recorder's clock [s] are of another clock.
+_CLOCKS_APART = 60.0
+_REMEDY = "check that the transfer was complete; `mcap recover` may still save what this reader could not"
+
+Values = dict[str, float | int | bool]
+Decoder = Callable[[bytes], Any]
+
+
+@dataclass
+class _Series:
+    """What one topic has collected: log times [ns], header stamps [ns] (0 without), values per message."""
+
+    log_times: list[int] = field(default_factory=list)
+    stamps: list[int] = field(default_factory=list)
+    values: list[Values] = field(default_factory=list)
+    skipped: set[str] = field(default_factory=set)
+
+
+@dataclass
+class _Reading:
+    """The state of a reading: definitions met so far, messages collected, damage found."""
+
+    schemas: dict[int, Schema] = field(default_factory=dict)
+    channels: dict[int, Channel] = field(default_factory=dict)
+    decoders: dict[int, Decoder | str] = field(default_factory=dict)
+    factory: DecoderFactory = field(default_factory=DecoderFactory)
+    series: dict[str, _Series] = field(default_factory=dict)
+    unread: Counter[tuple[str, str]] = field(default_factory=Counter)
+    metadata: dict[str, str | int | float] = field(default_factory=dict)
+    damage: list[tuple[Hole | Chunk, int, int | None, int | None]] = field(default_factory=list)
+    first: int | None = None
+    last: int | None = None
+
+    def take(self, opcode: int, content: bytes) -> None:
+        """Uses one record; a damaged definition costs the messages that need it, which are counted."""
+        stream = ReadDataStream(BytesIO(content))
+        if opcode == Opcode.MESSAGE:
+            self._message(Message.read(stream, len(content)))
+        elif opcode == Opcode.SCHEMA:
+            schema = Schema.read(stream)
+            self.schemas.setdefault(schema.id, schema)
+        elif opcode == Opcode.CHANNEL:
+            channel = Channel.read(stream)
+            self.channels.setdefault(channel.id, channel)
+        elif opcode == Opcode.HEADER:
+            header = Header.read(stream)
+            self.metadata |= {"profile": header.profile, "library": header.library}
+        elif opcode == Opcode.METADATA:
+            found = Metadata.read(stream)
+            self.metadata |= {f"{found.name}.{key}": value for key, value in found.metadata.items()}
+
+    def _message(self, message: Message) -> None:
+        channel = self.channels.get(message.channel_id)
+        topic = channel.topic if channel is not None else ""
+        self.first = message.log_time if self.first is None else min(self.first, message.log_time)
+        self.last = message.log_time if self.last is None else max(self.last, message.log_time)
+        decoder = self._decoder(message.channel_id)
+        if isinstance(decoder, str):
+            self.unread[topic, decoder] += 1
+            return
+        try:
+            decoded = decoder(message.data)
+        except Exception as error:  # the decoder is made of the file's own text: what it raises is no closed list
+            self.unread[topic, f"not decodable ({type(error).__name__})"] += 1
+            return
+        series = self.series.setdefault(topic, _Series())
+        values: Values = {}
+        _flatten(decoded, "", values, series.skipped)
+        series.log_times.append(message.log_time)
+        series.stamps.append(_stamp(decoded))
+        series.values.append(values)
+
+    def _decoder(self, channel_id: int) -> Decoder | str:
+        """The decoder of a channel's messages, or why there is none."""
+        if channel_id not in self.decoders:
+            self.decoders[channel_id] = self._new_decoder(channel_id)
+        return self.decoders[channel_id]
+
+    def _new_decoder(self, channel_id: int) -> Decoder | str:
+        channel = self.channels.get(channel_id)
+        if channel is None:
+            return f"channel {channel_id} is not defined in what could be read"
+        schema = self.schemas.get(channel.schema_id)
+        try:
+            decoder = self.factory.decoder_for(channel.message_encoding, schema)
+        except Exception as error:  # as above
+            return f"their schema cannot be parsed ({type(error).__name__})"
+        if decoder is None:
+            kind = schema.encoding if schema is not None else "no schema"
+            return f"encoding '{channel.message_encoding}' with '{kind}' is not supported (only ROS 2: cdr, ros2msg)"
+        return decoder
+
+
+def read_mcap(path: Path) -> Recording:
+    """Reads an MCAP file with ROS 2 messages, damaged or not.
+
+    Returns a Recording: nested fields joined by dots (``pose.orientation.x``), arrays as ``covariance[0]``, joint
+    states by the joint's name (``position.elevator``); times in s since the first message's log time (`start_utc`), from
+    the header's stamp where there is one on the recorder's clock, else the log time. Damage with an empty topic is what
+    happened to the file; entries with a topic say what of it is missing or could not be decoded.
+
+    Raises InputError for what is no MCAP file, or holds no message that can be read. Source: MCAP specification.
+    """
+    size = path.stat().st_size
+    with path.open("rb") as handle:
+        if size == 0:
+            raise InputError("the file is empty", str(path), _REMEDY)
+        if handle.read(len(MAGIC)) != MAGIC:
+            raise InputError("not an MCAP file: its first bytes are not MCAP's", str(path), "name the format, or convert the log")
+        reading = _Reading()
+        sum_is_wrong = _read_records(handle, size, reading)
+        handle.seek(0)
+        sha256 = hashlib.file_digest(handle, "sha256").hexdigest()
+    start = reading.first or 0
+    topics, damage = _topics(reading, start)
+    if not topics:
+        why = "; ".join(f"{topic or 'unknown topic'}: {reason}" for topic, reason in list(reading.unread)[:2])
+        raise InputError(f"no message can be read{f' ({why})' if why else ''}", str(path), _REMEDY)
+    found = [_damage(entry, start) for entry in reading.damage]
+    if sum_is_wrong and not found:
+        found.append(Damage("values", "the checksum over the data does not hold: some bytes are not what was written"))
+    found += [*missing_by_topic(topics, found), *damage]
+    layout = "ros2" if reading.metadata.get("profile") == "ros2" or _has_ros2(reading) else ""
+    utc = datetime.fromtimestamp(start * 1e-9, UTC) if 1e18 < start < 1e19 else None  # 2001 to 2286
+    return Recording(str(path), "mcap", sha256, size, topics, reading.metadata, tuple(found), utc, layout)
+
+
+def _has_ros2(reading: _Reading) -> bool:
+    return any(schema.encoding.startswith("ros2") for schema in reading.schemas.values())
+
+
+def _read_records(handle: BinaryIO, size: int, reading: _Reading) -> bool:
+    """Reads all records into `reading`; returns whether the checksum over the data section, where given, is wrong."""
+    is_wrong = False
+    for found in walk(handle, size):
+        before = reading.last
+        if isinstance(found, Hole):
+            rest = _salvage(handle, found, reading) if found.tail else found
+            reading.damage.append((rest, rest.end - rest.start, before, None))
+            continue
+        if found.opcode == Opcode.CHUNK:
+            _read_chunk(found, open_chunk(read_content(handle, found)), reading)
+        elif found.opcode in (Opcode.HEADER, Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE, Opcode.METADATA):
+            _take(reading, found.opcode, read_content(handle, found))
+        elif found.opcode == Opcode.DATA_END:
+            stated = DataEnd.read(ReadDataStream(BytesIO(read_content(handle, found)))).data_section_crc
+            is_wrong = stated != 0 and stated != _crc(handle, found.start)
+    return is_wrong
+
+
+def _crc(handle: BinaryIO, end: int) -> int:
+    handle.seek(0)
+    crc, left = 0, end
+    while left and (block := handle.read(min(left, 1 << 20))):
+        crc, left = zlib.crc32(block, crc), left - len(block)
+    return crc
+
+
+def _take(reading: _Reading, opcode: int, content: bytes) -> None:
+    try:
+        reading.take(opcode, content)
+    except Exception as error:  # mcap's records raise what struct, str and its streams raise on damaged content
+        reading.unread["", f"a damaged {Opcode(opcode).name.lower()} record ({type(error).__name__})"] += 1
+
+
+def _read_chunk(record: Record, chunk: Chunk, reading: _Reading) -> None:
+    reached = 0
+    for opcode, content, end in inner_records(chunk.data):
+        reached = end
+        if opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE):
+            _take(reading, opcode, content)
+    if chunk.fault or reached < len(chunk.data):
+        lost = Hole(record.start, record.end, False) if not chunk.fault else chunk
+        reading.damage.append((lost, record.end - record.start, chunk.first or None, chunk.last or None))
+
+
+def _salvage(handle: BinaryIO, hole: Hole, reading: _Reading) -> Hole:
+    """Reads what a chunk that the end of the file cut still holds."""
+    content = read_content(handle, Record(Opcode.CHUNK, hole.start, hole.end)) if hole.end > hole.start + 9 else b""
+    handle.seek(hole.start)
+    if handle.read(1) == bytes([Opcode.CHUNK]):
+        for opcode, inner, _ in inner_records(open_chunk(content).data):
+            if opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE):
+                _take(reading, opcode, inner)
+    return hole
+
+
+def _damage(entry: tuple[Hole | Chunk, int, int | None, int | None], start: int) -> Damage:
+    lost, n, first, last = entry
+    begin, end = ((t - start) * 1e-9 if t is not None else None for t in (first, last))
+    if isinstance(lost, Chunk):
+        return Damage("framing", f"a chunk {lost.fault}: {n} bytes", "", begin, end, n)
+    if lost.tail:
+        what = f"the file ends without its footer, {n} bytes inside a record at offset {lost.start}"
+        return Damage("lost_tail", what, "", begin, end, n)
+    return Damage("framing", f"bytes that belong to no record: {n} bytes from offset {lost.start}", "", begin, end, n)
+
+
+def _topics(reading: _Reading, start: int) -> tuple[dict[str, Topic], list[Damage]]:
+    """Topics by name, and what of them is not read."""
+    topics: dict[str, Topic] = {}
+    damage = [Damage("values", f"{n} messages not read: {why}", topic) for (topic, why), n in reading.unread.items()]
+    for name, series in sorted(reading.series.items()):
+        log_time = np.float64(1e-9) * (np.array(series.log_times, dtype=np.int64) - start)
+        stamped = np.float64(1e-9) * (np.array(series.stamps, dtype=np.int64) - start)
+        apart = float(np.median(np.abs(stamped - log_time)))
+        time = stamped if all(series.stamps) and apart < _CLOCKS_APART else log_time
+        if any(series.stamps) and time is log_time:
+            damage.append(Damage("time", f"header stamps are {apart:.3g} s off the recorder's clock: log times used", name))
+        back = np.flatnonzero(np.diff(time) < 0)
+        if len(back):
+            where = float(time[back[0]])
+            damage.append(Damage("time", f"time runs backwards {len(back)} times, first at {where:.6f} s", name, where, where))
+        if series.skipped:
+            what = f"not read, no channels: {', '.join(sorted(series.skipped)[:4])}"
+            damage.append(Damage("values", what, name))
+        topics[name] = Topic(name, time, _columns(series.values))
+    return topics, damage
+
+
+def _columns(rows: Sequence[Values]) -> dict[str, np.ndarray[Any, Any]]:
+    """Values of all messages by field; nan where a message has none (sequences of changing length)."""
+    names = dict.fromkeys(name for row in rows for name in row)
+    return {name: np.array([row.get(name, np.nan) for row in rows]) for name in names}
+
+
+def _stamp(message: Any) -> int:
+    """The header's stamp [ns]; 0 without one."""
+    stamp = getattr(getattr(message, "header", None), "stamp", None)
+    return int(stamp.sec) * 10**9 + int(stamp.nanosec) if stamp is not None else 0
+
+
+def _flatten(value: Any, name: str, into: Values, skipped: set[str]) -> None:
+    """Numbers of a message by dotted name; texts and long sequences are named in `skipped`."""
+    if isinstance(value, (bool, int, float)):
+        into[name] = value
+    elif isinstance(value, str):
+        if value and not name.endswith("frame_id"):
+            skipped.add(f"text {name}")
+    elif hasattr(type(value), "__slots__") and hasattr(value, "_type"):
+        joints: list[str] | None = value.name if value._type.endswith("JointState") else None
+        for part in type(value).__slots__:
+            inner: Any = getattr(value, part)
+            if joints is not None and hasattr(inner, "__len__") and len(inner) == len(joints):
+                if part != "name":
+                    into |= {f"{part}.{joint}": number for joint, number in zip(joints, inner, strict=True)}
+            elif not (part == "stamp" and name == "header"):
+                _flatten(inner, f"{name}.{part}" if name else part, into, skipped)
+    elif len(value) > _LONGEST:
+        skipped.add(f"{name} of {len(value)} elements")
+    else:
+        for k, element in enumerate(value):
+            _flatten(element, f"{name}[{k}]", into, skipped)

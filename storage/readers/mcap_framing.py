@@ -1,0 +1,173 @@
+"""Walks an MCAP file record by record, so that damage costs the records that it hit and no others.
+
+The mcap package raises at the first fault and gives up the rest of the file; here each top-level record is checked and
+handed on by itself, chunks are decompressed one by one against their checksums, and after bytes that are no record
+the walk goes on at the next one. Source: MCAP specification (mcap.dev/spec).
+"""
+
+import struct
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import BinaryIO
+
+import lz4.frame
+import zstandard
+from mcap.opcode import Opcode
+
+MAGIC = b"\x89MCAP0\r\n"
+_HEAD = struct.Struct("<BQ")
+_CHUNK = struct.Struct("<QQQII")
+#: A chunk that claims more than this is damaged: recorders write a few megabytes.
+LARGEST_CHUNK = 1 << 30
+_SEARCH = 1 << 20
+
+
+@dataclass(frozen=True)
+class Record:
+    """A record at file offset `start`; its content ends at `end`."""
+
+    opcode: int
+    start: int
+    end: int
+
+
+@dataclass(frozen=True)
+class Hole:
+    """Bytes [start, end) that belong to no record; `tail` when nothing follows them."""
+
+    start: int
+    end: int
+    tail: bool
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """Records of a chunk, decompressed; times of its first and last message [ns]; `fault` says why `data` may be short."""
+
+    first: int
+    last: int
+    data: bytes
+    fault: str = ""
+
+
+def walk(handle: BinaryIO, size: int) -> Iterator[Record | Hole]:
+    """The records of an open file of `size` bytes from behind its magic to the end, and what lies between them."""
+    at = len(MAGIC)
+    while at < size:
+        record = _record(handle, at, size)
+        if record is None:
+            found = _resume(handle, at + 1, size)
+            yield Hole(at, size if found is None else found, found is None)
+            if found is None:
+                return
+            at = found
+            continue
+        yield record
+        at = record.end
+        if record.opcode == Opcode.FOOTER:
+            handle.seek(at)
+            if handle.read(len(MAGIC)) != MAGIC:
+                yield Hole(at, size, True)
+            return
+    yield Hole(size, size, True)
+
+
+def _record(handle: BinaryIO, at: int, size: int) -> Record | None:
+    """The record at `at`, None when its header or its inner lengths contradict each other or the file."""
+    handle.seek(at)
+    head = handle.read(_HEAD.size + 64)
+    if len(head) < _HEAD.size:
+        return None
+    opcode, length = _HEAD.unpack_from(head)
+    end = at + _HEAD.size + length
+    if end > size or not _is_plausible(opcode, length, head[_HEAD.size :]):
+        return None
+    return Record(opcode, at, end)
+
+
+def _is_plausible(opcode: int, length: int, content: bytes) -> bool:
+    """Whether a record's length fits its kind; `content` holds its first bytes."""
+    exact = {Opcode.FOOTER: 20, Opcode.DATA_END: 4, Opcode.SUMMARY_OFFSET: 17}
+    if opcode in exact:
+        return length == exact[Opcode(opcode)]
+    if opcode == Opcode.MESSAGE:
+        return length >= 22
+    if opcode == Opcode.MESSAGE_INDEX:
+        return len(content) >= 6 and length == 6 + struct.unpack_from("<I", content, 2)[0]
+    if opcode == Opcode.CHUNK:
+        name = struct.unpack_from("<I", content, 28)[0] if len(content) >= 32 else 99
+        if name > 4 or len(content) < 40 + name:
+            return False
+        return bool(length == 40 + name + struct.unpack_from("<Q", content, 32 + name)[0])
+    return 1 <= opcode <= 15 or opcode >= 0x80  # above: private records, which readers skip
+
+
+def _resume(handle: BinaryIO, at: int, size: int) -> int | None:
+    """The next offset from which three records follow each other (fewer only at the end of the file)."""
+    while at < size:
+        handle.seek(at)
+        block = handle.read(_SEARCH + 9)
+        for k in range(min(len(block), _SEARCH)):
+            if 1 <= block[k] <= 15 and block[k + 6 : k + 9] == b"\0\0\0" and _chain(handle, at + k, size):
+                return at + k
+        at += _SEARCH
+    return None
+
+
+def _chain(handle: BinaryIO, at: int, size: int) -> bool:
+    for _ in range(3):
+        record = _record(handle, at, size)
+        if record is None:
+            return False
+        if record.opcode == Opcode.FOOTER:
+            return True
+        at = record.end
+    return True
+
+
+def read_content(handle: BinaryIO, record: Record) -> bytes:
+    """The content of a record, without opcode and length."""
+    handle.seek(record.start + _HEAD.size)
+    return handle.read(record.end - record.start - _HEAD.size)
+
+
+def open_chunk(content: bytes) -> Chunk:
+    """A chunk, whole or cut, as far as it can be decompressed; records that fail the chunk's checksum are not given."""
+    if len(content) < _CHUNK.size:
+        return Chunk(0, 0, b"", "cut in its header")
+    first, last, expected, crc, name = _CHUNK.unpack_from(content)
+    compression, packed = content[32 : 32 + name], content[40 + name :]
+    if expected > LARGEST_CHUNK or name > 4:
+        return Chunk(first, last, b"", f"declares {expected} bytes")
+    try:
+        data = _decompress(compression, packed)
+    except (zstandard.ZstdError, RuntimeError, ValueError, EOFError, MemoryError) as error:
+        return Chunk(first, last, b"", f"cannot be decompressed: {error}")
+    if len(data) != expected:
+        return Chunk(first, last, data[:expected], f"{len(data)} of {expected} bytes")
+    if crc and zlib.crc32(data) != crc:
+        return Chunk(first, last, b"", "fails its checksum")
+    return Chunk(first, last, data)
+
+
+def _decompress(compression: bytes, packed: bytes) -> bytes:
+    """As much as `packed` yields; a cut stream gives its intact beginning."""
+    if compression == b"zstd":
+        return zstandard.ZstdDecompressor().decompressobj().decompress(packed)
+    if compression == b"lz4":
+        return bytes(lz4.frame.LZ4FrameDecompressor().decompress(packed, LARGEST_CHUNK))
+    if compression == b"":
+        return packed
+    raise ValueError(f"unknown compression {compression!r}")
+
+
+def inner_records(data: bytes) -> Iterator[tuple[int, bytes, int]]:
+    """Opcode, content and end offset of each whole record in decompressed chunk `data`."""
+    at = 0
+    while at + _HEAD.size <= len(data):
+        opcode, length = _HEAD.unpack_from(data, at)
+        start, at = at + _HEAD.size, at + _HEAD.size + length
+        if at > len(data):
+            return
+        yield opcode, data[start:at], at

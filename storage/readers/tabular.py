@@ -1,0 +1,152 @@
+"""Tables as recordings: MAT v5-v7.3, Parquet, CSV, and whitespace ASCII (.asc .dat .txt).
+
+What a table does not say is not invented: it has no clock until a mapping names the field of time, so that
+`Topic.time` is the sample's index here. The layout is left to `aerodb.mapping.choose_mapping`.
+"""
+
+import hashlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
+
+from aerodb.errors import InputError
+from aerodb.recording import Damage, Recording, Topic
+from storage.readers.mat import MOST_BYTES, Variables, is_mat5, read_hdf5, read_mat5
+from storage.readers.text import read_text
+
+#: Topic of a file that holds one table, and of the vectors of a MAT file.
+TABLE: Final = "table"
+#: A matrix this many times wider than high holds its samples along the rows.
+_LYING: Final = 10
+_HDF5: Final = b"\x89HDF\r\n\x1a\n"
+_TEXT_SUFFIXES = (".csv", ".tsv", ".asc", ".dat", ".txt")
+SUFFIXES: Final = (".mat", ".h5", ".hdf5", ".parquet", *_TEXT_SUFFIXES)
+
+
+def read_tabular(path: Path) -> Recording:
+    """A table file as a Recording of format ``tabular``; its kind is told by its first bytes, then by its suffix.
+
+    CSV, ASCII and Parquet give one topic ``table`` whose fields are the named columns, or ``"1"``, ``"2"``, ... where
+    there is no header. In a MAT file each numeric matrix is a topic with fields ``"1"``, ``"2"``, ... (its columns,
+    counted from 1; its rows where it is far wider than high), members of structs have dotted names, all vectors of the
+    longest length are fields of topic ``table`` (of another length n: ``table_n``), numbers and texts are metadata.
+    `Topic.time` is the sample index.
+
+    Units come from Parquet's field metadata ``unit`` and from headers such as ``alpha [deg]`` or ``alpha (deg)``.
+    Raises InputError for a file that is empty, of another type, ragged, or holds no table; a cut end is reported as
+    damage and what stands before it is kept.
+    """
+    where = str(path)
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror or error}", where, "check the path and its permissions") from error
+    if not data:
+        raise InputError("the file is empty", where, "copy the log again")
+    topics, metadata, damage = _parse(data, path.suffix.lower(), where)
+    if not topics:
+        what = "holds no table of numbers" + (f" ({damage[0].what})" if damage else "")
+        raise InputError(what, where, "a table needs at least two rows and one column of numbers")
+    digest = hashlib.sha256(data).hexdigest()
+    return Recording(where, "tabular", digest, len(data), topics, metadata, tuple(damage))
+
+
+Parsed = tuple[dict[str, Topic], dict[str, str | int | float], list[Damage]]
+
+
+def _parse(data: bytes, suffix: str, where: str) -> Parsed:
+    if data[:4] == b"PAR1":
+        return _parquet(data, where)
+    if data[:8] == _HDF5 or data[512:520] == _HDF5:
+        return _from_variables(read_hdf5(data, where))
+    if is_mat5(data):
+        return _from_variables(read_mat5(data))
+    if suffix in _TEXT_SUFFIXES:
+        table = read_text(data, where)
+        return {TABLE: _topic(TABLE, table.columns, table.units)}, table.metadata, table.damage
+    if suffix in SUFFIXES:
+        what = f"is no {suffix} file of a known version: it begins with {data[:8]!r}"
+        raise InputError(what, where, "save a MAT file with version 5 or later; give text a suffix such as .csv")
+    raise InputError(f"unknown kind of table '{suffix}'", where, f"known: {', '.join(SUFFIXES)}")
+
+
+def _topic(name: str, fields: Mapping[str, NDArray[Any]], units: Mapping[str, str] | None = None) -> Topic:
+    length = len(next(iter(fields.values())))
+    return Topic(name, np.arange(length, dtype=np.float64), fields, units or {})
+
+
+def _from_variables(found: Variables) -> Parsed:
+    """Matrices as topics of their own, vectors gathered by length, numbers and texts as metadata."""
+    topics: dict[str, Topic] = {}
+    metadata: dict[str, str | int | float] = {}
+    vectors: dict[int, dict[str, NDArray[Any]]] = {}
+    skipped = list(found.skipped)
+    for name, value in found.values.items():
+        if isinstance(value, str):
+            metadata[name] = value
+        elif value.size == 1:
+            metadata[name] = value.ravel()[0].item()
+        elif value.ndim <= 2 and value.size and value.size == max(value.shape):
+            vectors.setdefault(value.size, {})[name] = value.ravel(order="F")
+        elif value.ndim == 2 and value.size:
+            upright = value.T if value.shape[1] > _LYING * value.shape[0] else value
+            topics[name] = _topic(name, {str(k + 1): upright[:, k] for k in range(upright.shape[1])})
+        elif value.size:
+            skipped.append(name)
+    for length in sorted(vectors, reverse=True):
+        name = TABLE if length == max(vectors) else f"{TABLE}_{length}"
+        while name in topics:
+            name += "_vectors"
+        topics[name] = _topic(name, vectors[length])
+    if skipped:
+        metadata["skipped"] = ", ".join(skipped)
+    return topics, metadata, found.damage
+
+
+def _parquet(data: bytes, where: str) -> Parsed:
+    try:
+        file = pq.ParquetFile(pa.BufferReader(data))
+        rows, width = file.metadata.num_rows, file.metadata.num_columns
+        if (
+            max(rows * width * 8, sum(file.metadata.row_group(k).total_byte_size for k in range(file.num_row_groups)))
+            > MOST_BYTES
+        ):
+            raise InputError(f"declares {rows} rows of {width} columns", where, "split the log")
+        table = file.read()
+    except InputError:
+        raise
+    except Exception as error:  # Arrow raises its own types, OSError, and more on damaged metadata
+        what = f"not readable as Parquet: {str(error)[:200]}"
+        raise InputError(what, where, "copy the log again: a cut Parquet file has lost its index") from error
+    fields: dict[str, NDArray[Any]] = {}
+    units: dict[str, str] = {}
+    skipped = []
+    for column, declared in zip(table.columns, table.schema, strict=True):
+        values = _numbers(column)
+        if values is None or not len(values):
+            skipped.append(declared.name)
+            continue
+        fields[declared.name] = values
+        unit = (declared.metadata or {}).get(b"unit")
+        if pa.types.is_temporal(declared.type):
+            units[declared.name] = "s"
+        elif unit is not None:
+            units[declared.name] = unit.decode("utf-8", errors="replace")
+    return ({TABLE: _topic(TABLE, fields, units)} if fields else {}), ({"skipped": ", ".join(skipped)} if skipped else {}), []
+
+
+def _numbers(column: pa.ChunkedArray) -> NDArray[Any] | None:
+    """A Parquet column as numbers (nulls are nan, times are seconds since 1970); None where it holds something else."""
+    kind = column.type
+    if pa.types.is_timestamp(kind):
+        nanoseconds = column.cast(pa.timestamp("ns", kind.tz), safe=False).cast(pa.int64())
+        return np.asarray(nanoseconds.to_numpy(), dtype=np.float64) * 1e-9
+    if pa.types.is_boolean(kind) or pa.types.is_integer(kind) or pa.types.is_floating(kind):
+        values = column.to_numpy()
+        return values if values.dtype.kind in "fiu" else np.asarray(values, dtype=np.float64)
+    return None

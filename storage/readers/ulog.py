@@ -1,0 +1,202 @@
+"""ULog (PX4's log format) to Recording.
+
+pyulog decides what the definitions mean: formats, nested fields, information, parameters. The bulk of the file, and the
+search for damage, are the compiled walk of `ulog_framing`, because pyulog hides truncation and trips over flipped bytes.
+What ULog cannot show: it carries no checksums, so that flipped bits inside a payload pass as data; and a file cut exactly
+between two messages looks whole. Units are not in the format; a mapping declares them.
+"""
+
+import hashlib
+import io
+from collections.abc import Collection, Iterable, Mapping
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pyulog import ULog
+from pyulog.exceptions import ULogException
+
+from aerodb.errors import InputError
+from aerodb.inspection import missing_by_topic
+from aerodb.recording import Damage, DamageKind, Recording, Topic
+from storage.readers.ulog_framing import HEADER_BYTES, Survey, survey
+from storage.readers.ulog_topics import LoggedTopics, Place
+
+MAGIC = b"ULog\x01\x12\x35"
+#: Places of damage that are listed one by one; the rest is summed up in one entry.
+_LISTED = 200
+_TYPES = {name: np.dtype(entry[2]).newbyteorder("<") for name, entry in ULog._UNPACK_TYPES.items()}
+_NO_LOG = "check that the transfer was complete; the original on the vehicle may still be whole"
+
+
+def read_ulog(path: Path, topics: Collection[str] | None = None) -> Recording:
+    """Reads a ULog file, damaged or not.
+
+    Parameters
+    ----------
+    path : the file.
+    topics : names of the topics wanted (every instance of them); None for all. Fewer topics take less memory.
+
+    Returns
+    -------
+    Recording with time in s (the log's microseconds since boot), fields in their own types as views into packed records,
+    arrays as ``q[0]``, nested fields as ``battery.voltage``, instance i > 0 as ``name.i``. Topics of a large log are read
+    from the file when they are asked for (`ulog_topics`): it must stay where it is as long as they are used. Damage with an empty topic
+    is what happened to the file (its `bytes_lost` add up to all bytes not read); for the same interval, entries with a
+    topic say how many of its samples are missing, by its own median interval.
+
+    Raises InputError for what is no ULog file, or holds no data. Source: ULog file format (docs.px4.io, dev_log).
+    """
+    size = path.stat().st_size
+    with path.open("rb") as handle:
+        head = handle.read(4096)
+        _check_header(head, size, path)
+        appended = _appended_offsets(head)
+        found = survey(handle, size, appended)
+        definitions = _parse_definitions(head, found, path)
+        handle.seek(0)
+        sha256 = hashlib.file_digest(handle, "sha256").hexdigest()
+    places = _places(definitions, found, topics)
+    if not places and topics is None:
+        raise InputError("no data in this log", str(path), _NO_LOG)
+    read = LoggedTopics(path, found, places)
+    is_cut = any(offset > size for offset in appended)
+    damage = [*_file_damage(found, is_cut), *_dropouts(found), *_undecoded(found), *_backwards(found, places)]
+    damage += missing_by_topic(read, damage)
+    metadata = _metadata(definitions)
+    start = _start_utc(definitions, read)
+    layout = "px4" if metadata.get("sys_name") == "PX4" or "sensor_combined" in read else ""
+    return Recording(str(path), "ulog", sha256, size, read, metadata, tuple(damage), start, layout)
+
+
+def _check_header(head: bytes, size: int, path: Path) -> None:
+    if size == 0:
+        raise InputError("the file is empty", str(path), _NO_LOG)
+    if head[: len(MAGIC)] != MAGIC:
+        raise InputError("not a ULog file: its first bytes are not 'ULog'", str(path), "name the format, or convert the log")
+    if size < HEADER_BYTES:
+        raise InputError(f"only {size} bytes: the header is incomplete", str(path), _NO_LOG)
+
+
+def _appended_offsets(head: bytes) -> list[int]:
+    """Where data were appended (flag bits message, which must be the first): increasing offsets, nothing else."""
+    body = head[HEADER_BYTES + 3 : HEADER_BYTES + 43]
+    if head[HEADER_BYTES + 2 : HEADER_BYTES + 3] != b"B" or len(body) < 40 or not body[8] & 1:
+        return []
+    offsets = [int.from_bytes(body[k : k + 8], "little") for k in (16, 24, 32)]
+    used = [offset for offset in offsets if offset]
+    return used if used == sorted(set(used)) and used[0] > HEADER_BYTES else []
+
+
+def _parse_definitions(head: bytes, found: Survey, path: Path) -> ULog:
+    """pyulog's view of the definitions: all messages but data, with one blank data message per topic."""
+    skeleton = io.BytesIO()
+    # A known file version keeps pyulog from writing warnings to the terminal.
+    skeleton.write(head[:7] + bytes([min(head[7], 1)]) + head[8:HEADER_BYTES])
+    for k, message in enumerate(found.definitions):
+        if message[2] != ord("B"):
+            skeleton.write(message)
+        elif k == 0:
+            skeleton.write(b"\x28\x00B" + message[3:11] + bytes([message[11] & ~1]) + message[12:19] + bytes(24))
+    for identity, topic in found.subscriptions.items():
+        if topic.layout is not None and found.count[identity]:
+            blank = identity.to_bytes(2, "little") + bytes(topic.layout.trimmed)
+            skeleton.write(len(blank).to_bytes(2, "little") + b"D" + blank)
+    skeleton.seek(0)
+    try:
+        return ULog(skeleton)
+    except ULogException as error:
+        raise InputError(f"cannot be read: {error}", str(path), "it may need a newer version of this program") from error
+
+
+def _places(definitions: ULog, found: Survey, topics: Collection[str] | None) -> dict[str, Place]:
+    """Where the data of each topic are, by the topic's name."""
+    places: dict[str, Place] = {}
+    for item in definitions.data_list:
+        if (topics is None or item.name in topics) and _is_timed(found, item.msg_id):
+            record = np.dtype([(f.field_name, _TYPES[f.type_str]) for f in item.field_data])
+            instance = item.multi_id
+            while (name := f"{item.name}.{instance}" if instance else item.name) in places:
+                instance += 1
+            places[name] = Place(item.msg_id, record, int(found.count[item.msg_id]))
+    return dict(sorted(places.items()))
+
+
+def _is_timed(found: Survey, identity: int) -> bool:
+    layout = found.subscriptions[identity].layout
+    return layout is not None and layout.stamp >= 0
+
+
+def _undecoded(found: Survey) -> Iterable[Damage]:
+    for identity, topic in found.subscriptions.items():
+        n = int(found.count[identity])
+        if n and not _is_timed(found, identity):
+            why = "their format is damaged" if topic.name else f"the announcement of message id {identity} is damaged"
+            if topic.layout is not None:
+                why = "they have no 64-bit timestamp"
+            yield Damage("values", f"{n} messages not decoded: {why}", topic.name)
+
+
+def _seconds(stamp: int) -> float | None:
+    return stamp * 1e-6 if stamp >= 0 else None
+
+
+def _file_damage(found: Survey, is_cut: bool) -> Iterable[Damage]:
+    for lost in found.lost[:_LISTED]:
+        n = lost.end - lost.start
+        kind: DamageKind = "lost_tail" if lost.tail else "framing"
+        place = "the file ends inside a record" if lost.tail else "bytes that belong to no record"
+        what = f"{place}: {n} bytes from offset {lost.start}"
+        yield Damage(kind, what, "", _seconds(lost.before), _seconds(lost.after), n)
+    rest = found.lost[_LISTED:]
+    if rest:
+        n = sum(lost.end - lost.start for lost in rest)
+        start, end = _seconds(rest[0].before), _seconds(rest[-1].after)
+        yield Damage("framing", f"{len(rest)} more damaged places: {n} bytes", "", start, end, n)
+    if is_cut and not any(lost.tail for lost in found.lost):
+        yield Damage("lost_tail", "the file ends before the data that its header announces", "", None, None)
+
+
+def _dropouts(found: Survey) -> Iterable[Damage]:
+    """What the logger itself reported: its buffer was full between the message before the report and the one after."""
+    for before, after, milliseconds in found.dropouts:
+        yield Damage("dropout", f"the logger reported {milliseconds} ms lost", "", _seconds(before), _seconds(after))
+
+
+def _backwards(found: Survey, places: Mapping[str, Place]) -> Iterable[Damage]:
+    for name, place in places.items():
+        n, latest = (int(value) for value in found.back[place.identity])
+        if n:
+            where = latest * 1e-6
+            yield Damage("time", f"time runs backwards {n} times, first at {where:.6f} s", name, where, where)
+
+
+def _metadata(definitions: ULog) -> dict[str, str | int | float]:
+    """Information of one value, parameters at the start as ``param:NAME``, and ``param_last:NAME`` where changed later."""
+    found: dict[str, Any] = dict(definitions.msg_info_dict)
+    found |= {f"param:{name}": value for name, value in definitions.initial_parameters.items()}
+    found |= {f"param_last:{name}": value for _, name, value in definitions.changed_parameters}
+    return {name: value for name, value in found.items() if isinstance(value, (str, int, float))}
+
+
+def _start_utc(definitions: ULog, read: Mapping[str, Topic]) -> datetime | None:
+    """UTC at time zero of the file's header, from the log's own statement or from satellite navigation."""
+    stated = definitions.msg_info_dict.get("start_utc")
+    if isinstance(stated, str):
+        try:
+            return datetime.fromisoformat(stated).astimezone(UTC)
+        except ValueError:
+            pass
+    for name in read:
+        if name.split(".")[0] not in ("vehicle_gps_position", "sensor_gps"):
+            continue
+        topic = read[name]
+        if "time_utc_usec" in topic.fields:
+            utc = np.asarray(topic.fields["time_utc_usec"], dtype=np.float64) * 1e-6
+            fixed = np.flatnonzero((utc > 1e9) & (utc < 1e10))  # 2001 to 2286: no fix is zero
+            if len(fixed):
+                first = int(fixed[0])
+                elapsed = float(topic.time[first]) - definitions.start_timestamp * 1e-6
+                return datetime.fromtimestamp(float(utc[first]), UTC) - timedelta(seconds=elapsed)
+    return None

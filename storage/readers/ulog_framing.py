@@ -1,0 +1,360 @@
+"""Walks a ULog file from the first byte to the last, so that no byte is lost unnoticed.
+
+Two passes over windows of the file, both compiled: `survey` follows the message headers, finds what belongs to no
+record, and counts; `gather` copies the data of each topic into one array. The file is never held in memory as a whole.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import BinaryIO
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from storage.readers.ulog_definitions import Formats, Layout, is_record
+
+Bytes = NDArray[np.uint8]
+Integers = NDArray[np.int64]
+
+HEADER_BYTES = 16
+_DATA = ord("D")
+_WINDOW = 1 << 23
+#: Bytes that must be in view behind a position: enough to follow three of the largest messages.
+_MARGIN = 3 * (3 + 0xFFFF)
+
+
+@dataclass(frozen=True)
+class Lost:
+    """Bytes [start, end) that belong to no record; `tail` when the file ends inside a record. `before` and `after`: the
+    timestamps [us] of the nearest data messages, -1 where there is none."""
+
+    start: int
+    end: int
+    tail: bool
+    before: int
+    after: int
+
+
+@dataclass(frozen=True)
+class Subscription:
+    """An announced topic. `layout` is None when its format is damaged; `name` is empty when the announcement is."""
+
+    name: str
+    instance: int
+    layout: Layout | None
+
+
+@dataclass(frozen=True)
+class Survey:
+    """What stands where in the file. `definitions` holds the messages other than data, in order, with headers; by message id,
+    `count` (65536,) is the number of data messages, `back` (65536, 2) how often their time ran backwards and from which
+    timestamp first; `intact` are byte ranges of whole messages; `dropouts` are
+    (timestamp before, timestamp after, reported ms)."""
+
+    definitions: tuple[bytes, ...]
+    subscriptions: Mapping[int, Subscription]
+    count: Integers
+    back: Integers
+    intact: tuple[tuple[int, int], ...]
+    lost: tuple[Lost, ...]
+    dropouts: tuple[tuple[int, int, int], ...]
+
+
+@njit(cache=True)
+def _walk(
+    block: Bytes,
+    at: int,
+    low: Integers,
+    high: Integers,
+    stamp: Integers,
+    count: Integers,
+    latest: Integers,
+    back: Integers,
+    last: int,
+) -> tuple[int, int]:
+    """Follows data messages from `at`; stops at the first thing that is not one of a known topic, whole, of right size.
+
+    By message id: `count` of messages, `latest` timestamp, ``back[id]`` = how often time ran backwards and, first, from when.
+    """
+    n = len(block)
+    while at + 5 <= n and block[at + 2] == 68:
+        size = block[at] + 256 * block[at + 1]
+        identity = block[at + 3] + 256 * block[at + 4]
+        if size < 2 or at + 3 + size > n or low[identity] < 0 or size - 2 < low[identity] or size - 2 > high[identity]:
+            break
+        count[identity] += 1
+        if stamp[identity] >= 0:
+            now = np.int64(0)
+            for k in range(8):
+                now |= np.int64(block[at + 5 + stamp[identity] + k]) << (8 * k)
+            if now < latest[identity]:
+                back[identity, 0] += 1
+                if back[identity, 0] == 1:
+                    back[identity, 1] = latest[identity]
+            latest[identity] = now
+            if now > 0:  # some messages are logged without a time
+                last = int(now)
+        at += 3 + size
+    return at, last
+
+
+@njit(cache=True)
+def _candidate(block: Bytes, at: int, low: Integers, high: Integers) -> int:
+    """The next position that could be a header, judged by a few bytes; -1 when none is in view."""
+    n = len(block)
+    while at + 5 <= n:
+        size, kind = block[at] + 256 * block[at + 1], block[at + 2]
+        if size >= 2 and at + 3 + size <= n:
+            first, second = block[at + 3], block[at + 4]
+            if kind == 68:
+                identity = first + 256 * second
+                if low[identity] >= 0 and low[identity] <= size - 2 <= high[identity]:
+                    return at
+            elif kind == 76 or kind == 67:  # L C: the level is a digit
+                if size >= 9 and 48 <= first <= 55:
+                    return at
+            elif kind == 79 or kind == 82:  # O R
+                if size == 2:
+                    return at
+            elif kind == 83:  # S
+                if size == 8 and first == 0x2F and second == 0x73:
+                    return at
+            elif kind == 73 or kind == 80:  # I P: length of the key, then the key's type
+                if first < size and 97 <= second <= 122:
+                    return at
+            elif kind == 77 or kind == 81:  # M Q: one byte more
+                if second < size and size > 3 and 97 <= block[at + 5] <= 122:
+                    return at
+            elif kind == 70:  # F
+                if 48 <= first <= 122 and 45 <= second <= 122:
+                    return at
+            elif kind == 65 and size > 3 and 48 <= block[at + 6] <= 122:  # A
+                return at
+        at += 1
+    return -1
+
+
+@njit(cache=True)
+def _copy(block: Bytes, at: int, take: Integers, cursor: Integers, limit: Integers, flat: Bytes) -> int:
+    """Copies the first `take[id]` data bytes of every message from `at` on to ``flat[cursor[id]:]``; returns the end."""
+    n = len(block)
+    while at + 3 <= n:
+        size = block[at] + 256 * block[at + 1]
+        if at + 3 + size > n:
+            break
+        if block[at + 2] == 68:
+            identity = block[at + 3] + 256 * block[at + 4]
+            into, amount = cursor[identity], take[identity]
+            if amount > 0 and amount <= size - 2 and into + amount <= limit[identity]:
+                for k in range(amount):
+                    flat[into + k] = block[at + 5 + k]
+                cursor[identity] = into + amount
+        at += 3 + size
+    return at
+
+
+class _Windows:
+    """The file in pieces: `view(at, end)` is an array whose first byte is the file's `base`, and which reaches `end` or
+    at least _MARGIN bytes beyond `at`."""
+
+    def __init__(self, handle: BinaryIO) -> None:
+        self._handle, self._buffer = handle, bytearray(_WINDOW)
+        self._base, self._filled = 0, 0
+
+    def view(self, at: int, end: int) -> tuple[Bytes, int]:
+        loaded = self._base + self._filled
+        if at < self._base or (loaded < end and loaded < at + _MARGIN):
+            self._handle.seek(at)
+            self._base, self._filled = at, self._handle.readinto(self._buffer)  # type: ignore[attr-defined]
+        length = min(self._filled, end - self._base)
+        return np.frombuffer(self._buffer, dtype=np.uint8, count=max(length, 0)), self._base
+
+
+@dataclass
+class _Surveyor:
+    """The state of a survey: tables by message id, and what has been found."""
+
+    windows: _Windows
+    formats: Formats = field(default_factory=Formats)
+    low: Integers = field(default_factory=lambda: np.full(65536, -1, dtype=np.int64))
+    high: Integers = field(default_factory=lambda: np.full(65536, -1, dtype=np.int64))
+    stamp: Integers = field(default_factory=lambda: np.full(65536, -1, dtype=np.int64))
+    count: Integers = field(default_factory=lambda: np.zeros(65536, dtype=np.int64))
+    latest: Integers = field(default_factory=lambda: np.zeros(65536, dtype=np.int64))
+    back: Integers = field(default_factory=lambda: np.zeros((65536, 2), dtype=np.int64))
+    subscriptions: dict[int, Subscription] = field(default_factory=dict)
+    definitions: list[bytes] = field(default_factory=list)
+    intact: list[tuple[int, int]] = field(default_factory=list)
+    lost: list[Lost] = field(default_factory=list)
+    dropouts: list[tuple[int, int, int]] = field(default_factory=list)
+    last: int = -1
+
+    def segment(self, at: int, end: int, is_file_end: bool) -> None:
+        """Follows the messages of [at, end)."""
+        good = at
+        while at < end:
+            block, base = self.windows.view(at, end)
+            tables = (self.low, self.high, self.stamp, self.count, self.latest, self.back)
+            here, self.last = _walk(block, at - base, *tables, self.last)
+            if base + here > at:
+                at = base + here
+                continue
+            follows = self._take(at, end)
+            if follows > at:
+                at = follows
+                continue
+            found = self._resume(at + 1, end)
+            self.intact.append((good, at))
+            at, gone = (end, at) if found is None else (found, at)
+            self.lost.append(Lost(gone, at, is_file_end and found is None, self.last, self._stamp_at(at, end)))
+            good = at
+        self.intact.append((good, end))
+
+    def _message(self, at: int, end: int) -> tuple[int, bytes] | None:
+        """Type and body of the message at `at`, None when it does not fit before `end`."""
+        block, base = self.windows.view(at, end)
+        head = block[at - base : at - base + 3]
+        if len(head) < 3:
+            return None
+        size = int(head[0]) + 256 * int(head[1])
+        body = block[at - base + 3 : at - base + 3 + size].tobytes()
+        return (int(head[2]), body) if len(body) == size else None
+
+    def _is_valid(self, kind: int, body: bytes) -> bool:
+        if kind != _DATA:
+            return is_record(kind, body)
+        identity = int.from_bytes(body[:2], "little")
+        return len(body) >= 2 and 0 <= self.low[identity] <= len(body) - 2 <= self.high[identity]
+
+    def _chain(self, at: int, end: int) -> bool:
+        """Whether two valid messages follow from `at`, or one data message and then the (possibly cut) end."""
+        for links in range(2):
+            message = self._message(at, end)
+            if message is None:
+                return links > 0
+            if not self._is_valid(*message):
+                return False
+            at += 3 + len(message[1])
+            if at == end:
+                return True
+        return True
+
+    def _resume(self, at: int, end: int) -> int | None:
+        """The next position from which messages follow each other again; None when there is none before `end`."""
+        while at < end:
+            block, base = self.windows.view(at, end)
+            found = _candidate(block, at - base, self.low, self.high)
+            if found < 0:
+                if base + len(block) >= end:
+                    return None
+                at = max(at + 1, base + len(block) - _MARGIN + 1)
+            elif self._chain(base + found, end):
+                return base + int(found)
+            else:
+                at = base + int(found) + 1
+        return None
+
+    def _stamp_at(self, at: int, end: int) -> int:
+        """Timestamp of the first data message from `at` on, looking no further than a few messages; -1 without one."""
+        for _ in range(8):
+            message = self._message(at, end)
+            if message is None:
+                break
+            kind, body = message
+            if kind == _DATA and self._is_valid(kind, body):
+                place = int(self.stamp[int.from_bytes(body[:2], "little")])
+                stamp = int.from_bytes(body[2 + place : 10 + place], "little", signed=True) if place >= 0 else 0
+                if stamp > 0:
+                    return stamp
+            at += 3 + len(body)
+        return -1
+
+    def _take(self, at: int, end: int) -> int:
+        """Uses the message at `at`; returns where it ends, or `at` when it is damaged."""
+        message = self._message(at, end)
+        if message is None:
+            return at
+        kind, body = message
+        follows = at + 3 + len(body)
+        if kind == _DATA:
+            return follows if self._is_unannounced(body, follows, end) else at
+        if not is_record(kind, body):
+            return at
+        if chr(kind) == "O":
+            self.dropouts.append((self.last, self._stamp_at(follows, end), int.from_bytes(body, "little")))
+        elif chr(kind) not in "SR":
+            if chr(kind) == "F":
+                self.formats.add(body.decode("ascii"))
+            if chr(kind) != "A" or self._announce(body):
+                self.definitions.append(len(body).to_bytes(2, "little") + bytes([kind]) + body)
+        return follows
+
+    def _announce(self, body: bytes) -> bool:
+        """Enters a topic into the tables; false when nothing of it can be decoded, or its id is taken already."""
+        identity, name = int.from_bytes(body[1:3], "little"), body[3:].decode("ascii", "replace")
+        if identity in self.subscriptions:
+            return False
+        layout = self.formats.layout(name)
+        self.subscriptions[identity] = Subscription(name, body[0], layout)
+        self.low[identity], self.high[identity] = (layout.trimmed, layout.full) if layout else (0, 0xFFFF)
+        self.stamp[identity] = layout.stamp if layout else -1
+        return layout is not None
+
+    def _is_unannounced(self, body: bytes, follows: int, end: int) -> bool:
+        """Whether this is sound data of a topic whose announcement was lost: its id is new, and sound messages, or more
+        of its own, follow it."""
+        identity = int.from_bytes(body[:2], "little")
+        if len(body) < 10 or identity in self.subscriptions:
+            return False
+        self.low[identity] = self.high[identity] = len(body) - 2
+        if follows != end and not self._chain(follows, end):
+            self.low[identity] = self.high[identity] = -1
+            return False
+        self.subscriptions[identity] = Subscription("", 0, None)
+        self.count[identity] += 1
+        return True
+
+
+def survey(handle: BinaryIO, size: int, appended: Iterable[int] = ()) -> Survey:
+    """Walks the messages of an open ULog file of `size` bytes from its header to its end.
+
+    `appended` holds the offsets at which data were appended after a crash: there, a cut record before the offset does
+    not hide what follows it.
+    """
+    surveyor = _Surveyor(_Windows(handle))
+    edges = [HEADER_BYTES, *(offset for offset in appended if HEADER_BYTES < offset < size), size]
+    for start, end in pairwise(edges):
+        surveyor.segment(start, end, end == size)
+    return Survey(
+        definitions=tuple(surveyor.definitions),
+        subscriptions=surveyor.subscriptions,
+        count=surveyor.count,
+        back=surveyor.back,
+        intact=tuple((a, b) for a, b in surveyor.intact if b > a),
+        lost=tuple(surveyor.lost),
+        dropouts=tuple(surveyor.dropouts),
+    )
+
+
+def gather(handle: BinaryIO, found: Survey, wanted: Iterable[int]) -> dict[int, Bytes]:
+    """The data of the `wanted` message ids: records without padding, one after another, by id."""
+    take, cursor, limit = (np.zeros(65536, dtype=np.int64) for _ in range(3))
+    total = 0
+    for identity in wanted:
+        layout = found.subscriptions[identity].layout
+        if layout is not None:
+            take[identity], cursor[identity] = layout.trimmed, total
+            total += layout.trimmed * int(found.count[identity])
+            limit[identity] = total
+    starts, flat = cursor.copy(), np.empty(total, dtype=np.uint8)
+    windows = _Windows(handle)
+    for at, end in found.intact:
+        while at < end:
+            block, base = windows.view(at, end)
+            reached = base + int(_copy(block, at - base, take, cursor, limit, flat))
+            if reached == at:
+                raise OSError("the file changed while it was read")
+            at = reached
+    return {int(k): flat[starts[k] : cursor[k]] for k in np.flatnonzero(take)}

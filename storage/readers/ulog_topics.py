@@ -1,0 +1,109 @@
+"""The topics of a ULog file, held as far as memory allows.
+
+A small log is read at once. Of a large one the topics are gathered when they are asked for: the last ones used are
+kept, and who goes through all of them in order gets several per pass through the file.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from aerodb.errors import InputError
+from aerodb.recording import Topic
+from storage.readers.ulog_framing import Survey, gather
+
+#: Bytes of topics that are kept (one topic alone may be larger); a log with no more is held whole.
+KEPT = 96_000_000
+_TIME_BYTES = 8
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a topic's data are: message id, type of one record, how many."""
+
+    identity: int
+    record: np.dtype[Any]
+    samples: int
+
+    @property
+    def size(self) -> int:
+        """Bytes that the topic takes in memory."""
+        return self.samples * (self.record.itemsize + _TIME_BYTES)
+
+
+class LoggedTopics(Mapping[str, Topic]):
+    """Topics by name, in the order of their names."""
+
+    def __init__(self, path: Path, found: Survey, places: Mapping[str, Place]) -> None:
+        self._path, self._found, self._places = path, found, places
+        # A group is what one pass gathered into one allocation; the last used stands last.
+        self._groups: list[dict[str, Topic]] = []
+        self._previous = ""
+        self._stamp = _stamp(path)
+
+    def __len__(self) -> int:
+        return len(self._places)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._places)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._places
+
+    def __getitem__(self, name: str) -> Topic:
+        group = next((group for group in self._groups if name in group), None)
+        if group is None:
+            names = self._together(name)
+            # Evicted first: what is kept and what comes in need not be in memory together.
+            self._evict(KEPT - self._size(names))
+            group = self._read(names)
+        else:
+            self._groups.remove(group)
+        self._groups.append(group)
+        self._previous = name
+        return group[name]
+
+    def _size(self, names: Iterable[str]) -> int:
+        return sum(self._places[name].size for name in names)
+
+    def _evict(self, room: int) -> None:
+        """Forgets the groups not used for longest until what is kept fits into `room` bytes."""
+        while self._groups and sum(self._size(group) for group in self._groups) > room:
+            del self._groups[0]
+
+    def _together(self, name: str) -> list[str]:
+        """The topics to gather in one pass: all of a small log; the next ones too for who goes through them in order."""
+        names = list(self._places)
+        if self._size(names) <= KEPT:
+            return names
+        k = names.index(name)
+        if k > 0 and names[k - 1] != self._previous:
+            return [name]
+        chosen, total = [name], self._places[name].size
+        for following in islice(names, k + 1, None):
+            total += self._places[following].size
+            if total > KEPT:
+                break
+            chosen.append(following)
+        return chosen
+
+    def _read(self, names: list[str]) -> dict[str, Topic]:
+        if _stamp(self._path) != self._stamp:
+            raise InputError("the log changed while it was read", str(self._path), "read it again when it is complete")
+        with self._path.open("rb") as handle:
+            data = gather(handle, self._found, [self._places[name].identity for name in names])
+        read = {}
+        for name in names:
+            records = data[self._places[name].identity].view(self._places[name].record)
+            fields = {field: records[field] for field in records.dtype.names or () if field != "timestamp"}
+            read[name] = Topic(name, records["timestamp"] * 1e-6, fields)
+        return read
+
+
+def _stamp(path: Path) -> tuple[int, int]:
+    status = path.stat()
+    return status.st_size, status.st_mtime_ns

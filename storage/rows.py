@@ -1,0 +1,169 @@
+"""What the catalogue answers with: plain frozen rows, times as UTC datetimes, JSON decoded. No SQL here."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import datetime
+from typing import Any, Literal
+
+from aerodb.recording import Damage
+
+LogStatus = Literal["stored", "damaged", "quarantined"]
+Verdict = Literal["good", "limited", "rejected", "unchecked"]
+Role = Literal["identified", "held_out", "excluded"]
+How = Literal["server", "ephemeral", "direct"]
+RunState = Literal["running", "completed", "failed", "crashed", "cancelled"]
+
+
+@dataclass(frozen=True)
+class VehicleRow:
+    """A vehicle and one text of its file; `sha256` is of that text."""
+
+    name: str
+    text: str
+    sha256: str
+    added_utc: datetime
+
+
+@dataclass(frozen=True)
+class LogRow:
+    """A log file by the sha256 of its bytes; `reason` says why it is in quarantine."""
+
+    sha256: str
+    name: str
+    size: int
+    format: str
+    status: LogStatus
+    reason: str
+    damage: tuple[Damage, ...]
+    added_utc: datetime
+
+
+@dataclass(frozen=True)
+class FlightRow:
+    """A flight as last processed, with its latest verdict; `duration` and `step` in s. Retracted when `retracted_utc` is set."""
+
+    id: str
+    vehicle: str
+    name: str | None
+    log_sha256: str
+    mapping: str
+    start_utc: datetime | None
+    duration: float
+    samples: int
+    step: float
+    verdict: Verdict
+    reasons: tuple[str, ...]
+    retracted_utc: datetime | None
+    retract_reason: str
+    added_utc: datetime
+
+    @property
+    def label(self) -> str:
+        """What people call it: its name, else the first 12 digits of its id."""
+        return self.name or self.id[:12]
+
+
+@dataclass(frozen=True)
+class ResultRow:
+    """A stored result: `path` is relative to the workspace, `inputs` are the hashes that it was made from."""
+
+    key: str
+    step: str
+    kind: str
+    flight: str | None
+    path: str
+    settings: Mapping[str, Any]
+    result_version: int
+    code_version: str
+    inputs: tuple[str, ...]
+    created_utc: datetime
+
+
+@dataclass(frozen=True)
+class FlightRole:
+    """What a flight did for a version, and why when it was excluded."""
+
+    flight: str
+    role: Role
+    reason: str = ""
+
+
+@dataclass(frozen=True)
+class VersionRow:
+    """A database version without its documents (those are large: ask `Catalogue.version_documents`)."""
+
+    id: str
+    vehicle: str
+    number: int
+    parent: str | None
+    content_sha256: str
+    run: str | None
+    created_utc: datetime
+
+    @property
+    def label(self) -> str:
+        """``v0007``, per vehicle."""
+        return f"v{self.number:04d}"
+
+
+@dataclass(frozen=True)
+class VersionDocuments:
+    """What a version consists of: the database as JSON text, the settings that made it, and its report."""
+
+    content: str
+    settings: Mapping[str, Any]
+    report: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class NameEvent:
+    """One move of a name such as ``released``; `previous` is where it pointed before."""
+
+    sequence: int
+    vehicle: str
+    name: str
+    step: int
+    version: str
+    previous: str | None
+    at_utc: datetime
+    user: str
+    reason: str
+
+
+@dataclass(frozen=True)
+class RunRow:
+    """One run of a flow; `ended_utc` is None while it runs."""
+
+    id: str
+    flow: str
+    how: How
+    started_utc: datetime
+    ended_utc: datetime | None
+    state: RunState
+    parameters: Mapping[str, Any]
+    code_version: str
+    error: str
+
+
+@dataclass(frozen=True)
+class Impact:
+    """A version that rests on a flight: through its own use of it (`through` is itself) or that of an ancestor."""
+
+    version: VersionRow
+    role: Role
+    through: str
+
+
+@dataclass(frozen=True)
+class Lineage:
+    """Where a version comes from: `line` is itself and its ancestors, newest first; the rest is over that whole line.
+
+    roles : flight -> role. logs : flight -> sha256 of its log. inputs : version -> keys of the results it was made from.
+    """
+
+    version: VersionRow
+    line: tuple[VersionRow, ...]
+    roles: Mapping[str, Role]
+    logs: Mapping[str, str]
+    inputs: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    runs: tuple[RunRow, ...] = ()

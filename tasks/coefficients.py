@@ -1,0 +1,81 @@
+"""Total coefficients of a stored flight, kept in long form: one row per time and axis."""
+
+from typing import Any
+
+import numpy as np
+
+from aerodb.coefficients import Coefficients, total_coefficients
+from aerodb.errors import InputError
+from aerodb.flight import Flight
+from aerodb.identity import result_key
+from aerodb.vehicle import Vehicle
+from storage.flights import write_results
+from storage.rows import FlightRow
+from tasks.ingest import load_flight
+from tasks.open import Stores, stores
+from tasks.provenance import code_version
+from tasks.settings import RESULT_VERSION
+
+
+def reconstruct(flight: str, *, workspace: str, run: str) -> dict[str, Any]:
+    """Computes and stores the coefficients of a flight (its id).
+
+    Returns a document: flight, key, axes, bandwidth [Hz], notes; or flight, key None and the reason why there are none.
+    """
+    opened = stores(workspace)
+    try:
+        _, coefficients, key = load_coefficients(opened, opened.catalogue.flight(flight), run)
+    except InputError as error:
+        return {"flight": flight, "key": None, "reason": str(error), "axes": [], "notes": []}
+    axes, notes = list(coefficients.values), list(coefficients.notes)
+    return {"flight": flight, "key": key, "axes": axes, "bandwidth": coefficients.bandwidth, "notes": notes}
+
+
+def load_coefficients(opened: Stores, row: FlightRow, run: str) -> tuple[Flight, Coefficients, str]:
+    """A flight, its coefficients and their key; stored when they are not yet.
+
+    They are computed, not read back: that is quicker than reading six axes in long form, and gives the same numbers.
+    """
+    flight, flight_key = load_flight(opened, row, run)
+    vehicle, _ = opened.vehicle(row.vehicle)
+    coefficients = total_coefficients(flight, vehicle)
+    settings = {"bandwidth": coefficients.bandwidth, "angular_acceleration": "differentiated"}
+    key = result_key({"flight": flight_key}, settings, "coefficients", RESULT_VERSION["coefficients"])
+    if opened.catalogue.result(key) is None:
+        _keep(opened, row, vehicle, coefficients, key, flight_key, settings, run)
+    return flight, coefficients, key
+
+
+def _keep(
+    opened: Stores,
+    row: FlightRow,
+    vehicle: Vehicle,
+    coefficients: Coefficients,
+    key: str,
+    flight_key: str,
+    settings: dict[str, object],
+    run: str,
+) -> None:
+    axes, n = list(coefficients.values), len(coefficients.time)
+    table = {
+        "time": np.tile(coefficients.time, len(axes)),
+        "axis": np.repeat(axes, n),
+        "measured": np.concatenate([coefficients.values[axis] for axis in axes]),
+        "sigma": np.concatenate([coefficients.sigma[axis] for axis in axes]),
+        "usable": np.concatenate([coefficients.usable[axis] for axis in axes]),
+    }
+    path = opened.workspace.result_path(key)
+    metadata = {"moment_reference": vehicle.points.moment_reference, "notes": list(coefficients.notes), **settings}
+    write_results(path, table, metadata)
+    opened.catalogue.add_result(
+        key,
+        step="coefficients",
+        kind="coefficients",
+        flight=row.id,
+        path=opened.workspace.relative(path),
+        settings=settings,
+        result_version=RESULT_VERSION["coefficients"],
+        code_version=code_version(),
+        inputs=[flight_key],
+        run=run,
+    )

@@ -1,0 +1,115 @@
+"""Declared increments of an update: which flights, what is estimated, what the candidate does on flights not used."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+from aerodb.comparison import Comparison, compare
+from aerodb.errors import InputError
+from aerodb.flight import Flight
+from aerodb.model_file import ModelFile, parse_model_file
+from aerodb.proof import AxisProof, HoldOut, choose_hold_out, prove, prove_by_leaving_one_out
+from aerodb.tables.database import AeroDatabase
+from aerodb.update import Update, estimate_increments
+from tasks.coefficients import load_coefficients
+from tasks.compare import load_comparison
+from tasks.open import Stores, stores
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What an update rests on: the baseline's id, the flights and their roles, and the comparisons' keys."""
+
+    vehicle: str
+    baseline: str
+    model: str
+    hold_out: HoldOut
+    excluded: tuple[tuple[str, str], ...]
+    keys: tuple[str, ...]
+
+    @property
+    def flights(self) -> tuple[str, ...]:
+        return (*self.hold_out.identified, *self.hold_out.held_out)
+
+
+def plan_update(
+    compared: list[dict[str, Any]],
+    *,
+    workspace: str,
+    run: str,
+    vehicle: str,
+    baseline: str,
+    model: str,
+    hold_out: list[str] | None,
+) -> Plan:
+    """Splits flights into those that identify and those that validate; says which are left out and why.
+
+    `compared` are the documents of `compare_with_version` on `baseline` (its id); `hold_out` flight references, an
+    empty list for none, None for the rule of CONVENTIONS.
+    """
+    opened = stores(workspace)
+    catalogue = opened.catalogue
+    excluded = [(entry["flight"], entry["reason"]) for entry in compared if entry["key"] is None]
+    rows = [catalogue.flight(entry["flight"]) for entry in compared if entry["key"] is not None]
+    excluded += [(row.id, f"retracted: {row.retract_reason}") for row in rows if row.retracted_utc is not None]
+    excluded += [(row.id, f"rejected: {'; '.join(row.reasons)}") for row in rows if row.verdict == "rejected"]
+    out = {flight for flight, _ in excluded}
+    usable = sorted((row for row in rows if row.id not in out), key=lambda row: (row.start_utc or row.added_utc, row.id))
+    if not usable:
+        why = "; ".join(f"{flight[:12]}: {reason}" for flight, reason in excluded) or "none is stored"
+        raise InputError(f"no flight can be used ({why})", f"update of {vehicle}", "ingest flights of this vehicle")
+    requested = None if hold_out is None else [catalogue.flight(ref, vehicle).id for ref in hold_out]
+    split = choose_hold_out([row.id for row in usable], catalogue.roles_in_line(baseline), requested)
+    keys = tuple(entry["key"] for entry in compared if entry["key"] is not None and entry["flight"] not in out)
+    return Plan(vehicle, baseline, model, split, tuple(excluded), keys)
+
+
+def estimate(plan: Plan, *, workspace: str, run: str) -> Update:
+    """Estimates the plan's declared increments on its identification flights."""
+    opened = stores(workspace)
+    flights, comparisons = _loaded(opened, plan, plan.hold_out.identified, run)
+    return estimate_increments(flights, comparisons, parse_model_file(plan.model), opened.database(plan.baseline))
+
+
+def validate(plan: Plan, update: Update, *, workspace: str, run: str) -> tuple[AxisProof, ...]:
+    """Error before and after the update, on flights that did not identify it where there are any."""
+    opened = stores(workspace)
+    flights, comparisons = _loaded(opened, plan, plan.flights, run)
+    before = {c.flight: c for c in comparisons}
+    after = {flight: _compared(opened, flight, update.candidate, run) for flight in plan.flights}
+    if plan.hold_out.kind != "cross-validated":
+        return prove(before, after, plan.hold_out)
+    model, baseline = parse_model_file(plan.model), opened.database(plan.baseline)
+
+    def without(left_out: str) -> Comparison:
+        others = [k for k, flight in enumerate(flights) if flight.id != left_out]
+        candidate = _estimated_where_possible([flights[k] for k in others], [comparisons[k] for k in others], model, baseline)
+        return _compared(opened, left_out, candidate, run)
+
+    return prove_by_leaving_one_out(before, after, without)
+
+
+def _estimated_where_possible(
+    flights: list[Flight], comparisons: list[Comparison], model: ModelFile, baseline: AeroDatabase
+) -> AeroDatabase:
+    """The candidate of the axes that these flights can give; an axis that they cannot stays as in the baseline."""
+    candidate = baseline
+    for declared in model.increment:
+        try:
+            one = estimate_increments(flights, comparisons, ModelFile(increment=(declared,)), baseline)
+        except InputError:
+            continue
+        added = one.candidate.increments[len(baseline.increments) :]
+        candidate = replace(candidate, increments=(*candidate.increments, *added))
+    return candidate
+
+
+def _loaded(opened: Stores, plan: Plan, ids: tuple[str, ...], run: str) -> tuple[list[Flight], list[Comparison]]:
+    loaded = [load_comparison(opened, flight, plan.baseline, run) for flight in ids]
+    return [flight for flight, _, _ in loaded], [comparison for _, comparison, _ in loaded]
+
+
+def _compared(opened: Stores, flight: str, candidate: AeroDatabase, run: str) -> Comparison:
+    row = opened.catalogue.flight(flight)
+    channels, coefficients, _ = load_coefficients(opened, row, run)
+    vehicle, _ = opened.vehicle(row.vehicle)
+    return compare(channels, coefficients, candidate, vehicle.reference)

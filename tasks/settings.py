@@ -1,0 +1,6 @@
+"""Versions of what each step returns. Bump one when its step returns something else for the same input; the golden
+test in tests/test_golden_keys.py reminds. The number is part of every key that the step makes."""
+
+from typing import Final
+
+RESULT_VERSION: Final[dict[str, int]] = {"ingest": 1, "coefficients": 1, "compare": 1, "import": 1, "update": 1}
