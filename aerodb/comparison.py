@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerodb.coefficients import Coefficients
+from aerodb.conditioning.differentiation import smooth
 from aerodb.errors import InputError, nearest
 from aerodb.flight import Array, Flight
 from aerodb.nomenclature import AXES
@@ -46,13 +47,14 @@ def compare(flight: Flight, coefficients: Coefficients, database: AeroDatabase, 
 
     Raises InputError naming the inputs of the database that the flight lacks.
     """
+    flight, notes = _with_flow_rates(flight, database, coefficients.bandwidth)
     lacking = [name for name in sorted(database.inputs) if name not in flight]
     if lacking:
         what = f"database {database.name} needs {', '.join(lacking)}, which the flight does not have"
         remedy = f"{nearest(lacking[0], flight.channels)} Or fix it in the vehicle's [configuration], or bind it at import"
         raise InputError(what, f"flight {flight.id}", remedy)
     prediction = database.predict({name: flight[name] for name in flight.channels})
-    notes = list(coefficients.notes)
+    notes = [*coefficients.notes, *notes]
     measured, sigma = _in_geometry_of(database, coefficients, reference)
     usable = dict(coefficients.usable)
     predicted = {axis: prediction.coefficients[axis] for axis in AXES if axis in measured}
@@ -72,6 +74,13 @@ def compare(flight: Flight, coefficients: Coefficients, database: AeroDatabase, 
         tables = ", ".join(sorted(prediction.outside_tables))
         notes.append(f"{share:.0%} of the samples lie outside tables ({tables}), where edge values are held")
     return Comparison(flight.id, flight.time, measured, sigma, predicted, usable, prediction.outside, tuple(notes))
+
+
+def _with_flow_rates(flight: Flight, database: AeroDatabase, bandwidth: float) -> tuple[Flight, list[str]]:
+    """The flight with alphadot and betadot from alpha and beta, where the database needs them and the log lacks them."""
+    wanted = [(f"{angle}dot", angle) for angle in ("alpha", "beta") if angle in flight and f"{angle}dot" not in flight]
+    made = {rate: smooth(flight[angle], flight.step, bandwidth).rate for rate, angle in wanted if rate in database.inputs}
+    return flight.with_channels(made), [f"{rate} from its angle, at a bandwidth of {bandwidth:g} Hz" for rate in made]
 
 
 def _in_geometry_of(

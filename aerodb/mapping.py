@@ -182,15 +182,12 @@ def _signals(log: _Log, vehicle: Vehicle) -> tuple[dict[str, _Signal], list[str]
     signals: dict[str, _Signal] = {}
     notes: list[str] = []
     for entry in entries.values():
-        declared = vehicle.surfaces.get(entry.name.removeprefix("delta_")) if entry.command else None
-        if entry.command and declared is None:
-            notes.append(
-                f"{entry.name} is logged as a command; without [surfaces.{entry.name.removeprefix('delta_')}] it is not used"
-            )
-            continue
+        label = entry.name.removeprefix("delta_")
         found = _first(log, entry)
-        if found is not None:
-            signals[entry.name] = _Signal(entry.name, *found, declared)
+        if found is not None and entry.command and label not in vehicle.surfaces:
+            notes.append(f"{entry.name} is logged as a command; without [surfaces.{label}] it is not used")
+        elif found is not None:
+            signals[entry.name] = _Signal(entry.name, *found, vehicle.surfaces[label] if entry.command else None)
         elif entry.name in (*_RATES, *_ACCELERATIONS):
             _refuse_broken_clock(log, entry)
     for derived in log.mapping.derived:

@@ -42,14 +42,12 @@ def record(measured, twin_otter):
 
 
 def _with_nasas_constants(flight, column):
-    """The flight with the constants removed that NASA removed: from p and r (columns 71, 73) and from ay (column 62).
+    """The flight with the constants removed that NASA removed: from the rates (columns 71-73) and accelerations (61-63).
 
-    f1_017: -0.1109 deg/s from p, +1.1079 deg/s from r, 0.11342 g added to ay. totter_demo: 0.00584 g added to ax and
-    -0.00384 g to az; its moments were made with the rates as measured. They are read off the file, column against
-    column; each is constant to 1e-12.
+    f1_017: -0.1109 deg/s from p, +1.1079 deg/s from r, 0.11342 g added to ay. totter_demo: 0.0367 deg/s from q, 0.00584 g
+    added to ax and -0.00384 g to az. They are read off the file, column against column; each is constant to 1e-12.
     """
-    p, r = (column(k) * 2 * column(2) / column(78) for k in (71, 73))
-    rates = {"p": p, "r": r} if "f1_017" in flight.id else {}
+    rates = {name: column(k) * 2 * column(2) / column(length) for name, k, length in (("p", 71, 78), ("q", 72, 79), ("r", 73, 78))}
     weight = column(27) * column(77) / column(48)  # ft/s2 per unit of coefficient
     thrust = (column(38) + column(39)) / column(48)
     g = 32.174

@@ -308,6 +308,27 @@ def test_hostile_or_empty_xml_is_refused(text: bytes) -> None:
         import_jsbsim(text, name="bad.xml")
 
 
+def test_damaged_files_are_read_or_refused_never_a_crash() -> None:
+    """Random truncation, flipped bytes and repeated pieces inside the aerodynamics of a real file."""
+    text, rng = aircraft_file("DHC6"), np.random.default_rng(24)
+    start, end = text.index(b"<aerodynamics>"), text.index(b"</fdm_config>")
+    refused = 0
+    for _ in range(300):
+        part = bytearray(text[start:end])
+        for position in rng.integers(len(part), size=rng.integers(1, 4)):
+            part[position] = rng.integers(256)
+        cut, length, target = rng.integers(len(part)), rng.integers(200), rng.integers(len(part))
+        if rng.random() < 0.3:
+            part[target:target] = part[cut : cut + length]
+        elif rng.random() < 0.3:
+            del part[cut:]
+        try:
+            import_jsbsim(text[:start] + bytes(part) + text[end:], name="damaged")
+        except InputError:
+            refused += 1
+    assert 200 < refused < 300
+
+
 def test_binding_of_a_property_that_is_not_there_offers_the_nearest() -> None:
     with pytest.raises(InputError, match="did you mean 'fcs/flap-pos-norm'"):
         import_jsbsim(aircraft_file("DHC6"), name="DHC6", bindings={"fcs/flaps-pos-norm": "0"})

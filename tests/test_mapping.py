@@ -1,6 +1,5 @@
 """From recordings to flights: measured files against their own columns, resampling against known signals, damage, refusals."""
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -9,8 +8,6 @@ import pandas as pd
 import pytest
 from scipy.spatial.transform import Rotation
 
-from aerodb.conditioning.clock import clean_clock, is_uniform
-from aerodb.conditioning.resampling import first_order_lag, hold, low_pass, resampler, uniform_grid
 from aerodb.errors import InputError
 from aerodb.flight import Flight
 from aerodb.mapping import choose_mapping, map_recording, parse_mapping, prevents
@@ -98,19 +95,6 @@ def test_going_down_keeps_the_band_and_removes_what_would_alias() -> None:
     error = flight["alpha"] - np.sin(2 * np.pi * 1.5 * SLOW)
     assert np.max(np.abs(error[inner])) < 2e-3
     assert np.max(np.abs(error)) < 0.2  # the ends are continued, not faded to zero
-
-
-def test_low_pass_keeps_straight_lines_to_their_ends() -> None:
-    line = np.column_stack([3.0 + 2.0 * FAST, np.full(len(FAST), 7.0)])
-    np.testing.assert_allclose(low_pass(line, 0.004, 0.02), line, rtol=1e-9)
-
-
-def test_going_down_from_jittered_stamps() -> None:
-    rng = np.random.default_rng(4)
-    time = FAST + rng.uniform(-1e-3, 1e-3, len(FAST))
-    values = np.sin(2 * np.pi * time)
-    result = resampler(time, SLOW)(values)
-    assert np.max(np.abs(result - np.sin(2 * np.pi * SLOW))[25:-25]) < 2e-3
 
 
 def test_going_up_joins_by_lines_and_flags_silence() -> None:
@@ -203,16 +187,6 @@ def test_a_command_without_calibration_is_not_taken_for_a_deflection() -> None:
     assert any("surfaces.elevator" in note for note in flight.notes)
 
 
-def test_first_order_lag_and_stair() -> None:
-    time = np.arange(0.0, 1.0, 0.05)
-    response = first_order_lag(np.where(time > 0.0, 1.0, 0.0), 0.05, 0.2)
-    np.testing.assert_allclose(response[1:], 1.0 - np.exp(-(time[1:] - 0.05) / 0.2), rtol=1e-12)
-    np.testing.assert_array_equal(first_order_lag(time, 0.05, 0.0), time)
-    np.testing.assert_array_equal(
-        hold(np.array([0.0, 0.1]), np.array([1.0, 2.0]), np.array([-1.0, 0.05, 0.1, 9.0])), [1, 1, 2, 2]
-    )
-
-
 def test_constants_of_the_vehicle_fill_what_the_log_lacks() -> None:
     recording = _recording({"imu": (SLOW, {"q": SLOW})})
     flight = map_recording(recording, _mapping(("q", "imu", "q", "rad/s")), _vehicle(SURFACES), "first")
@@ -256,21 +230,6 @@ def test_small_steps_back_are_dropped_and_reported() -> None:
     assert flight.damage[0].what.startswith("3 samples")
 
 
-def test_odd_stamps_go_not_their_neighbours() -> None:
-    clean = clean_clock(np.array([0.0, 1.0, 9.0, *range(3, 60)]))
-    assert np.flatnonzero(~clean.keep).tolist() == [2]
-    late = np.append(np.arange(100.0), 1e9)
-    assert np.flatnonzero(~clean_clock(late).keep).tolist() == [100]
-
-
-@pytest.mark.parametrize("time", [SLOW[::-1], np.zeros(100), np.full(100, np.nan), np.tile(np.arange(100.0), 3), np.array([0.0])])
-def test_a_clock_that_is_none_is_refused(time: np.ndarray) -> None:
-    with pytest.raises(InputError, match="time does not increase") as refusal:
-        clean_clock(time, "log, topic imu")
-    assert refusal.value.where == "log, topic imu"
-    assert refusal.value.remedy
-
-
 def test_a_broken_clock_costs_its_topic_or_the_log() -> None:
     """Rates on a clock that runs backwards: refused. A lesser topic on one: done without, and reported."""
     recording = _recording({"imu": (SLOW, {"q": SLOW}), "gps": (SLOW[::-1], {"h": SLOW})})
@@ -285,12 +244,6 @@ def test_a_clock_that_jumps_far_ahead_does_not_make_an_endless_grid() -> None:
     time = np.concatenate([SLOW, SLOW + 1e6])
     with pytest.raises(InputError, match="clock jumps"):
         map_recording(_recording({"imu": (time, {"q": time})}), _mapping(("q", "imu", "q", "rad/s")), _vehicle())
-
-
-def test_uniform() -> None:
-    assert is_uniform(np.round(SLOW, 5))
-    assert not is_uniform(np.delete(SLOW, 3))
-    assert len(uniform_grid(0.0, 1.0, 0.1)) == 11
 
 
 # Refusals

@@ -193,3 +193,10 @@ def test_content_hash_sees_every_kind_of_number() -> None:
 def test_documents_of_another_form_are_refused(key: str, value: object, message: str) -> None:
     with pytest.raises(InputError, match=message):
         from_document({**to_document(full_database(2)), key: value})
+
+
+def test_a_ragged_covariance_is_refused() -> None:
+    document = to_document(full_database(3))
+    document["increments"][0]["covariance"] = [[1.0, 0.0], [0.0]]
+    with pytest.raises(InputError, match="covariance"):
+        from_document(document)

@@ -185,9 +185,7 @@ def test_flights_side_by_side_are_each_as_if_alone_and_end_at_the_ground() -> No
 
     def flown(states: Array):
         k = states.shape[1]
-        return fly(
-            frame, surfaces, states, {"elevator": np.zeros(k)}, pilot, step=0.01, duration=20.0, wind=np.full((3, k), 1.0)
-        )
+        return fly(frame, surfaces, states, {"elevator": np.zeros(k)}, pilot, step=0.01, duration=20.0, wind=np.full((3, k), 1.0))
 
     initial = np.zeros((13, 2))
     initial[0], initial[6], initial[12] = [35.0, 45.0], 1.0, [-20.0, -25.0]
@@ -291,7 +289,7 @@ def test_actuators_stop_at_their_limits() -> None:
 
 @pytest.mark.parametrize("change", ["[thrust]\nsource = 'unknown'", "fuel"])
 def test_a_vehicle_that_cannot_be_simulated_is_refused(change: str) -> None:
-    text = PLAIN.replace('cg = [0.0', 'source = "channels"\ncg = [0.0') if change == "fuel" else f"{PLAIN}\n{change}"
+    text = PLAIN.replace("cg = [0.0", 'source = "channels"\ncg = [0.0') if change == "fuel" else f"{PLAIN}\n{change}"
 
     class Nothing:
         class reference:

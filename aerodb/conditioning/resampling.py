@@ -29,7 +29,7 @@ def uniform_grid(start: float, end: float, step: float) -> Array:
 
 
 def low_pass(values: Array, step: float, new_step: float) -> Array:
-    """`values` (n, k) at uniform `step` [s] without what a grid of `new_step` [s] cannot hold; zero phase.
+    """`values` (n,) at uniform `step` [s] without what a grid of `new_step` [s] cannot hold; zero phase.
 
     A Kaiser-window linear-phase FIR filter (Oppenheim & Schafer, *Discrete-Time Signal Processing*, sec. 7.5): flat
     to 0.35, 60 dB down from 0.5 of the new rate. The ends are continued by point reflection, which keeps level and slope.
@@ -38,40 +38,36 @@ def low_pass(values: Array, step: float, new_step: float) -> Array:
     taps, beta = kaiserord(RIPPLE_DB, 2.0 * (STOP_EDGE - PASS_EDGE) / ratio)
     half = taps // 2
     kernel = firwin(2 * half + 1, (PASS_EDGE + STOP_EDGE) / ratio, window=("kaiser", beta))
-    padded = np.pad(values, ((half, half), (0, 0)), mode="reflect", reflect_type="odd")
-    result: Array = oaconvolve(padded, kernel[:, None], mode="valid", axes=0)
+    padded = np.pad(values, half, mode="reflect", reflect_type="odd")
+    result: Array = oaconvolve(padded, kernel, mode="valid")
     return result
 
 
 @dataclass(frozen=True)
 class Resampler:
-    """Brings values from one time base to a grid; made once per time base, used for all of its fields."""
+    """Brings values from one time base to a grid; made by `resampler` once per time base, used for all of its fields.
+
+    time : (n,) s, of the source. grid : (m,) s. gap : (m,) true where the source was silent. places : (m,) the grid with
+    each instant that is one of the source replaced by exactly that. step, grid_step : intervals, s.
+    """
 
     time: Array
     grid: Array
     gap: NDArray[np.bool_]
-    """(m,) true where the grid has no source sample near enough, or lies outside the source."""
+    places: Array
+    step: float
+    grid_step: float
 
     def __call__(self, values: Array) -> Array:
-        """`values` (n,) or (n, k) at `time`, finite, as (m,) or (m, k) at `grid`; held beyond the ends."""
-        if self._same_base():
+        """`values` (n,) at `time`, finite, as (m,) at `grid`; held beyond the ends."""
+        if len(self.places) == len(self.time) and np.array_equal(self.places, self.time):
             return values
-        columns = values.reshape(len(values), -1)
-        time, step = self.time, interval(self.time) if len(self.time) > 1 else np.inf
-        new_step = interval(self.grid) if len(self.grid) > 1 else step
-        if step < 0.9 * new_step and len(time) > 2:
-            if not is_uniform(time):
-                even = uniform_grid(float(time[0]), float(time[-1]), step)
-                columns, time = _lines(time, columns, even), even
-            columns = low_pass(columns, step, new_step)
-        result = _lines(time, columns, self.grid)
-        return result.reshape(len(self.grid), *values.shape[1:])
-
-    def _same_base(self) -> bool:
-        if len(self.time) != len(self.grid) or len(self.time) < 2:
-            return False
-        step = interval(self.grid)
-        return bool(np.max(np.abs(self.time - self.grid)) <= SAME_INSTANT * step)
+        if self.step >= 0.9 * self.grid_step or len(self.time) < 3:
+            return np.interp(self.places, self.time, values)
+        even = uniform_grid(float(self.time[0]), float(self.time[-1]), self.step)
+        if is_uniform(self.time):
+            return np.interp(self.places, self.time, low_pass(values, self.step, self.grid_step))
+        return np.interp(self.grid, even, low_pass(np.interp(even, self.time, values), self.step, self.grid_step))
 
 
 def resampler(time: Array, grid: Array) -> Resampler:
@@ -81,24 +77,15 @@ def resampler(time: Array, grid: Array) -> Resampler:
     coincides with neither), or when it lies more than one source interval outside.
     """
     step = interval(time) if len(time) > 1 else 0.0
-    limit = SAME_INSTANT * (interval(grid) if len(grid) > 1 else 1.0)
+    grid_step = interval(grid) if len(grid) > 1 else step
+    limit = SAME_INSTANT * (min(step, grid_step) or 1.0)
     right = np.clip(np.searchsorted(time, grid), 1, max(len(time) - 1, 1))
-    left = right - 1
-    right = np.minimum(right, len(time) - 1)
-    apart = (time[right] - time[left] > GAP_INTERVALS * step) & (grid - time[left] > limit) & (time[right] - grid > limit)
+    left, right = right - 1, np.minimum(right, len(time) - 1)
+    on_left, on_right = np.abs(grid - time[left]) <= limit, np.abs(grid - time[right]) <= limit
+    places = np.where(on_right, time[right], np.where(on_left, time[left], grid))
+    apart = (time[right] - time[left] > GAP_INTERVALS * step) & ~on_left & ~on_right
     outside = (grid < time[0] - step - limit) | (grid > time[-1] + step + limit)
-    return Resampler(time, grid, apart | outside)
-
-
-def _lines(time: Array, columns: Array, grid: Array) -> Array:
-    """Straight lines through `columns` (n, k) at `grid`; a sample at the same instant passes unchanged."""
-    if len(time) == 1:
-        return np.repeat(columns, len(grid), axis=0)
-    right = np.clip(np.searchsorted(time, grid), 1, len(time) - 1)
-    weight = np.clip((grid - time[right - 1]) / (time[right] - time[right - 1]), 0.0, 1.0)
-    weight = np.where(weight < SAME_INSTANT, 0.0, np.where(weight > 1.0 - SAME_INSTANT, 1.0, weight))[:, None]
-    result: Array = np.where(weight == 1.0, columns[right], columns[right - 1] + weight * (columns[right] - columns[right - 1]))
-    return result
+    return Resampler(time, grid, apart | outside, places, step, grid_step)
 
 
 def hold(time: Array, values: Array, grid: Array) -> Array:

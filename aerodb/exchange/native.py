@@ -9,10 +9,10 @@ import re
 import tomllib
 from collections.abc import Mapping
 from itertools import starmap
-from typing import Annotated, Any, Final
+from typing import Annotated, Any, Final, Self
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from aerodb.errors import InputError, UnknownNameError
 from aerodb.identity import content_sha256
@@ -82,6 +82,12 @@ class _Increment(Strict):
     envelope: dict[str, _Interval] = Field(default_factory=dict)
     flights: tuple[str, ...] = ()
     note: str = ""
+
+    @model_validator(mode="after")
+    def _square(self) -> Self:
+        if any(len(row) != len(self.estimates) for row in self.covariance):
+            raise ValueError("covariance must have as many columns as there are estimates")
+        return self
 
 
 class _Document(_File):

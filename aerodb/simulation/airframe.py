@@ -138,8 +138,12 @@ def airframe(vehicle: Vehicle, database: Database, ground_altitude: float = 0.0)
     """
     properties = vehicle.mass
     if properties.source != "constant" or vehicle.thrust.source != "none":
-        raise InputError("only gliding flight at constant mass is simulated", vehicle.name, "use [mass] source = 'constant' and no thrust")
-    mass, *inertia = (float(np.asarray(v)) for v in (properties.mass, *(getattr(properties, f"I{a}") for a in ("xx", "yy", "zz", "xz"))))
+        raise InputError(
+            "only gliding flight at constant mass is simulated", vehicle.name, "use [mass] source = 'constant' and no thrust"
+        )
+    mass, *inertia = (
+        float(np.asarray(v)) for v in (properties.mass, *(getattr(properties, f"I{a}") for a in ("xx", "yy", "zz", "xz")))
+    )
     chord, span = vehicle.reference.chord, vehicle.reference.span
     return Airframe(
         mass=mass,

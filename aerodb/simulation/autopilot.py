@@ -32,7 +32,11 @@ class ControlDerivatives:
 
 
 def control_derivatives(
-    airframe: Airframe, condition: Mapping[str, float], pitch: Mapping[str, tuple[str, ...]], aileron: tuple[str, ...], rudder: str
+    airframe: Airframe,
+    condition: Mapping[str, float],
+    pitch: Mapping[str, tuple[str, ...]],
+    aileron: tuple[str, ...],
+    rudder: str,
 ) -> ControlDerivatives:
     """Central differences of the airframe's coefficients about the CG at one flight condition.
 

@@ -92,7 +92,7 @@ class Table:
         """Arguments, each (n,) or a number, as (N, n)."""
         if len(arguments) != len(self.breakpoints):
             raise InputError(f"{len(arguments)} arguments, the table has {len(self.breakpoints)}", f"table {self.name}")
-        n = max([np.size(argument) for argument in arguments if np.ndim(argument)], default=1)
+        n = max([argument.size for argument in arguments if isinstance(argument, np.ndarray) and argument.ndim], default=1)
         points = np.empty((len(arguments), n))
         for k, argument in enumerate(arguments):
             points[k] = argument

@@ -25,6 +25,8 @@ class Session:
         self.as_json = as_json
         self.debug = debug
         self.people = Console(stderr=as_json, highlight=False, soft_wrap=True)
+        if not self.people.is_terminal:
+            self.people.width = 160  # a file or a pipe has no width of its own, and must not be cut to 80
 
     def workspace(self, create: bool = False) -> Workspace:
         """The workspace; InputError when there is none and it is not to be made."""

@@ -9,7 +9,7 @@ from aerodb.errors import InputError
 from aerodb.model_file import parse_model_file
 from flows.cli.output import Session
 from flows.cli.vehicles import read_text
-from flows.demo import Demo, run_demo
+from flows.demo import run_demo
 from flows.update import update_flow
 
 
@@ -53,23 +53,39 @@ def demo(
     Example: aerodb demo
     """
     session: Session = context.obj
-    result: Demo = run_demo(session, flights, direct)
+    result = run_demo(
+        session.workspace(create=True), flights, lambda body, parameters: session.run(body, parameters, direct), session.say
+    )
     print_update(session, result.document)
     session.say()
-    session.say(
-        "The envelope is open now. Residual of the true model on the held-out flights, and the updated database beside it:"
-    )
+    session.say("The envelope is open now. On the held-out flights, rms of flight - model:")
     session.table(
-        ["axis", "database", "updated", "true model (floor)", "updated / floor"],
+        ["axis", "preflight", "updated", "true model (floor)", "updated / floor"],
         [
-            [a, f"{v['before']:.5f}", f"{v['after']:.5f}", f"{v['floor']:.5f}", f"{v['after'] / v['floor']:.3f}"]
-            for a, v in result.floors.items()
+            [axis, f"{v['before']:.5f}", f"{v['after']:.5f}", f"{v['floor']:.5f}", f"{v['after'] / v['floor']:.3f}"]
+            for axis, v in result.floors.items()
         ],
         numbers=(1, 2, 3, 4),
     )
-    for line in result.lines:
-        session.say(line)
+    session.table(
+        ["axis", "true difference", "value", "estimated", "standard error"],
+        [
+            [e["axis"], e["parameter"], f"{e['value']:.4g}", *_estimated(result.document, e["axis"], e["parameter"])]
+            for e in result.truth
+        ],
+        numbers=(2, 3, 4),
+    )
     session.answer({**result.document, "truth": result.truth, "truth_floor": result.floors})
+
+
+def _estimated(document: dict[str, Any], axis: str, parameter: str) -> tuple[str, str]:
+    """Estimate and standard error of the increment that stands for a true difference, as text."""
+    for entry in document["increments"]:
+        for term in entry["terms"]:
+            name = {"1": "0"}.get(term["term"], term["term"])
+            if entry["axis"] == axis and f"{axis}_{name}" == parameter:
+                return f"{term['value']:.4g}", f"{term['standard_error']:.2g}"
+    return "-", "-"
 
 
 def print_update(session: Session, document: dict[str, Any]) -> None:

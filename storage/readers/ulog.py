@@ -42,9 +42,9 @@ def read_ulog(path: Path, topics: Collection[str] | None = None) -> Recording:
     -------
     Recording with time in s (the log's microseconds since boot), fields in their own types as views into packed records,
     arrays as ``q[0]``, nested fields as ``battery.voltage``, instance i > 0 as ``name.i``. Topics of a large log are read
-    from the file when they are asked for (`ulog_topics`): it must stay where it is as long as they are used. Damage with an empty topic
-    is what happened to the file (its `bytes_lost` add up to all bytes not read); for the same interval, entries with a
-    topic say how many of its samples are missing, by its own median interval.
+    from the file when they are asked for (`ulog_topics`): it must stay where it is as long as they are used. Damage with
+    an empty topic is what happened to the file (its `bytes_lost` add up to all bytes that belong to no record); for the
+    same interval, entries with a topic say how many of its samples are missing, by its own median interval.
 
     Raises InputError for what is no ULog file, or holds no data. Source: ULog file format (docs.px4.io, dev_log).
     """

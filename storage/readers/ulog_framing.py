@@ -13,6 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from aerodb.errors import InputError
 from storage.readers.ulog_definitions import Formats, Layout, is_record
 
 Bytes = NDArray[np.uint8]
@@ -355,6 +356,6 @@ def gather(handle: BinaryIO, found: Survey, wanted: Iterable[int]) -> dict[int, 
             block, base = windows.view(at, end)
             reached = base + int(_copy(block, at - base, take, cursor, limit, flat))
             if reached == at:
-                raise OSError("the file changed while it was read")
+                raise InputError("the log changed while it was read", handle.name, "read it again when it is complete")
             at = reached
     return {int(k): flat[starts[k] : cursor[k]] for k in np.flatnonzero(take)}

@@ -17,7 +17,7 @@ from aerodb.recording import Topic
 from storage.readers.ulog_framing import Survey, gather
 
 #: Bytes of topics that are kept (one topic alone may be larger); a log with no more is held whole.
-KEPT = 96_000_000
+KEPT = 64_000_000
 _TIME_BYTES = 8
 
 
@@ -92,10 +92,14 @@ class LoggedTopics(Mapping[str, Topic]):
         return chosen
 
     def _read(self, names: list[str]) -> dict[str, Topic]:
-        if _stamp(self._path) != self._stamp:
-            raise InputError("the log changed while it was read", str(self._path), "read it again when it is complete")
-        with self._path.open("rb") as handle:
-            data = gather(handle, self._found, [self._places[name].identity for name in names])
+        try:
+            if _stamp(self._path) != self._stamp:
+                raise OSError("it changed while it was read")
+            with self._path.open("rb") as handle:
+                data = gather(handle, self._found, [self._places[name].identity for name in names])
+        except OSError as error:
+            what = f"topics cannot be read: {error.strerror or error}"
+            raise InputError(what, str(self._path), "leave the log in place until it is stored, and read it again") from error
         read = {}
         for name in names:
             records = data[self._places[name].identity].view(self._places[name].record)

@@ -28,11 +28,15 @@ def instruments(vehicle: Vehicle, generator: np.random.Generator) -> tuple[Instr
     def delay(sensor: str) -> float:
         return vehicle.sensors[sensor].delay_prior * generator.uniform(0.5, 1.0)
 
+    # A small rotation changes the quaternion by half its angle.
+    half = 0.5 * vehicle.sensors["phi"].noise
     velocity = zip(("vx", "vy", "vz"), ("velocity_north", "velocity_east", "velocity_down"), strict=True)
     return (
         Instrument("vehicle_angular_velocity", 100.0, tuple(signal(f"xyz[{n}]", x, x) for n, x in enumerate("pqr"))),
-        Instrument("vehicle_acceleration", 100.0, tuple(signal(f"xyz[{n}]", f"a{x}_imu", f"a{x}_imu") for n, x in enumerate("xyz"))),
-        Instrument("vehicle_attitude", 50.0, tuple(Signal(f"q[{n}]", f"q{n}") for n in range(4)), phase=0.003),
+        Instrument(
+            "vehicle_acceleration", 100.0, tuple(signal(f"xyz[{n}]", f"a{x}_imu", f"a{x}_imu") for n, x in enumerate("xyz"))
+        ),
+        Instrument("vehicle_attitude", 50.0, tuple(Signal(f"q[{n}]", f"q{n}", half) for n in range(4)), phase=0.003),
         Instrument(
             "airspeed_validated",
             50.0,
@@ -72,8 +76,8 @@ def instruments(vehicle: Vehicle, generator: np.random.Generator) -> tuple[Instr
 
 
 def servo_channels(vehicle: Vehicle, history: History) -> dict[str, Array]:
-    """Normalised commands within the limits ``servo_0 .. servo_7`` (the last is not connected: nan, as PX4 logs it), ``gear_command`` (1 up,
-    -1 down) and the attitude quaternion ``q0 .. q3``; each (n, k)."""
+    """Normalised commands within the limits, ``servo_0 .. servo_7`` (the last is not connected: nan, as PX4 logs it),
+    ``gear_command`` (1 up, -1 down) and the attitude quaternion ``q0 .. q3``; each (n, k)."""
     found = {}
     for number, name in enumerate(SERVOS):
         surface = vehicle.surfaces[name]

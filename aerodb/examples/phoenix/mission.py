@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 
 import numpy as np
+from numpy.typing import NDArray
 
 from aerodb.atmosphere import DENSITY_0, GRAVITY, standard_atmosphere
 from aerodb.examples.phoenix import text
@@ -124,14 +125,14 @@ class Guidance:
     frame: Airframe
     autopilot: Autopilot
     plan: Plan
-    capture: Array = field(init=False)
-    flare: Array = field(init=False)
+    capture: NDArray[np.bool_] = field(init=False)
+    flare: NDArray[np.bool_] = field(init=False)
     brake: Array = field(init=False)
     wanted_alpha: Array = field(init=False)
     inputs: Mapping[str, Array] = field(init=False)
 
     def __post_init__(self) -> None:
-        clock = STEP * np.arange(round(LONGEST / STEP) + 1)
+        clock = STEP * np.arange(round(LONGEST / STEP) + 1, dtype=np.float64)
         self.inputs = {name: superposed(self.plan.events, name, clock) for name in _TARGETS}
         k = len(self.plan.speed)
         self.capture, self.flare = np.zeros(k, dtype=bool), np.zeros(k, dtype=bool)
@@ -200,7 +201,7 @@ _TARGETS = (
 def known_derivatives(vehicle: Vehicle, preflight: AeroDatabase) -> ControlDerivatives:
     """What the autopilot is designed with: the preflight database at the approach, never the truth."""
     frame = airframe(vehicle, preflight)
-    condition = {name: 0.0 for name in preflight.inputs} | APPROACH
+    condition = dict.fromkeys(preflight.inputs, 0.0) | APPROACH
     pitch = {"elevator": ELEVATOR, "body_flap": ("delta_body_flap",), "speed_brake": ("delta_speed_brake",)}
     return control_derivatives(frame, condition, pitch, AILERON, "delta_rudder")
 

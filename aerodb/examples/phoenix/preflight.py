@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-_ELEVON = [-25, -15, -10, -5, 0, 5, 10, 15, 25]
-_ASYMMETRIC = [0, 5, 10, 15, 25]
+_ELEVON: list[float] = [-25, -15, -10, -5, 0, 5, 10, 15, 25]
+_ASYMMETRIC: list[float] = [0, 5, 10, 15, 25]
 #: Table argument -> unit (empty: SI) and breakpoints.
 BREAKPOINTS: dict[str, tuple[str, list[float]]] = {
     "alpha": ("deg", [-8, -4, -2, 0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 24]),
@@ -83,7 +83,7 @@ TABLES: dict[str, tuple[tuple[str, ...], Shape]] = {
     "dCZ_LG_beta": (("alpha",), lambda a: 0.02 + 0 * a),
     "DCZ_GE": (("alpha", "hAGL"), lambda a, h: -0.35 * a * near_ground(h)),
     "dCZ_q": (("alpha",), lambda a: -1.0 - 0.5 * a),
-    "Cm_0": (("alpha",), lambda a: 0.002 + 0.030 * a + 0.02 * a * np.abs(a)),
+    "Cm_0": (("alpha",), lambda a: 0.002 + 0.050 * a + 0.02 * a * np.abs(a)),
     "DCm_EO": (("alpha", "dEO"), _odd(-0.105)),
     "DCm_EI": (("alpha", "dEI"), _odd(-0.125)),
     "DCm_AO": (("alpha", "dAO"), lambda a, d: 0.006 * d + 0 * a),
@@ -163,7 +163,8 @@ RULES: dict[str, tuple[str, ...]] = {
 
 #: Position and lengths as in vehicle.toml: the aerodynamic reference point AC of 003.
 _HEADER = """\
-# INVENTED aerodynamics of a Phoenix-like demonstrator, in the form of 003, eq. 6. No number is measured or published.
+# INVENTED aerodynamics of a Phoenix-like demonstrator; no number is measured or published. The form is that of eq. 6 in
+# "Data Analysis of Phoenix Reusable Launch Vehicle Demonstrator Flight Test".
 # Written by aerodb.examples.phoenix.preflight; a test keeps formulas and file equal.
 name = "phoenix-preflight"
 description = "invented preflight database of the built-in example"
