@@ -11,7 +11,7 @@ from aerodb.vehicle import Vehicle, mass_channels
 def velocity_at_cg(velocity: Array, rates: Array, arm: Array) -> Array:
     """Air-relative velocity at the CG from that at the probe, ``v - w x r``.
 
-    All (n, 3): velocity m/s, rates rad/s, arm r from the CG to the probe, m, body axes. Klein & Morelli (2006), 10.2.
+    All (n, 3): velocity m/s, rates rad/s, arm r from the CG to the probe, m, body axes. Klein & Morelli (2006), chapter 10.
 
     >>> velocity_at_cg(np.array([[50.0, 0.0, 4.0]]), np.array([[0.0, 0.5, 0.0]]), np.array([[2.0, 0.0, 0.0]])).tolist()
     [[50.0, 0.0, 5.0]]

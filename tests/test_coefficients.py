@@ -101,8 +101,11 @@ def test_differentiated_moments_within_one_percent_of_their_range(record, twin_o
 
 
 def test_slopes_from_our_coefficients_and_rates_within_two_standard_errors(record, twin_otter):
+    # At the 3 Hz at which the file's own angular accelerations end. A wider band is closer to the other published
+    # estimates (Cl_p -.57 at 5 Hz; frequency domain -.572, output error -.586): a band-limited moment on regressors that
+    # are not attenuates the slope.
     flight, column = record("totter_f1_017_data.mat")
-    ours = total_coefficients(flight, twin_otter)
+    ours = total_coefficients(flight, twin_otter, bandwidth=3.0)
     geometry = Reference(*(getattr(twin_otter.reference, k) for k in ("area", "chord", "span")), (0, 0, 0))
     x = {
         "beta": flight["beta"],
@@ -119,7 +122,7 @@ def test_slopes_from_our_coefficients_and_rates_within_two_standard_errors(recor
         assert np.all(np.abs(fit.estimates - estimates)[slopes] < 2 * np.array(errors)[slopes]), (axis, fit.estimates)
         # The constant differs by what the rate biases make of it (and, in CY, the accelerometer's 0.11342 g).
     corrected, _ = _with_nasas_constants(flight, column)
-    again = total_coefficients(corrected, twin_otter)
+    again = total_coefficients(corrected, twin_otter, bandwidth=3.0)
     x |= {name: hat_rate(name, corrected.channels, geometry) for name in ("p_hat", "r_hat")}
     for axis, (estimates, errors, _) in PUBLISHED.items():
         names = list(x) if axis != "CY" else ["beta", "r_hat", "delta_rudder", "1"]

@@ -149,7 +149,7 @@ def plain_airframe() -> Airframe:
 
 
 def test_short_period_is_that_of_the_derivatives_and_the_flight_grows_at_its_rate() -> None:
-    """With w and q as states: w' = Zw w + V q, q' = Mw w + Mq q (Etkin & Reid, 6.3, without the gravity term)."""
+    """With w and q as states: w' = Zw w + V q, q' = Mw w + Mq q (Etkin & Reid's short-period approximation)."""
     frame, speed = plain_airframe(), 40.0
     state = np.zeros(13)
     state[0], state[6], state[12] = speed, 1.0, -500.0

@@ -14,7 +14,7 @@ SHAPES: dict[str, tuple[int, ...]] = {"pulse": (1,), "doublet": (1, 1), "3211": 
 class Event:
     """One test input: onto `target` (a name that the controller knows), from `start` [s], unit pulse width [s].
 
-    shape : ``pulse``, ``doublet``, ``3211`` (broad-band and simple to fly: Klein & Morelli 2006, 9.2) or ``hold``, a
+    shape : ``pulse``, ``doublet``, ``3211`` (broad-band and simple to fly: Klein & Morelli 2006, chapter 9) or ``hold``, a
     pulse whose first and last fifth are ramps, for surfaces that move slowly.
     """
 

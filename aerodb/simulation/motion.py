@@ -24,7 +24,7 @@ POSITION: Final = slice(10, 13)
 def inertia_matrix(Ixx: float, Iyy: float, Izz: float, Ixz: float) -> Array:
     """Inertia matrix (3, 3) [kg m2] of a body that is symmetric about its x-z plane; `Ixz` = integral of x z dm.
 
-    Source: Stevens & Lewis, Aircraft Control and Simulation (2003), eq. 1.3-20.
+    Source: Stevens & Lewis, Aircraft Control and Simulation (2003), section 1.3.
     """
     return np.array([[Ixx, 0.0, -Ixz], [0.0, Iyy, 0.0], [-Ixz, 0.0, Izz]])
 
@@ -35,7 +35,7 @@ def cross(a: Array, b: Array) -> Array:
 
 
 def quaternion_from_euler(phi: Array, theta: Array, psi: Array) -> Array:
-    """Quaternion (4, k), body to earth, of Euler 3-2-1 angles [rad], each (k,). Source: Stevens & Lewis (2003), 1.3-33."""
+    """Quaternion (4, k), body to earth, of Euler 3-2-1 angles [rad], each (k,). Source: Stevens & Lewis (2003), section 1.3."""
     cf, sf = np.cos(phi / 2), np.sin(phi / 2)
     ct, st = np.cos(theta / 2), np.sin(theta / 2)
     cp, sp = np.cos(psi / 2), np.sin(psi / 2)
@@ -65,16 +65,15 @@ def gravity_body(quaternion: Array) -> Array:
 def angular_acceleration(rates: Array, moment: Array, inertia: Array) -> Array:
     """Euler's equations: I^-1 (M - omega x I omega), (3, k) rad/s2, moments (3, k) about the CG in N m.
 
-    Source: Stevens & Lewis (2003), eq. 1.3-9.
+    Source: Stevens & Lewis (2003), section 1.3.
     """
-    result: Array = np.linalg.solve(inertia, moment - cross(rates, inertia @ rates))
-    return result
+    return np.asarray(np.linalg.solve(inertia, moment - cross(rates, inertia @ rates)), dtype=np.float64)
 
 
 def derivative(state: Array, specific_force: Array, moment: Array, inertia: Array) -> Array:
     """Time derivative (13, k) of the state under a specific force (3, k) [m/s2] and a moment about the CG (3, k) [N m].
 
-    Source: Stevens & Lewis, Aircraft Control and Simulation (2003), flat-earth equations 1.5-4.
+    Source: Stevens & Lewis, Aircraft Control and Simulation (2003), section 1.5, flat earth.
     """
     velocity, rates, e = state[VELOCITY], state[RATES], state[QUATERNION]
     result = np.empty_like(state)

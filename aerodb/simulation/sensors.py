@@ -46,7 +46,7 @@ def at_instruments(channels: Mapping[str, Array], vehicle: Vehicle) -> dict[str,
 
     ``ax_imu ay_imu az_imu``: specific force at the IMU, ``a + wdot x r + w x (w x r)``. ``V_probe alpha_probe
     beta_probe``: air-relative velocity at the air-data probe, ``v + w x r``, and ``calibrated_airspeed`` there (low
-    Mach number: equivalent airspeed). Source: Klein & Morelli (2006), sections 3.7 and 10.2.
+    Mach number: equivalent airspeed). Source: Klein & Morelli (2006), chapter 10.
     """
     cg = np.asarray(vehicle.mass.cg, dtype=np.float64)
     rates = [channels[n] for n in ("p", "q", "r")]

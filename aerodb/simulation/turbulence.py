@@ -18,7 +18,7 @@ def dryden_scales(height: Array, wind_at_6m: Array) -> tuple[Array, Array]:
 
     `wind_at_6m` (k,) m/s is the steady wind 6 m (20 ft) above ground; 15 kt is light, 30 kt moderate turbulence.
     Below 1000 ft the low-altitude model, above 2000 ft L = 1750 ft with the intensity of its upper end, linear between.
-    Source: MIL-F-8785C (1980), 3.7.3 and figures 7, 10, 11; MIL-HDBK-1797 for the transition.
+    Source: MIL-F-8785C (1980), 3.7.1 and 3.7.3; MIL-HDBK-1797 for the transition.
     """
     h = np.clip(height / _FOOT, 10.0, 1000.0)
     shape = 0.177 + 0.000823 * h
@@ -46,7 +46,7 @@ class DrydenGusts:
     def __post_init__(self) -> None:
         k = self.wind_at_6m.shape[0]
         # Unit-variance states in their stationary distribution: u; then the two cascaded lags of v and of w.
-        self._u = self.generator.standard_normal(k)
+        self._u: Array = self.generator.standard_normal(k)
         self._first = self.generator.standard_normal((2, k))
         self._second = 0.5 * self._first + 0.5 * self.generator.standard_normal((2, k))
 
