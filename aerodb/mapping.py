@@ -172,6 +172,21 @@ def map_recording(recording: Recording, mapping: Mapping, vehicle: Vehicle, flig
     return _completed(flight, mapping, vehicle)
 
 
+def channels_found(recording: Recording, mapping: Mapping) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Channels that a mapping finds in a recording, and those that it knows, or every flight should have, and does not.
+
+    Looks at names only, so that a log can be judged before a vehicle is described: a channel found here may still turn
+    out empty, and air data that can be computed from others count as missing.
+    """
+    log = _Log(recording, mapping)
+    found = [entry.name for entry in mapping.channel if any(log.locate(source) for source in entry.sources)]
+    for derived in mapping.derived:
+        if all(log.locate(source) for source in derived.sources):
+            found += [name for name in derived.channels if name not in found]
+    known = [*_EXPECTED, *(entry.name for entry in mapping.channel), *(name for d in mapping.derived for name in d.channels)]
+    return tuple(found), tuple(name for name in dict.fromkeys(known) if name not in found)
+
+
 def _signals(log: _Log, vehicle: Vehicle) -> tuple[dict[str, _Signal], list[str]]:
     """Every channel that the log gives, by name, and notes on those that it gives but that cannot be used."""
     entries = {entry.name: entry for entry in log.mapping.channel}

@@ -12,7 +12,7 @@ from aerodb.estimation.statistics import Theil, rms, theil
 from aerodb.flight import Array
 
 Kind = Literal["held-out", "cross-validated", "not validated"]
-Outcome = Literal["at noise floor", "improved", "not improved", "not repaired"]
+Outcome = Literal["at noise floor", "improved", "unchanged", "worse", "not repaired"]
 
 #: CONVENTIONS, "Hold-out": the newest fifth, at least two; below five flights leave-one-out.
 HOLD_OUT_SHARE = 0.2
@@ -20,6 +20,8 @@ FEWEST_FOR_HOLD_OUT = 5
 
 #: An error within this factor of the noise floor is as small as these sensors can show.
 NEAR_FLOOR = 1.1
+#: An error that changed by less than this share was not touched.
+UNCHANGED = 0.01
 #: Below this share of the measured variance explained, a structure has not described the axis, whatever it removed.
 EXPLAINED = 0.5
 
@@ -40,7 +42,8 @@ class AxisProof:
     `*_shape` are the same without each flight's own constant. `noise_floor` is the sensor noise propagated into the
     measured coefficient; `excess_*` the error beyond it, sqrt(rms^2 - floor^2). None: no such flight has the axis.
     `explained` is the share of the measured variance that the candidate explains. `outcome` judges the error after, on
-    held-out flights where there are any: ``not repaired`` means that the declared structure does not describe the axis.
+    held-out flights where there are any: ``not repaired`` means that the declared structure does not describe the axis,
+    ``unchanged`` that it does not touch it.
     """
 
     axis: str
@@ -156,9 +159,11 @@ def _axis_proof(
 def _outcome(before: float, after: float, floor: float, explained: float) -> Outcome:
     if after <= NEAR_FLOOR * floor:
         return "at noise floor"
+    if abs(after - before) <= UNCHANGED * before:
+        return "unchanged"
     if explained < EXPLAINED:
         return "not repaired"
-    return "improved" if after < before else "not improved"
+    return "improved" if after < before else "worse"
 
 
 def _residuals(axis: str, comparisons: Mapping[str, Comparison], flights: Sequence[str]) -> list[Array]:

@@ -151,6 +151,24 @@ def test_flipped_bit_in_a_chunk_costs_that_chunk_and_is_located(log: Path) -> No
     assert f"about {n} samples missing" in imu.what
 
 
+def test_checksum_over_the_data_tells_of_bytes_outside_chunks(tmp_path: Path) -> None:
+    """Messages without chunks have no checksum of their own; the one over all data says that something differs."""
+    path = tmp_path / "a.mcap"
+    with path.open("wb") as out:
+        writer = PlainWriter(out, use_chunking=False, enable_data_crcs=True)
+        writer.start(profile="ros2", library="")
+        schema = writer.register_schema("std_msgs/msg/Float64", "ros2msg", FLOAT.encode())
+        channel = writer.register_channel("/v", "cdr", schema)
+        for k in range(3):
+            writer.add_message(channel, k * 10**9, bytes([0, 1, 0, 0]) + np.float64(k + 0.5).tobytes(), k * 10**9)
+        writer.finish()
+    assert read_mcap(path).damage == ()
+    data = bytearray(path.read_bytes())
+    data[data.index(np.float64(1.5).tobytes())] ^= 1
+    path.write_bytes(data)
+    assert [(d.kind, d.topic) for d in read_mcap(path).damage] == [("values", "")]
+
+
 def test_overwritten_block_across_chunks(log: Path) -> None:
     data = bytearray(log.read_bytes())
     third = len(data) // 3

@@ -162,6 +162,17 @@ def test_overwritten_block_is_excised_and_located(log: Path, fill: bytes) -> Non
     assert rates.start < absent.min() < absent.max() < rates.end
 
 
+def test_what_looks_like_a_record_amid_damage_is_not_believed(log: Path) -> None:
+    """Five stray bytes have the form of a dropout report; only what further records follow counts."""
+    data = bytearray(log.read_bytes())
+    found = [(at, end) for at, end, kind in messages(bytes(data)) if kind == ord("D")]
+    first, last = found[300][0], found[320][0]
+    data[first:last] = bytes(40) + b"\x02\x00O\x05\x00" + bytes(last - first - 45)
+    log.write_bytes(data)
+    recording = read_ulog(log)
+    assert [(d.kind, d.bytes_lost) for d in file_damage(recording)] == [("framing", last - first)]
+
+
 def test_lost_announcement_and_lost_format_are_reported_by_topic(log: Path) -> None:
     data = log.read_bytes()
     for kind, expected in (("A", ""), ("F", "vehicle_angular_velocity")):

@@ -31,7 +31,7 @@ def update_figure(
     """
     figure = Figure(figsize=(11, 1.2 + 2.1 * len(axes)), layout="constrained")
     figure.suptitle(title)
-    panels = figure.subplots(len(axes), 2, squeeze=False, width_ratios=(2, 1), sharex="col" if len(axes) > 1 else False)
+    panels = figure.subplots(len(axes), 2, squeeze=False, width_ratios=(2, 1))
     for row, axis in enumerate(axes):
         _time_history(panels[row][0], axis, before, after, labels, first=row == 0)
         _residuals(panels[row][1], axis, before, after, first=row == 0)
@@ -60,9 +60,9 @@ def _time_history(panel, axis, before, after, labels, *, first):  # type: ignore
         start += float(old.time[-1] - old.time[0])
         panel.axvline(start, color="0.7", lw=0.6)
     panel.set_ylabel(f"{axis} [-]")
-    panel.set_title(axis_description(axis), fontsize=8, loc="right", color="0.4")
+    panel.text(0.995, 0.04, axis_description(axis), transform=panel.transAxes, fontsize=8, ha="right", color="0.4")
     if first:
-        panel.legend(loc="upper right", fontsize=8, ncols=3, frameon=False, bbox_to_anchor=(1.0, 1.32))
+        panel.legend(loc="upper right", fontsize=8, ncols=3, frameon=False, bbox_to_anchor=(1.0, 1.22))
 
 
 def _residuals(panel, axis, before, after, *, first):  # type: ignore[no-untyped-def]

@@ -46,7 +46,7 @@ class DrydenGusts:
     def __post_init__(self) -> None:
         k = self.wind_at_6m.shape[0]
         # Unit-variance states in their stationary distribution: u; then the two cascaded lags of v and of w.
-        self._u: Array = self.generator.standard_normal(k)
+        self._u: Array = self.generator.standard_normal((k,))
         self._first = self.generator.standard_normal((2, k))
         self._second = 0.5 * self._first + 0.5 * self.generator.standard_normal((2, k))
 

@@ -7,7 +7,6 @@ import typer
 
 from aerodb.errors import InputError
 from flows.cli.output import Session
-from flows.importing import import_flow
 
 app = typer.Typer(name="database", no_args_is_help=True, help="Baseline databases from files.")
 
@@ -25,6 +24,8 @@ def import_file(
 
     Example: aerodb database import DHC6.xml --vehicle twin-otter --bind systems/propulsion/thrust-coefficient=0
     """
+    from flows.importing import import_flow
+
     session: Session = context.obj
     if not file.is_file():
         raise InputError("no such file", str(file), "check the path")

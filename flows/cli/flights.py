@@ -5,15 +5,9 @@ from typing import Annotated, Any
 
 import typer
 
-from aerodb.completeness import prevents
 from aerodb.errors import InputError
-from aerodb.inspection import describe
-from aerodb.mapping import choose_mapping
 from aerodb.recording import Damage
 from flows.cli.output import Session
-from flows.flight import flight_flow
-from storage.mappings import builtin_mappings, load_mapping
-from storage.readers import read_log
 from storage.rows import FlightRow
 
 logs = typer.Typer(name="log", no_args_is_help=True, help="Logs as they are.")
@@ -30,6 +24,13 @@ def inspect(
 
     Example: aerodb log inspect flight.ulg
     """
+    # Imported where it is needed, here and below: a query must not wait for the science.
+    from aerodb.completeness import prevents
+    from aerodb.inspection import describe
+    from aerodb.mapping import channels_found, choose_mapping
+    from storage.mappings import builtin_mappings, load_mapping
+    from storage.readers import read_log
+
     session: Session = context.obj
     if not log.is_file():
         raise InputError("no such file", str(log), "check the path")
@@ -82,10 +83,10 @@ def inspect(
         session.say(f"mapping: {error}")
         session.answer({**document, "mapping": None, "channels": [], "missing": [], "prevents": [str(error)]})
         return
-    found, missing = chosen.found_in(recording)
+    found, missing = channels_found(recording, chosen)
     sentences = prevents(missing)
     session.say(f"mapping {chosen.name}: {', '.join(found)}")
-    session.say(f"missing: {', '.join(missing) or 'nothing that this mapping knows'}")
+    session.say(f"not in the log: {', '.join(missing) or 'nothing that this mapping knows'}")
     for sentence in sentences:
         session.say(f"  {sentence}")
     session.answer({**document, "mapping": chosen.name, "channels": found, "missing": missing, "prevents": sentences})
@@ -105,6 +106,8 @@ def ingest(
 
     Example: aerodb flight ingest *.ulg --vehicle my-glider
     """
+    from flows.flight import flight_flow
+
     session: Session = context.obj
     if name is not None and len(log) > 1:
         raise InputError("one name for several logs", "--name", "ingest them one by one, or without --name")

@@ -6,11 +6,8 @@ from typing import Annotated, Any
 import typer
 
 from aerodb.errors import InputError
-from aerodb.model_file import parse_model_file
 from flows.cli.output import Session
 from flows.cli.vehicles import read_text
-from flows.demo import run_demo
-from flows.update import update_flow
 
 
 def update(
@@ -28,6 +25,9 @@ def update(
 
     Example: aerodb update --vehicle my-glider --model increments.toml
     """
+    from aerodb.model_file import parse_model_file
+    from flows.update import update_flow
+
     session: Session = context.obj
     text = read_text(model)
     parse_model_file(text, str(model))
@@ -52,6 +52,8 @@ def demo(
 
     Example: aerodb demo
     """
+    from flows.demo import run_demo
+
     session: Session = context.obj
     result = run_demo(
         session.workspace(create=True), flights, lambda body, parameters: session.run(body, parameters, direct), session.say
@@ -82,7 +84,7 @@ def _estimated(document: dict[str, Any], axis: str, parameter: str) -> tuple[str
     """Estimate and standard error of the increment that stands for a true difference, as text."""
     for entry in document["increments"]:
         for term in entry["terms"]:
-            name = {"1": "0"}.get(term["term"], term["term"])
+            name = {"1": "0", "q_hat": "q"}.get(term["term"], term["term"])
             if entry["axis"] == axis and f"{axis}_{name}" == parameter:
                 return f"{term['value']:.4g}", f"{term['standard_error']:.2g}"
     return "-", "-"

@@ -4,11 +4,9 @@ import json
 from datetime import UTC, datetime
 from typing import Annotated, Any
 
-import numpy as np
 import typer
 
 from aerodb.errors import InputError, UnknownNameError, nearest
-from aerodb.exchange.native import from_document
 from aerodb.nomenclature import AXES, channel
 from aerodb.units import quantity
 from flows.cli.output import Session
@@ -57,6 +55,10 @@ def show(context: typer.Context, version: str, vehicle: Vehicle = None, as_of: A
 
     Example: aerodb version show released
     """
+    import numpy as np
+
+    from aerodb.exchange.native import from_document
+
     session: Session = context.obj
     catalogue = session.catalogue()
     row = _version(catalogue, version, vehicle, as_of)
@@ -170,6 +172,10 @@ def evaluate(
 
     Example: aerodb version evaluate released --at alpha=5deg,V=70,mach=0.2
     """
+    import numpy as np
+
+    from aerodb.exchange.native import from_document
+
     session: Session = context.obj
     catalogue = session.catalogue()
     row = _version(catalogue, version, vehicle, as_of)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import BinaryIO
 
 import lz4.frame
+import numpy as np
 import zstandard
 from mcap.opcode import Opcode
 
@@ -107,10 +108,12 @@ def _resume(handle: BinaryIO, at: int, size: int) -> int | None:
     """The next offset from which three records follow each other (fewer only at the end of the file)."""
     while at < size:
         handle.seek(at)
-        block = handle.read(_SEARCH + 9)
-        for k in range(min(len(block), _SEARCH)):
-            if 1 <= block[k] <= 15 and block[k + 6 : k + 9] == b"\0\0\0" and _chain(handle, at + k, size):
-                return at + k
+        block = np.frombuffer(handle.read(_SEARCH + 8), dtype=np.uint8)
+        # An opcode, and a length below 2**40.
+        likely = (block[:-8] >= 1) & (block[:-8] <= 15) & (block[6:-2] == 0) & (block[7:-1] == 0) & (block[8:] == 0)
+        for k in np.flatnonzero(likely):
+            if _chain(handle, at + int(k), size):
+                return at + int(k)
         at += _SEARCH
     return None
 

@@ -10,14 +10,10 @@ from itertools import pairwise
 from typing import BinaryIO
 
 import numpy as np
-from numba import njit
-from numpy.typing import NDArray
 
 from aerodb.errors import InputError
 from storage.readers.ulog_definitions import Formats, Layout, is_record
-
-Bytes = NDArray[np.uint8]
-Integers = NDArray[np.int64]
+from storage.readers.ulog_kernels import Bytes, Integers, candidate, copy, walk
 
 HEADER_BYTES = 16
 _DATA = ord("D")
@@ -63,99 +59,6 @@ class Survey:
     dropouts: tuple[tuple[int, int, int], ...]
 
 
-@njit(cache=True)
-def _walk(
-    block: Bytes,
-    at: int,
-    low: Integers,
-    high: Integers,
-    stamp: Integers,
-    count: Integers,
-    latest: Integers,
-    back: Integers,
-    last: int,
-) -> tuple[int, int]:
-    """Follows data messages from `at`; stops at the first thing that is not one of a known topic, whole, of right size.
-
-    By message id: `count` of messages, `latest` timestamp, ``back[id]`` = how often time ran backwards and, first, from when.
-    """
-    n = len(block)
-    while at + 5 <= n and block[at + 2] == 68:
-        size = block[at] + 256 * block[at + 1]
-        identity = block[at + 3] + 256 * block[at + 4]
-        if size < 2 or at + 3 + size > n or low[identity] < 0 or size - 2 < low[identity] or size - 2 > high[identity]:
-            break
-        count[identity] += 1
-        if stamp[identity] >= 0:
-            now = np.int64(0)
-            for k in range(8):
-                now |= np.int64(block[at + 5 + stamp[identity] + k]) << (8 * k)
-            if now < latest[identity]:
-                back[identity, 0] += 1
-                if back[identity, 0] == 1:
-                    back[identity, 1] = latest[identity]
-            latest[identity] = now
-            if now > 0:  # some messages are logged without a time
-                last = int(now)
-        at += 3 + size
-    return at, last
-
-
-@njit(cache=True)
-def _candidate(block: Bytes, at: int, low: Integers, high: Integers) -> int:
-    """The next position that could be a header, judged by a few bytes; -1 when none is in view."""
-    n = len(block)
-    while at + 5 <= n:
-        size, kind = block[at] + 256 * block[at + 1], block[at + 2]
-        if size >= 2 and at + 3 + size <= n:
-            first, second = block[at + 3], block[at + 4]
-            if kind == 68:
-                identity = first + 256 * second
-                if low[identity] >= 0 and low[identity] <= size - 2 <= high[identity]:
-                    return at
-            elif kind == 76 or kind == 67:  # L C: the level is a digit
-                if size >= 9 and 48 <= first <= 55:
-                    return at
-            elif kind == 79 or kind == 82:  # O R
-                if size == 2:
-                    return at
-            elif kind == 83:  # S
-                if size == 8 and first == 0x2F and second == 0x73:
-                    return at
-            elif kind == 73 or kind == 80:  # I P: length of the key, then the key's type
-                if first < size and 97 <= second <= 122:
-                    return at
-            elif kind == 77 or kind == 81:  # M Q: one byte more
-                if second < size and size > 3 and 97 <= block[at + 5] <= 122:
-                    return at
-            elif kind == 70:  # F
-                if 48 <= first <= 122 and 45 <= second <= 122:
-                    return at
-            elif kind == 65 and size > 3 and 48 <= block[at + 6] <= 122:  # A
-                return at
-        at += 1
-    return -1
-
-
-@njit(cache=True)
-def _copy(block: Bytes, at: int, take: Integers, cursor: Integers, limit: Integers, flat: Bytes) -> int:
-    """Copies the first `take[id]` data bytes of every message from `at` on to ``flat[cursor[id]:]``; returns the end."""
-    n = len(block)
-    while at + 3 <= n:
-        size = block[at] + 256 * block[at + 1]
-        if at + 3 + size > n:
-            break
-        if block[at + 2] == 68:
-            identity = block[at + 3] + 256 * block[at + 4]
-            into, amount = cursor[identity], take[identity]
-            if amount > 0 and amount <= size - 2 and into + amount <= limit[identity]:
-                for k in range(amount):
-                    flat[into + k] = block[at + 5 + k]
-                cursor[identity] = into + amount
-        at += 3 + size
-    return at
-
-
 class _Windows:
     """The file in pieces: `view(at, end)` is an array whose first byte is the file's `base`, and which reaches `end` or
     at least _MARGIN bytes beyond `at`."""
@@ -198,7 +101,7 @@ class _Surveyor:
         while at < end:
             block, base = self.windows.view(at, end)
             tables = (self.low, self.high, self.stamp, self.count, self.latest, self.back)
-            here, self.last = _walk(block, at - base, *tables, self.last)
+            here, self.last = walk(block, at - base, *tables, self.last)
             if base + here > at:
                 at = base + here
                 continue
@@ -246,7 +149,7 @@ class _Surveyor:
         """The next position from which messages follow each other again; None when there is none before `end`."""
         while at < end:
             block, base = self.windows.view(at, end)
-            found = _candidate(block, at - base, self.low, self.high)
+            found = candidate(block, at - base, self.low, self.high)
             if found < 0:
                 if base + len(block) >= end:
                     return None
@@ -354,7 +257,7 @@ def gather(handle: BinaryIO, found: Survey, wanted: Iterable[int]) -> dict[int, 
     for at, end in found.intact:
         while at < end:
             block, base = windows.view(at, end)
-            reached = base + int(_copy(block, at - base, take, cursor, limit, flat))
+            reached = base + int(copy(block, at - base, take, cursor, limit, flat))
             if reached == at:
                 raise InputError("the log changed while it was read", handle.name, "read it again when it is complete")
             at = reached
