@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from aerodb.conditioning.differentiation import bridge, smooth
+from aerodb.conditioning.differentiation import FEWEST_SAMPLES, bridge, smooth
 from aerodb.errors import InputError
 from aerodb.flight import Array, Flight
 from aerodb.nomenclature import AXES, FORCE_AXES, MOMENT_AXES
@@ -31,7 +31,8 @@ class Coefficients:
 
     time (n,) s; `values`, `sigma` (one standard deviation from sensor noise) and `usable`: axis -> (n,). An axis that
     the flight cannot give is absent, with the reason in `notes`. `moment_reference` (n, 3) m in body axes from the
-    datum. `bandwidth` of the angular accelerations, Hz.
+    datum. `bandwidth` of the moments, Hz, when their angular accelerations were differentiated from rates; None when
+    they were logged. What is set beside band-limited moments must be limited alike, or slopes come out too small.
     """
 
     flight: str
@@ -40,7 +41,7 @@ class Coefficients:
     sigma: Mapping[str, Array]
     usable: Mapping[str, NDArray[np.bool_]]
     moment_reference: Array
-    bandwidth: float
+    bandwidth: float | None
     notes: tuple[str, ...]
 
 
@@ -91,6 +92,8 @@ def total_coefficients(
     Raises InputError when no axis can be computed.
     """
     notes: list[str] = []
+    if len(flight.time) < FEWEST_SAMPLES:
+        raise InputError(f"{len(flight.time)} samples are too few", f"flight {flight.id}", f"{FEWEST_SAMPLES} are needed")
     limit = 0.25 / flight.step
     band = min(bandwidth or vehicle.processing.bandwidth or DEFAULT_BANDWIDTH, limit)
     if "qbar" not in flight:
@@ -132,7 +135,8 @@ def total_coefficients(
     if not values:
         raise InputError("no axis can be computed", f"flight {flight.id}", "specific force or body rates are needed")
     usable = {axis: _usable(flight, axis) & np.isfinite(values[axis]) for axis in AXES if axis in values}
-    return Coefficients(flight.id, flight.time, values, sigma, usable, np.asarray(reference), band, tuple(notes))
+    limited = band if angular_acceleration == "differentiated" else None
+    return Coefficients(flight.id, flight.time, values, sigma, usable, np.asarray(reference), limited, tuple(notes))
 
 
 @dataclass(frozen=True)

@@ -120,7 +120,7 @@ def missing_by_topic(topics: Mapping[str, Topic], damage: Iterable[Damage]) -> t
             if gap is not None:
                 plural = "sample" if gap.samples == 1 else "samples"
                 found.append(Damage(kind, f"about {gap.samples} {plural} missing", name, gap.start, gap.end))
-    return tuple(found)
+    return tuple(dict.fromkeys(found))  # one long gap may hold several dropouts of the file
 
 
 def _gap(time: NDArray[np.float64], k: int, usual: float) -> Gap:

@@ -124,7 +124,11 @@ class _Log:
             raise InputError("no unit is declared", where, f"declare it in the log, or state it in mapping {self.mapping.name}")
         if source.scale != 1.0 or source.offset:
             raw = source.offset + source.scale * raw
-        return found[0], convert(raw, declared, unit)
+        try:
+            return found[0], convert(raw, declared, unit)
+        except InputError as error:
+            where = f"{self.recording.source}, field {found[0]}.{found[1]}"
+            raise InputError(error.what, where, error.remedy or f"state its unit in mapping {self.mapping.name}") from error
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,6 @@ def _registry() -> Any:
     registry: Any = pint.UnitRegistry(autoconvert_offset_to_baseunit=True)
     # Names that flight-test files use and pint does not know.
     registry.define("psf = pound_force / foot ** 2")
-    registry.define("g0 = 9.80665 * meter / second ** 2")
     return registry
 
 

@@ -6,12 +6,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from aerodb.comparison import Comparison
+from aerodb.comparison import Comparison, band_limited
 from aerodb.errors import InputError
 from aerodb.estimation.regression import Regression, least_squares
 from aerodb.estimation.statistics import Theil, theil
 from aerodb.flight import Array, Flight
 from aerodb.model_file import DeclaredIncrement, ModelFile, Regressor, check_channels, expand
+from aerodb.nomenclature import MOMENT_AXES
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.expression import Expression, Name, TableCall
 from aerodb.tables.increment import BASE_VARIABLES, Increment, Interval
@@ -81,7 +82,7 @@ def _axis(
     used = [entry for entry in used if entry[1].any()]
     if not used:
         raise InputError(f"no flight gives a usable sample on {axis}", "update", "remove the axis from the model file")
-    matrix = np.concatenate([_columns(regressors, c)[good] for c, good, _ in used])
+    matrix = np.concatenate([_columns(axis, regressors, c, k)[good] for c, good, k in used])
     response = np.concatenate([k.residual(axis)[good] for _, good, k in used])
     moving = _excited(matrix, regressors)
     kept = [regressor for regressor, moves in zip(regressors, moving, strict=True) if moves]
@@ -134,9 +135,14 @@ def _with_hat_rates(channels: Mapping[str, Array], database: AeroDatabase) -> di
     return {**channels, **{name: values for name, values in hats.items() if name not in channels}}
 
 
-def _columns(regressors: Sequence[Regressor], channels: Mapping[str, Array]) -> Array:
-    n = len(next(iter(channels.values())))
-    return np.column_stack([np.broadcast_to(evaluate(r.expression, channels), (n,)) for r in regressors])
+def _columns(axis: str, regressors: Sequence[Regressor], channels: Mapping[str, Array], comparison: Comparison) -> Array:
+    """Regressors (n, k) of one flight, band-limited like the residual that they are to explain."""
+    n = len(comparison.time)
+    columns = [np.broadcast_to(evaluate(regressor.expression, channels), (n,)) for regressor in regressors]
+    if axis in MOMENT_AXES and comparison.bandwidth is not None:
+        step = float(comparison.time[-1] - comparison.time[0]) / (n - 1)
+        columns = [band_limited(column, step, comparison.bandwidth) for column in columns]
+    return np.column_stack(columns)
 
 
 def _excited(matrix: Array, regressors: Sequence[Regressor]) -> np.ndarray:

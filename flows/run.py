@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, Literal, Protocol
 
+from aerodb.errors import InputError
 from storage.catalogue import Catalogue
 from storage.workspace import Workspace
 from tasks.provenance import code_version
@@ -70,7 +71,7 @@ class PrefectSteps:
         from prefect.cache_policies import NO_CACHE
 
         # The catalogue's keys decide what is done already: a second cache beside it could only disagree.
-        prefect_task: Any = task(step, name=name_of(step), persist_result=False, cache_policy=NO_CACHE)
+        prefect_task: Any = task(name=name_of(step), persist_result=False, cache_policy=NO_CACHE)(step)
         futures = [prefect_task.submit(item, *args, **keywords) for item in items]
         results = []
         for done, future in enumerate(futures):
@@ -96,6 +97,7 @@ def run_flow(
 
     The body is called as ``body(steps, workspace=<folder as text>, run=<run id>, **parameters)``.
     """
+    _check_text(parameters)
     way: Way = "direct" if how == "direct" else configure_prefect(workspace.root)
     catalogue = Catalogue.open(workspace.catalogue)
     run = catalogue.start_run(body.__name__, how=way, parameters=parameters, code_version=code_version()).id
@@ -109,6 +111,14 @@ def run_flow(
     return result
 
 
+def _check_text(parameters: dict[str, Any]) -> None:
+    """Refuses names of files that are no text: neither the record of runs nor Prefect could hold them."""
+    for value in parameters.values():
+        for text in value if isinstance(value, list) else [value]:
+            if isinstance(text, str) and not text.isascii() and text.encode("utf-8", "ignore").decode() != text:
+                raise InputError("its name is not valid UTF-8", text, "rename the file")
+
+
 def _under_prefect(body: Callable[..., Any], given: dict[str, Any], progress: Progress) -> Any:
     from prefect import flow
     from prefect.task_runners import ThreadPoolTaskRunner
@@ -117,14 +127,14 @@ def _under_prefect(body: Callable[..., Any], given: dict[str, Any], progress: Pr
         return body(PrefectSteps(progress), **parameters)
 
     run.__name__ = body.__name__
+    threads: Any = ThreadPoolTaskRunner(max_workers=os.cpu_count() or 1)
     prefect_flow: Any = flow(
-        run,
         name=body.__name__.replace("_", "-"),
         description=body.__doc__,
-        task_runner=ThreadPoolTaskRunner(max_workers=os.cpu_count() or 1),
+        task_runner=threads,
         validate_parameters=False,
         persist_result=False,
-    )
+    )(run)
     return prefect_flow(**given)
 
 

@@ -1,5 +1,6 @@
 """Total coefficients of a stored flight, kept in long form: one row per time and axis."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -53,7 +54,7 @@ def _keep(
     coefficients: Coefficients,
     key: str,
     flight_key: str,
-    settings: dict[str, object],
+    settings: Mapping[str, object],
     run: str,
 ) -> None:
     axes, n = list(coefficients.values), len(coefficients.time)

@@ -1,6 +1,8 @@
 """Declared increments of an update: which flights, what is estimated, what the candidate does on flights not used."""
 
+import re
 from dataclasses import dataclass, replace
+from pathlib import PurePath
 from typing import Any
 
 from aerodb.comparison import Comparison, compare
@@ -10,6 +12,7 @@ from aerodb.model_file import ModelFile, parse_model_file
 from aerodb.proof import AxisProof, HoldOut, choose_hold_out, prove, prove_by_leaving_one_out
 from aerodb.tables.database import AeroDatabase
 from aerodb.update import Update, estimate_increments
+from storage.rows import FlightRow
 from tasks.coefficients import load_coefficients
 from tasks.compare import load_comparison
 from tasks.open import Stores, stores
@@ -53,7 +56,7 @@ def plan_update(
     excluded += [(row.id, f"retracted: {row.retract_reason}") for row in rows if row.retracted_utc is not None]
     excluded += [(row.id, f"rejected: {'; '.join(row.reasons)}") for row in rows if row.verdict == "rejected"]
     out = {flight for flight, _ in excluded}
-    usable = sorted((row for row in rows if row.id not in out), key=lambda row: (row.start_utc or row.added_utc, row.id))
+    usable = sorted((row for row in rows if row.id not in out), key=lambda row: _age(opened, row))
     if not usable:
         why = "; ".join(f"{flight[:12]}: {reason}" for flight, reason in excluded) or "none is stored"
         raise InputError(f"no flight can be used ({why})", f"update of {vehicle}", "ingest flights of this vehicle")
@@ -61,6 +64,18 @@ def plan_update(
     split = choose_hold_out([row.id for row in usable], catalogue.roles_in_line(baseline), requested)
     keys = tuple(entry["key"] for entry in compared if entry["key"] is not None and entry["flight"] not in out)
     return Plan(vehicle, baseline, model, split, tuple(excluded), keys)
+
+
+def _age(opened: Stores, row: FlightRow) -> tuple[Any, ...]:
+    """Sorts flights as they were flown, the same on every machine: by start; before those, unknown starts by log name.
+
+    When a flight was added says nothing: logs are taken in side by side, and in any order.
+    """
+    if row.start_utc is not None:
+        return (1, row.start_utc, row.id)
+    log = opened.catalogue.log(row.log_sha256)
+    digits = re.split(r"(\d+)", row.name or (PurePath(log.name).name if log else ""))
+    return (0, [(int(part), "") if part.isdigit() else (-1, part) for part in digits], row.id)
 
 
 def estimate(plan: Plan, *, workspace: str, run: str) -> Update:

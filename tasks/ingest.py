@@ -10,7 +10,8 @@ from aerodb.flight import Flight
 from aerodb.identity import result_key
 from aerodb.layout import Mapping
 from aerodb.mapping import choose_mapping, map_recording
-from aerodb.recording import Recording
+from aerodb.recording import Damage, Recording
+from storage.encoding import FLIGHT_NAME, checked
 from storage.flights import read_flight, read_recording, write_flight, write_recording
 from storage.mappings import builtin_mappings, load_mapping
 from storage.readers import read_log
@@ -45,20 +46,48 @@ def store_log(
         known = _known(opened, sha256, vehicle, chosen)
         if known is not None:
             return outcome | {"status": "duplicate", "flight": known}
+        refused = _inadmissible(opened, sha256, vehicle, name)
+        if refused is not None:
+            return outcome | _refusal(refused, log)
         recording = read_log(path)
-        if strict and recording.damage:
-            raise InputError(recording.damage[0].what, recording.source, "ingest without --strict to keep what is intact")
+        broken = broken_parts(recording)
+        if strict and broken:
+            raise InputError(broken[0].what, recording.source, "ingest without --strict to keep what is intact")
         layout = chosen or choose_mapping(recording, builtin_mappings().values())
         flight = _mapped(opened, recording, layout, vehicle, sha256)
     except OSError as error:
-        return outcome | {"what": error.strerror or "cannot be read", "where": log, "remedy": "check the path"}
+        return outcome | _refusal(InputError(error.strerror or "cannot be read", log, "check the path"), log)
     except InputError as error:
         if sha256:
             _quarantine(opened, path, sha256, error)
-        return outcome | {"what": error.what, "where": error.where, "remedy": error.remedy}
+        return outcome | _refusal(error, log)
     _keep(opened, recording, flight, layout, run, name)
     damage = [asdict(entry) for entry in recording.damage]
-    return outcome | {"status": "damaged" if damage else "stored", "flight": sha256, "damage": damage}
+    return outcome | {"status": "damaged" if broken else "stored", "flight": sha256, "damage": damage}
+
+
+def broken_parts(recording: Recording) -> list[Damage]:
+    """Damage of the file itself. Dropouts are none: the logger could not keep up, said so, and the gaps are flagged."""
+    return [entry for entry in recording.damage if entry.kind != "dropout"]
+
+
+def _refusal(error: InputError, log: str) -> dict[str, str]:
+    return {"what": error.what, "where": error.where or log, "remedy": error.remedy or "aerodb log inspect shows what is in it"}
+
+
+def _inadmissible(opened: Stores, sha256: str, vehicle: str, name: str | None) -> InputError | None:
+    """Why the catalogue would not take these bytes as a flight of this name. The log is not at fault: no quarantine."""
+    for row in opened.catalogue.flights(log_sha256=sha256):
+        if row.vehicle != vehicle or name not in (None, row.name):
+            return InputError(f"already stored for vehicle '{row.vehicle}' as '{row.label}'", "", "use that one")
+    if name is None:
+        return None
+    try:
+        checked(name, FLIGHT_NAME, "the name of a flight")
+    except InputError as error:
+        return error
+    taken = [row for row in opened.catalogue.flights(vehicle) if row.name == name]
+    return InputError(f"'{name}' is flight {taken[0].id[:12]} already", "", "choose another name") if taken else None
 
 
 def load_flight(opened: Stores, row: FlightRow, run: str) -> tuple[Flight, str]:
@@ -114,15 +143,19 @@ def _keep(opened: Stores, recording: Recording, flight: Flight, mapping: Mapping
     key = _key(opened, recording.sha256, flight.vehicle, mapping)
     topics, channels = opened.workspace.recording_path(recording.sha256), opened.workspace.flight_path(key)
     if not topics.exists():
-        write_recording(topics, recording)
+        try:
+            write_recording(topics, recording)
+        except OSError:
+            if not topics.exists():  # else the same bytes came under two names at once, and the other was first
+                raise
     write_flight(channels, flight)
     with opened.catalogue.transaction():
         opened.catalogue.add_log(
             recording.sha256,
-            name=recording.source,
+            name=Path(recording.source).name,
             size=recording.size,
             format=recording.format,
-            status="damaged" if recording.damage else "stored",
+            status="damaged" if broken_parts(recording) else "stored",
             damage=recording.damage,
         )
         opened.catalogue.add_flight(

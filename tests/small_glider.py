@@ -144,7 +144,5 @@ def state_of(root: Path, but: tuple[str, ...] = ("catalogue.sqlite", "prefect", 
     """Relative path -> sha256 of every file of a workspace, leaving out what begins with one of `but`."""
     found = {path.relative_to(root).as_posix(): path for path in sorted(root.rglob("*")) if path.is_file()}
     return {
-        name: hashlib.sha256(path.read_bytes()).hexdigest()
-        for name, path in found.items()
-        if not name.startswith(tuple(but))
+        name: hashlib.sha256(path.read_bytes()).hexdigest() for name, path in found.items() if not name.startswith(tuple(but))
     }

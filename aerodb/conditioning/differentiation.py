@@ -17,6 +17,9 @@ Array = NDArray[np.float64]
 #: Width of the roll-off relative to the bandwidth: a cosine step from 1 to 0, short and yet without ripple.
 ROLL_OFF = 0.1
 
+#: A record shorter than this has no spectrum to cut.
+FEWEST_SAMPLES = 8
+
 
 @dataclass(frozen=True)
 class Smoothed:
@@ -36,7 +39,7 @@ def smooth(values: Array, step: float, bandwidth: float, noise: float | None = N
 
     Parameters
     ----------
-    values : (n,) any unit, n >= 8; not finite samples are bridged linearly (the caller flags them).
+    values : (n,) any unit, n >= FEWEST_SAMPLES; not finite samples are bridged linearly (the caller flags them).
     step : sampling interval, s.
     bandwidth : Hz, where the gain is one half; at most the Nyquist frequency.
     noise : one sigma of the white noise of `values`; None: measured above the bandwidth.
@@ -46,8 +49,8 @@ def smooth(values: Array, step: float, bandwidth: float, noise: float | None = N
     Smoothed, with the record's unit and unit/s.
     """
     n = len(values)
-    if n < 8:
-        raise ValueError(f"{n} samples are too few to differentiate; 8 are needed")
+    if n < FEWEST_SAMPLES:
+        raise ValueError(f"{n} samples are too few to differentiate; {FEWEST_SAMPLES} are needed")
     record = bridge(values)
     nyquist = 0.5 / step
     if not 0.0 < bandwidth <= nyquist:

@@ -1,5 +1,6 @@
 """``aerodb log`` and ``aerodb flight``: look into a log, take it in, list, show and retract flights."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -7,7 +8,7 @@ import typer
 
 from aerodb.errors import InputError
 from aerodb.recording import Damage
-from flows.cli.output import Session
+from flows.cli.output import Session, complaint
 from storage.rows import FlightRow
 
 logs = typer.Typer(name="log", no_args_is_help=True, help="Logs as they are.")
@@ -75,8 +76,7 @@ def inspect(
         ],
         numbers=(1, 2, 3, 4, 5, 6, 7),
     )
-    for entry in recording.damage:
-        session.say(f"damage: {_damage_text(entry)}")
+    _say_damage(session, recording.damage, "damage")
     try:
         chosen = load_mapping(mapping) if mapping else choose_mapping(recording, builtin_mappings().values())
     except InputError as error:
@@ -123,12 +123,10 @@ def ingest(
 
 def _report(session: Session, outcome: dict[str, Any]) -> None:
     if outcome["status"] == "refused":
-        # Two lines: what and where, then what to do.
-        typer.echo(f"aerodb: {outcome['where']}: {outcome['what']}\n{outcome['remedy']}", err=True)
+        typer.echo(complaint(outcome["what"], outcome["where"], outcome["remedy"]), err=True)
         return
     session.say(f"{outcome['log']}: {outcome['status']} as flight {outcome['flight'][:12]}")
-    for entry in outcome["damage"]:
-        session.say(f"  damage: {_damage_text(Damage(**entry))}")
+    _say_damage(session, [Damage(**entry) for entry in outcome["damage"]], "  damage")
     for step in ("coefficients", "comparison"):
         result = outcome[step]
         if result is not None and result["key"] is None:
@@ -187,8 +185,7 @@ def show(
         f"flight {row.label} of {row.vehicle}: {_when(row)}, {row.duration:.1f} s at {1 / row.step:.4g} Hz, mapping {row.mapping}"
     )
     session.say(f"log {log.name if log else '?'} ({row.log_sha256[:12]}), {log.status if log else 'unknown'}")
-    for entry in log.damage if log else ():
-        session.say(f"  damage: {_damage_text(entry)}")
+    _say_damage(session, log.damage if log else (), "  damage")
     session.table(["step", "key", "made"], [[r.step, r.key[:12], f"{r.created_utc:%Y-%m-%d %H:%M}"] for r in results])
     for use in impact:
         session.say(f"{use.version.label} rests on it: {use.role.replace('_', ' ')}")
@@ -243,6 +240,17 @@ def _damage(entry: Damage) -> dict[str, Any]:
         "end": entry.end,
         "bytes_lost": entry.bytes_lost,
     }
+
+
+#: More places of damage than this are counted, not listed, for people; `--json` lists them all.
+_LISTED = 10
+
+
+def _say_damage(session: Session, damage: Sequence[Damage], heading: str) -> None:
+    for entry in damage[:_LISTED]:
+        session.say(f"{heading}: {_damage_text(entry)}")
+    if len(damage) > _LISTED:
+        session.say(f"{heading}: and {len(damage) - _LISTED} more places (--json lists them)")
 
 
 def _damage_text(entry: Damage) -> str:

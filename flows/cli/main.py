@@ -9,7 +9,7 @@ import typer
 
 from aerodb.errors import AeroError, GateRefusal, InputError, UnknownNameError
 from flows.cli import databases, flights, updates, vehicles, versions
-from flows.cli.output import Session
+from flows.cli.output import Session, complaint
 
 DONE, FAILED, USAGE, REFUSED, GATE = 0, 1, 2, 3, 4
 
@@ -45,16 +45,15 @@ def main() -> None:
     """Runs the command line and ends the process with the exit code of CONTRACT.md."""
     debug = "--debug" in sys.argv
     try:
-        app(standalone_mode=False)
-        code = DONE
-    except typer.Exit as leave:
-        code = leave.exit_code
+        # Outside of its standalone mode the library returns the code of an Exit instead of raising it.
+        left_with = app(standalone_mode=False)
+        code = left_with if isinstance(left_with, int) else DONE
     except typer.Abort:
         code = FAILED
     except AeroError as error:
         if debug:
             raise
-        print(f"aerodb: {error}", file=sys.stderr)
+        print(complaint(error.what, error.where, error.remedy), file=sys.stderr)
         code = _code(error)
     except Exception as error:
         if debug:

@@ -1,8 +1,10 @@
 """What a command says: text and tables for people, one JSON document for programs, a progress bar for the patient."""
 
 import json
+import math
 import sys
 import time
+import unicodedata
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,10 +13,27 @@ from typing import Any
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
+from rich.text import Text
 
 from flows.run import How, run_flow
 from storage.catalogue import Catalogue
 from storage.workspace import Workspace
+
+
+def visible(text: str, keep: str = "") -> str:
+    """`text` with control characters and broken Unicode as escapes: a name in a log cannot move the cursor.
+
+    >>> visible("a\\nb\\x1b[31m")
+    'a\\\\nb\\\\x1b[31m'
+    """
+    hidden = (c for c in set(text) if c not in keep and unicodedata.category(c) in ("Cc", "Cf", "Cs"))
+    return text.translate({ord(c): c.encode("unicode_escape", "surrogatepass").decode() for c in hidden})
+
+
+def complaint(what: str, where: str, remedy: str) -> str:
+    """A refusal in two lines: where and what, then what to do; one line when nothing can be done."""
+    lines = (f"aerodb: {where}: {what}" if where else f"aerodb: {what}", remedy)
+    return "\n".join(visible(line) for line in lines if line)
 
 
 class Session:
@@ -38,21 +57,21 @@ class Session:
 
     def say(self, text: str = "") -> None:
         """A line for people. Text is never markup: names in logs are not ours."""
-        self.people.print(text, markup=False)
+        self.people.print(visible(text, keep="\n\t"), markup=False)
 
     def table(self, columns: Sequence[str], rows: Sequence[Sequence[str]], numbers: Sequence[int] = ()) -> None:
         """A table for people; columns whose positions are in `numbers` are set right."""
         made = Table(box=None, header_style="bold", pad_edge=False)
         for k, column in enumerate(columns):
-            made.add_column(column, justify="right" if k in numbers else "left", no_wrap=k in numbers)
+            made.add_column(Text(column), justify="right" if k in numbers else "left", no_wrap=k in numbers)
         for row in rows:
-            made.add_row(*(cell.replace("[", r"\[") for cell in row))
+            made.add_row(*(Text(visible(cell)) for cell in row))
         self.people.print(made)
 
     def answer(self, document: Any) -> None:
         """The one JSON document, when that is what was asked for."""
         if self.as_json:
-            json.dump(document, sys.stdout, indent=1, default=str)
+            json.dump(_finite(document), sys.stdout, indent=1, default=str, allow_nan=False)
             sys.stdout.write("\n")
 
     def run(self, body: Any, parameters: dict[str, Any], direct: bool) -> Any:
@@ -60,6 +79,15 @@ class Session:
         how: How = "direct" if direct else "auto"
         with _progress(self.as_json) as report:
             return run_flow(body, parameters, self.workspace(create=True), how, report)
+
+
+def _finite(value: Any) -> Any:
+    """`value` with None for numbers that JSON cannot write: the rate of a topic with one sample, say."""
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, dict):
+        return {key: _finite(entry) for key, entry in value.items()}
+    return [_finite(entry) for entry in value] if isinstance(value, (list, tuple)) else value
 
 
 @contextmanager

@@ -8,6 +8,7 @@ import typer
 from aerodb.errors import InputError
 from aerodb.vehicle import parse_vehicle, vehicle_template
 from flows.cli.output import Session
+from storage.encoding import VEHICLE_NAME, checked
 
 app = typer.Typer(name="vehicle", no_args_is_help=True, help="Vehicles: geometry, mass, surfaces, sensors.")
 
@@ -19,11 +20,11 @@ def init(context: typer.Context, name: str) -> None:
     Example: aerodb vehicle init my-glider
     """
     session: Session = context.obj
+    checked(name, VEHICLE_NAME, "the name of a vehicle")  # before it becomes that of a file
     path = Path(f"{name}.toml")
     if path.exists():
         raise InputError("the file exists already", str(path), "move it away, or choose another name")
-    text = vehicle_template(name)
-    path.write_text(text, encoding="utf-8")
+    path.write_text(vehicle_template(name), encoding="utf-8")
     session.say(f"wrote {path}; fill it in, then: aerodb vehicle add {path}")
     session.answer({"file": str(path)})
 

@@ -1,6 +1,7 @@
 """``aerodb version``: ask the database versions. Answers at once, without the orchestrator."""
 
 import json
+import math
 from datetime import UTC, datetime
 from typing import Annotated, Any
 
@@ -214,6 +215,8 @@ def _point(text: str, inputs: tuple[str, ...]) -> dict[str, float]:
         except UnknownNameError:
             unit = "1"  # a free input of an imported file: a bare number
         point[name] = quantity(value, unit)
+        if not math.isfinite(point[name]):
+            raise InputError(f"'{part}' is not a finite number", "--at", "give a number, with a unit or in SI")
     return point
 
 

@@ -151,7 +151,8 @@ def read_mcap(path: Path) -> Recording:
     found += [*missing_by_topic(topics, found), *damage]
     layout = "ros2" if reading.metadata.get("profile") == "ros2" or _has_ros2(reading) else ""
     utc = datetime.fromtimestamp(start * 1e-9, UTC) if 1e18 < start < 1e19 else None  # 2001 to 2286
-    return Recording(str(path), "mcap", sha256, size, topics, reading.metadata, tuple(found), utc, layout)
+    metadata = {**reading.metadata, **_left_out(reading)}
+    return Recording(str(path), "mcap", sha256, size, topics, metadata, tuple(found), utc, layout)
 
 
 def _has_ros2(reading: _Reading) -> bool:
@@ -225,8 +226,13 @@ def _damage(entry: tuple[Hole | Chunk, int, int | None, int | None], start: int)
     return Damage("framing", f"bytes that belong to no record: {n} bytes from offset {lost.start}", "", begin, end, n)
 
 
+def _left_out(reading: _Reading) -> dict[str, str]:
+    """Fields that cannot be channels, by topic: nothing is damaged there, but they are not read and that is said."""
+    return {f"not read: {name}": ", ".join(sorted(s.skipped)[:4]) for name, s in sorted(reading.series.items()) if s.skipped}
+
+
 def _topics(reading: _Reading, start: int) -> tuple[dict[str, Topic], list[Damage]]:
-    """Topics by name, and what of them is not read."""
+    """Topics by name, and what of them is damaged or in an encoding that is not read."""
     topics: dict[str, Topic] = {}
     damage = [Damage("values", f"{n} messages not read: {why}", topic) for (topic, why), n in reading.unread.items()]
     for name, series in sorted(reading.series.items()):
@@ -240,9 +246,6 @@ def _topics(reading: _Reading, start: int) -> tuple[dict[str, Topic], list[Damag
         if len(back):
             where = float(time[back[0]])
             damage.append(Damage("time", f"time runs backwards {len(back)} times, first at {where:.6f} s", name, where, where))
-        if series.skipped:
-            what = f"not read, no channels: {', '.join(sorted(series.skipped)[:4])}"
-            damage.append(Damage("values", what, name))
         topics[name] = Topic(name, time, _columns(series.values))
     return topics, damage
 

@@ -101,16 +101,21 @@ def _events(generator: np.random.Generator, number: int) -> tuple[Event, ...]:
         Event("bank", 0.0, 2.0, 20.0 * sign * degree),
         Event("alpha", 0.0, 1.0, 7.0 * degree, "pulse"),
     ]
-    # Slow flight right after the dive is where a large angle of attack costs little load factor.
-    slow = Event("alpha", generator.uniform(9.5, 10.5), generator.uniform(3.0, 4.0), generator.uniform(5.0, 8.0) * degree, "hold")
-    start, placed = 15.0 + generator.uniform(0.0, 1.0), [slow]
+    # Slow flight right after the dive is where a large angle of attack costs little load factor. Each flight opens its speed
+    # brakes and body flap once as far as any will: an increment holds only where flights have been.
+    placed = [
+        Event("alpha", generator.uniform(9.5, 10.5), generator.uniform(3.0, 4.0), generator.uniform(5.0, 8.0) * degree, "hold"),
+        Event("speed_brake", generator.uniform(10.5, 11.5), 3.5, generator.uniform(35.0, 38.0) * degree, "hold"),
+        Event("body_flap", generator.uniform(11.0, 12.5), 3.5, generator.uniform(6.0, 8.0) * degree, "hold"),
+    ]
+    start = 15.0 + generator.uniform(0.0, 1.0)
     for index in generator.permutation(len(quick)):
         event = quick[index]
         size = generator.uniform(0.8, 1.2)
         placed.append(Event(event.target, start, event.width * generator.uniform(0.9, 1.1), size * event.amplitude, event.shape))
         start += generator.uniform(3.2, 4.0)
     for target, low, high in (("speed_brake", -12.0, 14.0), ("body_flap", -7.0, 9.0)):
-        start = 15.0 + generator.uniform(0.0, 4.0)
+        start = 16.0 + generator.uniform(0.0, 4.0)
         for amplitude in (low, high, low / 2, high / 2):
             width = generator.uniform(3.5, 6.0)
             placed.append(Event(target, start, width, amplitude * generator.uniform(0.7, 1.1) * degree, "hold"))
