@@ -23,8 +23,8 @@ class Comparison:
     time (n,) s; measured, sigma, predicted and usable: axis -> (n,); axes are the body axes that the flight gives, and
     C_lift, C_drag, C_side where all three forces are there. Moments are band-limited on both sides to `bandwidth` [Hz]
     (None: not limited): a differentiated rate is, and beside an unlimited prediction every slope would come out too
-    small (f1_017, Cl_p: -.49 at 2 Hz and -.57 at 8 Hz one-sided; -.571 and -.572 two-sided). `outside` (n,): some table argument lies outside its
-    breakpoints, where the table's edge value is held.
+    small (f1_017, Cl_p: -.49 at 2 Hz and -.57 at 8 Hz one-sided; -.571 and -.572 two-sided). `outside` (n,): some table
+    argument lies outside its breakpoints, where the table's edge value is held.
     """
 
     flight: str

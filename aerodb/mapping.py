@@ -73,7 +73,7 @@ class _Log:
         return self._clocks[topic]
 
     def _cleaned(self, topic: str) -> tuple[NDArray[np.bool_], Array] | None:
-        stamps = self._stamps(topic)
+        stamps = self.stamps(topic)
         if stamps is None:
             return None
         try:
@@ -87,7 +87,8 @@ class _Log:
             self.damage.append(Damage("time", what, topic, clean.start, clean.end))
         return clean.keep, stamps[clean.keep]
 
-    def _stamps(self, topic: str) -> Array | None:
+    def stamps(self, topic: str) -> Array | None:
+        """Times [s] of a topic as they were logged; None where a table has no time base of that length."""
         time = self.mapping.time
         if time is None:
             stamps = self.recording.topics[topic].time
@@ -189,6 +190,19 @@ def channels_found(recording: Recording, mapping: Mapping) -> tuple[tuple[str, .
             found += [name for name in derived.channels if name not in found]
     known = [*_EXPECTED, *(entry.name for entry in mapping.channel), *(name for d in mapping.derived for name in d.channels)]
     return tuple(found), tuple(name for name in dict.fromkeys(known) if name not in found)
+
+
+def on_mapped_clock(recording: Recording, mapping: Mapping) -> Recording:
+    """The recording with the times [s] that the mapping's ``[time]`` gives its topics: readers of tables know none.
+
+    Topics without a time base of their length keep the sample index; without ``[time]`` nothing changes.
+    """
+    if mapping.time is None:
+        return recording
+    log = _Log(recording, mapping)
+    clocks = {name: log.stamps(name) for name in recording.topics}
+    timed = {name: replace(recording.topics[name], time=clock) for name, clock in clocks.items() if clock is not None}
+    return replace(recording, topics={**recording.topics, **timed})
 
 
 def _signals(log: _Log, vehicle: Vehicle) -> tuple[dict[str, _Signal], list[str]]:

@@ -44,12 +44,9 @@ class Demo:
     truth: list[dict[str, Any]]
 
 
-def run_demo(workspace: Workspace, flights: int, run: Run, say: Say, seed: int = 0) -> Demo:
-    """Flies, writes logs, takes them in, updates the database, and then opens the envelope."""
-    say(f"flying {flights} drops of the Phoenix-like example")
-    logs = write_logs(workspace.root / "demo-logs", flights, seed)
-    say(f"wrote {len(logs)} logs, {sum(log.stat().st_size for log in logs) / 1e6:.0f} MB, to {logs[0].parent}")
-    database = workspace.root / "demo-logs" / "preflight.toml"
+def run_demo(workspace: Workspace, logs: list[Path], run: Run, say: Say) -> Demo:
+    """Takes the logs of `write_logs` in, updates the database, and then opens the envelope."""
+    database = logs[0].parent / "preflight.toml"
     database.write_text(text("preflight.toml"), encoding="utf-8")
     opened = stores(str(workspace.root))
     opened.catalogue.add_vehicle(VEHICLE, text("vehicle.toml"))

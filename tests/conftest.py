@@ -20,3 +20,15 @@ def measured() -> Callable[[str], Path]:
         return path
 
     return find
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """`make campaign` runs the heavy tests with their full numbers of trials."""
+    parser.addoption("--full-campaign", action="store_true", help="full numbers of trials in tests marked heavy")
+
+
+@pytest.fixture(scope="session")
+def trials(request: pytest.FixtureRequest) -> Callable[[int, int], int]:
+    """How many seeded trials a heavy test does: `reduced` in the suite, `full` under --full-campaign."""
+    full_campaign = request.config.getoption("--full-campaign")
+    return lambda reduced, full: full if full_campaign else reduced

@@ -47,7 +47,9 @@ def _with_nasas_constants(flight, column):
     f1_017: -0.1109 deg/s from p, +1.1079 deg/s from r, 0.11342 g added to ay. totter_demo: 0.0367 deg/s from q, 0.00584 g
     added to ax and -0.00384 g to az. They are read off the file, column against column; each is constant to 1e-12.
     """
-    rates = {name: column(k) * 2 * column(2) / column(length) for name, k, length in (("p", 71, 78), ("q", 72, 79), ("r", 73, 78))}
+    rates = {
+        name: column(k) * 2 * column(2) / column(length) for name, k, length in (("p", 71, 78), ("q", 72, 79), ("r", 73, 78))
+    }
     weight = column(27) * column(77) / column(48)  # ft/s2 per unit of coefficient
     thrust = (column(38) + column(39)) / column(48)
     g = 32.174

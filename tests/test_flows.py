@@ -7,6 +7,7 @@ runs under Prefect, because Prefect reads its settings when it is first imported
 import hashlib
 import json
 import os
+import signal
 import socket
 import subprocess
 import sys
@@ -29,7 +30,6 @@ from storage.workspace import Workspace
 from tests import small_glider
 from tests.small_glider import MODEL, NAME, state_of, write_files
 
-AERODB = [sys.executable, "-c", "from flows.cli import main; main()"]
 #: Both commands in one process, so that Prefect's own start is paid once.
 BOTH = """
 import sys
@@ -120,7 +120,12 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
     url = f"http://127.0.0.1:{port}/api"
-    settings = {"PREFECT_HOME": str(home), "PREFECT_API_URL": url, "DO_NOT_TRACK": "1", "PREFECT_SERVER_ANALYTICS_ENABLED": "false"}
+    settings = {
+        "PREFECT_HOME": str(home),
+        "PREFECT_API_URL": url,
+        "DO_NOT_TRACK": "1",
+        "PREFECT_SERVER_ANALYTICS_ENABLED": "false",
+    }
     command = [sys.executable, "-m", "prefect", "server", "start", "--host", "127.0.0.1", "--port", str(port), "--no-ui"]
     with (home / "log.txt").open("wb") as log:
         process = subprocess.Popen(command, env=_environment(**settings), stdout=log, stderr=log, start_new_session=True)
@@ -132,7 +137,7 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
         try:
             process.wait(timeout=20)
         except subprocess.TimeoutExpired:
-            process.kill()
+            os.killpg(process.pid, signal.SIGKILL)  # its own session: the workers that it started go with it
             process.wait(timeout=20)
 
 
@@ -152,7 +157,9 @@ def _answers(url: str) -> bool:
         return False
 
 
-def _same_as_direct(workspace: Workspace, done: subprocess.CompletedProcess[str], direct: tuple[Workspace, dict[str, Any]]) -> None:
+def _same_as_direct(
+    workspace: Workspace, done: subprocess.CompletedProcess[str], direct: tuple[Workspace, dict[str, Any]]
+) -> None:
     assert done.returncode == 0, done.stderr
     assert _stored(workspace) == _stored(direct[0])
     first = json.JSONDecoder().raw_decode(done.stdout)
@@ -291,7 +298,7 @@ def test_progress_is_told_step_by_step(tmp_path: Path, logs: list[Path]) -> None
 def test_a_query_imports_no_orchestrator(direct: tuple[Workspace, dict[str, Any]], command: list[str]) -> None:
     code = (
         "import sys; from flows.cli.main import app; app(sys.argv[1:], standalone_mode=False);"
-        "heavy = {'prefect', 'matplotlib', 'numba', 'fastapi', 'pint'} & set(sys.modules); sys.exit(f'imported: {heavy}' if heavy else 0)"
+        "heavy = {'prefect', 'matplotlib', 'numba', 'fastapi', 'pint'} & set(sys.modules); sys.exit(str(heavy or ''))"
     )
     arguments = [sys.executable, "-c", code, "--workspace", str(direct[0].root), "--json", *command]
     done = subprocess.run(arguments, env=_environment(), capture_output=True, text=True, timeout=60)

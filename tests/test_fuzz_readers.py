@@ -14,8 +14,13 @@ from storage.writers.ulog import write_ulog
 from tests.test_mcap import write_flight
 from tests.test_ulog import example_topics, messages
 
-TRIALS = 150
 Change = Callable[[bytes, np.random.Generator], bytes]
+pytestmark = pytest.mark.heavy
+
+
+@pytest.fixture(scope="module")
+def count(trials: Callable[[int, int], int]) -> int:
+    return trials(150, 3000)
 
 
 def outcome(path: Path, data: bytes) -> Recording | None:
@@ -58,12 +63,12 @@ def ulog(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
     return path.read_bytes()
 
 
-def test_cut_ulog_accounts_for_every_byte(ulog: bytes, tmp_path: Path) -> None:
+def test_cut_ulog_accounts_for_every_byte(ulog: bytes, count: int, tmp_path: Path) -> None:
     """Every message before the cut is read; the rest of the file is a reported loss, unless the cut is between messages."""
     found, rng = messages(ulog), np.random.default_rng(2)
     samples = {end for _, end, kind in found if kind == ord("D")}
     ends = np.array([16, *(end for _, end, _ in found)])
-    for cut in rng.integers(0, len(ulog), TRIALS):
+    for cut in rng.integers(0, len(ulog), count):
         recording = outcome(tmp_path / "a.ulg", ulog[:cut])
         whole = sum(end <= cut for end in samples)
         if recording is None:
@@ -76,10 +81,12 @@ def test_cut_ulog_accounts_for_every_byte(ulog: bytes, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("change", [flip, scramble])
-def test_damaged_ulog_is_read_or_refused_and_no_byte_is_unaccounted(ulog: bytes, tmp_path: Path, change: Change) -> None:
+def test_damaged_ulog_is_read_or_refused_and_no_byte_is_unaccounted(
+    ulog: bytes, count: int, tmp_path: Path, change: Change
+) -> None:
     """What is followed and what is lost cover the file without overlap, and every loss stands in the recording."""
     rng, path, read = np.random.default_rng(3), tmp_path / "a.ulg", 0
-    for _ in range(TRIALS):
+    for _ in range(count):
         data = change(ulog, rng)
         recording = outcome(path, data)
         if recording is None:
@@ -94,10 +101,10 @@ def test_damaged_ulog_is_read_or_refused_and_no_byte_is_unaccounted(ulog: bytes,
         kept = sum(len(topic.time) for topic in recording.topics.values())
         undecoded = sum(int(d.what.split()[0]) for d in recording.damage if d.what.endswith(("damaged", "timestamp")))
         assert kept + undecoded == int(found.count.sum())
-    assert read > 0.9 * TRIALS
+    assert read > 0.9 * count
 
 
-def test_taken_out_messages_are_the_only_ones_missing(ulog: bytes, tmp_path: Path) -> None:
+def test_taken_out_messages_are_the_only_ones_missing(ulog: bytes, count: int, tmp_path: Path) -> None:
     """Noise over data messages costs those messages and no others."""
     rng = np.random.default_rng(4)
     found = messages(ulog)
@@ -121,11 +128,11 @@ def mcap(tmp_path_factory: pytest.TempPathFactory) -> tuple[bytes, Recording]:
     return path.read_bytes(), read_log(path)
 
 
-def test_cut_mcap_is_always_reported(mcap: tuple[bytes, Recording], tmp_path: Path) -> None:
+def test_cut_mcap_is_always_reported(mcap: tuple[bytes, Recording], count: int, tmp_path: Path) -> None:
     """Unlike ULog, MCAP ends with a footer: every cut shows. What is read is the beginning of what was there."""
     data, whole = mcap
     read = 0
-    for cut in np.random.default_rng(5).integers(0, len(data), TRIALS):
+    for cut in np.random.default_rng(5).integers(0, len(data), count):
         recording = outcome(tmp_path / "a.mcap", data[:cut])
         if recording is None:
             continue
@@ -133,18 +140,18 @@ def test_cut_mcap_is_always_reported(mcap: tuple[bytes, Recording], tmp_path: Pa
         assert [damage.kind for damage in recording.damage if damage.kind == "lost_tail"] == ["lost_tail"]
         for name, topic in recording.topics.items():
             np.testing.assert_array_equal(topic.time, whole.topics[name].time[: len(topic.time)])
-    assert read > TRIALS // 2
+    assert read > count // 2
 
 
 @pytest.mark.parametrize("change", [flip, scramble])
 def test_damaged_mcap_is_read_or_refused_and_samples_do_not_vanish_silently(
-    mcap: tuple[bytes, Recording], tmp_path: Path, change: Change
+    mcap: tuple[bytes, Recording], count: int, tmp_path: Path, change: Change
 ) -> None:
     """With chunk and data checksums on, no change of the data goes unnoticed, whether or not it costs samples."""
     data, whole = mcap
     rng, read = np.random.default_rng(6), 0
     total = sum(len(topic.time) for topic in whole.topics.values())
-    for _ in range(TRIALS):
+    for _ in range(count):
         recording = outcome(tmp_path / "a.mcap", change(data, rng))
         if recording is None:
             continue
@@ -155,4 +162,4 @@ def test_damaged_mcap_is_read_or_refused_and_samples_do_not_vanish_silently(
             if not recording.damage:
                 for field, values in topic.fields.items():
                     np.testing.assert_array_equal(values, whole.topics[name].fields[field])
-    assert read > TRIALS // 2
+    assert read > count // 2

@@ -61,12 +61,13 @@ def _coloured(rng, n, pole):
     return noise
 
 
-def test_intervals_cover_the_truth_when_residuals_are_coloured_and_white_ones_do_not():
+@pytest.mark.heavy
+def test_intervals_cover_the_truth_when_residuals_are_coloured_and_white_ones_do_not(trials):
     rng = np.random.default_rng(7)
     n, records, truth = 400, 4, np.array([0.5, -1.0])
     inside = white_inside = 0
-    trials = 200
-    for _ in range(trials):
+    count = trials(200, 5000)
+    for _ in range(count):
         slow = np.concatenate([_coloured(rng, n, 0.97) for _ in range(records)])
         x = np.column_stack([slow, np.ones(n * records)])
         y = x @ truth + np.concatenate([_coloured(rng, n, 0.9) for _ in range(records)])
@@ -74,8 +75,8 @@ def test_intervals_cover_the_truth_when_residuals_are_coloured_and_white_ones_do
         error = abs(fit.estimates[0] - truth[0])
         inside += error < 1.96 * fit.standard_errors[0]
         white_inside += error < 1.96 * np.sqrt(fit.white_covariance[0, 0])
-    assert inside / trials > 0.88
-    assert white_inside / trials < 0.6
+    assert inside / count > 0.88
+    assert white_inside / count < 0.6
 
 
 def test_dependent_and_unexcited_regressors_are_named():

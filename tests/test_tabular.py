@@ -275,13 +275,14 @@ def test_hdf5_that_declares_more_than_it_stores(tmp_path: Path) -> None:
     assert "bad" in recording.damage[0].what
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("name", list(WRITERS))
 @pytest.mark.parametrize("harm", ["cut", "flip"])
-def test_damaged_bytes_give_a_recording_or_a_refusal(tmp_path: Path, name: str, harm: str) -> None:
+def test_damaged_bytes_give_a_recording_or_a_refusal(tmp_path: Path, trials, name: str, harm: str) -> None:
     whole = WRITERS[name](tmp_path / name).read_bytes()
     rng = np.random.default_rng(3)
-    cut_silently = 0
-    for _ in range(100):
+    cut_silently, count = 0, trials(100, 2000)
+    for _ in range(count):
         data = bytearray(whole)
         if harm == "cut":
             data = data[: rng.integers(1, len(data))]
@@ -297,4 +298,4 @@ def test_damaged_bytes_give_a_recording_or_a_refusal(tmp_path: Path, name: str, 
         assert isinstance(recording, Recording)
         cut_silently += harm == "cut" and not recording.damage
     # A cut exactly at the end of a line or variable leaves a file that is whole in itself.
-    assert cut_silently <= 5
+    assert cut_silently <= 0.05 * count

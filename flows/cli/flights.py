@@ -7,8 +7,9 @@ from typing import Annotated, Any
 import typer
 
 from aerodb.errors import InputError
-from aerodb.recording import Damage
-from flows.cli.output import Session, complaint
+from aerodb.inspection import TopicSummary, describe
+from aerodb.recording import Damage, Recording
+from flows.cli.output import Session, complaint, visible
 from storage.rows import FlightRow
 
 logs = typer.Typer(name="log", no_args_is_help=True, help="Logs as they are.")
@@ -27,8 +28,7 @@ def inspect(
     """
     # Imported where it is needed, here and below: a query must not wait for the science.
     from aerodb.completeness import prevents
-    from aerodb.inspection import describe
-    from aerodb.mapping import channels_found, choose_mapping
+    from aerodb.mapping import channels_found, choose_mapping, on_mapped_clock
     from storage.mappings import builtin_mappings, load_mapping
     from storage.readers import read_log
 
@@ -36,52 +36,16 @@ def inspect(
     if not log.is_file():
         raise InputError("no such file", str(log), "check the path")
     recording = read_log(log)
-    summary = describe(recording)
-    document: dict[str, Any] = {
-        "source": recording.source,
-        "format": recording.format,
-        "sha256": recording.sha256,
-        "size": recording.size,
-        "start_utc": recording.start_utc.isoformat() if recording.start_utc else None,
-        "topics": [
-            {
-                "topic": topic.name,
-                "rate": topic.rate,
-                "samples": topic.samples,
-                "start": topic.start,
-                "end": topic.end,
-                "gaps": len(topic.gaps),
-                "longest_gap": topic.longest_gap,
-                "fields": list(topic.fields),
-            }
-            for topic in summary.topics
-        ],
-        "damage": [_damage(entry) for entry in recording.damage],
-    }
-    session.say(f"{recording.source}: {recording.format}, {recording.size / 1e6:.1f} MB, sha256 {recording.sha256[:12]}")
-    session.table(
-        ["topic", "rate [Hz]", "samples", "from [s]", "to [s]", "gaps", "longest [s]", "fields"],
-        [
-            [
-                t.name,
-                f"{t.rate:.4g}",
-                str(t.samples),
-                f"{t.start:.2f}",
-                f"{t.end:.2f}",
-                str(len(t.gaps)),
-                f"{t.longest_gap:.3g}",
-                str(len(t.fields)),
-            ]
-            for t in summary.topics
-        ],
-        numbers=(1, 2, 3, 4, 5, 6, 7),
-    )
-    _say_damage(session, recording.damage, "damage")
+    chosen, refusal = None, ""
     try:
         chosen = load_mapping(mapping) if mapping else choose_mapping(recording, builtin_mappings().values())
+        recording = on_mapped_clock(recording, chosen)
     except InputError as error:
-        session.say(f"mapping: {error}")
-        session.answer({**document, "mapping": None, "channels": [], "missing": [], "prevents": [str(error)]})
+        refusal = str(error)
+    document = _contents(session, recording)
+    if chosen is None:
+        session.say(f"mapping: {refusal}")
+        session.answer({**document, "mapping": None, "channels": [], "missing": [], "prevents": [refusal]})
         return
     found, missing = channels_found(recording, chosen)
     sentences = prevents(missing)
@@ -90,6 +54,47 @@ def inspect(
     for sentence in sentences:
         session.say(f"  {sentence}")
     session.answer({**document, "mapping": chosen.name, "channels": found, "missing": missing, "prevents": sentences})
+
+
+def _contents(session: Session, recording: Recording) -> dict[str, Any]:
+    """Says what is in a recording, topic by topic, and what is damaged; returns the same as a document."""
+    summary = describe(recording)
+    session.say(f"{visible(recording.source)}: {recording.format}, {recording.size / 1e6:.1f} MB, sha256 {recording.sha256[:12]}")
+    session.table(
+        ["topic", "rate [Hz]", "samples", "from [s]", "to [s]", "gaps", "longest [s]", "fields"],
+        [
+            [t.name, f"{t.rate:.4g}", str(t.samples), f"{t.start:.2f}", f"{t.end:.2f}", *_gaps(t), str(len(t.fields))]
+            for t in summary.topics
+        ],
+        numbers=(1, 2, 3, 4, 5, 6, 7),
+    )
+    _say_damage(session, recording.damage, "damage")
+    topics = [
+        {
+            "topic": topic.name,
+            "rate": topic.rate,
+            "samples": topic.samples,
+            "start": topic.start,
+            "end": topic.end,
+            "gaps": len(topic.gaps),
+            "longest_gap": topic.longest_gap,
+            "fields": list(topic.fields),
+        }
+        for topic in summary.topics
+    ]
+    return {
+        "source": recording.source,
+        "format": recording.format,
+        "sha256": recording.sha256,
+        "size": recording.size,
+        "start_utc": recording.start_utc.isoformat() if recording.start_utc else None,
+        "topics": topics,
+        "damage": [_damage(entry) for entry in recording.damage],
+    }
+
+
+def _gaps(topic: TopicSummary) -> tuple[str, str]:
+    return str(len(topic.gaps)), f"{topic.longest_gap:.3g}"
 
 
 @app.command()
@@ -125,7 +130,7 @@ def _report(session: Session, outcome: dict[str, Any]) -> None:
     if outcome["status"] == "refused":
         typer.echo(complaint(outcome["what"], outcome["where"], outcome["remedy"]), err=True)
         return
-    session.say(f"{outcome['log']}: {outcome['status']} as flight {outcome['flight'][:12]}")
+    session.say(f"{visible(outcome['log'])}: {outcome['status']} as flight {outcome['flight'][:12]}")
     _say_damage(session, [Damage(**entry) for entry in outcome["damage"]], "  damage")
     for step in ("coefficients", "comparison"):
         result = outcome[step]
@@ -184,7 +189,7 @@ def show(
     session.say(
         f"flight {row.label} of {row.vehicle}: {_when(row)}, {row.duration:.1f} s at {1 / row.step:.4g} Hz, mapping {row.mapping}"
     )
-    session.say(f"log {log.name if log else '?'} ({row.log_sha256[:12]}), {log.status if log else 'unknown'}")
+    session.say(f"log {visible(log.name) if log else '?'} ({row.log_sha256[:12]}), {log.status if log else 'unknown'}")
     _say_damage(session, log.damage if log else (), "  damage")
     session.table(["step", "key", "made"], [[r.step, r.key[:12], f"{r.created_utc:%Y-%m-%d %H:%M}"] for r in results])
     for use in impact:

@@ -68,6 +68,12 @@ class Session:
             made.add_row(*(Text(visible(cell)) for cell in row))
         self.people.print(made)
 
+    @contextmanager
+    def waiting(self, what: str) -> Iterator[None]:
+        """Says what takes long while it lasts, where somebody watches."""
+        with Console(stderr=True).status(what):
+            yield
+
     def answer(self, document: Any) -> None:
         """The one JSON document, when that is what was asked for."""
         if self.as_json:

@@ -52,12 +52,15 @@ def demo(
 
     Example: aerodb demo
     """
-    from flows.demo import run_demo
+    from flows.demo import run_demo, write_logs
 
     session: Session = context.obj
-    result = run_demo(
-        session.workspace(create=True), flights, lambda body, parameters: session.run(body, parameters, direct), session.say
-    )
+    workspace = session.workspace(create=True)
+    session.say(f"flying {flights} drops of the Phoenix-like example")
+    with session.waiting("flying"):
+        logs = write_logs(workspace.root / "demo-logs", flights, seed=0)
+    session.say(f"wrote {len(logs)} logs, {sum(log.stat().st_size for log in logs) / 1e6:.0f} MB, to {logs[0].parent}")
+    result = run_demo(workspace, logs, lambda body, parameters: session.run(body, parameters, direct), session.say)
     print_update(session, result.document)
     session.say()
     session.say("The envelope is open now. On the held-out flights, rms of flight - model:")
