@@ -29,6 +29,8 @@ _ACCELERATIONS = ("ax", "ay", "az", "ax_imu", "ay_imu", "az_imu")
 #: What every flight should have; named as missing even where the mapping does not know it.
 _EXPECTED = (*_ACCELERATIONS, *_RATES, "V", "qbar", "rho", "mach", "alpha", "beta", "phi", "theta", "altitude")
 _WRAPPING = ("phi", "psi", "longitude")
+#: Time constants after which a first-order lag has forgotten its start to less than a hundredth.
+SETTLED = 5.0
 #: Grid samples per logged sample beyond which the time base must be wrong, not the flight long.
 _MOST_FILL = 20
 
@@ -322,8 +324,12 @@ def _on_grid(log: _Log, signals: Iterable[_Signal], grid: Array) -> tuple[dict[s
         else:
             to_grid, values = resampler(time[good], grid), values[good]
         channels[signal.name] = to_grid(values) if signal.surface is None else _deflection(to_grid, values, signal.surface)
-        if to_grid.gap.any():
-            flags[signal.name] = to_grid.gap * np.uint8(FLAGS["gap"])
+        unknown = to_grid.gap
+        if signal.surface is not None:
+            # Where the surface stood when the log began is not logged: wait until its lag has forgotten it.
+            unknown = unknown | (grid < time[0] + SETTLED * signal.surface.lag)
+        if unknown.any():
+            flags[signal.name] = unknown * np.uint8(FLAGS["gap"])
     return channels, flags
 
 

@@ -65,7 +65,7 @@ def estimate_increments(
     channels = [_with_hat_rates(flight.channels, database) for flight in flights]
     shared = set.intersection(*(set(c) for c in channels)) if channels else set()
     check_channels(model, shared)
-    results = [_axis(declared, channels, comparisons, database) for declared in model.increment]
+    results = [_axis(declared, flights, channels, comparisons, database) for declared in model.increment]
     increments = tuple(increment for _, increment in results)
     candidate = replace(database, increments=(*database.increments, *increments))
     return Update(candidate, tuple(axis for axis, _ in results), tuple(flight.id for flight in flights))
@@ -73,12 +73,14 @@ def estimate_increments(
 
 def _axis(
     declared: DeclaredIncrement,
+    flights: Sequence[Flight],
     channels: Sequence[Mapping[str, Array]],
     comparisons: Sequence[Comparison],
     database: AeroDatabase,
 ) -> tuple[AxisUpdate, Increment]:
     axis, regressors = declared.axis, expand(declared)
-    used = [(c, k.usable[axis], k) for c, k in zip(channels, comparisons, strict=True) if axis in k.usable]
+    records = zip(flights, channels, comparisons, strict=True)
+    used = [(c, k.usable[axis] & _clean(f, regressors), k) for f, c, k in records if axis in k.usable]
     used = [entry for entry in used if entry[1].any()]
     if not used:
         raise InputError(f"no flight gives a usable sample on {axis}", "update", "remove the axis from the model file")
@@ -107,7 +109,7 @@ def _axis(
         flights=ids,
     )
     deviation = np.sqrt(np.diag(covariance))
-    correlation = covariance / np.outer(deviation, deviation) if np.all(deviation > 0) else fit.correlation
+    correlation = _correlation(covariance)
     result = AxisUpdate(
         axis=axis,
         names=tuple(names),
@@ -125,6 +127,13 @@ def _axis(
     return result, increment
 
 
+def _correlation(covariance: Array) -> Array:
+    """Correlation (k, k); an estimate that was fixed has none with the others."""
+    deviation = np.sqrt(np.diag(covariance))
+    scale = np.where(deviation > 0, deviation, 1.0)
+    return np.asarray(covariance / np.outer(scale, scale) + np.diag(np.where(deviation > 0, 0.0, 1.0)))
+
+
 def _with_hat_rates(channels: Mapping[str, Array], database: AeroDatabase) -> dict[str, Array]:
     """The channels and the rates without dimension that can be made of them, over the database's own lengths."""
     hats = {
@@ -133,6 +142,13 @@ def _with_hat_rates(channels: Mapping[str, Array], database: AeroDatabase) -> di
         if {rate, "V"} <= set(channels)
     }
     return {**channels, **{name: values for name, values in hats.items() if name not in channels}}
+
+
+def _clean(flight: Flight, regressors: Sequence[Regressor]) -> np.ndarray:
+    """Where all channels of the declared terms are good: a comparison knows only those that the database needs."""
+    names = {name for regressor in regressors for name in regressor.expression.names}
+    logged = {part for name in names for part in ((HAT_RATES[name][0], "V") if name in HAT_RATES else (name,))}
+    return flight.usable(sorted(name for name in logged | names if name in flight))
 
 
 def _columns(axis: str, regressors: Sequence[Regressor], channels: Mapping[str, Array], comparison: Comparison) -> Array:

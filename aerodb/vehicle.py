@@ -6,9 +6,11 @@ unit ("6.5 ft", "-25 deg") is converted when the file is read. Unknown keys are 
 
 import tomllib
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Annotated, Any, Literal, Self, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
 from aerodb.errors import InputError, UnknownNameError, nearest
@@ -258,14 +260,21 @@ def _models_in(annotation: Any) -> list[type[BaseModel]]:
 
 
 def add_combinations(flight: Flight, vehicle: Vehicle) -> Flight:
-    """Adds ``delta_<combination>`` (003, below eq. 6) for every combination whose two surfaces the flight has."""
+    """Adds ``delta_<combination>`` (003, below eq. 6) for every combination whose two surfaces the flight has.
+
+    Where either surface is flagged, so is the combination.
+    """
     made: dict[str, Array] = {}
+    flags: dict[str, NDArray[np.uint8]] = {}
     for name, combination in vehicle.combinations.items():
         right, left = f"delta_{combination.right}", f"delta_{combination.left}"
         if right in flight and left in flight:
             sign = 1.0 if combination.kind == "symmetric" else -1.0
             made[f"delta_{name}"] = 0.5 * (flight[right] + sign * flight[left])
-    return flight.with_channels(made)
+            bits = [flight.flags[side] for side in (right, left) if side in flight.flags]
+            if bits:
+                flags[f"delta_{name}"] = np.bitwise_or.reduce(bits)
+    return replace(flight.with_channels(made), flags={**flight.flags, **flags})
 
 
 def mass_channels(flight: Flight, vehicle: Vehicle) -> Mapping[str, Array]:

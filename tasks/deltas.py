@@ -75,7 +75,7 @@ def _age(opened: Stores, row: FlightRow) -> tuple[Any, ...]:
         return (1, row.start_utc, row.id)
     log = opened.catalogue.log(row.log_sha256)
     digits = re.split(r"(\d+)", row.name or (PurePath(log.name).name if log else ""))
-    return (0, [(int(part), "") if part.isdigit() else (-1, part) for part in digits], row.id)
+    return (0, [(int(part), "") if part.isdecimal() else (-1, part) for part in digits], row.id)
 
 
 def estimate(plan: Plan, *, workspace: str, run: str) -> Update:

@@ -298,7 +298,8 @@ def test_progress_is_told_step_by_step(tmp_path: Path, logs: list[Path]) -> None
 def test_a_query_imports_no_orchestrator(direct: tuple[Workspace, dict[str, Any]], command: list[str]) -> None:
     code = (
         "import sys; from flows.cli.main import app; app(sys.argv[1:], standalone_mode=False);"
-        "heavy = {'prefect', 'matplotlib', 'numba', 'fastapi', 'pint'} & set(sys.modules); sys.exit(str(heavy or ''))"
+        "heavy = {'prefect', 'matplotlib', 'numba', 'fastapi', 'pint'} & set(sys.modules);"
+        "sys.exit(str(heavy) if heavy else 0)"
     )
     arguments = [sys.executable, "-c", code, "--workspace", str(direct[0].root), "--json", *command]
     done = subprocess.run(arguments, env=_environment(), capture_output=True, text=True, timeout=60)
