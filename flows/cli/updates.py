@@ -72,6 +72,8 @@ def demo(
         ],
         numbers=(1, 2, 3, 4),
     )
+    session.say("(below 1: the update has also absorbed what the sensors' own biases do to this vehicle's flights)")
+    session.say()
     session.table(
         ["axis", "true difference", "value", "estimated", "standard error"],
         [
