@@ -334,13 +334,14 @@ def _on_grid(log: _Log, signals: Iterable[_Signal], grid: Array) -> tuple[dict[s
 
 
 def _deflection(to_grid: Resampler, command: Array, surface: Surface) -> Array:
-    """Deflection [rad] on the grid from a command that stands until the next: ``offset + scale * command``, then the lag."""
+    """Deflection [rad] on the grid from a command that stands until the next: ``offset + scale * command`` within the
+    surface's limits, then the lag."""
     time, grid = to_grid.time, to_grid.grid
     if len(time) > 2 and interval(time) < 0.9 * interval(grid):
         base = uniform_grid(float(time[0]), float(time[-1]), interval(time))
     else:
         base = grid
-    calibrated = surface.offset + surface.scale * hold(time, command, base)
+    calibrated = np.clip(surface.offset + surface.scale * hold(time, command, base), *surface.limits)
     lagged = first_order_lag(calibrated, interval(base), surface.lag)
     return lagged if base is grid else resampler(base, grid)(lagged)
 

@@ -170,6 +170,15 @@ def test_a_command_becomes_a_deflection_by_scale_offset_and_lag(time: np.ndarray
     np.testing.assert_allclose(flight["delta_elevator"], expected, atol=tolerance)
 
 
+def test_a_command_beyond_the_stops_stays_at_them_and_the_start_of_the_lag_is_not_known() -> None:
+    recording = _recording({"imu": (SLOW, {"q": SLOW}), "servo": (SLOW, {"out": np.full_like(SLOW, 3.0)})})
+    more = '\n[[channel]]\nname = "delta_elevator"\ncommand = true\nsources = [{topic = "servo", field = "out"}]\n'
+    flight = map_recording(recording, _mapping(("q", "imu", "q", "rad/s"), more=more), _vehicle(COMMANDED))
+    assert np.max(flight["delta_elevator"]) == pytest.approx(np.deg2rad(30.0))
+    unknown = SLOW < SLOW[0] + 5 * 0.1
+    np.testing.assert_array_equal(flight.flags["delta_elevator"] > 0, unknown)
+
+
 def test_the_vehicle_says_where_a_surface_stands() -> None:
     recording = _recording({"imu": (SLOW, {"q": SLOW}), "servo": (SLOW, {"control[1]": SLOW / 20.0})})
     extra = COMMANDED + '[surfaces.elevator.log]\ntopic = "servo"\nfield = "control[1]"\n'
