@@ -14,7 +14,7 @@ from aerodb.derivations import METHODS
 from aerodb.errors import InputError, UnknownNameError, nearest
 from aerodb.nomenclature import channel
 from aerodb.recording import Recording, Topic
-from aerodb.vehicle import Strict, validated
+from aerodb.strict import Strict, validated
 
 
 def _registered(name: str) -> str:

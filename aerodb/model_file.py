@@ -22,8 +22,8 @@ from pydantic import Field, model_validator
 
 from aerodb.errors import InputError, nearest
 from aerodb.nomenclature import AXES
+from aerodb.strict import Strict, validated
 from aerodb.tables.expression import Expression, parse
-from aerodb.vehicle import Strict, validated
 
 #: Axes on which an increment may stand: the body axes and the wind axes of the same forces.
 INCREMENT_AXES = (*AXES, "C_lift", "C_drag", "C_side")

@@ -7,18 +7,17 @@ unit ("6.5 ft", "-25 deg") is converted when the file is read. Unknown keys are 
 import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Annotated, Any, Literal, Self, TypeVar
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from aerodb.errors import InputError, UnknownNameError, nearest
 from aerodb.flight import Array, Flight
 from aerodb.nomenclature import channel
+from aerodb.strict import Strict, validated
 from aerodb.units import quantity
-
-Model = TypeVar("Model", bound=BaseModel)
 
 
 def _unit(unit: str) -> BeforeValidator:
@@ -32,12 +31,6 @@ Kilograms = Annotated[float, _unit("kg"), Field(gt=0)]
 Inertia = Annotated[float, _unit("kg m^2")]
 Number = Annotated[float, _unit("")]
 Point = tuple[Metres, Metres, Metres]
-
-
-class Strict(BaseModel):
-    """Frozen, and closed to keys that it does not know."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
 
 class Reference(Strict):
@@ -223,40 +216,6 @@ def parse_vehicle(text: str, where: str = "vehicle file") -> Vehicle:
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"not valid TOML: {error}", where) from error
     return validated(Vehicle, data, where)
-
-
-def validated(model: type[Model], data: Any, where: str) -> Model:
-    """`data` as a `model`; the first fault as an InputError that names the key and the nearest known one."""
-    try:
-        return model.model_validate(data)
-    except (ValidationError, InputError) as error:
-        if isinstance(error, InputError):
-            raise InputError(error.what, where, error.remedy) from error
-        # A mistyped required key is both unknown and missing: the unknown one can name its neighbour.
-        fault = next((each for each in error.errors() if each["type"] == "extra_forbidden"), error.errors()[0])
-        path = ".".join(str(part) for part in fault["loc"])
-        if fault["type"] == "extra_forbidden":
-            known = _known_keys(model, fault["loc"][:-1])
-            raise InputError(f"unknown key '{path}'", where, nearest(str(fault["loc"][-1]), known)) from None
-        raise InputError(f"{path}: {fault['msg']}".lstrip(": "), where, f"got {str(fault['input'])[:80]!r}") from None
-
-
-def _known_keys(model: type[BaseModel], path: tuple[int | str, ...]) -> list[str]:
-    """Keys that the (nested) model at `path` accepts."""
-    current: Any = model
-    for part in path:
-        found = current.model_fields.get(str(part)) if isinstance(current, type) and issubclass(current, BaseModel) else None
-        annotation = found.annotation if found is not None else current
-        models = _models_in(annotation)
-        if models:
-            current = models[0]
-    return list(current.model_fields) if isinstance(current, type) and issubclass(current, BaseModel) else []
-
-
-def _models_in(annotation: Any) -> list[type[BaseModel]]:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return [annotation]
-    return [m for argument in getattr(annotation, "__args__", ()) for m in _models_in(argument)]
 
 
 def add_combinations(flight: Flight, vehicle: Vehicle) -> Flight:

@@ -93,10 +93,11 @@ def read_results(path: Path, columns: Iterable[str] | None = None) -> tuple[dict
     return table, document["metadata"]
 
 
-def write_recording(folder: Path, recording: Recording) -> None:
+def write_recording(folder: Path, recording: Recording, keep: bool = False) -> None:
     """Stores a log's topics as they are in `folder`: one Parquet file per topic, and an index that names them.
 
-    Topics are written one after another, dtypes preserved. A topic's name never becomes a file name.
+    Topics are written one after another, dtypes preserved. A topic's name never becomes a file name. keep : what another
+    writer put at `folder` meanwhile stays.
     """
 
     def write(temporary: Path) -> None:
@@ -118,7 +119,7 @@ def write_recording(folder: Path, recording: Recording) -> None:
         }
         (temporary / _INDEX).write_text(json_text(index), encoding="ascii")
 
-    write_atomically(folder, write)
+    write_atomically(folder, write, keep)
 
 
 def read_recording(folder: Path, topics: Iterable[str] | None = None) -> Recording:

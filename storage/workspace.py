@@ -23,23 +23,25 @@ _SUFFIX = re.compile(r"\.[a-z0-9]{1,8}")
 _CHUNK = 1 << 20
 
 
-def write_atomically(path: Path, write: Callable[[Path], None]) -> None:
+def write_atomically(path: Path, write: Callable[[Path], None], keep: bool = False) -> None:
     """Lets `write` make a file or a folder under a temporary name beside `path`, then puts it at `path` in one step.
 
     The bytes are on the disk (fsync) before the name appears, so that neither an exception nor a power cut ever shows
     half a file. What stood at `path` is replaced. When `write` raises, `path` is as before and nothing is left behind.
+    keep : a folder that stands at `path` by then stays instead: another writer of the same was quicker.
     """
     temporary = path.parent / f".{secrets.token_hex(8)}.tmp"
     try:
         write(temporary)
         _flush(temporary)
-        if temporary.is_dir() and path.exists():
+        if temporary.is_dir() and path.exists() and not keep:
             _swap_folder(temporary, path)
         else:
             os.replace(temporary, path)
-    except BaseException:
+    except BaseException as error:
         _remove(temporary)
-        raise
+        if not (keep and isinstance(error, OSError) and path.exists()):
+            raise
     _flush_entry(path.parent)
 
 

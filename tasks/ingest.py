@@ -143,11 +143,7 @@ def _keep(opened: Stores, recording: Recording, flight: Flight, mapping: Mapping
     key = _key(opened, recording.sha256, flight.vehicle, mapping)
     topics, channels = opened.workspace.recording_path(recording.sha256), opened.workspace.flight_path(key)
     if not topics.exists():
-        try:
-            write_recording(topics, recording)
-        except OSError:
-            if not topics.exists():  # else the same bytes came under two names at once, and the other was first
-                raise
+        write_recording(topics, recording, keep=True)  # the same bytes may come under two names at once
     write_flight(channels, flight)
     with opened.catalogue.transaction():
         opened.catalogue.add_log(

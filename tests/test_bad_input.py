@@ -39,12 +39,17 @@ def everything(root: Path) -> tuple[dict[str, str], dict[str, list[Any]]]:
     return state_of(root), rows
 
 
-def refused(workspace: Path, *arguments: str) -> list[str]:
-    """Runs a command in a process of its own that must end with 3 and two lines, and changes nothing; gives the lines."""
+def refused(workspace: Path, *arguments: str, process: bool = False) -> list[str]:
+    """Runs a command (`process`: as the shell does) that must end with 3 and two lines, and changes nothing; the lines."""
     before = everything(workspace)
-    done = aerodb(workspace, *arguments)
-    lines = done.stderr.splitlines()
-    assert (done.returncode, done.stdout, len(lines)) == (3, "", 2), (done.stdout, done.stderr)
+    if process:
+        done = aerodb(workspace, *arguments)
+        code, said, complained = done.returncode, done.stdout, done.stderr
+    else:
+        result = CliRunner().invoke(app, ["--workspace", str(workspace), *arguments])
+        code, said, complained = result.exit_code, result.stdout, result.stderr
+    lines = complained.splitlines()
+    assert (code, said, len(lines)) == (3, "", 2), (said, complained)
     assert lines[0].startswith("aerodb: ")
     assert everything(workspace) == before
     return lines
@@ -123,7 +128,7 @@ def test_a_faulty_log_goes_to_quarantine_and_nothing_else_changes(workspace: Pat
     log = tmp_path / name
     make(log)
     data = log.read_bytes()
-    lines = refused(workspace, *ingest(log))
+    lines = refused(workspace, *ingest(log), process=case in ("empty", "unknown_unit"))
     assert reason in lines[0], lines
     assert str(log) in lines[0], "it says where"
     assert lines[1], "it says what to do"
@@ -231,7 +236,7 @@ def test_a_faulty_database_file_is_refused(workspace: Path, tmp_path: Path, old:
     [
         ('"q_hat"', '"q_hta"', "increment on CZ: no channel 'q_hta' in these flights", "did you mean 'q_hat'?"),
         ('"q_hat"', '"delta_elevatr"', "no channel 'delta_elevatr'", "did you mean 'delta_elevator'?"),
-        ('"q_hat"', '"alpha +"', "alpha +", ""),
+        ('"q_hat"', '"alpha +"', "unexpected end", "near: 'alpha +'"),
         ('axis = "CZ"', 'axis = "Cz"', "unknown axis 'Cz'", "did you mean 'CZ'?"),
         ("terms", "trems", "unknown key", "did you mean 'terms'?"),
     ],
@@ -263,4 +268,4 @@ def test_refused_files_end_with_3_and_two_lines(workspace: Path, tmp_path: Path)
         ("model.toml", MODEL.replace("q_hat", "q_hta"), ["update", "--vehicle", NAME, "--direct", "--model"]),
     ):
         (tmp_path / name).write_text(text)
-        assert refused(workspace, *command, str(tmp_path / name))[1].startswith("did you mean '")
+        assert refused(workspace, *command, str(tmp_path / name), process=True)[1].startswith("did you mean '")

@@ -17,13 +17,14 @@ from pydantic import Field, model_validator
 from aerodb.errors import InputError, UnknownNameError
 from aerodb.identity import content_sha256
 from aerodb.nomenclature import axis_description, channel
+from aerodb.strict import Strict, validated
 from aerodb.tables.database import AeroDatabase, Reference, Term, Variable
 from aerodb.tables.expression import Expression, Number, Operation, number, parse
 from aerodb.tables.increment import Increment, Interval
 from aerodb.tables.table import Table
 from aerodb.units import conversion
 from aerodb.vehicle import Number as Coefficient
-from aerodb.vehicle import Point, Strict, validated
+from aerodb.vehicle import Point
 from aerodb.vehicle import Reference as Lengths
 
 DOCUMENT_FORMAT: Final = 1
