@@ -8,11 +8,14 @@ import re
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from aerodb.recording import Topic
 from aerodb.vehicle import parse_vehicle
 from flows.cli.main import app
+from storage.writers.ulog import write_ulog
 from tests.command import aerodb, asked, document
 from tests.small_glider import NAME, state_of, write_files
 
@@ -227,3 +230,11 @@ def test_headings_keep_their_units(made: tuple[Path, list[Path], dict[str, Any]]
     """``[s]`` in a heading was once read as markup and vanished."""
     assert "duration [s]" in aerodb(made[0], "flight", "list").stdout
     assert "longest [s]" in aerodb(made[0], "log", "inspect", str(made[1][0])).stdout
+
+
+def test_numbers_that_json_lacks_are_null(tmp_path: Path) -> None:
+    """A topic with one sample has no rate: it once came out as NaN, which no JSON parser has to take."""
+    topics = [Topic("once", np.array([1.0]), {"x": np.array([1.0])}), Topic("more", np.arange(5.0), {"x": np.arange(5.0)})]
+    write_ulog(tmp_path / "log.ulg", topics, metadata={"sys_name": "TEST"})
+    found = asked(tmp_path / "none", "log", "inspect", str(tmp_path / "log.ulg"))
+    assert {topic["topic"]: topic["rate"] for topic in found["topics"]} == {"once": None, "more": 1.0}

@@ -26,7 +26,9 @@ def test_held_out_residual_is_within_a_tenth_of_the_noise_floor_on_every_axis(de
     for axis, rms in document["truth_floor"].items():
         assert rms["after"] <= 1.1 * rms["floor"], axis
     # The effects were there to be found: three times the floor and more where 003 found them.
-    assert all(document["truth_floor"][axis]["before"] > 3 * document["truth_floor"][axis]["floor"] for axis in ("CX", "CZ", "Cm"))
+    assert all(
+        document["truth_floor"][axis]["before"] > 3 * document["truth_floor"][axis]["floor"] for axis in ("CX", "CZ", "Cm")
+    )
 
 
 def test_estimates_are_the_planted_effects(demo):
@@ -69,7 +71,8 @@ mine = Workspace.open(Path({str(workspace)!r}) / "blind")
 Catalogue.open(mine.catalogue).add_vehicle("phoenix", Catalogue.open(there.catalogue).vehicle("phoenix").text)
 file = str(there.root / "demo-logs" / "preflight.toml")
 baseline = run_flow(import_flow, {{"file": file, "vehicle": "phoenix", "bindings": {{}}}}, mine, "direct")["version"]
-flights = [o["flight"] for o in run_flow(flight_flow, {{"logs": {[str(log) for log in logs]!r}, "vehicle": "phoenix"}}, mine, "direct")]
+taken = run_flow(flight_flow, {{"logs": {[str(log) for log in logs]!r}, "vehicle": "phoenix"}}, mine, "direct")
+flights = [outcome["flight"] for outcome in taken]
 model = Catalogue.open(there.catalogue).version_documents({document["candidate"]!r}).settings["model"]
 given = {{"vehicle": "phoenix", "baseline": baseline, "flights": flights, "model": model}}
 print(run_flow(update_flow, given, mine, "direct")["candidate"])

@@ -175,7 +175,7 @@ def test_a_command_beyond_the_stops_stays_at_them_and_the_start_of_the_lag_is_no
     more = '\n[[channel]]\nname = "delta_elevator"\ncommand = true\nsources = [{topic = "servo", field = "out"}]\n'
     flight = map_recording(recording, _mapping(("q", "imu", "q", "rad/s"), more=more), _vehicle(COMMANDED))
     assert np.max(flight["delta_elevator"]) == pytest.approx(np.deg2rad(30.0))
-    unknown = SLOW < SLOW[0] + 5 * 0.1
+    unknown = SLOW[0] + 5 * 0.1 > SLOW
     np.testing.assert_array_equal(flight.flags["delta_elevator"] > 0, unknown)
 
 
