@@ -92,8 +92,8 @@ def _inadmissible(opened: Stores, sha256: str, vehicle: str, name: str | None) -
 
 def load_flight(opened: Stores, row: FlightRow, run: str) -> tuple[Flight, str]:
     """A stored flight under the vehicle's present file, and its key; mapped anew from the stored topics when that changed."""
-    latest = opened.catalogue.results_of(row.id, "ingest")[-1]
-    mapping = Mapping.model_validate(latest.settings["mapping"])
+    stated = [result.settings["mapping"] for result in opened.catalogue.results_of(row.id, "ingest")]
+    mapping = Mapping.model_validate([entry for entry in stated if entry["name"] == row.mapping][-1])
     key = _key(opened, row.log_sha256, row.vehicle, mapping)
     path = opened.path_of(key)
     if path is not None:
@@ -123,7 +123,8 @@ def _key(opened: Stores, log_sha256: str, vehicle: str, mapping: Mapping) -> str
 def _known(opened: Stores, sha256: str, vehicle: str, chosen: Mapping | None) -> str | None:
     """The flight of these bytes, when they are stored under the vehicle's present file and this mapping."""
     for row in opened.catalogue.flights(vehicle, log_sha256=sha256):
-        candidates = [chosen] if chosen else [m for m in builtin_mappings().values() if m.name == row.mapping]
+        mappings = [chosen] if chosen else builtin_mappings().values()
+        candidates = [mapping for mapping in mappings if mapping.name == row.mapping]
         if any(opened.catalogue.result(_key(opened, sha256, vehicle, mapping)) for mapping in candidates):
             return row.id
     return None

@@ -4,6 +4,7 @@ import hashlib
 import threading
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,8 @@ from flows.importing import import_flow
 from flows.run import DirectSteps, run_flow
 from storage.catalogue import Catalogue
 from storage.workspace import Workspace
+from tasks.ingest import load_flight
+from tasks.open import stores
 from tests import small_glider
 from tests.glider_runs import ingest_and_update, prepared, rows, stored, ways
 from tests.small_glider import NAME, state_of, write_files
@@ -126,3 +129,23 @@ def test_progress_is_told_step_by_step(tmp_path: Path, logs: list[Path]) -> None
     run_flow(flight_flow, parameters, workspace, "direct", lambda step, done, total: told.append((step, done, total)))
     steps = ("ingest.store_log", "coefficients.reconstruct", "compare.compare_with_version")
     assert told == [(step, done, 2) for step in steps for done in (0, 1, 2)]
+
+
+def test_the_mapping_that_was_asked_for_last_counts(tmp_path: Path, logs: list[Path]) -> None:
+    """Mapped one way, then another, then the first again: the flight once stayed on the second."""
+    workspace = prepared(tmp_path / "w", logs[0].parent)
+    text = (files("storage.mappings") / "canonical.toml").read_text(encoding="utf-8")
+    other = tmp_path / "halved.toml"
+    doubled = text.replace('name = "canonical"', 'name = "halved"')
+    other.write_text(doubled.replace('field = "az"', 'field = "az", scale = 0.5'), encoding="utf-8")
+    assert other.read_text(encoding="utf-8") != doubled
+
+    def ingested(mapping: str) -> float:
+        parameters = {"logs": [str(logs[0])], "vehicle": NAME, "mapping": mapping}
+        (outcome,) = run_flow(flight_flow, parameters, workspace, "direct")
+        opened = stores(str(workspace.root))
+        return float(load_flight(opened, opened.catalogue.flight(outcome["flight"]), "")[0]["az"].mean())
+
+    first, second = ingested("canonical"), ingested(str(other))
+    assert second == pytest.approx(0.5 * first)
+    assert ingested("canonical") == first
