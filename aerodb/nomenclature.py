@@ -126,6 +126,7 @@ FLAGS: Final[dict[str, int]] = {
     "out_of_table": 16,
     "damaged": 32,
     "implausible": 64,
+    "stuck": 128,
 }
 
 

@@ -41,6 +41,7 @@ class AxisProof:
 
     `*_shape` are the same without each flight's own constant. `noise_floor` is the sensor noise propagated into the
     measured coefficient; `excess_*` the error beyond it, sqrt(rms^2 - floor^2). None: no such flight has the axis.
+    `repeatability` is how far flights differ among themselves: see the function of that name.
     `explained` is the share of the measured variance that the candidate explains. `outcome` judges the error after, on
     held-out flights where there are any: ``not repaired`` means that the declared structure does not describe the axis,
     ``unchanged`` that it does not touch it.
@@ -56,6 +57,7 @@ class AxisProof:
     excess_before: float | None
     excess_after: float | None
     noise_floor: float
+    repeatability: float
     theil: Theil | None
     explained: float
     outcome: Outcome
@@ -134,6 +136,7 @@ def _axis_proof(
     fitted = _residuals(axis, after, identified)
     held_before = _residuals(axis, before, held_out)
     held_after = _residuals(axis, validated, held_out)
+    every = list(dict.fromkeys([*identified, *held_out]))
     source, shown = (validated, held_out) if held_after else (after, identified)
     chosen = [source[f] for f in shown if axis in source[f].usable and source[f].usable[axis].any()]
     measured = [c.measured[axis][c.usable[axis]] for c in chosen]
@@ -154,10 +157,21 @@ def _axis_proof(
         excess_before=_excess(_pooled(held_before), floor),
         excess_after=_excess(_pooled(held_after), floor),
         noise_floor=floor,
+        repeatability=repeatability([rms(residual) for residual in _residuals(axis, before, every)]),
         theil=theil(np.concatenate(predicted), np.concatenate(measured)) if measured else None,
         explained=explained,
         outcome=_outcome(first or 0.0, error or 0.0, floor, explained),
     )
+
+
+def repeatability(residuals: Sequence[float]) -> float:
+    """How far one axis differs between flights of one and the same database: the sample standard deviation of each flight's
+    residual rms before the update. Zero below two flights, which tell nothing about it.
+
+    >>> round(repeatability([0.010, 0.012, 0.014]), 6)
+    0.002
+    """
+    return float(np.std(residuals, ddof=1)) if len(residuals) > 1 else 0.0
 
 
 def _outcome(before: float, after: float, floor: float, explained: float) -> Outcome:

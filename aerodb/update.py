@@ -18,9 +18,13 @@ from aerodb.tables.expression import Expression, Name, TableCall
 from aerodb.tables.increment import BASE_VARIABLES, Increment, Interval
 from aerodb.tables.program import evaluate
 from aerodb.tables.reference import HAT_RATES, hat_rate
+from aerodb.tables.slopes import QUANTITIES, new_sign_changes
 
 #: Two estimates correlated beyond this cannot be told apart by these flights: reported as an alias group.
 ALIAS_CORRELATION = 0.95
+
+#: How often a fade is made twice as long to keep the sign of a slope.
+LENGTHENINGS = 4
 
 
 @dataclass(frozen=True)
@@ -69,6 +73,36 @@ def estimate_increments(
     increments = tuple(increment for _, increment in results)
     candidate = replace(database, increments=(*database.increments, *increments))
     return Update(candidate, tuple(axis for axis, _ in results), tuple(flight.id for flight in flights))
+
+
+def keep_slope_signs(update: Update, database: AeroDatabase) -> Update:
+    """The update with fades lengthened where, over one table cell, dC_lift/dalpha or dCm/dalpha would change sign outside
+    the data.
+
+    An increment of either sign fades to the baseline somewhere, and where the baseline's slope is small its own fade can
+    outweigh it. The cell of alpha of the increments concerned is doubled until no new sign change is left; where
+    LENGTHENINGS doublings do not reach that, the update is returned as it came, and the gate will say so.
+    """
+    candidate, first = update.candidate, len(database.increments)
+    for doublings in range(LENGTHENINGS + 1):
+        changes = new_sign_changes(database, candidate)
+        if not changes:
+            return replace(update, candidate=candidate)
+        axes = frozenset[str]().union(*(QUANTITIES[change.quantity] for change in changes))
+        kept, added = candidate.increments[:first], candidate.increments[first:]
+        longer = tuple(_fading_slowly(i, 2 ** (doublings + 1)) if i.axis in axes else i for i in added)
+        candidate = replace(candidate, increments=(*kept, *longer))
+    return update
+
+
+def _fading_slowly(increment: Increment, cells: int) -> Increment:
+    """The increment with its alpha cell doubled; `cells` says how many table cells long that is."""
+    if "alpha" not in increment.envelope:
+        return increment
+    interval = increment.envelope["alpha"]
+    longer = Interval(interval.low, interval.high, 2.0 * interval.cell)
+    note = f"held and faded over {cells} table cells of alpha each: over one, a slope would change sign outside the data"
+    return replace(increment, envelope={**increment.envelope, "alpha": longer}, note=note)
 
 
 def _axis(

@@ -9,11 +9,8 @@ import sqlalchemy as sa
 from aerodb.errors import InputError, UnknownNameError, nearest
 from storage import encoding as enc
 from storage import schema as s
-from storage.ledger import Ledger
+from storage.ledger import NAMES_COMPARED, Ledger, in_parts
 from storage.rows import FlightRow, Verdict
-
-#: How many names a message is chosen from: a comparison with a million of them would take minutes.
-_NAMES_COMPARED = 2000
 
 
 class FlightLedger(Ledger):
@@ -121,9 +118,18 @@ class FlightLedger(Ledger):
                 found = rows[0].id if rows else self._by_prefix(connection, c.id, ref, within)
                 if found is not None:
                     return rows[0] if rows else _rows(connection, c.id == found)[0]
-            known = connection.execute(sa.select(c.name, c.id).where(within).limit(_NAMES_COMPARED)).all()
+            known = connection.execute(sa.select(c.name, c.id).where(within).limit(NAMES_COMPARED)).all()
         remedy = nearest(ref[:128], [row.name or row.id[:12] for row in known]) if known else "ingest a log first"
         raise UnknownNameError(f"no flight {enc.shown(ref)}", f"vehicle {vehicle}" if vehicle else "", remedy)
+
+    def flights_by_id(self, ids: Iterable[str]) -> dict[str, FlightRow]:
+        """Id -> flight, for those of `ids` that there are."""
+        with self._database.reading() as connection:
+            return {row.id: row for part in in_parts(set(ids)) for row in _rows(connection, s.flights.c.id.in_(part))}
+
+    def flight_labels(self, ids: Iterable[str]) -> dict[str, str]:
+        """Id -> what people call the flight."""
+        return {id: row.label for id, row in self.flights_by_id(ids).items()}
 
     def flights(self, vehicle: str | None = None, log_sha256: str | None = None) -> tuple[FlightRow, ...]:
         """All flights, or those of a vehicle or a log, by start (unknown ones by when they were added)."""

@@ -1,6 +1,6 @@
 """What all parts of the catalogue share: the database, and checks that something is there."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 import sqlalchemy as sa
@@ -11,6 +11,20 @@ from storage import schema as s
 from storage.database import Database
 from storage.rows import RunRow
 
+#: How many names a message is chosen from: a comparison with a million of them would take minutes.
+NAMES_COMPARED = 2000
+
+
+#: Values bound in one statement; SQLite allows 32766.
+_BOUND_VALUES = 10_000
+
+
+def in_parts(values: Iterable[str]) -> Iterator[list[str]]:
+    """`values` in parts that one statement can bind."""
+    listed = list(values)
+    for start in range(0, len(listed), _BOUND_VALUES):
+        yield listed[start : start + _BOUND_VALUES]
+
 
 class Ledger:
     """Base of the catalogue's parts."""
@@ -20,8 +34,9 @@ class Ledger:
 
     @staticmethod
     def _require_vehicle(connection: sa.Connection, name: str) -> None:
-        known = connection.scalars(sa.select(s.vehicles.c.name)).all()
-        if name not in known:
+        asked = sa.select(s.vehicles.c.name).where(s.vehicles.c.name == name)
+        if not enc.VEHICLE_NAME.fullmatch(name) or connection.execute(asked).scalar() is None:
+            known = connection.scalars(sa.select(s.vehicles.c.name).limit(NAMES_COMPARED)).all()
             remedy = nearest(name[:128], known) if known else "add its file first: aerodb vehicle add FILE.toml"
             raise UnknownNameError(f"no vehicle {enc.shown(name)}", remedy=remedy)
 

@@ -12,7 +12,7 @@ from typing import Any, Final
 import sqlalchemy as sa
 
 #: The newest migration. Opening compares this with the stored revision; alembic is imported only where they differ.
-HEAD: Final = "r0001"
+HEAD: Final = "r0002"
 
 metadata = sa.MetaData(
     naming_convention={
@@ -162,6 +162,8 @@ versions = _table(
     sa.UniqueConstraint("vehicle", "id"),
     # A parent, and a version that a name points at, belong to the same vehicle.
     sa.ForeignKeyConstraint(["vehicle", "parent"], ["versions.vehicle", "versions.id"], name="fk_versions_parent"),
+    # All that a list shows, in its order: it never reads past the documents, which may be megabytes.
+    sa.Index("ix_versions_header", "vehicle", "number", "id", "parent", "content_sha256", "run", "created_utc"),
 )
 
 version_inputs = _table(
@@ -193,6 +195,8 @@ name_events = _table(
     # Two writers that both saw step n cannot both write step n + 1, whatever the isolation level.
     sa.UniqueConstraint("vehicle", "name", "step"),
     sa.ForeignKeyConstraint(["vehicle", "version"], ["versions.vehicle", "versions.id"], name="fk_name_events_version"),
+    sa.Index("ix_name_events_order", "vehicle", "sequence"),
+    sa.Index("ix_name_events_version", "vehicle", "version"),
 )
 
 run_results = _table(

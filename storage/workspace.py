@@ -197,3 +197,29 @@ def _copy_checked(source: Path, target: Path, sha256: str) -> None:
 def _write_json(path: Path, value: Any) -> None:
     # ASCII only: a log's name may hold characters that UTF-8 cannot write.
     path.write_text(json.dumps(value, indent=2, sort_keys=True) + "\n", encoding="ascii")
+
+
+def write_for_user(workspace: Workspace, target: Path, data: bytes) -> Path:
+    """Writes a file where a user asked for it, atomically; returns its path.
+
+    Raises InputError for a folder, a folder that is not there, and any place inside the workspace but its reports: what
+    stands there is the catalogue's, and links are followed before that is judged.
+    """
+    try:
+        path = target.resolve()
+        inside = path.is_relative_to(workspace.root.resolve()) and not path.is_relative_to(workspace.reports.resolve())
+        if inside:
+            raise InputError("inside the workspace only its own files stand", str(target), "choose another folder")
+        if path.is_dir() or not path.parent.is_dir():
+            what = "is a folder" if path.is_dir() else "its folder does not exist"
+            raise InputError(what, str(target), "name a file in a folder that is there")
+        write_atomically(path, lambda temporary: _write_bytes(temporary, data))
+    except (OSError, ValueError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"cannot be written: {error}", str(target)[:200], "choose another place") from error
+    return path
+
+
+def _write_bytes(path: Path, data: bytes) -> None:
+    path.write_bytes(data)

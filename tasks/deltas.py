@@ -11,7 +11,7 @@ from aerodb.flight import Flight
 from aerodb.model_file import ModelFile, parse_model_file
 from aerodb.proof import AxisProof, HoldOut, choose_hold_out, prove, prove_by_leaving_one_out
 from aerodb.tables.database import AeroDatabase
-from aerodb.update import Update, estimate_increments
+from aerodb.update import Update, estimate_increments, keep_slope_signs
 from storage.rows import FlightRow
 from tasks.coefficients import load_coefficients
 from tasks.compare import load_comparison
@@ -82,7 +82,8 @@ def estimate(plan: Plan, *, workspace: str, run: str) -> Update:
     """Estimates the plan's declared increments on its identification flights."""
     opened = stores(workspace)
     flights, comparisons = _loaded(opened, plan, plan.hold_out.identified, run)
-    return estimate_increments(flights, comparisons, parse_model_file(plan.model), opened.database(plan.baseline))
+    database = opened.database(plan.baseline)
+    return keep_slope_signs(estimate_increments(flights, comparisons, parse_model_file(plan.model), database), database)
 
 
 def validate(plan: Plan, update: Update, *, workspace: str, run: str) -> tuple[AxisProof, ...]:

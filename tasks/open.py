@@ -29,8 +29,8 @@ class Stores:
 
     def named(self, vehicle: str, name: str) -> str | None:
         """The id of the version that a name such as ``released`` points at, None while it points nowhere."""
-        history = self.catalogue.name_history(vehicle, name)
-        return history[-1].version if history else None
+        event = self.catalogue.named(vehicle, name)
+        return event.version if event is not None else None
 
     def path_of(self, key: str) -> Path | None:
         """The file of the result stored under `key`, when there is one."""

@@ -1,5 +1,6 @@
-"""Which code made a result: provenance, never part of a key."""
+"""Which code made a result, and who asked for it: provenance, never part of a key."""
 
+import getpass
 import subprocess
 from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, version
@@ -22,3 +23,11 @@ def code_version() -> str:
     except (OSError, subprocess.SubprocessError):
         return number
     return f"{number}+{commit}"
+
+
+def user() -> str:
+    """Who runs this, as the system knows them; ``unknown`` where it does not."""
+    try:
+        return getpass.getuser()
+    except (OSError, KeyError):
+        return "unknown"

@@ -1,25 +1,42 @@
 """A version into the catalogue: an imported baseline, or the candidate of an update with its proof."""
 
-import getpass
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from aerodb.errors import InputError
+from aerodb.exchange.comma_separated import import_csv
+from aerodb.exchange.daveml import import_daveml
+from aerodb.exchange.daveml_xml import is_daveml
 from aerodb.exchange.jsbsim import import_jsbsim
+from aerodb.exchange.mat import import_mat
 from aerodb.exchange.native import database_content_sha256, read_native, to_document
+from aerodb.exchange.netcdf import import_netcdf
+from aerodb.gate import sign_reasons
 from aerodb.identity import canonical_json, key_of
 from aerodb.proof import AxisProof
 from aerodb.report.document import update_document
+from aerodb.tables.check_cases import make_check_cases
 from aerodb.tables.database import AeroDatabase
 from aerodb.update import Update
+from storage.aircraft_files import files_beside
 from storage.rows import FlightRole, VersionRow
 from tasks.deltas import Plan
 from tasks.open import Stores, stores
+from tasks.provenance import user
 from tasks.settings import RESULT_VERSION
 
 RELEASED, CANDIDATE = "released", "candidate"
+
+#: Formats that mark their files: where, with which bytes, and what reads them.
+_BY_MARK: Final[tuple[tuple[int, bytes, Callable[[bytes, str], AeroDatabase]], ...]] = (
+    (0, b"PK\x03\x04", import_csv),
+    (0, b"CDF", import_netcdf),
+    (126, b"IM", import_mat),
+    (126, b"MI", import_mat),
+)
 
 
 def import_database(
@@ -29,26 +46,43 @@ def import_database(
     opened, path = stores(workspace), Path(file)
     opened.catalogue.vehicle(vehicle)
     data = path.read_bytes()
-    database = read_database(data, path.name, bindings or {})
+    inputs = {hashlib.sha256(data).hexdigest()}
+
+    def part(name: str) -> bytes:
+        beside = files_beside(path)(name)
+        inputs.add(hashlib.sha256(beside).hexdigest())  # what a file is made of belongs to the version's identity
+        return beside
+
+    database = read_database(data, path.name, bindings or {}, part)
     settings = {"bindings": dict(bindings or {}), "importer": RESULT_VERSION["import"]}
-    digest = hashlib.sha256(data).hexdigest()
-    version = _add(opened, database, vehicle, None, [digest], settings, {"imported_from": path.name}, [], run)
+    version = _add(opened, database, vehicle, None, sorted(inputs), settings, {"imported_from": path.name}, [], run)
     if opened.named(vehicle, RELEASED) is None:
         move(opened, vehicle, RELEASED, version.id, f"first imported database ({path.name})")
     return {"version": version.id, "label": version.label, "database": database.name, "inputs": list(database.inputs)}
 
 
-def read_database(data: bytes, name: str, bindings: Mapping[str, str]) -> AeroDatabase:
-    """A database from the bytes of a file, by its suffix; InputError for a kind that cannot be read."""
+def read_database(
+    data: bytes, name: str, bindings: Mapping[str, str], part: Callable[[str], bytes] | None = None
+) -> AeroDatabase:
+    """A database from the bytes of a file, by its suffix and content; `part` gives the bytes of files that it names.
+
+    Raises InputError for a kind that cannot be read.
+    """
     suffix = Path(name).suffix.lower()
+    if suffix in (".dml", ".xml") and is_daveml(data):
+        return import_daveml(data, bindings=bindings, name=Path(name).stem)
     if suffix == ".xml":
-        return import_jsbsim(data, bindings=bindings, name=Path(name).stem)
+        return import_jsbsim(data, bindings=bindings, name=Path(name).stem, loader=part)
     if suffix == ".toml":
         try:
             return read_native(data.decode("utf-8"), name)
         except UnicodeDecodeError as error:
             raise InputError("not UTF-8 text", name, "save it as UTF-8") from error
-    raise InputError(f"no importer for '{suffix or 'a file without suffix'}'", name, "known: .xml (JSBSim), .toml (native)")
+    for at, mark, importer in _BY_MARK:
+        if data[at : at + len(mark)] == mark:
+            return importer(data, name)
+    remedy = "known: .dml or .xml (DAVE-ML), .xml (JSBSim), .toml (native), .zip (CSV), .mat, .nc (NetCDF)"
+    raise InputError(f"no importer for '{suffix or 'a file without suffix'}'", name, remedy)
 
 
 def publish_candidate(plan: Plan, update: Update, proof: tuple[AxisProof, ...], *, workspace: str, run: str) -> dict[str, Any]:
@@ -63,6 +97,8 @@ def publish_candidate(plan: Plan, update: Update, proof: tuple[AxisProof, ...], 
         update=update,
         proof=proof,
     )
+    signs = sign_reasons(opened.database(plan.baseline), update.candidate)
+    document["remarks"] += [f"The gate will refuse this version: {reason}." for reason in signs]
     settings = {
         "model": plan.model,
         "identified": list(plan.hold_out.identified),
@@ -83,7 +119,7 @@ def move(opened: Stores, vehicle: str, name: str, version: str, reason: str) -> 
     """Points a name at a version (its id) from wherever it points now; nothing happens when it is there already."""
     current = opened.named(vehicle, name)
     if current != version:
-        opened.catalogue.move_name(vehicle, name, version, user=_user(), reason=reason, expected=current)
+        opened.catalogue.move_name(vehicle, name, version, user=user(), reason=reason, expected=current)
 
 
 def version_id(vehicle: str, parent: str | None, inputs: list[str], settings: Mapping[str, Any]) -> str:
@@ -109,7 +145,7 @@ def _add(
         content=canonical_json(to_document(database)).decode(),
         content_sha256=database_content_sha256(database),
         settings=settings,
-        report=report,
+        report={**report, "check_cases": [asdict(case) for case in make_check_cases(database)]},
         flights=roles,
         inputs=inputs,
         run=run,
@@ -121,10 +157,3 @@ def _looks(opened: Stores, flight: str) -> int:
     return sum(
         1 for impact in opened.catalogue.impact(flight) if impact.role == "held_out" and impact.through == impact.version.id
     )
-
-
-def _user() -> str:
-    try:
-        return getpass.getuser()
-    except (OSError, KeyError):
-        return "unknown"

@@ -6,6 +6,7 @@ interpreter counts for neither. Memory is the peak of the whole process.
 
 import argparse
 import json
+import os
 import statistics
 import subprocess
 import sys
@@ -123,11 +124,53 @@ run_flow(nothing, {{}}, workspace, {how!r})  # starts Prefect's own server where
     return imports, body
 
 
+HL20 = """
+from pathlib import Path
+import numpy as np
+from aerodb.exchange.daveml import import_daveml
+database = import_daveml(Path({path!r}).read_bytes(), name="HL-20", bindings={{"DLG": "90*delta_landing_gear"}})
+rng = np.random.default_rng(1)
+def points(n):
+    ranges = {{"V": (30, 300), "alpha": (-0.1, 0.5), "mach": (0.3, 4), "height_above_ground": (1, 15)}}
+    return {{name: rng.uniform(*ranges.get(name, (-0.5, 0.5)), n) for name in database.inputs}}
+"""
+HL20_OURS = "at = points({n})\ndatabase.predict(points(10))  # the compiled loop is loaded once per process"
+HL20_SCIPY = """
+from scipy.interpolate import RegularGridInterpolator
+from aerodb.tables.expression import TableCall
+calls = [v.expression.table for v in database.variables.values() if isinstance(v.expression, TableCall)]
+grids = {{name: RegularGridInterpolator(database.tables[name].breakpoints, database.tables[name].values) for name in set(calls)}}
+at = {{}}
+for name in grids:
+    axes = database.tables[name].breakpoints
+    key = tuple(axis.tobytes() for axis in axes)  # tables with the same breakpoints are asked at the same points
+    at[name] = at[key] = at[key] if key in at else np.column_stack([rng.uniform(axis[0], axis[-1], {n}) for axis in axes])
+"""
+
+
+def coefficients(points: int) -> None:
+    """All six HL-20 coefficients, build-up included, beside their look-ups alone through scipy, one after the other."""
+    root = Path(os.environ.get("AERODB_TEST_DATA", Path(__file__).resolve().parents[2] / "shared" / "data"))
+    file = root / "daveml" / "HL20_aero.dml"
+    if not file.is_file():
+        print("HL-20 coefficients: not measured, the file is not here (set AERODB_TEST_DATA)")
+        return
+    setup = HL20.format(path=str(file))
+    ours = measure(setup + HL20_OURS.format(n=points), "database.predict(at)")
+    theirs = measure(setup + HL20_SCIPY.format(n=points), "for name in calls:\n    grids[name](at[name])")
+    print(f"HL-20, six coefficients at {points} points")
+    print(f"  scipy, its 241 look-ups one by one {theirs['seconds']:7.2f} s {theirs['megabytes']:7.0f} MB")
+    ratio = theirs["seconds"] / ours["seconds"]
+    print(f"  aerodb, predict                    {ours['seconds']:7.2f} s {ours['megabytes']:7.0f} MB ({ratio:.1f} times faster)")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float, default=3600.0, help="length of the generated log")
     parser.add_argument("--runs", type=int, default=3)
+    parser.add_argument("--points", type=int, default=1_000_000, help="points at which coefficients are evaluated")
     options = parser.parse_args()
+    coefficients(options.points)
     with tempfile.TemporaryDirectory() as folder:
         per_flight_run(Path(folder), options.seconds, options.runs)
 

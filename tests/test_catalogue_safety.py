@@ -23,7 +23,7 @@ from sqlalchemy.schema import CreateTable
 from aerodb.errors import AeroError, InputError
 from storage import schema
 from storage.catalogue import Catalogue
-from storage.versions import NameMovedError
+from storage.names import NameMovedError
 from tests.catalogue_samples import V, add_family, add_version, h
 
 

@@ -8,8 +8,8 @@ import pytest
 
 from aerodb.errors import GateRefusal, InputError, UnknownNameError
 from storage.catalogue import Catalogue
+from storage.names import NameMovedError
 from storage.rows import FlightRole
-from storage.versions import NameMovedError
 from tests.catalogue_samples import V, add_family, add_version, h
 
 

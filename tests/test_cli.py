@@ -37,7 +37,11 @@ COMMANDS = [
     ["version", "history"],
     ["version", "lineage"],
     ["version", "impact"],
+    ["version", "diff"],
     ["version", "evaluate"],
+    ["version", "export"],
+    ["version", "promote"],
+    ["version", "rollback"],
 ]
 
 
@@ -136,9 +140,24 @@ def test_evaluate_gives_the_handbook_value_and_the_increment(made: tuple[Path, l
     assert before["coefficients"]["Cm"] == pytest.approx(-0.6 * 0.06981317, rel=1e-6)
     terms = {t["term"]: t["value"] for e in update["increments"] if e["axis"] == "CZ" for t in e["terms"]}
     assert after["coefficients"]["CZ"] == pytest.approx(-0.65 + terms["1"] + terms["alpha"] * 0.0698131700797, rel=1e-9)
+    assert (before["standard_errors"]["CZ"], before["places"]["CZ"]) == (None, "inside tables"), "nobody has quantified it"
+    assert after["places"]["CZ"] == "inside data"
+    assert 0.0 < after["standard_errors"]["CZ"] < 0.1
+    assert (after["standard_errors"]["Cl"], after["places"]["Cl"]) == (None, "inside tables")
     assert before["taken_as_zero"] == ["beta", "delta_elevator", "p", "q"]
     assert not before["outside_tables"]
     assert asked(workspace, "version", "evaluate", "released", "--at", "alpha=0.5,V=25")["outside_tables"]
+
+
+def test_a_version_is_shown_layered_or_consolidated(made: tuple[Path, list[Path], dict[str, Any]]) -> None:
+    workspace, _, _ = made
+    layered = asked(workspace, "version", "show", "candidate")
+    shown = asked(workspace, "version", "show", "candidate", "--consolidated")
+    assert {key: shown[key] for key in layered} == layered
+    folded = {fold["regressor"]: fold["table"] for fold in shown["folds"] if fold["axis"] == "CZ"}
+    assert folded["alpha"] == folded["1"] != folded.get("q_hat")
+    assert all(bool(fold["table"]) != bool(fold["reason"]) for fold in shown["folds"])
+    assert any(increment["folded"] for increment in shown["consolidated"]["increments"])
 
 
 def test_inspect_stores_nothing_and_says_what_is_missing(made: tuple[Path, list[Path], dict[str, Any]], tmp_path: Path) -> None:
@@ -165,12 +184,22 @@ def test_retracting_a_flight_makes_versions_stale(made: tuple[Path, list[Path], 
     flight = first["flights"]["identified"][0]
     assert asked(workspace, "version", "show", "candidate")["stale"] == []
     retracted = asked(workspace, "flight", "retract", flight[:12], "--reason", "pitot cover left on")
-    assert retracted == {"flight": flight, "reason": "pitot cover left on", "stale": [first["candidate"]]}
+    command = f"aerodb update --vehicle {NAME} --like v0002 --baseline v0001"
+    assert retracted == {
+        "flight": flight,
+        "reason": "pitot cover left on",
+        "stale": [first["candidate"]],
+        "names": {"candidate": first["candidate"]},
+        "rebuild": [{"version": first["candidate"], "label": "v0002", "command": command}],
+    }
     assert "pitot cover left on" in asked(workspace, "version", "show", "candidate")["stale"][0]
     assert asked(workspace, "version", "show", "released")["stale"] == []
     shown = asked(workspace, "flight", "show", flight)
     assert shown["retracted"] == "pitot cover left on"
     assert {"flight": flight, "reason": "retracted: pitot cover left on"} in asked(workspace, *update)["flights"]["excluded"]
+    again = asked(workspace, *command.split()[1:], "--direct")
+    assert again["flights"]["identified"] == first["flights"]["identified"][1:]
+    assert asked(workspace, "version", "show", "candidate")["stale"] == []
 
 
 @pytest.mark.parametrize(

@@ -167,3 +167,36 @@ def test_missing_value_and_unknown_table_are_named() -> None:
         evaluate(parse("alpha*beta"), {"alpha": 1.0})
     with pytest.raises(InputError, match=r"no table or function 'CZO'\ndid you mean 'CZ0'"):
         evaluate(parse("CZO(1)"), {}, {"CZ0": Table("CZ0", ("x",), (np.array([0.0, 1.0]),), np.array([0.0, 1.0]))})
+
+
+def test_comparisons_and_pieces() -> None:
+    """True is 1; a condition on what is not a number stays visible; comparisons bind less than sums."""
+    a = np.array([-3.0, 0.0, 5.0, np.nan])
+    found = evaluate(parse("piecewise(-2, a < -2, b, a >= b + 1, a)"), {"a": a, "b": 2.0})
+    assert np.array_equal(found, [-2.0, 0.0, 2.0, np.nan], equal_nan=True)
+    assert np.array_equal(evaluate(parse("piecewise(1, a == 0)"), {"a": a}), [np.nan, 1.0, np.nan, np.nan], equal_nan=True)
+    assert np.array_equal(
+        evaluate(parse("and(a > -5, a < 1) + 10*or(a < -1, a > 4) + 100*not(a)"), {"a": a}),
+        [11.0, 101.0, 10.0, np.nan],
+        equal_nan=True,
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [("root(-8, 3)", -2.0), ("root(16, 4)", 2.0), ("rem(-7, 3)", -1.0), ("log10(1000)", 3.0), ("asinh(sinh(0.7))", 0.7),
+     ("ceil(1.2) + floor(-1.2)", 0.0), ("(1 < 2) + (2 <= 1) + (1 != 2)", 2.0)],
+)  # fmt: skip
+def test_functions_of_daveml(text: str, value: float) -> None:
+    assert float(evaluate(parse(text), {})) == pytest.approx(value, rel=1e-14)
+
+
+@pytest.mark.parametrize("text", ["a < b", "(a < b) < c", "-(a >= b)^2", "not(a != b + 1)", "(a == b)*2 - 1", "lt(a, b)"])
+def test_comparisons_are_printed_as_they_are_read(text: str) -> None:
+    assert parse(str(parse(text))) == parse(text)
+
+
+@pytest.mark.parametrize("text", ["a < b < c", "a = b", "a <", "and(a)", "piecewise(a)", "!a"])
+def test_what_is_no_comparison_is_refused(text: str) -> None:
+    with pytest.raises(InputError):
+        parse(text)

@@ -1,11 +1,6 @@
-"""The import of JSBSim aircraft against JSBSim itself, flown in the same process.
-
-The aircraft files come from the installed package. JSBSim evaluates functions when they are asked for, and right after
-`run_ic` its state, its controls and its forces belong together.
-"""
+"""The import of JSBSim aircraft: against JSBSim itself on one of them, signs and units, and what is refused."""
 
 import re
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,66 +11,19 @@ from aerodb.exchange.jsbsim import import_jsbsim
 from aerodb.exchange.native import from_document, to_document
 from aerodb.nomenclature import AXES, FORCE_AXES, MOMENT_AXES
 from aerodb.tables.algebra import cancel
-from aerodb.tables.database import AeroDatabase, transfer_moments
+from aerodb.tables.database import AeroDatabase
 from aerodb.tables.expression import Name, parse
-
-jsbsim = pytest.importorskip("jsbsim")
-
-FOOT, POUND = 0.3048, 4.4482216152605
-INCH = FOOT / 12
-FORCES = [f"forces/fb{axis}-aero-lbs" for axis in "xyz"]
-MOMENTS = [f"moments/{axis}-aero-lbsft" for axis in "lmn"]
-
-
-def aircraft_file(name: str) -> bytes:
-    return (Path(jsbsim.get_default_root_dir()) / "aircraft" / name / f"{name}.xml").read_bytes()
-
-
-def simulator(name: str) -> Any:
-    executive = jsbsim.FGFDMExec(jsbsim.get_default_root_dir())
-    executive.set_debug_level(0)
-    assert executive.load_model(name)
-    executive.disable_output()
-    executive["propulsion/set-running"] = -1
-    return executive
-
-
-def own_coefficients(executive: Any) -> list[float]:
-    """JSBSim's forces and moments about the CG as coefficients on AXES."""
-    force = executive["aero/qbar-psf"] * executive["metrics/Sw-sqft"]
-    lengths = [executive[f"metrics/{name}"] for name in ("bw-ft", "cbarw-ft", "bw-ft")]
-    moments = [executive[name] / force / length for name, length in zip(MOMENTS, lengths, strict=True)]
-    return [executive[name] / force for name in FORCES] + moments
-
-
-def centre_of_gravity(executive: Any) -> list[float]:
-    """CG in m, body axes from the structural origin."""
-    x, y, z = (executive[f"inertia/cg-{axis}-in"] * INCH for axis in "xyz")
-    return [-x, y, -z]
-
-
-def random_condition(executive: Any, rng: np.random.Generator) -> None:
-    executive["ic/h-sl-ft"] = rng.uniform(500, 15000)
-    executive["ic/vt-fps"] = rng.uniform(120, 350)
-    executive["ic/alpha-deg"] = rng.uniform(-25, 45)
-    executive["ic/beta-deg"] = rng.uniform(-25, 25)
-    for rate in "pqr":
-        executive[f"ic/{rate}-rad_sec"] = rng.uniform(-0.6, 0.6)
-    for control in ("elevator", "aileron", "rudder"):
-        executive[f"fcs/{control}-cmd-norm"] = rng.uniform(-1, 1)
-    executive["fcs/throttle-cmd-norm"] = rng.uniform(0, 1)
-
-
-def compare(database: AeroDatabase, channels: dict[str, Any], cg: np.ndarray, theirs: np.ndarray) -> dict[str, float]:
-    """Largest error per axis over its tolerance of 1e-9 max(|C|, 1e-3)."""
-    ours = database.predict(channels).coefficients
-    ours = transfer_moments(ours, database.reference.moment_reference, cg, database.reference)
-    errors = {}
-    for k, axis in enumerate(AXES):
-        tolerance = 1e-9 * np.maximum(np.abs(theirs[:, k]), 1e-3)
-        errors[axis] = float(np.max(np.abs(ours[axis] - theirs[:, k]) / tolerance))
-    return errors
-
+from tests.jsbsim_flights import (
+    FOOT,
+    INCH,
+    POUND,
+    aircraft_file,
+    centre_of_gravity,
+    compare,
+    own_coefficients,
+    random_condition,
+    simulator,
+)
 
 FREE = {
     "fcs_flap_pos_norm": "fcs/flap-pos-norm",
@@ -143,30 +91,6 @@ def test_twin_otter_in_flight_with_the_lift_of_the_step_before(twin_otter: AeroD
     assert max(errors.values()) <= 1.0, errors
     lift = twin_otter.contributions(columns)["CDi"]["CX"] - database.contributions(columns)["CDi"]["CX"]
     assert np.max(np.abs(lift)) > 1e-9  # the two meanings do differ here
-
-
-@pytest.mark.parametrize("aircraft", ["f16", "c172p", "737", "Shuttle"])
-def test_other_aircraft_fed_every_property(aircraft: str) -> None:
-    """Build-up only: every property that is no function of the file is a free input and gets JSBSim's own value."""
-    text = aircraft_file(aircraft)
-    first = import_jsbsim(text, name=aircraft)
-    computed = set(re.findall(r'<(?:function|table) name="([^"]+)"', text.decode()))
-    notes = {**{name: v.description for name, v in first.variables.items()}, **first.free_inputs}
-    properties = {name: note.removeprefix("JSBSim property ").split(":")[0] for name, note in notes.items()}
-    bindings = {path: name for name, path in properties.items() if path not in computed}
-    database = import_jsbsim(text, name=aircraft, bindings=bindings)
-    executive, rng = simulator(aircraft), np.random.default_rng(22)
-    rows, cgs, theirs = [], [], []
-    for _ in range(50):
-        random_condition(executive, rng)
-        executive.run_ic()
-        angles = {"alpha": executive["aero/alpha-rad"], "beta": executive["aero/beta-rad"]}
-        rows.append(angles | {name: executive[path] for path, name in bindings.items()})
-        cgs.append(centre_of_gravity(executive))
-        theirs.append(own_coefficients(executive))
-    columns = {name: np.array([row[name] for row in rows]) for name in rows[0]}
-    errors = compare(database, columns, np.array(cgs), np.array(theirs))
-    assert max(errors.values()) <= 1.0, errors
 
 
 def test_reference_geometry_in_metres_and_body_axes(twin_otter: AeroDatabase) -> None:
@@ -269,9 +193,14 @@ def test_planes_of_a_table_on_different_breakpoints_are_joined_exactly() -> None
 @pytest.mark.parametrize(
     ("aerodynamics", "message"),
     [
-        (function("<interpolate1d><v>1</v><v>2</v></interpolate1d>"), "unsupported element <interpolate1d>"),
-        ("<aero_ref_pt_shift_x/>", "unsupported element <aero_ref_pt_shift_x>"),
-        ('<axis name="ROLL" frame="WIND"/>', "unsupported attributes of axis ROLL"),
+        (function("<interpolate1d><v>1</v><v>2</v></interpolate1d>"), "<interpolate1d> with 2 operands"),
+        (function("<random/>"), "unsupported element <random>"),
+        (function("<rotation_alpha_local><v>1</v></rotation_alpha_local>"), "unsupported element <rotation_alpha_local>"),
+        ("<aero_ref_pt_shift_x/>", "<aero_ref_pt_shift_x> does not hold exactly one function"),
+        ('<axis name="ROLL" frame="EARTH"/>', "unsupported attributes of axis ROLL"),
+        ('<axis name="LIFT" frame="WIND"/>', "unsupported attributes of axis LIFT"),
+        ('<axis name="ROLL" unit="NM"/>', "unit 'NM' of axis ROLL"),
+        (function("<v>1</v>").replace("<function", '<function apply_at_cg="true"'), "apply_at_cg"),
         ('<axis name="LIFTT"/>', "did you mean 'LIFT'"),
         (function("<v>1</v>", "LIFT") + '<axis name="X"><function name="g"><v>1</v></function></axis>', "different systems"),
         (function("<v>nan</v>"), "not finite"),

@@ -73,7 +73,7 @@ def least_squares(regressors: Array, response: Array, names: Sequence[str], leng
     start = 0
     for length in lengths if lengths is not None else (n,):
         block = slice(start, start + length)
-        middle += _coloured_sum(scaled[block], residual[block])
+        middle += coloured_sum(scaled[block], residual[block])
         start += length
     if start != n:
         raise ValueError(f"record lengths sum to {start}, samples are {n}")
@@ -91,7 +91,7 @@ def least_squares(regressors: Array, response: Array, names: Sequence[str], leng
     )
 
 
-def _coloured_sum(regressors: Array, residual: Array) -> Array:
+def coloured_sum(regressors: Array, residual: Array) -> Array:
     """sum_ij x_i R(i-j) x_j' for one record, by FFT: R is even, so its transform weights the cross spectra of x."""
     n = len(residual)
     size = next_fast_len(2 * n)

@@ -6,9 +6,11 @@ with a minus sign. Rates `*-aero-*` are relative to the air; flights without gus
 """
 
 import math
+import re
 from typing import Final
 
 FOOT: Final = 0.3048  # m, exact
+INCH: Final = 0.0254  # m, exact
 POUND_FORCE: Final = 4.4482216152605  # N, exact
 PSF: Final = POUND_FORCE / FOOT**2  # Pa
 SLUG_PER_FT3: Final = POUND_FORCE / FOOT**4  # kg/m3: a slug is 1 lbf s2/ft
@@ -20,6 +22,15 @@ AREA: Final = "metrics/Sw-sqft"
 SPAN: Final = "metrics/bw-ft"
 CHORD: Final = "metrics/cbarw-ft"
 LIFT_SQUARED: Final = "aero/cl-squared"
+HYSTERESIS: Final = "aero/stall-hyst-norm"
+WING_ALPHA: Final = "aero/alpha-wing-rad"
+WING_INCIDENCE: Final = "metrics/iw-rad"
+
+#: Properties that exports make: channels that JSBSim has no property for, free inputs and variables of a database.
+OWN_CHANNEL: Final = "aerodb/channel/"
+OWN_FREE: Final = "aerodb/free/"
+OWN_VARIABLE: Final = "aerodb/variable/"
+OWN_ARGUMENT: Final = "aerodb/argument/"
 
 #: Property -> expression over channels and the constants S_ref c_ref b_ref, in JSBSim's unit.
 PROPERTIES: Final[dict[str, str]] = {
@@ -56,6 +67,7 @@ PROPERTIES: Final[dict[str, str]] = {
     "attitude/theta-rad": "theta",
     "attitude/pitch-rad": "theta",
     "atmosphere/rho-slugs_ft3": f"rho/{SLUG_PER_FT3!r}",
+    **{f"inertia/cg-{axis}-in": f"{sign}cg_{axis}/{INCH!r}" for axis, sign in (("x", "-"), ("y", ""), ("z", "-"))},
     "position/h-sl-ft": f"altitude/{FOOT!r}",
     "position/h-agl-ft": f"height_above_ground/{FOOT!r}",
     "gear/gear-pos-norm": "delta_landing_gear",
@@ -78,8 +90,66 @@ PROPERTIES: Final[dict[str, str]] = {
     },
 }
 
+#: Channel -> the property and the number that turns it into the channel: how exports read JSBSim's state.
+CHANNEL_PROPERTIES: Final[dict[str, tuple[str, float]]] = {
+    "V": ("velocities/vt-fps", FOOT),
+    "alpha": ("aero/alpha-rad", 1.0),
+    "beta": ("aero/beta-rad", 1.0),
+    "alphadot": ("aero/alphadot-rad_sec", 1.0),
+    "betadot": ("aero/betadot-rad_sec", 1.0),
+    "qbar": (QBAR, PSF),
+    "mach": ("velocities/mach", 1.0),
+    "rho": ("atmosphere/rho-slugs_ft3", SLUG_PER_FT3),
+    "calibrated_airspeed": ("velocities/vc-fps", FOOT),
+    **{rate: (f"velocities/{rate}-aero-rad_sec", 1.0) for rate in "pqr"},
+    "phi": ("attitude/phi-rad", 1.0),
+    "theta": ("attitude/theta-rad", 1.0),
+    "altitude": ("position/h-sl-ft", FOOT),
+    "height_above_ground": ("position/h-agl-ft", FOOT),
+    "cg_x": ("inertia/cg-x-in", -INCH),
+    "cg_y": ("inertia/cg-y-in", INCH),
+    "cg_z": ("inertia/cg-z-in", -INCH),
+    "delta_elevator": ("fcs/elevator-pos-rad", 1.0),
+    "delta_aileron": ("fcs/left-aileron-pos-rad", -1.0),
+    "delta_rudder": ("fcs/rudder-pos-rad", 1.0),
+    "delta_flap": ("fcs/flap-pos-rad", 1.0),
+    "delta_speedbrake": ("fcs/speedbrake-pos-rad", 1.0),
+    "delta_spoiler": ("fcs/spoiler-pos-rad", 1.0),
+    "delta_landing_gear": ("gear/gear-pos-norm", 1.0),
+}
+
 
 def height_of_reference_point(x: float, y: float, z: float) -> str:
     """``aero/h_b-mac-ft``: height of the moment reference (x, y, z [m], body axes) above ground over the span."""
     below_cg = f"-sin(theta)*({x!r} - cg_x) + cos(theta)*(sin(phi)*({y!r} - cg_y) + cos(phi)*({z!r} - cg_z))"
     return f"(height_above_ground - ({below_cg}))/b_ref"
+
+
+def hysteresis_text(low: float, high: float) -> str:
+    """How a free input says that it is JSBSim's stall hysteresis between two angles of attack [rad]."""
+    return f"JSBSim property {HYSTERESIS}: relay on alpha, 1 above {high!r} rad, 0 below {low!r} rad, in between as it was"
+
+
+_HYSTERESIS_TEXT = re.compile(
+    re.escape(f"JSBSim property {HYSTERESIS}: relay on alpha, 1 above ") + r"(\S+) rad, 0 below (\S+) rad,.*"
+)
+
+
+def hysteresis_limits(text: str) -> tuple[float, float] | None:
+    """Low and high angle of attack [rad] out of `hysteresis_text`; None for any other text.
+
+    >>> hysteresis_limits(hysteresis_text(0.1, 0.3))
+    (0.1, 0.3)
+    """
+    match = _HYSTERESIS_TEXT.fullmatch(text)
+    return (float(match[2]), float(match[1])) if match else None
+
+
+def own_name(name: str) -> str:
+    """The identifier that a property should have if it is free: its own name where an export made it."""
+    if name == HYSTERESIS:
+        return "stall_hyst_norm"
+    for prefix in (OWN_FREE, OWN_VARIABLE):
+        if name.startswith(prefix):
+            return name.removeprefix(prefix)
+    return name

@@ -1,6 +1,7 @@
 """JSBSim's XML: parsed without document types, entities or network; single elements, numbers and the metrics."""
 
 import math
+from collections.abc import Callable
 from typing import Any, Final
 
 from lxml import etree
@@ -10,21 +11,58 @@ from aerodb.tables.reference import Reference
 from aerodb.units import convert
 
 MAX_BYTES: Final = 20_000_000
-_UNITS: Final = {"FT2": "ft^2", "M2": "m^2", "FT": "ft", "IN": "inch", "M": "m"}
+MAX_NAME: Final = 1000  # characters of an attribute or of a property's name
+_SHOWN: Final = 80
+_DECLARATIONS: Final = tuple(
+    declaration.encode(encoding)
+    for declaration in ("<!DOCTYPE", "<!ENTITY")
+    for encoding in ("ascii", "utf-16-le", "utf-16-be", "utf-32-le", "utf-32-be")
+)
+_UNITS: Final = {"FT2": "ft^2", "M2": "m^2", "FT": "ft", "IN": "inch", "M": "m", "DEG": "deg", "RAD": "rad"}
+
+#: Further metrics that functions may use: tag -> JSBSim property, its unit, and the unit without an attribute.
+_CONSTANTS: Final = {
+    "wing_incidence": ("metrics/iw-rad", "rad", "RAD"),
+    "htailarea": ("metrics/Sh-sqft", "ft^2", "FT2"),
+    "htailarm": ("metrics/lh-ft", "ft", "FT"),
+    "vtailarea": ("metrics/Sv-sqft", "ft^2", "FT2"),
+    "vtailarm": ("metrics/lv-ft", "ft", "FT"),
+}
 
 
 def read_root(xml: bytes, where: str) -> Any:
-    """The root element. Raises InputError for a document type, for what is not XML and for more than `MAX_BYTES`."""
+    """The root element.
+
+    Raises InputError for a document type (entities are looked at nowhere), for what is not XML, for more than `MAX_BYTES`
+    and for an attribute of more than `MAX_NAME` characters. The parser itself refuses nesting beyond 256 levels.
+    """
     if len(xml) > MAX_BYTES:
         raise InputError(f"{len(xml)} bytes of XML", where, f"at most {MAX_BYTES}")
-    parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False, remove_comments=True, remove_pis=True)
+    if any(declaration in xml for declaration in _DECLARATIONS):
+        raise _document_type(where)
+    parser = etree.XMLParser(
+        resolve_entities=False, no_network=True, load_dtd=False, huge_tree=False, remove_comments=True, remove_pis=True
+    )
     try:
         root = etree.fromstring(xml, parser)
     except (etree.XMLSyntaxError, ValueError) as error:
-        raise InputError(f"not valid XML: {error}", where) from None
+        raise InputError(f"not valid XML: {shown(str(error))}", where) from None
     if root.getroottree().docinfo.doctype:
-        raise InputError("XML with a document type", where, "remove the <!DOCTYPE ...> declaration")
+        raise _document_type(where)
+    for element in root.iter():
+        if any(len(text) > MAX_NAME for text in (element.tag, *element.attrib.keys(), *element.attrib.values())):
+            raise InputError(f"an attribute of more than {MAX_NAME} characters in line {element.sourceline}", where)
     return root
+
+
+def _document_type(where: str) -> InputError:
+    return InputError("XML with a document type", where, "remove the <!DOCTYPE ...> declaration")
+
+
+def shown(text: str | None) -> str:
+    """Text of a file as messages show it: one line, not too long."""
+    line = " ".join((text or "").split())
+    return line if len(line) <= _SHOWN else f"{line[:_SHOWN]}..."
 
 
 def only(parent: Any, tag: str, where: str) -> Any:
@@ -35,18 +73,37 @@ def only(parent: Any, tag: str, where: str) -> Any:
     return found[0]
 
 
+def part(root: Any, tag: str, where: str, loader: Callable[[str], bytes] | None) -> Any:
+    """The one child of this tag, from the file that it names where it names one.
+
+    Raises InputError for a file without a `loader`, one named by an absolute path or through ``..``, and one with another root.
+    """
+    element = only(root, tag, where)
+    file = element.get("file", "").strip()
+    if not file:
+        return element
+    if loader is None:
+        raise InputError(f"{tag} stand in another file, '{file}'", where, "give that file too, or put them into this one")
+    if file.startswith(("/", "\\")) or ":" in file or ".." in file.replace("\\", "/").split("/"):
+        raise InputError(f"{tag} in a file outside the aircraft's folder, '{file}'", where, "name it relative to the aircraft")
+    inner = read_root(loader(file), f"{where}: {file}")
+    if inner.tag != tag or inner.get("file"):
+        raise InputError(f"root element <{inner.tag}>", f"{where}: {file}", f"<{tag}> is needed")
+    return inner
+
+
 def read_number(text: str | None, where: str) -> float:
     """A finite number from text, else InputError."""
     try:
         value = float(text or "")
     except ValueError:
-        raise InputError(f"'{(text or '').strip()}' is not a number", where) from None
+        raise InputError(f"'{shown(text)}' is not a number", where) from None
     if not math.isfinite(value):
-        raise InputError(f"'{(text or '').strip()}' is not finite", where)
+        raise InputError(f"'{shown(text)}' is not finite", where)
     return value
 
 
-def _metres(element: Any, text: str | None, default: str, to: str, where: str) -> float:
+def _convert(element: Any, text: str | None, default: str, to: str, where: str) -> float:
     unit = element.get("unit", default)
     if unit not in _UNITS:
         raise InputError(f"unit '{unit}' of <{element.tag}>", where, nearest(unit, _UNITS))
@@ -59,10 +116,25 @@ def read_reference(metrics: Any, where: str) -> Reference:
     point = next((place for place in metrics.findall("location") if place.get("name") == "AERORP"), None)
     if point is None:
         raise InputError("no <location name='AERORP'> in <metrics>", where, "moments need their reference point")
-    x, y, z = (_metres(point, only(point, axis, where).text, "IN", "m", where) for axis in "xyz")
+    x, y, z = (_convert(point, only(point, axis, where).text, "IN", "m", where) for axis in "xyz")
     return Reference(
-        area=_metres(area, area.text, "FT2", "m^2", where),
-        chord=_metres(chord, chord.text, "FT", "m", where),
-        span=_metres(span, span.text, "FT", "m", where),
+        area=_convert(area, area.text, "FT2", "m^2", where),
+        chord=_convert(chord, chord.text, "FT", "m", where),
+        span=_convert(span, span.text, "FT", "m", where),
         moment_reference=(-x, y, -z),
     )
+
+
+def read_constants(metrics: Any, where: str) -> dict[str, float]:
+    """Further numbers of ``<metrics>`` as JSBSim's properties, in JSBSim's units; 0 where the file leaves them out."""
+    values = {}
+    for tag, (name, to, default) in _CONSTANTS.items():
+        element = metrics.find(tag)
+        values[name] = 0.0 if element is None else _convert(element, element.text, default, to, where)
+    return values
+
+
+def read_limits(element: Any, where: str) -> tuple[float, float]:
+    """``<min>`` and ``<max>`` [rad] of an element with a unit, radians without."""
+    low, high = (_convert(element, only(element, tag, where).text, "RAD", "rad", where) for tag in ("min", "max"))
+    return low, high

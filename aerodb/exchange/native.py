@@ -21,7 +21,9 @@ from aerodb.strict import Strict, validated
 from aerodb.tables.database import AeroDatabase, Reference, Term, Variable
 from aerodb.tables.expression import Expression, Number, Operation, number, parse
 from aerodb.tables.increment import Increment, Interval
+from aerodb.tables.scattered import ScatteredTable
 from aerodb.tables.table import Table
+from aerodb.tables.uncertainty import Uncertainty, bound_arrays
 from aerodb.units import conversion
 from aerodb.vehicle import Number as Coefficient
 from aerodb.vehicle import Point
@@ -35,10 +37,21 @@ class _Reference(Lengths):
     moment_reference: Point
 
 
+class _Uncertainty(Strict):
+    effect: str
+    distribution: str
+    bounds: tuple[float | str | tuple[float, ...], ...]
+    sigmas: float = 1.0
+    correlates_with: tuple[str, ...] = ()
+    correlations: tuple[tuple[str, float], ...] = ()
+
+
 class _Variable(Strict):
     expression: str
     unit: str = "1"
     description: str = ""
+    declared: dict[str, str] = Field(default_factory=dict)
+    uncertainty: _Uncertainty | None = None
 
 
 class _Table(Strict):
@@ -48,6 +61,17 @@ class _Table(Strict):
     breakpoints: tuple[tuple[float, ...], ...]
     values: Any
     units: tuple[str, ...] = ()
+    extent: tuple[tuple[float, float] | None, ...] = ()
+    interpolation: tuple[str, ...] = ()
+    extrapolation: tuple[str, ...] = ()
+    uncertainty: _Uncertainty | None = None
+
+
+class _Scattered(Strict):
+    arguments: tuple[str, ...]
+    points: tuple[tuple[float, ...], ...]
+    values: tuple[float, ...]
+    uncertainty: _Uncertainty | None = None
 
 
 class _Term(Strict):
@@ -65,6 +89,7 @@ class _File(Strict):
     free_inputs: dict[str, str] = Field(default_factory=dict)
     variables: dict[str, _Variable] = Field(default_factory=dict)
     tables: dict[str, _Table] = Field(default_factory=dict)
+    scattered: dict[str, _Scattered] = Field(default_factory=dict)
     terms: tuple[_Term, ...] = ()
     derivatives: dict[str, dict[str, Coefficient]] = Field(default_factory=dict)
 
@@ -83,6 +108,7 @@ class _Increment(Strict):
     envelope: dict[str, _Interval] = Field(default_factory=dict)
     flights: tuple[str, ...] = ()
     note: str = ""
+    folded: tuple[str, ...] = ()
 
     @model_validator(mode="after")
     def _square(self) -> Self:
@@ -122,10 +148,16 @@ def _database(file: _File, increments: tuple[Increment, ...], where: str) -> Aer
             name=file.name,
             reference=Reference(**dict(file.reference)),
             variables={
-                name: Variable(_parsed(v.expression, f"variable {name}"), v.unit, v.description)
+                name: Variable(
+                    _parsed(v.expression, f"variable {name}"), v.unit, v.description, v.declared, _uncertainty(v.uncertainty)
+                )
                 for name, v in file.variables.items()
             },
             tables=dict(zip(file.tables, starmap(_table, file.tables.items()), strict=True)),
+            scattered={
+                name: ScatteredTable(name, t.arguments, np.array(t.points), np.array(t.values), _uncertainty(t.uncertainty))
+                for name, t in file.scattered.items()
+            },
             terms=tuple(terms),
             increments=increments,
             free_inputs=file.free_inputs,
@@ -157,7 +189,20 @@ def _table(name: str, file: _Table) -> Table:
         values = np.array(file.values, dtype=np.float64)
     except (TypeError, ValueError):
         raise InputError("values are not a rectangular list of numbers", where) from None
-    return Table(name, file.arguments, tuple(axes), values)
+    return Table(
+        name,
+        file.arguments,
+        tuple(axes),
+        values,
+        file.interpolation,
+        file.extrapolation,
+        _uncertainty(file.uncertainty),
+        extent=file.extent,
+    )
+
+
+def _uncertainty(file: _Uncertainty | None) -> Uncertainty | None:
+    return None if file is None else Uncertainty(**dict(file))
 
 
 def _si(argument: str) -> str:
@@ -201,7 +246,13 @@ def to_document(database: AeroDatabase) -> dict[str, Any]:
         },
         "free_inputs": dict(database.free_inputs),
         "variables": {
-            name: {"expression": str(v.expression), "unit": v.unit, "description": v.description}
+            name: {
+                "expression": str(v.expression),
+                "unit": v.unit,
+                "description": v.description,
+                **({"declared": dict(v.declared)} if v.declared else {}),
+                **_uncertainty_document(v.uncertainty),
+            }
             for name, v in database.variables.items()
         },
         "tables": {
@@ -209,15 +260,40 @@ def to_document(database: AeroDatabase) -> dict[str, Any]:
                 "arguments": list(table.arguments),
                 "breakpoints": [axis.tolist() for axis in table.breakpoints],
                 "values": table.values.tolist(),
+                **({"extent": [bounds and list(bounds) for bounds in table.extent]} if table.extent else {}),
+                **({"interpolation": list(table.interpolation)} if table.interpolation else {}),
+                **({"extrapolation": list(table.extrapolation)} if table.extrapolation else {}),
+                **_uncertainty_document(table.uncertainty),
             }
             for name, table in database.tables.items()
         },
+        **({"scattered": {n: _scattered_document(t) for n, t in database.scattered.items()}} if database.scattered else {}),
         "terms": [
             {"name": t.name, "axis": t.axis, "expression": str(t.expression), "description": t.description}
             for t in database.terms
         ],
         "increments": [_increment_document(increment) for increment in database.increments],
     }
+
+
+def _scattered_document(table: ScatteredTable) -> dict[str, Any]:
+    document = {"arguments": list(table.arguments), "points": table.points.tolist(), "values": table.values.tolist()}
+    return {**document, **_uncertainty_document(table.uncertainty)}
+
+
+def _uncertainty_document(uncertainty: Uncertainty | None) -> dict[str, Any]:
+    """As an entry of what carries it; nothing where there is none."""
+    if uncertainty is None:
+        return {}
+    document = {
+        "effect": uncertainty.effect,
+        "distribution": uncertainty.distribution,
+        "bounds": [list(bound) if isinstance(bound, tuple) else bound for bound in uncertainty.bounds],
+        "sigmas": uncertainty.sigmas,
+        "correlates_with": list(uncertainty.correlates_with),
+        "correlations": [list(pair) for pair in uncertainty.correlations],
+    }
+    return {"uncertainty": document}
 
 
 def _increment_document(increment: Increment) -> dict[str, Any]:
@@ -229,6 +305,7 @@ def _increment_document(increment: Increment) -> dict[str, Any]:
         "envelope": {name: {"low": i.low, "high": i.high, "cell": i.cell} for name, i in increment.envelope.items()},
         "flights": list(increment.flights),
         "note": increment.note,
+        **({"folded": list(increment.folded)} if any(increment.folded) else {}),
     }
 
 
@@ -249,6 +326,7 @@ def _increment(file: _Increment, where: str) -> Increment:
         envelope={name: Interval(i.low, i.high, i.cell) for name, i in file.envelope.items()},
         flights=file.flights,
         note=file.note,
+        folded=file.folded,
     )
 
 
@@ -261,6 +339,10 @@ def database_content_sha256(database: AeroDatabase) -> str:
     arrays = [np.array([reference.area, reference.chord, reference.span, *reference.moment_reference])]
     for name in sorted(database.tables):
         arrays += [*database.tables[name].breakpoints, database.tables[name].values]
+    for name in sorted(database.scattered):
+        arrays += [database.scattered[name].points, database.scattered[name].values]
+    carriers: dict[str, Any] = {**database.tables, **database.scattered, **database.variables}
+    arrays += [bounds for name in sorted(carriers) for bounds in bound_arrays(carriers[name].uncertainty)]
     for increment in database.increments:
         bounds = [[i.low, i.high, i.cell] for _, i in sorted(increment.envelope.items())]
         arrays += [increment.estimates, increment.covariance, np.array(bounds, dtype=np.float64).reshape(-1, 3)]

@@ -37,7 +37,7 @@ def update_document(
         "findings": [],
         "not_found": [],
         "next_flight": [],
-        "remarks": _remarks(update.axes, proof, hold_out),
+        "remarks": _remarks(update, proof, hold_out),
     }
 
 
@@ -53,6 +53,7 @@ def _axis(entry: AxisProof) -> dict[str, Any]:
         "excess_after": entry.excess_after,
         "theil": asdict(entry.theil) if entry.theil is not None else None,
         "noise_floor": entry.noise_floor,
+        "repeatability": entry.repeatability,
         "explained": entry.explained,
         "outcome": entry.outcome,
     }
@@ -81,9 +82,11 @@ def _increment(entry: AxisUpdate) -> dict[str, Any]:
     }
 
 
-def _remarks(axes: Sequence[AxisUpdate], proof: Sequence[AxisProof], hold_out: HoldOut) -> list[str]:
+def _remarks(update: Update, proof: Sequence[AxisProof], hold_out: HoldOut) -> list[str]:
     """What a reader must know before trusting the numbers, in plain sentences."""
-    said = []
+    said, axes = [], update.axes
+    added = update.candidate.increments[len(update.candidate.increments) - len(axes) :]
+    said += [f"{increment.axis}: the increment is {increment.note}." for increment in added if increment.note]
     if hold_out.kind == "cross-validated":
         said.append("Fewer than five flights: each was predicted from the others (cross-validated), none was held out.")
     if hold_out.kind == "not validated":
@@ -91,11 +94,7 @@ def _remarks(axes: Sequence[AxisUpdate], proof: Sequence[AxisProof], hold_out: H
     declared = {entry.axis for entry in axes}
     for entry in proof:
         if entry.axis in declared and entry.outcome == "not repaired":
-            after = entry.held_out_rms_after if entry.held_out_rms_after is not None else entry.rms_after
-            said.append(
-                f"{entry.axis} is not repaired by the declared structure: {after:.4g} rms remain, {entry.explained:.0%} of the "
-                f"measured variance is explained. The database lacks or distorts an effect that no declared term describes."
-            )
+            said.append(_not_repaired(entry))
     for axis in axes:
         for group in axis.aliases:
             said.append(
@@ -106,3 +105,15 @@ def _remarks(axes: Sequence[AxisUpdate], proof: Sequence[AxisProof], hold_out: H
         if axis.at_bound:
             said.append(f"{axis.axis}: {', '.join(axis.at_bound)} ended on a bound of the model file.")
     return said
+
+
+def _not_repaired(entry: AxisProof) -> str:
+    """Why an axis is not repaired, as far as its numbers tell."""
+    held_out = entry.held_out_rms_after is not None
+    after = entry.held_out_rms_after if entry.held_out_rms_after is not None else entry.rms_after
+    share = f"{entry.explained:.0%} of" if entry.explained > 0 else "nothing of"
+    left = f"{after:.4g} rms remain, {share} the measured variance is explained."
+    said = f"{entry.axis} is not repaired by the declared structure: {left}"
+    if held_out and entry.held_out_shape_after is not None and entry.held_out_shape_after < 0.5 * (after or 0.0):
+        return f"{said} Most of it is a constant in each flight: look at sensor biases and thrust before the aerodynamics."
+    return f"{said} Either the database has a fault that no declared term describes, or these flights do not agree."

@@ -4,10 +4,10 @@ Its readable view are the terms, each an expression on one axis; increments from
 database comes from or goes to belongs in `aerodb.exchange`.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,23 +17,37 @@ from aerodb.nomenclature import AXES, CHANNELS, FORCE_AXES, axis_description, ch
 from aerodb.tables.expression import Expression, check_identifier
 from aerodb.tables.functions import Array, Value
 from aerodb.tables.increment import Increment
-from aerodb.tables.program import Program, compile_program
+from aerodb.tables.program import AnyTable, Program, compile_program
 from aerodb.tables.reference import HAT_RATES, WIND_AXES, Reference, hat_rate, transfer_moments, wind_to_body
+from aerodb.tables.scattered import ScatteredTable
 from aerodb.tables.table import Table
+from aerodb.tables.uncertainty import Uncertainty, check_bounds
+
+if TYPE_CHECKING:
+    from aerodb.tables.evaluation import Evaluation
 
 __all__ = ["CONSTANTS", "AeroDatabase", "Prediction", "Reference", "Term", "Variable", "transfer_moments"]
 
 #: Names that stand for the database's own reference area, chord and span in every expression.
 CONSTANTS: Final[dict[str, str]] = {"S_ref": "area", "c_ref": "chord", "b_ref": "span"}
 
+#: Points that are evaluated at once: more would not fit a processor's cache with all intermediate values. No power of two:
+#: rows of that length fall on the same lines of the cache, which doubles the time.
+BLOCK: Final = 4000
+
 
 @dataclass(frozen=True)
 class Variable:
-    """A named expression that terms and other variables use; `unit` as far as the source tells."""
+    """A named expression that terms and other variables use; `unit` as far as the source tells.
+
+    declared : what the source says of it beyond that, as text: DAVE-ML's id, name, sign, symbol, role and alike.
+    """
 
     expression: Expression
     unit: str = "1"
     description: str = ""
+    declared: Mapping[str, str] = field(default_factory=dict)
+    uncertainty: Uncertainty | None = None
 
 
 @dataclass(frozen=True)
@@ -81,11 +95,13 @@ class AeroDatabase:
     free_inputs: Mapping[str, str] = field(default_factory=dict)
     description: str = ""
     source: str = ""
+    scattered: Mapping[str, ScatteredTable] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "terms", tuple(self.terms))
         object.__setattr__(self, "increments", tuple(self.increments))
         _check_definitions(self)
+        _check_uncertainties(self)
         for axis in self._axes:
             _check_axis(axis, self.name)
         names = [term.name for term in self.terms]
@@ -101,9 +117,15 @@ class AeroDatabase:
             _check_input(name, self)
 
     def _compile(self, expressions: Iterable[Expression]) -> Program:
-        constants = {name: float(getattr(self.reference, attribute)) for name, attribute in CONSTANTS.items()}
         definitions = {name: variable.expression for name, variable in self.variables.items()}
-        return compile_program(expressions, self.tables, definitions, constants)
+        return self.compiled(expressions, definitions, {**self.tables, **self.scattered})
+
+    def compiled(
+        self, expressions: Iterable[Expression], variables: Mapping[str, Expression], tables: Mapping[str, AnyTable]
+    ) -> Program:
+        """A program of `expressions` with this database's reference lengths and other definitions of variables and tables."""
+        constants = {name: float(getattr(self.reference, attribute)) for name, attribute in CONSTANTS.items()}
+        return compile_program(expressions, tables, variables, constants)
 
     @cached_property
     def _program(self) -> Program:
@@ -114,26 +136,31 @@ class AeroDatabase:
         return frozenset([term.axis for term in self.terms] + [increment.axis for increment in self.increments])
 
     @cached_property
-    def _needs(self) -> tuple[str, ...]:
+    def needs(self) -> tuple[str, ...]:
         """Names that evaluation uses, hat rates among them."""
         names = set(self._program.inputs).union(*(increment.names for increment in self.increments))
-        if self._axes & set(WIND_AXES):
+        if self.on_wind_axes:
             names |= {"alpha", "beta"}
         return tuple(sorted(names))
+
+    @property
+    def on_wind_axes(self) -> bool:
+        """Whether any term or increment acts on C_drag, C_side or C_lift."""
+        return not self._axes.isdisjoint(WIND_AXES)
 
     @cached_property
     def inputs(self) -> tuple[str, ...]:
         """Channels and free inputs that `predict` needs, sorted; for a hat rate the rate and V that it is made of."""
-        names = set(self._needs) - set(HAT_RATES)
-        for hat in set(self._needs) & set(HAT_RATES):
+        names = set(self.needs) - set(HAT_RATES)
+        for hat in set(self.needs) & set(HAT_RATES):
             names |= {HAT_RATES[hat][0], "V"}
         return tuple(sorted(names))
 
-    def _values(self, channels: Mapping[str, Value]) -> dict[str, Any]:
-        """Values of all names that evaluation uses; InputError names what is missing."""
+    def resolved(self, names: Iterable[str], channels: Mapping[str, Value]) -> dict[str, Any]:
+        """Values of channels, hat rates and free inputs by `names`; InputError says which of `channels` are missing."""
         values: dict[str, Any] = {}
         absent: set[str] = set()
-        for name in self._needs:
+        for name in names:
             if name in channels:
                 values[name] = channels[name]
                 continue
@@ -153,16 +180,36 @@ class AeroDatabase:
 
         Raises InputError that names missing channels. Arguments that are not finite give coefficients that are not.
         """
-        values = self._values(channels)
+        n = _length(channels)
+        if n <= BLOCK:
+            return self._predict_block(channels)
+        return _joined([self._predict_block(block) for block in _blocks(channels, n)], n)
+
+    def evaluate_variables(self, channels: Mapping[str, Value]) -> dict[str, Array]:
+        """All variables by name, each (n,), in their own units; `channels` as for `predict`, and what only variables need.
+
+        Raises InputError that names missing channels.
+        """
+        program, n = self._variables_program, _length(channels)
+        run = program.run(self.resolved(program.inputs, channels))
+        return {name: np.zeros(n) + value for name, value in zip(self.variables, run.values, strict=True)}
+
+    @cached_property
+    def _variables_program(self) -> Program:
+        return self._compile(variable.expression for variable in self.variables.values())
+
+    def _predict_block(self, channels: Mapping[str, Value]) -> Prediction:
+        values = self.resolved(self.needs, channels)
         n = _length(channels)
         run = self._program.run(values)
         totals = {axis: np.zeros(n) for axis in (*AXES, *WIND_AXES)}
         for term, value in zip(self.terms, run.values, strict=True):
             totals[term.axis] += value
         for increment in self.increments:
-            totals[increment.axis] += increment.value(values)
+            if increment.acts_as_layer:
+                totals[increment.axis] += increment.value(values)
         wind = [totals.pop(axis) for axis in WIND_AXES]
-        if self._axes & set(WIND_AXES):
+        if self.on_wind_axes:
             parts = wind_to_body(wind[0], wind[1], wind[2], values["alpha"], values["beta"])
             for axis, part in zip(FORCE_AXES, parts, strict=True):
                 totals[axis] += part
@@ -172,9 +219,15 @@ class AeroDatabase:
             outside |= where
         return Prediction(totals, outside, beyond)
 
+    def evaluate(self, channels: Mapping[str, Value]) -> "Evaluation":
+        """Value, standard error and place on every body axis at `channels`; what they mean stands with `evaluation`."""
+        from aerodb.tables.evaluation import evaluate  # which needs this module
+
+        return evaluate(self, channels)
+
     def contributions(self, channels: Mapping[str, Value]) -> dict[str, dict[str, Array]]:
         """What each term adds, by term name and body axis, each (n,); only axes on which it acts. Increments are left out."""
-        values = self._values(channels)
+        values = self.resolved(self.needs, channels)
         n = _length(channels)
         shares: dict[str, dict[str, Array]] = {}
         for term, value in zip(self.terms, self._program.run(values).values, strict=True):
@@ -192,17 +245,61 @@ def _length(channels: Mapping[str, Value]) -> int:
     return max((np.size(value) for value in channels.values()), default=1)
 
 
+def _blocks(channels: Mapping[str, Value], n: int) -> Iterator[dict[str, Value]]:
+    """Channels (n,) in consecutive blocks; numbers as they are."""
+    for start in range(0, n, BLOCK):
+        part = slice(start, start + BLOCK)
+        yield {
+            name: value[part] if isinstance(value, np.ndarray) and value.size > 1 else value for name, value in channels.items()
+        }
+
+
+def _joined(blocks: list[Prediction], n: int) -> Prediction:
+    """Predictions of consecutive blocks as one of (n,)."""
+    coefficients = {axis: np.concatenate([block.coefficients[axis] for block in blocks]) for axis in AXES}
+    beyond: dict[str, NDArray[np.bool_]] = {}
+    for k, block in enumerate(blocks):
+        for table, where in block.outside_tables.items():
+            if table not in beyond:
+                beyond[table] = np.zeros(n, dtype=np.bool_)
+            beyond[table][k * BLOCK : (k + 1) * BLOCK] = where
+    return Prediction(coefficients, np.concatenate([block.outside for block in blocks]), beyond)
+
+
+def _check_uncertainties(database: AeroDatabase) -> None:
+    """Bounds that a variable gives must have that variable; what has no nodes has no bounds per node."""
+    carriers: list[tuple[str, Variable | AnyTable]] = [*database.variables.items(), *database.tables.items()]
+    for name, carrier in [*carriers, *database.scattered.items()]:
+        if carrier.uncertainty is None:
+            continue
+        where = f"database {database.name}: uncertainty of {name}"
+        for bound in sorted(carrier.uncertainty.names - database.variables.keys()):
+            raise InputError(f"no variable '{bound}'", where, nearest(bound, database.variables))
+        if isinstance(carrier, Variable):
+            try:
+                check_bounds(carrier.uncertainty, 0)
+            except InputError as error:
+                raise InputError(error.what, where) from None
+
+
 def _check_definitions(database: AeroDatabase) -> None:
     """Names that a database defines must be identifiers, differ, and hide neither channels nor constants."""
     seen: dict[str, str] = {}
-    for kind, names in (("variable", database.variables), ("table", database.tables), ("free input", database.free_inputs)):
+    definitions: tuple[tuple[str, Iterable[str]], ...] = (
+        ("variable", database.variables),
+        ("table", database.tables),
+        ("table", database.scattered),
+        ("free input", database.free_inputs),
+    )
+    for kind, names in definitions:
         for name in names:
             check_identifier(name)
             other = seen.get(name) or ("channel" if name in CHANNELS else "constant" if name in CONSTANTS else "")
             if other:
                 raise InputError(f"{kind} '{name}' has the name of a {other}", f"database {database.name}", "choose another name")
             seen[name] = kind
-    for name, table in database.tables.items():
+    tables: dict[str, AnyTable] = {**database.tables, **database.scattered}
+    for name, table in tables.items():
         if table.name != name:
             raise InputError(f"table '{table.name}' is filed under '{name}'", f"database {database.name}")
 

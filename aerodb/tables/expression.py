@@ -1,9 +1,10 @@
 """A small expression language for scales, arguments and factors of a database: parsed to a tree, printed back, never run.
 
-Numbers, names, ``+ - * /``, ``^`` (or ``**``, right associative, above unary minus), parentheses, the functions of
-`FUNCTIONS`, and table calls ``TABLE(expression, ...)``: every called name that is not a function is a table. There
-is no attribute, no string and no assignment, so that text from a file can do nothing but arithmetic. How a tree is
-evaluated belongs in `program`; what a name means belongs in `database`.
+Numbers, names, ``+ - * /``, ``^`` (or ``**``, right associative, above unary minus), parentheses, comparisons (``<`` and
+alike, true is 1), the functions of `FUNCTIONS` such as ``piecewise(value, condition, ..., otherwise)``, and table calls
+``TABLE(expression, ...)``: every called name that is not a function is a table. There is no attribute, no string and no
+assignment, so that text from a file can do nothing but arithmetic. How a tree is evaluated belongs in `program`; what a
+name means belongs in `database`.
 """
 
 import math
@@ -14,18 +15,20 @@ from functools import cached_property
 from typing import Final, NoReturn
 
 from aerodb.errors import InputError, nearest
-from aerodb.tables.functions import FUNCTIONS
+from aerodb.tables.functions import COMPARISONS, FUNCTIONS
 
 MAX_LENGTH: Final = 20_000  # characters of one expression
 MAX_NESTING: Final = 50  # parentheses, signs and powers inside each other: the parser recurses on them
 MAX_DEPTH: Final = 200  # levels of the tree, which also grows with every term of a sum
 
 _PRECEDENCE: Final = {"+": 1, "-": 1, "*": 2, "/": 2, "^": 4}
+_COMPARISON: Final = 0
 _NEGATION: Final = 3
 _ATOM: Final = 5
+_COMPARED: Final = {symbol: name for name, symbol in COMPARISONS.items()}
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 _TOKEN = re.compile(
-    r"\s*(?:(?P<number>(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?)|(?P<name>[A-Za-z_][A-Za-z0-9_]*)|(?P<symbol>\*\*|[-+*/^(),]))"
+    r"\s*(?:(?P<number>(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?)|(?P<name>[A-Za-z_][A-Za-z0-9_]*)|(?P<symbol>\*\*|[<>=!]=|[-+*/^(),<>]))"
 )
 
 
@@ -153,7 +156,13 @@ class Call(Expression):
     def children(self) -> tuple[Expression, ...]:
         return self.arguments
 
+    @property
+    def precedence(self) -> int:
+        return _COMPARISON if self.function in COMPARISONS else _ATOM
+
     def __str__(self) -> str:
+        if self.function in COMPARISONS:
+            return f" {COMPARISONS[self.function]} ".join(side.within(_COMPARISON + 1) for side in self.arguments)
         return f"{self.function}({', '.join(map(str, self.arguments))})"
 
 
@@ -233,12 +242,18 @@ class _Parser:
         return text
 
     def parse(self) -> Expression:
-        tree = self._sum()
+        tree = self._comparison()
         kind, text, position = self._tokens[self._at]
         if kind != "end":
             self._fail(f"unexpected '{text}'", position)
         if tree.depth > MAX_DEPTH:
             raise InputError(f"expression of {tree.depth} levels", remedy=f"at most {MAX_DEPTH}: split it into variables")
+        return tree
+
+    def _comparison(self) -> Expression:
+        tree = self._sum()
+        if symbol := self._take(*_COMPARED):
+            tree = Call(_COMPARED[symbol], (tree, self._sum()))
         return tree
 
     def _sum(self) -> Expression:
@@ -276,7 +291,7 @@ class _Parser:
         if kind == "name":
             return self._call(text, position) if self._take("(") else self._name(text, position)
         if kind == "symbol" and text == "(":
-            tree = self._sum()
+            tree = self._comparison()
             self._close()
             return tree
         self._fail(f"unexpected '{text}'" if text else "unexpected end", position)
@@ -287,9 +302,9 @@ class _Parser:
         return Name(name)
 
     def _call(self, name: str, position: int) -> Expression:
-        arguments = [self._sum()]
+        arguments = [self._comparison()]
         while self._take(","):
-            arguments.append(self._sum())
+            arguments.append(self._comparison())
         self._close()
         function = FUNCTIONS.get(name)
         if function is None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import reduce
 from typing import Any, Final
 
 import numpy as np
@@ -31,6 +32,46 @@ def _clip(x: Value, low: Value, high: Value) -> Any:
     return np.minimum(np.maximum(x, low), high)
 
 
+def _truth(test: Callable[[Any, Any], Any]) -> Callable[[Value, Value], Array]:
+    """A comparison: 1 where it holds, 0 where not, and not a number where either side is none."""
+
+    def compare(left: Value, right: Value) -> Array:
+        return np.where(np.isnan(left) | np.isnan(right), np.nan, test(left, right))
+
+    return compare
+
+
+def _all(first: Value, *others: Value) -> Any:
+    """1 where every condition holds; a condition that is not a number stays one."""
+    return np.sign(reduce(np.multiply, others, np.abs(first)))
+
+
+def _any(first: Value, *others: Value) -> Any:
+    return np.sign(reduce(lambda total, other: np.add(total, np.abs(other)), others, np.abs(first)))
+
+
+def _not(condition: Value) -> Any:
+    return 1.0 - np.sign(np.abs(condition))
+
+
+def _piecewise(*pieces: Value) -> Any:
+    """The first value whose condition holds, of value, condition, value, condition, ..., otherwise.
+
+    Without a last value, and where a condition is not a number, the result is not a number.
+    """
+    result: Any = pieces[-1] if len(pieces) % 2 else np.nan
+    for value, condition in reversed(list(zip(pieces[:-1:2], pieces[1::2], strict=True))):
+        result = np.where(np.isnan(condition), np.nan, np.where(np.not_equal(condition, 0.0), value, result))
+    return result
+
+
+def _root(x: Value, degree: Value) -> Any:
+    """The real root: of negative numbers where the degree is odd."""
+    size = np.power(np.abs(x), np.divide(1.0, degree))
+    real = np.where(np.fmod(np.abs(degree), 2.0) == 1.0, np.copysign(size, x), np.nan)
+    return np.where(np.less(x, 0.0), real, size)
+
+
 @dataclass(frozen=True)
 class Function:
     """What a function name stands for: vectorised evaluation and how many arguments it takes (`most` None: any)."""
@@ -57,7 +98,31 @@ FUNCTIONS: Final[dict[str, Function]] = {
     "sign": Function(np.sign),
     "step": Function(_step),
     "clip": Function(_clip, 3, 3),
+    "log10": Function(np.log10),
+    "sinh": Function(np.sinh),
+    "cosh": Function(np.cosh),
+    "tanh": Function(np.tanh),
+    "asinh": Function(np.arcsinh),
+    "acosh": Function(np.arccosh),
+    "atanh": Function(np.arctanh),
+    "floor": Function(np.floor),
+    "ceil": Function(np.ceil),
+    "rem": Function(np.fmod, 2, 2),
+    "root": Function(_root, 2, 2),
+    "lt": Function(_truth(np.less), 2, 2),
+    "le": Function(_truth(np.less_equal), 2, 2),
+    "gt": Function(_truth(np.greater), 2, 2),
+    "ge": Function(_truth(np.greater_equal), 2, 2),
+    "eq": Function(_truth(np.equal), 2, 2),
+    "ne": Function(_truth(np.not_equal), 2, 2),
+    "and": Function(_all, 2, None),
+    "or": Function(_any, 2, None),
+    "not": Function(_not),
+    "piecewise": Function(_piecewise, 2, None),
 }
+
+#: Comparisons and how they are written between their two sides; true is 1, false is 0.
+COMPARISONS: Final[dict[str, str]] = {"lt": "<", "le": "<=", "gt": ">", "ge": ">=", "eq": "==", "ne": "!="}
 
 OPERATORS: Final[dict[str, Callable[..., Any]]] = {
     "+": np.add,

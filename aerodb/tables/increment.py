@@ -40,7 +40,8 @@ class Interval:
         if self.cell == 0.0:
             return self.contains(x).astype(np.float64)
         beyond = np.maximum(self.low - np.asarray(x), np.asarray(x) - self.high)
-        return np.clip(2.0 - beyond / self.cell, 0.0, 1.0)
+        with np.errstate(over="ignore"):  # far beyond a very small cell
+            return np.clip(2.0 - beyond / self.cell, 0.0, 1.0)
 
 
 class IncrementValue(NamedTuple):
@@ -56,7 +57,10 @@ class Increment:
     """``sum of estimates x regressors`` on one coefficient axis.
 
     estimates : (k,), covariance : (k, k) of them. envelope : per variable, where the flights behind it have been.
-    flights : their ids. Raises InputError when shapes do not fit or a regressor calls a table.
+    flights : their ids. folded : (k,) names of the tables that contain a regressor's share already, empty where it acts as
+    a layer (`consolidate`); covariance, envelope and flights stay with the increment in either form.
+
+    Raises InputError when shapes do not fit or a regressor calls a table.
     """
 
     axis: str
@@ -66,6 +70,7 @@ class Increment:
     envelope: Mapping[str, Interval] = field(default_factory=dict)
     flights: tuple[str, ...] = ()
     note: str = ""
+    folded: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         k, where = len(self.regressors), f"increment on {self.axis}"
@@ -80,6 +85,9 @@ class Increment:
         object.__setattr__(self, "covariance", covariance)
         object.__setattr__(self, "regressors", tuple(self.regressors))
         object.__setattr__(self, "flights", tuple(self.flights))
+        object.__setattr__(self, "folded", tuple(self.folded) or ("",) * k)
+        if len(self.folded) != k:
+            raise InputError(f"{k} regressors, {len(self.folded)} entries in 'folded'", where)
         object.__setattr__(self, "_program", compile_program(self.regressors, {}))
 
     _program: Program = field(init=False, repr=False)
@@ -89,34 +97,57 @@ class Increment:
         """Channels that it needs: those of its regressors and of its envelope."""
         return frozenset(self._program.inputs) | frozenset(self.envelope)
 
-    def evaluate(self, channels: Mapping[str, Value]) -> IncrementValue:
-        """The increment at `channels` (each (n,) or a number), by the envelope rule.
+    @cached_property
+    def layered(self) -> Array:
+        """(k,) the estimates that act as a layer: zero where a regressor's share is folded into a table."""
+        return np.where([bool(table) for table in self.folded], 0.0, self.estimates)
 
-        Beyond the envelope a regressor's variables are held at its edge; its weight is the product over its own
-        variables and over `BASE_VARIABLES`. What the weight takes away was a correction of the baseline, so its size
-        is added (in squares) to the standard error: fully faded, the error is the baseline's as far as it is known.
+    @cached_property
+    def acts_as_layer(self) -> bool:
+        """Whether anything is left beside the tables."""
+        return bool(np.any(self.layered))
+
+    def fading(self, regressor: int) -> frozenset[str]:
+        """Variables whose envelope takes weight from a regressor: its own and `BASE_VARIABLES`."""
+        return self.regressors[regressor].names.union(BASE_VARIABLES) & self.envelope.keys()
+
+    def evaluate(self, channels: Mapping[str, Value]) -> IncrementValue:
+        """The increment, folded or not, at `channels` (each (n,) or a number), by the envelope rule.
+
+        Beyond the envelope a regressor's variables are held at its edge; its weight is the product over `fading`. What
+        the weight takes away was a correction of the baseline, so its size is added (in squares) to the standard error:
+        fully faded, the error is the baseline's as far as the flights tell.
         """
         absent = sorted(self.names - set(channels))
         if absent:
             raise InputError(f"no value for {', '.join(absent)}", f"increment on {self.axis}")
-        n = max((np.size(channels[name]) for name in self.names), default=1)
-        columns, weights = self._columns(channels, n)
-        acting = columns * weights
-        faded = (columns - acting) @ self.estimates
-        variance = np.einsum("nk,kl,nl->n", acting, self.covariance, acting) + faded**2
-        inside = np.ones(n, dtype=np.bool_)
+        columns, weights = self.columns(channels)
+        inside = np.ones(len(columns), dtype=np.bool_)
         for name, interval in self.envelope.items():
             inside &= interval.contains(channels[name])
+        return self.combined(columns * weights, columns, inside)
+
+    def weight(self, channels: Mapping[str, Value]) -> Array:
+        """(n,) what the envelope leaves of the flights' evidence: 1 inside and one cell beyond, 0 where it has faded."""
+        left = np.ones(max((np.size(channels[name]) for name in self.names), default=1))
+        for name, interval in self.envelope.items():
+            left *= interval.weight(channels[name])
+        return left
+
+    def combined(self, acting: Array, held: Array, inside: NDArray[np.bool_]) -> IncrementValue:
+        """Value and error of regressors as they act (n, k) and as they would without fading (n, k)."""
+        faded = (held - acting) @ self.estimates
+        variance = np.einsum("nk,kl,nl->n", acting, self.covariance, acting) + faded**2
         return IncrementValue(acting @ self.estimates, np.sqrt(np.maximum(variance, 0.0)), inside)
 
     def value(self, channels: Mapping[str, Value]) -> Array:
-        """(n,) only the value of `evaluate`, for the simulation's inner loop."""
-        n = max((np.size(channels[name]) for name in self.names), default=1)
-        columns, weights = self._columns(channels, n)
-        return np.asarray((columns * weights) @ self.estimates, dtype=np.float64)
+        """(n,) what acts as a layer: `evaluate` without standard error and without folded regressors."""
+        columns, weights = self.columns(channels)
+        return np.asarray((columns * weights) @ self.layered, dtype=np.float64)
 
-    def _columns(self, channels: Mapping[str, Value], n: int) -> tuple[Array, Array]:
+    def columns(self, channels: Mapping[str, Value]) -> tuple[Array, Array]:
         """(n, k) regressors with variables held at the envelope's edge, and (n, k) their weights."""
+        n = max((np.size(channels[name]) for name in self.names), default=1)
         held: dict[str, Any] = {name: channels[name] for name in self._program.inputs}
         weight: dict[str, Array] = {}
         for name, interval in self.envelope.items():
@@ -124,8 +155,8 @@ class Increment:
             if name in held:
                 held[name] = np.clip(held[name], interval.low, interval.high)
         columns, weights = np.empty((n, len(self.regressors))), np.ones((n, len(self.regressors)))
-        for k, (regressor, values) in enumerate(zip(self.regressors, self._program.run(held).values, strict=True)):
+        for k, values in enumerate(self._program.run(held).values):
             columns[:, k] = values
-            for name in regressor.names.union(BASE_VARIABLES) & weight.keys():
+            for name in self.fading(k):
                 weights[:, k] *= weight[name]
         return columns, weights

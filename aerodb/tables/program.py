@@ -1,12 +1,13 @@
 """Expressions compiled into one straight line of steps: each distinct sub-expression is computed once per call.
 
 A database has some hundred small operations that a simulation asks for thousands of times on a few points; what
-costs is the overhead per operation, so that names, constants and order are settled here, once.
+costs is the overhead per operation, so that names, constants and order are settled here, once. Tables with the same
+breakpoints that are looked up at the same arguments are looked up together.
 """
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,10 @@ from numpy.typing import NDArray
 from aerodb.errors import InputError
 from aerodb.tables.expression import Call, Expression, Name, Negation, Number, Operation, TableCall, unknown_table
 from aerodb.tables.functions import FUNCTIONS, OPERATORS, Array, Value
-from aerodb.tables.table import Table
+from aerodb.tables.scattered import ScatteredTable
+from aerodb.tables.table import Table, TableGroup
+
+AnyTable = Table | ScatteredTable
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,6 +29,16 @@ class Run:
     outside: dict[str, NDArray[np.bool_]]
 
 
+class _Step(NamedTuple):
+    """One operation into one slot; or, with names of tables, their look-up into one slot each."""
+
+    slots: tuple[int, ...]
+    function: Callable[..., Any]
+    arguments: tuple[int, ...]
+    tables: tuple[str, ...] = ()
+    spent: tuple[int, ...] = ()  # slots that nothing needs afterwards: their memory is used again while it is in the cache
+
+
 @dataclass(frozen=True, eq=False)
 class Program:
     """Steps in order of evaluation. `inputs` are the names that `run` needs; `outputs` the slots of the results."""
@@ -32,7 +46,7 @@ class Program:
     inputs: dict[str, int]
     outputs: tuple[int, ...]
     _slots: tuple[float | None, ...]
-    _steps: tuple[tuple[int, Callable[..., Any], tuple[int, ...], str], ...]
+    _steps: tuple[_Step, ...]
 
     def run(self, values: Mapping[str, Value]) -> Run:
         """Evaluates at `values`: each (n,) or a number. Division by zero and the like give inf or NaN, no error."""
@@ -41,23 +55,31 @@ class Program:
         for name, slot in self.inputs.items():
             slots[slot] = values[name]
         with np.errstate(all="ignore"):
-            for slot, function, arguments, table in self._steps:
+            for written, function, arguments, tables, spent in self._steps:
                 result = function(*[slots[i] for i in arguments])
-                if table:
-                    if result.beyond:
+                for slot in spent:
+                    slots[slot] = None
+                if not tables:
+                    slots[written[0]] = result
+                    continue
+                if result.beyond:
+                    for table in tables:
                         outside[table] = outside[table] | result.outside if table in outside else result.outside
-                    result = result.values
-                slots[slot] = result
+                if len(tables) == 1:
+                    slots[written[0]] = result.values
+                else:
+                    for slot, values in zip(written, result.values, strict=True):
+                        slots[slot] = values
         return Run([slots[i] for i in self.outputs], outside)
 
 
 @dataclass
 class _Builder:
-    tables: Mapping[str, Table]
+    tables: Mapping[str, AnyTable]
     variables: Mapping[str, Expression]
     constants: Mapping[str, float]
     slots: list[float | None] = field(default_factory=list)
-    steps: list[tuple[int, Callable[..., Any], tuple[int, ...], str]] = field(default_factory=list)
+    steps: list[_Step] = field(default_factory=list)
     inputs: dict[str, int] = field(default_factory=dict)
     known: dict[Any, int] = field(default_factory=dict)
     names: dict[str, int] = field(default_factory=dict)
@@ -90,7 +112,7 @@ class _Builder:
             with np.errstate(all="ignore"):
                 return self.slot(float(function(*fixed)))
         slot = self.slot(None)
-        self.steps.append((slot, function, arguments, ""))
+        self.steps.append(_Step((slot,), function, arguments))
         return slot
 
     def table(self, node: TableCall, arguments: tuple[int, ...]) -> int:
@@ -103,7 +125,7 @@ class _Builder:
 
         def make() -> int:
             slot = self.slot(None)
-            self.steps.append((slot, table.lookup, arguments, node.table))
+            self.steps.append(_Step((slot,), table.lookup, arguments, (node.table,)))
             return slot
 
         return self.once((node.table, arguments), make)
@@ -125,6 +147,36 @@ class _Builder:
         return self.names[name]
 
 
+def _together(steps: list[_Step], tables: Mapping[str, AnyTable]) -> tuple[_Step, ...]:
+    """The same steps with look-ups that share breakpoints and arguments made one, where the first of them stands."""
+    groups: dict[Any, list[_Step]] = {}
+    keys: dict[int, Any] = {}
+    for k, step in enumerate(steps):
+        table = tables[step.tables[0]] if step.tables else None
+        if isinstance(table, Table) and not table.extent:
+            keys[k] = (step.arguments, tuple(axis.tobytes() for axis in table.breakpoints), table.modes.tobytes())
+            groups.setdefault(keys[k], []).append(step)
+    done = []
+    for k, step in enumerate(steps):
+        members = groups.pop(keys[k], []) if k in keys else [step]
+        if len(members) > 1:
+            group = TableGroup(tuple(tables[member.tables[0]] for member in members))  # type: ignore[misc]
+            slots = tuple(member.slots[0] for member in members)
+            done.append(_Step(slots, group.lookup, step.arguments, tuple(member.tables[0] for member in members)))
+        else:
+            done += members
+    return tuple(done)
+
+
+def _spending(steps: Iterable[_Step], outputs: Iterable[int]) -> tuple[_Step, ...]:
+    """The same steps, each with the slots for which it is the last to ask."""
+    later, done = set(outputs), []
+    for step in reversed(tuple(steps)):
+        done.append(step._replace(spent=tuple(set(step.arguments) - later)))
+        later |= set(step.arguments)
+    return tuple(reversed(done))
+
+
 def _function(node: Expression) -> Callable[..., Any]:
     if isinstance(node, Call):
         return FUNCTIONS[node.function].evaluate
@@ -137,7 +189,7 @@ def _function(node: Expression) -> Callable[..., Any]:
 
 def compile_program(
     expressions: Iterable[Expression],
-    tables: Mapping[str, Table],
+    tables: Mapping[str, AnyTable],
     variables: Mapping[str, Expression] | None = None,
     constants: Mapping[str, float] | None = None,
 ) -> Program:
@@ -151,10 +203,11 @@ def compile_program(
         outputs = tuple([builder.add(expression) for expression in expressions])
     except RecursionError:
         raise InputError("variables build on each other through too many levels", remedy="define them more directly") from None
-    return Program(builder.inputs, outputs, tuple(builder.slots), tuple(builder.steps))
+    steps = _spending(_together(builder.steps, tables), outputs)
+    return Program(builder.inputs, outputs, tuple(builder.slots), steps)
 
 
-def evaluate(expression: Expression, values: Mapping[str, Value], tables: Mapping[str, Table] | None = None) -> Array:
+def evaluate(expression: Expression, values: Mapping[str, Value], tables: Mapping[str, AnyTable] | None = None) -> Array:
     """The value of one expression, vectorised over `values` (each (n,) or a number): (n,), or () when nothing varies.
 
     Raises InputError for a name without a value and for an unknown table.

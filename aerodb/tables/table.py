@@ -1,4 +1,5 @@
-"""A table: values on a rectangular grid, linear between breakpoints along each axis and held outside them.
+"""A table: values on a rectangular grid, linear between breakpoints along each axis and held outside them, unless it says
+otherwise of an axis.
 
 Multilinear interpolation is linear in the node values, ``C = A @ values`` with the sparse hat basis A: `basis` is
 the regressor for increments on the table's own breakpoints, and its column sums (`coverage`) say where a flight speaks.
@@ -7,13 +8,14 @@ the regressor for increments on the table's own breakpoints, and its column sums
 import itertools
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from aerodb.errors import InputError, UnknownNameError, nearest
 from aerodb.tables.expression import check_identifier
+from aerodb.tables.uncertainty import Uncertainty, check_bounds
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -22,6 +24,11 @@ Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 MAX_DIMENSIONS = 12
+
+#: Between two breakpoints: linear, the value of the nearer one (midway: of the upper), of the lower, of the upper.
+INTERPOLATIONS: Final = ("linear", "discrete", "floor", "ceiling")
+#: On which sides an argument is extrapolated linearly from the last cell instead of held.
+EXTRAPOLATIONS: Final = ("neither", "min", "max", "both")
 
 
 class Lookup(NamedTuple):
@@ -47,6 +54,9 @@ class Table:
 
     arguments : labels of the axes. breakpoints : one strictly increasing array per axis, in the unit of that argument.
     values : as many axes as `breakpoints`, the last varying fastest. An axis of one breakpoint is constant.
+    extent : per axis (low, high) beyond which a point is outside, None for an axis that has no outside; empty where
+    that is the range of the breakpoints. A table into which increments were folded has breakpoints beyond its own data.
+    interpolation, extrapolation : one word per axis from `INTERPOLATIONS` and `EXTRAPOLATIONS`; empty: linear and held, all.
 
     Raises InputError for breakpoints that do not increase, shapes that do not fit, and numbers that are not finite.
     """
@@ -55,6 +65,10 @@ class Table:
     arguments: tuple[str, ...]
     breakpoints: tuple[Array, ...]
     values: Array
+    interpolation: tuple[str, ...] = ()
+    extrapolation: tuple[str, ...] = ()
+    uncertainty: Uncertainty | None = None
+    extent: tuple[tuple[float, float] | None, ...] = ()
 
     def __post_init__(self) -> None:
         check_identifier(self.name)
@@ -81,31 +95,61 @@ class Table:
         object.__setattr__(self, "arguments", tuple(self.arguments))
         object.__setattr__(self, "breakpoints", axes)
         object.__setattr__(self, "values", values)
+        if self.extent and len(self.extent) != len(axes):
+            raise InputError(f"extent of {len(self.extent)} axes, the table has {len(axes)}", where)
+        extent = tuple(None if bounds is None else (float(bounds[0]), float(bounds[1])) for bounds in self.extent)
+        object.__setattr__(self, "extent", extent)
+        check_bounds(self.uncertainty, values.size)
+        for attribute, known in (("interpolation", INTERPOLATIONS), ("extrapolation", EXTRAPOLATIONS)):
+            object.__setattr__(self, attribute, _words(getattr(self, attribute), known, len(axes), where))
+        for way, beyond in zip(self.interpolation, self.extrapolation, strict=False):
+            if way != "linear" and beyond != "neither":
+                raise InputError(f"extrapolation of an axis that is {way}", where, "only a linear axis has a slope")
 
     @cached_property
-    def _packed(self) -> tuple[Array, NDArray[np.int64], NDArray[np.int64], Array]:
+    def axes_packed(self) -> tuple[Array, NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+        """The axes as the compiled loop takes them: breakpoints, their starts, strides in nodes, modes."""
         starts = np.cumsum([0, *self.values.shape], dtype=np.int64)
         strides = np.array(self.values.strides, dtype=np.int64) // self.values.itemsize
-        return np.concatenate(self.breakpoints), starts, strides, self.values.ravel()
+        return np.concatenate(self.breakpoints), starts, strides, self.modes
 
-    def _points(self, arguments: tuple[Any, ...]) -> Array:
+    @cached_property
+    def modes(self) -> NDArray[np.int64]:
+        """(N,) what the compiled loop needs to know of an axis: its interpolation plus 4 times its extrapolation."""
+        modes = np.zeros(len(self.breakpoints), dtype=np.int64)
+        for words, known, factor in ((self.interpolation, INTERPOLATIONS, 1), (self.extrapolation, EXTRAPOLATIONS, 4)):
+            for k, word in enumerate(words):
+                modes[k] += factor * known.index(word)
+        return modes
+
+    def stacked(self, arguments: tuple[Any, ...]) -> Array:
         """Arguments, each (n,) or a number, as (N, n)."""
-        if len(arguments) != len(self.breakpoints):
-            raise InputError(f"{len(arguments)} arguments, the table has {len(self.breakpoints)}", f"table {self.name}")
-        n = max([argument.size for argument in arguments if isinstance(argument, np.ndarray) and argument.ndim], default=1)
-        points = np.empty((len(arguments), n))
-        for k, argument in enumerate(arguments):
-            points[k] = argument
-        return points
+        return stacked_arguments(self.name, len(self.breakpoints), arguments)
 
     def lookup(self, *arguments: Array | float) -> Lookup:
         """Values and which points lie outside the breakpoints; arguments as in `evaluate`."""
-        from aerodb.tables.kernel import interpolate  # loads the compiler: not before a table is needed
+        from aerodb.tables import kernel  # loads the compiler: not before a table is needed
 
-        points = self._points(arguments)
+        interpolate: Any = kernel.interpolate
+        points = self.stacked(arguments)
         n = points.shape[1]
         values, outside = np.empty(n), np.empty(n, dtype=np.bool_)
-        return Lookup(values, outside, interpolate(*self._packed, points, values, outside) > 0)
+        beyond = interpolate(*self.axes_packed, self._flat, points, values, outside) > 0
+        if self.extent:
+            outside = self._beyond_extent(points)
+            beyond = bool(outside.any())
+        return Lookup(values, outside, beyond)
+
+    @cached_property
+    def _flat(self) -> Array:
+        return self.values.ravel()
+
+    def _beyond_extent(self, points: Array) -> Bools:
+        outside: Bools = np.asarray(np.isnan(points).any(axis=0), dtype=np.bool_)
+        for bounds, x in zip(self.extent, points, strict=True):
+            if bounds is not None:
+                outside |= (x < bounds[0]) | (x > bounds[1])
+        return outside
 
     def evaluate(self, *arguments: Array | float) -> Array:
         """(n,) values at arguments, each (n,) or a number, in the units of the breakpoints; held outside them."""
@@ -117,7 +161,7 @@ class Table:
 
     def basis(self, *arguments: Array | float) -> "csr_array[Any]":
         """(n, values.size) hat basis A: ``evaluate(...) == A @ values.ravel()``. Arguments must be finite."""
-        return self._combine(self._cells(self._points(arguments)), None)
+        return self._combine(self._cells(self.stacked(arguments)), None)
 
     def coverage(self, *arguments: Array | float) -> Array:
         """Sum of the hat basis over the points, in the shape of `values`: zero where no point touches a node."""
@@ -127,14 +171,14 @@ class Table:
         """(n,) exact derivative along the axis labelled `argument`: of the cell to the right of a breakpoint, 0 outside."""
         if argument not in self.arguments:
             raise UnknownNameError(f"no argument '{argument}'", f"table {self.name}", nearest(argument, self.arguments))
-        cells = self._cells(self._points(arguments))
+        cells = self._cells(self.stacked(arguments))
         derivative = self._combine(cells, self.arguments.index(argument)) @ self.values.ravel()
         return np.asarray(derivative, dtype=np.float64)
 
     def _cells(self, points: Array) -> list[_Cell]:
         if not np.all(np.isfinite(points)):
             raise InputError("arguments that are not finite", f"table {self.name}", "leave flagged samples out")
-        return [_cell(axis, x) for axis, x in zip(self.breakpoints, points, strict=True)]
+        return [_cell(axis, x, mode) for axis, x, mode in zip(self.breakpoints, points, self.modes.tolist(), strict=True)]
 
     def _combine(self, cells: list[_Cell], derivative: int | None) -> "csr_array[Any]":
         """Products of the hats along every axis; along `derivative` their slopes instead."""
@@ -158,11 +202,61 @@ class Table:
         return matrix
 
 
-def _cell(axis: Array, x: Array) -> _Cell:
+def _cell(axis: Array, x: Array, mode: int) -> _Cell:
     if axis.size == 1:
         nothing = np.zeros(x.size, dtype=np.int64)
         return _Cell(nothing, nothing, np.zeros(x.size), np.zeros(x.size))
+    interpolation, extrapolation = INTERPOLATIONS[mode % 4], mode // 4
     low = np.clip(np.searchsorted(axis, x, side="right") - 1, 0, axis.size - 2)
     width = axis[low + 1] - axis[low]
-    inside = (x >= axis[0]) & (x <= axis[-1])
-    return _Cell(low, low + 1, np.clip((x - axis[low]) / width, 0.0, 1.0), np.where(inside, 1.0 / width, 0.0))
+    first = -np.inf if extrapolation & 1 else axis[0]
+    last = np.inf if extrapolation & 2 else axis[-1]
+    weight = (np.clip(x, first, last) - axis[low]) / width
+    if interpolation == "linear":
+        return _Cell(low, low + 1, weight, np.where((x >= first) & (x <= last), 1.0 / width, 0.0))
+    upper = {"discrete": weight >= 0.5, "floor": weight >= 1.0, "ceiling": weight > 0.0}[interpolation]
+    return _Cell(low, low + 1, upper.astype(np.float64), np.zeros(x.size))
+
+
+def _words(given: tuple[str, ...], known: tuple[str, ...], axes: int, where: str) -> tuple[str, ...]:
+    """One known word per axis; empty when all are the first of `known`, the usual one."""
+    words = tuple(given)
+    for word in words:
+        if word not in known:
+            raise InputError(f"'{word}'", where, nearest(word, known))
+    if words and len(words) != axes:
+        raise InputError(f"{len(words)} words ({', '.join(words)}) for {axes} axes", where)
+    return words if any(word != known[0] for word in words) else ()
+
+
+@dataclass(frozen=True, eq=False)
+class TableGroup:
+    """Tables with the same breakpoints and modes, looked up together: each point is located once."""
+
+    tables: tuple[Table, ...]
+
+    @cached_property
+    def _side_by_side(self) -> Array:
+        return np.ascontiguousarray(np.stack([table.values.ravel() for table in self.tables], axis=1))
+
+    def lookup(self, *arguments: Array | float) -> Lookup:
+        """As `Table.lookup`, with values (tables, n)."""
+        from aerodb.tables import kernel
+
+        interpolate: Any = kernel.interpolate_together
+        first = self.tables[0]
+        points = first.stacked(arguments)
+        n = points.shape[1]
+        values, outside = np.empty((len(self.tables), n)), np.empty(n, dtype=np.bool_)
+        return Lookup(values, outside, interpolate(*first.axes_packed, self._side_by_side, points, values, outside) > 0)
+
+
+def stacked_arguments(name: str, wanted: int, arguments: tuple[Any, ...]) -> Array:
+    """Arguments, each (n,) or a number, as (N, n); InputError unless there are as many as `wanted`."""
+    if len(arguments) != wanted:
+        raise InputError(f"{len(arguments)} arguments, the table has {wanted}", f"table {name}")
+    n = max([argument.size for argument in arguments if isinstance(argument, np.ndarray) and argument.ndim], default=1)
+    points = np.empty((wanted, n))
+    for k, argument in enumerate(arguments):
+        points[k] = argument
+    return points

@@ -14,7 +14,7 @@ app = typer.Typer(name="database", no_args_is_help=True, help="Baseline database
 @app.command("import")
 def import_file(
     context: typer.Context,
-    file: Annotated[Path, typer.Argument(help="JSBSim XML or native TOML.")],
+    file: Annotated[Path, typer.Argument(help="DAVE-ML, JSBSim XML or native TOML.")],
     vehicle: Annotated[str, typer.Option(help="The vehicle that it describes.")],
     bind: Annotated[
         list[str] | None, typer.Option(help="What an unknown input of the file is: NAME=EXPRESSION over channels.")

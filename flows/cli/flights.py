@@ -208,13 +208,24 @@ def retract(
 
     Example: aerodb flight retract 1a2b3c --reason "pitot cover left on"
     """
+    from tasks.lineage import rebuilds
+
     session: Session = context.obj
     catalogue = session.catalogue()
     row = catalogue.retract_flight(catalogue.flight(flight, vehicle).id, reason)
-    stale = [use.version for use in catalogue.impact(row.id)]
+    stale = catalogue.impact(row.id)
+    again = rebuilds(catalogue, stale)
     session.say(f"flight {row.label} retracted: {row.retract_reason}")
-    session.say(f"stale now: {', '.join(version.label for version in stale) or 'no version'}")
-    session.answer({"flight": row.id, "reason": row.retract_reason, "stale": [version.id for version in stale]})
+    session.say(f"stale now: {', '.join(use.version.label for use in stale) or 'no version'}")
+    if again:
+        session.say("to make them again, in this order (NEW-v0002 stands for what was made of v0002):")
+    for entry in again:
+        session.say(f"  {entry['command'] or entry['label'] + ' was made by no update'}")
+    names = {name: id for name, id in catalogue.names(row.vehicle).items() if id in {use.version.id for use in stale}}
+    for name in names:
+        session.say(f"'{name}' points at a stale version")
+    stale_ids = [use.version.id for use in stale]
+    session.answer({"flight": row.id, "reason": row.retract_reason, "stale": stale_ids, "names": names, "rebuild": again})
 
 
 def _document(row: FlightRow) -> dict[str, Any]:

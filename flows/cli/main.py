@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from aerodb.errors import AeroError, GateRefusal, InputError, UnknownNameError
-from flows.cli import databases, flights, updates, vehicles, versions
+from flows.cli import databases, flights, lineage, releases, updates, vehicles, versions
 from flows.cli.output import Session, complaint
 
 DONE, FAILED, USAGE, REFUSED, GATE = 0, 1, 2, 3, 4
@@ -21,6 +21,12 @@ app = typer.Typer(
     rich_markup_mode=None,
     help="Keeps aerodynamic databases true to flight.\n\nExample: aerodb flight ingest log.ulg --vehicle my-glider",
 )
+versions.app.command("lineage")(lineage.lineage)
+versions.app.command("impact")(lineage.impact)
+versions.app.command("diff")(lineage.diff)
+versions.app.command("export")(releases.export)
+versions.app.command("promote")(releases.promote)
+versions.app.command("rollback")(releases.rollback)
 for group in (vehicles.app, databases.app, flights.logs, flights.app, versions.app):
     app.add_typer(group)
 app.command("update")(updates.update)

@@ -8,12 +8,15 @@ import typer
 from aerodb.errors import InputError
 from flows.cli.output import Session
 from flows.cli.vehicles import read_text
+from storage.catalogue import Catalogue
+from storage.rows import VersionRow
 
 
 def update(
     context: typer.Context,
     vehicle: Annotated[str, typer.Option(help="The vehicle.")],
-    model: Annotated[Path, typer.Option(help="Model file (TOML): the declared increments.")],
+    model: Annotated[Path | None, typer.Option(help="Model file (TOML): the declared increments.")] = None,
+    like: Annotated[str | None, typer.Option(help="Instead: model and flights of this version, less retracted ones.")] = None,
     baseline: Annotated[str, typer.Option(help="Version to build on.")] = "released",
     flights: Annotated[list[str] | None, typer.Option(help="Flights to use; all of the vehicle without it.")] = None,
     hold_out: Annotated[
@@ -29,9 +32,15 @@ def update(
     from flows.update import update_flow
 
     session: Session = context.obj
-    text = read_text(model)
-    parse_model_file(text, str(model))
+    if (model is None) == (like is None):
+        raise InputError("which increments?", "update", "give either --model FILE or --like VERSION")
     catalogue = session.catalogue()
+    if like is not None:
+        text, again, held_again = _as_before(catalogue, catalogue.version(catalogue.vehicle(vehicle).name, like))
+        flights, hold_out = flights or again, hold_out or held_again
+    elif model is not None:
+        text = read_text(model)
+        parse_model_file(text, str(model))
     row = catalogue.version(catalogue.vehicle(vehicle).name, baseline)
     chosen = [catalogue.flight(ref, vehicle).id for ref in flights] if flights else [f.id for f in catalogue.flights(vehicle)]
     if not chosen:
@@ -41,6 +50,18 @@ def update(
     document = session.run(update_flow, parameters, direct)
     print_update(session, document)
     session.answer(document)
+
+
+def _as_before(catalogue: Catalogue, version: VersionRow) -> tuple[str, list[str], list[str] | None]:
+    """Text of the model file, flights, and those held out, of the update that made a version, less retracted flights."""
+    settings = catalogue.settings_of([version.id])[version.id]
+    if "model" not in settings:
+        raise InputError("was not made by an update", f"version {version.label}", "name one that was, or give --model FILE")
+    used = [use for use in catalogue.version_flights(version.id) if use.role != "excluded"]
+    rows = catalogue.flights_by_id(use.flight for use in used)
+    standing = [use for use in used if rows[use.flight].retracted_utc is None]
+    held = [use.flight for use in standing if use.role == "held_out"]
+    return settings["model"], [use.flight for use in standing], held or None
 
 
 def demo(

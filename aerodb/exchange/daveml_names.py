@@ -1,0 +1,179 @@
+"""What DAVE-ML's names, units and signs mean in this product's channels and axes (AIAA S-119 standard names)."""
+
+import re
+from dataclasses import dataclass
+from typing import Final
+
+from aerodb.errors import InputError
+from aerodb.nomenclature import AXES, CHANNELS, channel, is_surface
+from aerodb.tables.expression import Expression, Name, Negation, Number, Operation
+from aerodb.tables.reference import WIND_AXES
+from aerodb.units import conversion
+
+#: Standard name of an input -> channel, and the sign conventions that agree with ours and that are opposite.
+_INPUTS: Final[dict[str, tuple[str, str, str]]] = {
+    "angleOfAttack": ("alpha", "anu", "and"),
+    "angleOfSideslip": ("beta", "anl wfr", "anr wfl"),
+    "angleOfAttackRate": ("alphadot", "anu", "and"),
+    "angleOfSideslipRate": ("betadot", "anl", "anr"),
+    "mach": ("mach", "", ""),
+    "machNumber": ("mach", "", ""),
+    "trueAirspeed": ("V", "", ""),
+    "calibratedAirspeed": ("calibrated_airspeed", "", ""),
+    "dynamicPressure": ("qbar", "", ""),
+    "airDensity": ("rho", "", ""),
+    "bodyAngularRate_Roll": ("p", "rwd", "lwd"),
+    "bodyAngularRate_Pitch": ("q", "anu", "and"),
+    "bodyAngularRate_Yaw": ("r", "anr", "anl"),
+    "eulerAngle_Roll": ("phi", "rwd", "lwd"),
+    "eulerAngle_Pitch": ("theta", "anu", "and"),
+    "eulerAngle_Yaw": ("psi", "anr", "anl"),
+    "altitudeMSL": ("altitude", "up", "down dn"),
+    "heightOfCgWrtRwy": ("height_above_ground", "up", "down dn"),
+    "totalMass": ("mass", "", ""),
+}
+#: Standard name of an output -> axis, and signs as above.
+_OUTPUTS: Final[dict[str, tuple[str, str, str]]] = {
+    "aeroBodyForceCoefficient_X": ("CX", "fwd", "aft"),
+    "aeroBodyForceCoefficient_Y": ("CY", "rt right", "lt left"),
+    "aeroBodyForceCoefficient_Z": ("CZ", "down dn", "up"),
+    "aeroBodyMomentCoefficient_Roll": ("Cl", "rwd", "lwd"),
+    "aeroBodyMomentCoefficient_Pitch": ("Cm", "anu", "and"),
+    "aeroBodyMomentCoefficient_Yaw": ("Cn", "anr", "anl"),
+    "totalCoefficientOfLift": ("C_lift", "up", "down dn"),
+    "totalCoefficientOfDrag": ("C_drag", "aft", "fwd"),
+    "totalCoefficientOfSideforce": ("C_side", "rt right", "lt left"),
+}
+#: Our axis or channel -> its standard name.
+STANDARD_OUTPUTS: Final = {axis: name for name, (axis, _, _) in _OUTPUTS.items()}
+STANDARD_INPUTS: Final = {known: name for name, (known, _, _) in reversed(_INPUTS.items())}
+STANDARD_SIGNS: Final = {row[0]: row[1].split()[0] for row in (*_INPUTS.values(), *_OUTPUTS.values()) if row[1]}
+#: Reference geometry: standard name -> attribute of `Reference`; positions are from the datum.
+REFERENCES: Final = {"referenceWingArea": "area", "referenceWingChord": "chord", "referenceWingSpan": "span"}
+POSITIONS: Final = ("vrsPositionOfMrc_X", "vrsPositionOfMrc_Y", "vrsPositionOfMrc_Z")
+POSITION_SIGNS: Final = (("fwd", "aft"), ("rt right", "lt left"), ("down dn", "up"))
+
+_DEFLECTION = re.compile(r"([A-Za-z]\w*)Deflection")
+_SURFACE_SIGNS: Final = ("ted tel ext", "teu ter ret")
+_FACTOR = re.compile(r"([A-Za-z%]+)\^?(-?\d*)")
+_UNITS: Final = {"f": "ft", "nd": "", "frac": "", "s": "s", "sec": "s", "d": "deg", "r": "rad", "pct": "percent", "k": "degK"}
+
+
+@dataclass(frozen=True)
+class Declared:
+    """A variable as a file declares it: all text."""
+
+    identity: str
+    name: str
+    unit: str
+    sign: str = ""
+
+
+def read_unit(unit: str) -> str:
+    """DAVE-ML's spelling of a unit in this product's: what follows an underscore divides.
+
+    >>> read_unit("rad_s"), read_unit("f2"), read_unit("kg_m3"), read_unit("nd")
+    ('rad/s', 'ft^2', 'kg/m^3', '')
+    """
+    top, *below = unit.strip().split("_")
+    if "/" in unit or "*" in unit or " " in unit.strip():
+        return unit.strip()
+    above = [_factor(top)] if _factor(top) else []
+    return "/".join([*(above or (["1"] if below else [])), *map(_factor, below)])
+
+
+def _factor(text: str) -> str:
+    found = _FACTOR.fullmatch(text)
+    if found is None:
+        return text
+    name = _UNITS.get(found[1].lower() if found[1].lower() in ("nd", "sec", "pct") else found[1], found[1])
+    return f"{name}^{found[2]}" if name and found[2] else name
+
+
+def write_unit(unit: str) -> str:
+    """An SI unit of the glossary in DAVE-ML's spelling.
+
+    >>> write_unit("rad/s"), write_unit("kg/m^3"), write_unit("1"), write_unit("m/s^2")
+    ('rad_s', 'kg_m3', 'nd', 'm_s2')
+    """
+    return unit.replace("/", "_").replace("^", "").replace(" ", "") if unit not in ("", "1") else "nd"
+
+
+def scale_of(unit: str, to: str) -> tuple[float, float] | None:
+    """Scale and offset from a unit in DAVE-ML's spelling; None where it is unknown or of another dimension."""
+    try:
+        return conversion(read_unit(unit), to)
+    except InputError:
+        return None
+
+
+def sign_of(sign: str, same: str, opposite: str) -> int:
+    """1, -1, or 0 for a sign convention that is neither; none stated is the standard's own: 1."""
+    word = sign.strip().lower().lstrip("+")
+    if not word or word in same.split():
+        return 1
+    return -1 if word in opposite.split() else 0
+
+
+def input_channel(declared: Declared, where: str) -> tuple[str, int] | None:
+    """Channel of an input and its sign, None for an input that is no channel of this product.
+
+    By its standard name, the name or id of a channel itself, or ``<surface>Deflection`` with a stated sign. Raises
+    InputError where a name says which channel it is and the sign or unit does not fit.
+    """
+    known = _INPUTS.get(declared.name)
+    if known is None:
+        own = next((each for each in (declared.name, declared.identity) if each in CHANNELS or is_surface(each)), None)
+        if own is None or scale_of(declared.unit, channel(own).unit) is None:
+            return _surface(declared)
+        known = next((row for row in _INPUTS.values() if row[0] == own), (own, *_SURFACE_SIGNS))
+    sign = sign_of(declared.sign, known[1], known[2])
+    unit = channel(known[0]).unit
+    if sign == 0 or scale_of(declared.unit, unit) is None:
+        what = f"input {declared.name} in '{declared.unit}' with sign '{declared.sign}' cannot be {known[0]} in {unit}"
+        raise InputError(what, where, f"bind it: {declared.identity}=EXPRESSION")
+    return known[0], sign
+
+
+def _surface(declared: Declared) -> tuple[str, int] | None:
+    """A surface whose sign is stated: trailing edge down or left is ours."""
+    found = _DEFLECTION.fullmatch(declared.name)
+    sign = sign_of(declared.sign, *_SURFACE_SIGNS) if declared.sign.strip() else 0
+    if found is None or not sign or scale_of(declared.unit, "rad") is None or not read_unit(declared.unit):
+        return None
+    name = "delta_" + re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", found[1]).lower()
+    return (name, sign) if is_surface(name) else None
+
+
+def in_unit(quantity: Expression, unit: str, si: str, sign: int) -> Expression:
+    """A channel as the file's unit and sign have it."""
+    scale, offset = scale_of(unit, si) or (1.0, 0.0)
+    if offset:
+        quantity = Operation("-", quantity, Number(offset))
+    if scale != 1.0:
+        quantity = Operation("*", quantity, Number(1.0 / scale))
+    return Negation(quantity) if sign < 0 else quantity
+
+
+def output_axis(declared: Declared, where: str) -> tuple[str, int] | None:
+    """Axis of an output and its sign, by standard name or by an axis's own name; None for another output."""
+    known = _OUTPUTS.get(declared.name)
+    if known is None:
+        own = (name for name in (declared.name, declared.identity) if name in (*AXES, *WIND_AXES))
+        axis = next(own, None)
+        known = (axis, *_signs(axis)) if axis else None
+    if known is None:
+        return None
+    sign = sign_of(declared.sign, known[1], known[2])
+    if sign == 0:
+        raise InputError(f"output {declared.name} with sign '{declared.sign}'", where, f"bind the axis: {known[0]}=EXPRESSION")
+    return known[0], sign
+
+
+def _signs(axis: str) -> tuple[str, str]:
+    return next((same, opposite) for known, same, opposite in _OUTPUTS.values() if known == axis)
+
+
+def variable(name: str, factor: int) -> Expression:
+    """A name, or minus it."""
+    return Negation(Name(name)) if factor < 0 else Name(name)

@@ -1,0 +1,92 @@
+"""Increments as plain terms: what a format without increments can carry.
+
+Estimates, envelope and envelope rule become expressions, so that the numbers stay the same everywhere, inside the envelope
+and beyond. What such a format cannot carry, covariance and flights, stays with the version in the catalogue.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import reduce
+from typing import Final
+
+from aerodb.nomenclature import CHANNELS
+from aerodb.tables.algebra import plus, times
+from aerodb.tables.database import CONSTANTS, AeroDatabase, Term, Variable
+from aerodb.tables.expression import Call, Expression, Name, Negation, Number, Operation, TableCall, number, parse
+from aerodb.tables.functions import FUNCTIONS
+from aerodb.tables.increment import BASE_VARIABLES, Increment, Interval
+
+_RULE: Final = "1 inside and one cell beyond, then to 0 over one further cell"
+
+
+def with_increments_as_terms(database: AeroDatabase) -> AeroDatabase:
+    """`database` with a term (and some variables) in place of each increment; `predict` gives the same values."""
+    if not database.increments:
+        return database
+    taken = {*CHANNELS, *CONSTANTS, *FUNCTIONS, *database.variables, *database.tables, *database.free_inputs}
+    terms, variables = list(database.terms), dict(database.variables)
+    term_names = {term.name for term in terms}
+    for k, increment in enumerate(database.increments, start=1):
+        stem = _unused(f"increment_{k}", taken)
+        parts, expression = _rewritten(increment, stem)
+        variables |= parts
+        taken |= parts.keys()
+        flights = f" from {len(increment.flights)} flights" if increment.flights else ""
+        note = f"increment{flights}{f': {increment.note}' if increment.note else ''}"
+        name = _unused(f"{stem}_{increment.axis}", term_names)
+        term_names.add(name)
+        terms.append(Term(name, increment.axis, expression, note))
+    return replace(database, terms=tuple(terms), variables=variables, increments=())
+
+
+def substitute(expression: Expression, replacements: Mapping[str, Expression]) -> Expression:
+    """`expression` with names replaced."""
+    if isinstance(expression, Name):
+        return replacements.get(expression.name, expression)
+    if isinstance(expression, Negation):
+        return Negation(substitute(expression.operand, replacements))
+    if isinstance(expression, Operation):
+        left, right = (substitute(side, replacements) for side in (expression.left, expression.right))
+        return Operation(expression.operator, left, right)
+    if isinstance(expression, Call):
+        return Call(expression.function, tuple(substitute(each, replacements) for each in expression.arguments))
+    if isinstance(expression, TableCall):
+        return TableCall(expression.table, tuple(substitute(each, replacements) for each in expression.arguments))
+    return expression
+
+
+def _unused(stem: str, taken: set[str]) -> str:
+    """`stem`, marked until no taken name begins with it."""
+    while any(name.startswith(stem) for name in taken):
+        stem += "_"
+    return stem
+
+
+def _rewritten(increment: Increment, stem: str) -> tuple[dict[str, Variable], Expression]:
+    """Variables for held arguments and weights, and the sum of estimate times weight times regressor over them."""
+    variables: dict[str, Variable] = {}
+    held: dict[str, Expression] = {}
+    weights: dict[str, Expression] = {}
+    used = frozenset[str]().union(*(regressor.names for regressor in increment.regressors))
+    for name, interval in increment.envelope.items():
+        if name in used:
+            clipped = Call("clip", (Name(name), number(interval.low), number(interval.high)))
+            variables[f"{stem}_held_{name}"] = Variable(clipped, "", f"{name}, held where flights have been")
+            held[name] = Name(f"{stem}_held_{name}")
+        if name in used.union(BASE_VARIABLES):
+            variables[f"{stem}_weight_{name}"] = Variable(_weight(name, interval), "1", f"envelope of {name}: {_RULE}")
+            weights[name] = Name(f"{stem}_weight_{name}")
+    shares = []
+    for estimate, regressor in zip(increment.layered, increment.regressors, strict=True):
+        acting = [weights[name] for name in weights if name in regressor.names.union(BASE_VARIABLES)]
+        if estimate == 0.0:
+            continue
+        shares.append(reduce(times, [substitute(regressor, held), *acting, number(float(estimate))]))
+    return variables, reduce(plus, shares) if shares else Number(0)
+
+
+def _weight(name: str, interval: Interval) -> Expression:
+    low, high, cell = (f"({number(value)})" for value in (interval.low, interval.high, interval.cell))
+    if interval.cell == 0.0:
+        return parse(f"(1 - step({low} - {name}))*(1 - step({name} - {high}))")
+    return parse(f"clip(2 - max({low} - {name}, {name} - {high})/{cell}, 0, 1)")

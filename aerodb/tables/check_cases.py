@@ -1,0 +1,101 @@
+"""Check cases: points with the coefficients that a database gives there, written down when it is made.
+
+They are what a stored version, or a file in another format, is tested against later: whoever reads it must get the same
+numbers (AIAA S-119 calls them static shots).
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from aerodb.nomenclature import AXES
+from aerodb.tables.database import AeroDatabase
+from aerodb.tables.functions import Array
+from aerodb.tables.nodes import table_grids
+
+#: Half the range of an input that neither a table nor an envelope bounds: angles and rates are SI, so this is 11 deg.
+_RANGE = 0.2
+#: Ranges of inputs that must not be near zero, or whose size is nothing like an angle: SI.
+_KNOWN_RANGES = {
+    "V": (20.0, 100.0),
+    "qbar": (500.0, 5000.0),
+    "rho": (0.5, 1.2),
+    "mach": (0.05, 0.4),
+    "altitude": (0.0, 5000.0),
+    "height_above_ground": (1.0, 500.0),
+    "delta_landing_gear": (0.0, 1.0),
+}
+_PRIMES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53, 59, 61, 67, 71)
+
+
+@dataclass(frozen=True)
+class CheckCase:
+    """Inputs (SI, rad) and the six coefficients there."""
+
+    inputs: Mapping[str, float]
+    coefficients: Mapping[str, float]
+
+
+def make_check_cases(database: AeroDatabase, count: int = 25) -> tuple[CheckCase, ...]:
+    """`count` check cases of `database`, the same on every machine, spread over its tables and envelopes (Halton points).
+
+    A point where a coefficient is not finite is left out, so that there may be fewer.
+    """
+    points = _points(database, count)
+    values = database.predict(points).coefficients
+    cases = [
+        CheckCase({n: float(x[k]) for n, x in points.items()}, {axis: float(values[axis][k]) for axis in AXES})
+        for k in range(count)
+    ]
+    return tuple(case for case in cases if np.all(np.isfinite(list(case.coefficients.values()))))
+
+
+def failures(database: AeroDatabase, cases: Sequence[CheckCase], tolerance: float = 1e-9) -> tuple[str, ...]:
+    """What differs from the check cases by more than `tolerance` times max(|C|, 1e-3): one sentence each; empty when all pass."""
+    if not cases:
+        return ()
+    points = {name: np.array([case.inputs[name] for case in cases]) for name in cases[0].inputs}
+    values = database.predict(points).coefficients
+    said = []
+    for k, case in enumerate(cases):
+        for axis, wanted in case.coefficients.items():
+            given = float(values[axis][k])
+            if not abs(given - wanted) <= tolerance * max(abs(wanted), 1e-3):
+                said.append(f"check case {k + 1}: {axis} is {given:.9g}, it was {wanted:.9g}")
+    return tuple(said)
+
+
+def _points(database: AeroDatabase, count: int) -> dict[str, Array]:
+    ranges = {name: _KNOWN_RANGES.get(name, (-_RANGE, _RANGE)) for name in database.inputs}
+    for grid in table_grids(database).values():
+        for name, values in zip(grid.channels, grid.values, strict=True):
+            if name in ranges and values[-1] > values[0]:
+                ranges[name] = (float(values[0]), float(values[-1]))
+    for increment in database.increments:
+        for name, interval in increment.envelope.items():
+            if name in ranges and interval.high > interval.low:
+                ranges[name] = (interval.low - interval.cell, interval.high + interval.cell)
+    if "V" in ranges and ranges["V"][0] <= 0.0:
+        ranges["V"] = _KNOWN_RANGES["V"]  # rates without dimension divide by it
+    return {
+        name: low + (high - low) * _halton(count, _PRIMES[k % len(_PRIMES)], k // len(_PRIMES))
+        for k, (name, (low, high)) in enumerate(ranges.items())
+    }
+
+
+def _halton(count: int, base: int, skipped: int) -> Array:
+    """(count,) points of van der Corput's sequence in (0, 1); rounded to 6 digits, so that files show short numbers.
+
+    >>> _halton(3, 2, 0).tolist()
+    [0.5, 0.25, 0.75]
+    """
+    values = []
+    for k in range(1 + 100 * skipped, count + 1 + 100 * skipped):
+        value, share, rest = 0.0, 1.0, k
+        while rest:
+            share /= base
+            rest, digit = divmod(rest, base)
+            value += share * digit
+        values.append(round(value, 6))
+    return np.array(values)

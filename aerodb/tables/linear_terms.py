@@ -1,0 +1,164 @@
+"""Where tables enter a coefficient linearly: a term read as a sum of products with one table each."""
+
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+from aerodb.tables.arguments import ScaledChannel, calls, channel_of, scaled_channel
+from aerodb.tables.database import CONSTANTS, AeroDatabase
+from aerodb.tables.expression import Expression, Name, Negation, Number, Operation, TableCall
+from aerodb.tables.program import evaluate
+from aerodb.tables.uncertainty import Uncertainty
+
+
+@dataclass(frozen=True)
+class Site:
+    """A coefficient on `axis` contains ``constant * factors * table(channels)``, and nothing else uses the table.
+
+    channels : the channel behind every argument, None where the argument is another formula. own : those over which the source's
+    table goes; the others are axes along which folded shares fade.
+    """
+
+    axis: str
+    table: str
+    channels: tuple[ScaledChannel | None, ...]
+    own: frozenset[str]
+    constant: float
+    factors: tuple[Expression, ...]
+
+
+def sites(database: AeroDatabase) -> list[Site]:
+    """Tables that enter exactly one coefficient, once and linearly, and into which values can be folded."""
+    reached = table_uses([term.expression for term in database.terms], database)
+    written = Counter(call.table for call in calls(database))
+    once = {name for name in database.tables if reached[name] == written[name] == 1 and _foldable(database, name)}
+    found = []
+    for term in database.terms:
+        for constant, factors, call in _products(term.expression, database, once, 1.0, ()):
+            channels = tuple(scaled_channel(argument, database) for argument in call.arguments)
+            named = [channel.name for channel in channels if channel]
+            if call.table in once and constant != 0.0 and len(set(named)) == len(named):
+                extent = database.tables[call.table].extent or ((0.0, 0.0),) * len(channels)
+                own = frozenset(c.name for c, bounds in zip(channels, extent, strict=True) if c and bounds is not None)
+                renamed = tuple(_renamed(factor, database) for factor in factors)
+                found.append(Site(term.axis, call.table, channels, own, constant, renamed))
+    return found
+
+
+def factors_of(expression: Expression) -> tuple[float, list[Expression]]:
+    """`expression` as a number times factors that are no numbers.
+
+    >>> from aerodb.tables.expression import parse
+    >>> constant, factors = factors_of(parse("-2*alpha*abs(beta)/4"))
+    >>> constant, [str(factor) for factor in factors]
+    (-0.5, ['alpha', 'abs(beta)'])
+    """
+    if isinstance(expression, Number):
+        return expression.value, []
+    if isinstance(expression, Negation):
+        constant, factors = factors_of(expression.operand)
+        return -constant, factors
+    if isinstance(expression, Operation) and expression.operator in "*/":
+        left, right = factors_of(expression.left), factors_of(expression.right)
+        if expression.operator == "*":
+            return left[0] * right[0], left[1] + right[1]
+        if not right[1] and right[0] != 0.0:
+            return left[0] / right[0], left[1]
+    return 1.0, [expression]
+
+
+def _foldable(database: AeroDatabase, name: str) -> bool:
+    """Whether the table is linear between breakpoints, held outside them, and its declared uncertainty, if any, is added to
+    the value: one in proportion to it would change its meaning with a share folded in."""
+    table = database.tables[name]
+    return not table.interpolation and not table.extrapolation and _added(table.uncertainty)
+
+
+def _added(uncertainty: Uncertainty | None) -> bool:
+    return uncertainty is None or uncertainty.effect == "additive"
+
+
+def table_uses(expressions: Iterable[Expression], database: AeroDatabase) -> Counter[str]:
+    """How often each table is called in `expressions`, through variables too."""
+    known: dict[str, Counter[str]] = {}
+
+    def count(expression: Expression) -> Counter[str]:
+        total: Counter[str] = Counter()
+        nodes = [expression]
+        while nodes:
+            node = nodes.pop()
+            nodes.extend(node.children)
+            if isinstance(node, TableCall):
+                total[node.table] += 1
+            elif isinstance(node, Name) and node.name in database.variables:
+                if node.name not in known:
+                    known[node.name] = count(database.variables[node.name].expression)
+                total.update(known[node.name])
+        return total
+
+    total: Counter[str] = Counter()
+    for expression in expressions:
+        total.update(count(expression))
+    return total
+
+
+def depends_on(expression: Expression, database: AeroDatabase) -> frozenset[str]:
+    """Names of all tables and variables of the database that `expression` uses, through variables too."""
+    found: set[str] = set()
+    pending = [expression]
+    while pending:
+        each = pending.pop()
+        found |= each.tables
+        fresh = (each.names & database.variables.keys()) - found
+        found |= fresh
+        pending += [database.variables[name].expression for name in fresh]
+    return frozenset(found)
+
+
+def _products(
+    node: Expression, database: AeroDatabase, wanted: set[str], constant: float, factors: tuple[Expression, ...]
+) -> Iterator[tuple[float, tuple[Expression, ...], TableCall]]:
+    """The calls of `wanted` tables on which `node` depends linearly, each with the number and the factors in front of it.
+
+    Only variables that lead to such a table are followed, and each of them only once: there is one way to every call.
+    """
+    if isinstance(node, TableCall):
+        yield constant, factors, node
+    elif isinstance(node, Name) and node.name in database.variables:
+        variable = database.variables[node.name]
+        if _added(variable.uncertainty) and depends_on(node, database) & wanted:
+            yield from _products(variable.expression, database, wanted, constant, factors)
+    elif isinstance(node, Negation):
+        yield from _products(node.operand, database, wanted, -constant, factors)
+    elif isinstance(node, Operation) and node.operator in "+-":
+        yield from _products(node.left, database, wanted, constant, factors)
+        yield from _products(node.right, database, wanted, constant if node.operator == "+" else -constant, factors)
+    elif isinstance(node, Operation) and node.operator in "*/":
+        for part, other in ((node.left, node.right), (node.right, node.left)):
+            if part is node.right and node.operator == "/":
+                continue
+            value = _fixed(other, database)
+            if value is None:
+                more = factors_of(other if node.operator == "*" else Operation("/", Number(1.0), other))
+                yield from _products(part, database, wanted, constant * more[0], (*factors, *more[1]))
+            elif value != 0.0:
+                yield from _products(
+                    part, database, wanted, constant * value if node.operator == "*" else constant / value, factors
+                )
+
+
+def _fixed(expression: Expression, database: AeroDatabase) -> float | None:
+    """The value of an expression of numbers and reference lengths only.
+
+    A variable that happens to be constant is none: it may be an uncertainty factor, which scales the table and not the share.
+    """
+    if expression.tables or not expression.names <= CONSTANTS.keys():
+        return None
+    values = {name: float(getattr(database.reference, attribute)) for name, attribute in CONSTANTS.items()}
+    return float(evaluate(expression, values))
+
+
+def _renamed(factor: Expression, database: AeroDatabase) -> Expression:
+    """A factor by the name of its channel, where it is one."""
+    name = channel_of(factor, database)
+    return Name(name) if name else factor

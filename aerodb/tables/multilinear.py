@@ -1,0 +1,104 @@
+"""Where an expression is linear in each of its variables: the breakpoints between which a table can carry it exactly.
+
+A sum or product of functions of one variable each, every one of them continuous and piecewise linear (``alpha``,
+``max(alpha - 0.175, 0)*beta``, ``abs(beta)``), is multilinear between its breakpoints. Anything else is refused with the
+reason, so that who keeps it outside a table can say why.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aerodb.tables.expression import Call, Expression, Name, Negation, Number, Operation, number
+from aerodb.tables.program import evaluate
+
+Array = NDArray[np.float64]
+
+#: Breakpoints closer than this, relative to the axis, are one: they differ by rounding only.
+MERGED = 1e-14
+
+
+class NotMultilinearError(ValueError):
+    """An expression that no table can carry exactly; the message says why."""
+
+
+def breaks(expression: Expression, ranges: Mapping[str, tuple[float, float]]) -> dict[str, set[float]]:
+    """Per variable of `expression`, the breakpoints inside its range (low, high) between which it is multilinear.
+
+    >>> from aerodb.tables.expression import parse
+    >>> breaks(parse("max(alpha - 0.25, 0)*abs(beta)"), {"alpha": (0.0, 1.0), "beta": (-1.0, 1.0)})
+    {'alpha': {0.25}, 'beta': {0.0}}
+
+    Raises NotMultilinearError that names the part of the expression which is not.
+    """
+    if isinstance(expression, Number):
+        return {}
+    if isinstance(expression, Name):
+        return {expression.name: set()}
+    if isinstance(expression, Negation):
+        return breaks(expression.operand, ranges)
+    if isinstance(expression, Operation):
+        return _operation(expression, ranges)
+    if isinstance(expression, Call):
+        return _call(expression, ranges)
+    raise NotMultilinearError(f"'{expression}' is not piecewise linear")
+
+
+def _operation(expression: Operation, ranges: Mapping[str, tuple[float, float]]) -> dict[str, set[float]]:
+    left, right = breaks(expression.left, ranges), breaks(expression.right, ranges)
+    if expression.operator == "*" and left.keys() & right.keys():
+        raise NotMultilinearError(f"'{expression}' is not linear in {', '.join(sorted(left.keys() & right.keys()))}")
+    if expression.operator == "^" or (expression.operator == "/" and right):
+        raise NotMultilinearError(f"'{expression}' is not piecewise linear")
+    return {name: left.get(name, set()) | right.get(name, set()) for name in sorted(left.keys() | right.keys())}
+
+
+def _call(expression: Call, ranges: Mapping[str, tuple[float, float]]) -> dict[str, set[float]]:
+    """Of abs, min, max and clip of functions of one variable: their own breakpoints, and where their pieces meet."""
+    pieces = expression.arguments
+    if expression.function == "abs":
+        pieces = (*pieces, number(0.0))
+    elif expression.function not in ("min", "max", "clip"):
+        raise NotMultilinearError(f"'{expression}' is not piecewise linear")
+    if len(expression.names) > 1:
+        raise NotMultilinearError(f"'{expression}' bends along a line that follows no single variable")
+    found: set[float] = set()
+    for piece in pieces:
+        found = found.union(*breaks(piece, ranges).values())
+    for name in expression.names:
+        low, high = ranges[name]
+        grid = np.array(sorted({low, high} | found))
+        for k, one in enumerate(pieces):
+            for other in pieces[k + 1 :]:
+                found |= _crossings(Operation("-", one, other), name, grid)
+        return {name: {x for x in found if low < x < high}}
+    return {}
+
+
+def _crossings(difference: Expression, name: str, grid: Array) -> set[float]:
+    """Zeros of a function that is linear between the points of `grid`."""
+    y = np.broadcast_to(evaluate(difference, {name: grid}), grid.shape)
+    found = set(grid[y == 0.0].tolist())
+    for k in np.flatnonzero(y[:-1] * y[1:] < 0.0):
+        found.add(float(grid[k] - y[k] * (grid[k + 1] - grid[k]) / (y[k + 1] - y[k])))
+    return found
+
+
+def merged(points: Array, others: set[float]) -> Array:
+    """`points` (increasing) and `others` as one increasing axis; what rounding alone separates is one breakpoint."""
+    axis = np.array(sorted({float(x) for x in points} | others))
+    if axis.size < 2:
+        return axis
+    apart = MERGED * max(float(np.max(np.abs(axis))), float(axis[-1] - axis[0]))
+    kept: list[float] = []
+    given = {float(x) for x in points}
+    for x in axis.tolist():
+        if kept and x - kept[-1] <= apart:
+            if x in given and kept[-1] not in given:
+                kept[-1] = x
+            elif x in given:
+                kept.append(x)
+            continue
+        kept.append(x)
+    return np.array(kept)

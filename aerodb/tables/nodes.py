@@ -1,0 +1,127 @@
+"""Where table nodes lie in terms of channels, and a neutral point to look at a database from.
+
+A table's breakpoints are in the unit of its argument, an expression; a node can be asked for lineage or compared between
+versions only where that expression is one channel, scaled and shifted (``alpha``, ``57.3*alpha``).
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from aerodb.errors import InputError, UnknownNameError, nearest
+from aerodb.tables.arguments import calls
+from aerodb.tables.database import AeroDatabase
+from aerodb.tables.expression import Expression, Name, TableCall
+from aerodb.tables.functions import Array
+from aerodb.tables.increment import Increment
+
+#: An argument counts as a scaled channel when the inverse reproduces every breakpoint to this share of their range.
+_EXACT = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class TableGrid:
+    """A table's nodes as points over channels: per argument the channel, and its values (m,) at the breakpoints."""
+
+    table: str
+    channels: tuple[str, ...]
+    values: tuple[Array, ...]
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        return tuple(len(axis) for axis in self.values)
+
+    def points(self) -> dict[str, Array]:
+        """Channel -> (number of nodes,), the last argument varying fastest."""
+        mesh = np.meshgrid(*self.values, indexing="ij")
+        return {name: grid.ravel() for name, grid in zip(self.channels, mesh, strict=True)}
+
+    def node(self, index: tuple[int, ...]) -> dict[str, float]:
+        """Channel -> value at a node. Raises InputError for an index that the table does not have."""
+        if len(index) != len(self.shape) or any(not 0 <= k < n for k, n in zip(index, self.shape, strict=True)):
+            shape = ", ".join(f"0..{n - 1}" for n in self.shape)
+            raise InputError(f"no node {list(index)}", f"table {self.table}", f"indices go from 0: [{shape}]")
+        return {name: float(axis[k]) for name, axis, k in zip(self.channels, self.values, index, strict=True)}
+
+
+def table_grids(database: AeroDatabase) -> dict[str, TableGrid]:
+    """Table name -> its nodes over channels, for tables whose every argument is a channel of its own, scaled and shifted."""
+    grids: dict[str, TableGrid] = {}
+    for call in calls(database):
+        if call.table not in grids:
+            grid = _grid(call, database)
+            if grid is not None:
+                grids[call.table] = grid
+    return grids
+
+
+def table_grid(database: AeroDatabase, table: str) -> TableGrid:
+    """The nodes of one table; UnknownNameError for no such table, InputError where its arguments are no channels."""
+    if table not in database.tables:
+        raise UnknownNameError(f"no table '{table}'", f"database {database.name}", nearest(table, database.tables))
+    grid = table_grids(database).get(table)
+    if grid is None:
+        remedy = "name a point instead: --at alpha=5deg,..."
+        raise InputError("its arguments are no single channels, so that its nodes are no points", f"table {table}", remedy)
+    return grid
+
+
+def table_axes(database: AeroDatabase) -> dict[str, frozenset[str]]:
+    """Table name -> axes of the terms that it enters, directly or through variables."""
+    axes: dict[str, set[str]] = {name: set() for name in (*database.tables, *database.scattered)}
+    for term in database.terms:
+        pending, seen = [term.expression], set[str]()
+        while pending:
+            node = pending.pop()
+            pending.extend(node.children)
+            if isinstance(node, TableCall):
+                axes[node.table].add(term.axis)
+            if isinstance(node, Name) and node.name in database.variables and node.name not in seen:
+                seen.add(node.name)
+                pending.append(database.variables[node.name].expression)
+    return {name: frozenset(found) for name, found in axes.items()}
+
+
+def neutral_point(database: AeroDatabase, increments: Iterable[Increment] = ()) -> dict[str, float]:
+    """Inputs of `database` at zero (V at 1 m/s), moved as little as it takes to lie inside the envelopes of `increments`."""
+    point = {name: 1.0 if name == "V" else 0.0 for name in database.inputs}
+    for increment in increments:
+        for name, interval in increment.envelope.items():
+            point[name] = float(np.clip(point.get(name, 0.0), interval.low, interval.high))
+    return point
+
+
+def spread(point: Mapping[str, float], over: Mapping[str, Array]) -> dict[str, Array]:
+    """Channels of `point` held while those of `over` (each (n,)) vary: all (n,)."""
+    n = max((len(values) for values in over.values()), default=1)
+    return {**{name: np.full(n, value) for name, value in point.items()}, **over}
+
+
+def _grid(call: TableCall, database: AeroDatabase) -> TableGrid | None:
+    table = database.tables.get(call.table)
+    if table is None:  # on scattered points, which are no grid
+        return None
+    breakpoints = table.breakpoints
+    found = [_inverse(argument, axis, database) for argument, axis in zip(call.arguments, breakpoints, strict=True)]
+    known = [entry for entry in found if entry is not None]
+    channels = tuple(name for name, _ in known)
+    if len(known) < len(found) or len(set(channels)) < len(channels):
+        return None
+    return TableGrid(call.table, channels, tuple(values for _, values in known))
+
+
+def _inverse(argument: Expression, breakpoints: Array, database: AeroDatabase) -> tuple[str, Array] | None:
+    """The one channel that an argument depends on and its values at the breakpoints; None where there is no such thing."""
+    definitions = {name: variable.expression for name, variable in database.variables.items()}
+    program = database.compiled([argument], definitions, {**database.tables, **database.scattered})
+    if len(program.inputs) != 1:
+        return None
+    (name,) = program.inputs
+    low, high = (float(np.asarray(program.run({name: np.array([x])}).values[0])[0]) for x in (0.0, 1.0))
+    if not np.isfinite(low + high) or high == low:
+        return None
+    values = (breakpoints - low) / (high - low)
+    back = np.asarray(program.run({name: values}).values[0])
+    scale = float(np.max(np.abs(breakpoints))) or 1.0
+    return (name, values) if np.allclose(back, breakpoints, rtol=0.0, atol=_EXACT * scale) else None

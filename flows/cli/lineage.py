@@ -1,0 +1,190 @@
+"""``aerodb version lineage``, ``impact`` and ``diff``: where a number comes from, what rests on a flight, what differs."""
+
+import re
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from aerodb.errors import InputError
+from flows.cli.output import Session
+from flows.cli.references import Vehicle, point_of, version_document, version_of
+from storage.catalogue import Catalogue
+from storage.rows import VersionRow
+from storage.workspace import Workspace, write_for_user
+
+_NODE = re.compile(r"\s*([A-Za-z_]\w*)\s*\[\s*(\d{1,9}(?:\s*,\s*\d{1,9})*)\s*\]\s*")
+
+#: Nodes listed for people; `--json` lists them all.
+_LISTED = 12
+
+
+def lineage(
+    context: typer.Context,
+    version: str,
+    vehicle: Vehicle = None,
+    node: Annotated[str | None, typer.Option(help="A table node, TABLE[i,j], counted from 0.")] = None,
+    at: Annotated[str | None, typer.Option(help="A point: NAME=VALUE,... with units or SI; what is not given is 0.")] = None,
+    prov: Annotated[Path | None, typer.Option(help="Also write it as W3C PROV-JSON to this file.")] = None,
+) -> None:
+    """Show what a version, or one number of it, rests on: ancestors, flights, log hashes, settings, inputs, runs.
+
+    Example: aerodb version lineage candidate --node CZ0[2]
+    """
+    session: Session = context.obj
+    workspace = session.workspace()
+    catalogue = session.catalogue()
+    row = version_of(catalogue, version, vehicle)
+    if node is not None and at is not None:
+        raise InputError("--node and --at together", remedy="ask for a node or for a point")
+    if prov is not None:
+        _write_prov(session, workspace, catalogue, row, prov)
+    if node is not None or at is not None:
+        _origins(session, catalogue, row, node, at or "")
+    else:
+        _whole(session, catalogue, row)
+
+
+def _write_prov(session: Session, workspace: Workspace, catalogue: Catalogue, row: VersionRow, target: Path) -> None:
+    from tasks.lineage import prov_of
+
+    written = write_for_user(workspace, target, prov_of(catalogue, row))
+    session.say(f"PROV-JSON: {written}")
+
+
+def _whole(session: Session, catalogue: Catalogue, row: VersionRow) -> None:
+    found = catalogue.lineage(row.id)
+    stale = catalogue.stale(row.id)
+    flights = catalogue.flights_by_id(found.roles)
+    session.say(" <- ".join(f"{ancestor.label} ({ancestor.id[:12]})" for ancestor in found.line))
+    for reason in stale:
+        session.say(f"stale: {reason}")
+    session.table(
+        ["flight", "role", "log sha256"],
+        [[flights[f].label, role.replace("_", " "), found.logs[f][:12]] for f, role in sorted(found.roles.items())],
+    )
+    session.table(
+        ["run", "flow", "how", "state", "code"], [[r.id[:12], r.flow, r.how, r.state, r.code_version] for r in found.runs]
+    )
+    session.answer(
+        {
+            "version": found.version.id,
+            "line": [version_document(ancestor) for ancestor in found.line],
+            "stale": list(stale),
+            "flights": [{"flight": f, "role": role, "log_sha256": found.logs[f]} for f, role in sorted(found.roles.items())],
+            "inputs": {key: list(values) for key, values in found.inputs.items()},
+            "runs": [{"run": r.id, "flow": r.flow, "how": r.how, "code_version": r.code_version} for r in found.runs],
+        }
+    )
+
+
+def _origins(session: Session, catalogue: Catalogue, row: VersionRow, node: str | None, at: str) -> None:
+    from tasks.lineage import inputs_of, origin_of_node, origin_of_point
+
+    if node is not None:
+        match = _NODE.fullmatch(node)
+        if match is None:
+            raise InputError(f"'{node}' is no node", "--node", "write TABLE[i,j], counted from 0, for example CZ0[2]")
+        what = node
+        origins = origin_of_node(catalogue, row, match[1], tuple(int(k) for k in match[2].split(",")))
+    else:
+        what = at
+        origins = origin_of_point(catalogue, row, point_of(at, inputs_of(catalogue, row)))
+    if not origins:
+        session.say(f"{what}: no increment acts here: the value is that of {row.label}'s imported database")
+    for origin in origins:
+        session.say(
+            f"{what}: increment on {origin['axis']} of {origin['value']:.5g} +- {origin['standard_error']:.2g} "
+            f"({', '.join(origin['regressors'])}), made by {origin['label']} in run {str(origin['run'])[:12]}, "
+            f"code {origin['code_version']}, steps {_steps(origin['step_versions'])}"
+        )
+        session.table(
+            ["flight", "role", "log sha256", "retracted"],
+            [[f["name"], f["role"], f["log_sha256"][:12], f["retracted"] or ""] for f in origin["flights"]],
+        )
+    session.answer({"version": row.id, "at": what, "increments": origins})
+
+
+def _steps(versions: dict[str, list[int]]) -> str:
+    return ", ".join(f"{step} {'/'.join(map(str, numbers))}" for step, numbers in versions.items()) or "none stored"
+
+
+def impact(context: typer.Context, flight: str, vehicle: Vehicle = None) -> None:
+    """Show which versions rest on a flight.
+
+    Example: aerodb version impact 1a2b3c
+    """
+    session: Session = context.obj
+    catalogue = session.catalogue()
+    row = catalogue.flight(flight, vehicle)
+    uses = catalogue.impact(row.id)
+    through = {use.version.id: use.version.label for use in uses}
+    session.table(
+        ["version", "role of the flight", "through"],
+        [[u.version.label, u.role.replace("_", " "), through.get(u.through, u.through[:12])] for u in uses],
+    )
+    session.answer(
+        {"flight": row.id, "versions": [{"version": u.version.id, "role": u.role, "through": u.through} for u in uses]}
+    )
+
+
+def diff(
+    context: typer.Context,
+    before: Annotated[str, typer.Argument(help="The version to start from.")],
+    after: Annotated[str, typer.Argument(help="The version to compare with it.")],
+    vehicle: Vehicle = None,
+    figure: Annotated[Path | None, typer.Option(help="Also draw slices to this file (.png, .svg, .pdf).")] = None,
+) -> None:
+    """Show what differs between two versions: per term and table node change, sigma, coverage, flights.
+
+    Example: aerodb version diff v0001 candidate --figure diff.png
+    """
+    from tasks.lineage import compare_versions
+
+    session: Session = context.obj
+    workspace = session.workspace()
+    catalogue = session.catalogue()
+    old, new = version_of(catalogue, before, vehicle), version_of(catalogue, after, vehicle)
+    document, picture = compare_versions(catalogue, old, new, figure.suffix if figure is not None else "")
+    labels = catalogue.flight_labels({f for t in document["terms"] for f in t["flights"]})
+    _say_diff(session, document, labels)
+    if figure is not None and picture is not None:
+        session.say(f"figure: {write_for_user(workspace, figure, picture)}")
+    session.answer({"before": old.id, "after": new.id, **document})
+
+
+def _say_diff(session: Session, document: dict[str, Any], labels: dict[str, str]) -> None:
+    if not any(document[key] for key in ("terms", "tables", "nodes", "not_addressable")):
+        session.say("no difference")
+    if document["terms"]:
+        session.table(
+            ["what", "axis", "name", "before", "after", "flights"],
+            [
+                [t["kind"], t["axis"], t["name"], t["before"], t["after"], ", ".join(labels[f] for f in t["flights"])]
+                for t in document["terms"]
+            ],
+        )
+    for name, what in document["tables"].items():
+        session.say(f"table {name}: {what}")
+    for name, largest in document["not_addressable"].items():
+        session.say(f"table {name}: values differ by up to {largest:.5g} (its arguments are no single channels)")
+    for entry in document["nodes"]:
+        nodes = sorted(entry["nodes"], key=lambda node: -abs(node["change"]))
+        session.say()
+        session.say(f"{entry['axis']} at the nodes of {entry['table']}: {len(nodes)} change, {entry['unchanged']} do not")
+        session.table(
+            ["node", "at", "change", "sigma", "flown"],
+            [
+                [
+                    str(n["index"]),
+                    ", ".join(f"{name} = {value:.4g}" for name, value in n["at"].items()),
+                    f"{n['change']:.5g}",
+                    f"{n['sigma']:.2g}",
+                    "yes" if n["inside_data"] else "no",
+                ]
+                for n in nodes[:_LISTED]
+            ],
+            numbers=(2, 3),
+        )
+        if len(nodes) > _LISTED:
+            session.say(f"and {len(nodes) - _LISTED} smaller ones (--json lists them)")

@@ -1,0 +1,75 @@
+"""``aerodb version promote``, ``rollback`` and ``export``: names move by logged events, and versions go out to simulators."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from flows.cli.output import Session
+from flows.cli.references import AsOf, Vehicle, vehicle_of, version_of
+
+Reason = Annotated[str, typer.Option(help="Why; it is kept with the move.")]
+Name = Annotated[str, typer.Option("--name", help="The name that moves; only `released` passes the gate.")]
+
+
+def promote(context: typer.Context, version: str, reason: Reason, name: Name = "released", vehicle: Vehicle = None) -> None:
+    """Point a name at a version; `released` moves only through the gate.
+
+    Example: aerodb version promote candidate --reason "lift slope proved on two flights"
+    """
+    from flows.release import promote_flow
+
+    session: Session = context.obj
+    row = version_of(session.catalogue(), version, vehicle)
+    document = session.run(promote_flow, {"version": row.id, "name": name, "reason": reason}, direct=True)
+    if document["moved"]:
+        for check in document["checks"]:
+            session.say(f"passed: {check}")
+        _say_move(session, document)
+    else:
+        session.say(f"{name} is {row.label} already")
+    session.answer(document)
+
+
+def rollback(context: typer.Context, reason: Reason, name: Name = "released", vehicle: Vehicle = None) -> None:
+    """Take the last move of a name back, by a new event; nothing is deleted.
+
+    Example: aerodb version rollback --vehicle my-glider --reason "simulator diverges above 10 deg"
+    """
+    from flows.release import roll_back_flow
+
+    session: Session = context.obj
+    parameters = {"vehicle": vehicle_of(session.catalogue(), vehicle), "name": name, "reason": reason}
+    document = session.run(roll_back_flow, parameters, direct=True)
+    _say_move(session, document)
+    for why in document["stale"]:
+        session.say(f"stale: {why}")
+    session.answer(document)
+
+
+def export(
+    context: typer.Context,
+    version: str,
+    output: Annotated[Path, typer.Option(help="The file to write.")],
+    format: Annotated[str, typer.Option(help="daveml, jsbsim, csv, mat or netcdf.")],
+    vehicle: Vehicle = None,
+    as_of: AsOf = None,
+) -> None:
+    """Write a version for a simulator; it is read back, and kept only when its check cases pass.
+
+    Example: aerodb version export released --format jsbsim --output my-glider.xml
+    """
+    from tasks.export import export_version
+
+    session: Session = context.obj
+    workspace = session.workspace()
+    catalogue = session.catalogue()
+    row = version_of(catalogue, version, vehicle, as_of)
+    document = export_version(workspace, catalogue, row, format, output)
+    session.say(f"wrote {document['file']}: {row.label} of {row.vehicle} as {format}, {document['checked']}")
+    session.answer(document)
+
+
+def _say_move(session: Session, document: dict[str, Any]) -> None:
+    event = document["event"]
+    session.say(f"{document['name']} of {document['vehicle']} is {document['label']} now ({event['user']}: {event['reason']})")
