@@ -16,7 +16,7 @@ from aerodb.errors import InputError
 from aerodb.flight import Array, Flight
 from aerodb.nomenclature import AXES, FORCE_AXES, MOMENT_AXES
 from aerodb.tables.reference import Reference, transfer_moments
-from aerodb.vehicle import Thrust, Vehicle, mass_channels
+from aerodb.vehicle import Thrust, Vehicle, cg_positions, mass_channels
 
 #: Bandwidth of the differentiated rates, Hz, when the vehicle file states none: above the rigid-body modes of manned
 #: and larger unmanned aircraft. It is capped at a quarter of the sampling rate.
@@ -75,6 +75,12 @@ def inertial_moment(rates: Array, angular_acceleration: Array, inertia: Mapping[
     )
 
 
+def bandwidth_of(flight: Flight, vehicle: Vehicle, asked: float | None = None) -> float:
+    """Bandwidth [Hz] of a flight's differentiated rates: `asked`, else the vehicle's, else DEFAULT_BANDWIDTH; at most a
+    quarter of the sampling rate."""
+    return min(asked or vehicle.processing.bandwidth or DEFAULT_BANDWIDTH, 0.25 / flight.step)
+
+
 def total_coefficients(
     flight: Flight,
     vehicle: Vehicle,
@@ -94,8 +100,7 @@ def total_coefficients(
     notes: list[str] = []
     if len(flight.time) < FEWEST_SAMPLES:
         raise InputError(f"{len(flight.time)} samples are too few", f"flight {flight.id}", f"{FEWEST_SAMPLES} are needed")
-    limit = 0.25 / flight.step
-    band = min(bandwidth or vehicle.processing.bandwidth or DEFAULT_BANDWIDTH, limit)
+    band = bandwidth_of(flight, vehicle, bandwidth)
     if "qbar" not in flight:
         what = "no dynamic pressure: no coefficient can be computed"
         raise InputError(what, f"flight {flight.id}", "log qbar, or airspeed and density")
@@ -105,7 +110,7 @@ def total_coefficients(
     area, chord, span = vehicle.reference.area, vehicle.reference.chord, vehicle.reference.span
     geometry = Reference(area, chord, span, (0.0, 0.0, 0.0))  # lengths only: the point moves with the CG
     properties = mass_channels(flight, vehicle)
-    cg = np.column_stack([properties[name] for name in ("cg_x", "cg_y", "cg_z")])
+    cg = cg_positions(flight, vehicle)
     reference = cg if vehicle.points.moment_reference == "cg" else np.broadcast_to(vehicle.points.moment_reference, cg.shape)
     rates = _rates(flight, vehicle, band, angular_acceleration, notes)
     force = _force_at_cg(flight, vehicle, rates, cg, notes)

@@ -260,6 +260,12 @@ def mass_channels(flight: Flight, vehicle: Vehicle) -> Mapping[str, Array]:
     return {name: np.interp(flight["fuel_mass"], properties.fuel_mass, columns[:, k]) for k, name in enumerate(names)}
 
 
+def cg_positions(flight: Flight, vehicle: Vehicle) -> Array:
+    """Position of the CG at each sample, (n, 3) m in body axes from the datum; errors as in `mass_channels`."""
+    properties = mass_channels(flight, vehicle)
+    return np.column_stack([properties[name] for name in ("cg_x", "cg_y", "cg_z")])
+
+
 def vehicle_template(name: str) -> str:
     """A commented vehicle file for people to fill in; `name` is the vehicle's.
 

@@ -1,16 +1,17 @@
 """Total coefficients of a stored flight, kept in long form: one row per time and axis."""
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from aerodb.coefficients import Coefficients, total_coefficients
+from aerodb.coefficients import Coefficients, bandwidth_of, total_coefficients
 from aerodb.errors import InputError
 from aerodb.flight import Flight
 from aerodb.identity import result_key
-from aerodb.vehicle import Vehicle
-from storage.flights import write_results
+from aerodb.vehicle import Vehicle, cg_positions
+from storage.flights import read_results, write_results
 from storage.rows import FlightRow
 from tasks.ingest import load_flight
 from tasks.open import Stores, stores
@@ -33,24 +34,32 @@ def reconstruct(flight: str, *, workspace: str, run: str) -> dict[str, Any]:
 
 
 def load_coefficients(opened: Stores, row: FlightRow, run: str) -> tuple[Flight, Coefficients, str]:
-    """A flight, its coefficients and their key; stored when they are not yet.
-
-    They are computed, not read back: that is quicker than reading six axes in long form, and gives the same numbers.
-    """
+    """A flight, its coefficients and their key; read back when they are stored, else computed and stored."""
     flight, flight_key = load_flight(opened, row, run)
     vehicle, _ = opened.vehicle(row.vehicle)
-    coefficients = total_coefficients(flight, vehicle)
-    settings = {"bandwidth": coefficients.bandwidth, "angular_acceleration": "differentiated"}
+    settings = {"bandwidth": bandwidth_of(flight, vehicle), "angular_acceleration": "differentiated"}
     key = result_key({"flight": flight_key}, settings, "coefficients", RESULT_VERSION["coefficients"])
-    if opened.catalogue.result(key) is None:
-        _keep(opened, row, vehicle, coefficients, key, flight_key, settings, run)
+    path = opened.path_of(key)
+    if path is not None:
+        return flight, _stored(path, flight, vehicle), key
+    coefficients = total_coefficients(flight, vehicle)
+    _keep(opened, row, coefficients, key, flight_key, settings, run)
     return flight, coefficients, key
+
+
+def _stored(path: Path, flight: Flight, vehicle: Vehicle) -> Coefficients:
+    """Coefficients as they were stored; a moment reference that is no fixed point is the CG at each sample."""
+    table, metadata = read_results(path, ("measured", "sigma", "usable"))
+    axes, n, point = metadata["axes"], len(flight.time), metadata["moment_reference"]
+    values, sigma, usable = (dict(zip(axes, table[name].reshape(-1, n), strict=True)) for name in ("measured", "sigma", "usable"))
+    reference = cg_positions(flight, vehicle) if point == "cg" else np.broadcast_to(point, (n, 3))
+    limit, notes = metadata["bandwidth"], tuple(metadata["notes"])
+    return Coefficients(flight.id, flight.time, values, sigma, usable, np.asarray(reference, dtype=np.float64), limit, notes)
 
 
 def _keep(
     opened: Stores,
     row: FlightRow,
-    vehicle: Vehicle,
     coefficients: Coefficients,
     key: str,
     flight_key: str,
@@ -66,7 +75,9 @@ def _keep(
         "usable": np.concatenate([coefficients.usable[axis] for axis in axes]),
     }
     path = opened.workspace.result_path(key)
-    metadata = {"moment_reference": vehicle.points.moment_reference, "notes": list(coefficients.notes), **settings}
+    point = coefficients.moment_reference
+    fixed = point[0].tolist() if np.ptp(point, axis=0).max() == 0.0 else "cg"
+    metadata = {"axes": axes, "moment_reference": fixed, "notes": list(coefficients.notes), **settings}
     write_results(path, table, metadata)
     opened.catalogue.add_result(
         key,

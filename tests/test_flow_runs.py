@@ -8,14 +8,17 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+from aerodb.coefficients import total_coefficients
 from aerodb.errors import InputError
 from flows.flight import flight_flow
 from flows.importing import import_flow
 from flows.run import DirectSteps, run_flow
 from storage.catalogue import Catalogue
 from storage.workspace import Workspace
+from tasks.coefficients import load_coefficients
 from tasks.ingest import load_flight
 from tasks.open import stores
 from tests import small_glider
@@ -149,3 +152,17 @@ def test_the_mapping_that_was_asked_for_last_counts(tmp_path: Path, logs: list[P
     first, second = ingested("canonical"), ingested(str(other))
     assert second == pytest.approx(0.5 * first)
     assert ingested("canonical") == first
+
+
+def test_stored_coefficients_are_read_back_as_they_were_computed(direct: tuple[Workspace, dict[str, Any]]) -> None:
+    workspace, document = direct
+    opened = stores(str(workspace.root))
+    row = opened.catalogue.flight(document["flights"]["identified"][0])
+    flight, read, _ = load_coefficients(opened, row, "")
+    made = total_coefficients(flight, opened.vehicle(NAME)[0])
+    assert list(read.values) == list(made.values)
+    for axis in made.values:
+        for side in ("values", "sigma", "usable"):
+            np.testing.assert_array_equal(getattr(read, side)[axis], getattr(made, side)[axis])
+    np.testing.assert_array_equal(read.moment_reference, made.moment_reference)
+    assert (read.bandwidth, read.notes, read.flight) == (made.bandwidth, made.notes, made.flight)

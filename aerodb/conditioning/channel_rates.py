@@ -1,0 +1,98 @@
+"""What accelerations, rates, attitude and gravity say of the rate of change of other channels, over a flat earth in steady air.
+
+Stevens, Lewis & Johnson, *Aircraft Control and Simulation*, 3rd ed., sections 1.3 and 2.5. Channels come by name, SI, each (n,).
+"""
+
+from collections.abc import Callable, Mapping
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aerodb.conditioning.differentiation import bridge
+from aerodb.flight import Flight
+
+Array = NDArray[np.float64]
+
+GRAVITY: Final = 9.80665
+
+
+def alpha_rate(f: Mapping[str, Array]) -> Array:
+    """alphadot [rad/s] (n,) from channels alpha, V, q, ax, az, theta and, where present, beta, p, r, phi.
+
+    ``q - tan(beta)(p cos(alpha) + r sin(alpha)) + (az cos(alpha) - ax sin(alpha) + g(cos(alpha) cos(theta) cos(phi) +
+    sin(alpha) sin(theta))) / (V cos(beta))``.
+    """
+    sin, cos = np.sin(f["alpha"]), np.cos(f["alpha"])
+    zero = np.zeros_like(sin)
+    beta, phi = f.get("beta", zero), f.get("phi", zero)
+    turn = np.tan(beta) * (f.get("p", zero) * cos + f.get("r", zero) * sin)
+    weight = GRAVITY * (cos * np.cos(f["theta"]) * np.cos(phi) + sin * np.sin(f["theta"]))
+    result: Array = f["q"] - turn + (f["az"] * cos - f["ax"] * sin + weight) / (f["V"] * np.cos(beta))
+    return result
+
+
+def beta_rate(f: Mapping[str, Array]) -> Array:
+    """betadot [rad/s] (n,) from channels beta, alpha, V, p, r, ax, ay, az, theta, phi.
+
+    ``p sin(alpha) - r cos(alpha) + (force along the wind's y axis, gravity included) / V``.
+    """
+    (sa, ca), (sb, cb) = ((np.sin(f[name]), np.cos(f[name])) for name in ("alpha", "beta"))
+    fx = f["ax"] - GRAVITY * np.sin(f["theta"])
+    fy = f["ay"] + GRAVITY * np.cos(f["theta"]) * np.sin(f["phi"])
+    fz = f["az"] + GRAVITY * np.cos(f["theta"]) * np.cos(f["phi"])
+    result: Array = f["p"] * sa - f["r"] * ca + (fy * cb - sb * (fx * ca + fz * sa)) / f["V"]
+    return result
+
+
+def airspeed_rate(f: Mapping[str, Array]) -> Array:
+    """Vdot [m/s^2] (n,) in steady air from channels alpha, ax, az, theta and, where present, beta, ay, phi."""
+    zero = np.zeros_like(f["alpha"])
+    beta, phi, ay = f.get("beta", zero), f.get("phi", zero), f.get("ay", zero)
+    fx = f["ax"] - GRAVITY * np.sin(f["theta"])
+    fy = ay + GRAVITY * np.cos(f["theta"]) * np.sin(phi)
+    fz = f["az"] + GRAVITY * np.cos(f["theta"]) * np.cos(phi)
+    result: Array = np.cos(beta) * (fx * np.cos(f["alpha"]) + fz * np.sin(f["alpha"])) + fy * np.sin(beta)
+    return result
+
+
+def bank_rate(f: Mapping[str, Array]) -> Array:
+    """phidot = p + tan(theta) (q sin(phi) + r cos(phi)), rad/s (n,)."""
+    result: Array = f["p"] + np.tan(f["theta"]) * (f["q"] * np.sin(f["phi"]) + f["r"] * np.cos(f["phi"]))
+    return result
+
+
+def pitch_attitude_rate(f: Mapping[str, Array]) -> Array:
+    """thetadot = q cos(phi) - r sin(phi), rad/s (n,)."""
+    zero = np.zeros_like(f["q"])
+    phi = f.get("phi", zero)
+    return np.asarray(f["q"] * np.cos(phi) - f.get("r", zero) * np.sin(phi))
+
+
+def heading_rate(f: Mapping[str, Array]) -> Array:
+    """psidot = (q sin(phi) + r cos(phi)) / cos(theta), rad/s (n,)."""
+    return np.asarray((f["q"] * np.sin(f["phi"]) + f["r"] * np.cos(f["phi"])) / np.cos(f["theta"]))
+
+
+#: Channel -> its kinematic rate and the channels without which there is none (accelerations: at the CG, else at the IMU).
+KINEMATICS: Final[dict[str, tuple[Callable[[Mapping[str, Array]], Array], tuple[str, ...]]]] = {
+    "alpha": (alpha_rate, ("alpha", "V", "q", "ax", "az", "theta")),
+    "beta": (beta_rate, ("beta", "alpha", "V", "p", "r", "ax", "ay", "az", "theta", "phi")),
+    "V": (airspeed_rate, ("V", "alpha", "ax", "az", "theta")),
+    "phi": (bank_rate, ("phi", "p", "q", "r", "theta")),
+    "theta": (pitch_attitude_rate, ("theta", "q")),
+    "psi": (heading_rate, ("psi", "q", "r", "phi", "theta")),
+}
+
+
+def with_accelerations(flight: Flight) -> dict[str, Array]:
+    """The flight's channels, bridged where they may not be used, with ax, ay, az from the IMU where those at the CG lack."""
+    channels = {}
+    for name in flight.channels:
+        good = flight.usable([name])
+        if good.sum() > 1:
+            channels[name] = bridge(np.where(good, flight[name], np.nan))
+    for axis in "xyz":
+        if f"a{axis}" not in channels and f"a{axis}_imu" in channels:
+            channels[f"a{axis}"] = channels[f"a{axis}_imu"]
+    return channels

@@ -1,0 +1,218 @@
+"""How late a channel is against what other sensors say it must be, and by how much two clocks differ.
+
+A channel is compared with its own kinematics: the integral of the rate that accelerations, rates, attitude and
+gravity give for it. Both are band-passed alike, so that biases (which integrate to ramps) and noise stay out.
+Errors for coloured residuals: Morelli & Klein, J. Aircraft 34(2), 1997.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import cumulative_simpson
+from scipy.interpolate import CubicSpline
+from scipy.signal import correlate
+
+from aerodb.conditioning.channel_rates import KINEMATICS, with_accelerations
+from aerodb.conditioning.clock import interval
+from aerodb.conditioning.differentiation import bridge, smooth
+from aerodb.conditioning.resampling import resampler, uniform_grid
+from aerodb.errors import InputError
+from aerodb.flight import Flight
+
+Array = NDArray[np.float64]
+
+#: Default band [Hz] and largest delay [s] looked for.
+BAND, LARGEST = (0.1, 2.0), 0.5
+#: Share of a channel's motion in the band that its kinematics must explain before a delay is believed.
+LEAST_EXPLAINED = 0.95
+#: How far the scale against the own kinematics may be from one before something other than a delay must be at work.
+SCALE_TOLERANCE = 0.15
+
+
+@dataclass(frozen=True)
+class Delay:
+    """How late a channel is.
+
+    seconds : positive: the channel shows late. standard_error : s, for coloured residuals. scale : measured over
+    kinematic motion. explained : share (0..1) of the motion in the band. observable : whether `seconds` may be used;
+    `because` says in words why not.
+    """
+
+    channel: str
+    seconds: float
+    standard_error: float
+    scale: float
+    explained: float
+    observable: bool
+    because: str
+
+
+def delay_between(
+    measured: Array, reference: Array, step: float, band: tuple[float, float] = BAND, largest: float = LARGEST, name: str = ""
+) -> Delay:
+    """The delay of `measured` (n,) behind `reference` (n,) at uniform `step` [s], to a fraction of a sample.
+
+    Model: ``measured(t) = scale reference(t - delay) + slow drift + noise``, least squares within `band` [Hz], from the
+    best whole sample within `largest` [s] by Gauss-Newton. Units of the two may differ; samples that are not finite are bridged.
+    """
+    upper = min(band[1], 0.45 / step)
+    n = len(measured)
+    if n * step < 2.0 / upper + 2 * largest:
+        return _unobservable(name, f"the record of {n * step:.3g} s is too short for a delay")
+    ours, theirs = (_band_passed(values, step, (band[0], upper)) for values in (measured, reference))
+    time = step * np.arange(n)
+    edge = int(np.ceil((largest + 0.25 / upper) / step))
+    inner = slice(edge, n - edge)
+    if min(np.ptp(ours[inner]) / (np.ptp(measured) or 1.0), np.ptp(theirs[inner]) / (np.ptp(reference) or 1.0)) < 1e-9:
+        return _unobservable(name, "nothing moves")
+    spline = CubicSpline(time, theirs)
+    reach = round(largest / step)
+    match = correlate(ours, theirs, method="fft")[n - 1 - reach : n + reach]
+    delay = (int(np.argmax(match)) - reach) * step
+    for _ in range(8):
+        regressors = np.stack([spline(time[inner] - delay), -spline(time[inner] - delay, 1)], axis=1)
+        solution = np.linalg.lstsq(regressors, ours[inner])[0]
+        change = float(solution[1] / solution[0]) if solution[0] else 0.0
+        delay = float(np.clip(delay + np.clip(change, -step, step), -largest, largest))
+        if abs(change) < 1e-5 * step:
+            break
+    scale = float(solution[0])
+    shown = spline(time[inner] - delay)
+    residual = ours[inner] - scale * shown
+    explained = _explained(ours[inner], shown)
+    sensitivity = np.stack([shown, -scale * spline(time[inner] - delay, 1)], axis=1)
+    error = _coloured_error(sensitivity, residual, round(3.0 / (max(band[0], 0.02) * step)))
+    return _judged(Delay(name, delay, error, scale, explained, True, ""), largest)
+
+
+def _judged(delay: Delay, largest: float) -> Delay:
+    reason = ""
+    if delay.explained < LEAST_EXPLAINED or delay.scale < 0:
+        sign = ", with the wrong sign" if delay.scale < 0 else ""
+        reason = f"the kinematics explain only {100 * delay.explained:.0f} % of its motion{sign}"
+    elif abs(delay.seconds) > 0.95 * largest:
+        reason = f"it lies at the end of what was looked at ({largest:g} s)"
+    if not reason:
+        return delay
+    return replace(delay, standard_error=float("inf"), observable=False, because=reason)
+
+
+def _unobservable(name: str, because: str) -> Delay:
+    return Delay(name, 0.0, np.inf, 0.0, 0.0, False, because)
+
+
+def _band_passed(values: Array, step: float, band: tuple[float, float]) -> Array:
+    """Between the two frequencies [Hz], zero phase; what is slower than half a period per record always goes."""
+    record = bridge(values)
+    slow = max(band[0], 1.0 / (len(record) * step))
+    upper = smooth(record, step, band[1]).value
+    result: Array = upper - smooth(upper, step, slow).value
+    return result
+
+
+def _explained(measured: Array, reference: Array) -> float:
+    total = float(measured @ measured) * float(reference @ reference)
+    return float(measured @ reference) * abs(float(measured @ reference)) / total if total > 0 else 0.0
+
+
+def _coloured_error(regressors: Array, residual: Array, longest: int) -> float:
+    """Standard error of the last parameter, from the residual's own autocorrelation up to `longest` samples."""
+    n = len(residual)
+    inverse = np.linalg.pinv(regressors.T @ regressors)
+    lags = min(n - 1, max(10, min(n // 5, longest)))
+    reach = slice(n - 1, n - 1 + lags)
+    weight = correlate(residual, residual, method="fft")[reach] / n
+    weight *= 1.0 - np.arange(lags) / lags  # a taper keeps the sum positive
+    middle = np.zeros((2, 2))
+    for i in range(2):
+        for j in range(2):
+            middle[i, j] = float(weight @ correlate(regressors[:, i], regressors[:, j], method="fft")[reach])
+    middle += middle.T - weight[0] * regressors.T @ regressors
+    return float(np.sqrt(max((inverse @ middle @ inverse)[1, 1], 0.0)))
+
+
+def channel_delay(
+    flight: Flight,
+    name: str,
+    band: tuple[float, float] = BAND,
+    largest: float = LARGEST,
+    during: tuple[float, float] | None = None,
+) -> Delay:
+    """The delay [s] of channel `name` (a key of KINEMATICS) of a flight against its own kinematics.
+
+    alpha and beta are taken as they stand at the CG: correct a boom first, its lever arm times q or r looks like a delay.
+    They enter their own kinematics weakly; a second pass uses them with the delay taken out. Raises InputError for a
+    channel without kinematics; one whose inputs are missing is returned as not observable. `during`: only from..to [s], such
+    as the flying part of a whole flight.
+    """
+    if name not in KINEMATICS:
+        known = ", ".join(KINEMATICS)
+        raise InputError(f"no kinematics for channel '{name}'", f"flight {flight.id}", f"known: {known}")
+    rate, needed = KINEMATICS[name]
+    part = slice(None) if during is None else slice(*(int(i) for i in np.searchsorted(flight.time, during)))
+    channels = {key: values[part] for key, values in with_accelerations(flight).items()}
+    lacking = [need for need in needed if need not in channels]
+    if lacking:
+        return _unobservable(name, f"{', '.join(lacking)} not in the flight")
+    if "V" in channels:
+        channels["V"] = np.maximum(channels["V"], 0.2 * np.max(channels["V"]))  # at rest nothing divides by zero
+    found = _unobservable(name, "")
+    inputs = dict(channels)
+    for _ in range(2):
+        path = cumulative_simpson(rate(inputs), dx=flight.step, initial=0.0)
+        found = delay_between(channels[name], path, flight.step, band, largest, name)
+        if not found.observable:
+            break
+        clock = flight.time[part]
+        inputs[name] = CubicSpline(clock, channels[name])(np.clip(clock + found.seconds, clock[0], clock[-1]))
+    if found.observable and abs(found.scale - 1.0) > SCALE_TOLERANCE:
+        because = f"its motion is {found.scale:.2f} times that of the kinematics: something other than a delay is at work"
+        return replace(found, standard_error=float("inf"), observable=False, because=because)
+    return found
+
+
+def delays(flight: Flight, during: tuple[float, float] | None = None) -> tuple[Delay, ...]:
+    """The delay of every channel of the flight that has kinematics: alpha, beta, V, phi, theta, psi."""
+    return tuple(channel_delay(flight, name, during=during) for name in KINEMATICS if name in flight)
+
+
+@dataclass(frozen=True)
+class ClockOffset:
+    """Two clocks: ``time on a = time on b + seconds``; standard error [s]; share explained; whether it may be used."""
+
+    seconds: float
+    standard_error: float
+    explained: float
+    observable: bool
+    because: str
+
+
+def clock_offset(
+    time_a: Array, a: Array, time_b: Array, b: Array, largest: float | None = None, band: tuple[float, float] = BAND
+) -> ClockOffset:
+    """The offset between the clocks of two topics that measured the same quantity.
+
+    time_a (n,), time_b (m,) : s, increasing. a (n,), b (m,) : the quantity, up to scale and bias. largest : s, offset
+    to look for around equal clocks; None: around the first samples, over the length of the longer record.
+    Both are brought to the coarser grid; correlation finds the offset to a sample, `delay_between` to a fraction.
+    """
+    step = max(interval(time_a), interval(time_b))
+    grids = [uniform_grid(float(time[0]), float(time[-1]), step) for time in (time_a, time_b)]
+    records = [resampler(time, grid)(bridge(v)) for time, grid, v in zip((time_a, time_b), grids, (a, b), strict=True)]
+    upper = min(band[1], 0.45 / step)
+    passed = [_band_passed(record, step, (band[0], upper)) for record in records]
+    match = correlate(passed[0], passed[1], method="fft")
+    lags = (np.arange(len(match)) - (len(passed[1]) - 1)) * step + grids[0][0] - grids[1][0]
+    allowed = np.ones(len(lags), dtype=bool) if largest is None else np.abs(lags) <= largest
+    overlap = np.convolve(np.ones(len(passed[0])), np.ones(len(passed[1])))
+    allowed &= overlap >= 0.2 * min(len(passed[0]), len(passed[1]))
+    if not allowed.any():
+        return ClockOffset(0.0, np.inf, 0.0, False, f"the clocks differ by more than {largest:g} s")
+    coarse = float(lags[allowed][np.argmax((match / np.sqrt(overlap.clip(1.0)))[allowed])])
+    start = max(grids[0][0], grids[1][0] + coarse)
+    end = min(grids[0][-1], grids[1][-1] + coarse)
+    common = uniform_grid(start, end, step)
+    pair = [np.interp(common, grids[0], records[0]), np.interp(common, grids[1] + coarse, records[1])]
+    fine = delay_between(pair[0], pair[1], step, band, largest=5 * step)
+    return ClockOffset(coarse + fine.seconds, fine.standard_error, fine.explained, fine.observable, fine.because)

@@ -1,0 +1,241 @@
+"""Records that share samples: the same flight, whole or in part, whatever the file and however it was resampled.
+
+Landmarks are the turning points of low-passed channels. Four in a row give a mark of three differences of height and
+three of time, coarsely rounded: where the record begins, a constant bias and the sampling make no difference to it. Marks find
+candidates cheaply (they are whole numbers that a catalogue can hold); `shared_samples` then compares the channels
+themselves. The idea of landmark marks is that of A. Wang, "An Industrial-Strength Audio Search Algorithm", ISMIR 2003.
+"""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+from scipy.ndimage import gaussian_filter1d
+
+from aerodb.conditioning.differentiation import bridge
+from aerodb.flight import Flight
+
+Array = NDArray[np.float64]
+
+#: Channels that a fingerprint is taken from, each with the least difference [SI] between turning points that counts.
+LANDMARK_CHANNELS = {"p": 2e-3, "q": 2e-3, "r": 2e-3, "az_imu": 0.05, "ay_imu": 0.02, "az": 0.05, "ay": 0.02}
+#: Time constant [s] of the low pass before turning points are looked for, and how far [s] from ends and flags they count.
+BLUR, MARGIN = 0.15, 0.6
+#: Rounding of a mark: natural logarithm of a difference of height, and time [s].
+HEIGHT_STEP, TIME_STEP = 0.15, 0.1
+#: Marks in common, at one offset in time, from which two records are compared sample by sample.
+FEWEST_MARKS = 3
+#: Two records agree where the difference of each channel stays below this part of the channel's own motion.
+AGREEMENT = 0.05
+#: Shortest stretch [s] that counts as shared.
+SHORTEST_SHARED = 2.0
+
+
+@dataclass(frozen=True)
+class Shared:
+    """A stretch that two records share: ``start_a..end_a`` [s] of the one are ``start_b..end_b`` of the other; samples of
+    the first; the channels compared, and their largest rms difference relative to their motion."""
+
+    start_a: float
+    end_a: float
+    start_b: float
+    end_b: float
+    samples: int
+    channels: tuple[str, ...]
+    difference: float
+
+
+def fingerprint(flight: Flight) -> frozenset[int]:
+    """Marks (64-bit whole numbers) of a flight. Two flights that have marks in common may share samples.
+
+    Of the rates and accelerations that the flight has. A record without motion, or shorter than four turning points, has
+    none. The same samples give mostly, not always, the same marks when they were resampled: look for several, not for all.
+    """
+    return frozenset(_marks(flight))
+
+
+def suspects(marks: frozenset[int], stored: dict[str, frozenset[int]]) -> tuple[str, ...]:
+    """Names of stored fingerprints with enough marks in common to be worth `shared_samples`, most first."""
+    common = {name: len(marks & others) for name, others in stored.items()}
+    return tuple(sorted((name for name, count in common.items() if count >= FEWEST_MARKS), key=lambda name: -common[name]))
+
+
+def shared_samples(a: Flight, b: Flight) -> tuple[Shared, ...]:
+    """Stretches of `a` that are also in `b`, each with its own offset in time; empty when the records differ.
+
+    Offsets come from marks in common; then all rates and accelerations of both, low-passed alike, must agree within 5 % of
+    their motion, biases apart, for two seconds or more.
+    """
+    ours, theirs = _marks(a), _marks(b)
+    offsets = np.array([tb - ta for mark in ours.keys() & theirs.keys() for ta in ours[mark] for tb in theirs[mark]])
+    names = tuple(name for name in LANDMARK_CHANNELS if name in a and name in b)
+    found: list[Shared] = []
+    taken = np.zeros(len(a.time), dtype=bool)
+    for offset in _common_offsets(offsets):
+        agreed = _agreement(a, b, offset, names)
+        if agreed is None:
+            continue
+        where, offset, difference = agreed
+        for first, last in _runs(where & ~taken):
+            if a.time[last] - a.time[first] >= SHORTEST_SHARED:
+                taken[first : last + 1] = True
+                start, end = float(a.time[first]), float(a.time[last])
+                found.append(Shared(start, end, start + offset, end + offset, last - first + 1, names, difference))
+    return tuple(sorted(found, key=lambda shared: shared.start_a))
+
+
+def _marks(flight: Flight) -> dict[int, list[float]]:
+    """Mark -> times [s] of its first landmark."""
+    marks: dict[int, list[float]] = {}
+    for number, (name, least) in enumerate(LANDMARK_CHANNELS.items()):
+        if name not in flight:
+            continue
+        time, height = _turning_points(flight, name, least)
+        rise = np.diff(height)
+        whole = np.where(np.isfinite(rise), np.abs(rise), least)
+        size = np.round(np.log(np.maximum(whole / least, 1.0)) / HEIGHT_STEP).astype(np.int64)
+        wait = np.minimum(np.round(np.diff(time) / TIME_STEP), 99).astype(np.int64)
+        for k in range(len(rise) - 2):
+            if not np.isfinite(rise[k : k + 3]).all() or wait[k : k + 3].max() >= 99:
+                continue
+            mark = number * 2 + int(rise[k] > 0)
+            for digit, base in zip((*size[k : k + 3], *wait[k : k + 3]), (200, 200, 200, 100, 100, 100), strict=True):
+                mark = mark * base + int(digit)
+            marks.setdefault(mark, []).append(float(time[k]))
+    return marks
+
+
+def _turning_points(flight: Flight, name: str, least: float) -> tuple[Array, Array]:
+    """Times [s] and heights of turning points of the low-passed channel, sub-sample; a NaN height where the chain breaks."""
+    low, usable = _low_passed(flight, name)
+    step = flight.step
+    k = np.flatnonzero((np.diff(low[:-1]) * np.diff(low[1:]) <= 0) & (np.diff(low[:-1]) != 0)) + 1
+    curvature = low[k - 1] - 2 * low[k] + low[k + 1]
+    shift = np.where(curvature != 0, 0.5 * (low[k - 1] - low[k + 1]) / np.where(curvature == 0, 1.0, curvature), 0.0)
+    time = flight.time[k] + step * shift
+    height = np.where(usable[k], low[k] - 0.25 * (low[k - 1] - low[k + 1]) * shift, np.nan)
+    return _without_ripple(time, height, least)
+
+
+def _without_ripple(time: Array, height: Array, least: float) -> tuple[Array, Array]:
+    """Turning points whose neighbours differ by `least` or more: of smaller waves only the outermost points stay."""
+    kept_time: list[float] = []
+    kept: list[float] = []
+    for at, value in zip(time.tolist(), height.tolist(), strict=True):
+        while len(kept) > 1 and np.isfinite(value) and (kept[-1] - kept[-2]) * (value - kept[-1]) > 0:
+            kept.pop()
+            kept_time.pop()
+        if not kept or not np.isfinite(value) or not np.isfinite(kept[-1]) or abs(value - kept[-1]) >= least:
+            kept.append(value)
+            kept_time.append(at)
+    return np.array(kept_time), np.array(kept)
+
+
+def _low_passed(flight: Flight, name: str) -> tuple[Array, NDArray[np.bool_]]:
+    """The channel through a Gaussian of BLUR seconds, and where that is free of ends and of unusable samples."""
+    good = flight.usable([name])
+    values = bridge(np.where(good, flight[name], np.nan)) if good.any() else np.zeros(len(good))
+    reach = int(np.ceil(MARGIN / flight.step))
+    hurt = np.convolve(~good, np.ones(2 * reach + 1), mode="same") > 0.5
+    hurt[:reach] = hurt[len(hurt) - reach :] = True
+    low: Array = gaussian_filter1d(values, BLUR / flight.step, mode="nearest")
+    return low, ~hurt
+
+
+def _common_offsets(offsets: Array) -> list[float]:
+    """Offsets in time [s] that at least FEWEST_MARKS pairs of marks agree on, best supported first."""
+    if len(offsets) < FEWEST_MARKS:
+        return []
+    ordered = np.sort(offsets)
+    breaks = np.flatnonzero(np.diff(ordered) > TIME_STEP) + 1
+    groups = [group for group in np.split(ordered, breaks) if len(group) >= FEWEST_MARKS]
+    return [float(np.median(group)) for group in sorted(groups, key=len, reverse=True)]
+
+
+def _agreement(a: Flight, b: Flight, offset: float, names: tuple[str, ...]) -> tuple[NDArray[np.bool_], float, float] | None:
+    """Where all channels of `a` equal those of `b` at ``time + offset``, the offset refined, and the largest relative rms
+    difference there; None when they do nowhere."""
+    pairs = [_Pair.of(a, b, name) for name in names]
+    for near in (1.0, 4 * AGREEMENT, 2 * AGREEMENT, 2 * AGREEMENT):
+        steps = [pair.step_of_offset(a.time + offset, near) for pair in pairs]
+        bottom = sum(step[1] for step in steps)
+        offset += sum(step[0] for step in steps) / bottom if bottom > 0 else 0.0
+    compared = [pair.difference(a.time + offset) for pair in pairs]
+    agreed = np.all([known & (np.abs(d) < 3 * AGREEMENT) for d, known in compared], axis=0)
+    differences = np.stack([d for d, _ in compared])
+    where = np.zeros(len(a.time), dtype=bool)
+    for first, last in _runs(agreed):
+        part = slice(first, last + 1)
+        long = a.time[last] - a.time[first] >= SHORTEST_SHARED
+        where[part] = long and bool(np.all(np.mean(differences[:, part] ** 2, axis=1) < AGREEMENT**2))
+    if not where.any():
+        return None
+    largest = float(np.sqrt(np.max(np.mean(differences[:, where] ** 2, axis=1))))
+    return _to_the_ends(a, b, where, offset, names), offset, largest
+
+
+@dataclass(frozen=True)
+class _Pair:
+    """One channel of two records, low-passed, with where each can be believed."""
+
+    ours: Array
+    fine: NDArray[np.bool_]
+    theirs: CubicSpline
+    fine_there: NDArray[np.bool_]
+    least: float
+
+    @classmethod
+    def of(cls, a: Flight, b: Flight, name: str) -> "_Pair":
+        (ours, fine), (theirs, fine_there) = _low_passed(a, name), _low_passed(b, name)
+        return cls(ours, fine, CubicSpline(b.time, theirs), fine_there, LANDMARK_CHANNELS[name])
+
+    def difference(self, at: Array) -> tuple[Array, NDArray[np.bool_]]:
+        """Ours - theirs at their times `at`, without its median and relative to our motion; and where both are known."""
+        clock = self.theirs.x
+        there = np.interp(at, clock, self.fine_there.astype(np.float64), left=0.0, right=0.0) > 0.99
+        known = self.fine & there
+        if not known.any():
+            return np.zeros_like(self.ours), known
+        difference = self.ours - self.theirs(np.clip(at, clock[0], clock[-1]))
+        motion = max(float(np.std(self.ours[known])), self.least)
+        return (difference - np.median(difference[known])) / motion, known
+
+    def step_of_offset(self, at: Array, below: float) -> tuple[float, float]:
+        """Numerator and denominator of the Gauss-Newton step of the offset in time that this channel asks for, from where
+        the difference is small already."""
+        difference, known = self.difference(at)
+        near = known & (np.abs(difference) < below)
+        motion = max(float(np.std(self.ours[known])), self.least) if known.any() else 1.0
+        slope = self.theirs(at[near], 1) / motion
+        return float(slope @ difference[near]), float(slope @ slope)
+
+
+def _to_the_ends(a: Flight, b: Flight, where: NDArray[np.bool_], offset: float, names: tuple[str, ...]) -> NDArray[np.bool_]:
+    """The stretches drawn out over the margin that the low pass needs, as far as the samples themselves agree."""
+    at = a.time + offset
+    agree = a.usable(names) & (at >= b.time[0] - 1e-6) & (at <= b.time[-1] + 1e-6)
+    agree &= np.interp(at, b.time, b.usable(names).astype(np.float64)) > 0.99
+    for name in names:
+        difference = a[name] - np.interp(at, b.time, b[name])
+        spread = max(float(np.std(a[name][where])), LANDMARK_CHANNELS[name])
+        agree &= np.abs(difference - np.median(difference[where])) < 10 * AGREEMENT * spread
+    result = where.copy()
+    reach = int(np.ceil(MARGIN / a.step)) + 1
+    for first, last in _runs(where):
+        for k in range(first - 1, max(first - reach, 0) - 1, -1):
+            if not agree[k]:
+                break
+            result[k] = True
+        for k in range(last + 1, min(last + reach, len(agree) - 1) + 1):
+            if not agree[k]:
+                break
+            result[k] = True
+    return result
+
+
+def _runs(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """First and last index of every run of true."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]])))
+    return [(int(first), int(last) - 1) for first, last in pairwise(edges)][::2]

@@ -1,0 +1,176 @@
+"""Wild points: spikes, stuck values and values that cannot be, kept as flags with their reason. No value is changed."""
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter
+
+from aerodb.flight import Flight
+from aerodb.nomenclature import is_surface
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+#: A spike stands out of its neighbours by this many times what samples usually do, nearby and overall.
+SPIKE_FACTOR = 8.0
+#: Spikes are rarer than this; what more samples do is the way of the channel (a coarse converter that toggles).
+RAREST = 0.02
+#: Longest run of samples that can be a spike; longer departures are motion.
+LONGEST_SPIKE = 3
+#: Half width [samples] of the stretch whose usual change a spike is measured against.
+NEARBY = 12
+#: Shortest time [s] over which an unchanging value is a stuck one, and its length in runs that are usual there.
+SHORTEST_STUCK, STUCK_FACTOR = 0.5, 6.0
+
+#: What a channel can show at all, in its unit, for anything that flies: winged re-entry and small models included.
+PHYSICAL: Final[dict[str, tuple[float, float]]] = {
+    "V": (-5.0, 9000.0),
+    "calibrated_airspeed": (-5.0, 1500.0),
+    "alpha": (-np.pi, np.pi),
+    "beta": (-np.pi / 2, np.pi / 2),
+    "qbar": (-500.0, 5e5),
+    "mach": (-0.05, 35.0),
+    "rho": (0.0, 2.0),
+    "temperature": (120.0, 400.0),
+    "static_pressure": (0.0, 1.2e5),
+    **dict.fromkeys(("ax", "ay", "az", "ax_imu", "ay_imu", "az_imu"), (-500.0, 500.0)),
+    **dict.fromkeys("pqr", (-20.0, 20.0)),
+    "theta": (-np.pi / 2 - 1e-6, np.pi / 2 + 1e-6),
+    "altitude": (-500.0, 2e5),
+    "latitude": (-np.pi / 2, np.pi / 2),
+    "delta_landing_gear": (-0.1, 1.1),
+}
+_SURFACE_RANGE = (-np.pi / 2, np.pi / 2)
+#: Sensors that move as long as anything flies; surfaces, gear and computed channels may rightly stand still.
+_MOVING = ("V", "alpha", "beta", "qbar", "ax", "ay", "az", "ax_imu", "ay_imu", "az_imu", "p", "q", "r", "phi", "theta", "psi")
+#: Air data that read zero at rest.
+_ZERO_AT_REST = ("V", "qbar")
+#: Part of a channel's physical range below which no change counts, for channels that hardly ever change.
+_FINEST = 2e-6
+
+
+@dataclass(frozen=True)
+class WildPoints:
+    """Where one channel must not be believed: (n,) masks."""
+
+    spike: Mask
+    stuck: Mask
+    impossible: Mask
+
+
+def physical_range(name: str) -> tuple[float, float] | None:
+    """Lowest and highest value a channel can show, SI; None for one that has no limits."""
+    return _SURFACE_RANGE if is_surface(name) and name not in PHYSICAL else PHYSICAL.get(name)
+
+
+def spikes(values: Array, floor: float = 0.0) -> Mask:
+    """(n,) true for isolated samples, up to three in a row, that stand out of their neighbours to one side.
+
+    values : (n,); NaN never counts. floor : departures below this never count, same unit.
+
+    The measure of a run is its least departure from the samples before and after it: zero on the flank of a step and in a
+    ramp however steep, so that sharp inputs stay. It is compared with the usual change between samples that far apart
+    (1.48 times the median, of the 25 around and of the whole record, whichever is larger), with the quantum of the
+    recording, and with what the record does anyway in its most restless 2 %. What is smaller is not told from motion.
+    A Hampel identifier (Davies & Gather, J. Am. Stat. Assoc. 88, 1993) on two-sided differences.
+    """
+    result = np.zeros(len(values), dtype=bool)
+    for _ in range(2):  # a second round, without what the first found, sees what stood beside it
+        index = np.flatnonzero(np.isfinite(values) & ~result)
+        found = _spikes(values[index], floor) if len(index) > 2 * NEARBY else np.zeros(len(index), dtype=bool)
+        if not found.any():
+            break
+        result[index[found]] = True
+    return result
+
+
+def _spikes(values: Array, floor: float) -> Mask:
+    n = len(values)
+    found = np.zeros(n, dtype=bool)
+    floor = max(floor, _quantum(values))
+    for length in range(1, LONGEST_SPIKE + 1):
+        before, after = values[: n - length - 1], values[length + 1 :]
+        runs = np.stack([values[1 + k : n - length + k] for k in range(length)])
+        above = runs.min(axis=0) - np.maximum(before, after)
+        below = np.minimum(before, after) - runs.max(axis=0)
+        departure = np.maximum(np.maximum(above, below), 0.0)
+        change = np.abs(values[length:] - values[:-length])
+        nearby = np.maximum(median_filter(change, 2 * NEARBY + 1, mode="mirror"), np.median(change))
+        usual = 1.4826 * np.maximum(nearby[:-1], nearby[1:])
+        limit = SPIKE_FACTOR * np.maximum(usual, floor)
+        out = departure > np.maximum(limit, 2.0 * np.quantile(departure, 1.0 - RAREST))
+        # Where both sides disagree by as much as the run departs there is a step, not a spike.
+        out &= np.abs(after - before) < 0.5 * departure
+        for k in range(length):
+            found[1 + k : n - length + k] |= out
+    return found
+
+
+def _quantum(values: Array) -> float:
+    """Smallest usual change of a channel that changes at all: the step of a quantised one."""
+    change = np.abs(np.diff(values))
+    change = change[change > 0]
+    return float(np.quantile(change, 0.1)) if len(change) >= 20 else 0.0
+
+
+def stuck(values: Array, step: float, jump: bool = True) -> Mask:
+    """(n,) true where a channel repeats one value for longer than it otherwise ever would.
+
+    values : (n,).  step : s. A run of equal samples is stuck when it lasts half a second or more, and six times as long
+    as the runs in which nine tenths of the rest of the record lie (a quantised channel repeats itself in
+    calm air); a quantised channel must also jump by more than its quantum where the run begins or ends, else it only
+    passed a turning point (`jump` false drops this: for who knows that the aircraft moved). A channel that never changes
+    is not judged here: see `plausibility`.
+    """
+    starts = np.flatnonzero(np.concatenate([[True], values[1:] != values[:-1]])) if len(values) else np.zeros(0, dtype=int)
+    lengths = np.diff(np.append(starts, len(values)))
+    result = np.zeros(len(values), dtype=bool)
+    if len(starts) < 10:
+        return result
+    quantum = _quantum(values[np.isfinite(values)])
+    ordered = np.sort(lengths)
+    summed = np.cumsum(ordered)
+    for run in np.flatnonzero(lengths * step >= SHORTEST_STUCK):
+        usual = ordered[np.searchsorted(summed, 0.9 * (len(values) - lengths[run]))]
+        ends = [k for k in (starts[run], starts[run] + lengths[run]) if 0 < k < len(values)]
+        jumped = not jump or usual == 1 or any(abs(values[k] - values[k - 1]) > 3.0 * quantum for k in ends)
+        if lengths[run] >= STUCK_FACTOR * usual and lengths[run] >= 5 and jumped:
+            result[starts[run] : starts[run] + lengths[run]] = True
+    return result
+
+
+def wild_points(name: str, values: Array, step: float) -> WildPoints:
+    """Everything that is wild in channel `name` with `values` (n,) [SI] at `step` [s]."""
+    limits = physical_range(name)
+    none = np.zeros(len(values), dtype=bool)
+    finite = np.isfinite(values)
+    impossible = none if limits is None else finite & ((values < limits[0]) | (values > limits[1]))
+    held = stuck(values, step) & finite if name in _MOVING else none
+    if name in _ZERO_AT_REST:
+        held &= np.abs(values) > 1e-3 * np.max(np.abs(values[finite]), initial=0.0)
+    floor = 0.0 if limits is None else _FINEST * (limits[1] - limits[0])
+    return WildPoints(spikes(np.where(impossible, np.nan, values), floor), held, impossible)
+
+
+def flag_wild_points(flight: Flight) -> Flight:
+    """The flight with spikes flagged ``wild_point``, stuck values ``stuck`` and impossible ones ``implausible``.
+
+    Every channel is judged on its samples that carry no flag yet; values stay as they are. A note counts what was found.
+    """
+    notes: list[str] = []
+    result = flight
+    for name, values in flight.channels.items():
+        judged = np.where(flight.usable([name]), values, np.nan)
+        wild = wild_points(name, judged, flight.step)
+        for what, flag, where in (
+            ("spikes", "wild_point", wild.spike),
+            ("stuck samples", "stuck", wild.stuck),
+            ("impossible values", "implausible", wild.impossible),
+        ):
+            if where.any():
+                result = result.with_flag(name, flag, where)
+                at = flight.time[np.argmax(where)]
+                notes.append(f"{name}: {int(where.sum())} {what}, the first at {at:.6g} s")
+    return replace(result, notes=(*result.notes, *notes))
