@@ -13,8 +13,8 @@ from aerodb.estimation.statistics import Theil, theil
 from aerodb.flight import Array, Flight
 from aerodb.model_file import DeclaredIncrement, ModelFile, Regressor, check_channels, expand
 from aerodb.nomenclature import MOMENT_AXES
+from aerodb.tables.arguments import breakpoints_over
 from aerodb.tables.database import AeroDatabase
-from aerodb.tables.expression import Expression, Name, TableCall
 from aerodb.tables.increment import BASE_VARIABLES, Increment, Interval
 from aerodb.tables.program import evaluate
 from aerodb.tables.reference import HAT_RATES, hat_rate
@@ -256,29 +256,10 @@ def _envelope(
 
 def _cell(name: str, low: float, high: float, database: AeroDatabase) -> float:
     """One table cell of a variable: the median spacing of the database's breakpoints in it, else the flown range."""
-    spacing = [np.diff(points) for points in _breakpoints_over(name, database)]
-    if spacing:
-        return float(np.median(np.concatenate(spacing)))
+    spacing = np.concatenate([np.empty(0), *(np.diff(points) for points in breakpoints_over(name, database))])
+    if spacing.size:
+        return float(np.median(spacing))
     return high - low if high > low else max(abs(high), 1e-3)
-
-
-def _breakpoints_over(name: str, database: AeroDatabase) -> list[Array]:
-    """Breakpoints of every table that is looked up directly at channel `name`."""
-
-    def channel_of(expression: Expression) -> str | None:
-        while isinstance(expression, Name) and expression.name in database.variables:
-            expression = database.variables[expression.name].expression
-        return expression.name if isinstance(expression, Name) else None
-
-    pending = [term.expression for term in database.terms] + [v.expression for v in database.variables.values()]
-    found = []
-    while pending:
-        node = pending.pop()
-        pending.extend(node.children)
-        if isinstance(node, TableCall):
-            axes = zip(node.arguments, database.tables[node.table].breakpoints, strict=True)
-            found += [points for argument, points in axes if channel_of(argument) == name]
-    return found
 
 
 def _aliases(names: Sequence[str], correlation: Array) -> tuple[tuple[str, ...], ...]:

@@ -11,6 +11,9 @@ from aerodb.errors import InputError
 from aerodb.flight import Array, Flight
 from aerodb.model_file import ModelFile, parse_model_file
 from aerodb.proof import HoldOut, prove
+from aerodb.tables.database import Term
+from aerodb.tables.expression import parse
+from aerodb.tables.scattered import ScatteredTable
 from aerodb.update import AxisUpdate, Update, estimate_increments
 from tests.synthetic import comparison, database, flight, smooth_noise
 
@@ -269,3 +272,15 @@ def test_what_cannot_be_estimated_is_refused_with_the_nearest_name() -> None:
             parse_model_file(faulty)
     with pytest.raises(InputError):
         estimate_increments([], [], ModelFile.model_validate({"increment": [{"axis": "CZ", "terms": ["1"]}]}), database())
+
+
+def test_a_database_with_an_ungridded_table_can_be_updated_too() -> None:
+    """Its calls have no breakpoints to take a cell from: looking for some once ended in a KeyError."""
+    points = np.array([[-0.5, -1.0], [0.5, -1.0], [-0.5, 1.0], [0.5, 1.0]])
+    cloud = ScatteredTable("CLOUD", ("alpha", "q"), points, np.array([0.0, 0.1, 0.2, 0.3]))
+    terms = (Term("cloud", "CZ", parse("CLOUD(alpha, q)")),)
+    made = replace(database(), tables={}, terms=terms, scattered={"CLOUD": cloud})
+    flights, comparisons = campaign(1, lift)
+    update = estimate_increments(flights, comparisons, parse_model_file(LIFT), made)
+    flown = np.concatenate([one["alpha"] for one in flights])
+    assert update.candidate.increments[0].envelope["alpha"].cell == pytest.approx(np.ptp(flown))

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from aerodb.comparison import Comparison
@@ -34,13 +35,21 @@ def update_figure(
     panels = figure.subplots(len(axes), 2, squeeze=False, width_ratios=(2, 1))
     for row, axis in enumerate(axes):
         _time_history(panels[row][0], axis, before, after, labels, first=row == 0)
-        _residuals(panels[row][1], axis, before, after, first=row == 0)
+        _residuals(panels[row][1], axis, before, after)
     panels[-1][0].set_xlabel("time, flights one behind the other [s]")
     panels[-1][1].set_xlabel("residual: flight - database [-]")
     return figure
 
 
-def _time_history(panel, axis, before, after, labels, *, first):  # type: ignore[no-untyped-def]
+def _time_history(
+    panel: Axes,
+    axis: str,
+    before: Mapping[str, Comparison],
+    after: Mapping[str, Comparison],
+    labels: Mapping[str, str],
+    *,
+    first: bool,
+) -> None:
     start = 0.0
     for flight, old in before.items():
         if axis not in old.usable:
@@ -65,7 +74,7 @@ def _time_history(panel, axis, before, after, labels, *, first):  # type: ignore
         panel.legend(loc="upper right", fontsize=8, ncols=3, frameon=False, bbox_to_anchor=(1.0, 1.22))
 
 
-def _residuals(panel, axis, before, after, *, first):  # type: ignore[no-untyped-def]
+def _residuals(panel: Axes, axis: str, before: Mapping[str, Comparison], after: Mapping[str, Comparison]) -> None:
     pooled = [
         np.concatenate([c.residual(axis)[c.usable[axis]] for c in side.values() if axis in c.usable] or [np.empty(0)])
         for side in (before, after)
@@ -74,7 +83,7 @@ def _residuals(panel, axis, before, after, *, first):  # type: ignore[no-untyped
         return
     edges = np.histogram_bin_edges(np.concatenate(pooled), bins=80)
     for values, colour, name in zip(pooled, (DATABASE, UPDATED), ("before", "after"), strict=True):
-        panel.hist(values, bins=edges, color=colour, alpha=0.6, label=f"{name}: {np.sqrt(np.mean(values**2)):.2g} rms")
+        panel.hist(values, bins=edges.tolist(), color=colour, alpha=0.6, label=f"{name}: {np.sqrt(np.mean(values**2)):.2g} rms")
     panel.set_yticks([])
     panel.legend(fontsize=8, frameon=False)
 
