@@ -320,3 +320,17 @@ def test_px4_mapping_knows_former_names(measured: Callable[[str], Path]) -> None
     for name in ("p", "q", "r", "ax_imu", "az_imu", "phi", "velocity_north", "delta_elevator"):
         assert name in flight, name
     assert np.median(flight["az_imu"]) == pytest.approx(-9.8, abs=0.5)
+
+
+def test_one_topic_without_a_timestamp_costs_no_other(tmp_path: Path) -> None:
+    """A flipped byte in one format once made pyulog stop, without a word, before all the topics that follow."""
+    path = tmp_path / "a.ulg"
+    topics = [Topic(name, np.arange(1.0, 11.0), {"x": np.arange(10.0)}) for name in ("aaa", "bbb", "ccc")]
+    write_ulog(path, topics, metadata={"sys_name": "PX4"})
+    whole = path.read_bytes()
+    path.write_bytes(whole.replace(b"bbb:uint64_t timestamp", b"bbb:uint64_t timestanp"))
+    recording = read_ulog(path)
+    assert sorted(recording.topics) == ["aaa", "ccc"]
+    (damage,) = recording.damage
+    assert (damage.topic, damage.kind) == ("bbb", "values")
+    assert damage.what.startswith("10 messages not decoded")

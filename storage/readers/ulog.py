@@ -62,7 +62,7 @@ def read_ulog(path: Path, topics: Collection[str] | None = None) -> Recording:
         raise InputError("no data in this log", str(path), _NO_LOG)
     read = LoggedTopics(path, found, places)
     is_cut = any(offset > size for offset in appended)
-    damage = [*_file_damage(found, is_cut), *_dropouts(found), *_undecoded(found), *_backwards(found, places)]
+    damage = [*_file_damage(found, is_cut), *_dropouts(found), *_undecoded(found, definitions), *_backwards(found, places)]
     damage += missing_by_topic(read, damage)
     metadata = _metadata(definitions)
     start = _start_utc(definitions, read)
@@ -100,7 +100,8 @@ def _parse_definitions(head: bytes, found: Survey, path: Path) -> ULog:
         elif k == 0:
             skeleton.write(b"\x28\x00B" + message[3:11] + bytes([message[11] & ~1]) + message[12:19] + bytes(24))
     for identity, topic in found.subscriptions.items():
-        if topic.layout is not None and found.count[identity]:
+        # A topic without a timestamp makes pyulog stop, without a word, before all topics that follow.
+        if topic.layout is not None and _is_timed(found, identity) and found.count[identity]:
             blank = identity.to_bytes(2, "little") + bytes(topic.layout.trimmed)
             skeleton.write(len(blank).to_bytes(2, "little") + b"D" + blank)
     skeleton.seek(0)
@@ -128,12 +129,13 @@ def _is_timed(found: Survey, identity: int) -> bool:
     return layout is not None and layout.stamp >= 0
 
 
-def _undecoded(found: Survey) -> Iterable[Damage]:
+def _undecoded(found: Survey, definitions: ULog) -> Iterable[Damage]:
+    known = {item.msg_id for item in definitions.data_list}
     for identity, topic in found.subscriptions.items():
         n = int(found.count[identity])
-        if n and not _is_timed(found, identity):
+        if n and (identity not in known or not _is_timed(found, identity)):
             why = "their format is damaged" if topic.name else f"the announcement of message id {identity} is damaged"
-            if topic.layout is not None:
+            if topic.layout is not None and not _is_timed(found, identity):
                 why = "they have no 64-bit timestamp"
             yield Damage("values", f"{n} messages not decoded: {why}", topic.name)
 
