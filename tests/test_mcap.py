@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from mcap.opcode import Opcode
 from mcap.writer import CompressionType
 from mcap.writer import Writer as PlainWriter
 from mcap_ros2.writer import Writer
@@ -16,6 +17,7 @@ from aerodb.vehicle import parse_vehicle
 from storage.mappings import builtin_mappings
 from storage.readers import read_log
 from storage.readers.mcap import read_mcap
+from storage.readers.mcap_framing import Record, walk
 
 START = 1_700_000_000 * 10**9
 HEADER = "builtin_interfaces/Time stamp\nstring frame_id\n"
@@ -233,3 +235,16 @@ def test_refused(tmp_path: Path, content: bytes, what: str) -> None:
         read_log(path)
     assert str(path) in str(refusal.value)
     assert refusal.value.remedy
+
+
+def test_a_chunk_that_hides_as_a_private_record_is_missed(tmp_path: Path) -> None:
+    """Readers must pass over record types from 128 on: a flipped bit made a whole chunk one of these, without a word."""
+    path = tmp_path / "a.mcap"
+    write_flight(path, samples=60, chunk=2048)
+    data = bytearray(path.read_bytes())
+    with path.open("rb") as handle:
+        chunks = [r for r in walk(handle, len(data)) if isinstance(r, Record) and r.opcode == Opcode.CHUNK]
+    data[chunks[-1].start] |= 0x80
+    path.write_bytes(data)
+    (damage,) = read_log(path).damage
+    assert "statistics count" in damage.what
