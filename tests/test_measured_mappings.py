@@ -8,37 +8,9 @@ import pytest
 
 from aerodb.flight import Flight
 from aerodb.mapping import choose_mapping, map_recording, prevents
-from aerodb.vehicle import Vehicle, parse_vehicle
 from storage.mappings import builtin_mappings
 from storage.readers.tabular import read_tabular
-
-VEHICLE = """
-name = "glider"
-[reference]
-area = 10.0
-chord = 1.0
-span = 10.0
-[points]
-moment_reference = "cg"
-[mass]
-source = "channels"
-"""
-SURFACES = """
-[surfaces.aileron_right]
-limits = ["-25 deg", "25 deg"]
-[surfaces.aileron_left]
-limits = ["-25 deg", "25 deg"]
-[combinations.aileron]
-kind = "asymmetric"
-right = "aileron_right"
-left = "aileron_left"
-[configuration]
-delta_flap = "10 deg"
-"""
-
-
-def _vehicle(extra: str = "") -> Vehicle:
-    return parse_vehicle(VEHICLE + extra)
+from tests.test_mapping import SURFACES, _vehicle
 
 
 def _flight(path: Path, extra: str = "") -> Flight:
