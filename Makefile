@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: install demo test lint bench campaign clean
+.PHONY: install demo pictures test lint bench campaign clean
 
 install: $(READY)
 
@@ -16,10 +16,13 @@ $(READY): requirements.txt pyproject.toml
 	@touch $(READY)
 
 demo: install
-	$(BIN)/aerodb --workspace demo-workspace demo
+	$(BIN)/aerodb --workspace demo-workspace demo --seed 5
+
+pictures: demo
+	$(BIN)/python -m tests.demo_pictures demo-workspace docs/pictures
 
 test: install
-	$(BIN)/python -m pytest -n 2 --dist loadfile
+	$(BIN)/python -m pytest -n 3 --dist loadfile
 
 lint: install
 	$(BIN)/ruff check .

@@ -22,6 +22,9 @@ from aerodb.vehicle import Thrust, Vehicle, cg_positions, mass_channels
 #: and larger unmanned aircraft. It is capped at a quarter of the sampling rate.
 DEFAULT_BANDWIDTH = 5.0
 
+#: A dynamic pressure below this (Pa) is none: the aircraft stands.
+STILL = 1e-6
+
 RateSource = Literal["differentiated", "logged"]
 
 
@@ -107,6 +110,7 @@ def total_coefficients(
     qbar = bridge(flight["qbar"])
     if np.median(qbar) <= 0:
         raise InputError("dynamic pressure is not positive", f"flight {flight.id}", "check the mapping of qbar")
+    qbar = np.where(np.abs(qbar) > STILL, qbar, 0.0)  # coefficients of next to nothing would overflow
     area, chord, span = vehicle.reference.area, vehicle.reference.chord, vehicle.reference.span
     geometry = Reference(area, chord, span, (0.0, 0.0, 0.0))  # lengths only: the point moves with the CG
     properties = mass_channels(flight, vehicle)
@@ -116,10 +120,10 @@ def total_coefficients(
     force = _force_at_cg(flight, vehicle, rates, cg, notes)
     with np.errstate(divide="ignore", invalid="ignore"):
         scale = np.where(qbar > 0, 1.0 / (qbar * area), np.nan)
-    thrust_force, thrust_moment = _thrust(flight, vehicle.thrust, cg, notes)
+        qbar_fraction = _noise(flight, vehicle, "qbar", band) / qbar
+    thrust_force, thrust_moment = thrust_loads(flight, vehicle.thrust, cg, notes)
     values: dict[str, Array] = {}
     sigma: dict[str, Array] = {}
-    qbar_fraction = _noise(flight, vehicle, "qbar", band) / qbar
     if force is not None:
         forces, force_sigma = force
         aerodynamic = properties["mass"][:, None] * forces - thrust_force
@@ -202,8 +206,11 @@ def _force_at_cg(
     return moved, np.hypot(noise, lever)
 
 
-def _thrust(flight: Flight, thrust: Thrust, cg: Array, notes: list[str]) -> tuple[Array, Array]:
-    """Thrust force (n, 3) N and its moment about the CG (n, 3) N m; zero and flagged where it is not known."""
+def thrust_loads(flight: Flight, thrust: Thrust, cg: Array, notes: list[str]) -> tuple[Array, Array]:
+    """Thrust force (n, 3) N and its moment about the CG (n, 3) N m; zero where it is not known, which is added to `notes`.
+
+    cg : (n, 3) m in body axes from the datum.
+    """
     none = np.zeros_like(cg)
     if thrust.source == "none":
         return none, none

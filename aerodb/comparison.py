@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerodb.coefficients import DEFAULT_BANDWIDTH, Coefficients
-from aerodb.conditioning.differentiation import smooth
+from aerodb.conditioning.differentiation import low_passed, smooth
 from aerodb.errors import InputError, nearest
 from aerodb.flight import Array, Flight
 from aerodb.nomenclature import AXES, MOMENT_AXES
@@ -52,11 +52,12 @@ def compare(flight: Flight, coefficients: Coefficients, database: AeroDatabase, 
     """
     bandwidth = coefficients.bandwidth
     flight, notes = _with_flow_rates(flight, database, bandwidth or min(DEFAULT_BANDWIDTH, 0.25 / flight.step))
-    lacking = [name for name in sorted(database.inputs) if name not in flight]
+    lacking = [name for name in database.flight_inputs if name not in flight]
     if lacking:
         what = f"database {database.name} needs {', '.join(lacking)}, which the flight does not have"
         remedy = f"{nearest(lacking[0], flight.channels)} Or fix it in the vehicle's [configuration], or bind it at import"
         raise InputError(what, f"flight {flight.id}", remedy)
+    flight = with_states(flight, database)
     prediction = database.predict({name: flight[name] for name in flight.channels})
     notes = [*coefficients.notes, *notes]
     measured, sigma = _in_geometry_of(database, coefficients, reference)
@@ -84,15 +85,28 @@ def compare(flight: Flight, coefficients: Coefficients, database: AeroDatabase, 
     return Comparison(flight.id, flight.time, measured, sigma, predicted, usable, prediction.outside, bandwidth, tuple(notes))
 
 
+def with_states(flight: Flight, database: AeroDatabase) -> Flight:
+    """The flight with the channels that the database's state models make of it (`flow_attachment`), where it lacks them.
+
+    Samples that may not be used are bridged for the memory; what they would give is not a number. Raises InputError naming
+    channels that the flight lacks.
+    """
+    if not database.states:
+        return flight
+    needed = {name for state in database.states for name in (*state.needs, state.name) if name in flight}
+    channels = {name: np.where(flight.usable([name]), flight[name], np.nan) for name in needed}
+    return flight.with_channels(database.states_along(flight.time, channels))
+
+
 def band_limited(values: Array, step: float, bandwidth: float) -> Array:
     """`values` (n,) low-passed with zero phase; unchanged where there is nothing finite to limit."""
-    return smooth(values, step, bandwidth, noise=0.0).value if np.isfinite(values).any() else values
+    return low_passed(values, step, bandwidth) if np.isfinite(values).any() else values
 
 
 def _with_flow_rates(flight: Flight, database: AeroDatabase, bandwidth: float) -> tuple[Flight, list[str]]:
     """The flight with alphadot and betadot from alpha and beta, where the database needs them and the log lacks them."""
     wanted = [(f"{angle}dot", angle) for angle in ("alpha", "beta") if angle in flight and f"{angle}dot" not in flight]
-    made = {rate: smooth(flight[angle], flight.step, bandwidth).rate for rate, angle in wanted if rate in database.inputs}
+    made = {rate: smooth(flight[angle], flight.step, bandwidth).rate for rate, angle in wanted if rate in database.flight_inputs}
     return flight.with_channels(made), [f"{rate} from its angle, at a bandwidth of {bandwidth:g} Hz" for rate in made]
 
 

@@ -35,6 +35,14 @@ class UnknownNameError(AeroError, LookupError):
     """A name that nothing answers to: vehicle, flight, version, channel."""
 
 
+class StoreError(AeroError, OSError):
+    """The disk or the catalogue cannot take what is written now: full, read-only, or held by another; nothing is half there."""
+
+
+class StoreBusyError(StoreError):
+    """The same for a reason that may pass by itself: it is held by another, or out of reach for a moment."""
+
+
 class GateRefusal(AeroError, RuntimeError):
     """The promotion gate said no."""
 

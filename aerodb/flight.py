@@ -12,6 +12,7 @@ from aerodb.nomenclature import FLAGS, channel
 from aerodb.recording import Damage
 
 Array = NDArray[np.float64]
+Bits = NDArray[np.unsignedinteger]
 
 
 @dataclass(frozen=True)
@@ -19,15 +20,16 @@ class Flight:
     """Canonical channels on a uniform time grid.
 
     time : (n,) s. channels : name -> (n,), SI, names as in `aerodb.nomenclature`. flags : channel name (or
-    ``flight`` for all of them) -> (n,) uint8, bits as in `nomenclature.FLAGS`; a channel without an entry is good
-    everywhere. missing : channels that the mapping knows and the log lacks. notes : what was assumed on the way.
+    ``flight`` for all of them) -> (n,) uint8 (uint16 where a flag needs it), bits as in `nomenclature.FLAGS`; a channel
+    without an entry is good everywhere. missing : channels that the mapping knows and the log lacks. notes : what was
+    assumed on the way.
     """
 
     id: str
     vehicle: str
     time: Array
     channels: Mapping[str, Array]
-    flags: Mapping[str, NDArray[np.uint8]] = field(default_factory=dict)
+    flags: Mapping[str, Bits] = field(default_factory=dict)
     missing: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     damage: tuple[Damage, ...] = ()
@@ -59,13 +61,18 @@ class Flight:
         """Sampling interval of the grid, s."""
         return float(self.time[-1] - self.time[0]) / (len(self.time) - 1)
 
-    def usable(self, names: Iterable[str] = ()) -> NDArray[np.bool_]:
-        """(n,) true where neither the flight as a whole nor any of the named channels is flagged or not finite."""
-        good = self.flags["flight"] == 0 if "flight" in self.flags else np.ones(len(self.time), dtype=bool)
-        for name in names:
-            good = good & np.isfinite(self[name])
+    def usable(self, names: Iterable[str] = (), despite: Iterable[str] = ()) -> NDArray[np.bool_]:
+        """(n,) true where neither the flight as a whole nor any of the named channels is flagged or not finite.
+
+        despite : flags (keys of FLAGS) that do not matter here, such as ``captive`` where only the motion counts.
+        """
+        count = ~np.uint16(sum(FLAGS[reason] for reason in despite))
+        good = np.ones(len(self.time), dtype=bool)
+        for name in ("flight", *names):
+            if name != "flight":
+                good = good & np.isfinite(self[name])
             if name in self.flags:
-                good = good & (self.flags[name] == 0)
+                good = good & ((self.flags[name] & count) == 0)
         return good
 
     def with_channels(self, channels: Mapping[str, Array]) -> "Flight":
@@ -74,6 +81,6 @@ class Flight:
 
     def with_flag(self, name: str, reason: str, where: NDArray[np.bool_]) -> "Flight":
         """The same flight with `reason` (a key of FLAGS) set for channel `name` where `where` is true."""
-        bits = np.array(self.flags.get(name, np.zeros(len(self.time), dtype=np.uint8)))
-        bits[where] |= np.uint8(FLAGS[reason])
+        flag = np.min_scalar_type(FLAGS[reason]).type(FLAGS[reason])
+        bits = self.flags.get(name, np.zeros(len(self.time), dtype=np.uint8)) | np.where(where, flag, flag.dtype.type(0))
         return replace(self, flags={**self.flags, name: bits})

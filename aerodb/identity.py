@@ -33,6 +33,11 @@ def result_key(inputs: Mapping[str, str], settings: Mapping[str, Any], step: str
     return key_of({"inputs": dict(inputs), "settings": dict(settings), "step": step, "result_version": result_version})
 
 
+def version_id(vehicle: str, parent: str | None, inputs: Iterable[str], settings: Mapping[str, Any]) -> str:
+    """A version's identity: the same wherever the same is made from the same (CONVENTIONS, "Names and identities")."""
+    return key_of({"vehicle": vehicle, "parent": parent, "inputs": sorted(inputs), "settings": dict(settings)})
+
+
 def content_sha256(arrays: Iterable[NDArray[np.float64]]) -> str:
     """sha256 over float64 little-endian values, each array preceded by its shape: guards integrity of tables."""
     digest = hashlib.sha256()

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerodb.air_data import complete_air_data
+from aerodb.captive import flag_captive
 from aerodb.completeness import prevents
 from aerodb.conditioning.clock import clean_clock, interval, is_uniform
 from aerodb.conditioning.resampling import Resampler, first_order_lag, hold, resampler, uniform_grid
@@ -352,7 +353,7 @@ def _completed(flight: Flight, mapping: Mapping, vehicle: Vehicle) -> Flight:
     flight = flight.with_channels({name: np.full(len(flight.time), value) for name, value in constants.items()})
     notes = (*flight.notes, *(f"{name} = {value:g} from the vehicle file" for name, value in constants.items()))
     flight = add_combinations(replace(flight, notes=notes), vehicle)
-    flight = complete_air_data(air_data_at_cg(flight, vehicle))
+    flight = flag_captive(complete_air_data(air_data_at_cg(flight, vehicle)))
     known = [
         *(entry.name for entry in mapping.channel),
         *(name for derived in mapping.derived for name in derived.channels),

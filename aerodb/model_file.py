@@ -8,9 +8,11 @@ breaks = {alpha = [0.175]}          # one slope per interval, continuous unless 
 prior = {q_hat = [-5.0, 2.0]}       # value, one sigma
 bounds = {alpha = [-1.0, 1.0]}
 fixed = {delta_body_flap = 0.0}
+own_constants = true                # every flight has its own; the 1 that enters is their mean
 ```
 
-A term is any expression over canonical channels. Slopes after a break are named ``alpha > 0.175``.
+A term is any expression over canonical channels. Slopes after a break are named ``alpha > 0.175``. With one constant for all
+flights, what differs between them from flight to flight (trim, CG, loading) pulls at the slopes; `own_constants` keeps it out.
 """
 
 import tomllib
@@ -28,6 +30,9 @@ from aerodb.tables.expression import Expression, parse
 #: Axes on which an increment may stand: the body axes and the wind axes of the same forces.
 INCREMENT_AXES = (*AXES, "C_lift", "C_drag", "C_side")
 
+#: The term that is a constant.
+CONSTANT = "1"
+
 
 class DeclaredIncrement(Strict):
     """One axis of the model file; see the module's text."""
@@ -39,6 +44,7 @@ class DeclaredIncrement(Strict):
     prior: dict[str, tuple[float, float]] = {}
     bounds: dict[str, tuple[float, float]] = {}
     fixed: dict[str, float] = {}
+    own_constants: bool = False
 
     @model_validator(mode="after")
     def _consistent(self) -> "DeclaredIncrement":
@@ -46,6 +52,8 @@ class DeclaredIncrement(Strict):
             raise ValueError(f"unknown axis '{self.axis}'; {nearest(self.axis, INCREMENT_AXES)}")
         if len(set(self.terms)) != len(self.terms):
             raise ValueError("a term stands twice")
+        if self.own_constants and CONSTANT not in self.terms:
+            raise ValueError("own_constants without the term '1', whose value they are")
         for name, points in self.breaks.items():
             if name not in self.terms:
                 raise ValueError(f"breaks of '{name}', which is no term; {nearest(name, self.terms)}")

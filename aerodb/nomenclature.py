@@ -36,6 +36,8 @@ _TABLE: tuple[tuple[str, str, str, str], ...] = (
     ("temperature", "K", "static air temperature", _ISO),
     ("static_pressure", "Pa", "static air pressure", _ISO),
     ("calibrated_airspeed", "m/s", "calibrated airspeed", _ISO),
+    ("probe_dp_alpha", "Pa", "five-hole probe: pressure of the lower hole less that of the upper", ""),
+    ("probe_dp_beta", "Pa", "five-hole probe: pressure of the right hole less that of the left", ""),
     # Inertial motion
     ("ax", "m/s^2", "specific force at the CG along body x (forward)", _ISO),
     ("ay", "m/s^2", "specific force at the CG along body y (right)", _ISO),
@@ -55,10 +57,15 @@ _TABLE: tuple[tuple[str, str, str, str], ...] = (
     ("velocity_north", "m/s", "velocity over the earth, north", _ISO),
     ("velocity_east", "m/s", "velocity over the earth, east", _ISO),
     ("velocity_down", "m/s", "velocity over the earth, down", _ISO),
+    ("wind_north", "m/s", "velocity of the air over the earth, north, as the on-board solution has it", ""),
+    ("wind_east", "m/s", "velocity of the air over the earth, east, as the on-board solution has it", ""),
+    ("wind_down", "m/s", "velocity of the air over the earth, down, as the on-board solution has it", ""),
     ("north", "m", "position north of the local origin", ""),
     ("east", "m", "position east of the local origin", ""),
     ("altitude", "m", "altitude above mean sea level, positive up", ""),
     ("height_above_ground", "m", "height above ground, positive up", ""),
+    ("pressure_altitude", "m", "altitude at which the standard atmosphere has the measured static pressure", "ICAO 7488"),
+    ("slant_range", "m", "distance to the ground along a beam fixed in the body, down", ""),
     ("latitude", "rad", "geodetic latitude, north positive", ""),
     ("longitude", "rad", "longitude, east positive", ""),
     # Mass properties and propulsion at that moment
@@ -79,7 +86,14 @@ _TABLE: tuple[tuple[str, str, str, str], ...] = (
     ("q_hat", "1", "q c / (2 V)", "Klein & Morelli 2006"),
     ("r_hat", "1", "r b / (2 V)", "Klein & Morelli 2006"),
     ("alphadot_hat", "1", "alphadot c / (2 V)", "Klein & Morelli 2006"),
+    # What a pilot or a test programme asks for, before any controller adds to it: the whole way is 1, the sign that of the log
+    ("command_roll", "1", "command in roll", ""),
+    ("command_pitch", "1", "command in pitch", ""),
+    ("command_yaw", "1", "command in yaw", ""),
+    # States of the flow, which a state model makes of a flight
+    ("flow_attachment", "1", "how far the flow over the wing is attached, 1 attached, 0 separated", "Leishman & Beddoes 1989"),
     # Positions that are not surfaces but are used like them
+    ("captive", "1", "1 while a carrier holds the vehicle, 0 in free flight", ""),
     ("delta_landing_gear", "1", "landing gear position, 0 up to 1 down and locked", ""),
 )
 
@@ -104,6 +118,14 @@ _AXIS_TEXT: Final[dict[str, str]] = {
     "C_side": "side force over qbar S, positive right, normal to lift and drag",
 }
 
+#: Free inputs of imported databases that a state model makes along a flight, where they then stand beside the channels.
+STATES: Final[dict[str, Channel]] = {
+    c.name: c
+    for c in (
+        Channel("stall_hyst_norm", "1", "1 from the stall until the flow attaches again, else 0", "JSBSim, aero/stall-hyst-norm"),
+    )
+}
+
 #: Columns of stored results in long form (one row per time and axis), beside `time` and `axis`.
 RESULT_COLUMNS: Final[dict[str, Channel]] = {
     c.name: c
@@ -114,10 +136,19 @@ RESULT_COLUMNS: Final[dict[str, Channel]] = {
         Channel("predicted", "1", "coefficient that a database version gives for the same flight condition"),
         Channel("residual", "1", "measured - predicted"),
         Channel("usable", "", "true where the sample may identify or validate"),
+        Channel("sigma_V", "m/s", "one standard error of the consistent true airspeed"),
+        Channel("sigma_alpha", "rad", "one standard error of the consistent angle of attack"),
+        Channel("sigma_beta", "rad", "one standard error of the consistent angle of sideslip"),
+        Channel("sigma_phi", "rad", "one standard error of the consistent bank angle"),
+        Channel("sigma_theta", "rad", "one standard error of the consistent pitch attitude"),
+        Channel("sigma_psi", "rad", "one standard error of the consistent heading"),
+        Channel("product", "1", "whitened cross-products of the columns and the residual of tracing, row by row"),
+        Channel("product_noisy", "1", "the same with the reconstruction's state noise added once more"),
     )
 }
 
-#: Bits of a `flags_<channel>` column: why a sample of that channel must not be used.
+#: Bits of a `flags_<channel>` column: why a sample of that channel must not be used. ``captive``: the carrier flies the vehicle,
+#: which says nothing of its aerodynamics; its kinematics are as good as ever.
 FLAGS: Final[dict[str, int]] = {
     "gap": 1,
     "wild_point": 2,
@@ -127,6 +158,7 @@ FLAGS: Final[dict[str, int]] = {
     "damaged": 32,
     "implausible": 64,
     "stuck": 128,
+    "captive": 256,
 }
 
 
@@ -154,6 +186,8 @@ def channel(name: str) -> Channel:
     """
     if name in CHANNELS:
         return CHANNELS[name]
+    if name in STATES:
+        return STATES[name]
     if is_surface(name):
         what = name.removeprefix("delta_").replace("_", " ")
         return Channel(name, "rad", f"deflection of {what}, trailing edge down positive (rudder: left)", _ISO)

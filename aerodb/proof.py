@@ -10,6 +10,7 @@ from aerodb.comparison import Comparison
 from aerodb.errors import InputError, UnknownNameError, nearest
 from aerodb.estimation.statistics import Theil, rms, theil
 from aerodb.flight import Array
+from aerodb.nomenclature import AXES
 
 Kind = Literal["held-out", "cross-validated", "not validated"]
 Outcome = Literal["at noise floor", "improved", "unchanged", "worse", "not repaired"]
@@ -122,6 +123,20 @@ def prove_by_leaving_one_out(
     flights = tuple(before)
     axes = sorted({axis for comparison in before.values() for axis in comparison.usable}, key=_order)
     return tuple(_axis_proof(axis, before, after, left_out, flights, flights) for axis in axes)
+
+
+def worse_axes(before: Mapping[str, Comparison], after: Mapping[str, Comparison]) -> frozenset[str]:
+    """Body axes on which the rms error over the usable samples of all flights grew by more than what counts as unchanged.
+
+    A force along the wind stands on two body axes, and on the lesser of them it is small beside each flight's constant: a change
+    within `UNCHANGED` there is chance, not harm.
+    """
+    grown = []
+    for axis in AXES:
+        first, error = (_pooled(_residuals(axis, compared, tuple(compared))) for compared in (before, after))
+        if first is not None and error is not None and error > first * (1.0 + UNCHANGED):
+            grown.append(axis)
+    return frozenset(grown)
 
 
 def _axis_proof(

@@ -8,20 +8,23 @@ from scipy.optimize import lsq_linear
 
 from aerodb.comparison import Comparison, band_limited
 from aerodb.errors import InputError
-from aerodb.estimation.regression import Regression, least_squares
+from aerodb.estimation.regression import Regression, least_squares, own_constants, with_mean_constant
 from aerodb.estimation.statistics import Theil, theil
 from aerodb.flight import Array, Flight
-from aerodb.model_file import DeclaredIncrement, ModelFile, Regressor, check_channels, expand
+from aerodb.model_file import CONSTANT, DeclaredIncrement, ModelFile, Regressor, check_channels, expand
 from aerodb.nomenclature import MOMENT_AXES
-from aerodb.tables.arguments import breakpoints_over
 from aerodb.tables.database import AeroDatabase
-from aerodb.tables.increment import BASE_VARIABLES, Increment, Interval
+from aerodb.tables.envelope import flown_envelope
+from aerodb.tables.increment import Increment, Interval
 from aerodb.tables.program import evaluate
 from aerodb.tables.reference import HAT_RATES, hat_rate
 from aerodb.tables.slopes import QUANTITIES, new_sign_changes
 
 #: Two estimates correlated beyond this cannot be told apart by these flights: reported as an alias group.
 ALIAS_CORRELATION = 0.95
+
+#: What one flight gives to an axis: its channels, its samples that are used, its comparison.
+_Used = tuple[Mapping[str, Array], np.ndarray, Comparison]
 
 #: How often a fade is made twice as long to keep the sign of a slope.
 LENGTHENINGS = 4
@@ -51,6 +54,17 @@ class AxisUpdate:
 
 
 @dataclass(frozen=True)
+class Doubt:
+    """A constant error that one flight's channels may still have, invisible in its residual: `sigma`, one standard error; axis ->
+    (n,) `columns`, by how much it moves the residual per unit; `shared`: the same error, by `name`, in all flights."""
+
+    name: str
+    sigma: float
+    shared: bool
+    columns: Mapping[str, Array]
+
+
+@dataclass(frozen=True)
 class Update:
     """The candidate database and what was estimated for it, axis by axis."""
 
@@ -60,16 +74,21 @@ class Update:
 
 
 def estimate_increments(
-    flights: Sequence[Flight], comparisons: Sequence[Comparison], model: ModelFile, database: AeroDatabase
+    flights: Sequence[Flight],
+    comparisons: Sequence[Comparison],
+    model: ModelFile,
+    database: AeroDatabase,
+    doubts: Mapping[str, Sequence[Doubt]] | None = None,
 ) -> Update:
     """Estimates the declared increments on top of `database` from flights and their comparisons (same order).
 
+    doubts : flight -> what its sensors may have left wrong, which the standard errors then hold as well.
     Raises InputError for a term that names an unknown channel, and where a declared axis cannot be estimated at all.
     """
     channels = [_with_hat_rates(flight.channels, database) for flight in flights]
     shared = set.intersection(*(set(c) for c in channels)) if channels else set()
     check_channels(model, shared)
-    results = [_axis(declared, flights, channels, comparisons, database) for declared in model.increment]
+    results = [_axis(declared, flights, channels, comparisons, database, doubts or {}) for declared in model.increment]
     increments = tuple(increment for _, increment in results)
     candidate = replace(database, increments=(*database.increments, *increments))
     return Update(candidate, tuple(axis for axis, _ in results), tuple(flight.id for flight in flights))
@@ -102,6 +121,8 @@ def _fading_slowly(increment: Increment, cells: int) -> Increment:
     interval = increment.envelope["alpha"]
     longer = Interval(interval.low, interval.high, 2.0 * interval.cell)
     note = f"held and faded over {cells} table cells of alpha each: over one, a slope would change sign outside the data"
+    said = increment.note.partition("; held and faded")[0]
+    note = f"{said}; {note}" if said and not said.startswith("held and faded") else note
     return replace(increment, envelope={**increment.envelope, "alpha": longer}, note=note)
 
 
@@ -111,6 +132,7 @@ def _axis(
     channels: Sequence[Mapping[str, Array]],
     comparisons: Sequence[Comparison],
     database: AeroDatabase,
+    doubts: Mapping[str, Sequence[Doubt]],
 ) -> tuple[AxisUpdate, Increment]:
     axis, regressors = declared.axis, expand(declared)
     records = zip(flights, channels, comparisons, strict=True)
@@ -125,21 +147,18 @@ def _axis(
     names = [regressor.name for regressor in kept]
     if not kept:
         raise InputError(f"no declared term on {axis} is excited by these flights", "update", "fly a manoeuvre that moves one")
-    try:
-        fit = least_squares(matrix[:, moving], response, names, [int(good.sum()) for _, good, _ in used])
-    except ValueError as error:
-        remedy = "declare one of them only, or fly them apart"
-        raise InputError(f"increment on {axis}: {error}", "update", remedy) from error
+    fit = _fitted(declared, matrix[:, moving], response, names, used, doubts)
     estimates, covariance, at_bound = _constrained(fit, declared)
     measured = np.concatenate([k.measured[axis][good] for _, good, k in used])
     predicted = measured - response + matrix[:, moving] @ estimates
     ids = tuple(k.flight for _, _, k in used)
+    names_used = frozenset[str]().union(*(regressor.expression.names for regressor in kept))
     increment = Increment(
         axis=axis,
         regressors=tuple(regressor.expression for regressor in kept),
         estimates=estimates,
         covariance=covariance,
-        envelope=_envelope(kept, [(c, good) for c, good, _ in used], database),
+        envelope=flown_envelope(names_used, [(c, good) for c, good, _ in used], database),
         flights=ids,
     )
     deviation = np.sqrt(np.diag(covariance))
@@ -159,6 +178,61 @@ def _axis(
         aliases=_aliases(names, correlation),
     )
     return result, increment
+
+
+def _fitted(
+    declared: DeclaredIncrement,
+    matrix: Array,
+    response: Array,
+    names: Sequence[str],
+    used: Sequence[_Used],
+    doubts: Mapping[str, Sequence[Doubt]],
+) -> Regression:
+    """Least squares on the samples of the flights `used`, in order, with one constant or one for each of them."""
+    axis, lengths, columns, named = declared.axis, [int(good.sum()) for _, good, _ in used], matrix, list(names)
+    constant = names.index(CONSTANT) if declared.own_constants else None
+    if constant is not None:
+        columns, mix = own_constants(matrix, lengths, constant)
+        named = [name for name in names if name != CONSTANT] + [f"{CONSTANT} of {k.flight}" for _, _, k in used]
+    try:
+        fit = least_squares(columns, response, named, lengths)
+    except ValueError as error:
+        remedy = "declare one of them only, or fly them apart"
+        raise InputError(f"increment on {axis}: {error}", "update", remedy) from error
+    fit = replace(fit, covariance=fit.covariance + _doubted(axis, columns, used, doubts))
+    return fit if constant is None else with_mean_constant(fit, mix, names, constant)
+
+
+def _doubted(
+    axis: str,
+    matrix: Array,
+    used: Sequence[_Used],
+    doubts: Mapping[str, Sequence[Doubt]],
+) -> Array:
+    """Covariance (k, k) of least-squares estimates that constant errors of the sensors cause; matrix (n, k), samples of the
+    flights `used` in order.
+
+    Estimates move by ``(X'X)^-1 X' d`` with what an error of one sigma adds to the residual, d: consider covariance (Bierman,
+    *Factorization Methods*, 1977, chapter VIII). One error in all flights moves them together, others each on its own.
+    """
+    gain, start = np.linalg.pinv(matrix), 0
+    total = np.zeros((matrix.shape[1], matrix.shape[1]))
+    together: dict[str, Array] = {}
+    for _, good, comparison in used:
+        part, start = slice(start, start + int(good.sum())), start + int(good.sum())
+        for doubt in doubts.get(comparison.flight, ()):
+            if axis not in doubt.columns:
+                continue
+            column = doubt.sigma * doubt.columns[axis]
+            if axis in MOMENT_AXES and comparison.bandwidth is not None:
+                step = float(comparison.time[-1] - comparison.time[0]) / (len(comparison.time) - 1)
+                column = band_limited(column, step, comparison.bandwidth)
+            moved = gain[:, part] @ column[good]
+            if doubt.shared:
+                together[doubt.name] = together.get(doubt.name, 0.0) + moved
+            else:
+                total += np.outer(moved, moved)
+    return total + sum((np.outer(moved, moved) for moved in together.values()), np.zeros_like(total))
 
 
 def _correlation(covariance: Array) -> Array:
@@ -238,28 +312,6 @@ def _constrained(fit: Regression, declared: DeclaredIncrement) -> tuple[Array, A
     estimates[free] = bounded
     touching = (np.isclose(estimates, low) | np.isclose(estimates, high)) & np.isfinite(low)
     return estimates, covariance, tuple(name for name, touches in zip(names, touching, strict=True) if touches)
-
-
-def _envelope(
-    regressors: Sequence[Regressor], used: Sequence[tuple[Mapping[str, Array], np.ndarray]], database: AeroDatabase
-) -> dict[str, Interval]:
-    """Where the flights have been: for each variable of the increment, and alpha, beta, mach that every one rests on."""
-    variables = {name for regressor in regressors for name in regressor.expression.names}
-    variables |= {name for name in BASE_VARIABLES if name in database.inputs}
-    envelope = {}
-    for name in sorted(variables):
-        values = np.concatenate([np.broadcast_to(channels[name], good.shape)[good] for channels, good in used])
-        low, high = float(values.min()), float(values.max())
-        envelope[name] = Interval(low, high, _cell(name, low, high, database))
-    return envelope
-
-
-def _cell(name: str, low: float, high: float, database: AeroDatabase) -> float:
-    """One table cell of a variable: the median spacing of the database's breakpoints in it, else the flown range."""
-    spacing = np.concatenate([np.empty(0), *(np.diff(points) for points in breakpoints_over(name, database))])
-    if spacing.size:
-        return float(np.median(spacing))
-    return high - low if high > low else max(abs(high), 1e-3)
 
 
 def _aliases(names: Sequence[str], correlation: Array) -> tuple[tuple[str, ...], ...]:

@@ -11,38 +11,29 @@ from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import Field, model_validator
 
 from aerodb.errors import InputError, UnknownNameError, nearest
+from aerodb.five_hole import FiveHole
 from aerodb.flight import Array, Flight
 from aerodb.nomenclature import channel
+from aerodb.quantities import Inertia, Kilograms, Metres, Number, Point, Radians, Seconds, unit_of
 from aerodb.strict import Strict, validated
 from aerodb.units import quantity
-
-
-def _unit(unit: str) -> BeforeValidator:
-    return BeforeValidator(lambda value: quantity(value, unit) if isinstance(value, (str, int, float)) else value)
-
-
-Metres = Annotated[float, _unit("m")]
-Radians = Annotated[float, _unit("rad")]
-Seconds = Annotated[float, _unit("s"), Field(ge=0)]
-Kilograms = Annotated[float, _unit("kg"), Field(gt=0)]
-Inertia = Annotated[float, _unit("kg m^2")]
-Number = Annotated[float, _unit("")]
-Point = tuple[Metres, Metres, Metres]
 
 
 class Reference(Strict):
     """Reference area [m2], chord [m] (for Cm and q_hat) and full span [m] (for Cl, Cn, p_hat, r_hat)."""
 
-    area: Annotated[float, _unit("m^2"), Field(gt=0)]
-    chord: Annotated[float, _unit("m"), Field(gt=0)]
-    span: Annotated[float, _unit("m"), Field(gt=0)]
+    area: Annotated[float, unit_of("m^2"), Field(gt=0)]
+    chord: Annotated[float, unit_of("m"), Field(gt=0)]
+    span: Annotated[float, unit_of("m"), Field(gt=0)]
 
 
 class Points(Strict):
-    """Named points in body axes from the datum. `moment_reference` may be ``"cg"``: moments about the moving CG."""
+    """Named points in body axes from the datum. `moment_reference` may be ``"cg"``: moments about the moving CG. `gps`: the point
+    whose position and velocity over the earth the log holds: a receiver's antenna, or what a navigation filter refers them to
+    (PX4: the IMU); None: the CG."""
 
     moment_reference: Point | Literal["cg"]
     datum_note: str = ""
@@ -51,12 +42,26 @@ class Points(Strict):
     gps: Point | None = None
 
 
+class AirData(Strict):
+    """How the air-data probe is mounted and read.
+
+    `orientation`: roll, pitch, yaw of the boom against the body axes (3-2-1, pitch nose up). `upwash` (alpha, beta): share by
+    which the flow angle at the probe exceeds that of the free stream. `beta`: ``sideslip`` asin(v/V), or ``flank`` angle
+    atan2(v, u), which a free vane shows. `five_hole`: calibration of a five-hole probe's raw pressures.
+    """
+
+    orientation: tuple[Radians, Radians, Radians] = (0.0, 0.0, 0.0)
+    upwash: tuple[Number, Number] = (0.0, 0.0)
+    beta: Literal["sideslip", "flank"] = "sideslip"
+    five_hole: FiveHole | None = None
+
+
 class MassProperties(Strict):
     """Mass, CG and inertia: constant; or over fuel mass (`fuel_mass` increasing, all others lists of that length);
     or named channels of the log (`source = "channels"`)."""
 
     source: Literal["constant", "fuel_table", "channels"] = "constant"
-    fuel_mass: tuple[Annotated[float, _unit("kg"), Field(ge=0)], ...] = ()
+    fuel_mass: tuple[Annotated[float, unit_of("kg"), Field(ge=0)], ...] = ()
     mass: Kilograms | tuple[Kilograms, ...] | None = None
     cg: Point | tuple[Point, ...] | None = None
     Ixx: Inertia | tuple[Inertia, ...] | None = None
@@ -142,7 +147,7 @@ class Accuracy(Strict):
 
     attitude: Radians = float(np.deg2rad(0.3))
     flow_angle: Radians = float(np.deg2rad(0.5))
-    horizontal_velocity: Annotated[float, _unit("m/s")] = 0.8
+    horizontal_velocity: Annotated[float, unit_of("m/s")] = 0.8
     lateral_position: Metres = 10.0
     qbar_fraction: Number = 0.02
 
@@ -150,8 +155,8 @@ class Accuracy(Strict):
 class Processing(Strict):
     """Uniform grid rate [Hz] (None: the fastest inertial topic's own) and smoothing bandwidth [Hz] of the rates."""
 
-    rate: Annotated[float, _unit("Hz"), Field(gt=0)] | None = None
-    bandwidth: Annotated[float, _unit("Hz"), Field(gt=0)] | None = None
+    rate: Annotated[float, unit_of("Hz"), Field(gt=0)] | None = None
+    bandwidth: Annotated[float, unit_of("Hz"), Field(gt=0)] | None = None
 
 
 class Vehicle(Strict):
@@ -168,6 +173,7 @@ class Vehicle(Strict):
     sensors: dict[str, Sensor] = {}
     accuracy: Accuracy = Accuracy()
     processing: Processing = Processing()
+    air_data: AirData = AirData()
     configuration: dict[str, Number] = {}
 
     @model_validator(mode="before")
@@ -290,6 +296,8 @@ span = "2.0 m"         # full span: reference length of Cl, Cn, p_hat, r_hat
 datum_note = "nose"
 moment_reference = [-0.5, 0.0, 0.0]   # or "cg": moments about the moving CG
 imu = [-0.45, 0.0, 0.0]               # where the accelerometers are, or "cg"
+# air_data = [0.3, 0.0, 0.0]          # where V, alpha and beta are measured, when not at the CG
+# gps = [-0.2, 0.0, -0.1]             # whose position and velocity are logged: the antenna, or where a filter moves them to
 
 [mass]
 source = "constant"    # or "fuel_table" (lists over fuel_mass), or "channels" (logged)
@@ -313,6 +321,11 @@ source = "unknown"     # "none" for a glider, "channel" when the log has it
 
 # [sensors.p]          # one sigma of the noise; measured from the data where it is not given
 # noise = "0.1 deg/s"
+
+# [air_data]           # how the probe is mounted and read
+# orientation = ["0 deg", "0 deg", "0 deg"]   # roll, pitch, yaw of the boom
+# upwash = [0.0, 0.0]  # share by which alpha and beta at the probe exceed those of the free stream
+# beta = "sideslip"    # or "flank", atan2(v, u), as a free vane shows it
 
 # [processing]
 # bandwidth = "5 Hz"   # of differentiated rates: about five times the short-period frequency

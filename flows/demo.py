@@ -1,42 +1,45 @@
 """The demo: the built-in example through the whole product, from real log files to a proof on flights not used.
 
-The flights are simulated on a sealed truth; what they leave are ``.ulg`` files. The flows that run are the product's own
-and see nothing else. Only when all results are stored is the truth looked at, to say what the noise floor is.
+The flights are simulated on a sealed truth; what they leave are ``.ulg`` files and a closed envelope. The flows that run are the
+product's own and see nothing but the logs. Only when all results are stored is the envelope opened.
 """
 
+import json
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
-from aerodb.comparison import compare
 from aerodb.estimation.statistics import rms
 from aerodb.examples.phoenix import text
 from aerodb.examples.phoenix.mission import fly
-from aerodb.examples.phoenix.truth import truth
+from aerodb.examples.phoenix.truth import EFFECTS, Effect, drawn, truth
 from aerodb.nomenclature import AXES
+from flows.close_loop import close_loop_flow
 from flows.flight import flight_flow
 from flows.importing import import_flow
-from flows.update import update_flow
 from storage.workspace import Workspace
 from storage.writers.ulog import write_ulog
-from tasks.coefficients import load_coefficients
+from tasks.compare import compared
 from tasks.open import stores
 
 VEHICLE = "phoenix"
+ENVELOPE = "envelope.json"
 
 #: Runs a flow with its parameters: the command line's way, or a test's.
 Run = Callable[[Any, dict[str, Any]], Any]
 Say = Callable[[str], None]
+Agreement = Literal["named", "in_set", "missed"]
 
 
 @dataclass(frozen=True)
 class Demo:
-    """What the demo shows: the update's document, and the truth beside it.
+    """What the demo shows: the closed loop's document, and the opened envelope beside it.
 
     floors : axis -> rms on the held-out flights ``before``, ``after`` and ``floor``, the last that of the true model.
+    truth : the effects that flew, each with ``agreement``.
     """
 
     document: dict[str, Any]
@@ -45,7 +48,7 @@ class Demo:
 
 
 def run_demo(workspace: Workspace, logs: list[Path], run: Run, say: Say) -> Demo:
-    """Takes the logs of `write_logs` in, updates the database, and then opens the envelope."""
+    """Takes the logs of `write_logs` in, closes the loop on them, and then opens the envelope."""
     database = logs[0].parent / "preflight.toml"
     database.write_text(text("preflight.toml"), encoding="utf-8")
     opened = stores(str(workspace.root))
@@ -54,41 +57,57 @@ def run_demo(workspace: Workspace, logs: list[Path], run: Run, say: Say) -> Demo
     outcomes = run(flight_flow, {"logs": [str(log) for log in logs], "vehicle": VEHICLE})
     ids = [outcome["flight"] for outcome in outcomes]
     say(f"took in {len(ids)} logs: {', '.join(sorted({outcome['status'] for outcome in outcomes}))}")
-    parameters = {"vehicle": VEHICLE, "baseline": baseline, "flights": ids, "model": text("model.toml")}
-    document = run(update_flow, parameters)
-    return Demo(document, _floors(workspace, document), [asdict(effect) for effect in _truth(workspace, baseline)[1]])
+    document = run(close_loop_flow, {"vehicle": VEHICLE, "baseline": baseline, "flights": ids})
+    effects = open_envelope(logs[0].parent)
+    told = [{**asdict(effect), "agreement": agreement(effect, document["findings"])} for effect in effects]
+    return Demo(document, floors(workspace, document, effects), told)
 
 
-def write_logs(folder: Path, flights: int, seed: int) -> list[Path]:
-    """Flies the campaign and writes one ``.ulg`` file per flight; returns the files in the order flown."""
+def write_logs(folder: Path, flights: int, seed: int | None) -> list[Path]:
+    """Flies the campaign, writes one ``.ulg`` file per flight and closes the truth in an envelope; returns the logs as flown.
+
+    seed : draws the undeclared effects and all else that is random; None: the Phoenix case of 003.
+    """
     folder.mkdir(parents=True, exist_ok=True)
+    effects = EFFECTS if seed is None else drawn(seed)
+    (folder / ENVELOPE).write_text(json.dumps([asdict(effect) for effect in effects], indent=1) + "\n", encoding="utf-8")
     paths = []
-    for log in fly(seed, flights):
+    for log in fly(seed or 0, flights, effects):
         path = folder / f"{log.name}.ulg"
         write_ulog(path, log.topics, metadata={"sys_name": "PX4", "ver_hw": "AERODB_EXAMPLE"}, start_utc=log.start_utc)
         paths.append(path)
     return paths
 
 
-def _truth(workspace: Workspace, baseline: str) -> Any:
-    return truth(stores(str(workspace.root)).database(baseline))
+def open_envelope(folder: Path) -> tuple[Effect, ...]:
+    """The effects that flew."""
+    return tuple(Effect(**entry) for entry in json.loads((folder / ENVELOPE).read_text(encoding="utf-8")))
 
 
-def _floors(workspace: Workspace, document: dict[str, Any]) -> dict[str, dict[str, float]]:
+def agreement(effect: Effect, findings: list[dict[str, Any]]) -> Agreement:
+    """Whether a true effect was named, stands in the explanation set of a finding, or was missed."""
+    heads = {f["parameter"] for f in findings if f["effect"] == effect.effect and effect.axis in f["axis"]}
+    plain = effect.parameter.partition(" ")[0]
+    if any(head == effect.parameter or head.partition(" ")[0] == plain for head in heads):
+        return "named"
+    within = {member for finding in findings for member in finding["explanation_set"]}
+    own = {f"{effect.effect}@{effect.axis}", f"{effect.effect}@{effect.axis}:{effect.regressor.removeprefix('delta_')}"}
+    return "in_set" if own & within else "missed"
+
+
+def floors(workspace: Workspace, document: dict[str, Any], effects: tuple[Effect, ...]) -> dict[str, dict[str, float]]:
     """Residual of the baseline, the candidate and the true model on the same reconstructed held-out coefficients."""
     opened = stores(str(workspace.root))
+    baseline = opened.database(document["baseline"])
     models = {
-        "before": opened.database(document["baseline"]),
-        "after": opened.database(document["candidate"]),
-        "floor": _truth(workspace, document["baseline"])[0],
+        "before": baseline,
+        "after": opened.database(document["candidate"]) if document["candidate"] else baseline,
+        "floor": truth(baseline, effects)[0],
     }
     residuals: dict[str, dict[str, list[np.ndarray]]] = {axis: {name: [] for name in models} for axis in AXES}
     for id in document["flights"]["held_out"]:
-        row = opened.catalogue.flight(id)
-        flight, coefficients, _ = load_coefficients(opened, row, "")
-        vehicle, _ = opened.vehicle(row.vehicle)
         for name, database in models.items():
-            comparison = compare(flight, coefficients, database, vehicle.reference)
+            comparison = compared(opened, id, database, "")
             for axis in AXES:
                 residuals[axis][name].append(comparison.residual(axis)[comparison.usable[axis]])
     return {axis: {name: rms(np.concatenate(parts)) for name, parts in sides.items()} for axis, sides in residuals.items()}

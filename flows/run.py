@@ -7,13 +7,24 @@ takes seconds to import, is imported only where it runs something.
 
 import logging
 import os
+import secrets
+import sys
 import urllib.request
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from pathlib import Path
-from typing import Any, Literal, Protocol
+from typing import Any, Final, Literal, Protocol
 
-from aerodb.errors import InputError
+from threadpoolctl import threadpool_limits
+
+from aerodb.errors import InputError, StoreBusyError, StoreError
+from flows.deadline import at_most
+from flows.work import Call, Here, Work, work_of
 from storage.catalogue import Catalogue
+from storage.locks import holding, note_of
+from storage.rows import RunState
+from storage.settings import TOKEN_VARIABLE, authorization, load_settings
 from storage.workspace import Workspace
 from tasks.provenance import code_version
 
@@ -40,45 +51,92 @@ def silent(_step: str, _done: int, _total: int) -> None:
 
 
 class DirectSteps:
-    """Steps as plain calls in this process."""
+    """Steps as plain calls; those that are mapped are done where `work` says, on all cores."""
 
-    def __init__(self, progress: Progress = silent) -> None:
-        self._progress = progress
+    def __init__(self, progress: Progress = silent, work: Work | None = None) -> None:
+        self._progress, self._work = progress, work or Here()
 
     def __call__(self, step: Callable[..., Any], *args: Any, **keywords: Any) -> Any:
-        return self.map(step, [args[0]], *args[1:], **keywords)[0]
+        return self._told(step, Here().calls(step, args[:1], *args[1:], **keywords))[0]
 
     def map(self, step: Callable[..., Any], items: Iterable[Any], *args: Any, **keywords: Any) -> list[Any]:
-        todo, results = list(items), []
-        for done, item in enumerate(todo):
-            self._progress(name_of(step), done, len(todo))
-            results.append(step(item, *args, **keywords))
-        self._progress(name_of(step), len(todo), len(todo))
+        calls = self._work.calls(step, items, *args, **keywords)
+        workers = min(len(calls), os.cpu_count() or 1)
+        if workers < 2:
+            return self._told(step, calls)
+        pool = ThreadPoolExecutor(workers)
+        try:
+            with threadpool_limits(1, user_api="blas"):
+                return self._told(step, [pool.submit(call).result for call in calls])
+        finally:  # what has not begun when one fails, or the run is stopped, does not begin
+            pool.shutdown(wait=isinstance(sys.exception(), Exception | None), cancel_futures=True)
+
+    def _told(self, step: Callable[..., Any], calls: Sequence[Call]) -> list[Any]:
+        results = []
+        for done, call in enumerate(calls):
+            self._progress(name_of(step), done, len(calls))
+            results.append(call())
+        self._progress(name_of(step), len(calls), len(calls))
         return results
 
 
 class PrefectSteps:
-    """Steps as Prefect tasks of the flow run that is under way."""
+    """Steps as Prefect tasks of the flow run that is under way; what they do is done where `work` says."""
 
-    def __init__(self, progress: Progress = silent) -> None:
-        self._progress = progress
+    def __init__(self, progress: Progress = silent, work: Work | None = None) -> None:
+        self._progress, self._work = progress, work or Here()
 
     def __call__(self, step: Callable[..., Any], *args: Any, **keywords: Any) -> Any:
-        return self.map(step, [args[0]], *args[1:], **keywords)[0]
+        return self._done(step, Here().calls(step, args[:1], *args[1:], **keywords), keywords["workspace"])[0]
 
     def map(self, step: Callable[..., Any], items: Iterable[Any], *args: Any, **keywords: Any) -> list[Any]:
+        return self._done(step, self._work.calls(step, items, *args, **keywords), keywords["workspace"])
+
+    def _done(self, step: Callable[..., Any], calls: Sequence[Call], workspace: str) -> list[Any]:
         from prefect import task
         from prefect.cache_policies import NO_CACHE
 
-        # The catalogue's keys decide what is done already: a second cache beside it could only disagree.
-        prefect_task: Any = task(name=name_of(step), persist_result=False, cache_policy=NO_CACHE)(step)
-        futures = [prefect_task.submit(item, *args, **keywords) for item in items]
+        # The catalogue's keys decide what is done already: a second cache beside it could only disagree. A task is given its
+        # call alone: the orchestrator looks through whatever it is given, and databases are large.
+        prefect_task: Any = task(
+            name=name_of(step),
+            persist_result=False,
+            cache_policy=NO_CACHE,
+            retries=len(_AGAIN_AFTER),
+            retry_delay_seconds=list(_AGAIN_AFTER),
+            retry_condition_fn=_may_pass,
+            timeout_seconds=load_settings(Path(workspace)).limits.step,
+        )(_made)
         results = []
-        for done, future in enumerate(futures):
-            self._progress(name_of(step), done, len(futures))
-            results.append(future.result())
+        with threadpool_limits(1 if len(calls) > 1 else None, user_api="blas"):  # tasks are threads
+            futures = [prefect_task.submit(_Opaque(call)) for call in calls]
+            for done, future in enumerate(futures):
+                self._progress(name_of(step), done, len(futures))
+                results.append(future.result())
         self._progress(name_of(step), len(futures), len(futures))
         return results
+
+
+class _Opaque:
+    """A call that nobody looks into."""
+
+    __slots__ = ("call",)
+
+    def __init__(self, call: Call) -> None:
+        self.call = call
+
+
+def _made(given: _Opaque) -> Any:
+    return given.call()
+
+
+#: A step is tried again after so many seconds, where that can help.
+_AGAIN_AFTER: Final = (2.0, 15.0, 60.0)
+
+
+def _may_pass(_task: Any, _run: Any, state: Any) -> bool:
+    """Whether a failure may pass by itself: a lock, a disk out of reach. What is wrong with a log stays wrong."""
+    return isinstance(state.result(raise_on_failure=False), StoreBusyError)
 
 
 def name_of(step: Callable[..., Any]) -> str:
@@ -98,17 +156,62 @@ def run_flow(
     The body is called as ``body(steps, workspace=<folder as text>, run=<run id>, **parameters)``.
     """
     _check_text(parameters)
-    way: Way = "direct" if how == "direct" else configure_prefect(workspace.root)
-    catalogue = Catalogue.open(workspace.catalogue)
-    run = catalogue.start_run(body.__name__, how=way, parameters=parameters, code_version=code_version()).id
-    given = {"workspace": str(workspace.root), "run": run, **parameters}
-    try:
-        result = body(DirectSteps(progress), **given) if way == "direct" else _under_prefect(body, given, progress)
-    except BaseException as error:
-        catalogue.end_run(run, "failed", error=str(error) or type(error).__name__)
-        raise
-    catalogue.end_run(run, "completed")
+    orchestrated = "" if how == "direct" else _present_flow_run()
+    way: Way = "direct" if how == "direct" else "server" if orchestrated else configure_prefect(workspace.root)
+    given = {"workspace": str(workspace.root), **parameters}
+
+    def call(run: str) -> Any:
+        limit = load_settings(workspace.root).limits.run
+        with at_most(limit, f"run {run[:12]}"), work_of(workspace.root) as work:
+            if way == "direct":
+                return body(DirectSteps(progress, work), run=run, **given)
+            if orchestrated:  # a deployment: its flow run is this run
+                return body(PrefectSteps(progress, work), run=run, **given)
+            return _under_prefect(body, {"run": run, **given}, PrefectSteps(progress, work))
+
+    return _recorded(body, call, parameters, workspace, way, orchestrated)
+
+
+def run_part(steps: Steps, body: Callable[..., Any], parameters: dict[str, Any], workspace: str, within: str) -> Any:
+    """Runs a flow body through the steps of the run `within` (its id) that is under way, with a record of its own."""
+    opened = Workspace.open(Path(workspace))
+    way: Way = Catalogue.open(opened.catalogue).run(within).how
+    given = {"workspace": workspace, **parameters}
+    return _recorded(body, lambda run: body(steps, run=run, **given), parameters, opened, way)
+
+
+def _recorded(
+    body: Callable[..., Any],
+    call: Callable[[str], Any],
+    parameters: dict[str, Any],
+    workspace: Workspace,
+    way: Way,
+    id: str = "",
+) -> Any:
+    """Notes in the catalogue that a run begins and how it ends; its lock says for as long as it lasts that it lives."""
+    run = id or secrets.token_hex(16)
+    with Catalogue.open(workspace.catalogue) as catalogue, holding(workspace.lock(f"run-{run}"), remove=True):
+        catalogue.start_run(body.__name__, how=way, parameters=parameters, code_version=code_version(), id=run)
+        try:
+            result = call(run)
+        except BaseException as error:
+            # Whoever stops a run (an interrupt, the end of the server) has not made it fail.
+            state: RunState = "failed" if isinstance(error, Exception) else "cancelled"
+            with suppress(StoreError):  # the same disk, perhaps: a run whose lock is free and that has no end has crashed
+                catalogue.end_run(run, state, error=str(error) or type(error).__name__)
+            raise
+        catalogue.end_run(run, "completed")
     return result
+
+
+def _present_flow_run() -> str:
+    """The id of the orchestrator's flow run that this process is in, empty outside of one."""
+    if "prefect" not in sys.modules:
+        return ""
+    from prefect.context import FlowRunContext
+
+    context = FlowRunContext.get()
+    return str(context.flow_run.id) if context is not None and context.flow_run is not None else ""
 
 
 def _check_text(parameters: dict[str, Any]) -> None:
@@ -119,29 +222,34 @@ def _check_text(parameters: dict[str, Any]) -> None:
                 raise InputError("its name is not valid UTF-8", text, "rename the file")
 
 
-def _under_prefect(body: Callable[..., Any], given: dict[str, Any], progress: Progress) -> Any:
+def _under_prefect(body: Callable[..., Any], given: dict[str, Any], steps: Steps) -> Any:
     from prefect import flow
+    from prefect.settings import PREFECT_FLOWS_HEARTBEAT_FREQUENCY, temporary_settings
     from prefect.task_runners import ThreadPoolTaskRunner
 
     def run(**parameters: Any) -> Any:
-        return body(PrefectSteps(progress), **parameters)
+        return body(steps, **parameters)
 
     run.__name__ = body.__name__
     threads: Any = ThreadPoolTaskRunner(max_workers=os.cpu_count() or 1)
     prefect_flow: Any = flow(
         name=body.__name__.replace("_", "-"),
+        flow_run_name=given["run"],
         description=body.__doc__,
         task_runner=threads,
         validate_parameters=False,
         persist_result=False,
     )(run)
-    return prefect_flow(**given)
+    # Our locks say who lives; Prefect's heartbeat would tell nobody, and its thread keeps the end of a run waiting for a second.
+    with temporary_settings({PREFECT_FLOWS_HEARTBEAT_FREQUENCY: None}):
+        return prefect_flow(**given)
 
 
 def configure_prefect(root: Path) -> Literal["server", "ephemeral"]:
     """Sets Prefect's environment before its first import: quiet, no telemetry, its database in the workspace.
 
-    Returns ``server`` when PREFECT_API_URL names one that answers, else ``ephemeral``.
+    Returns ``server`` when PREFECT_API_URL, or the note of the workspace's own ``aerodb serve``, names one that answers, else
+    ``ephemeral``.
     """
     home = root / "prefect"
     home.mkdir(parents=True, exist_ok=True)
@@ -157,6 +265,11 @@ def configure_prefect(root: Path) -> Literal["server", "ephemeral"]:
     for name, value in quiet.items():
         os.environ.setdefault(name, value)
     logging.getLogger("httpx").setLevel(logging.WARNING)
+    serving = {} if "PREFECT_API_URL" in os.environ else note_of(root / "locks" / "serve")
+    if own := serving.get("url"):
+        os.environ["PREFECT_API_URL"] = own
+        if token := os.environ.get(TOKEN_VARIABLE) or serving.get("token"):
+            os.environ["PREFECT_API_AUTH_STRING"] = authorization(token)
     url = os.environ.get("PREFECT_API_URL", "")
     if url and _answers(url):
         return "server"

@@ -6,7 +6,7 @@ from flows.run import Steps
 from tasks.compare import compare_with_version
 from tasks.deltas import estimate, plan_update, validate
 from tasks.publish import publish_candidate
-from tasks.report import draw_update
+from tasks.report import write_update_page
 
 
 def update_flow(
@@ -23,7 +23,7 @@ def update_flow(
     """Estimates the increments that `model` (the text of a model file) declares, on top of version `baseline` (its id).
 
     flights : their full ids. hold_out : references of flights to hold out, an empty list for none, None for the rule.
-    Returns the update's document with ``label`` and ``figure``.
+    Returns the update's document with ``label`` and ``page``, the file of its report.
     """
     where = {"workspace": workspace, "run": run}
     compared = steps.map(compare_with_version, flights, **where, version=baseline)
@@ -31,5 +31,4 @@ def update_flow(
     update = steps(estimate, plan, **where)
     proof = steps(validate, plan, update, **where)
     document = steps(publish_candidate, plan, update, proof, **where)
-    figure = steps(draw_update, plan, update, document["candidate"], document["label"], **where)
-    return {**document, "figure": figure}
+    return {**document, "page": steps(write_update_page, document, **where)}

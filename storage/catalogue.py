@@ -17,19 +17,33 @@ from aerodb.errors import InputError, UnknownNameError
 from aerodb.recording import Damage
 from storage import encoding as enc
 from storage import schema as s
-from storage.database import open_sqlite
+from storage.arrivals import ArrivalLedger
+from storage.calibrations import CalibrationLedger
 from storage.flight_rows import FlightLedger
+from storage.places import place_of
+from storage.postgresql import open_postgresql
+from storage.repeats import RepeatLedger
 from storage.rows import How, LogRow, LogStatus, ResultRow, RunRow, RunState, VehicleRow
+from storage.run_queries import RunQueries
+from storage.sqlite import open_sqlite
+from storage.stored_files import FileLedger
 from storage.versions import VersionLedger
 
 
-class Catalogue(FlightLedger, VersionLedger):
+class Catalogue(FlightLedger, RepeatLedger, CalibrationLedger, VersionLedger, FileLedger, ArrivalLedger, RunQueries):
     """The catalogue of one workspace. Safe to use from several threads and processes at once."""
 
     @classmethod
     def open(cls, path: Path, create: bool = True) -> "Catalogue":
-        """The catalogue at `path`, brought to the newest schema; made when absent and `create`, else InputError."""
-        return cls(open_sqlite(path, create))
+        """The catalogue at `path`, or in the PostgreSQL database that the settings beside it name (`storage.places`), brought to
+        the newest schema; made when absent and `create`, else InputError."""
+        place = place_of(path)
+        return cls(open_postgresql(place.url, create) if place.url else open_sqlite(path, create))
+
+    @classmethod
+    def in_file(cls, path: Path) -> "Catalogue":
+        """The catalogue in the file at `path` itself, whatever stands beside it: that of a backup."""
+        return cls(open_sqlite(path))
 
     def close(self) -> None:
         """Gives the connections back."""
@@ -167,7 +181,6 @@ class Catalogue(FlightLedger, VersionLedger):
             "settings": enc.to_json(dict(settings or {})),
             "result_version": result_version,
             "code_version": code_version,
-            "created_utc": enc.time_text(enc.now()),
         }
         edges = [{"key": key, "input_key": enc.checked_key(i, "the hash of an input")} for i in sorted(set(inputs))]
         with self._database.writing() as connection:
@@ -175,7 +188,9 @@ class Catalogue(FlightLedger, VersionLedger):
                 self._require_flight(connection, flight)
             new = connection.execute(sa.select(s.results.c.key).where(s.results.c.key == key)).scalar() is None
             if new:
-                connection.execute(sa.insert(s.results).values(row))
+                mine = sa.false() if flight is None else s.results.c.flight == flight
+                at = self._stamp(connection, s.results.c.created_utc, mine)
+                connection.execute(sa.insert(s.results).values({**row, "created_utc": at}))
                 if edges:
                     connection.execute(sa.insert(s.result_inputs), edges)
             if run is not None:
@@ -217,7 +232,6 @@ class Catalogue(FlightLedger, VersionLedger):
             "id": run,
             "flow": enc.checked(flow, enc.WORD, "the name of a flow"),
             "how": how,
-            "started_utc": enc.time_text(enc.now()),
             "state": "running",
             "parameters": enc.to_json(dict(parameters or {})),
             "code_version": code_version,
@@ -225,7 +239,8 @@ class Catalogue(FlightLedger, VersionLedger):
         }
         with self._database.writing() as connection:
             if connection.execute(sa.select(s.runs.c.id).where(s.runs.c.id == run)).scalar() is None:
-                connection.execute(sa.insert(s.runs).values(row))
+                at = self._stamp(connection, s.runs.c.started_utc)
+                connection.execute(sa.insert(s.runs).values({**row, "started_utc": at}))
         return self.run(run)
 
     def end_run(self, id: str, state: RunState, error: str = "") -> RunRow:
@@ -233,7 +248,9 @@ class Catalogue(FlightLedger, VersionLedger):
         if state == "running":
             raise ValueError("a run does not end as 'running'")
         with self._database.writing() as connection:
-            values = {"state": state, "ended_utc": enc.time_text(enc.now()), "error": enc.plain_text(error)}
+            begun = connection.execute(sa.select(s.runs.c.started_utc).where(s.runs.c.id == id)).scalar()
+            at = enc.after(enc.time_of(begun) if begun else None)
+            values = {"state": state, "ended_utc": enc.time_text(at), "error": enc.plain_text(error)}
             open_run = (s.runs.c.id == id) & s.runs.c.ended_utc.is_(None)
             connection.execute(sa.update(s.runs).where(open_run).values(values))
         return self.run(id)

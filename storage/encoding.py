@@ -4,7 +4,7 @@ import json
 import re
 from collections.abc import Iterable
 from dataclasses import asdict
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from typing import Any, Final
 
 from aerodb.errors import InputError
@@ -20,6 +20,8 @@ KEY: Final = re.compile(r"[0-9a-f]{64}")
 RUN_ID: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9-]{0,63}")
 REFERENCE: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,127}")
 LABEL: Final = re.compile(r"v([0-9]{1,9})")
+#: What a time of the catalogue is rounded to.
+_MOMENT: Final = timedelta(microseconds=1)
 
 
 def checked(name: str, pattern: re.Pattern[str], what: str) -> str:
@@ -69,6 +71,16 @@ def damage_from_json(text: str) -> tuple[Damage, ...]:
 def now() -> datetime:
     """The current time, UTC."""
     return datetime.now(UTC)
+
+
+def after(*times: datetime | None) -> datetime:
+    """The current time, or the moment after the latest of `times` where the clock was set back since: what is listed by its time
+    is listed in the order in which it happened.
+
+    >>> after(datetime(9999, 1, 2, tzinfo=UTC)).isoformat()
+    '9999-01-02T00:00:00.000001+00:00'
+    """
+    return max([now(), *(time + _MOMENT for time in times if time is not None)])
 
 
 def time_text(time: datetime) -> str:

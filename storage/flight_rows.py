@@ -9,6 +9,7 @@ import sqlalchemy as sa
 from aerodb.errors import InputError, UnknownNameError, nearest
 from storage import encoding as enc
 from storage import schema as s
+from storage.flight_pages import Asked, FlightPage, page_of_ids
 from storage.ledger import NAMES_COMPARED, Ledger, in_parts
 from storage.rows import FlightRow, Verdict
 
@@ -39,9 +40,9 @@ class FlightLedger(Ledger):
             enc.checked(name, enc.FLIGHT_NAME, "the name of a flight")
         start = enc.time_text(start_utc) if start_utc is not None else None
         record = {"mapping": mapping, "start_utc": start, "duration": float(duration), "samples": samples, "step": float(step)}
-        at = enc.time_text(enc.now())
         with self._database.writing() as connection:
             self._require_vehicle(connection, vehicle)
+            at = self._stamp(connection, s.flights.c.added_utc, s.flights.c.vehicle == vehicle)
             identity = {"id": id, "vehicle": vehicle, "name": name, "log_sha256": log_sha256}
             if self._is_new(connection, identity):
                 connection.execute(sa.insert(s.flights).values({**identity, "added_utc": at}))
@@ -126,6 +127,29 @@ class FlightLedger(Ledger):
         """Id -> flight, for those of `ids` that there are."""
         with self._database.reading() as connection:
             return {row.id: row for part in in_parts(set(ids)) for row in _rows(connection, s.flights.c.id.in_(part))}
+
+    def newest_flights(self, vehicle: str, limit: int) -> tuple[FlightRow, ...]:
+        """The flights of a vehicle that were added last, at most `limit`, newest first; the others are not read."""
+        c = s.flights.c
+        query = sa.select(c.id).where(c.vehicle == vehicle).order_by(c.added_utc.desc(), c.id).limit(limit)
+        with self._database.reading() as connection:
+            self._require_vehicle(connection, vehicle)
+            ids = connection.scalars(query).all()
+        rows = self.flights_by_id(ids)
+        return tuple(rows[id] for id in ids)
+
+    def flight_page(self, asked: Asked, limit: int, after: str = "") -> FlightPage:
+        """The flights that were added last, newest first, at most `limit` of those that are `asked` for.
+
+        after : the `further` of the page before. What it costs does not grow with the flights stored: a search looks through so
+        many at a time, and its page may hold fewer than there are. InputError where `after` is no place in the list.
+        """
+        with self._database.reading() as connection:
+            if asked.vehicle is not None:
+                self._require_vehicle(connection, asked.vehicle)
+            ids, further = page_of_ids(connection, asked, limit, after)
+        rows = self.flights_by_id(ids)
+        return FlightPage(tuple(rows[id] for id in ids), further)
 
     def flight_labels(self, ids: Iterable[str]) -> dict[str, str]:
         """Id -> what people call the flight."""

@@ -4,13 +4,12 @@ Which file belongs to which flight, result or version is the catalogue's busines
 """
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict
 from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
-import numpy as np
 from numpy.typing import NDArray
 
 from aerodb.errors import InputError, UnknownNameError, nearest
@@ -18,9 +17,12 @@ from aerodb.flight import Flight
 from aerodb.nomenclature import CHANNELS, RESULT_COLUMNS, Channel, channel
 from aerodb.recording import Damage, Recording, Topic
 from storage.parquet import Column, json_text, read_columns, read_metadata, write_columns
+from storage.stored_files import measured
+from storage.topics import StoredTopics, read_topic, write_topic
 from storage.workspace import write_atomically
 
-_INDEX = "recording.json"
+#: The file of a stored recording that names its topics.
+INDEX: Final = "recording.json"
 
 
 def write_flight(path: Path, flight: Flight) -> None:
@@ -100,105 +102,98 @@ def write_recording(folder: Path, recording: Recording, keep: bool = False) -> N
     writer put at `folder` meanwhile stays.
     """
 
-    def write(temporary: Path) -> None:
-        temporary.mkdir()
-        for number, topic in enumerate(recording.topics.values()):
-            _write_topic(temporary / f"{number:04d}.parquet", topic)
-        index = {
-            "source": recording.source,
-            "format": recording.format,
-            "sha256": recording.sha256,
-            "size": recording.size,
-            "topics": list(recording.topics),
-            "metadata": dict(recording.metadata),
-            # As a list too: the log's own order is not the sorted order of JSON keys.
-            "metadata_order": list(recording.metadata),
-            "damage": [asdict(d) for d in recording.damage],
-            "start_utc": _time_text(recording.start_utc),
-            "layout": recording.layout,
-        }
-        (temporary / _INDEX).write_text(json_text(index), encoding="ascii")
-
-    write_atomically(folder, write, keep)
+    write_atomically(folder, lambda temporary: write_topics(temporary, recording), keep)
 
 
-def read_recording(folder: Path, topics: Iterable[str] | None = None) -> Recording:
-    """The recording stored in `folder`, with all topics or only those named (UnknownNameError for one it lacks)."""
+def write_topics(folder: Path, recording: Recording) -> None:
+    """Makes `folder` and writes what `write_recording` stores into it, as it comes: not atomic."""
+    folder.mkdir()
+    files = []
+    for number, topic in enumerate(recording.topics.values()):
+        path = folder / f"{number:04d}.parquet"
+        write_topic(path, topic)
+        files.append(measured(path))
+    index = {
+        "source": recording.source,
+        "format": recording.format,
+        "sha256": recording.sha256,
+        "size": recording.size,
+        "topics": list(recording.topics),
+        # Hash and size of each topic's file: who has the index's own hash has them all.
+        "files": files,
+        "metadata": dict(recording.metadata),
+        # As a list too: the log's own order is not the sorted order of JSON keys.
+        "metadata_order": list(recording.metadata),
+        "damage": [asdict(d) for d in recording.damage],
+        "start_utc": _time_text(recording.start_utc),
+        "layout": recording.layout,
+    }
+    (folder / INDEX).write_text(json_text(index), encoding="ascii")
+
+
+def files_of(folder: Path) -> dict[str, tuple[str, int]]:
+    """File name -> (sha256, size) of the topics' files of a stored recording, as its index says; InputError without one.
+
+    The hash is empty where the index is of a time when it held none.
+    """
+    known = files_in(_index(folder))
+    if all(sha256 for sha256, _ in known.values()):
+        return known
+    sizes = {path.name: path.stat().st_size for path in folder.iterdir()}
+    return {name: (sha256, size if sha256 else sizes.get(name, 0)) for name, (sha256, size) in known.items()}
+
+
+def files_in(index: Mapping[str, Any]) -> dict[str, tuple[str, int]]:
+    """The same of an index that is read already; where it holds no hash, it holds no size either: 0."""
+    names = [f"{number:04d}.parquet" for number in range(len(index["topics"]))]
+    known = index.get("files") or [("", 0)] * len(names)
+    return {name: (sha256, size) for name, (sha256, size) in zip(names, known, strict=True)}
+
+
+def _index(folder: Path) -> dict[str, Any]:
     try:
-        index = json.loads((folder / _INDEX).read_text(encoding="ascii"))
+        found: dict[str, Any] = json.loads((folder / INDEX).read_text(encoding="ascii"))
     except (OSError, ValueError) as error:
         raise InputError("no stored recording here", str(folder), "ingest the log again") from error
+    return found
+
+
+def read_recording(folder: Path, topics: Iterable[str] | None = None, fields: bool = True) -> Recording:
+    """The recording stored in `folder`, with all topics or only those named (UnknownNameError for one it lacks).
+
+    fields : without them, a topic is its time stamps alone, which is much quicker.
+    """
+    index = _index(folder)
     wanted = index["topics"] if topics is None else list(topics)
     for name in wanted:
         if name not in index["topics"]:
             raise UnknownNameError(f"no topic '{name}'", str(folder), nearest(name, index["topics"]))
     read = {
-        name: _read_topic(folder / f"{number:04d}.parquet") for number, name in enumerate(index["topics"]) if name in set(wanted)
+        name: read_topic(folder / f"{number:04d}.parquet", fields)
+        for number, name in enumerate(index["topics"])
+        if name in set(wanted)
     }
+    return _recording(index, read)
+
+
+def open_recording(folder: Path) -> Recording:
+    """The recording stored in `folder`, its topics and fields read when they are asked for: it must stay there until then."""
+    index = _index(folder)
+    return _recording(index, StoredTopics(folder, index["topics"]))
+
+
+def _recording(index: Mapping[str, Any], topics: Mapping[str, Topic]) -> Recording:
     return Recording(
         source=index["source"],
         format=index["format"],
         sha256=index["sha256"],
         size=index["size"],
-        topics=read,
+        topics=topics,
         metadata={name: index["metadata"][name] for name in index["metadata_order"]},
         damage=tuple(Damage(**d) for d in index["damage"]),
         start_utc=_time(index["start_utc"]),
         layout=index["layout"],
     )
-
-
-def _write_topic(path: Path, topic: Topic) -> None:
-    time, clock = _compact_time(topic.time)
-    # A field's name is the log's own and may be anything: columns carry it where Parquet can, the metadata always does.
-    names = _column_names(list(topic.fields), taken={"time"})
-    columns = [Column("time", time, {"unit": "us" if clock else "s", "description": "time on the log's monotonic clock"})]
-    for column, (name, values) in zip(names, topic.fields.items(), strict=True):
-        columns.append(Column(column, values, {"unit": json_text(topic.units.get(name, ""))}))
-    metadata = {
-        "kind": "topic",
-        "name": topic.name,
-        "clock": clock,
-        "fields": list(topic.fields),
-        "columns": names,
-        "units": list(topic.units.items()),
-    }
-    write_columns(path, columns, metadata)
-
-
-def _read_topic(path: Path) -> Topic:
-    columns, stored = read_columns(path, "topic")
-    time = columns["time"]
-    if stored["clock"]:
-        time = _CLOCKS[stored["clock"]](time)
-    fields = {name: columns[column] for name, column in zip(stored["fields"], stored["columns"], strict=True)}
-    return Topic(stored["name"], time, fields, dict(stored["units"]))
-
-
-#: The two ways in which readers turn a microsecond counter into seconds; they differ in the last bit.
-_CLOCKS = {"divided": lambda ticks: ticks / 1e6, "multiplied": lambda ticks: ticks * 1e-6}
-
-
-def _compact_time(time: NDArray[np.float64]) -> tuple[NDArray[Any], str]:
-    """Time as int64 microseconds where that is exact to the last bit, and which clock undoes it; else as it is."""
-    if len(time) and np.all(np.abs(time) < 2**52 / 1e6):  # false for NaN and infinity too
-        ticks = np.rint(time * 1e6).astype(np.int64)
-        for clock, seconds in _CLOCKS.items():
-            if np.array_equal(seconds(ticks).view(np.int64), np.ascontiguousarray(time, np.float64).view(np.int64)):
-                return ticks, clock
-    return time, ""
-
-
-def _column_names(fields: Sequence[str], taken: set[str]) -> list[str]:
-    names = []
-    for number, field in enumerate(fields):
-        plain = field.isascii() and field.isprintable() and 0 < len(field) <= 200 and field not in taken
-        name = field if plain else f"field {number}"
-        while name in taken:
-            name += "_"
-        names.append(name)
-        taken.add(name)
-    return names
 
 
 def _registered(name: str, values: NDArray[Any]) -> Column:

@@ -1,7 +1,7 @@
 """What all parts of the catalogue share: the database, and checks that something is there."""
 
 from collections.abc import Iterable, Iterator, Mapping
-from typing import Any
+from typing import Any, TypeVar
 
 import sqlalchemy as sa
 
@@ -19,7 +19,10 @@ NAMES_COMPARED = 2000
 _BOUND_VALUES = 10_000
 
 
-def in_parts(values: Iterable[str]) -> Iterator[list[str]]:
+_Value = TypeVar("_Value")
+
+
+def in_parts(values: Iterable[_Value]) -> Iterator[list[_Value]]:
     """`values` in parts that one statement can bind."""
     listed = list(values)
     for start in range(0, len(listed), _BOUND_VALUES):
@@ -44,6 +47,12 @@ class Ledger:
     def _require_flight(connection: sa.Connection, id: str) -> None:
         if connection.execute(sa.select(s.flights.c.id).where(s.flights.c.id == id)).scalar() is None:
             raise UnknownNameError(f"no flight with id {enc.shown(id)}", remedy="add the flight first")
+
+    @staticmethod
+    def _stamp(connection: sa.Connection, column: sa.Column[str], *among: sa.ColumnElement[bool]) -> str:
+        """The time for a new row of a list in the order of `column`: after all that are there, `among` which it counts."""
+        newest = connection.execute(sa.select(sa.func.max(column)).where(*among)).scalar()
+        return enc.time_text(enc.after(enc.time_of(newest) if newest else None))
 
     @staticmethod
     def _note_run(connection: sa.Connection, edges: sa.Table, run: str, target: Mapping[str, str]) -> None:

@@ -33,7 +33,8 @@ class NameLedger(Ledger):
             raise InputError("moving a name needs a reason", f"'{name}' of vehicle {vehicle}", "say why: --reason TEXT")
         with self._database.writing() as connection:
             self._require_vehicle(connection, vehicle)
-            if not header(connection, (s.versions.c.vehicle == vehicle) & (s.versions.c.id == version)):
+            row = header(connection, (s.versions.c.vehicle == vehicle) & (s.versions.c.id == version))
+            if row is None:
                 raise no_version(version, vehicle)
             last = last_event(connection, vehicle, name)
             current = last.version if last else None
@@ -43,7 +44,7 @@ class NameLedger(Ledger):
             if last is not None and version == current:
                 return last
             # A clock that was set back must not reorder the history.
-            at = max(enc.now(), last.at_utc) if last else enc.now()
+            at = enc.after(row.created_utc, last.at_utc if last else None)
             values = {
                 "vehicle": vehicle,
                 "name": name,
@@ -59,12 +60,18 @@ class NameLedger(Ledger):
         assert event is not None
         return event
 
-    def name_history(self, vehicle: str, name: str | None = None, limit: int | None = None) -> tuple[NameEvent, ...]:
-        """All moves of a name (or of all names) of a vehicle, or the newest `limit` of them; oldest first."""
+    def name_history(
+        self, vehicle: str, name: str | None = None, limit: int | None = None, before: int | None = None
+    ) -> tuple[NameEvent, ...]:
+        """All moves of a name (or of all names) of a vehicle, or the newest `limit` of them; oldest first.
+
+        before : only moves with a smaller `sequence`.
+        """
         if name is not None:
             enc.checked(name, enc.VERSION_NAME, "a name for versions")
         c = s.name_events.c
         query = sa.select(s.name_events).where(c.vehicle == vehicle)
+        query = query if before is None else query.where(c.sequence < before)
         # The moves of one name are in order by their steps, which an index holds.
         query = query.order_by(c.sequence.desc()) if name is None else query.where(c.name == name).order_by(c.step.desc())
         with self._database.reading() as connection:

@@ -11,6 +11,7 @@ LogStatus = Literal["stored", "damaged", "quarantined"]
 Verdict = Literal["good", "limited", "rejected", "unchecked"]
 Role = Literal["identified", "held_out", "excluded"]
 How = Literal["server", "ephemeral", "direct"]
+InboxKind = Literal["tried", "failed", "stored", "duplicate", "quarantined"]
 RunState = Literal["running", "completed", "failed", "crashed", "cancelled"]
 
 
@@ -61,6 +62,65 @@ class FlightRow:
     def label(self) -> str:
         """What people call it: its name, else the first 12 digits of its id."""
         return self.name or self.id[:12]
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """``start..end`` [s] of a flight are ``original_start..original_end`` of another, each on its own clock.
+
+    samples : of the flight. difference : largest rms difference of a channel, relative to its motion.
+    """
+
+    start: float
+    end: float
+    original_start: float
+    original_end: float
+    samples: int
+    difference: float
+
+
+@dataclass(frozen=True)
+class RepeatRow:
+    """A flight that shares samples with an `original` stored before it (ids); `share` (0..1) of the flight's usable samples."""
+
+    flight: str
+    original: str
+    share: float
+    stretches: tuple[Stretch, ...]
+
+
+@dataclass(frozen=True)
+class InboxEvent:
+    """What happened to a file of the inbox, by its `path` there; `mtime_ns` [ns] and `size` tell it from a later one."""
+
+    path: str
+    vehicle: str
+    size: int
+    mtime_ns: int
+    kind: InboxKind
+    sha256: str = ""
+    reason: str = ""
+    run: str | None = None
+    at_utc: datetime | None = None
+
+
+@dataclass(frozen=True)
+class CalibrationRow:
+    """A calibration of a vehicle's sensors: its `content` is the document of `aerodb.consistency.calibration`."""
+
+    id: str
+    vehicle: str
+    number: int
+    parent: str | None
+    content: Mapping[str, Any]
+    created_utc: datetime
+    run: str | None
+    reason: str
+
+    @property
+    def label(self) -> str:
+        """``c0003``, per vehicle."""
+        return f"c{self.number:04d}"
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,5 @@
-"""The tables of the catalogue, and the one place that knows what only SQLite has (STRICT tables, guarding triggers).
+"""The tables of the catalogue, and the one place that knows what SQLite and PostgreSQL have each in their own way: STRICT tables,
+the order of text, guarding triggers.
 
 Rows are facts and are appended: what changes later (a verdict, a retraction, where a name points) is a further row, so
 that every earlier state can be asked for. Only two tables may be updated: a log's status, when a quarantined log is
@@ -12,7 +13,7 @@ from typing import Any, Final
 import sqlalchemy as sa
 
 #: The newest migration. Opening compares this with the stored revision; alembic is imported only where they differ.
-HEAD: Final = "r0002"
+HEAD: Final = "r0007"
 
 metadata = sa.MetaData(
     naming_convention={
@@ -29,12 +30,19 @@ Number: Final[sa.types.TypeEngine[float]] = sa.Double().with_variant(
 )  # STRICT knows REAL, which PostgreSQL has as 4 bytes
 
 
-def _table(name: str, *parts: Any) -> sa.Table:
-    return sa.Table(name, metadata, *parts, sqlite_strict=True)
+#: SQLite holds 64 bits in every INTEGER and knows no other name for it in a STRICT table.
+Whole: Final[sa.types.TypeEngine[int]] = sa.BigInteger().with_variant(sa.Integer(), "sqlite")
+
+#: Text is in order by its bytes, as in SQLite, whatever the language of a PostgreSQL database.
+Text: Final[sa.types.TypeEngine[str]] = sa.Text().with_variant(sa.Text(collation="C"), "postgresql")
+
+
+def _table(name: str, *parts: Any, **options: Any) -> sa.Table:
+    return sa.Table(name, metadata, *parts, sqlite_strict=True, **options)
 
 
 def _text(name: str, *constraints: Any, **options: Any) -> sa.Column[str]:
-    return sa.Column(name, sa.Text, *constraints, **{"nullable": False, **options})
+    return sa.Column(name, Text, *constraints, **{"nullable": False, **options})
 
 
 def _sequence() -> sa.Column[int]:
@@ -50,6 +58,7 @@ LOG_STATUS: Final = ("stored", "damaged", "quarantined")
 VERDICTS: Final = ("good", "limited", "rejected", "unchecked")
 ROLES: Final = ("identified", "held_out", "excluded")
 HOW: Final = ("server", "ephemeral", "direct")
+INBOX_KINDS: Final = ("tried", "failed", "stored", "duplicate", "quarantined")
 RUN_STATES: Final = ("running", "completed", "failed", "crashed", "cancelled")
 
 vehicles = _table("vehicles", _text("name", primary_key=True), _text("added_utc"))
@@ -67,7 +76,7 @@ log_files = _table(
     "log_files",
     _text("sha256", primary_key=True),
     _text("name"),
-    sa.Column("size", sa.BigInteger().with_variant(sa.Integer(), "sqlite"), nullable=False),
+    sa.Column("size", Whole, nullable=False),
     _text("format"),
     _text("status"),
     _text("reason"),
@@ -84,6 +93,7 @@ flights = _table(
     _text("log_sha256", sa.ForeignKey("log_files.sha256"), index=True),
     _text("added_utc"),
     sa.UniqueConstraint("vehicle", "name"),
+    sa.Index("ix_flights_newest", "vehicle", "added_utc"),
 )
 
 # A flight may be processed again with a better mapping: the newest record counts.
@@ -111,6 +121,25 @@ flight_events = _table(
     _one_of("verdict", VERDICTS),
 )
 
+# Marks of what flights measured: a new record looks up its own, however many flights there are.
+flight_fingerprints = _table(
+    "flight_fingerprints",
+    sa.Column("mark", Whole, primary_key=True, autoincrement=False),
+    _text("flight", sa.ForeignKey("flights.id"), primary_key=True),
+    sqlite_with_rowid=False,
+)
+
+# A flight and one stored before it that have samples in common.
+flight_repeats = _table(
+    "flight_repeats",
+    _sequence(),
+    _text("flight", sa.ForeignKey("flights.id"), index=True),
+    _text("original", sa.ForeignKey("flights.id"), index=True),
+    sa.Column("share", Number, nullable=False),
+    _text("stretches"),
+    _text("at_utc"),
+)
+
 results = _table(
     "results",
     _text("key", primary_key=True),
@@ -131,12 +160,22 @@ result_inputs = _table(
     _text("input_key", primary_key=True, index=True),
 )
 
+# What the bytes of a stored file were when it was written; a file that was written again has a further row.
+stored_files = _table(
+    "stored_files",
+    _sequence(),
+    _text("path", index=True),
+    _text("sha256"),
+    sa.Column("size", Whole, nullable=False),
+    _text("at_utc"),
+)
+
 runs = _table(
     "runs",
     _text("id", primary_key=True),
     _text("flow"),
     _text("how"),
-    _text("started_utc"),
+    _text("started_utc", index=True),
     _text("ended_utc", nullable=True),
     _text("state", index=True),
     _text("parameters"),
@@ -144,6 +183,49 @@ runs = _table(
     _text("error"),
     _one_of("how", HOW),
     _one_of("state", RUN_STATES),
+    sa.Index("ix_runs_flow", "flow", "started_utc"),
+)
+
+# What happened to each file of the inbox: that it was tried, and in which of the three ways it ended.
+inbox_events = _table(
+    "inbox_events",
+    _sequence(),
+    _text("path"),
+    _text("vehicle"),
+    sa.Column("size", Whole, nullable=False),
+    sa.Column("mtime_ns", Whole, nullable=False),
+    _text("kind"),
+    _text("sha256", index=True),
+    _text("reason"),
+    _text("run", sa.ForeignKey("runs.id"), nullable=True),
+    _text("at_utc"),
+    _one_of("kind", INBOX_KINDS),
+    # By its hash in PostgreSQL, whose other indices hold no more than 2.7 kB: a name that somebody gave a file may be longer.
+    sa.Index("ix_inbox_events_path", "path", postgresql_using="hash"),
+    sa.Index("ix_inbox_events_kind", "kind", "sequence"),
+)
+
+# Sensor parameters with their covariance, as immutable versions; a flight is bound to the newest of its bindings.
+calibrations = _table(
+    "calibrations",
+    _text("id", primary_key=True),
+    _text("vehicle", sa.ForeignKey("vehicles.name")),
+    sa.Column("number", sa.Integer, nullable=False),
+    _text("parent", sa.ForeignKey("calibrations.id"), nullable=True),
+    _text("content"),
+    _text("created_utc"),
+    _text("run", sa.ForeignKey("runs.id"), nullable=True),
+    _text("reason"),
+    sa.UniqueConstraint("vehicle", "number"),
+)
+
+flight_calibrations = _table(
+    "flight_calibrations",
+    _sequence(),
+    _text("flight", sa.ForeignKey("flights.id"), index=True),
+    _text("calibration", sa.ForeignKey("calibrations.id")),
+    _text("at_utc"),
+    _text("run", sa.ForeignKey("runs.id"), nullable=True),
 )
 
 versions = _table(
@@ -212,13 +294,22 @@ run_versions = _table(
 )
 
 
-def sqlite_guards(table: str, keys: Sequence[Sequence[str]], update_when: str = "") -> list[str]:
-    """SQLite triggers that make `table` append-only.
+def guards(dialect: str, table: str, keys: Sequence[Sequence[str]], update_when: str = "") -> list[str]:
+    """Triggers that make `table` append-only, in the words of a `dialect`.
 
-    keys : its primary key and unique constraints, as column names. ``INSERT OR REPLACE`` deletes without firing delete
-    triggers, so that an insert on a taken key is refused as well. update_when : SQL condition on OLD under which an update
-    is allowed all the same.
+    keys : its primary key and unique constraints, as column names; see `sqlite_guards`. update_when : SQL condition on OLD and
+    NEW under which an update is allowed all the same.
     """
+    return sqlite_guards(table, keys, update_when) if dialect == "sqlite" else postgresql_guards(table, update_when)
+
+
+#: Triggers of each table.
+GUARDS: Final = 3
+
+
+def sqlite_guards(table: str, keys: Sequence[Sequence[str]], update_when: str = "") -> list[str]:
+    """The triggers in SQLite: ``INSERT OR REPLACE`` deletes without firing delete triggers, so that an insert on a taken key is
+    refused as well."""
     refuse = f"SELECT RAISE(ABORT, '{table}: rows are never changed or deleted')"
     same = [" AND ".join(f'"{column}" = NEW."{column}"' for column in key) for key in keys]
     taken = " OR ".join(f"EXISTS (SELECT 1 FROM {table} WHERE {condition})" for condition in same)
@@ -227,4 +318,23 @@ def sqlite_guards(table: str, keys: Sequence[Sequence[str]], update_when: str = 
         f"CREATE TRIGGER {table}_no_update BEFORE UPDATE ON {table}{condition} BEGIN {refuse}; END",
         f"CREATE TRIGGER {table}_no_delete BEFORE DELETE ON {table} BEGIN {refuse}; END",
         f"CREATE TRIGGER {table}_no_replace BEFORE INSERT ON {table} WHEN {taken} BEGIN {refuse}; END",
+    ]
+
+
+#: What the triggers in PostgreSQL call; it is made with the first table.
+POSTGRESQL_REFUSAL: Final = """
+CREATE FUNCTION refuse_change() RETURNS trigger LANGUAGE plpgsql AS $$
+BEGIN
+    RAISE EXCEPTION '%: rows are never changed or deleted', TG_TABLE_NAME USING ERRCODE = 'integrity_constraint_violation';
+END $$"""
+
+
+def postgresql_guards(table: str, update_when: str = "") -> list[str]:
+    """The triggers in PostgreSQL, where ``TRUNCATE`` fires no delete trigger, and ``ON CONFLICT`` updates."""
+    condition = f" WHEN (NOT ({update_when}))" if update_when else ""
+    call = "EXECUTE FUNCTION refuse_change()"
+    return [
+        f"CREATE TRIGGER {table}_no_update BEFORE UPDATE ON {table} FOR EACH ROW{condition} {call}",
+        f"CREATE TRIGGER {table}_no_delete BEFORE DELETE ON {table} FOR EACH ROW {call}",
+        f"CREATE TRIGGER {table}_no_truncate BEFORE TRUNCATE ON {table} FOR EACH STATEMENT {call}",
     ]

@@ -25,10 +25,11 @@ def headers(connection: sa.Connection, where: sa.ColumnElement[bool]) -> list[Ve
     return [_header(row) for row in rows]
 
 
-def newest_headers(connection: sa.Connection, vehicle: str, limit: int | None) -> list[VersionRow]:
-    """The newest `limit` versions of a vehicle (None: all), oldest first."""
+def newest_headers(connection: sa.Connection, vehicle: str, limit: int | None, before: int | None = None) -> list[VersionRow]:
+    """The newest `limit` versions of a vehicle (None: all), of those with a number below `before`; oldest first."""
     c = s.versions.c
-    rows = connection.execute(sa.select(*_HEADER).where(c.vehicle == vehicle).order_by(c.number.desc()).limit(limit)).all()
+    mine = c.vehicle == vehicle if before is None else (c.vehicle == vehicle) & (c.number < before)
+    rows = connection.execute(sa.select(*_HEADER).where(mine).order_by(c.number.desc()).limit(limit)).all()
     return [_header(row) for row in reversed(rows)]
 
 

@@ -61,7 +61,9 @@ class VersionLedger(NameLedger, LineageLedger):
             if not stored:
                 _check_parent(connection, vehicle, parent)
                 _check_uses(connection, vehicle, uses, roles_of(connection, parent))
-                values = {**row, "number": _last_number(connection, vehicle) + 1, "created_utc": enc.time_text(enc.now())}
+                last = newest_headers(connection, vehicle, 1)
+                at = enc.after(*(version.created_utc for version in last))
+                values = {**row, "number": _last_number(connection, vehicle) + 1, "created_utc": enc.time_text(at)}
                 connection.execute(sa.insert(s.versions).values(values))
                 if uses:
                     used = [{"version": id, "flight": u.flight, "role": u.role, "reason": enc.plain_text(u.reason)} for u in uses]
@@ -101,11 +103,11 @@ class VersionLedger(NameLedger, LineageLedger):
         when = f" as of {enc.time_text(as_of)}" if as_of is not None else ""
         raise UnknownNameError(f"no version {enc.shown(ref)}{when}", f"vehicle {vehicle}", remedy)
 
-    def versions(self, vehicle: str, limit: int | None = None) -> tuple[VersionRow, ...]:
-        """All versions of a vehicle, or the newest `limit` of them; oldest first."""
+    def versions(self, vehicle: str, limit: int | None = None, before: int | None = None) -> tuple[VersionRow, ...]:
+        """All versions of a vehicle, or the newest `limit` of them, or of those with a number below `before`; oldest first."""
         with self._database.reading() as connection:
             self._require_vehicle(connection, vehicle)
-            return tuple(newest_headers(connection, vehicle, limit))
+            return tuple(newest_headers(connection, vehicle, limit, before))
 
     def count_versions(self, vehicle: str) -> int:
         """How many versions a vehicle has: its newest number, for numbers are given without gaps."""
@@ -133,6 +135,13 @@ class VersionLedger(NameLedger, LineageLedger):
         if row is None:
             raise no_version(id)
         return VersionDocuments(row.content, enc.from_json(row.settings), enc.from_json(row.report))
+
+    def reports_of(self, ids: Iterable[str]) -> dict[str, Mapping[str, Any]]:
+        """Id -> the report that the version was made with, for those of `ids` that there are."""
+        c = s.versions.c
+        with self._database.reading() as connection:
+            queries = [sa.select(c.id, c.report).where(c.id.in_(part)) for part in in_parts(set(ids))]
+            return {row.id: enc.from_json(row.report) for query in queries for row in connection.execute(query)}
 
     def settings_of(self, ids: Iterable[str]) -> dict[str, Mapping[str, Any]]:
         """Id -> the settings that made the version, for those of `ids` that there are."""

@@ -7,17 +7,17 @@ import hashlib
 import json
 import os
 import re
-import secrets
-import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from aerodb.errors import InputError
+from aerodb.errors import InputError, StoreError
+from storage.guard import disk_faults, remove, temporary_beside
+from storage.places import place_of
 
-_FOLDERS = ("flights", "results", "inbox", "quarantine", "reports", "prefect")
+_FOLDERS = ("flights", "results", "inbox", "logs", "quarantine", "reports", "outbox", "locks", "prefect")
 _HEX = re.compile(r"[0-9a-f]{64}")
 _SUFFIX = re.compile(r"\.[a-z0-9]{1,8}")
 _CHUNK = 1 << 20
@@ -27,37 +27,46 @@ def write_atomically(path: Path, write: Callable[[Path], None], keep: bool = Fal
     """Lets `write` make a file or a folder under a temporary name beside `path`, then puts it at `path` in one step.
 
     The bytes are on the disk (fsync) before the name appears, so that neither an exception nor a power cut ever shows
-    half a file. What stood at `path` is replaced. When `write` raises, `path` is as before and nothing is left behind.
+    half a file. What stood at `path` is replaced. When `write` raises, `path` is as before and nothing is left behind; what a
+    process that was killed left behind goes with the next attempt.
     keep : a folder that stands at `path` by then stays instead: another writer of the same was quicker.
+    StoreError when the disk is full, read-only or refuses otherwise.
     """
-    temporary = path.parent / f".{secrets.token_hex(8)}.tmp"
-    try:
-        write(temporary)
+    with disk_faults(path):
+        temporary = temporary_beside(path)
+        try:
+            write(temporary)
+            put_in_place(temporary, path, keep)
+        except BaseException:
+            remove(temporary)
+            raise
+
+
+def put_in_place(temporary: Path, path: Path, keep: bool = False) -> None:
+    """Gives a finished temporary file or folder its name; `keep` as of `write_atomically`."""
+    with disk_faults(path):
         _flush(temporary)
-        if temporary.is_dir() and path.exists() and not keep:
+        if temporary.is_dir() and path.exists():
+            if keep:
+                remove(temporary)
+                return
             _swap_folder(temporary, path)
         else:
-            os.replace(temporary, path)
-    except BaseException as error:
-        _remove(temporary)
-        if not (keep and isinstance(error, OSError) and path.exists()):
-            raise
-    _flush_entry(path.parent)
+            try:
+                os.replace(temporary, path)
+            except OSError:
+                if not (keep and path.exists()):
+                    raise
+                remove(temporary)
+        _flush_entry(path.parent)
 
 
 def _swap_folder(new: Path, path: Path) -> None:
     # A folder that is not empty cannot be replaced by a rename: the old one steps aside first.
-    old = path.parent / f".{secrets.token_hex(8)}.tmp"
+    old = temporary_beside(path)
     os.replace(path, old)
     os.replace(new, path)
-    _remove(old)
-
-
-def _remove(path: Path) -> None:
-    if path.is_dir() and not path.is_symlink():
-        shutil.rmtree(path)
-    else:
-        path.unlink(missing_ok=True)
+    remove(old)
 
 
 def _flush(path: Path) -> None:
@@ -94,7 +103,7 @@ class Workspace:
     def open(cls, root: Path, create: bool = True) -> "Workspace":
         """The workspace at `root`; made when absent and `create`, else InputError."""
         workspace = cls(root.absolute())
-        if not create and not workspace.catalogue.is_file():
+        if not create and not place_of(workspace.catalogue).begun:
             remedy = "name an existing one with --workspace or $AERODB_WORKSPACE"
             raise InputError("no workspace here", str(root), remedy)
         try:
@@ -108,13 +117,22 @@ class Workspace:
 
     @property
     def catalogue(self) -> Path:
-        """The SQLite file of the catalogue."""
+        """The SQLite file of the catalogue, unless the settings name a database (`storage.places`)."""
         return self.root / "catalogue.sqlite"
 
     @property
     def inbox(self) -> Path:
         """Logs put here wait until a run has dealt with them."""
         return self.root / "inbox"
+
+    @property
+    def outbox(self) -> Path:
+        """Notifications that are not delivered yet."""
+        return self.root / "outbox"
+
+    def lock(self, name: str) -> Path:
+        """The file of a lock: ``serve``, ``inbox``, or ``run-<id>``."""
+        return self.root / "locks" / name
 
     @property
     def reports(self) -> Path:
@@ -134,6 +152,10 @@ class Workspace:
         """Folder of the raw topics stored under `key` (a log's sha256)."""
         return self._place("flights", key, ".topics")
 
+    def log_path(self, sha256: str, suffix: str) -> Path:
+        """Where the bytes of a log that came through the inbox stand, as they came; the folder is made."""
+        return self._place("logs", sha256, suffix if _SUFFIX.fullmatch(suffix) else "")
+
     def result_path(self, key: str, suffix: str = ".parquet") -> Path:
         """Where the result stored under `key` stands; the folder is made."""
         if not _SUFFIX.fullmatch(suffix):
@@ -143,7 +165,8 @@ class Workspace:
     def _place(self, folder: str, key: str, suffix: str) -> Path:
         # Two digits of fan-out keep a folder small when a million flights are stored.
         parent = self.root / folder / checked_sha256(key)[:2]
-        parent.mkdir(exist_ok=True)
+        with disk_faults(parent):
+            parent.mkdir(exist_ok=True)
         return parent / f"{key}{suffix}"
 
     def relative(self, path: Path) -> str:
@@ -157,31 +180,53 @@ class Workspace:
             raise ValueError(f"not a path inside the workspace: {relative[:80]!r}")
         return self.root / parts
 
-    def quarantine(self, path: Path, sha256: str, reason: str) -> Path:
+    def quarantine(self, path: Path, sha256: str, reason: str, vehicle: str = "") -> Path:
         """Puts the log into quarantine with its reason beside it; returns the quarantined file.
 
-        The bytes are copied to ``quarantine/<sha256>/log<suffix>``, the reason (with the log's own name, size and time)
-        to ``reason.json`` there. The user's file stays where it is, unless it lies in the inbox. Doing it again keeps
-        the bytes and renews the reason. InputError when the file's bytes no longer have this sha256.
+        The bytes are copied to ``quarantine/<sha256>/log<suffix>``, the reason (with the log's own name, size and time, and
+        the `vehicle` that it came for) to ``reason.json`` there. The user's file stays where it is, unless it lies in the
+        inbox; there a file that is not, or no longer, the one whose bytes are held stays, too. Doing it again keeps the bytes
+        and renews the reason. InputError when none are held and those at `path` no longer have this sha256.
         """
+        seen = _identity(path)
         folder = self.root / "quarantine" / checked_sha256(sha256)
-        folder.mkdir(exist_ok=True)
+        with disk_faults(folder):
+            folder.mkdir(exist_ok=True)
         suffix = path.suffix.lower() if _SUFFIX.fullmatch(path.suffix.lower()) else ""
         held = next(iter(sorted(folder.glob("log*"))), None)
         target = held or folder / f"log{suffix}"
-        if held is None:
+        is_held = held is not None and has_sha256(held, sha256)
+        if not is_held:
             write_atomically(target, lambda temporary: _copy_checked(path, temporary, sha256))
-        note = {
-            "name": path.name,
-            "sha256": sha256,
-            "size": target.stat().st_size,
-            "reason": reason,
-            "at_utc": datetime.now(UTC).isoformat(timespec="seconds"),
-        }
-        write_atomically(folder / "reason.json", lambda temporary: _write_json(temporary, note))
-        if path.parent.resolve().is_relative_to(self.inbox.resolve()):
+        self.write_reason(folder, path.name, target.stat().st_size, reason, vehicle, sha256)
+        in_inbox = path.parent.resolve().is_relative_to(self.inbox.resolve())
+        if in_inbox and (not is_held or has_sha256(path, sha256)) and _identity(path) == seen:
             path.unlink(missing_ok=True)
         return target
+
+    def write_reason(self, folder: Path, name: str, size: int, reason: str, vehicle: str, sha256: str = "") -> None:
+        """Says beside what lies in quarantine what it was called, whose it was, and why it is there."""
+        at = datetime.now(UTC).isoformat(timespec="seconds")
+        note = {"name": name, "sha256": sha256, "size": size, "reason": reason, "vehicle": vehicle, "at_utc": at}
+        write_atomically(folder / "reason.json", lambda temporary: _write_json(temporary, note))
+
+
+def _identity(path: Path) -> tuple[int, int, int] | None:
+    """Inode, size and time of what stands at `path`, links not followed: a file put there since has others."""
+    try:
+        found = path.lstat()
+    except FileNotFoundError:
+        return None
+    return found.st_ino, found.st_size, found.st_mtime_ns
+
+
+def has_sha256(path: Path, sha256: str) -> bool:
+    """Whether there is a file at `path` that can be read and whose bytes have this hash."""
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest() == sha256
+    except OSError:
+        return False
 
 
 def _copy_checked(source: Path, target: Path, sha256: str) -> None:
@@ -217,7 +262,8 @@ def write_for_user(workspace: Workspace, target: Path, data: bytes) -> Path:
     except (OSError, ValueError) as error:
         if isinstance(error, InputError):
             raise
-        raise InputError(f"cannot be written: {error}", str(target)[:200], "choose another place") from error
+        what = error.what if isinstance(error, StoreError) else str(error)
+        raise InputError(f"cannot be written: {what}", str(target)[:200], "choose another place") from error
     return path
 
 

@@ -13,7 +13,8 @@ from aerodb.identity import result_key
 from aerodb.vehicle import Vehicle, cg_positions
 from storage.flights import read_results, write_results
 from storage.rows import FlightRow
-from tasks.ingest import load_flight
+from tasks.consistency import load_consistent
+from tasks.kept import kept, of_file
 from tasks.open import Stores, stores
 from tasks.provenance import code_version
 from tasks.settings import RESULT_VERSION
@@ -34,14 +35,14 @@ def reconstruct(flight: str, *, workspace: str, run: str) -> dict[str, Any]:
 
 
 def load_coefficients(opened: Stores, row: FlightRow, run: str) -> tuple[Flight, Coefficients, str]:
-    """A flight, its coefficients and their key; read back when they are stored, else computed and stored."""
-    flight, flight_key = load_flight(opened, row, run)
+    """A consistent flight, its coefficients and their key; read back when they are stored, else computed and stored."""
+    flight, _, flight_key = load_consistent(opened, row, run)
     vehicle, _ = opened.vehicle(row.vehicle)
     settings = {"bandwidth": bandwidth_of(flight, vehicle), "angular_acceleration": "differentiated"}
     key = result_key({"flight": flight_key}, settings, "coefficients", RESULT_VERSION["coefficients"])
     path = opened.path_of(key)
     if path is not None:
-        return flight, _stored(path, flight, vehicle), key
+        return flight, kept(of_file(path, flight_key), lambda: _stored(path, flight, vehicle)), key
     coefficients = total_coefficients(flight, vehicle)
     _keep(opened, row, coefficients, key, flight_key, settings, run)
     return flight, coefficients, key
@@ -79,12 +80,12 @@ def _keep(
     fixed = point[0].tolist() if np.ptp(point, axis=0).max() == 0.0 else "cg"
     metadata = {"axes": axes, "moment_reference": fixed, "notes": list(coefficients.notes), **settings}
     write_results(path, table, metadata)
-    opened.catalogue.add_result(
+    opened.keep_result(
         key,
+        path,
         step="coefficients",
         kind="coefficients",
         flight=row.id,
-        path=opened.workspace.relative(path),
         settings=settings,
         result_version=RESULT_VERSION["coefficients"],
         code_version=code_version(),

@@ -7,11 +7,14 @@ import numpy as np
 from aerodb.comparison import Comparison, compare
 from aerodb.errors import InputError
 from aerodb.estimation.statistics import rms
+from aerodb.exchange.native import database_document_sha256
 from aerodb.flight import Flight
 from aerodb.identity import result_key
 from aerodb.nomenclature import AXES
+from aerodb.tables.database import AeroDatabase
 from storage.flights import write_results
 from tasks.coefficients import load_coefficients
+from tasks.kept import kept
 from tasks.open import Stores, stores
 from tasks.provenance import code_version
 from tasks.settings import RESULT_VERSION
@@ -35,26 +38,40 @@ def compare_with_version(flight: str, *, workspace: str, run: str, version: str)
 def load_comparison(opened: Stores, flight: str, version: str, run: str) -> tuple[Flight, Comparison, str]:
     """A flight, its comparison with a version (both by id), and the comparison's key; stored when it is not yet."""
     row = opened.catalogue.flight(flight)
-    channels, coefficients, coefficients_key = load_coefficients(opened, row, run)
-    vehicle, _ = opened.vehicle(row.vehicle)
-    comparison = compare(channels, coefficients, opened.database(version), vehicle.reference)
+    channels, comparison, coefficients_key = beside(opened, flight, opened.database(version), run)
     inputs = {"coefficients": coefficients_key, "version": version}
     key = result_key(inputs, {}, "compare", RESULT_VERSION["compare"])
-    if opened.catalogue.result(key) is None:
+    if not opened.has(key):
         path = opened.workspace.result_path(key)
         write_results(path, _long(comparison), {"notes": list(comparison.notes), "version": version})
-        opened.catalogue.add_result(
+        opened.keep_result(
             key,
+            path,
             step="compare",
             kind="comparison",
             flight=row.id,
-            path=opened.workspace.relative(path),
             result_version=RESULT_VERSION["compare"],
             code_version=code_version(),
             inputs=inputs.values(),
             run=run,
         )
     return channels, comparison, key
+
+
+def compared(opened: Stores, flight: str, database: AeroDatabase, run: str) -> Comparison:
+    """A flight (its id) beside a database that need not be stored."""
+    return beside(opened, flight, database, run)[1]
+
+
+def beside(opened: Stores, flight: str, database: AeroDatabase, run: str) -> tuple[Flight, Comparison, str]:
+    """A flight (its id), its comparison with a database that need not be stored, and the key of its coefficients."""
+    row = opened.catalogue.flight(flight)
+    channels, coefficients, key = load_coefficients(opened, row, run)
+
+    def made() -> Comparison:
+        return compare(channels, coefficients, database, opened.vehicle(row.vehicle)[0].reference)
+
+    return channels, kept(("comparison", key, database_document_sha256(database)), made), key
 
 
 def _long(comparison: Comparison) -> dict[str, np.ndarray]:

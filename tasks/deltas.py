@@ -5,16 +5,19 @@ from dataclasses import dataclass, replace
 from pathlib import PurePath
 from typing import Any
 
-from aerodb.comparison import Comparison, compare
+from aerodb.comparison import Comparison
+from aerodb.effects.angle_errors import with_flattening
 from aerodb.errors import InputError
 from aerodb.flight import Flight
 from aerodb.model_file import ModelFile, parse_model_file
 from aerodb.proof import AxisProof, HoldOut, choose_hold_out, prove, prove_by_leaving_one_out
 from aerodb.tables.database import AeroDatabase
+from aerodb.tracing.settings import Settings
 from aerodb.update import Update, estimate_increments, keep_slope_signs
 from storage.rows import FlightRow
-from tasks.coefficients import load_coefficients
-from tasks.compare import load_comparison
+from tasks.compare import compared, load_comparison
+from tasks.counting import counted_out, sentence
+from tasks.doubts import once_more, sensor_doubts
 from tasks.open import Stores, stores
 
 
@@ -55,6 +58,7 @@ def plan_update(
     rows = [catalogue.flight(entry["flight"]) for entry in compared if entry["key"] is not None]
     excluded += [(row.id, f"retracted: {row.retract_reason}") for row in rows if row.retracted_utc is not None]
     excluded += [(row.id, f"rejected: {'; '.join(row.reasons)}") for row in rows if row.verdict == "rejected"]
+    excluded += _repeated(opened, vehicle, {row.id for row in rows} - {flight for flight, _ in excluded})
     out = {flight for flight, _ in excluded}
     usable = sorted((row for row in rows if row.id not in out), key=lambda row: _age(opened, row))
     if not usable:
@@ -64,6 +68,13 @@ def plan_update(
     split = choose_hold_out([row.id for row in usable], catalogue.roles_in_line(baseline), requested)
     keys = tuple(entry["key"] for entry in compared if entry["key"] is not None and entry["flight"] not in out)
     return Plan(vehicle, baseline, model, split, tuple(excluded), keys)
+
+
+def _repeated(opened: Stores, vehicle: str, flights: set[str]) -> list[tuple[str, str]]:
+    """Those of `flights` (ids) that are another one once more, and which: their samples would count twice."""
+    repeats = {flight: rows for flight, rows in counted_out(opened.catalogue, vehicle).items() if flight in flights}
+    labels = opened.catalogue.flight_labels(row.original for rows in repeats.values() for row in rows)
+    return [(flight, sentence(rows, labels)) for flight, rows in repeats.items()]
 
 
 def _age(opened: Stores, row: FlightRow) -> tuple[Any, ...]:
@@ -83,7 +94,12 @@ def estimate(plan: Plan, *, workspace: str, run: str) -> Update:
     opened = stores(workspace)
     flights, comparisons = _loaded(opened, plan, plan.hold_out.identified, run)
     database = opened.database(plan.baseline)
-    return keep_slope_signs(estimate_increments(flights, comparisons, parse_model_file(plan.model), database), database)
+    model, vehicle = parse_model_file(plan.model), opened.vehicle(plan.vehicle)[0]
+    doubtful = sensor_doubts(opened, vehicle, database, flights, comparisons, run)
+    update = estimate_increments(flights, comparisons, model, database, doubtful)
+    again = once_more(opened, vehicle, database, flights, comparisons, run)
+    noisier = [estimate_increments([f for f, _ in each], [c for _, c in each], model, database) for each in again]
+    return keep_slope_signs(with_flattening(update, noisier, Settings().shift_factor), database)
 
 
 def validate(plan: Plan, update: Update, *, workspace: str, run: str) -> tuple[AxisProof, ...]:
@@ -91,7 +107,7 @@ def validate(plan: Plan, update: Update, *, workspace: str, run: str) -> tuple[A
     opened = stores(workspace)
     flights, comparisons = _loaded(opened, plan, plan.flights, run)
     before = {c.flight: c for c in comparisons}
-    after = {flight: _compared(opened, flight, update.candidate, run) for flight in plan.flights}
+    after = {flight: compared(opened, flight, update.candidate, run) for flight in plan.flights}
     if plan.hold_out.kind != "cross-validated":
         return prove(before, after, plan.hold_out)
     model, baseline = parse_model_file(plan.model), opened.database(plan.baseline)
@@ -99,7 +115,7 @@ def validate(plan: Plan, update: Update, *, workspace: str, run: str) -> tuple[A
     def without(left_out: str) -> Comparison:
         others = [k for k, flight in enumerate(flights) if flight.id != left_out]
         candidate = _estimated_where_possible([flights[k] for k in others], [comparisons[k] for k in others], model, baseline)
-        return _compared(opened, left_out, candidate, run)
+        return compared(opened, left_out, candidate, run)
 
     return prove_by_leaving_one_out(before, after, without)
 
@@ -122,10 +138,3 @@ def _estimated_where_possible(
 def _loaded(opened: Stores, plan: Plan, ids: tuple[str, ...], run: str) -> tuple[list[Flight], list[Comparison]]:
     loaded = [load_comparison(opened, flight, plan.baseline, run) for flight in ids]
     return [flight for flight, _, _ in loaded], [comparison for _, comparison, _ in loaded]
-
-
-def _compared(opened: Stores, flight: str, candidate: AeroDatabase, run: str) -> Comparison:
-    row = opened.catalogue.flight(flight)
-    channels, coefficients, _ = load_coefficients(opened, row, run)
-    vehicle, _ = opened.vehicle(row.vehicle)
-    return compare(channels, coefficients, candidate, vehicle.reference)

@@ -16,6 +16,7 @@ from aerodb.exchange.jsbsim_export import export_jsbsim, input_properties
 from aerodb.exchange.mat import export_mat, import_mat
 from aerodb.exchange.native import from_document
 from aerodb.exchange.netcdf import export_netcdf, import_netcdf
+from aerodb.exchange.state_terms import for_jsbsim, without_memory
 from aerodb.tables.check_cases import CheckCase, failures, make_check_cases
 from aerodb.tables.database import AeroDatabase
 from storage.catalogue import Catalogue
@@ -26,13 +27,15 @@ from storage.workspace import Workspace, write_for_user
 
 @dataclass(frozen=True)
 class Form:
-    """A format: the check cases written with it, how it is written (database, name, cases), how it is read back, and what the
-    receiving program says of it (one sentence; InputError when it disagrees), where that is at hand."""
+    """A format: the check cases written with it, how it is written (database, name, cases), how it is read back, what the
+    receiving program says of it (one sentence; InputError when it disagrees), where that is at hand, and the database as far as
+    the format can carry it: not its memory."""
 
     cases: Callable[[AeroDatabase], Sequence[CheckCase]]
     write: Callable[[AeroDatabase, str, Sequence[CheckCase]], bytes]
     read: Callable[[bytes, str], AeroDatabase]
     receive: Callable[[AeroDatabase, bytes, Sequence[CheckCase]], str] = lambda *_: ""
+    carried: Callable[[AeroDatabase], AeroDatabase] = lambda database: database
 
 
 def _jsbsim(database: AeroDatabase, name: str, cases: Sequence[CheckCase]) -> bytes:
@@ -56,9 +59,9 @@ def _in_jsbsim(database: AeroDatabase, data: bytes, cases: Sequence[CheckCase]) 
 
 #: Formats by the name that users give; an entry per exporter of `aerodb.exchange`.
 FORMS: Final[dict[str, Form]] = {
-    "jsbsim": Form(jsbsim_check_cases, _jsbsim, lambda data, name: import_jsbsim(data, name=name), _in_jsbsim),
+    "jsbsim": Form(jsbsim_check_cases, _jsbsim, lambda data, name: import_jsbsim(data, name=name), _in_jsbsim, for_jsbsim),
     "csv": Form(make_check_cases, lambda database, _, cases: export_csv(database, cases), import_csv),
-    "daveml": Form(make_check_cases, _daveml, lambda data, name: import_daveml(data, name=name)),
+    "daveml": Form(make_check_cases, _daveml, lambda data, name: import_daveml(data, name=name), carried=without_memory),
     "mat": Form(make_check_cases, lambda database, _, cases: export_mat(database, cases), import_mat),
     "netcdf": Form(make_check_cases, lambda database, _, cases: export_netcdf(database, cases), import_netcdf),
 }
@@ -73,7 +76,7 @@ def export_version(workspace: Workspace, catalogue: Catalogue, version: VersionR
     if format not in FORMS:
         raise InputError(f"no exporter for '{format}'", "--format", nearest(format, FORMS))
     form = FORMS[format]
-    database = from_document(json.loads(catalogue.version_documents(version.id).content))
+    database = form.carried(from_document(json.loads(catalogue.version_documents(version.id).content)))
     name = f"{version.vehicle}-{version.label}"
     cases = form.cases(database)
     data = form.write(database, name, cases)

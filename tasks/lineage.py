@@ -7,31 +7,62 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from aerodb.errors import InputError, nearest
-from aerodb.exchange.native import from_document
 from aerodb.report.diff_document import diff_document
 from aerodb.tables.consolidate import NodeShare, node_lineage, point_lineage
-from aerodb.tables.database import AeroDatabase
 from aerodb.tables.diff import diff
 from aerodb.tables.nodes import neutral_point
 from storage.catalogue import Catalogue
 from storage.rows import Impact, VersionRow
 from storage.writers.prov import prov_json
+from tasks.evaluation import database_of
+from tasks.references import node_of, point_of
 from tasks.settings import RESULT_VERSION
+from tasks.version_documents import version_document
 
 FIGURE_KINDS: Final = ("png", "svg", "pdf")
 
 
+def lineage_document(catalogue: Catalogue, version: VersionRow) -> dict[str, Any]:
+    """What a version rests on: its line, why it is stale, flights with the hashes of their logs, inputs, runs."""
+    found = catalogue.lineage(version.id)
+    return {
+        "version": found.version.id,
+        "line": [version_document(ancestor) for ancestor in found.line],
+        "stale": list(catalogue.stale(version.id)),
+        "flights": [{"flight": f, "role": role, "log_sha256": found.logs[f]} for f, role in sorted(found.roles.items())],
+        "inputs": {key: list(values) for key, values in found.inputs.items()},
+        "runs": [
+            {"run": r.id, "flow": r.flow, "how": r.how, "state": r.state, "code_version": r.code_version} for r in found.runs
+        ],
+    }
+
+
+def origins_document(catalogue: Catalogue, version: VersionRow, node: str | None, at: str) -> dict[str, Any]:
+    """What stands behind a table node ``TABLE[i,j]``, else behind a point ``NAME=VALUE,...``: version, at, increments."""
+    if node is not None:
+        origins = origin_of_node(catalogue, version, *node_of(node))
+    else:
+        origins = origin_of_point(catalogue, version, point_of(at, inputs_of(catalogue, version)))
+    return {"version": version.id, "at": at if node is None else node, "increments": origins}
+
+
+def impact_document(flight: str, uses: Sequence[Impact]) -> dict[str, Any]:
+    """Versions that rest on a flight (its id): version, role of the flight, and the version through which they do."""
+    versions = [{"version": use.version.id, "role": use.role, "through": use.through} for use in uses]
+    return {"flight": flight, "versions": versions}
+
+
 def inputs_of(catalogue: Catalogue, version: VersionRow) -> tuple[str, ...]:
     """Channels and free inputs that a version needs."""
-    return _database(catalogue, version).inputs
+    return database_of(catalogue, version).inputs
 
 
 def compare_versions(
     catalogue: Catalogue, before: VersionRow, after: VersionRow, picture: str = ""
 ) -> tuple[dict[str, Any], bytes | None]:
     """The document of what differs between two versions, and its picture as `picture` (a suffix such as ``.png``) says."""
-    old, new = _database(catalogue, before), _database(catalogue, after)
-    document = diff_document(diff(old, new))
+    old, new = database_of(catalogue, before), database_of(catalogue, after)
+    document = {"before": before.id, "after": after.id, **diff_document(diff(old, new))}
     if not picture:
         return document, None
     kind = picture.lower().removeprefix(".")
@@ -47,12 +78,12 @@ def compare_versions(
 
 def origin_of_node(catalogue: Catalogue, version: VersionRow, table: str, index: tuple[int, ...]) -> list[dict[str, Any]]:
     """The increments behind a node of a table, each with `_origin`; empty where it is the imported value."""
-    return _origins(catalogue, version, node_lineage(_database(catalogue, version), table, index))
+    return _origins(catalogue, version, node_lineage(database_of(catalogue, version), table, index))
 
 
 def origin_of_point(catalogue: Catalogue, version: VersionRow, point: Mapping[str, float]) -> list[dict[str, Any]]:
     """The increments that act at a point (channel -> value, SI; what is not given is neutral), each with `_origin`."""
-    database = _database(catalogue, version)
+    database = database_of(catalogue, version)
     return _origins(catalogue, version, point_lineage(database, {**neutral_point(database), **point}))
 
 
@@ -87,10 +118,6 @@ def rebuilds(catalogue: Catalogue, stale: Sequence[Impact]) -> list[dict[str, An
         made_again[row.id] = f"NEW-{row.label}"
         found.append({"version": row.id, "label": row.label, "command": command})
     return found
-
-
-def _database(catalogue: Catalogue, version: VersionRow) -> AeroDatabase:
-    return from_document(json.loads(catalogue.version_documents(version.id).content))
 
 
 def _origins(catalogue: Catalogue, version: VersionRow, shares: Sequence[NodeShare]) -> list[dict[str, Any]]:

@@ -15,20 +15,23 @@ from aerodb.exchange.mat import import_mat
 from aerodb.exchange.native import database_content_sha256, read_native, to_document
 from aerodb.exchange.netcdf import import_netcdf
 from aerodb.gate import sign_reasons
-from aerodb.identity import canonical_json, key_of
+from aerodb.identity import canonical_json, result_key, version_id
 from aerodb.proof import AxisProof
 from aerodb.report.document import update_document
+from aerodb.report.loop_document import loop_document
 from aerodb.tables.check_cases import make_check_cases
 from aerodb.tables.database import AeroDatabase
+from aerodb.tracing.remainder import Remainder
 from aerodb.update import Update
 from storage.aircraft_files import files_beside
+from storage.documents import write_document
 from storage.rows import FlightRole, VersionRow
+from tasks.close_loop import Accept, Loop
 from tasks.deltas import Plan
 from tasks.open import Stores, stores
-from tasks.provenance import user
-from tasks.settings import RESULT_VERSION
-
-RELEASED, CANDIDATE = "released", "candidate"
+from tasks.provenance import code_version, user
+from tasks.settings import CANDIDATE, RELEASED, RESULT_VERSION
+from tasks.trace import Library
 
 #: Formats that mark their files: where, with which bytes, and what reads them.
 _BY_MARK: Final[tuple[tuple[int, bytes, Callable[[bytes, str], AeroDatabase]], ...]] = (
@@ -105,14 +108,109 @@ def publish_candidate(plan: Plan, update: Update, proof: tuple[AxisProof, ...], 
         "held_out": list(plan.hold_out.held_out),
         "update": RESULT_VERSION["update"],
     }
-    roles = [FlightRole(flight, "identified") for flight in plan.hold_out.identified]
-    roles += [FlightRole(flight, "held_out") for flight in plan.hold_out.held_out]
-    roles += [FlightRole(flight, "excluded", reason) for flight, reason in plan.excluded]
     document["candidate"] = version_id(plan.vehicle, plan.baseline, list(plan.keys), settings)
-    version = _add(opened, update.candidate, plan.vehicle, plan.baseline, list(plan.keys), settings, document, roles, run)
+    version = _add(opened, update.candidate, plan.vehicle, plan.baseline, list(plan.keys), settings, document, _roles(plan), run)
     move(opened, plan.vehicle, CANDIDATE, version.id, "declared increments estimated")
     # Where the same update was made before, the stored report is the one that counts.
     return {**opened.catalogue.version_documents(version.id).report, "label": version.label}
+
+
+def publish_loop(
+    plan: Plan,
+    library: Library,
+    loop: Loop,
+    left: tuple[Remainder, ...],
+    proof: tuple[AxisProof, ...],
+    *,
+    workspace: str,
+    run: str,
+    accept: Accept,
+) -> dict[str, Any]:
+    """Stores what a closed loop found: a candidate with its proof where something was added, else only the report.
+
+    Returns the loop's document with ``label`` and ``report``, the key under which it is stored.
+    """
+    opened = stores(workspace)
+    settings = {
+        "library": library.sha256,
+        "tracing": library.settings.sha256,
+        "accepted": asdict(accept),
+        "identified": list(plan.hold_out.identified),
+        "held_out": list(plan.hold_out.held_out),
+        "close_loop": RESULT_VERSION["close_loop"],
+    }
+    document = loop_document(
+        vehicle=plan.vehicle,
+        baseline=plan.baseline,
+        hold_out=plan.hold_out,
+        excluded=plan.excluded,
+        looks={flight: _looks(opened, flight) for flight in plan.hold_out.held_out},
+        library=library.sha256,
+        rounds=loop.rounds,
+        traced=loop.traced,
+        findings=loop.findings,
+        added=loop.added,
+        left=left,
+        proof=proof,
+        remarks=_loop_remarks(plan, loop),
+    )
+    document["remarks"] += [
+        f"The gate will refuse this version: {reason}." for reason in sign_reasons(loop.baseline, loop.candidate)
+    ]
+    label = None
+    if loop.added:
+        document["candidate"] = version_id(plan.vehicle, plan.baseline, list(plan.keys), settings)
+        version = _add(
+            opened, loop.candidate, plan.vehicle, plan.baseline, list(plan.keys), settings, document, _roles(plan), run
+        )
+        move(opened, plan.vehicle, CANDIDATE, version.id, "effects traced and added")
+        # Where the same loop was closed before, the stored report is the one that counts.
+        document, label = dict(opened.catalogue.version_documents(version.id).report), version.label
+        document.pop("check_cases", None)
+    return {**document, "label": label, "report": _keep_report(opened, plan, document, settings, run)}
+
+
+def _loop_remarks(plan: Plan, loop: Loop) -> list[str]:
+    said = list(loop.remarks)
+    if loop.by_manoeuvre and plan.hold_out.kind == "cross-validated":
+        said.append(
+            "Heads and tails of flights were predicted from everything else (cross-validated within flights); none was held out."
+        )
+    elif plan.hold_out.kind == "cross-validated":
+        said.append("Fewer than five flights: each was predicted from what the others give (cross-validated), none was held out.")
+    if plan.hold_out.kind == "not validated":
+        said.append("No flight was held out: the error after is that of the flights that identified, and proves nothing.")
+    named = {f.hypothesis for f in loop.findings}
+    marked = [f for f in loop.added if f.verdict != "confirmed" and f.hypothesis in named]
+    said += [f"{f.hypothesis} was added because you asked for it: its verdict is {f.verdict.replace('_', ' ')}." for f in marked]
+    return said
+
+
+def _keep_report(opened: Stores, plan: Plan, document: Mapping[str, Any], settings: Mapping[str, Any], run: str) -> str:
+    """The loop's document as a stored result, whether or not a version came of it; returns its key."""
+    inputs = [plan.baseline, *plan.keys]
+    key = result_key({name: name for name in inputs}, dict(settings), "close_loop", RESULT_VERSION["close_loop"])
+    if not opened.has(key):
+        path = opened.workspace.result_path(key, ".json")
+        write_document(path, document)
+        opened.keep_result(
+            key,
+            path,
+            step="close_loop",
+            kind="findings",
+            settings=settings,
+            result_version=RESULT_VERSION["close_loop"],
+            code_version=code_version(),
+            inputs=inputs,
+            run=run,
+        )
+    return key
+
+
+def _roles(plan: Plan) -> list[FlightRole]:
+    roles = [FlightRole(flight, "identified") for flight in plan.hold_out.identified]
+    roles += [FlightRole(flight, "held_out") for flight in plan.hold_out.held_out]
+    return [*roles, *(FlightRole(flight, "excluded", reason) for flight, reason in plan.excluded)]
 
 
 def move(opened: Stores, vehicle: str, name: str, version: str, reason: str) -> None:
@@ -120,11 +218,6 @@ def move(opened: Stores, vehicle: str, name: str, version: str, reason: str) -> 
     current = opened.named(vehicle, name)
     if current != version:
         opened.catalogue.move_name(vehicle, name, version, user=user(), reason=reason, expected=current)
-
-
-def version_id(vehicle: str, parent: str | None, inputs: list[str], settings: Mapping[str, Any]) -> str:
-    """A version's identity: the same wherever the same is made from the same (CONVENTIONS, "Names and identities")."""
-    return key_of({"vehicle": vehicle, "parent": parent, "inputs": sorted(inputs), "settings": dict(settings)})
 
 
 def _add(

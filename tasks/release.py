@@ -5,15 +5,16 @@ from typing import Any
 
 from aerodb.errors import GateRefusal, InputError
 from aerodb.exchange.native import database_content_sha256, from_document
-from aerodb.gate import Standing, Verdict, judge
+from aerodb.gate import Check, Standing, Verdict, judge
 from aerodb.tables.check_cases import CheckCase
 from aerodb.tables.database import AeroDatabase
 from storage.encoding import VERSION_NAME, checked
 from storage.names import standing_moves
 from storage.rows import NameEvent, VersionDocuments, VersionRow
+from storage.settings import load_settings
 from tasks.open import Stores, stores
 from tasks.provenance import user
-from tasks.publish import RELEASED
+from tasks.settings import RELEASED
 
 
 def promote(version: str, *, workspace: str, run: str, name: str, reason: str) -> dict[str, Any]:
@@ -85,7 +86,22 @@ def _gate(opened: Stores, row: VersionRow, released: NameEvent | None) -> Verdic
         content_sha256=database_content_sha256(candidate),
     )
     cases = [CheckCase(**case) for case in documents.report.get("check_cases", [])]
-    return judge(standing, opened.database(released.version), candidate, cases, documents.report.get("axes", {}))
+    verdict = judge(standing, opened.database(released.version), candidate, cases, documents.report.get("axes", {}))
+    return Verdict((*verdict.checks, *_enough_flights(opened, row)))
+
+
+def _enough_flights(opened: Stores, row: VersionRow) -> tuple[Check, ...]:
+    """Whether as many flights identified and validated a version as the settings of its vehicle ask for; none where they
+    ask for none."""
+    asked = load_settings(opened.workspace.root).of(row.vehicle).gate
+    if not (asked.identified or asked.held_out):
+        return ()
+    roles: list[str] = [use.role for use in opened.catalogue.version_flights(row.id)]
+    said = []
+    for role, fewest in (("identified", asked.identified), ("held_out", asked.held_out)):
+        if (count := roles.count(role)) < fewest:
+            said.append(f"{count} flights {role.replace('_', ' ')}, the settings ask for {fewest}")
+    return (Check("as many flights as the settings ask for", tuple(said)),)
 
 
 def _read(row: VersionRow, documents: VersionDocuments) -> AeroDatabase:

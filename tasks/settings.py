@@ -3,4 +3,18 @@ test in tests/test_golden_keys.py reminds. The number is part of every key that 
 
 from typing import Final
 
-RESULT_VERSION: Final[dict[str, int]] = {"ingest": 1, "coefficients": 1, "compare": 1, "import": 1, "update": 2}
+RESULT_VERSION: Final[dict[str, int]] = {
+    "ingest": 3,
+    "conditioning": 1,
+    "consistency": 2,
+    "coefficients": 2,
+    "compare": 1,
+    "import": 1,
+    "update": 4,
+    "gram": 5,
+    "close_loop": 5,
+}
+
+#: Names of versions that the product itself moves.
+RELEASED: Final = "released"
+CANDIDATE: Final = "candidate"

@@ -12,6 +12,10 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
+from typing import Any
+
+from tests.bench_closed_loop import closed_loop
+from tests.bench_running import running
 
 VEHICLE = """
 name = "bench"
@@ -64,16 +68,17 @@ import json, resource, sys, time
 start = time.perf_counter()
 {body}
 seconds = time.perf_counter() - start
-print(json.dumps({{"seconds": seconds, "megabytes": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024}}))
+memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+print(json.dumps({{"seconds": seconds, "megabytes": memory, "answer": globals().get("answer")}}))
 """
 
 
-def measure(imports: str, body: str) -> dict[str, float]:
-    """Seconds and peak megabytes of `body` in a process of its own."""
+def measure(imports: str, body: str) -> dict[str, Any]:
+    """Seconds and peak megabytes of `body` in a process of its own, and what it calls `answer`."""
     done = subprocess.run([sys.executable, "-c", MEASURED.format(imports=imports, body=body)], capture_output=True, text=True)
     if done.returncode:
         raise SystemExit(done.stderr)
-    result: dict[str, float] = json.loads(done.stdout.splitlines()[-1])
+    result: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
     return result
 
 
@@ -124,6 +129,10 @@ run_flow(nothing, {{}}, workspace, {how!r})  # starts Prefect's own server where
     return imports, body
 
 
+def _measured_data() -> Path:
+    return Path(os.environ.get("AERODB_TEST_DATA", Path(__file__).resolve().parents[2] / "shared" / "data"))
+
+
 HL20 = """
 from pathlib import Path
 import numpy as np
@@ -150,8 +159,7 @@ for name in grids:
 
 def coefficients(points: int) -> None:
     """All six HL-20 coefficients, build-up included, beside their look-ups alone through scipy, one after the other."""
-    root = Path(os.environ.get("AERODB_TEST_DATA", Path(__file__).resolve().parents[2] / "shared" / "data"))
-    file = root / "daveml" / "HL20_aero.dml"
+    file = _measured_data() / "daveml" / "HL20_aero.dml"
     if not file.is_file():
         print("HL-20 coefficients: not measured, the file is not here (set AERODB_TEST_DATA)")
         return
@@ -164,15 +172,91 @@ def coefficients(points: int) -> None:
     print(f"  aerodb, predict                    {ours['seconds']:7.2f} s {ours['megabytes']:7.0f} MB ({ratio:.1f} times faster)")
 
 
+ATTAS = """
+import os
+os.environ["NUMBA_CACHE_DIR"] = {cache!r}
+from pathlib import Path
+from aerodb.consistency.reconstruction import reconstruct
+from tests.consistency_records import ATTAS_BIASES, attas
+from tests.plain_reconstruction import plain_biases
+records = [attas(Path({folder!r}) / f"fAttas{{name}}.mat") for name in ("Elv1", "Ail1", "Rud1")]
+def ours():
+    result = reconstruct(records, ATTAS_BIASES, initial=(), hold=False)
+    return [result[name].value for name in ATTAS_BIASES], [result[name].standard_error for name in ATTAS_BIASES]
+"""
+
+
+def reconstruction() -> None:
+    """ATTAS: six biases over three manoeuvres, beside what an engineer writes first; cold counts compilation and first import."""
+    folder = _measured_data() / "attas"
+    if not folder.is_dir():
+        print("ATTAS reconstruction: not measured, the records are not here (set AERODB_TEST_DATA)")
+        return
+    with tempfile.TemporaryDirectory() as cache:
+        setup = ATTAS.format(cache=cache, folder=str(folder))
+        cold = measure(setup, "answer = ours()")
+        cached = measure(setup, "answer = ours()")
+        warm = measure(setup + "ours()\n", "for _ in range(10):\n    answer = ours()")
+        plain = measure(setup, "answer = plain_biases(records).tolist()")
+    biases, errors = warm["answer"]
+    apart = max(abs(a - b) / error for a, b, error in zip(plain["answer"], biases, errors, strict=True))
+    print(f"ATTAS, six biases over three manoeuvres: answers {apart:.1g} standard errors apart")
+    print(f"  plain numpy loop, Gauss-Newton {plain['seconds']:8.2f} s")
+    for name, seconds in (("compiling", cold["seconds"]), ("compiled before", cached["seconds"]), ("warm", warm["seconds"] / 10)):
+        print(f"  aerodb, {name:22} {seconds:8.3f} s ({plain['seconds'] / seconds:.1f} times faster)")
+
+
+HOUR = """
+import numpy as np
+from aerodb.consistency.whole_flight import make_consistent
+from aerodb.flight import Flight
+from aerodb.vehicle import parse_vehicle
+from tests.simulated_path import DENSITY, simulated
+def flight(seconds):
+    planted = {{"az_bias": 0.1, "q_bias": 0.002, "alpha_bias": 0.02, "alpha_delay": 0.03, "wind_north": 7.0, "V_scale": 0.02}}
+    record = simulated(np.random.default_rng(3), planted, seconds=seconds, step=0.01)
+    channels = dict(zip(("ax", "ay", "az", "p", "q", "r"), record.inputs.T, strict=True)) | dict(record.outputs)
+    time = 0.01 * np.arange(len(record.inputs))
+    return Flight("hour", "bench", time, {{**channels, "rho": np.full(len(time), DENSITY)}})
+vehicle = parse_vehicle({vehicle!r})
+make_consistent(flight(30.0), vehicle)  # compiled code is loaded once per process
+whole = flight({seconds})
+"""
+
+
+def consistency_step(folder: Path, seconds: float) -> None:
+    """The consistency step of a flight at 100 Hz beside the parsing of a log of that length; and of half of it."""
+    from storage.writers.generated import generated_topics
+    from storage.writers.ulog import write_ulog
+
+    log = folder / "consistency.ulg"
+    write_ulog(log, generated_topics(seconds), metadata={"sys_name": "PX4"})
+    parsed = measure("from pyulog import ULog", f"ULog({str(log)!r})")["seconds"]
+    print(f"consistency step of a flight of {seconds:g} s at 100 Hz beside parsing a log of {log.stat().st_size / 1e6:.0f} MB")
+    print(f"  pyulog parses    {parsed:7.2f} s")
+    log.unlink()
+    body = "made = make_consistent(whole, vehicle)\nanswer = [len(made.document['estimates']), made.verdict.word]"
+    for part in (0.5, 1.0):
+        done = measure(HOUR.format(vehicle=VEHICLE, seconds=part * seconds), body)
+        count, word = done["answer"]
+        cost = f"{done['seconds']:7.2f} s ({done['seconds'] / parsed:.2f} x) {done['megabytes']:7.0f} MB"
+        print(f"  aerodb, {part * seconds:6g} s {cost}, {count} estimates, {word}")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float, default=3600.0, help="length of the generated log")
     parser.add_argument("--runs", type=int, default=3)
     parser.add_argument("--points", type=int, default=1_000_000, help="points at which coefficients are evaluated")
+    parser.add_argument("--stored", type=int, nargs="+", default=[10, 100, 1000], help="flights stored beside a night's new one")
     options = parser.parse_args()
     coefficients(options.points)
+    reconstruction()
     with tempfile.TemporaryDirectory() as folder:
+        consistency_step(Path(folder), options.seconds)
         per_flight_run(Path(folder), options.seconds, options.runs)
+        closed_loop(Path(folder), measure)
+        running(Path(folder), tuple(options.stored))
 
 
 if __name__ == "__main__":

@@ -19,7 +19,7 @@ def aerodb(workspace: Path, *arguments: str, folder: Path | None = None) -> subp
     kept = {name: value for name, value in os.environ.items() if not name.startswith("AERODB_")}
     environment = {**kept, "PYTHONPATH": str(Path(__file__).resolve().parents[1]), "PYTHONUTF8": "1"}
     command = [sys.executable, "-c", "from flows.cli import main; main()", "--workspace", str(workspace), *arguments]
-    return subprocess.run(command, capture_output=True, text=True, env=environment, cwd=folder, timeout=120)
+    return subprocess.run(command, capture_output=True, text=True, env=environment, cwd=folder, timeout=600)
 
 
 def document(text: str) -> Any:

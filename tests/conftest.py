@@ -1,10 +1,18 @@
 """Where tests find measured flight data, and what they share."""
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import pytest
+from hypothesis import HealthCheck, settings
+
+from tests import postgresql
+from tests.order import ByFiles, long_first
+
+if TYPE_CHECKING:
+    from tests.object_service import ObjectService
 
 
 @pytest.fixture(scope="session")
@@ -27,8 +35,66 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--full-campaign", action="store_true", help="full numbers of trials in tests marked heavy")
 
 
+def pytest_configure(config: pytest.Config) -> None:
+    """Drawn examples are the same in every run of the suite, and others in every campaign; how long one takes is no fault."""
+    same = {"derandomize": True, "database": None} if not config.getoption("--full-campaign") else {"print_blob": True}
+    settings.register_profile("aerodb", deadline=None, suppress_health_check=[HealthCheck.too_slow], **same)
+    settings.load_profile("aerodb")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Long files first."""
+    long_first(items)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> ByFiles | None:
+    """By files (``--dist loadfile``), in that order."""
+    return ByFiles(config, log) if config.getoption("dist") == "loadfile" else None
+
+
 @pytest.fixture(scope="session")
 def trials(request: pytest.FixtureRequest) -> Callable[[int, int], int]:
     """How many seeded trials a heavy test does: `reduced` in the suite, `full` under --full-campaign."""
     full_campaign = request.config.getoption("--full-campaign")
     return lambda reduced, full: full if full_campaign else reduced
+
+
+@pytest.fixture(scope="session")
+def postgresql_server() -> Iterator[postgresql.Server]:
+    """A PostgreSQL server of this machine; skips where there is none."""
+    if postgresql.binaries() is None:
+        pytest.skip("no PostgreSQL server on this machine (initdb and postgres in PATH or /usr/lib/postgresql)")
+    server = postgresql.Server()
+    yield server
+    server.remove()
+
+
+@pytest.fixture(scope="module")
+def service() -> Iterator["ObjectService"]:
+    """A real S3 service for the tests of one file."""
+    from tests.object_service import object_service  # half a second that other tests need not wait for
+
+    with object_service() as running:
+        yield running
+
+
+@pytest.fixture(params=["sqlite", "postgresql"])
+def kept_in(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[str]:
+    """What holds the catalogue of the folder `tmp_path`: its file, or a database that the settings there name."""
+    if request.param == "sqlite":
+        yield "sqlite"
+        return
+    server = request.getfixturevalue("postgresql_server")
+    database = server.catalogue()
+    postgresql.name_in_settings(tmp_path, server.url(database))
+    yield "postgresql"
+    server.drop(database)
+
+
+@pytest.fixture
+def database(postgresql_server: postgresql.Server) -> Iterator[str]:
+    """The name of a database with an empty catalogue."""
+    name = postgresql_server.catalogue()
+    yield name
+    postgresql_server.drop(name)

@@ -16,14 +16,29 @@ BOOM = (13.080, -0.010, -0.027)
 ATTAS_BIASES = ("ax_bias", "ay_bias", "az_bias", "p_bias", "q_bias", "r_bias")
 
 
-def attas(path: Path) -> Record:
-    """One ATTAS manoeuvre: boom V, alpha, beta, attitude, pressure altitude (columns as in the data's SOURCE.md)."""
+def attas(path: Path, airspeed_at: str = "boom", rate_bias: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Record:
+    """One ATTAS manoeuvre: alpha, beta at the boom, attitude, pressure altitude (columns as in the data's SOURCE.md).
+
+    airspeed_at : where the airspeed column is taken to be, "boom" or "cg". rate_bias : removed from the rates that move the
+    accelerometers to the CG.
+    """
     data = np.loadtxt(path) if path.suffix == ".asc" else next(v for k, v in loadmat(path).items() if not k.startswith("_"))
     rates = np.deg2rad(data[:, 6:9])
-    force = specific_force_at_cg(data[:, 1:4], rates, np.deg2rad(data[:, 16:19]), np.broadcast_to(SENSOR, rates.shape))
+    turning, arm = np.deg2rad(data[:, 16:19]), np.broadcast_to(SENSOR, rates.shape)
+    force = specific_force_at_cg(data[:, 1:4], rates - rate_bias, turning, arm)
     angles = {name: np.deg2rad(data[:, column]) for column, name in enumerate(("phi", "theta", "psi", "alpha", "beta"), start=9)}
-    outputs = {"V": data[:, 14], "altitude": data[:, 15] * FOOT, **angles}
+    speed = data[:, 14] if airspeed_at == "boom" else _at_boom(data[:, 14], angles, rates - rate_bias)
+    outputs = {"V": speed, "altitude": data[:, 15] * FOOT, **angles}
     return Record(path.stem, 0.04, np.column_stack([force, rates]), outputs, path.stem, BOOM, gravity=9.80)
+
+
+def _at_boom(speed: np.ndarray, angles: dict[str, np.ndarray], rates: np.ndarray) -> np.ndarray:
+    """Airspeed at the boom, where alpha and beta are measured, from that at the CG: ``|s d - w x r| = V`` solved for s."""
+    cos = np.cos(angles["beta"])
+    along = np.column_stack([cos * np.cos(angles["alpha"]), np.sin(angles["beta"]), cos * np.sin(angles["alpha"])])
+    swing = np.cross(rates, BOOM)
+    part = np.sum(along * swing, axis=1)
+    return np.asarray(part + np.sqrt(part**2 - np.sum(swing**2, axis=1) + speed**2))
 
 
 def harv(path: Path) -> tuple[Record, np.ndarray]:

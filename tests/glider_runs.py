@@ -44,11 +44,9 @@ def ways(workspace: Workspace) -> list[tuple[str, str, str]]:
 
 def rows(workspace: Workspace) -> dict[str, int]:
     """Table -> number of rows, without the tables about runs."""
-    engine = sa.create_engine(f"sqlite:///{workspace.catalogue}")
-    with engine.connect() as connection:
+    with Catalogue.open(workspace.catalogue) as catalogue, catalogue._database.reading() as connection:
         tables = [name for name in sa.inspect(connection).get_table_names() if name not in OF_RUNS]
         counts = {name: connection.execute(sa.text(f'SELECT count(*) FROM "{name}"')).scalar() for name in tables}
-    engine.dispose()
     return {name: int(count or 0) for name, count in counts.items()}
 
 

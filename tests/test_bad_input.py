@@ -165,9 +165,9 @@ def test_a_faulty_mapping_file_is_the_mappings_fault_not_the_logs(workspace: Pat
     log = write_csv(tmp_path / "good.csv", channels(46))
     mapping = own_mapping(tmp_path / "own.toml")
     mapping.write_text(mapping.read_text().replace('name = "alpha"', 'name = "alhpa"'))
-    lines = refused(workspace, *ingest(log, "--mapping", str(mapping)))
+    lines = refused(workspace, *ingest(log, "--mapping", str(mapping)), process=True)
     assert "did you mean 'alpha'?" in " ".join(lines)
-    lines = refused(workspace, *ingest(log, "--mapping", "canonicl"))
+    lines = refused(workspace, *ingest(log, "--mapping", "canonicl"), process=True)
     assert "did you mean 'canonical'?" in lines[1]
     assert not (workspace / "quarantine" / hashlib.sha256(log.read_bytes()).hexdigest()).exists()
 

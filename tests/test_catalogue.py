@@ -1,6 +1,5 @@
 """The catalogue: what is added comes back, once, and what is found is what was meant."""
 
-import sqlite3
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -11,10 +10,11 @@ from aerodb.errors import InputError, UnknownNameError
 from aerodb.recording import Damage
 from storage.catalogue import Catalogue
 from tests.catalogue_samples import V, add_flight, add_version, h
+from tests.postgresql import by_hand
 
 
 @pytest.fixture
-def catalogue(tmp_path: Path) -> Any:
+def catalogue(kept_in: str, tmp_path: Path) -> Any:
     with Catalogue.open(tmp_path / "catalogue.sqlite") as opened:
         opened.add_vehicle(V, "name = 'twin-otter'")
         yield opened
@@ -71,8 +71,8 @@ def test_the_same_flight_again_changes_nothing_and_a_better_mapping_adds_a_recor
     values: dict[str, Any] = {"mapping": "px4 + rudder", "start_utc": start, "duration": 1.0, "samples": 51, "step": 0.02}
     row = catalogue.add_flight(id, vehicle=V, log_sha256=id, **values)
     assert (row.mapping, row.samples, row.start_utc, row.name) == ("px4 + rudder", 51, start, "f1")
-    with sqlite3.connect(tmp_path / "catalogue.sqlite") as raw:
-        assert raw.execute("SELECT (SELECT count(*) FROM flights), (SELECT count(*) FROM flight_records)").fetchone() == (1, 2)
+    raw = by_hand(tmp_path / "catalogue.sqlite")
+    assert raw.execute("SELECT (SELECT count(*) FROM flights), (SELECT count(*) FROM flight_records)").fetchone() == (1, 2)
     raw.close()
 
 

@@ -30,8 +30,20 @@ COMMANDS = [
     ["flight", "list"],
     ["flight", "show"],
     ["flight", "retract"],
+    ["calibration", "list"],
+    ["calibration", "show"],
+    ["recalibrate"],
     ["update"],
+    ["close-loop"],
     ["demo"],
+    ["serve"],
+    ["nightly"],
+    ["retry"],
+    ["status"],
+    ["web"],
+    ["verify"],
+    ["backup"],
+    ["restore"],
     ["version", "list"],
     ["version", "show"],
     ["version", "history"],
@@ -42,13 +54,22 @@ COMMANDS = [
     ["version", "export"],
     ["version", "promote"],
     ["version", "rollback"],
+    ["report", "flight"],
+    ["report", "update"],
+    ["report", "version"],
+    ["store", "push"],
+    ["store", "pull"],
+    ["store", "trim"],
 ]
 
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Path], dict[str, Any]]:
+    return from_logs_to_proof(tmp_path_factory.mktemp("files"), tmp_path_factory.mktemp("made") / "w")
+
+
+def from_logs_to_proof(folder: Path, workspace: Path) -> tuple[Path, list[Path], dict[str, Any]]:
     """Workspace, logs and the update's answer, made by the command as people type it."""
-    folder, workspace = tmp_path_factory.mktemp("files"), tmp_path_factory.mktemp("made") / "w"
     logs = write_files(folder)
     assert asked(workspace, "vehicle", "add", str(folder / "vehicle.toml"))["vehicle"] == NAME
     assert asked(workspace, "database", "import", str(folder / "database.toml"), "--vehicle", NAME)["label"] == "v0001"

@@ -49,7 +49,7 @@ def clones(tmp_path_factory: pytest.TempPathFactory) -> list[list[Any]]:
         environment = {**os.environ, **place, "PYTHONPATH": str(root), "PYTHONUTF8": "1"}
         workspace = folder.parent / "w"
         command = [sys.executable, "-c", _COMMANDS, str(folder), str(workspace), *(copies if number else reversed(copies))]
-        subprocess.run(command, check=True, capture_output=True, env=environment, timeout=120)
+        subprocess.run(command, check=True, capture_output=True, env=environment, timeout=600)
         with Catalogue.open(workspace / "catalogue.sqlite") as catalogue:
             rows = catalogue.versions(NAME)
             made.append([(row.id, row.content_sha256, catalogue.version_documents(row.id)) for row in rows])

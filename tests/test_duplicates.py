@@ -8,9 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
+from scipy.ndimage import gaussian_filter1d
 
-from aerodb.conditioning.duplicates import fingerprint, shared_samples, suspects
+from aerodb.conditioning.duplicates import FEWEST_MARKS, fingerprint, shared_samples, suspects
 from aerodb.flight import Flight
+from tests.jsbsim_campaign import as_logged, flown
+from tests.jsbsim_cases import B737, lowering
 from tests.kinematic_flights import kinematic_flight
 from tests.measured_flights import ATTAS, RECORDS, as_flight
 
@@ -18,6 +21,13 @@ from tests.measured_flights import ATTAS, RECORDS, as_flight
 @pytest.fixture(scope="module")
 def records(measured: Callable[[str], Path]) -> dict[str, Flight]:
     return {name: as_flight(measured(name)) for name in RECORDS}
+
+
+def _programme(**start: float) -> Flight:
+    """A Boeing 737 in JSBSim under one programme of inputs, from these initial conditions."""
+    plan = lowering(0)
+    begun = {**plan.start, **{f"ic/{name.replace('_', '-')}": value for name, value in start.items()}}
+    return as_logged(flown(B737, replace(plan, start=begun, seconds=40.0)), "flown", "737", np.random.default_rng(1))
 
 
 def resampled(flight: Flight, rate: float, start: float, end: float, rounding: int | None = None) -> Flight:
@@ -85,6 +95,58 @@ def test_flights_with_the_same_plan_but_their_own_noise_are_different() -> None:
     prints = [fingerprint(flight) for flight in flights]
     assert max(len(a & b) for a, b in combinations(prints, 2)) < 3
     assert all(shared_samples(a, b) == () for a, b in combinations(flights[:6], 2))
+
+
+@pytest.mark.parametrize("change", [{"V": 15.0}, {"altitude": 300.0}, {"theta": 0.03}, {"psi": 0.5}])
+def test_the_same_inputs_at_another_condition_are_another_flight(change: dict[str, float]) -> None:
+    flight = kinematic_flight(34)
+    flight = flight.with_channels(
+        {"altitude": 900.0 + np.cumsum(flight["V"] * np.sin(flight["theta"] - flight["alpha"])) * flight.step}
+    )
+    assert set(change) <= set(flight.channels)
+    other = flight.with_channels({name: flight[name] + size for name, size in change.items()})
+    assert len(fingerprint(flight) & fingerprint(other)) >= FEWEST_MARKS
+    assert shared_samples(other, flight) == ()
+    assert shared_samples(resampled(flight, 31.0, 3.0, 30.0, rounding=4), flight) != ()
+
+
+def test_a_whole_turn_of_heading_and_another_origin_are_no_other_flight() -> None:
+    flight = kinematic_flight(35)
+    rng = np.random.default_rng(1)
+    track = {name: np.cumsum(rng.standard_normal(len(flight.time))) for name in ("north", "east")}
+    flight = flight.with_channels(track)
+    moved = flight.with_channels(
+        {"psi": flight["psi"] + 2 * np.pi, "north": flight["north"] + 1e4, "east": flight["east"] - 300.0}
+    )
+    (shared,) = shared_samples(moved, flight)
+    assert shared.samples > 0.95 * len(flight.time)
+
+
+def test_a_programme_flown_again_at_another_condition_in_jsbsim_is_no_repeat() -> None:
+    first = _programme(vc_kts=200.0, h_sl_ft=6000.0)
+    assert sum(shared.samples for shared in shared_samples(resampled(first, 20.0, 2.0, 38.0), first)) > 600
+    for start in ((215.0, 6000.0), (200.0, 8000.0), (205.0, 7000.0)):
+        assert shared_samples(_programme(vc_kts=start[0], h_sl_ft=start[1]), first) == ()
+
+
+def test_a_periodic_motion_costs_no_more_than_another_and_is_still_found() -> None:
+    """Its one mark comes thousands of times: the pairs of two such records would fill the memory."""
+    time = 0.02 * np.arange(180_000)
+    channels = {"q": 0.1 * np.sin(3.0 * time), "r": 0.05 * np.sin(3.0 * time + 1.0)}
+    flight = Flight("periodic", "synthetic", time, channels)
+    found = shared_samples(flight, replace(flight, id="again"))
+    assert sum(shared.samples for shared in found) > 0.99 * len(time)
+
+
+def test_two_hours_of_turbulence_have_no_mark_in_common() -> None:
+    """So a look-up of marks finds nothing to compare, however many flights are stored."""
+    prints = []
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        noise = {name: gaussian_filter1d(rng.standard_normal(180_000), 15.0) for name in ("p", "q", "r", "ay", "az")}
+        prints.append(fingerprint(Flight(f"t{seed}", "synthetic", 0.02 * np.arange(180_000), noise)))
+    assert min(map(len, prints)) > 5000
+    assert max(len(a & b) for a, b in combinations(prints, 2)) < FEWEST_MARKS
 
 
 def test_fingerprints_fit_a_database_and_nothing_gives_none() -> None:

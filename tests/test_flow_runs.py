@@ -80,7 +80,7 @@ class ThreadedSteps(DirectSteps):
         together = threading.Barrier(max(len(todo), 1))
 
         def one(item: Any) -> Any:
-            together.wait(timeout=30)
+            together.wait(timeout=300)
             return step(item, *args, **keywords)
 
         with ThreadPoolExecutor(max(len(todo), 1)) as pool:
@@ -130,7 +130,7 @@ def test_progress_is_told_step_by_step(tmp_path: Path, logs: list[Path]) -> None
     workspace = prepared(tmp_path / "w", logs[0].parent)
     parameters = {"logs": [str(log) for log in logs[:2]], "vehicle": NAME}
     run_flow(flight_flow, parameters, workspace, "direct", lambda step, done, total: told.append((step, done, total)))
-    steps = ("ingest.store_log", "coefficients.reconstruct", "compare.compare_with_version")
+    steps = ("ingest.store_log", "consistency.check_consistency", "coefficients.reconstruct", "compare.compare_with_version")
     assert told == [(step, done, 2) for step in steps for done in (0, 1, 2)]
 
 

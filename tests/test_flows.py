@@ -6,13 +6,11 @@ runs under Prefect, because Prefect reads its settings when it is first imported
 
 import json
 import os
-import signal
 import socket
 import subprocess
 import sys
-import time
 import urllib.request
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -21,31 +19,9 @@ import pytest
 from storage.catalogue import Catalogue
 from storage.workspace import Workspace
 from tests import small_glider
+from tests.end_to_end import by_commands, environment, prefect_server, same_as_direct
 from tests.glider_runs import ingest_and_update, prepared, stored, ways
 from tests.small_glider import NAME, write_files
-
-#: Both commands in one process, so that Prefect's own start is paid once.
-BOTH = """
-import sys
-from flows.cli.main import app
-first, second = sys.argv[1:].index("--then"), sys.argv[1:]
-for command in (second[:first], second[first + 1:]):
-    assert not app(command, standalone_mode=False)
-"""
-
-
-def _environment(**more: str) -> dict[str, str]:
-    kept = {name: value for name, value in os.environ.items() if not name.startswith(("PREFECT_", "AERODB_"))}
-    return {**kept, "PYTHONPATH": str(Path(__file__).resolve().parents[1]), "PYTHONUTF8": "1", **more}
-
-
-def _both(root: Path, folder: Path, logs: list[Path], *options: str, **environment: str) -> subprocess.CompletedProcess[str]:
-    """Ingests and updates in one process of its own; a workspace with vehicle and database must be there."""
-    common = ["--workspace", str(root), "--json"]
-    ingest = [*common, "flight", "ingest", *map(str, logs), "--vehicle", NAME, *options]
-    update = [*common, "update", "--vehicle", NAME, "--model", str(folder / "model.toml"), *options]
-    command = [sys.executable, "-c", BOTH, *ingest, "--then", *update]
-    return subprocess.run(command, env=_environment(**environment), capture_output=True, text=True, timeout=120)
 
 
 @pytest.fixture(scope="module")
@@ -62,60 +38,9 @@ def direct(tmp_path_factory: pytest.TempPathFactory, logs: list[Path]) -> tuple[
 
 @pytest.fixture(scope="module")
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """Address of a real Prefect server; its process is ended whatever happens."""
-    home = tmp_path_factory.mktemp("server")
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    url = f"http://127.0.0.1:{port}/api"
-    settings = {
-        "PREFECT_HOME": str(home),
-        "PREFECT_API_URL": url,
-        "DO_NOT_TRACK": "1",
-        "PREFECT_SERVER_ANALYTICS_ENABLED": "false",
-    }
-    command = [sys.executable, "-m", "prefect", "server", "start", "--host", "127.0.0.1", "--port", str(port), "--no-ui"]
-    with (home / "log.txt").open("wb") as log:
-        process = subprocess.Popen(command, env=_environment(**settings), stdout=log, stderr=log, start_new_session=True)
-    try:
-        _wait_for(lambda: _answers(f"{url}/health"), process, home / "log.txt")
+    """Address of a real Prefect server."""
+    with prefect_server(tmp_path_factory.mktemp("server")) as url:
         yield url
-    finally:
-        process.terminate()
-        try:
-            process.wait(timeout=20)
-        except subprocess.TimeoutExpired:
-            os.killpg(process.pid, signal.SIGKILL)  # its own session: the workers that it started go with it
-            process.wait(timeout=20)
-
-
-def _wait_for(ready: Callable[[], bool], process: "subprocess.Popen[bytes]", log: Path) -> None:
-    until = time.monotonic() + 90
-    while not ready():
-        if process.poll() is not None or time.monotonic() > until:
-            pytest.fail(f"the Prefect server did not start:\n{log.read_text(errors='replace')[-2000:]}")
-        time.sleep(0.3)
-
-
-def _answers(url: str) -> bool:
-    try:
-        with urllib.request.urlopen(url, timeout=2) as response:
-            return bool(response.status == 200)
-    except OSError:
-        return False
-
-
-def _same_as_direct(
-    workspace: Workspace, done: subprocess.CompletedProcess[str], direct: tuple[Workspace, dict[str, Any]]
-) -> None:
-    assert done.returncode == 0, done.stderr
-    assert stored(workspace) == stored(direct[0])
-    first = json.JSONDecoder().raw_decode(done.stdout)
-    document = json.loads(done.stdout[first[1] :])
-    assert document["candidate"] == direct[1]["candidate"]
-    assert [entry["terms"] for entry in document["increments"]] == [entry["terms"] for entry in direct[1]["increments"]]
-    assert "prefect" not in (done.stdout + done.stderr).lower().replace(str(workspace.root).lower(), "")
-    assert "INFO" not in done.stderr
 
 
 def test_direct_run_finds_what_was_planted_and_records_it(direct: tuple[Workspace, dict[str, Any]]) -> None:
@@ -133,7 +58,7 @@ def test_direct_run_finds_what_was_planted_and_records_it(direct: tuple[Workspac
     ]
     kept = stored(workspace)
     steps = [[step for step, _ in results] for results in kept["results"].values()]
-    assert all(set(entry) == {"ingest", "coefficients", "compare"} for entry in steps)
+    assert all(set(entry) == {"ingest", "conditioning", "consistency", "coefficients", "compare"} for entry in steps)
     with Catalogue.open(workspace.catalogue) as catalogue:
         candidate = catalogue.version(NAME, "candidate")
         lineage = catalogue.lineage(candidate.id)
@@ -147,8 +72,8 @@ def test_prefects_ephemeral_mode_stores_the_same(
 ) -> None:
     """The logs in another order: side by side they are taken in in any order, and the held-out flights must not depend on it."""
     workspace = prepared(tmp_path / "w", logs[0].parent)
-    done = _both(workspace.root, logs[0].parent, logs[::-1])
-    _same_as_direct(workspace, done, direct)
+    done = by_commands(workspace.root, logs[0].parent, logs[::-1])
+    same_as_direct(workspace, done, direct)
     assert {how for flow, how, _ in ways(workspace) if flow != "import_flow"} == {"ephemeral"}
     assert (workspace.root / "prefect").is_dir()
 
@@ -157,12 +82,12 @@ def test_a_prefect_server_stores_the_same_and_knows_the_runs(
     tmp_path: Path, logs: list[Path], direct: tuple[Workspace, dict[str, Any]], server: str
 ) -> None:
     workspace = prepared(tmp_path / "w", logs[0].parent)
-    done = _both(workspace.root, logs[0].parent, logs, PREFECT_API_URL=server)
-    _same_as_direct(workspace, done, direct)
+    done = by_commands(workspace.root, logs[0].parent, logs, PREFECT_API_URL=server)
+    same_as_direct(workspace, done, direct)
     done_by = [(flow, how, state) for flow, how, state in ways(workspace) if flow != "import_flow"]
     assert done_by == [("flight_flow", "server", "completed"), ("update_flow", "server", "completed")]
     request = urllib.request.Request(f"{server}/flows/filter", data=b"{}", headers={"content-type": "application/json"})
-    with urllib.request.urlopen(request, timeout=10) as response:
+    with urllib.request.urlopen(request, timeout=120) as response:
         assert {"flight-flow", "update-flow"} <= {flow["name"] for flow in json.load(response)}
 
 
@@ -192,6 +117,6 @@ def test_a_query_imports_no_orchestrator(direct: tuple[Workspace, dict[str, Any]
         "sys.exit(str(heavy) if heavy else 0)"
     )
     arguments = [sys.executable, "-c", code, "--workspace", str(direct[0].root), "--json", *command]
-    done = subprocess.run(arguments, env=_environment(), capture_output=True, text=True, timeout=60)
+    done = subprocess.run(arguments, env=environment(), capture_output=True, text=True, timeout=600)
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)

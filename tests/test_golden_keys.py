@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from aerodb.identity import result_key
+from flows.close_loop import close_loop_flow
 from flows.flight import flight_flow
 from flows.importing import import_flow
 from flows.run import run_flow
@@ -24,11 +25,15 @@ from tests.small_glider import DATABASE, MODEL, NAME, VEHICLE, write_csv
 
 #: step -> (RESULT_VERSION, first digits of the key, first digits of the digest of what is stored).
 GOLDEN: dict[str, tuple[int, str, str]] = {
-    "ingest": (1, "ecd6525b34cd07de", "3c40ca585a1c1e0d"),
-    "coefficients": (1, "b017a8fc72869592", "9ddddc1b635ef5d7"),
-    "compare": (1, "ff10926b64c3d961", "75ab953bf9aaf46f"),
+    "ingest": (3, "d149dbade61b9b4e", "3c40ca585a1c1e0d"),
+    "conditioning": (1, "f11bb1fd96830860", "46c72025355d8e3c"),
+    "consistency": (2, "ba140686e1afd45f", "0a6b81f9def94d33"),
+    "coefficients": (2, "8c9316d2282d5cf2", "9ddddc1b635ef5d7"),
+    "compare": (1, "7a3ddcc610f9f48c", "75ab953bf9aaf46f"),
+    "gram": (5, "a70f968d22ae94df", "397ceeca15787f07"),
+    "close_loop": (5, "1bf32caf5276987c", "6303239909fbe35c"),
     "import": (1, "f51fd88b5b312d78", "15d078bd64552f53"),
-    "update": (2, "20de3c3218a4aaaa", "6b1983884f9e9ae7"),
+    "update": (4, "d4bc905a03f0fdaa", "6b1983884f9e9ae7"),
 }
 
 #: The test's own mapping: the built-in ones may learn new channels without anything here changing.
@@ -87,20 +92,38 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[str, str]]
         flights = [outcome["flight"] for outcome in outcomes]
         update = {"vehicle": NAME, "baseline": baseline, "flights": flights, "model": MODEL}
         candidate = run_flow(update_flow, update, workspace, "direct")["candidate"]
+        loop = run_flow(close_loop_flow, {name: update[name] for name in ("vehicle", "baseline", "flights")}, workspace, "direct")
         found = {}
-        for step in ("ingest", "coefficients", "compare"):
+        for step in ("ingest", "conditioning", "consistency", "coefficients", "compare", "gram"):
             row = next(r for r in catalogue.results_of(flights[0], step) if step != "compare" or baseline in r.inputs)
             path = workspace.resolve(row.path)
             if step == "ingest":
                 flight = read_flight(path)
                 columns: dict[str, Any] = {"time": flight.time, **flight.channels}
                 columns |= {f"flags_{name}": bits for name, bits in flight.flags.items()}
+            elif step == "conditioning":
+                columns = _findings(read_results(path)[1])
+            elif step == "consistency":  # this log has no attitude: what is said of it
+                columns = {name: np.array(read_results(path)[1][name]) for name in ("verdict", "reasons", "changed")}
             else:
                 columns = dict(read_results(path)[0])
             found[step] = (row.key, _digest(columns))
+        said = {name: np.array([f"{e['hypothesis']} {e['verdict']}" for e in loop[name]]) for name in ("findings", "not_found")}
+        found["close_loop"] = (loop["report"], _digest(said))
         for step, version in (("import", baseline), ("update", candidate)):
             found[step] = (version, _digest(_numbers(json.loads(catalogue.version_documents(version).content))))
     return found
+
+
+def _findings(document: dict[str, Any]) -> dict[str, Any]:
+    """What conditioning says, but for digits that rounding on another machine may turn."""
+    return {
+        "suspicions": np.array([entry["sentence"] for entry in document["suspicions"]]),
+        "segments": np.array([f"{s['kind']} {s['channel']} {s['start']:.3f} {s['end']:.3f}" for s in document["segments"]]),
+        "delays": np.array(
+            [f"{d['channel']} {d['observable']} {d['seconds']:.3f}" for d in document["delays"] if d["observable"]]
+        ),
+    }
 
 
 def _numbers(document: dict[str, Any]) -> dict[str, Any]:

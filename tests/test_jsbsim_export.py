@@ -210,6 +210,22 @@ def test_an_aircraft_at_rest_has_no_force_and_no_nan() -> None:
     assert np.isfinite(executive["aero/alphadot-rad_sec"])
 
 
+def test_a_case_does_not_depend_on_the_one_before_it() -> None:
+    """JSBSim turns angles one after another from where they stand: steep ones on top of steep ones leave its range."""
+    rng = np.random.default_rng(5)
+    database = AeroDatabase("steep", REFERENCE, terms=(Term("t", "CZ", parse("-4*alpha + beta + 0.1*q_hat")),))
+    steep = {"alpha": 1.4, "beta": 1.4, "phi": 0.5, "theta": 0.5}
+    conditions = [
+        {"V": 100.0, "rho": 1.0, "mach": 0.3, "q": 0.1, **{name: float(rng.uniform(-most, most)) for name, most in steep.items()}}
+        for _ in range(200)
+    ]
+    executive = loaded_in_jsbsim(export_jsbsim(database, name="exported"))
+    flown = fly_cases(executive, conditions, input_properties(database), REFERENCE)
+    for name in ("alpha", "beta"):
+        np.testing.assert_allclose(flown.inputs[name], [condition[name] for condition in conditions], atol=1e-9)
+    assert np.isfinite(flown.coefficients["CZ"]).all()
+
+
 def test_what_jsbsim_cannot_carry_is_refused_by_name() -> None:
     points = np.array([[0.0, 0.0], [0.1, 0.0], [0.0, 0.1], [0.1, 0.1]])
     scattered = {"cloud": ScatteredTable("cloud", ("alpha", "beta"), points, np.arange(4.0))}

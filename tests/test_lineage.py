@@ -50,7 +50,7 @@ def test_from_a_table_node_to_log_hashes_settings_steps_and_run(made: tuple[Path
         run = catalogue.run(entry["run"])
     assert (run.flow, run.state, run.code_version) == ("update_flow", "completed", entry["code_version"])
     assert entry["settings"]["model"] == MODEL
-    steps = {step: [RESULT_VERSION[step]] for step in ("ingest", "coefficients", "compare", "update")}
+    steps = {step: [RESULT_VERSION[step]] for step in ("ingest", "consistency", "coefficients", "compare", "update")}
     assert entry["step_versions"] == steps
 
 

@@ -218,6 +218,16 @@ sources = [{topic = "new_rates", field = "q"}, {topic = "older|old_*", field = "
     np.testing.assert_allclose(map_recording(recording, parse_mapping(text), _vehicle())["q"], SLOW, rtol=1e-12)
 
 
+@pytest.mark.parametrize("fields", [("roll", "pitch", "yaw"), ("y", "x", "r")])
+def test_the_stick_of_a_px4_log_is_what_was_commanded(fields: tuple[str, str, str]) -> None:
+    rates = {f"xyz[{k}]": np.sin((k + 1) * SLOW) for k in range(3)}
+    stick = {name: np.cos((k + 1) * SLOW) for k, name in enumerate(fields)}
+    recording = _recording({"vehicle_angular_velocity": (SLOW, rates), "manual_control_setpoint": (SLOW, stick)})
+    flight = map_recording(recording, builtin_mappings()["px4"], _vehicle())
+    for name, field in zip(("command_roll", "command_pitch", "command_yaw"), fields, strict=True):
+        np.testing.assert_allclose(flight[name], stick[field])
+
+
 def test_canonical_table(tmp_path: Path) -> None:
     frame = pd.DataFrame({"time [s]": SLOW, "p [deg/s]": SLOW, "q [deg/s]": SLOW, "r [deg/s]": SLOW, "delta_rudder [deg]": SLOW})
     frame.to_csv(tmp_path / "x.csv", index=False)

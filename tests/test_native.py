@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from aerodb.errors import InputError
-from aerodb.exchange.native import database_content_sha256, from_document, read_native, to_document
+from aerodb.exchange.native import database_content_sha256, database_document_sha256, from_document, read_native, to_document
 from aerodb.identity import canonical_json
 from aerodb.nomenclature import AXES
 from aerodb.tables.database import AeroDatabase, Reference, Term, Variable
@@ -179,6 +179,15 @@ def test_content_hash_sees_every_kind_of_number() -> None:
     hashes = {database_content_sha256(each) for each in [database, *changed]}
     assert len(hashes) == len(changed) + 1
     assert database_content_sha256(full_database(1)) == database_content_sha256(database)
+
+
+def test_document_hash_sees_formulas_too() -> None:
+    """What is computed with a database must not be taken for what another formula over the same numbers gives."""
+    database = full_database(1)
+    other = replace(database, terms=(*database.terms[:-1], replace(database.terms[-1], expression=parse("2*alpha"))))
+    assert database_content_sha256(other) == database_content_sha256(database)
+    assert database_document_sha256(other) != database_document_sha256(database)
+    assert database_document_sha256(full_database(1)) == database_document_sha256(database)
 
 
 @pytest.mark.parametrize(

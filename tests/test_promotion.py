@@ -226,7 +226,7 @@ def test_eight_processes_promote_at_once_and_each_step_has_one_winner(
         process.start()
     winners = [win for _ in processes for win in outcomes.get(timeout=1800)[1]]
     for process in processes:
-        process.join(60)
+        process.join(300)
         assert process.exitcode == 0
     assert sorted(k for k, _ in winners) == list(range(rounds))
     with Catalogue.open(workspace.catalogue) as catalogue:

@@ -7,7 +7,7 @@ import pytest
 
 from aerodb.comparison import Comparison
 from aerodb.errors import InputError, UnknownNameError
-from aerodb.proof import HoldOut, choose_hold_out, prove, prove_by_leaving_one_out
+from aerodb.proof import HoldOut, choose_hold_out, prove, prove_by_leaving_one_out, worse_axes
 
 NAMES = tuple(f"f{k:02d}" for k in range(30))
 
@@ -83,6 +83,15 @@ def compared(flight: str, measured: list[float], residual: list[float], sigma: f
         bandwidth=None,
         notes=(),
     )
+
+
+@pytest.mark.parametrize(("grown", "worse"), [(0.9, set()), (1.009, set()), (1.011, {"CZ"})])
+def test_an_axis_is_worse_when_its_error_grew_beyond_what_counts_as_unchanged(grown: float, worse: set[str]) -> None:
+    before = {name: compared(name, [1, 2, 3], [3, -5, 1e6], 0.1, bad=2) for name in "ab"}
+    after = {"a": before["a"], "b": compared("b", [1, 2, 3], [3 * grown, -5 * grown, 0], 0.1, bad=2)}
+    pooled = {name: compared(name, [1, 2, 3], [3 * grown, -5 * grown, 0], 0.1, bad=2) for name in "ab"}
+    assert worse_axes(before, pooled) == worse
+    assert worse_axes(before, after) == set()
 
 
 SPLIT = HoldOut(("a",), ("b",), "held-out")

@@ -156,7 +156,7 @@ def test_the_same_flight_gives_the_same_bytes_in_another_process(tmp_path: Path)
     write_flight(tmp_path / "a.parquet", a_flight())
     code = "import sys, pathlib, tests.test_store as t; t.write_flight(pathlib.Path(sys.argv[1]), t.a_flight())"
     here = Path(__file__).parents[1]
-    subprocess.run([sys.executable, "-c", code, str(tmp_path / "b.parquet")], check=True, cwd=here, timeout=60)
+    subprocess.run([sys.executable, "-c", code, str(tmp_path / "b.parquet")], check=True, cwd=here, timeout=600)
     a, b = ((tmp_path / f"{name}.parquet").read_bytes() for name in "ab")
     assert hashlib.sha256(a).digest() == hashlib.sha256(b).digest()
 

@@ -129,6 +129,64 @@ def _with(update: Update, flown: Flight, compared: Comparison) -> Comparison:
     return replace(compared, predicted={"CZ": compared.predicted["CZ"] + added})
 
 
+TRIMMED = """
+[[increment]]
+axis = "CZ"
+terms = ["1", "alpha", "delta_elevator"]
+"""
+TRIMS = np.array([-0.06, 0.0, 0.06])
+
+
+def _trimmed(seed: int) -> tuple[list[Flight], list[Comparison]]:
+    """Three flights with another trim each, whose constant does not follow the elevator as the elevator's effect would."""
+    flown, _ = campaign(seed, lambda f: np.zeros(len(f.time)))
+    rng = np.random.default_rng(10_000 + seed)
+    flown = [f.with_channels({"delta_elevator": f["delta_elevator"] + trim}) for f, trim in zip(flown, TRIMS, strict=True)]
+    residuals = [
+        0.02 - 0.5 * f["alpha"] + 0.4 * f["delta_elevator"] - 0.9 * trim + smooth_noise(rng, len(f.time), 0.1, 0.01)
+        for f, trim in zip(flown, TRIMS, strict=True)
+    ]
+    return flown, [comparison(f, {"CZ": residual}, 0.01) for f, residual in zip(flown, residuals, strict=True)]
+
+
+def test_flights_trimmed_differently_pull_at_slopes_unless_each_has_its_own_constant() -> None:
+    """60 campaigns. One constant: the elevator's effect is lost, and the interval says otherwise. Own ones: intervals cover, and
+    the constant that enters is their mean, as uncertain as they differ."""
+    own = TRIMMED + "own_constants = true\n"
+    common = [estimated(*_trimmed(seed), TRIMMED) for seed in range(60)]
+    assert np.mean([run.estimates[2] for run in common]) < 0.1
+    assert np.mean([abs(run.estimates[2] - 0.4) < 1.96 * run.standard_errors[2] for run in common]) < 0.25
+    runs = [estimated(*_trimmed(seed), own) for seed in range(60)]
+    truth = np.array([0.02, -0.5, 0.4])
+    assert runs[0].names == ("1", "alpha", "delta_elevator")
+    errors = np.array([run.standard_errors for run in runs])
+    inside = np.array([np.abs(run.estimates - truth) for run in runs]) < 1.96 * errors
+    assert np.all(inside[:, 1:].mean(axis=0) > 0.88)
+    assert np.all(np.abs(np.mean([run.estimates for run in runs], axis=0)[1:] - truth[1:]) < 0.3 * errors[:, 1:].mean(axis=0))
+    scatter = float(np.std(-0.9 * TRIMS, ddof=1)) / np.sqrt(3.0)
+    assert np.all(errors[:, 0] > 0.9 * scatter)
+    assert np.all(inside[:, 0])
+
+
+def test_for_one_flight_its_own_constant_changes_nothing() -> None:
+    flown, compared = campaign(4, lift, flights=1)
+    own = estimated(flown, compared, LIFT + "own_constants = true\n")
+    common = estimated(flown, compared, LIFT)
+    assert own.names == common.names
+    np.testing.assert_allclose(own.estimates, common.estimates, rtol=1e-9)
+    np.testing.assert_allclose(own.covariance, common.covariance, rtol=1e-7)
+    np.testing.assert_allclose(own.vif, common.vif, rtol=1e-7)
+
+
+def test_own_constants_need_the_constant() -> None:
+    with pytest.raises(InputError, match="own_constants without the term '1'"):
+        parse_model_file(ONE + "own_constants = true\n")
+    switched = campaign(6, lambda f: np.zeros(len(f.time)))
+    flown = [f.with_channels({"delta_elevator": np.full(len(f.time), trim)}) for f, trim in zip(switched[0], TRIMS, strict=True)]
+    with pytest.raises(InputError, match="linearly dependent"):
+        estimated(flown, switched[1], TRIMMED + "own_constants = true\n")
+
+
 ONE = '[[increment]]\naxis = "CZ"\nterms = ["alpha"]\n'
 TWO = '[[increment]]\naxis = "CZ"\nterms = ["alpha", "delta_elevator"]\n'
 

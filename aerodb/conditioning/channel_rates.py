@@ -84,6 +84,13 @@ KINEMATICS: Final[dict[str, tuple[Callable[[Mapping[str, Array]], Array], tuple[
     "psi": (heading_rate, ("psi", "q", "r", "phi", "theta")),
 }
 
+#: What these rates use besides, where it is there.
+OPTIONAL: Final[dict[str, tuple[str, ...]]] = {
+    "alpha": ("beta", "p", "r", "phi"),
+    "V": ("beta", "ay", "phi"),
+    "theta": ("r", "phi"),
+}
+
 
 def with_accelerations(flight: Flight) -> dict[str, Array]:
     """The flight's channels, bridged where they may not be used, with ax, ay, az from the IMU where those at the CG lack."""

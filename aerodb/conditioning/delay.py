@@ -5,18 +5,20 @@ gravity give for it. Both are band-passed alike, so that biases (which integrate
 Errors for coloured residuals: Morelli & Klein, J. Aircraft 34(2), 1997.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import irfft, next_fast_len, rfft
 from scipy.integrate import cumulative_simpson
 from scipy.interpolate import CubicSpline
 from scipy.signal import correlate
 
 from aerodb.conditioning.channel_rates import KINEMATICS, with_accelerations
 from aerodb.conditioning.clock import interval
-from aerodb.conditioning.differentiation import bridge, smooth
-from aerodb.conditioning.resampling import resampler, uniform_grid
+from aerodb.conditioning.differentiation import bridge, low_passed
+from aerodb.conditioning.resampling import resampler, thinned, uniform_grid
 from aerodb.errors import InputError
 from aerodb.flight import Flight
 
@@ -24,6 +26,8 @@ Array = NDArray[np.float64]
 
 #: Default band [Hz] and largest delay [s] looked for.
 BAND, LARGEST = (0.1, 2.0), 0.5
+#: Samples of a period of the band's upper end that are kept of a flight; more only cost time.
+SAMPLES_PER_PERIOD = 10.0
 #: Share of a channel's motion in the band that its kinematics must explain before a delay is believed.
 LEAST_EXPLAINED = 0.95
 #: How far the scale against the own kinematics may be from one before something other than a delay must be at work.
@@ -106,8 +110,8 @@ def _band_passed(values: Array, step: float, band: tuple[float, float]) -> Array
     """Between the two frequencies [Hz], zero phase; what is slower than half a period per record always goes."""
     record = bridge(values)
     slow = max(band[0], 1.0 / (len(record) * step))
-    upper = smooth(record, step, band[1]).value
-    result: Array = upper - smooth(upper, step, slow).value
+    upper = low_passed(record, step, band[1])
+    result: Array = upper - low_passed(upper, step, slow)
     return result
 
 
@@ -121,13 +125,16 @@ def _coloured_error(regressors: Array, residual: Array, longest: int) -> float:
     n = len(residual)
     inverse = np.linalg.pinv(regressors.T @ regressors)
     lags = min(n - 1, max(10, min(n // 5, longest)))
-    reach = slice(n - 1, n - 1 + lags)
-    weight = correlate(residual, residual, method="fft")[reach] / n
+    size = next_fast_len(n + lags, real=True)
+    one, two, rest = (rfft(values, size) for values in (regressors[:, 0], regressors[:, 1], residual))
+
+    def together(a: NDArray[np.complex128], b: NDArray[np.complex128]) -> Array:
+        """Sum over k of ``a[k + lag] b[k]`` for lags from zero on."""
+        return np.asarray(irfft(a * b.conj(), size)[:lags])
+
+    weight = together(rest, rest) / n
     weight *= 1.0 - np.arange(lags) / lags  # a taper keeps the sum positive
-    middle = np.zeros((2, 2))
-    for i in range(2):
-        for j in range(2):
-            middle[i, j] = float(weight @ correlate(regressors[:, i], regressors[:, j], method="fft")[reach])
+    middle = np.array([[weight @ together(a, b) for b in (one, two)] for a in (one, two)])
     middle += middle.T - weight[0] * regressors.T @ regressors
     return float(np.sqrt(max((inverse @ middle @ inverse)[1, 1], 0.0)))
 
@@ -149,32 +156,48 @@ def channel_delay(
     if name not in KINEMATICS:
         known = ", ".join(KINEMATICS)
         raise InputError(f"no kinematics for channel '{name}'", f"flight {flight.id}", f"known: {known}")
-    rate, needed = KINEMATICS[name]
+    return _channel_delay(name, *_prepared(flight, during, band[1]), band, largest)
+
+
+def delays(flight: Flight, during: tuple[float, float] | None = None) -> tuple[Delay, ...]:
+    """The delay of every channel of the flight that has kinematics: alpha, beta, V, phi, theta, psi."""
+    channels, step = _prepared(flight, during, BAND[1])
+    return tuple(_channel_delay(name, channels, step, BAND, LARGEST) for name in KINEMATICS if name in flight)
+
+
+def _prepared(flight: Flight, during: tuple[float, float] | None, upper: float) -> tuple[dict[str, Array], float]:
+    """What kinematics need of a flight, in a part of it, no finer than a band up to `upper` [Hz] asks for; and the step [s]."""
     part = slice(None) if during is None else slice(*(int(i) for i in np.searchsorted(flight.time, during)))
-    channels = {key: values[part] for key, values in with_accelerations(flight).items()}
+    needed = {name for _, names in KINEMATICS.values() for name in names} | set(KINEMATICS) | {"ay"}
+    channels = {name: values[part] for name, values in with_accelerations(flight).items() if name in needed}
+    if "V" in channels:
+        channels["V"] = np.maximum(channels["V"], 0.2 * np.max(channels["V"], initial=0.0))  # at rest nothing divides by zero
+    return thinned(channels, flight.step, SAMPLES_PER_PERIOD * upper)
+
+
+def _channel_delay(name: str, channels: Mapping[str, Array], step: float, band: tuple[float, float], largest: float) -> Delay:
+    """`channel_delay` of channels (n,) at `step` [s]."""
+    rate, needed = KINEMATICS[name]
     lacking = [need for need in needed if need not in channels]
     if lacking:
         return _unobservable(name, f"{', '.join(lacking)} not in the flight")
-    if "V" in channels:
-        channels["V"] = np.maximum(channels["V"], 0.2 * np.max(channels["V"]))  # at rest nothing divides by zero
     found = _unobservable(name, "")
     inputs = dict(channels)
+    clock = step * np.arange(len(channels[name]))
+    before = np.zeros(0)
     for _ in range(2):
-        path = cumulative_simpson(rate(inputs), dx=flight.step, initial=0.0)
-        found = delay_between(channels[name], path, flight.step, band, largest, name)
+        path = cumulative_simpson(rate(inputs), dx=step, initial=0.0)
+        if np.array_equal(path, before):  # the channel is not in its own kinematics
+            break
+        before = path
+        found = delay_between(channels[name], path, step, band, largest, name)
         if not found.observable:
             break
-        clock = flight.time[part]
         inputs[name] = CubicSpline(clock, channels[name])(np.clip(clock + found.seconds, clock[0], clock[-1]))
     if found.observable and abs(found.scale - 1.0) > SCALE_TOLERANCE:
         because = f"its motion is {found.scale:.2f} times that of the kinematics: something other than a delay is at work"
         return replace(found, standard_error=float("inf"), observable=False, because=because)
     return found
-
-
-def delays(flight: Flight, during: tuple[float, float] | None = None) -> tuple[Delay, ...]:
-    """The delay of every channel of the flight that has kinematics: alpha, beta, V, phi, theta, psi."""
-    return tuple(channel_delay(flight, name, during=during) for name in KINEMATICS if name in flight)
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ Characteristics from Flight Test Data Using Optimal Fourier Smoothing", J. Aircr
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,24 +49,13 @@ def smooth(values: Array, step: float, bandwidth: float, noise: float | None = N
     -------
     Smoothed, with the record's unit and unit/s.
     """
-    n = len(values)
-    if n < FEWEST_SAMPLES:
-        raise ValueError(f"{n} samples are too few to differentiate; {FEWEST_SAMPLES} are needed")
-    record = bridge(values)
-    nyquist = 0.5 / step
-    if not 0.0 < bandwidth <= nyquist:
-        raise ValueError(f"bandwidth {bandwidth:g} Hz is not between 0 and the Nyquist frequency {nyquist:g} Hz")
-    first, last = _end_points(record, step, bandwidth)
-    line = np.linspace(first, last, n)
-    frequency = np.arange(1, n - 1) * (nyquist / (n - 1))
-    series = dst((record - line)[1:-1], type=1) / (n - 1)
-    gain = np.clip(0.5 + (1 - frequency / bandwidth) / ROLL_OFF, 0.0, 1.0)
-    gain = 0.5 * (1 - np.cos(np.pi * gain))
+    line, series, frequency, gain = _spectrum(values, step, bandwidth)
+    n, slope = len(line), (line[-1] - line[0]) / ((len(line) - 1) * step)
     if noise is None:
         above = series[frequency > bandwidth * (1 + ROLL_OFF)]
         noise = float(np.sqrt(0.5 * (n - 1) * np.mean(above**2))) if len(above) else 0.0
     omega = 2 * np.pi * frequency
-    value, rate = line.copy(), np.full(n, (last - first) / ((n - 1) * step))
+    value, rate = line, np.full(n, slope)
     value[1:-1] += 0.5 * dst(gain * series, type=1)
     cosine = np.zeros(n)
     cosine[1:-1] = gain * series * omega
@@ -79,6 +69,30 @@ def smooth(values: Array, step: float, bandwidth: float, noise: float | None = N
         value_sigma=share * float(np.sqrt(np.sum(gain**2))),
         rate_sigma=share * float(np.sqrt(np.sum((gain * omega) ** 2))),
     )
+
+
+def low_passed(values: Array, step: float, bandwidth: float) -> Array:
+    """The value (n,) of `smooth` alone, in less time."""
+    line, series, _, gain = _spectrum(values, step, bandwidth)
+    line[1:-1] += 0.5 * dst(gain * series, type=1)
+    return line
+
+
+def _spectrum(values: Array, step: float, bandwidth: float) -> tuple[Array, Array, Array, Array]:
+    """The straight line (n,) through the end points, the sine series (n - 2,) of the rest, its frequencies [Hz] and the gain
+    of each. Raises ValueError for a record that is too short and a bandwidth beyond the Nyquist frequency."""
+    n = len(values)
+    if n < FEWEST_SAMPLES:
+        raise ValueError(f"{n} samples are too few to differentiate; {FEWEST_SAMPLES} are needed")
+    nyquist = 0.5 / step
+    if not 0.0 < bandwidth <= nyquist:
+        raise ValueError(f"bandwidth {bandwidth:g} Hz is not between 0 and the Nyquist frequency {nyquist:g} Hz")
+    record = bridge(values)
+    line = np.linspace(*_end_points(record, step, bandwidth), n)
+    frequency = np.arange(1.0, n - 1.0) * (nyquist / (n - 1))
+    series = np.asarray(dst((record - line)[1:-1], type=1) / (n - 1), dtype=np.float64)
+    gain = np.clip(0.5 + (1 - frequency / bandwidth) / ROLL_OFF, 0.0, 1.0)
+    return line, series, frequency, np.asarray(0.5 * (1 - np.cos(np.pi * gain)))
 
 
 def bridge(values: Array) -> Array:
@@ -95,8 +109,11 @@ def bridge(values: Array) -> Array:
 def _end_points(record: Array, step: float, bandwidth: float) -> tuple[float, float]:
     """End values from a local quadratic over half a period of the bandwidth: a noisy first sample must not tilt all."""
     width = int(np.clip(round(0.5 / (bandwidth * step)), 3, len(record) // 2))
-    grid = np.arange(width, dtype=np.float64)
-    degree = min(2, width - 1)
-    first = np.polynomial.Polynomial.fit(grid, record[:width], degree)(0.0)
-    last = np.polynomial.Polynomial.fit(grid, record[::-1][:width], degree)(0.0)
-    return float(first), float(last)
+    weights = _end_weights(width)
+    return float(weights @ record[:width]), float(weights @ record[::-1][:width])
+
+
+@lru_cache(maxsize=64)
+def _end_weights(width: int) -> Array:
+    """What makes the first value of a least-squares quadratic of `width` samples."""
+    return np.asarray(np.linalg.pinv(np.vander(np.linspace(0.0, 1.0, width), min(3, width), increasing=True))[0])

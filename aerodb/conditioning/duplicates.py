@@ -1,9 +1,12 @@
 """Records that share samples: the same flight, whole or in part, whatever the file and however it was resampled.
 
-Landmarks are the turning points of low-passed channels. Four in a row give a mark of three differences of height and
-three of time, coarsely rounded: where the record begins, a constant bias and the sampling make no difference to it. Marks find
-candidates cheaply (they are whole numbers that a catalogue can hold); `shared_samples` then compares the channels
-themselves. The idea of landmark marks is that of A. Wang, "An Industrial-Strength Audio Search Algorithm", ISMIR 2003.
+Landmarks are the turning points of low-passed channels. Six in a row give a mark of five differences of height and
+five of time, coarsely rounded: where the record begins, a constant bias and the sampling make no difference to it. Six, so
+that two flights of an hour have none in common by chance (four had a hundred), however many flights are stored. Marks
+find candidates cheaply (they are whole numbers that a catalogue can look up); `shared_samples` then compares the channels
+themselves: the motion of all rates and accelerations, and the flight condition, for a programme of inputs that is flown twice
+answers alike at another speed or height. The idea of landmark marks is that of A. Wang, "An Industrial-Strength Audio Search
+Algorithm", ISMIR 2003.
 """
 
 from dataclasses import dataclass
@@ -21,16 +24,27 @@ Array = NDArray[np.float64]
 
 #: Channels that a fingerprint is taken from, each with the least difference [SI] between turning points that counts.
 LANDMARK_CHANNELS = {"p": 2e-3, "q": 2e-3, "r": 2e-3, "az_imu": 0.05, "ay_imu": 0.02, "az": 0.05, "ay": 0.02}
+#: Channels of the flight condition: those that a repeat has in common as they are, and those that may be counted from elsewhere.
+ABSOLUTE_CHANNELS = ("V", "qbar", "altitude", "phi", "theta", "psi", "latitude", "longitude")
+RELATIVE_CHANNELS = ("ax", "ax_imu", "north", "east")
+#: What storing numbers in single precision costs, relative to the largest.
+_SINGLE_PRECISION = 1e-6
 #: Time constant [s] of the low pass before turning points are looked for, and how far [s] from ends and flags they count.
 BLUR, MARGIN = 0.15, 0.6
-#: Rounding of a mark: natural logarithm of a difference of height, and time [s].
-HEIGHT_STEP, TIME_STEP = 0.15, 0.1
+#: Differences of height and of time in a mark; their rounding: natural logarithm of a height, time [s]; longest time [s].
+LENGTH, HEIGHT_STEP, TIME_STEP, LONGEST_WAIT = 5, 0.15, 0.1, 9.9
 #: Marks in common, at one offset in time, from which two records are compared sample by sample.
-FEWEST_MARKS = 3
+FEWEST_MARKS = 2
 #: Two records agree where the difference of each channel stays below this part of the channel's own motion.
 AGREEMENT = 0.05
 #: Shortest stretch [s] that counts as shared.
 SHORTEST_SHARED = 2.0
+#: Pairs of equal marks that are looked at for offsets, rare marks first: a periodic motion repeats its own endlessly.
+MOST_PAIRS = 20_000
+#: Offsets in time, best supported first, at which two records are compared: each costs a pass over the samples.
+MOST_OFFSETS = 20
+#: Knuth's multiplier and increment (MMIX) that mix the parts of a mark into 64 bits.
+_MULTIPLIER, _INCREMENT = np.uint64(6364136223846793005), np.uint64(1442695040888963407)
 
 
 @dataclass(frozen=True)
@@ -48,9 +62,9 @@ class Shared:
 
 
 def fingerprint(flight: Flight) -> frozenset[int]:
-    """Marks (64-bit whole numbers) of a flight. Two flights that have marks in common may share samples.
+    """Marks (whole numbers below 2^63) of a flight. Two flights that have marks in common may share samples.
 
-    Of the rates and accelerations that the flight has. A record without motion, or shorter than four turning points, has
+    Of the rates and accelerations that the flight has. A record without motion, or shorter than six turning points, has
     none. The same samples give mostly, not always, the same marks when they were resampled: look for several, not for all.
     """
     return frozenset(_marks(flight))
@@ -66,14 +80,16 @@ def shared_samples(a: Flight, b: Flight) -> tuple[Shared, ...]:
     """Stretches of `a` that are also in `b`, each with its own offset in time; empty when the records differ.
 
     Offsets come from marks in common; then all rates and accelerations of both, low-passed alike, must agree within 5 % of
-    their motion, biases apart, for two seconds or more.
+    their motion, biases apart, for two seconds or more, and the channels of the flight condition, as far as both have them,
+    within that and their noise: a copy with another altitude datum or another airspeed calibration is not recognised.
     """
-    ours, theirs = _marks(a), _marks(b)
-    offsets = np.array([tb - ta for mark in ours.keys() & theirs.keys() for ta in ours[mark] for tb in theirs[mark]])
+    offsets = _offsets(_marks(a), _marks(b))
     names = tuple(name for name in LANDMARK_CHANNELS if name in a and name in b)
     found: list[Shared] = []
     taken = np.zeros(len(a.time), dtype=bool)
-    for offset in _common_offsets(offsets):
+    for offset in _common_offsets(offsets)[:MOST_OFFSETS]:
+        if np.count_nonzero(~taken) * a.step < SHORTEST_SHARED:
+            break
         agreed = _agreement(a, b, offset, names)
         if agreed is None:
             continue
@@ -86,6 +102,18 @@ def shared_samples(a: Flight, b: Flight) -> tuple[Shared, ...]:
     return tuple(sorted(found, key=lambda shared: shared.start_a))
 
 
+def _offsets(ours: dict[int, list[float]], theirs: dict[int, list[float]]) -> Array:
+    """Differences in time [s] between equal marks of two records, at most about MOST_PAIRS."""
+    found: list[float] = []
+    for mark in sorted(ours.keys() & theirs.keys(), key=lambda mark: (len(ours[mark]) * len(theirs[mark]), mark)):
+        there = theirs[mark][:MOST_PAIRS]
+        pairs = np.subtract.outer(there, ours[mark][: max(1, MOST_PAIRS // len(there))]).ravel()
+        if found and len(found) + len(pairs) > MOST_PAIRS:
+            break
+        found += pairs.tolist()
+    return np.array(found)
+
+
 def _marks(flight: Flight) -> dict[int, list[float]]:
     """Mark -> times [s] of its first landmark."""
     marks: dict[int, list[float]] = {}
@@ -93,17 +121,20 @@ def _marks(flight: Flight) -> dict[int, list[float]]:
         if name not in flight:
             continue
         time, height = _turning_points(flight, name, least)
-        rise = np.diff(height)
-        whole = np.where(np.isfinite(rise), np.abs(rise), least)
-        size = np.round(np.log(np.maximum(whole / least, 1.0)) / HEIGHT_STEP).astype(np.int64)
-        wait = np.minimum(np.round(np.diff(time) / TIME_STEP), 99).astype(np.int64)
-        for k in range(len(rise) - 2):
-            if not np.isfinite(rise[k : k + 3]).all() or wait[k : k + 3].max() >= 99:
-                continue
-            mark = number * 2 + int(rise[k] > 0)
-            for digit, base in zip((*size[k : k + 3], *wait[k : k + 3]), (200, 200, 200, 100, 100, 100), strict=True):
-                mark = mark * base + int(digit)
-            marks.setdefault(mark, []).append(float(time[k]))
+        rise, wait = np.diff(height), np.diff(time)
+        count = len(rise) - LENGTH + 1
+        if count < 1:
+            continue
+        whole = np.isfinite(rise) & (wait < LONGEST_WAIT)
+        size = np.round(np.log(np.maximum(np.where(whole, np.abs(rise), least) / least, 1.0)) / HEIGHT_STEP)
+        late = np.round(np.where(whole, wait, 0.0) / TIME_STEP)
+        mark = np.full(count, 2 * number, dtype=np.uint64) + (rise[:count] > 0)
+        for part in (size, late):
+            for k in range(LENGTH):
+                mark = mark * _MULTIPLIER + (part[k : k + count].astype(np.uint64) + _INCREMENT)
+        unbroken = np.all([whole[k : k + count] for k in range(LENGTH)], axis=0)
+        for value, at in zip((mark[unbroken] >> np.uint64(1)).tolist(), time[:count][unbroken].tolist(), strict=True):
+            marks.setdefault(value, []).append(at)
     return marks
 
 
@@ -169,11 +200,41 @@ def _agreement(a: Flight, b: Flight, offset: float, names: tuple[str, ...]) -> t
     for first, last in _runs(agreed):
         part = slice(first, last + 1)
         long = a.time[last] - a.time[first] >= SHORTEST_SHARED
-        where[part] = long and bool(np.all(np.mean(differences[:, part] ** 2, axis=1) < AGREEMENT**2))
+        alike = long and bool(np.all(np.mean(differences[:, part] ** 2, axis=1) < AGREEMENT**2))
+        where[part] = alike and _one_condition(a, b, part, offset)
     if not where.any():
         return None
     largest = float(np.sqrt(np.max(np.mean(differences[:, where] ** 2, axis=1))))
     return _to_the_ends(a, b, where, offset, names), offset, largest
+
+
+def _one_condition(a: Flight, b: Flight, part: slice, offset: float) -> bool:
+    """Whether the channels of the flight condition of a stretch of `a` are those of `b` at ``time + offset``: half of the
+    samples or more within AGREEMENT of the stretch's motion and the noise of both records."""
+    at = a.time[part] + offset
+    for name in (*ABSOLUTE_CHANNELS, *RELATIVE_CHANNELS):
+        if name not in a or name not in b:
+            continue
+        good = a.usable((name,))[part] & (np.interp(at, b.time, b.usable((name,)).astype(np.float64)) > 0.99)
+        if not good.any():
+            continue
+        ours, theirs = a[name][part][good], np.interp(at[good], b.time, b[name])
+        apart = ours - theirs
+        if name in ("phi", "psi", "longitude"):
+            ours, apart = np.unwrap(ours), np.angle(np.exp(1j * apart))
+        if name in RELATIVE_CHANNELS:
+            apart = apart - np.median(apart)
+        near = (b.time >= at[0] - b.step) & (b.time <= at[-1] + b.step) & b.usable((name,))
+        noise = _noise(ours) + _noise(b[name][near]) + _SINGLE_PRECISION * float(np.abs(ours).max())
+        if float(np.median(np.abs(apart))) > AGREEMENT * float(np.std(ours)) + noise:
+            return False
+    return True
+
+
+def _noise(values: Array) -> float:
+    """One sigma of white noise, from second differences (variance 6 s^2), and half of the last digit that is stored."""
+    white = float(np.sqrt(np.mean(np.diff(values, 2) ** 2) / 6.0)) if len(values) > 2 else 0.0
+    return white + 0.5 * float(np.diff(np.unique(values)).min(initial=np.inf)) if np.ptp(values) > 0 else white
 
 
 @dataclass(frozen=True)

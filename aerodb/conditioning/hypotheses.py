@@ -4,16 +4,17 @@ Every attitude, air angle, airspeed and altitude is compared with the integral o
 disagrees, single faults are undone one after the other; the one that brings agreement everywhere is the likely cause.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import prev_fast_len
 from scipy.integrate import cumulative_simpson
 
-from aerodb.conditioning.channel_rates import GRAVITY, KINEMATICS
-from aerodb.conditioning.differentiation import smooth
+from aerodb.conditioning.channel_rates import GRAVITY, KINEMATICS, OPTIONAL
+from aerodb.conditioning.differentiation import low_passed
 
 Array = NDArray[np.float64]
 Channels = Mapping[str, Array]
@@ -30,6 +31,11 @@ LEAST_MOTION: Final = {"V": 0.5, "altitude": 1.0}
 LEAST_ANGLE = 2e-3
 DEGREE = np.pi / 180
 
+#: Channels that can be compared with their kinematics, and what takes part in each comparison.
+ALL: Final = (*KINEMATICS, "altitude")
+_INVOLVED: Final = {name: {name, *needed, *OPTIONAL.get(name, ())} for name, (_, needed) in KINEMATICS.items()} | {
+    "altitude": {"altitude", "V", "theta", "alpha", "phi"}
+}
 _ANGLES = ("p", "q", "r", "phi", "theta", "psi", "alpha", "beta")
 _SIGNED = (*_ANGLES, "ax", "ay", "az")
 _PAIRS = (("q", "r"), ("p", "q"), ("p", "r"), ("alpha", "beta"), ("ay", "az"), ("ax", "az"))
@@ -57,14 +63,14 @@ class Explanation:
     after: float
 
 
-def agreement(channels: Channels, step: float) -> dict[str, float]:
+def agreement(channels: Channels, step: float, names: Iterable[str] = ALL) -> dict[str, float]:
     """Agreement of each channel with its kinematics: ``2 y.Y / (y.y + Y.Y)`` of measured y and kinematic Y in the band.
 
     channels : name -> (n,), SI, all finite; accelerations as ``ax ay az``. step : s. Channels that hardly move are left
-    out. 1: equal, 0: unrelated or of another size, -1: opposite.
+    out. 1: equal, 0: unrelated or of another size, -1: opposite. names : those of the channels to compare.
     """
     found = {}
-    for name in (*KINEMATICS, "altitude"):
+    for name in names:
         path = _path(name, channels, step)
         if path is None:
             continue
@@ -85,7 +91,7 @@ def explain(channels: Channels, step: float) -> Explanation | None:
         return None
     tried: list[tuple[float, float, Fault]] = []
     for fault in _faults(channels):
-        after = agreement({**channels, **fault.undo(channels)}, step)
+        after = _undone(channels, fault, before, step)
         mended = [name for name in bad if after.get(name, -1.0) > AGREES and after[name] - before[name] > 0.5]
         lost = max((value - after.get(name, value) for name, value in before.items() if value > HELD), default=0.0)
         if mended and lost < MAY_LOSE:
@@ -96,6 +102,14 @@ def explain(channels: Channels, step: float) -> Explanation | None:
     tried.sort(key=lambda entry: -entry[0])
     alike = tuple(fault for total, _, fault in tried[1:] if tried[0][0] - total < ALIKE)
     return Explanation(tried[0][2], alike, bad, min(before[name] for name in bad), tried[0][1])
+
+
+def _undone(channels: Channels, fault: Fault, before: dict[str, float], step: float) -> dict[str, float]:
+    """Agreement with a fault undone; computed anew only for channels that it has to do with."""
+    changed = fault.undo(channels)
+    concerned = [name for name in ALL if not changed.keys().isdisjoint(_INVOLVED[name])]
+    kept = {name: value for name, value in before.items() if name not in concerned}
+    return {**kept, **agreement({**channels, **changed}, step, concerned)}
 
 
 def _faults(channels: Channels) -> list[Fault]:
@@ -157,15 +171,15 @@ def _path(name: str, channels: Channels, step: float) -> Array | None:
 
 def _passed(values: Array, step: float) -> Array:
     """In the band, zero phase."""
-    fast = smooth(values, step, min(BAND[1], 0.4 / step)).value
-    result: Array = fast - smooth(fast, step, max(BAND[0], 1.0 / (len(values) * step))).value
+    fast = low_passed(values, step, min(BAND[1], 0.4 / step))
+    result: Array = fast - low_passed(fast, step, max(BAND[0], 1.0 / (len(values) * step)))
     return result
 
 
 def _liveliest(channels: Channels, step: float) -> tuple[dict[str, Array], float]:
     """The stretch of at most LONGEST seconds with most motion in the air."""
     n = len(next(iter(channels.values())))
-    size = round(LONGEST / step)
+    size = prev_fast_len(round(LONGEST / step)) + 1
     if n <= size:
         return dict(channels), step
     motion = np.zeros(n)

@@ -87,22 +87,24 @@ def inputs(deflection: Array, step: float) -> tuple[Input, ...]:
 
 def _back(values: Array, quiet: NDArray[np.bool_], start: int, trim: float, step: float) -> int | None:
     """Sample at which the surface is back at trim to stay, or rests for long elsewhere; None when the record ends first."""
-    stop = min(len(values), start + round(LONGEST / step))
-    departure = np.abs(values[start:stop] - trim)
-    home = departure <= np.maximum(0.5 * LEAST_INPUT, HOME_LEVEL * np.maximum.accumulate(departure))
     stay, rest = max(2, round(BACK / step)), round(NEW_TRIM / step)
-    still = quiet[start:stop]
-    back = still & _lasts(home, stay, partly=stay // 2 + 1) | _lasts(still, rest, partly=rest)
-    if back.any():
-        return start + int(np.argmax(back))
+    longest = round(LONGEST / step)
+    for reach in (longest // 8, longest):  # most are back soon
+        stop = min(len(values), start + reach)
+        departure = np.abs(values[start:stop] - trim)
+        home = departure <= np.maximum(0.5 * LEAST_INPUT, HOME_LEVEL * np.maximum.accumulate(departure))
+        still = quiet[start:stop]
+        back = still & _lasts(home, stay, partly=stay // 2 + 1) | _lasts(still, rest, partly=rest)
+        if back.any() and (reach == longest or int(np.argmax(back)) + rest < stop - start):
+            return start + int(np.argmax(back))
     return stop - 1 if stop < len(values) else None
 
 
 def _lasts(mask: NDArray[np.bool_], samples: int, partly: int) -> NDArray[np.bool_]:
     """(n,) whether `mask` stays true for `samples` from here on, or to the end of the record if that is `partly` or more."""
-    broken = np.concatenate([np.flatnonzero(~mask), [len(mask)]])
     here = np.arange(len(mask))
-    length = broken[np.searchsorted(broken, here)] - here
+    broken = np.minimum.accumulate(np.where(mask, len(mask), here)[::-1])[::-1]
+    length = broken - here
     return np.asarray((length >= samples) | ((length == len(mask) - here) & (length >= partly)), dtype=bool)
 
 

@@ -6,16 +6,18 @@ here: they are for flight-path reconstruction.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from aerodb.conditioning.channel_rates import GRAVITY, KINEMATICS, airspeed_rate, with_accelerations
-from aerodb.conditioning.differentiation import smooth
+from aerodb.conditioning.differentiation import low_passed
 from aerodb.conditioning.hypotheses import explain
+from aerodb.conditioning.resampling import thinned
 from aerodb.conditioning.wild_points import stuck
 from aerodb.flight import Flight
+from aerodb.nomenclature import FLAGS
 from aerodb.recording import Recording
 
 Array = NDArray[np.float64]
@@ -29,6 +31,10 @@ LEAST_MOTION, LEAST_SHARE = 2e-3, 0.02
 STRONG, LEAST_SWING, LEAST_FORCE = 0.7, 0.005, 0.4
 #: Least swing [rad] of bank that must turn the aircraft.
 LEAST_BANK = 0.1
+#: Load factor usually stays this near its middle: what varies more around 1 is no load factor but lacks gravity.
+LOAD_SPREAD = 0.7
+#: Hz at least at which channels are compared with their kinematics, which is done below 1 Hz.
+RATE = 10.0
 #: Time stamps from which a topic is a record of something.
 FEWEST_STAMPS = 10
 #: Largest angle [rad] that alpha, beta or theta can show.
@@ -51,18 +57,22 @@ class Suspicion:
 def suspicions(flight: Flight) -> tuple[Suspicion, ...]:
     """Everything about a flight that looks like a fault of wiring, sign, unit or declaration; empty for a good record.
 
-    Looks for channels without a sample in common with the rates; sensors that stand still while others move; gravity
-    missing from the vertical acceleration, its sign or unit; a rate, attitude, air angle or acceleration of wrong sign,
-    degrees declared as radians and the reverse, axes exchanged. Of several faults of the last kind it names one: mend it and
-    ask again. A record in which nothing moves tells little and raises few.
+    Samples flagged as stuck or implausible are looked at all the same: they are the evidence. Looks for channels without a
+    sample in common with the rates; sensors that stand still while others move; gravity missing from the vertical
+    acceleration, its sign or unit; a rate, attitude, air angle or acceleration of wrong sign, degrees declared as radians
+    and the reverse, axes exchanged. Of several faults of the last kind it names one: mend it and ask again. A record in
+    which nothing moves tells little and raises few.
     """
+    hidden = np.uint8(FLAGS["stuck"] | FLAGS["implausible"])
+    flight = replace(flight, flags={name: bits & ~hidden for name, bits in flight.flags.items()})
     found = [*_without_samples(flight), *_standing_still(flight), *_too_large(flight)]
     unusable = {suspicion.channel for suspicion in found}
     channels = {name: values for name, values in with_accelerations(flight).items() if name not in unusable}
     vertical, channels = _weight(channels)
     found += vertical
     if len(flight.time) >= 32 and channels:
-        found += _kinematic(channels, flight.step) or _aerodynamic(channels, flight.step)
+        thin, step = thinned(channels, flight.step, RATE)
+        found += _kinematic(thin, step) or _aerodynamic(thin, step)
     return tuple(found)
 
 
@@ -153,7 +163,7 @@ def _weight(channels: Mapping[str, Array]) -> tuple[list[Suspicion], dict[str, A
     elif 0.6 * GRAVITY < az < 1.6 * GRAVITY:
         found.append(("sign", f"{seen}: its sign is flipped (z up)"))
         mended["az"] = -channels["az"]
-    elif 0.7 < abs(az) < 1.4:
+    elif 0.7 < abs(az) < 1.4 and float(np.median(np.abs(channels["az"] - az))) < LOAD_SPREAD:
         found.append(("unit", f"{seen}: it is in g, declared as m/s^2{', with z up' if az > 0 else ''}"))
         mended.update({name: GRAVITY * channels[name] for name in ("ax", "ay", "az") if name in channels})
         mended["az"] = mended["az"] * -np.sign(az)
@@ -202,7 +212,7 @@ def _aerodynamic(channels: Mapping[str, Array], step: float) -> list[Suspicion]:
             found.append(Suspicion("alpha", "sign", words, {"correlation": together}))
     if {"r", "phi"} <= channels.keys():
         slow = 0.1 if 0.4 / step > 0.1 else 0.4 / step
-        together = _correlation(smooth(channels["r"], step, slow).value, channels["phi"], flying)
+        together = _correlation(low_passed(channels["r"], step, slow), channels["phi"], flying)
         if together < -STRONG and float(np.std(channels["phi"][flying])) > LEAST_BANK:
             words = "r turns away from the side to which the aircraft banks: the sign of r is flipped (or those of p and phi)"
             found.append(Suspicion("r", "sign", words, {"correlation": together}))

@@ -4,10 +4,12 @@ Going down, a zero-phase low-pass comes first; going up, values are joined by st
 nothing is touched.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import prev_fast_len
 from scipy.signal import firwin, kaiserord, lfilter, oaconvolve
 
 from aerodb.conditioning.clock import interval, is_uniform
@@ -41,6 +43,20 @@ def low_pass(values: Array, step: float, new_step: float) -> Array:
     padded = np.pad(values, half, mode="reflect", reflect_type="odd")
     result: Array = oaconvolve(padded, kernel, mode="valid")
     return result
+
+
+def thinned(channels: Mapping[str, Array], step: float, rate: float) -> tuple[dict[str, Array], float]:
+    """Channels (n,), finite, at uniform `step` [s] with every k-th sample kept, low-passed before, and the new step [s].
+
+    k is as large as leaves `rate` [Hz] or more, and 64 samples. What is below 0.35 of `rate` stays as it was. Of a record
+    that is thinned the last few samples (less than one in a hundred) go, so that its length is one that transforms like.
+    """
+    n = len(next(iter(channels.values()), ()))
+    every = min(int(1.0 / (rate * step) + 1e-6), n // 64)
+    if every < 2:
+        return dict(channels), step
+    kept = slice(0, every * prev_fast_len((n - 1) // every) + 1, every)
+    return {name: low_pass(values, step, every * step)[kept] for name, values in channels.items()}, every * step
 
 
 @dataclass(frozen=True)

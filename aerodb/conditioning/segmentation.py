@@ -15,6 +15,7 @@ from aerodb.conditioning.differentiation import bridge
 from aerodb.conditioning.manoeuvres import DEGREE, PLAIN, Input, inputs
 from aerodb.conditioning.responses import load_factors, runs, slow_oscillations, spirals, stalls, steady
 from aerodb.flight import Flight
+from aerodb.nomenclature import FLAGS
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -60,6 +61,7 @@ def segments(flight: Flight) -> tuple[Segment, ...]:
     What lacks its channels is left out: no airspeed, no ground; no attitude, no steady flight. Manoeuvres are looked for in
     the air only. Samples flagged as unusable are bridged.
     """
+    flight = _with_ground(flight)
     view = _View(flight)
     found = [*ground_and_air(flight), *configurations(flight)]
     surfaces = _surfaces(view)
@@ -102,6 +104,7 @@ def ground_and_air(flight: Flight) -> tuple[Segment, ...]:
     Needs V (or calibrated airspeed); altitude (or height above ground) draws take-off and landing to the moment of lift-off
     and touch-down. A record that is never slow is airborne throughout, as far as airspeed can tell.
     """
+    flight = _with_ground(flight)
     name = next((name for name in ("V", "calibrated_airspeed") if name in flight and flight.usable([name]).any()), "")
     if not name:
         return ()
@@ -125,6 +128,13 @@ def ground_and_air(flight: Flight) -> tuple[Segment, ...]:
     reason = "above the ground and fast enough to fly" if down else "never slow: no ground in this record"
     found += [Segment("airborne", float(flight.time[a]), float(flight.time[b]), reason) for a, b in runs(up)]
     return tuple(sorted(found, key=lambda segment: segment.start))
+
+
+def _with_ground(flight: Flight) -> Flight:
+    """The flight without the flag that would hide its time on the ground."""
+    if "flight" not in flight.flags:
+        return flight
+    return replace(flight, flags={**flight.flags, "flight": flight.flags["flight"] & ~np.uint8(FLAGS["on_ground"])})
 
 
 def flag_on_ground(flight: Flight) -> Flight:

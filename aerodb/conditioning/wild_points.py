@@ -5,10 +5,10 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
 
+from aerodb.conditioning.differentiation import bridge
 from aerodb.flight import Flight
-from aerodb.nomenclature import is_surface
+from aerodb.nomenclature import FLAGS, is_surface
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -45,8 +45,8 @@ PHYSICAL: Final[dict[str, tuple[float, float]]] = {
 _SURFACE_RANGE = (-np.pi / 2, np.pi / 2)
 #: Sensors that move as long as anything flies; surfaces, gear and computed channels may rightly stand still.
 _MOVING = ("V", "alpha", "beta", "qbar", "ax", "ay", "az", "ax_imu", "ay_imu", "az_imu", "p", "q", "r", "phi", "theta", "psi")
-#: Air data that read zero at rest.
-_ZERO_AT_REST = ("V", "qbar")
+#: Air data that stand still at rest, near zero: part of their largest value below which they may.
+_STILL_AT_REST, _AT_REST = ("V", "qbar"), 0.05
 #: Part of a channel's physical range below which no change counts, for channels that hardly ever change.
 _FINEST = 2e-6
 
@@ -87,25 +87,54 @@ def spikes(values: Array, floor: float = 0.0) -> Mask:
 
 
 def _spikes(values: Array, floor: float) -> Mask:
+    """One round of `spikes` over finite values. Most channels have no candidate; what is costly is done for candidates only."""
     n = len(values)
     found = np.zeros(n, dtype=bool)
-    floor = max(floor, _quantum(values))
+    least = floor
     for length in range(1, LONGEST_SPIKE + 1):
         before, after = values[: n - length - 1], values[length + 1 :]
-        runs = np.stack([values[1 + k : n - length + k] for k in range(length)])
-        above = runs.min(axis=0) - np.maximum(before, after)
-        below = np.minimum(before, after) - runs.max(axis=0)
-        departure = np.maximum(np.maximum(above, below), 0.0)
+        departure = _departure(values, length, before, after)
         change = np.abs(values[length:] - values[:-length])
-        nearby = np.maximum(median_filter(change, 2 * NEARBY + 1, mode="mirror"), np.median(change))
-        usual = 1.4826 * np.maximum(nearby[:-1], nearby[1:])
-        limit = SPIKE_FACTOR * np.maximum(usual, floor)
-        out = departure > np.maximum(limit, 2.0 * np.quantile(departure, 1.0 - RAREST))
+        largest = float(np.max(departure))
+        if largest <= SPIKE_FACTOR * least or _median_reaches(change, largest / (1.4826 * SPIKE_FACTOR)):
+            continue
+        least = max(least, _quantum(values))
+        usual = max(1.4826 * float(np.median(change)), least)
+        rare = float(np.quantile(departure, 1.0 - RAREST))
+        at = np.flatnonzero(departure > max(SPIKE_FACTOR * usual, 2.0 * rare))
         # Where both sides disagree by as much as the run departs there is a step, not a spike.
-        out &= np.abs(after - before) < 0.5 * departure
+        at = at[np.abs(after[at] - before[at]) < 0.5 * departure[at]]
+        at = at[departure[at] > SPIKE_FACTOR * 1.4826 * _usual_nearby(change, at)]
         for k in range(length):
-            found[1 + k : n - length + k] |= out
+            found[at + 1 + k] = True
     return found
+
+
+def _departure(values: Array, length: int, before: Array, after: Array) -> Array:
+    """(n - length - 1,) least departure of the `length` samples between `before` and `after` to one side; 0 for none."""
+    n = len(values)
+    lowest = highest = values[1 : n - length]
+    for k in range(1, length):
+        part = values[1 + k : n - length + k]
+        lowest, highest = np.minimum(lowest, part), np.maximum(highest, part)
+    above = lowest - np.maximum(before, after)
+    below = np.minimum(before, after) - highest
+    result: Array = np.maximum(np.maximum(above, below), 0.0)
+    return result
+
+
+def _median_reaches(change: Array, level: float) -> bool:
+    """Whether the median of `change` is `level` or more, without sorting."""
+    return 2 * int(np.count_nonzero(change >= level)) > len(change)
+
+
+def _usual_nearby(change: Array, at: NDArray[np.intp]) -> Array:
+    """(k,) the larger of the medians of the 25 changes around `at` and around the next; mirrored at the ends."""
+    padded = np.pad(change, NEARBY, mode="reflect")
+    window = np.arange(2 * NEARBY + 1)
+    here, there = (np.median(padded[(at + shift)[:, None] + window], axis=1) for shift in (0, 1))
+    result: Array = np.maximum(here, there)
+    return result
 
 
 def _quantum(values: Array) -> float:
@@ -129,10 +158,13 @@ def stuck(values: Array, step: float, jump: bool = True) -> Mask:
     result = np.zeros(len(values), dtype=bool)
     if len(starts) < 10:
         return result
+    long = np.flatnonzero(lengths * step >= SHORTEST_STUCK)
+    if not long.size:
+        return result
     quantum = _quantum(values[np.isfinite(values)])
     ordered = np.sort(lengths)
     summed = np.cumsum(ordered)
-    for run in np.flatnonzero(lengths * step >= SHORTEST_STUCK):
+    for run in long:
         usual = ordered[np.searchsorted(summed, 0.9 * (len(values) - lengths[run]))]
         ends = [k for k in (starts[run], starts[run] + lengths[run]) if 0 < k < len(values)]
         jumped = not jump or usual == 1 or any(abs(values[k] - values[k - 1]) > 3.0 * quantum for k in ends)
@@ -148,8 +180,8 @@ def wild_points(name: str, values: Array, step: float) -> WildPoints:
     finite = np.isfinite(values)
     impossible = none if limits is None else finite & ((values < limits[0]) | (values > limits[1]))
     held = stuck(values, step) & finite if name in _MOVING else none
-    if name in _ZERO_AT_REST:
-        held &= np.abs(values) > 1e-3 * np.max(np.abs(values[finite]), initial=0.0)
+    if name in _STILL_AT_REST:
+        held &= np.abs(values) > _AT_REST * np.max(np.abs(values[finite]), initial=0.0)
     floor = 0.0 if limits is None else _FINEST * (limits[1] - limits[0])
     return WildPoints(spikes(np.where(impossible, np.nan, values), floor), held, impossible)
 
@@ -174,3 +206,17 @@ def flag_wild_points(flight: Flight) -> Flight:
                 at = flight.time[np.argmax(where)]
                 notes.append(f"{name}: {int(where.sum())} {what}, the first at {at:.6g} s")
     return replace(result, notes=(*result.notes, *notes))
+
+
+def without_wild_points(flight: Flight) -> Flight:
+    """The flight with straight lines in place of spikes and impossible values, whose flags stay.
+
+    For whoever smooths or differentiates: a flag keeps a sample out, but not what it does to its neighbours.
+    """
+    wild = np.uint8(FLAGS["wild_point"] | FLAGS["implausible"])
+    mended = {}
+    for name, bits in flight.flags.items():
+        bad = (bits & wild) != 0
+        if name in flight and bad.any() and np.isfinite(flight[name][~bad]).any():
+            mended[name] = bridge(np.where(bad, np.nan, flight[name]))
+    return flight.with_channels(mended) if mended else flight

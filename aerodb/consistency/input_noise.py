@@ -15,7 +15,10 @@ BLOCKS = 150
 
 
 def inertial_noise(record: Record) -> Array:
-    """(6,) one sigma of the white noise in the specific force and rates, from their second differences (variance 6 s^2)."""
+    """(6,) one sigma of the white noise in the specific force and rates: as the record states, else from their second
+    differences (variance 6 s^2)."""
+    if record.input_noise is not None:
+        return np.array(record.input_noise)
     return np.asarray(np.sqrt(np.mean(np.diff(record.inputs, 2, axis=0) ** 2, axis=0) / 6.0))
 
 

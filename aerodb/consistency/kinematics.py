@@ -1,9 +1,11 @@
 """Motion from accelerometers and gyros alone: no aerodynamics, so what disagrees with it is a sensor (or the wind).
 
-Flat, non-rotating earth. States, in this order (`STATES`): u v w [m/s] inertial velocity in body axes, phi theta psi
-[rad], north east altitude [m]. Inputs (`INPUTS`): specific force ax ay az [m/s2] at the CG and rates p q r [rad/s]. The
-fourth-order Runge-Kutta rule takes inputs as linear between samples; the sensitivities are the exact derivatives of that
-discrete rule, integrated in the same pass. Pitch attitude must stay away from +-90 deg (`integrate` refuses).
+Flat earth, or a rotating oblate one for long records (`geodesy.Earth`). States, in this order (`STATES`): u v w [m/s]
+velocity over the earth in body axes, phi theta psi [rad], north east altitude [m]. Inputs (`INPUTS`): specific force ax ay az
+[m/s2] at the CG and rates p q r [rad/s]. The fourth-order Runge-Kutta rule takes inputs as linear between samples; the
+sensitivities are the exact derivatives of that discrete rule, integrated in the same pass. Attitude is a quaternion inside
+(`motion`), so that any manoeuvre may be flown; only where states are taken from measurement it is Euler angles throughout
+(here), and pitch attitude must stay away from +-90 deg.
 """
 
 from typing import Final
@@ -12,15 +14,20 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from aerodb.consistency.motion import march, quaternion_start
 from aerodb.errors import InputError
+from aerodb.geodesy import Earth
 
 Array = NDArray[np.float64]
 
 STATES: Final = ("u", "v", "w", "phi", "theta", "psi", "north", "east", "altitude")
 INPUTS: Final = ("ax", "ay", "az", "p", "q", "r")
 
-#: Beyond this pitch attitude Euler angles lose meaning (rad).
+#: Beyond this pitch attitude Euler angles lose meaning (rad): only where states are given.
 STEEPEST: Final = float(np.deg2rad(88.0))
+
+#: A velocity beyond this (m/s) is no flight.
+_FASTEST: Final = 1e5
 
 
 @njit(cache=True)
@@ -137,6 +144,7 @@ def integrate(
     input_kind: NDArray[np.int64] | None = None,
     gain: Array | None = None,
     held: bool = False,
+    earth: Earth | None = None,
 ) -> tuple[Array, Array]:
     """States and their sensitivities along a record.
 
@@ -148,25 +156,39 @@ def integrate(
     initial_directions : (9, k) derivative of the first state by each of k parameters; None: no sensitivities.
     input_kind : (k,) which input each parameter corrects: 0-5 its bias, 6-11 its scale, -1 none.
     gain : (6,) of ``true = gain (measured - bias)``; None: ones. held : inputs hold until the next
-    sample instead of being linear between samples.
+    sample instead of being linear between samples. earth : rotating oblate earth with its local origin, its own gravity
+    instead of `gravity`, rates those that gyros show (against inertial space); None: flat.
 
     Returns
     -------
-    (9, n) states and (9, n, k) sensitivities. Raises InputError when the pitch attitude comes too near to +-90 deg, or the
-    states leave all bounds.
+    (9, n) states and (9, n, k) sensitivities; bank and heading are continuous but where the path passes the vertical (there
+    both jump by 180 deg, as Euler angles do). Raises InputError when the states leave all bounds, and where states are
+    given: on a rotating earth, or when the pitch attitude comes too near to +-90 deg.
     """
     n = len(inputs)
     start = np.zeros((9, 0)) if initial_directions is None else np.ascontiguousarray(initial_directions, dtype=np.float64)
     kind = np.full(start.shape[1], -1, dtype=np.int64) if input_kind is None else input_kind
-    taken = np.zeros(9, dtype=np.bool_) if given is None else np.isfinite(given[0])
-    table = np.zeros((n if taken.any() else 1, 9)) if given is None else np.nan_to_num(given)
-    x, dx = np.array(initial, dtype=np.float64), start.copy()
-    x[taken], dx[taken] = table[0][taken], 0.0
-    states, sensitivity = np.empty((9, n)), np.empty((9, n, start.shape[1]))
     scale = np.ones(6) if gain is None else gain
-    _march(np.ascontiguousarray(inputs), table, taken, x, dx, kind, scale, step, gravity, held, states, sensitivity)
-    steep = ~(np.abs(states[4]) < STEEPEST)
-    if steep.any():
-        what = f"the integrated pitch attitude leaves +-{np.rad2deg(STEEPEST):.0f} deg at sample {int(np.argmax(steep))}"
-        raise InputError(what, "flight-path reconstruction", "check units and signs of the rates, or leave that part out")
+    states, sensitivity = np.empty((9, n)), np.empty((9, n, start.shape[1]))
+    taken = np.zeros(9, dtype=np.bool_) if given is None else np.isfinite(given[0])
+    if given is None or not taken.any():
+        place = None if earth is None else np.array((earth.latitude, earth.height, *earth.metres))
+        states[:, 0] = initial
+        x, dx = quaternion_start(np.asarray(initial, dtype=np.float64), start)
+        march(np.ascontiguousarray(inputs), x, dx, kind, scale, step, gravity, place, held, states, sensitivity)
+    else:
+        if earth is not None:
+            raise InputError("states given on a rotating earth", "flight-path reconstruction", "leave earth or given states out")
+        x, dx = np.array(initial, dtype=np.float64), start.copy()
+        table = np.nan_to_num(given)
+        x[taken], dx[taken] = table[0][taken], 0.0
+        _march(np.ascontiguousarray(inputs), table, taken, x, dx, kind, scale, step, gravity, held, states, sensitivity)
+        steep = ~(np.abs(states[4]) < STEEPEST)
+        if steep.any():
+            what = f"the integrated pitch attitude leaves +-{np.rad2deg(STEEPEST):.0f} deg at sample {int(np.argmax(steep))}"
+            raise InputError(what, "flight-path reconstruction", "check units and signs of the rates, or leave that part out")
+    lost = ~(np.abs(states[:3]).max(axis=0) < _FASTEST)
+    if lost.any():
+        what = f"the integrated velocity leaves all bounds at sample {int(np.argmax(lost))}"
+        raise InputError(what, "flight-path reconstruction", "check units and signs of specific force and rates")
     return states, sensitivity

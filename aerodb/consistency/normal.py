@@ -10,12 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerodb.consistency.kinematics import STATES
-from aerodb.consistency.parameters import Parameter
+from aerodb.consistency.parameters import Parameter, delays_of
 from aerodb.consistency.sensors import LONGEST_DELAY, Array, Record, Response, respond
 from aerodb.errors import InputError
 
 #: Multiplications in a matrix product below which BLAS stays on one thread.
 _SINGLE_THREAD = 100_000
+
+#: Euler angles are not compared beyond this measured pitch attitude (rad).
+VERTICAL = float(np.deg2rad(80.0))
 
 
 @dataclass(frozen=True)
@@ -43,13 +46,16 @@ def belongs(item: Parameter, record: Record) -> bool:
 
 
 def usable(record: Record, name: str, free: Sequence[Parameter], values: Mapping[str, float]) -> NDArray[np.bool_]:
-    """(n,) samples of an output that count: finite, and not near the ends when the channel is delayed."""
+    """(n,) samples of an output that count: finite, not near the ends when the channel is delayed, and no Euler angle near the
+    vertical, where noise turns bank and heading over."""
     good = np.isfinite(record.outputs[name])
-    late = values.get(f"{name}_delay", 0.0) != 0.0 or any(item.kind == "delay" and item.subject == name for item in free)
-    if late:
+    delays = delays_of(name)
+    if any(values.get(each, 0.0) != 0.0 for each in delays) or any(item.name in delays for item in free):
         margin = int(np.ceil(LONGEST_DELAY / record.step)) + 2
         good[:margin] = False
         good[len(good) - margin :] = False
+    if name in ("phi", "theta", "psi") and "theta" in record.outputs:
+        good &= ~(np.abs(record.outputs["theta"]) > VERTICAL)
     return good
 
 

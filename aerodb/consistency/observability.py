@@ -9,7 +9,7 @@ from aerodb.consistency.parameters import Parameter
 from aerodb.consistency.sensors import Array
 
 #: What is held first when several unknowns cannot be separated: what a serviceable aircraft is least likely to need.
-_ORDER = ("arm", "delay", "scale", "wind", "bias", "initial")
+_ORDER = ("mount", "arm", "probe", "port", "delay", "scale", "terrain", "weather", "wind", "bias", "initial")
 
 
 @dataclass(frozen=True)
@@ -53,6 +53,29 @@ def held_back(items: Sequence[Parameter], information: Array) -> tuple[list[int]
         held.append(Held(items[keep[victim]].label, among, float(1.0 / np.sqrt(max(values[0], 1e-12)))))
         del keep[victim]
     return keep, tuple(held)
+
+
+def widened(items: Sequence[Parameter], keep: Sequence[int], information: Array, covariance: Array) -> Array:
+    """Covariance (k, k) of all unknowns when some were held: those kept are as uncertain as the held ones may be off.
+
+    information : (k, k) of all of them, measurements and priors. covariance : that of the m at `keep` (m, m), given that the
+    held ones are zero. A held one is as uncertain as its natural size and the measurements leave it; what it would have moved
+    the kept ones by is carried over to them (consider covariance: Bierman, *Factorization Methods*, 1977, chapter VIII).
+    """
+    kept, held = list(keep), [number for number in range(len(items)) if number not in keep]
+    size = np.array([item.size for item in items])
+    scaled = information * np.outer(size, size)
+    within, between = scaled[np.ix_(kept, kept)], scaled[np.ix_(kept, held)]
+    moved = -np.linalg.solve(within, between)
+    off = np.linalg.inv(scaled[np.ix_(held, held)] + between.T @ moved + np.eye(len(held)))
+    found = np.zeros_like(scaled)
+    found[np.ix_(kept, held)] = moved @ off
+    found[np.ix_(held, kept)] = (moved @ off).T
+    found[np.ix_(held, held)] = off
+    found[np.ix_(kept, kept)] = moved @ off @ moved.T
+    found *= np.outer(size, size)
+    found[np.ix_(kept, kept)] += covariance
+    return found
 
 
 def _vague_without(scaled: Array, keep: list[int], position: int) -> int:

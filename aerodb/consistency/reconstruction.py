@@ -6,26 +6,18 @@ covariance is corrected for coloured residuals (Morelli & Klein, JGCD 20(1), 199
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from aerodb.consistency.initial import first_states
 from aerodb.consistency.input_noise import drift_information
-from aerodb.consistency.normal import Sums, accumulate, belongs, first_state, residuals, split, usable
-from aerodb.consistency.observability import Held, held_back
-from aerodb.consistency.parameters import Parameter, unknowns
-from aerodb.consistency.sensors import LONGEST_DELAY, Array, Record, Response, corrected_inputs, respond
+from aerodb.consistency.normal import Sums, belongs, first_state, residuals, split, usable
+from aerodb.consistency.observability import Held, held_back, widened
+from aerodb.consistency.parameters import Parameter
+from aerodb.consistency.problem import Problem, gauss_newton, information, make_problem
+from aerodb.consistency.sensors import Array, Record, Response, corrected_inputs, respond
 from aerodb.errors import InputError
 from aerodb.estimation.regression import coloured_sum
-
-MOST_ITERATIONS = 40
-
-#: Converged when no step exceeds this share of its standard error, or the log-likelihood gains less than this.
-SMALL_STEP, SMALL_GAIN = 1e-3, 1e-4
-
-#: A sensor whose scale is off by more than this shows something else; bounds may be given to say otherwise.
-LARGEST_SCALE = 0.5
 
 #: Where the noise is too small to matter, a channel is not trusted beyond this share of its parameter's natural size.
 _WEAK = 1e-2
@@ -33,7 +25,8 @@ _WEAK = 1e-2
 
 @dataclass(frozen=True)
 class Estimate:
-    """One estimated parameter in SI, its standard error (coloured residuals) and that for white residuals; `at_bound`."""
+    """One estimated parameter in SI, its standard error (coloured residuals, and what was held for want of information) and that
+    for white residuals; `at_bound`."""
 
     parameter: Parameter
     value: float
@@ -91,35 +84,6 @@ class Reconstruction:
         return {estimate.parameter.label: estimate for estimate in self.estimates}[label]
 
 
-@dataclass(frozen=True)
-class Problem:
-    """What is to be solved: records with first states, unknowns, values held, prior standard deviations (inf: none), bounds,
-    and least believable noise by channel."""
-
-    records: tuple[Record, ...]
-    starts: tuple[Array, ...]
-    items: tuple[Parameter, ...]
-    fixed: Mapping[str, float]
-    prior: Array
-    lower: Array
-    upper: Array
-    floor: Mapping[str, float]
-
-    def only(self, keep: Sequence[int]) -> "Problem":
-        """The same with these unknowns; the others stay at zero."""
-        index = list(keep)
-        items = tuple(self.items[number] for number in index)
-        return Problem(
-            self.records, self.starts, items, self.fixed, self.prior[index], self.lower[index], self.upper[index], self.floor
-        )
-
-    def sums(self, vector: Array) -> Sums:
-        return accumulate(self.records, self.starts, self.items, vector, self.fixed)
-
-    def cost(self, vector: Array, sums: Sums) -> float:
-        return sums.cost(self.floor) + 0.5 * float(np.sum((vector / self.prior) ** 2))
-
-
 def reconstruct(
     records: Sequence[Record],
     free: Sequence[str],
@@ -146,92 +110,59 @@ def reconstruct(
 
     Raises InputError when nothing can be estimated or the search leaves all bounds.
     """
-    names = [record.name for record in records]
-    if not records or len(set(names)) < len(names):
-        raise InputError("records must have unique names, and be at least one", "reconstruction", "name them apart")
-    measured = {name for record in records for name in record.outputs}
-    wanted = [*free, *(f"initial_{state}" for state in initial if not any(state in record.given for record in records))]
-    items = unknowns(wanted, [record.flight for record in records], names)
-    limit = bounds or {}
-    usual = {"delay": (-LONGEST_DELAY, LONGEST_DELAY), "scale": (-LARGEST_SCALE, LARGEST_SCALE)}
-    span = np.array([limit.get(item.name, usual.get(item.kind, (-np.inf, np.inf))) for item in items])
-    sigma = np.array([(priors or {}).get(item.name, np.inf) for item in items])
-    first = tuple(starts) if starts is not None else tuple(first_states(record, fixed) for record in records)
-    floor = {name: value for name, value in (noise_floor or {}).items() if name in measured}
-    span = span.reshape(-1, 2)
-    problem = Problem(tuple(records), first, items, dict(fixed or {}), sigma, span[:, 0], span[:, 1], floor)
-    begin = problem.sums(np.zeros(len(items)))
-    held: tuple[Held, ...] = ()
+    problem = make_problem(records, free, initial, fixed, priors, bounds, noise_floor, starts)
+    items = problem.items
     vector, rough = np.zeros(len(items)), 0
+    begin = problem.sums(vector)
+    held: tuple[Held, ...] = ()
+    everything, keep = problem, list(range(len(items)))
     if hold:
         # a first solution under weak priors: noise is only known once the gross errors are out
         sizes = np.array([item.size for item in items])
-        soft = Problem(
-            problem.records, first, items, problem.fixed, np.minimum(sigma, sizes / _WEAK), span[:, 0], span[:, 1], floor
-        )
-        vector, sums, _, rough = _gauss_newton(soft, vector, begin)
-        keep, held = held_back(items, _information(problem, sums))
+        soft = replace(problem, prior=np.minimum(problem.prior, sizes / _WEAK))
+        vector, sums, _, rough = gauss_newton(soft, vector, begin)
+        keep, held = held_back(items, information(problem, sums))
         problem, vector = problem.only(keep), vector[keep]
         begin = problem.sums(vector)
     if not problem.items:
-        raise InputError("these records determine none of the parameters", names[0], "fly manoeuvres that move more")
-    vector, sums, converged, iterations = _gauss_newton(problem, vector, begin)
-    return _result(problem, vector, sums, held, converged, rough + iterations)
+        raise InputError("these records determine none of the parameters", records[0].name, "fly manoeuvres that move more")
+    vector, sums, converged, iterations = gauss_newton(problem, vector, begin)
+    while hold:
+        # at the solution a parameter may say less than on the way there
+        again, more = held_back(problem.items, information(problem, sums))
+        if not more or not again:
+            break
+        keep, held = [keep[number] for number in again], (*held, *more)
+        problem, vector = problem.only(again), vector[again]
+        rough += iterations
+        vector, sums, converged, iterations = gauss_newton(problem, vector, problem.sums(vector))
+    covariance, white = _covariances(problem, vector, sums)
+    whole, values = covariance, vector
+    if len(keep) < len(items):
+        values = np.zeros(len(items))
+        values[keep] = vector
+        whole = widened(items, keep, information(everything, everything.sums(values)), covariance)
+    estimates = tuple(
+        Estimate(
+            item,
+            float(vector[number]),
+            float(np.sqrt(whole[keep[number], keep[number]])),
+            float(np.sqrt(white[number, number])),
+            bool(vector[number] <= problem.lower[number] or vector[number] >= problem.upper[number]),
+        )
+        for number, item in enumerate(problem.items)
+    )
+    # responses are made again, one at a time: together they would not fit in memory for a long flight
+    paths = tuple(_path(everything, values, whole, number) for number in range(len(records)))
+    noise = {name: float(np.sqrt(value)) for name, value in sums.variance(problem.floor).items()}
+    return Reconstruction(estimates, whole[np.ix_(keep, keep)], held, noise, paths, converged, rough + iterations)
 
 
-def _information(problem: Problem, sums: Sums) -> Array:
-    noise = sums.variance(problem.floor)
-    total = np.diag(problem.prior**-2.0)
-    for name, information in sums.information.items():
-        total = total + information / noise[name]
-    return total
-
-
-def _gauss_newton(problem: Problem, vector: Array, sums: Sums) -> tuple[Array, Sums, bool, int]:
-    """Steps until none matters; damping grows when the likelihood does not improve and fades when it does."""
-    damping, cost = 0.0, problem.cost(vector, sums)
-    size = np.array([item.size for item in problem.items])
-    for iteration in range(1, MOST_ITERATIONS + 1):
-        noise = sums.variance(problem.floor)
-        matrix = _information(problem, sums)
-        slope = sum((sums.gradient[name] / noise[name] for name in noise), np.zeros(len(vector))) - vector / problem.prior**2
-        stuck = ((vector <= problem.lower) & (slope < 0)) | ((vector >= problem.upper) & (slope > 0))
-        go = np.flatnonzero(~stuck)
-        step, error = _step(matrix[np.ix_(go, go)], slope[go], size[go], damping)
-        trial = vector.copy()
-        trial[go] = np.clip(vector[go] + step, problem.lower[go], problem.upper[go])
-        try:
-            after = problem.sums(trial)
-            better = problem.cost(trial, after)
-        except InputError:
-            better = np.inf
-        if better <= cost + 1e-9 * abs(cost):
-            small = len(go) == 0 or bool(np.max(np.abs(trial[go] - vector[go]) / error) < SMALL_STEP)
-            small = small or cost - better < SMALL_GAIN
-            vector, sums, cost, damping = trial, after, better, 0.0 if damping < 1e-6 else damping / 10
-            if small and damping == 0.0:
-                return vector, sums, True, iteration
-        else:
-            damping = max(10 * damping, 1e-4)
-            if damping > 1e12:
-                break
-    return vector, sums, False, iteration
-
-
-def _step(matrix: Array, slope: Array, size: Array, damping: float) -> tuple[Array, Array]:
-    """Damped Newton step (k,) and standard errors (k,), solved in natural sizes."""
-    scaled = matrix * np.outer(size, size)
-    ridge = damping * np.diag(np.diag(scaled)) + 1e-12 * np.trace(scaled) / max(len(size), 1) * np.eye(len(size))
-    inverse = np.linalg.inv(scaled + ridge)
-    return size * (inverse @ (size * slope)), size * np.sqrt(np.diag(inverse))
-
-
-def _result(
-    problem: Problem, vector: Array, sums: Sums, held: tuple[Held, ...], converged: bool, iterations: int
-) -> Reconstruction:
+def _covariances(problem: Problem, vector: Array, sums: Sums) -> tuple[Array, Array]:
+    """Covariance (k, k) of the unknowns for coloured residuals and inertial drift, and that for white residuals."""
     noise = sums.variance(problem.floor)
     size = np.array([item.size for item in problem.items])
-    white = np.linalg.inv(_information(problem, sums) * np.outer(size, size)) * np.outer(size, size)
+    white = np.asarray(np.linalg.inv(information(problem, sums) * np.outer(size, size)) * np.outer(size, size), dtype=np.float64)
     middle = np.diag(problem.prior**-2.0)
     drift = np.zeros_like(middle)
     for record, start in zip(problem.records, problem.starts, strict=True):
@@ -247,22 +178,7 @@ def _result(
     # residuals more coloured than white sensors and inertial drift make them: the estimates are as much less certain
     coloured = np.diag(white @ middle @ white)
     grow = np.sqrt(np.maximum(coloured / np.diag(covariance), 1.0))
-    covariance = covariance * np.outer(grow, grow)
-    estimates = tuple(
-        Estimate(
-            item,
-            float(vector[number]),
-            float(np.sqrt(covariance[number, number])),
-            float(np.sqrt(white[number, number])),
-            bool(vector[number] <= problem.lower[number] or vector[number] >= problem.upper[number]),
-        )
-        for number, item in enumerate(problem.items)
-    )
-    # responses are made again, one at a time: together they would not fit in memory for a long flight
-    paths = tuple(_path(problem, vector, covariance, number) for number in range(len(problem.records)))
-    return Reconstruction(
-        estimates, covariance, held, {name: float(np.sqrt(value)) for name, value in noise.items()}, paths, converged, iterations
-    )
+    return np.asarray(covariance * np.outer(grow, grow)), white
 
 
 def _along(problem: Problem, vector: Array, record: Record, start: Array) -> tuple[list[int], dict[str, float], Response]:

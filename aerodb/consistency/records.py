@@ -1,20 +1,23 @@
-"""From a flight to the records that are reconstructed, and back: the consistent flight."""
+"""From a flight to the records that are reconstructed: stretches without gaps, at the probe, as slow as the motion allows."""
 
-from collections.abc import Sequence
-from dataclasses import replace
-from typing import Literal
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Final, Literal
 
 import numpy as np
 
 from aerodb.atmosphere import GRAVITY
 from aerodb.coefficients import specific_force_at_cg
-from aerodb.conditioning.differentiation import bridge, smooth
-from aerodb.consistency.kinematics import INPUTS
+from aerodb.conditioning.differentiation import FEWEST_SAMPLES, bridge, smooth
+from aerodb.consistency.models import installed
 from aerodb.consistency.parameters import OUTPUTS
-from aerodb.consistency.reconstruction import Reconstruction
+from aerodb.consistency.pressures import HOLES, made_by_holes, static_pressure
 from aerodb.consistency.sensors import Array, Record
 from aerodb.errors import InputError
 from aerodb.flight import Flight
+from aerodb.geodesy import Earth
+from aerodb.probe import velocity_at_cg
 from aerodb.vehicle import Vehicle, mass_channels
 
 #: Inertial gaps up to this (s) are bridged; longer ones end a record.
@@ -23,86 +26,275 @@ SHORT_GAP = 0.2
 #: Stretches shorter than this (s) say too little for their own first state.
 SHORTEST = 5.0
 
+#: Below this share of the flight's high airspeeds nothing is compared: the aircraft rolls or stands.
+SLOWEST = 0.25
+
+#: The wind is taken as steady over so much time (s) and altitude (m) of one flight.
+STEADY_WIND: Final = (300.0, 300.0)
+
+#: Flights longer than this (s) are taken over a rotating earth: a bias, constant in body axes, takes up no more of its 15 deg an
+#: hour than the headings flown have in common.
+LONG = 600.0
+
+#: What the carrier does not take from the motion: held by it, the vehicle moves as consistently as in free flight.
+MOTION: Final = ("captive",)
+
+#: Two altitudes that differ by a constant to this (m) are one sensor.
+_LEVEL = 1e-3
+
+#: Two channels that agree to this share follow from one sensor: the mapping computed one of them.
+_SAME = 1e-6
+
+
+@dataclass(frozen=True)
+class Inertial:
+    """What is integrated: `names` of the six channels; `values` (n, 6) at the CG, gaps bridged, rates and specific force as
+    measured otherwise; `arm` (3,) of the air-data point from the mean CG, m; `cg` (3,) the latter, m from the datum."""
+
+    names: tuple[str, ...]
+    values: Array
+    arm: tuple[float, float, float]
+    cg: Array
+
+
+def inertial(flight: Flight, vehicle: Vehicle) -> Inertial:
+    """Specific force, moved to the CG where the accelerometers are off it, and rates of a flight.
+
+    Raises InputError when specific force, rates or attitude are not logged.
+    """
+    at_cg, at_imu = ("ax", "ay", "az"), ("ax_imu", "ay_imu", "az_imu")
+    logged = [sum(name in flight for name in names) for names in (at_cg, at_imu)]
+    force_names = at_cg if logged[0] == 3 or logged[0] > logged[1] else at_imu
+    names = (*force_names, "p", "q", "r")
+    absent = [name for name in (*names, "phi", "theta") if name not in flight]
+    if absent:
+        raise InputError(f"{', '.join(absent)} not logged", f"flight {flight.id[:12]}", "kinematics need them all")
+    empty = [name for name in names if np.isfinite(flight[name]).sum() < FEWEST_SAMPLES]
+    if empty:
+        raise InputError(f"{', '.join(empty)} hold no {SHORTEST:g} s without a gap", f"flight {flight.id[:12]}")
+    properties = mass_channels(flight, vehicle)
+    cg = np.column_stack([properties[f"cg_{axis}"] for axis in "xyz"])
+    values = np.column_stack([bridge(flight[name]) for name in names])
+    if force_names[0] == "ax_imu" and vehicle.points.imu != "cg":
+        band = min(5.0, 0.25 / flight.step)
+        turning = np.column_stack([smooth(values[:, k], flight.step, band).rate for k in (3, 4, 5)])
+        values[:, :3] = specific_force_at_cg(values[:, :3], values[:, 3:], turning, np.asarray(vehicle.points.imu) - cg)
+    arm = np.zeros(3) if vehicle.points.air_data is None else np.asarray(vehicle.points.air_data) - cg.mean(0)
+    return Inertial(names, values, (float(arm[0]), float(arm[1]), float(arm[2])), cg.mean(0))
+
+
+def at_probe(flight: Flight, moved: Inertial) -> dict[str, Array]:
+    """V, alpha, beta (those that are logged) as the probe shows them: the mapping moved them to the CG by the measured rates.
+
+    The probe is what may be late, biased or scaled; without beta the mapping took the probe's sideslip as zero.
+    """
+    logged = {name: flight[name] for name in ("V", "alpha", "beta") if name in flight}
+    if not any(moved.arm) or not {"V", "alpha"} <= set(logged):
+        return logged
+    speed, alpha = logged["V"], logged["alpha"]
+    swing = np.cross(moved.values[:, 3:], moved.arm)
+    across = speed * np.sin(logged["beta"]) if "beta" in logged else -swing[:, 1]
+    ahead = np.sqrt(np.maximum(speed**2 - across**2, 0.0))
+    u, v, w = np.column_stack([ahead * np.cos(alpha), across, ahead * np.sin(alpha)]).T + swing.T
+    total = np.sqrt(u * u + v * v + w * w)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        shown = {"V": total, "alpha": np.arctan2(w, u), "beta": np.arcsin(v / total)}
+    return {name: shown[name] for name in logged}
+
+
+def from_probe(shown: dict[str, Array], rates: Array, arm: Sequence[float]) -> dict[str, Array]:
+    """V, alpha, beta at the CG from those at the probe (beta zero where absent); rates (n, 3) rad/s, arm (3,) m from the CG."""
+    if not any(arm) or not {"V", "alpha"} <= set(shown):
+        return shown
+    beta = shown.get("beta", np.zeros_like(shown["alpha"]))
+    part = np.cos(beta)
+    velocity = shown["V"] * np.stack([part * np.cos(shown["alpha"]), np.sin(beta), part * np.sin(shown["alpha"])])
+    u, v, w = velocity_at_cg(velocity.T, rates, np.broadcast_to(arm, rates.shape)).T
+    total = np.sqrt(u * u + v * v + w * w)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        found = {"V": total, "alpha": np.arctan2(w, u), "beta": np.arcsin(v / total)}
+    return {name: found[name] for name in shown}
+
+
+def one_sensor(flight: Flight, shown: Mapping[str, Array]) -> bool:
+    """Whether qbar and V of a flight are one measurement: qbar = rho V^2 / 2 to the last digits, with V at the CG or, as `shown`,
+    at the air-data point."""
+    if not all(name in flight for name in ("qbar", "V", "rho")):
+        return "qbar" not in flight
+    apart = []
+    for speed in (flight["V"], shown["V"]):
+        made = 0.5 * flight["rho"] * speed**2
+        good = np.isfinite(made) & np.isfinite(flight["qbar"]) & (made > 0)
+        apart.append(float(np.median(np.abs(flight["qbar"][good] / made[good] - 1.0))) if good.any() else 0.0)
+    return min(apart) < _SAME
+
 
 def records_from_flight(
-    flight: Flight, vehicle: Vehicle, *, seconds: float = 60.0, air_data: Literal["probe", "cg"] = "probe"
+    flight: Flight,
+    vehicle: Vehicle,
+    *,
+    seconds: float = 60.0,
+    air_data: Literal["probe", "cg"] = "probe",
+    decimation: int = 1,
 ) -> tuple[Record, ...]:
     """Stretches of usable flight, each at most about `seconds` long, named ``<flight id>/<number>``.
 
-    Inertial drift stays small over a minute, so every stretch has its own first state, while sensor errors and wind are
-    shared. air_data : whether V, alpha, beta are those of the vehicle's air-data point or were moved to the CG already.
+    Inertial drift stays small over a minute, so every stretch has its own first state, while sensor errors are shared and the
+    wind is steady over `STEADY_WIND`: stretches of another wind have ``#<number>`` after the flight id.
+    air_data : whether V, alpha, beta are those of the vehicle's air-data point or were moved to the CG by the mapping; then
+    they are moved back, for it is the probe that errs, and where they were made of the raw pressures of a five-hole probe, these
+    take their place. decimation : every so many samples are kept, after a low pass. Long flights whose latitude is logged are
+    taken over a rotating earth, as gyros see it.
     Raises InputError when specific force, rates or attitude are not logged, or no stretch is long enough.
     """
-    force_names = ("ax", "ay", "az") if all(f"a{axis}" in flight for axis in "xyz") else ("ax_imu", "ay_imu", "az_imu")
-    absent = [name for name in (*force_names, "p", "q", "r", "phi", "theta") if name not in flight]
-    if absent:
-        raise InputError(f"{', '.join(absent)} not logged", f"flight {flight.id}", "kinematics need them all")
-    stretches = _stretches(flight, (*force_names, "p", "q", "r"), seconds)
-    if not stretches:
-        raise InputError(f"no {SHORTEST:g} s without a gap", f"flight {flight.id}", "see its flags for what was lost")
-    properties = mass_channels(flight, vehicle)
-    cg = np.column_stack([properties[f"cg_{axis}"] for axis in "xyz"])
-    inputs = np.column_stack([bridge(flight[name]) for name in (*force_names, "p", "q", "r")])
-    if force_names[0] == "ax_imu" and vehicle.points.imu != "cg":
-        band = min(5.0, 0.25 / flight.step)
-        turning = np.column_stack([smooth(inputs[:, k], flight.step, band).rate for k in (3, 4, 5)])
-        inputs[:, :3] = specific_force_at_cg(inputs[:, :3], inputs[:, 3:], turning, np.asarray(vehicle.points.imu) - cg)
-    outputs = {name: np.where(flight.usable((name,)), flight[name], np.nan) for name in OUTPUTS if name in flight}
-    density = flight.channels.get("rho")
-    if density is None:
-        outputs.pop("qbar", None)
-    arm = np.zeros(3) if vehicle.points.air_data is None or air_data == "cg" else np.asarray(vehicle.points.air_data) - cg.mean(0)
-    records = []
-    for number, (start, stop) in enumerate(stretches):
-        part = slice(start, stop)
-        shown = {name: values[part] for name, values in outputs.items() if np.isfinite(values[part]).any()}
-        air = None if density is None else bridge(density[part])
-        point = (float(arm[0]), float(arm[1]), float(arm[2]))
-        name = f"{flight.id}/{number}"
-        records.append(
-            Record(name, flight.step, inputs[part], shown, flight.id, point, density=air, gravity=GRAVITY, first=start)
+    moved = inertial(flight, vehicle)
+    runs = _runs(flight, moved.names)
+    if not runs:
+        raise InputError(f"no {SHORTEST:g} s without a gap", f"flight {flight.id[:12]}", "see its flags for what was lost")
+    outputs, raw = _outputs(flight, vehicle, moved, air_data)
+    how, earth = installed(vehicle, moved.cg, raw), _earth(flight)
+    noise = _input_noise(moved.values, decimation) if decimation > 1 else None
+    records: list[Record] = []
+    for start, stop in runs:
+        whole = slice(start, stop)
+        inputs = np.column_stack([_slowed(moved.values[whole, k], flight.step, decimation) for k in range(6)])
+        shown = {name: _slowed(values[whole], flight.step, decimation) for name, values in outputs.items()}
+        density, pressure = (
+            None if values is None else _slowed(bridge(values)[whole], flight.step, decimation)
+            for values in (flight.channels.get("rho"), static_pressure(flight))
         )
-    return tuple(records)
+        for first, last in _windows(len(inputs), seconds / (flight.step * decimation)):
+            part = slice(first, last)
+            records.append(
+                Record(
+                    f"{flight.id}/{len(records)}",
+                    flight.step * decimation,
+                    inputs[part],
+                    {name: values[part] for name, values in shown.items() if np.isfinite(values[part]).any()},
+                    flight.id,
+                    moved.arm,
+                    density=None if density is None else density[part],
+                    gravity=GRAVITY,
+                    first=start + first * decimation,
+                    installation=how,
+                    pressure=None if pressure is None else pressure[part],
+                    earth=earth,
+                    input_noise=noise,
+                )
+            )
+    return _with_winds(records, flight.step)
 
 
-def _stretches(flight: Flight, names: Sequence[str], seconds: float) -> list[tuple[int, int]]:
-    """(start, stop) of stretches without a long gap, cut into equal windows of at most `seconds`."""
-    good = flight.usable(names)
+def flight_of(record: Record) -> str:
+    """The id of the flight that a record is a stretch of."""
+    return record.flight.partition("#")[0]
+
+
+def _outputs(flight: Flight, vehicle: Vehicle, moved: Inertial, air_data: str) -> tuple[dict[str, Array], bool]:
+    """Measured channels that the reconstruction may compare with, nan where they must not be used; and whether the flow angles
+    among them are raw pressures."""
+
+    def measured(name: str) -> Array:
+        return np.where(flight.usable((name,), despite=MOTION), flight[name], np.nan)
+
+    outputs, raw = {name: measured(name) for name in OUTPUTS if name in flight}, False
+    shown = at_probe(flight, moved) if air_data == "cg" else outputs
+    if air_data == "cg":
+        outputs |= {name: np.where(np.isfinite(outputs[name]), values, np.nan) for name, values in shown.items()}
+        raw = made_by_holes(flight, vehicle, shown)
+    if raw:
+        outputs = {name: values for name, values in outputs.items() if name not in HOLES.values()}
+        outputs |= {name: measured(name) for name in HOLES}
+    if "rho" not in flight or one_sensor(flight, shown):
+        outputs.pop("qbar", None)
+    if "altitude" in flight and "pressure_altitude" in flight and "rho" in flight:
+        apart = (flight["pressure_altitude"] - flight["altitude"])[np.isfinite(outputs["altitude"])]
+        if np.isfinite(apart).any() and np.nanstd(apart) > _LEVEL:
+            outputs["pressure_altitude"] = measured("pressure_altitude")
+    if "north" not in outputs and "latitude" in flight and "longitude" in flight:
+        outputs |= _over_ground(flight)
+    return outputs, raw
+
+
+def _middle(flight: Flight) -> Earth | None:
+    """The earth with its origin in the middle of the flight; None where it is not logged."""
+    if "latitude" not in flight or "longitude" not in flight:
+        return None
+    good = flight.usable(("latitude", "longitude"), despite=MOTION)
+    return Earth(*(float(np.median(flight[name][good])) for name in ("latitude", "longitude"))) if good.any() else None
+
+
+def _earth(flight: Flight) -> Earth | None:
+    """The rotating earth that a long flight is taken over; None: a short one, or one of unknown latitude."""
+    return _middle(flight) if flight.time[-1] - flight.time[0] > LONG else None
+
+
+def _over_ground(flight: Flight) -> dict[str, Array]:
+    """Position north and east of the middle of the flight, m."""
+    middle = _middle(flight)
+    if middle is None:
+        return {}
+    good = flight.usable(("latitude", "longitude"), despite=MOTION)
+    north, east = middle.to_local(flight["latitude"], flight["longitude"])
+    return {"north": np.where(good, north, np.nan), "east": np.where(good, east, np.nan)}
+
+
+def _slowed(values: Array, step: float, decimation: int) -> Array:
+    """Every `decimation`-th sample (n,) after a low pass; a sample near one that is not finite is nan."""
+    if decimation == 1:
+        return values
+    good = np.isfinite(values)
+    if not good.any():
+        return values[::decimation]
+    # half the new sampling rate: what is left of white noise is white again
+    slow = smooth(values, step, 0.5 / (step * decimation), noise=0.0).value[::decimation]
+    near = np.convolve(~good, np.ones(2 * decimation + 1), mode="same")[::decimation] > 0.5
+    return np.where(near, np.nan, slow)
+
+
+def _input_noise(inputs: Array, decimation: int) -> tuple[float, ...]:
+    """One sigma of the white noise that the low pass leaves: at the slower rate, motion would pass for noise."""
+    sigma = np.sqrt(np.mean(np.diff(inputs, 2, axis=0) ** 2, axis=0) / 6.0 / decimation)
+    return tuple(float(value) for value in sigma)
+
+
+def _runs(flight: Flight, names: Sequence[str]) -> list[tuple[int, int]]:
+    """(start, stop) of stretches without a long gap and long enough."""
+    good = flight.usable(names, despite=MOTION)
+    if "V" in flight and np.isfinite(flight["V"]).any():
+        # at rest there are no flow angles; where the airspeed is lost for a moment the motion goes on
+        speed = bridge(flight["V"])
+        good = good & (speed > SLOWEST * np.percentile(speed, 90))
     edges = np.flatnonzero(np.diff(np.r_[False, good, False].astype(np.int8)))
-    runs = [[int(a), int(b)] for a, b in edges.reshape(-1, 2)]
     merged: list[list[int]] = []
-    for run in runs:
-        if merged and (run[0] - merged[-1][1]) * flight.step <= SHORT_GAP:
-            merged[-1][1] = run[1]
+    for start, stop in edges.reshape(-1, 2).tolist():
+        if merged and (start - merged[-1][1]) * flight.step <= SHORT_GAP:
+            merged[-1][1] = stop
         else:
-            merged.append(run)
-    windows = []
-    for start, stop in merged:
-        if (stop - start) * flight.step >= SHORTEST:
-            pieces = int(np.ceil((stop - start) * flight.step / seconds))
-            cuts = np.linspace(start, stop, pieces + 1).round().astype(int)
-            windows += list(zip(cuts[:-1].tolist(), cuts[1:].tolist(), strict=True))
-    return windows
+            merged.append([start, stop])
+    least = max(SHORTEST / flight.step, FEWEST_SAMPLES)
+    return [(start, stop) for start, stop in merged if stop - start >= least]
 
 
-def consistent_flight(flight: Flight, result: Reconstruction) -> Flight:
-    """The flight with V, alpha, beta, attitude, specific force and rates replaced by the reconstructed ones, all at the CG.
+def _windows(n: int, longest: float) -> list[tuple[int, int]]:
+    """Equal windows of at most `longest` samples."""
+    cuts = np.linspace(0, n, int(np.ceil(n / longest)) + 1).round().astype(int).tolist()
+    return list(pairwise(cuts))
 
-    Samples outside this flight's records (those of `records_from_flight`) keep their values and are flagged ``gap``. Angles
-    that the log does not hold are reconstructed all the same: their standard errors, in the result's paths, say what they are
-    worth.
-    """
-    names = ("V", "alpha", "beta", "phi", "theta", "psi", *INPUTS)
-    empty = np.full(len(flight.time), np.nan)
-    channels: dict[str, Array] = {name: np.array(flight.channels.get(name, empty)) for name in names}
-    covered = np.zeros(len(flight.time), dtype=bool)
-    for path in result.paths:
-        if path.record.flight != flight.id:
-            continue
-        part = slice(path.record.first, path.record.first + len(path.record.inputs))
-        covered[part] = True
-        new = (path.V, path.alpha, path.beta, *path.states[3:6], *path.inputs.T)
-        for name, values in zip(names, new, strict=True):
-            channels[name][part] = values
-    note = "V, alpha, beta, attitude, specific force and rates are those of the flight-path reconstruction"
-    return replace(flight.with_channels(channels).with_flag("flight", "gap", ~covered), notes=(*flight.notes, note))
+
+def _with_winds(records: Sequence[Record], step: float) -> tuple[Record, ...]:
+    """The records of one flight, those of another wind marked: every so much time or altitude the wind may be another."""
+    found, number = [], 0
+    began, height = records[0].first, _height(records[0])
+    for record in records:
+        here = _height(record)
+        late = (record.first - began) * step > STEADY_WIND[0]
+        if late or abs(here - height) > STEADY_WIND[1]:
+            number, began, height = number + 1, record.first, here
+        found.append(replace(record, flight=f"{record.flight}#{number}") if number else record)
+    return tuple(found)
+
+
+def _height(record: Record) -> float:
+    values = record.outputs.get("altitude")
+    return float(np.nanmean(values)) if values is not None else 0.0

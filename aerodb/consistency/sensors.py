@@ -1,19 +1,21 @@
 """What each sensor would have shown along a reconstructed path, and how that depends on every unknown.
 
-Air data are those of the air-data point: ``v - C w + omega x r`` with the wind w, attitude C and arm r from the CG;
-``alpha = atan2(w, u)``, ``beta = asin(v / V)``, ``qbar = rho V^2 / 2``. A sensor shows ``(1 + scale) true(t - delay) + bias``
-(Klein & Morelli 2006, section 10.2; Jategaonkar 2015, section 10.3).
+A sensor shows ``(1 + scale) true(t - delay) + bias``; what it looks at is said in `models`.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from aerodb.consistency.kinematics import INPUTS, STATES, integrate
-from aerodb.consistency.parameters import OUTPUTS, Parameter
+from aerodb.consistency.models import Installation, Sight
+from aerodb.consistency.parameters import FURTHER_OUTPUTS, OUTPUTS, Parameter, delays_of
 from aerodb.errors import InputError, UnknownNameError, nearest
+from aerodb.geodesy import Earth
+from aerodb.signals import Signal
 
 Array = NDArray[np.float64]
 
@@ -27,11 +29,13 @@ class Record:
 
     name : unique. flight : which flight it is a part of (winds are per flight). step : s.
     inputs : (n, 6) measured specific force [m/s2] at the CG and rates [rad/s], finite, order of `kinematics.INPUTS`.
-    outputs : measured channels of `OUTPUTS` -> (n,), nan where they must not be used. arm : (3,) air-data point from the
-    CG, m, body axes. given : states -> (n,) taken from measurement instead of integrated. density : (n,) kg/m3 for qbar.
+    outputs : measured channels of `OUTPUTS` and `FURTHER_OUTPUTS` -> (n,), nan where they must not be used. arm : (3,) air-data
+    point from the CG, m, body axes. installation : of the other sensors. given : states -> (n,) taken from measurement instead
+    of integrated. density, pressure : (n,) kg/m3, Pa (`models.Sight`) for qbar, raw pressures and errors of the ports.
     pivot : value of a channel about which its scale acts, zero unless given (a heading's scale needs one).
     held : inputs are taken to hold until the next sample instead of being linear between samples.
-    first : number of its first sample in the flight.
+    first : number of its first sample in the flight. earth : rotating oblate earth for long records; `gravity` is then for
+    what is not integrated. input_noise : (6,) one sigma of the inputs' white noise; None: that of their second differences.
     """
 
     name: str
@@ -46,6 +50,10 @@ class Record:
     gravity: float = 9.80665
     held: bool = False
     first: int = 0
+    installation: Installation = field(default_factory=Installation)
+    pressure: Array | None = None
+    earth: Earth | None = None
+    input_noise: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
         n = len(self.inputs)
@@ -53,14 +61,17 @@ class Record:
             raise InputError(f"inputs have shape {self.inputs.shape}", self.name, "give (n, 6) with at least 8 samples")
         if not np.isfinite(self.inputs).all():
             raise InputError("specific force or rates are not finite everywhere", self.name, "bridge or cut the gaps first")
-        for known, channels in ((OUTPUTS, self.outputs), (STATES, self.given)):
+        for known, channels in (((*OUTPUTS, *FURTHER_OUTPUTS), self.outputs), (STATES, self.given)):
             for name, values in channels.items():
                 if name not in known:
                     raise UnknownNameError(f"no sensor or state '{name}'", self.name, nearest(name, known))
                 if values.shape != (n,):
                     raise InputError(f"{name} has shape {values.shape}, the inputs {n} samples", self.name)
-        if "qbar" in self.outputs and self.density is None:
-            raise InputError("qbar without density", self.name, "give the density, or leave qbar out")
+        for name in ("qbar", "probe_dp_alpha", "probe_dp_beta"):
+            if name in self.outputs and self.density is None:
+                raise InputError(f"{name} without density", self.name, f"give the density, or leave {name} out")
+            if name in self.outputs and name != "qbar" and self.installation.five_hole is None:
+                raise InputError(f"{name} without a calibration", self.name, "give [air_data.five_hole], or leave it out")
 
 
 @dataclass(frozen=True)
@@ -88,70 +99,124 @@ def respond(
     """Path and sensor outputs of a record.
 
     values : parameter name -> value, of this record's scope. initial : (9,) first state. unknowns : k parameters of this
-    record by which to differentiate.
+    record by which to differentiate. Raises InputError where an error of the pressure ports is sought without density.
     """
     wanted = tuple(unknowns) if slopes else ()
-    k, n = len(wanted), len(record.inputs)
     inputs = corrected_inputs(record, values)
-    states, along, columns = _path(record, values, initial, wanted, inputs)
-    full = np.zeros((9, n, k))
-    full[:, :, columns] = along
-    turn, dturn = inputs[:, 3:].T, _rate_slopes(inputs, wanted, _gain(values))
-    air, dair = _air_velocity(states, full, values, wanted)
-    arm = np.array(record.arm) + [values.get(f"air_data_{axis}", 0.0) for axis in "xyz"]
-    probe, dprobe = _at_arm(air, dair, turn, dturn, arm, wanted)
+    path = _path(record, values, initial, wanted, inputs)
+    sight = Sight(
+        {name: Signal(path.states[number], {name: 1.0} if wanted else {}) for number, name in enumerate(STATES)},
+        (_rate("p", inputs, wanted), _rate("q", inputs, wanted), _rate("r", inputs, wanted)),
+        values,
+        frozenset(item.name for item in wanted),
+        record.arm,
+        record.installation,
+        record.gravity,
+        record.density,
+        record.pressure,
+    )
+    if record.density is None and sight.acts("static_port_error", "static_port_offset", "total_port_error"):
+        raise InputError("errors of the pressure ports without density", record.name, "give the density, or leave them out")
     outputs, derivative = {}, {}
     for name in record.outputs:
-        true, slope = _true(name, states, full, probe, dprobe, record.density)
-        outputs[name], derivative[name] = _shown(name, true, slope, values, wanted, record)
-    return Response(states, air, outputs, derivative, full, dair)
+        true = sight.channel(name)
+        outputs[name], derivative[name] = _shown(name, _full(true.value, path), path.along(true), values, wanted, record)
+    full = np.zeros((9, len(inputs), len(wanted)))
+    full[:, :, path.columns] = path.sensitivity
+    air = np.stack([_full(part.value, path) for part in sight.air])
+    return Response(path.states, air, outputs, derivative, full, np.stack([path.along(part) for part in sight.air]))
+
+
+def _full(value: Array | float, path: "_Path") -> Array:
+    return np.broadcast_to(value, path.states.shape[1:])
+
+
+def _rate(name: str, inputs: Array, wanted: Sequence[Parameter]) -> Signal:
+    moved = any(item.subject == name and item.kind in ("bias", "scale") for item in wanted)
+    return Signal(inputs[:, INPUTS.index(name)], {name: 1.0} if moved else {})
+
+
+@dataclass(frozen=True)
+class _Path:
+    """States (9, n) and their `sensitivity` (9, n, m) to those unknowns, at `columns` of `wanted`, that move the path; `rates`
+    holds for each of these names the columns that correct it, and their effect (n,) or number; `number` the column of a name."""
+
+    states: Array
+    sensitivity: Array
+    columns: list[int]
+    wanted: Sequence[Parameter]
+    rates: Mapping[str, Sequence[tuple[int, Array | float]]]
+    number: Mapping[str, int]
+
+    def along(self, signal: Signal) -> Array:
+        """(n, k) derivatives of a signal by the unknowns, through states and rates and its own."""
+        n = self.states.shape[1]
+        slope = np.zeros((n, len(self.wanted)))
+        through = [name for name in signal.by if name in STATES]
+        if through and self.columns:
+            rows = [STATES.index(name) for name in through]
+            parts = np.empty((len(rows), n))
+            for row, name in enumerate(through):
+                parts[row] = signal.by[name]
+            _chain(parts, np.array(rows), self.sensitivity, np.array(self.columns), slope)
+        for name, part in signal.by.items():
+            if name in self.rates:
+                for column, effect in self.rates[name]:
+                    slope[:, column] += part * effect
+            elif name in self.number:
+                slope[:, self.number[name]] += part
+        return slope
+
+
+@njit(cache=True)
+def _chain(parts: Array, rows: NDArray[np.int64], along: Array, columns: NDArray[np.int64], slope: Array) -> None:
+    """Adds to slope (n, k), at `columns` (m,), the sum over j of parts (j, n) times along[rows[j]] (n, m)."""
+    for i in range(parts.shape[1]):
+        for j in range(rows.shape[0]):
+            part = parts[j, i]
+            for k in range(columns.shape[0]):
+                slope[i, columns[k]] += part * along[rows[j], i, k]
 
 
 def _gain(values: Mapping[str, float]) -> Array:
     return 1.0 / (1.0 + np.array([values.get(f"{name}_scale", 0.0) for name in INPUTS]))
 
 
-def _path(
-    record: Record, values: Mapping[str, float], initial: Array, wanted: Sequence[Parameter], inputs: Array
-) -> tuple[Array, Array, list[int]]:
-    """States, their sensitivities, and which unknowns these columns are: only those that move the path are integrated."""
+def _path(record: Record, values: Mapping[str, float], initial: Array, wanted: Sequence[Parameter], inputs: Array) -> _Path:
+    """The motion, its sensitivities, and which unknowns these columns are: only those that move the path are integrated."""
     columns, kinds, first = [], [], []
+    rates: dict[str, list[tuple[int, Array | float]]] = {name: [] for name in INPUTS[3:]}
+    gain = _gain(values)
     for number, item in enumerate(wanted):
         if item.kind == "initial":
             columns.append(number)
             kinds.append(-1)
             first.append(np.eye(9)[STATES.index(item.subject)])
         elif item.subject in INPUTS and item.kind in ("bias", "scale"):
+            axis = INPUTS.index(item.subject)
             columns.append(number)
-            kinds.append(INPUTS.index(item.subject) + (6 if item.kind == "scale" else 0))
+            kinds.append(axis + (6 if item.kind == "scale" else 0))
             first.append(np.zeros(9))
+            if item.subject in rates:
+                rates[item.subject].append((number, -gain[axis] * (1.0 if item.kind == "bias" else inputs[:, axis])))
     given = None
     if record.given:
         given = np.full((len(inputs), 9), np.nan)
         for name, measured in record.given.items():
             given[:, STATES.index(name)] = measured
-    directions = np.array(first).reshape(-1, 9).T
     states, along = integrate(
         inputs,
         record.step,
         initial,
         record.gravity,
         given,
-        directions,
+        np.array(first).reshape(-1, 9).T,
         np.array(kinds, dtype=np.int64),
-        _gain(values),
+        gain,
         record.held,
+        record.earth,
     )
-    return states, along, columns
-
-
-def _rate_slopes(inputs: Array, wanted: Sequence[Parameter], gain: Array) -> Array:
-    slope = np.zeros((3, len(inputs), len(wanted)))
-    for number, item in enumerate(wanted):
-        if item.subject in INPUTS[3:] and item.kind in ("bias", "scale"):
-            axis = INPUTS.index(item.subject) - 3
-            slope[axis, :, number] = -gain[axis + 3] * (1.0 if item.kind == "bias" else inputs[:, axis + 3])
-    return slope
+    return _Path(states, along, columns, wanted, rates, {item.name: number for number, item in enumerate(wanted)})
 
 
 def to_body(states: Array) -> Array:
@@ -165,87 +230,27 @@ def to_body(states: Array) -> Array:
     )  # fmt: skip
 
 
-def _turned(states: Array, slopes: Array) -> Array:
-    """(3, n, k) rotation vector of the body axes, in body axes, that each unknown causes: Euler rates to body rates."""
-    f, t = states[3], states[4]
-    df, dt, dp = slopes[3], slopes[4], slopes[5]
-    cf, sf, ct, st = (x[:, None] for x in (np.cos(f), np.sin(f), np.cos(t), np.sin(t)))
-    return np.stack([df - dp * st, dt * cf + dp * sf * ct, -dt * sf + dp * cf * ct])
-
-
-def _cross(a: Array, b: Array) -> Array:
-    return np.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
-
-
-def _air_velocity(states: Array, slopes: Array, values: Mapping[str, float], wanted: Sequence[Parameter]) -> tuple[Array, Array]:
-    """Velocity through the air at the CG, body axes, (3, n), and its derivatives (3, n, k)."""
-    wind = np.array([values.get(f"wind_{axis}", 0.0) for axis in ("north", "east", "down")])
-    blowing = any(item.kind == "wind" for item in wanted)
-    if not blowing and not wind.any():
-        return states[:3], slopes[:3]
-    rotation = to_body(states)
-    in_body = np.einsum("ijn,j->in", rotation, wind)
-    slope = slopes[:3] - _cross(in_body[:, :, None], _turned(states, slopes))
-    for number, item in enumerate(wanted):
-        if item.kind == "wind":
-            slope[:, :, number] -= rotation[:, ("north", "east", "down").index(item.subject)]
-    return states[:3] - in_body, slope
-
-
-def _at_arm(air: Array, dair: Array, turn: Array, dturn: Array, arm: Array, wanted: Sequence[Parameter]) -> tuple[Array, Array]:
-    """``v + omega x r``, (3, n), and its derivatives (3, n, k)."""
-    moving = [number for number, item in enumerate(wanted) if item.kind == "arm"]
-    if not arm.any() and not moving:
-        return air, dair
-    slope = dair + _cross(dturn, np.broadcast_to(arm[:, None, None], (3, 1, 1)))
-    for number in moving:
-        unit = np.eye(3)["xyz".index(wanted[number].subject)]
-        slope[:, :, number] += _cross(turn, np.broadcast_to(unit[:, None], turn.shape))
-    return air + _cross(turn, arm[:, None]), slope
-
-
-def _true(name: str, states: Array, slopes: Array, probe: Array, dprobe: Array, density: Array | None) -> tuple[Array, Array]:
-    """The physical quantity (n,) that a sensor looks at, and its derivatives (n, k)."""
-    if name in STATES:
-        index = STATES.index(name)
-        return states[index], slopes[index]
-    if name.startswith("velocity_"):
-        row = to_body(states)[:, ("velocity_north", "velocity_east", "velocity_down").index(name)]
-        total = slopes[:3] + _cross(_turned(states, slopes), states[:3, :, None])
-        return np.einsum("in,in->n", row, states[:3]), np.einsum("in,ink->nk", row, total)
-    a, b, c = probe
-    square = a * a + c * c
-    if name == "alpha":
-        return np.arctan2(c, a), (a / square)[:, None] * dprobe[2] - (c / square)[:, None] * dprobe[0]
-    speed = np.sqrt(square + b * b)
-    slope = (a[:, None] * dprobe[0] + b[:, None] * dprobe[1] + c[:, None] * dprobe[2]) / speed[:, None]
-    if name == "V":
-        return speed, slope
-    if name == "beta":
-        return np.arcsin(b / speed), (dprobe[1] - (b / speed)[:, None] * slope) / np.sqrt(square)[:, None]
-    assert density is not None  # Record refuses qbar without it
-    return 0.5 * density * speed**2, (density * speed)[:, None] * slope
-
-
 def _shown(
     name: str, true: Array, slope: Array, values: Mapping[str, float], wanted: Sequence[Parameter], record: Record
 ) -> tuple[Array, Array]:
     """What the sensor shows of the truth (n,), and its derivatives (n, k)."""
     gain = 1.0 + values.get(f"{name}_scale", 0.0)
-    by = {item.kind: number for number, item in enumerate(wanted) if item.subject == name and item.kind != "initial"}
-    delay = values.get(f"{name}_delay", 0.0)
+    own = {f"{name}_{part}": part for part in ("bias", "scale")}
+    by = {own[item.name]: number for number, item in enumerate(wanted) if item.name in own}
+    late_by = [number for number, item in enumerate(wanted) if item.name in delays_of(name)]
+    delay = sum(values.get(each, 0.0) for each in delays_of(name))
     pivot = record.pivot.get(name, 0.0)
     late, rate = true, true
-    if delay != 0.0 or "delay" in by:
+    if delay != 0.0 or late_by:
         late, slope = delayed(true, delay / record.step), delayed(slope, delay / record.step)
         rate = delayed(true, delay / record.step, derivative=True) / record.step
-    shown = slope * gain if by or gain != 1.0 else slope
+    shown = slope * gain if gain != 1.0 else slope
     if "bias" in by:
         shown[:, by["bias"]] += 1.0
     if "scale" in by:
         shown[:, by["scale"]] += late - pivot
-    if "delay" in by:
-        shown[:, by["delay"]] += gain * rate
+    for number in late_by:
+        shown[:, number] += gain * rate
     return gain * (late - pivot) + pivot + values.get(f"{name}_bias", 0.0), shown
 
 

@@ -5,16 +5,19 @@ it. Limited: a channel fails that only some uses need; which, is said.
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import asdict, dataclass, replace
+from typing import Any, Literal
 
 import numpy as np
 
 from aerodb.consistency.expected import Fault
 from aerodb.consistency.kinematics import INPUTS
 from aerodb.consistency.navigation import FlowCheck, VelocityCheck
+from aerodb.consistency.parameters import AIR_DATA
+from aerodb.consistency.pressures import as_angles
 from aerodb.consistency.reconstruction import Path, Reconstruction
-from aerodb.consistency.whiteness import ProcessNoise, process_noise
+from aerodb.consistency.records import flight_of
+from aerodb.consistency.whiteness import CALM, ProcessNoise, colour, process_noise
 from aerodb.vehicle import Accuracy
 
 Word = Literal["good", "limited", "rejected"]
@@ -22,6 +25,9 @@ _RANK: tuple[Word, ...] = ("good", "limited", "rejected")
 
 #: Velocity over the earth, or two attitude angles, that miss their limits by this factor take accelerations or rates with them.
 GROSS = 3.0
+
+#: Air that moves in fewer than this share of a flight's stretches limits them, not the flight.
+LEAST_MOVING = 0.25
 
 
 @dataclass(frozen=True)
@@ -46,13 +52,19 @@ class Verdict:
 
 
 def judge(result: Reconstruction, flight: str, accuracy: Accuracy, found: Sequence[Fault] = ()) -> Verdict:
-    """The verdict on one flight of a joint reconstruction; `found` are the blunt faults of `expected.faults`."""
-    paths = [path for path in result.paths if path.record.flight == flight]
+    """The verdict on one flight of a joint reconstruction; `found` are the blunt faults of `expected.faults`.
+
+    Where the air moved, what gusts make of the residuals of the air data is no fault of a sensor: the rest is judged.
+    """
+    paths = [as_angles(path) for path in result.paths if flight_of(path.record) == flight]
     speed = float(np.mean(np.concatenate([path.V for path in paths])))
+    noise = moving_air(paths)
     checks, words, reasons = [], [], []
     for name in dict.fromkeys(name for path in paths for name in path.residuals):
         before, after = _rms(path.before.get(name) for path in paths), _rms(path.residuals.get(name) for path in paths)
-        check = _channel(name, before, after, accuracy, speed, _mean_pressure(paths))
+        limit = _limit(name, accuracy, speed, _mean_pressure(paths))
+        rest = [_rest(path, name, noise.matters) for path in _with(name, paths)]
+        check = ChannelCheck(name, before, after, limit, _word(name, rest, limit))
         checks.append(check)
         if check.verdict != "good":
             words.append(check.verdict)
@@ -61,23 +73,64 @@ def judge(result: Reconstruction, flight: str, accuracy: Accuracy, found: Sequen
     if len(gross) > 1:  # one angle alone is its own sensor: a compass, a vertical gyro
         words.append("rejected")
         reasons.append(f"the rates do not belong to the attitude: {' and '.join(gross)} disagree with them together")
+    bound = [estimate.parameter.name for estimate in result.estimates if estimate.at_bound]
     for estimate in result.estimates:
         item = estimate.parameter
-        sensor = item.kind in ("bias", "scale", "delay") and item.scope in ("", flight)
-        if sensor and abs(estimate.value) - 2 * estimate.standard_error > item.size:
-            words.append("rejected" if item.subject in (*INPUTS, "qbar") and item.kind == "bias" else "limited")
-            reasons.append(f"{item.label} of {estimate.value:.3g} is beyond any serviceable sensor ({item.size:g})")
+        if (
+            item.kind in ("bias", "scale", "delay", "port")
+            and not (item.scope or estimate.at_bound)  # a value at its bound is the bound's, and its error is not known
+            and abs(estimate.value) - 2 * estimate.standard_error > item.size
+        ):
+            gross_bias = item.kind == "bias" and item.subject in (*INPUTS, "qbar") and abs(estimate.value) > GROSS * item.size
+            # what a value at its bound leaves unexplained, others take up: that is no proof of a broken sensor
+            words.append("rejected" if gross_bias and not bound else "limited")
+            beside = f", with {' and '.join(bound)} at a bound" if bound else ""
+            reasons.append(f"{item.label} of {estimate.value:.3g} is beyond any serviceable sensor ({item.size:g}){beside}")
     for fault in found:
         words.append("rejected")
         reasons.append(fault.sentence)
     if not result.converged:
-        words.append("rejected")
-        reasons.append("the reconstruction did not converge: the channels do not belong to one motion")
-    noise = max((process_noise(path.residuals, speed, path.record.step) for path in paths), key=lambda entry: entry.matters)
+        words.append("limited")
+        reasons.append("the reconstruction did not converge: the channels do not quite belong to one motion")
     if noise.matters:
         words.append("limited")
         reasons.append(noise.because)
     return Verdict(_worst(words), tuple(reasons), tuple(checks), noise)
+
+
+def moving_air(paths: Sequence[Path]) -> ProcessNoise:
+    """Whether the air moved in at least a quarter of these stretches; the figures are those of the worst of them."""
+    found = [_moving(as_angles(path)) for path in paths]
+    worst = max(found, key=lambda entry: (entry.matters, max(entry.gusts.values(), default=0.0)))
+    share = float(np.mean([entry.matters for entry in found]))
+    return worst if share >= LEAST_MOVING else replace(worst, matters=False)
+
+
+def _moving(path: Path) -> ProcessNoise:
+    """Whether the air moved along one stretch; where the airspeed is the only air data, the velocity over the earth is its
+    witness."""
+    noise = process_noise(path.residuals, float(np.mean(path.V)), path.record.step)
+    felt = noise.gusts.get("V", 0.0)
+    if noise.matters or set(noise.gusts) != {"V"} or felt <= CALM:
+        return noise
+    over_earth = [name for name in ("velocity_north", "velocity_east") if name in path.residuals]
+    wobble = [colour(path.residuals[name], path.record.step).gusts for name in over_earth if _with(name, [path])]
+    if not wobble or felt <= 2.0 * max(wobble):
+        return noise
+    because = f"the air moved: the airspeed holds gusts ({felt:.2f} m/s rms) that the velocity over the earth does not share"
+    return replace(noise, matters=True, because=because)
+
+
+def unchecked(because: str) -> Verdict:
+    """The verdict on a flight whose kinematics cannot be checked: its channels are used as they were measured."""
+    return Verdict("limited", (f"kinematics not checked: {because}",), ())
+
+
+def as_document(verdict: Verdict) -> dict[str, Any]:
+    """As JSON: verdict, reasons, channels, process_noise."""
+    noise = None if verdict.process_noise is None else asdict(verdict.process_noise)
+    channels = [asdict(check) for check in verdict.channels]
+    return {"verdict": verdict.word, "reasons": list(verdict.reasons), "channels": channels, "process_noise": noise}
 
 
 def judge_navigation(velocity: VelocityCheck | None, flow: FlowCheck | None, accuracy: Accuracy) -> Verdict:
@@ -122,7 +175,21 @@ def _mean_pressure(paths: Sequence[Path]) -> float:
     return float(np.nanmean(np.concatenate(values))) if values else float("nan")
 
 
-def _channel(name: str, before: float, after: float, accuracy: Accuracy, speed: float, pressure: float) -> ChannelCheck:
+def _rest(path: Path, name: str, moving: bool) -> float:
+    """Rms of a channel's residual along one stretch; of air data in moving air only its mean and trend, the rest is gusts."""
+    residual = path.residuals[name]
+    if not (moving and name in AIR_DATA):
+        return float(np.sqrt(np.nanmean(residual**2)))
+    index = np.flatnonzero(np.isfinite(residual))
+    slow = np.polynomial.Polynomial.fit(index, residual[index], 1)(index)
+    return float(np.sqrt(np.mean(slow**2)))
+
+
+def _with(name: str, paths: Sequence[Path]) -> list[Path]:
+    return [path for path in paths if name in path.residuals and np.isfinite(path.residuals[name]).any()]
+
+
+def _limit(name: str, accuracy: Accuracy, speed: float, pressure: float) -> float:
     limits = {
         **dict.fromkeys(("phi", "theta", "psi"), accuracy.attitude),
         **dict.fromkeys(("alpha", "beta"), accuracy.flow_angle),
@@ -131,11 +198,16 @@ def _channel(name: str, before: float, after: float, accuracy: Accuracy, speed: 
         "V": 0.5 * accuracy.qbar_fraction * speed,  # qbar goes with the square of the speed
         "qbar": accuracy.qbar_fraction * pressure,
     }
-    limit = limits.get(name, float("nan"))
-    if not after > limit:
-        return ChannelCheck(name, before, after, limit, "good")
-    failed = name in ("V", "qbar") or (name.startswith("velocity_") and after > GROSS * limit)
-    return ChannelCheck(name, before, after, limit, "rejected" if failed else "limited")
+    return limits.get(name, float("nan"))
+
+
+def _word(name: str, rest: Sequence[float], limit: float) -> Word:
+    """The verdict on a channel from its mismatch along each stretch: one that fails in most of them takes the flight with it."""
+    if not rest or not np.sqrt(np.mean(np.square(rest))) > limit:
+        return "good"
+    worst = GROSS * limit if name.startswith("velocity_") else limit
+    failed = name in ("V", "qbar") or name.startswith("velocity_")
+    return "rejected" if failed and float(np.median(rest)) > worst else "limited"
 
 
 def _reason(check: ChannelCheck) -> str:

@@ -5,9 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import irfft, next_fast_len, rfft
+from scipy.fft import next_fast_len, rfft
 
 Array = NDArray[np.float64]
+
+#: Products of this size (multiplications) and below are not worth a BLAS thread.
+_SINGLE_THREAD = 200_000
 
 
 @dataclass(frozen=True)
@@ -91,19 +94,59 @@ def least_squares(regressors: Array, response: Array, names: Sequence[str], leng
     )
 
 
+def own_constants(regressors: Array, lengths: Sequence[int], constant: int) -> tuple[Array, Array]:
+    """A constant of each of the g records in place of the one in column `constant`: regressors (n, k - 1 + g), those constants
+    last, and the mix (k, k - 1 + g) that makes of their estimates those of the k columns: the constant is the mean of the g.
+
+    >>> own_constants(np.array([[1.0, 2.0], [1.0, 3.0]]), [1, 1], 0)[0].tolist()
+    [[2.0, 1.0, 0.0], [3.0, 0.0, 1.0]]
+    """
+    k, g = regressors.shape[1], len(lengths)
+    wide = np.column_stack([np.delete(regressors, constant, axis=1), np.repeat(np.eye(g), lengths, axis=0)])
+    mix = np.zeros((k, k - 1 + g))
+    mix[np.delete(np.arange(k), constant), np.arange(k - 1)] = 1.0
+    mix[constant, k - 1 :] = 1.0 / g
+    return wide, mix
+
+
+def with_mean_constant(fit: Regression, mix: Array, names: Sequence[str], constant: int) -> Regression:
+    """A fit with `own_constants` as one of the k columns `names`. The variance of the mean constant holds their scatter as well;
+    residual and r_squared stay those beside each record's own.
+    """
+    k = len(mix)
+    levels = fit.estimates[k - 1 :]
+    covariance = mix @ fit.covariance @ mix.T
+    if len(levels) > 1:
+        covariance[constant, constant] += float(levels.var(ddof=1)) / len(levels)
+    return Regression(
+        names=tuple(names),
+        estimates=mix @ fit.estimates,
+        covariance=covariance,
+        white_covariance=mix @ fit.white_covariance @ mix.T,
+        residual=fit.residual,
+        r_squared=fit.r_squared,
+        vif=np.insert(fit.vif[: k - 1], constant, 1.0),
+    )
+
+
 def coloured_sum(regressors: Array, residual: Array) -> Array:
-    """sum_ij x_i R(i-j) x_j' for one record, by FFT: R is even, so its transform weights the cross spectra of x."""
-    n = len(residual)
+    """sum_ij x_i R(i-j) x_j' for one record, by FFT: R is even, so its transform weights the cross spectra of x.
+
+    The residual is padded to twice its length, so the transform of R is that of the residual, squared. Block by block:
+    products of this size do not wake BLAS threads, whose contention costs more than the product.
+    """
+    n, k = regressors.shape
     size = next_fast_len(2 * n)
-    spectrum = rfft(residual, size)
-    autocovariance = irfft(np.abs(spectrum) ** 2, size) / n
-    weight = rfft(autocovariance).real
-    transformed = rfft(regressors, size, axis=0)
-    full = np.r_[1.0, np.full(len(weight) - 1, 2.0)]
-    if size % 2 == 0:
-        full[-1] = 1.0
-    cross = (transformed.conj() * (weight * full)[:, None]).T @ transformed
-    return np.asarray(cross.real / size)
+    weight = np.abs(rfft(residual, size)) ** 2 / n
+    weight[1 : -1 if size % 2 == 0 else None] *= 2.0
+    cross = rfft(regressors, size, axis=0) * np.sqrt(weight)[:, None]
+    total = np.zeros((k, k))
+    rows = max(8, _SINGLE_THREAD // max(k, 1) ** 2)
+    for start in range(0, len(cross), rows):
+        for part in (cross.real[start : start + rows], cross.imag[start : start + rows]):
+            block = np.ascontiguousarray(part)
+            total += block.T @ block
+    return total / size
 
 
 def _variance_inflation(regressors: Array) -> Array:

@@ -2,7 +2,8 @@
 
 Inputs are channels in SI with this product's signs, outputs the six coefficients on the body axes about the stated moment
 reference. Variables and tables keep the ids, names and units that they came with. Increments become calculations that give
-the same numbers inside their envelope and beyond; what no such file can carry, their covariance and flights, stays behind.
+the same numbers inside their envelope and beyond, state models what they settle at; what no such file can carry, covariance,
+flights and memory, stays behind.
 """
 
 from functools import reduce
@@ -17,6 +18,7 @@ from aerodb.exchange.daveml_document import Document
 from aerodb.exchange.daveml_model import hat_rate_expression
 from aerodb.exchange.daveml_names import POSITION_SIGNS, POSITIONS, REFERENCES, STANDARD_OUTPUTS, Declared, output_axis
 from aerodb.exchange.increment_terms import with_increments_as_terms
+from aerodb.exchange.state_terms import without_memory
 from aerodb.nomenclature import AXES, FORCE_AXES
 from aerodb.tables.algebra import plus
 from aerodb.tables.check_cases import make_check_cases
@@ -35,10 +37,10 @@ def export_daveml(database: AeroDatabase, *, check_cases: int = 25, created: str
 
     Raises InputError where a check case fails, which says that this database cannot be exported exactly.
     """
-    flat = with_increments_as_terms(database)
+    flat = with_increments_as_terms(without_memory(database))
     document = _written(flat, created, author)
     again = import_daveml(document.to_bytes(), name=database.name)
-    cases = _cases(database, again, document, check_cases)
+    cases = _cases(flat, again, document, check_cases)
     document.write_cases(cases)
     failed = [failure for result in verify(again, cases) for failure in result.failures]
     if failed:

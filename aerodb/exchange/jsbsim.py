@@ -20,6 +20,7 @@ from aerodb.exchange.jsbsim_properties import (
     WING_ALPHA,
     WING_INCIDENCE,
     height_of_reference_point,
+    hysteresis_limits,
     hysteresis_text,
 )
 from aerodb.exchange.jsbsim_xml import part, read_constants, read_limits, read_reference, read_root
@@ -28,6 +29,7 @@ from aerodb.tables.algebra import cancel, plus, times
 from aerodb.tables.database import AeroDatabase, Reference, Term, Variable
 from aerodb.tables.expression import MAX_DEPTH, Expression, Name, Negation, Number, Operation, number, parse
 from aerodb.tables.reference import WIND_AXES
+from aerodb.tables.state_model import Relay, StateModel
 
 Loader = Callable[[str], bytes]
 
@@ -47,7 +49,8 @@ def import_jsbsim(
 
     ``aero/cl-squared`` is the square of the total lift coefficient. JSBSim itself takes the lift of its previous
     time step there; the two agree when nothing changes between steps. ``aero/stall-hyst-norm`` has memory and becomes the
-    free input `stall_hyst_norm`. A reference point that shifts becomes terms on Cm and Cn about the fixed one.
+    free input `stall_hyst_norm`, which a state model makes of a flight. A reference point that shifts becomes terms on Cm and
+    Cn about the fixed one.
 
     Raises InputError for XML with a document type or entities, for an element outside the supported set (named), for a
     file that is named without a `loader`, and for bindings of properties that the file does not use.
@@ -135,7 +138,14 @@ class _Reading:
         notes = f"; {'; '.join(self._notes)}" if self._notes else ""
         source = f"JSBSim aircraft file{notes}"
         return AeroDatabase(
-            self._where, reference, variables, self._functions.tables, tuple(terms), free_inputs=free, source=source
+            self._where,
+            reference,
+            variables,
+            self._functions.tables,
+            tuple(terms),
+            free_inputs=free,
+            source=source,
+            states=_relays(free),
         )
 
     def _resolve(self, reference: Reference, terms: list[Term], variables: dict[str, Variable], free: dict[str, str]) -> None:
@@ -228,6 +238,12 @@ class _Reading:
             except UnknownNameError as error:
                 raise InputError(error.what, f"{self._where}: property {name}", error.remedy) from None
         return PROPERTIES.get(name, "")
+
+
+def _relays(free: Mapping[str, str]) -> tuple[StateModel, ...]:
+    """JSBSim's stall hysteresis, where a free input is it: along a flight the relay makes its values."""
+    limits = {name: hysteresis_limits(text) for name, text in free.items()}
+    return tuple(StateModel(name, Relay(*found, separated=1.0)) for name, found in limits.items() if found)
 
 
 def _scaled(expression: Expression, factor: Expression) -> Expression:

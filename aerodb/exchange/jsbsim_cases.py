@@ -183,6 +183,9 @@ def _set(executive: Any, condition: Mapping[str, float], properties: Mapping[str
     density = condition.get("rho", 2 * condition["qbar"] / speed**2 if "qbar" in condition else 1.0)
     height = condition.get("height_above_ground", 1000.0)
     altitude = condition.get("altitude", height)
+    # Angles are turned on top of each other: from where the case before left them, they could leave their range.
+    for name, value in (("u-fps", speed / FOOT), ("v-fps", 0.0), ("w-fps", 0.0), ("phi-rad", 0.0), ("theta-rad", 0.0)):
+        executive[f"ic/{name}"] = value
     executive["atmosphere/override/density"] = density / SLUG_PER_FT3
     executive["atmosphere/override/temperature"] = _temperature(executive, speed, mach)
     executive["ic/terrain-elevation-ft"] = (altitude - height) / FOOT

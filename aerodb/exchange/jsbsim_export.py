@@ -25,6 +25,7 @@ from aerodb.exchange.jsbsim_properties import (
     hysteresis_limits,
 )
 from aerodb.exchange.jsbsim_write import FunctionWriter, channel_property
+from aerodb.exchange.state_terms import for_jsbsim
 from aerodb.nomenclature import axis_description, channel
 from aerodb.tables.check_cases import CheckCase
 from aerodb.tables.database import AeroDatabase, Reference, Term
@@ -71,10 +72,12 @@ def export_jsbsim(database: AeroDatabase, *, name: str, cases: Sequence[CheckCas
     force terms stay on wind axes when all are, else all forces are written on body axes. A channel or free input that
     JSBSim has no property for becomes a property below ``aerodb/`` that the user sets, 0 at first, listed in the file.
 
+    A relay is the one that JSBSim runs itself; any other state becomes what it settles at.
+
     Raises InputError for an expression that has no form in JSBSim.
     """
-    plain = with_increments_as_terms(database)
-    writer = FunctionWriter(plain, free_properties(database))
+    plain = with_increments_as_terms(for_jsbsim(database))
+    writer = FunctionWriter(plain, free_properties(plain))
     axes = _axes(plain, writer)
     root = node(
         "fdm_config",
@@ -83,7 +86,7 @@ def export_jsbsim(database: AeroDatabase, *, name: str, cases: Sequence[CheckCas
         _mass_balance(plain.reference),
         node("ground_reactions"),
         _declarations(writer),
-        node("aerodynamics", *_statements(database, writer), *_hysteresis(database), *writer.definitions, *axes),
+        node("aerodynamics", *_statements(database, writer), *_hysteresis(plain), *writer.definitions, *axes),
         *([_check_cases(cases)] if cases else []),
         name=(name),
         version="2.0",

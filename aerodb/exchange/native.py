@@ -5,121 +5,34 @@ terms, or all of them; numbers are SI and rad, text with a unit is converted. Th
 survive as they are, expressions as text.
 """
 
+import hashlib
+import json
 import re
 import tomllib
 from collections.abc import Mapping
+from dataclasses import MISSING, asdict, fields
 from itertools import starmap
-from typing import Annotated, Any, Final, Self
+from typing import Any, Final
+from weakref import WeakKeyDictionary
 
 import numpy as np
-from pydantic import Field, model_validator
 
-from aerodb.errors import InputError, UnknownNameError
+from aerodb.errors import InputError, UnknownNameError, nearest
+from aerodb.exchange.native_schema import DatabaseFile, Document, IncrementFile, StateFile, TableFile, UncertaintyFile
 from aerodb.identity import content_sha256
 from aerodb.nomenclature import axis_description, channel
-from aerodb.strict import Strict, validated
+from aerodb.strict import validated
 from aerodb.tables.database import AeroDatabase, Reference, Term, Variable
 from aerodb.tables.expression import Expression, Number, Operation, number, parse
 from aerodb.tables.increment import Increment, Interval
 from aerodb.tables.scattered import ScatteredTable
+from aerodb.tables.state_model import LAWS, StateModel
 from aerodb.tables.table import Table
 from aerodb.tables.uncertainty import Uncertainty, bound_arrays
 from aerodb.units import conversion
-from aerodb.vehicle import Number as Coefficient
-from aerodb.vehicle import Point
-from aerodb.vehicle import Reference as Lengths
 
 DOCUMENT_FORMAT: Final = 1
 MAX_TEXT: Final = 50_000_000
-
-
-class _Reference(Lengths):
-    moment_reference: Point
-
-
-class _Uncertainty(Strict):
-    effect: str
-    distribution: str
-    bounds: tuple[float | str | tuple[float, ...], ...]
-    sigmas: float = 1.0
-    correlates_with: tuple[str, ...] = ()
-    correlations: tuple[tuple[str, float], ...] = ()
-
-
-class _Variable(Strict):
-    expression: str
-    unit: str = "1"
-    description: str = ""
-    declared: dict[str, str] = Field(default_factory=dict)
-    uncertainty: _Uncertainty | None = None
-
-
-class _Table(Strict):
-    """`units`: of the breakpoints, one per argument, empty where they are SI and rad already."""
-
-    arguments: tuple[str, ...]
-    breakpoints: tuple[tuple[float, ...], ...]
-    values: Any
-    units: tuple[str, ...] = ()
-    extent: tuple[tuple[float, float] | None, ...] = ()
-    interpolation: tuple[str, ...] = ()
-    extrapolation: tuple[str, ...] = ()
-    uncertainty: _Uncertainty | None = None
-
-
-class _Scattered(Strict):
-    arguments: tuple[str, ...]
-    points: tuple[tuple[float, ...], ...]
-    values: tuple[float, ...]
-    uncertainty: _Uncertainty | None = None
-
-
-class _Term(Strict):
-    name: str
-    axis: str
-    expression: str
-    description: str = ""
-
-
-class _File(Strict):
-    name: str = Field(min_length=1)
-    description: str = ""
-    source: str = ""
-    reference: _Reference
-    free_inputs: dict[str, str] = Field(default_factory=dict)
-    variables: dict[str, _Variable] = Field(default_factory=dict)
-    tables: dict[str, _Table] = Field(default_factory=dict)
-    scattered: dict[str, _Scattered] = Field(default_factory=dict)
-    terms: tuple[_Term, ...] = ()
-    derivatives: dict[str, dict[str, Coefficient]] = Field(default_factory=dict)
-
-
-class _Interval(Strict):
-    low: float
-    high: float
-    cell: Annotated[float, Field(ge=0)]
-
-
-class _Increment(Strict):
-    axis: str
-    regressors: tuple[str, ...]
-    estimates: tuple[float, ...]
-    covariance: tuple[tuple[float, ...], ...]
-    envelope: dict[str, _Interval] = Field(default_factory=dict)
-    flights: tuple[str, ...] = ()
-    note: str = ""
-    folded: tuple[str, ...] = ()
-
-    @model_validator(mode="after")
-    def _square(self) -> Self:
-        if any(len(row) != len(self.estimates) for row in self.covariance):
-            raise ValueError("covariance must have as many columns as there are estimates")
-        return self
-
-
-class _Document(_File):
-    format: int
-    increments: tuple[_Increment, ...] = ()
 
 
 def read_native(text: str, where: str = "database file") -> AeroDatabase:
@@ -134,13 +47,13 @@ def read_native(text: str, where: str = "database file") -> AeroDatabase:
         data = tomllib.loads(text)
     except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise InputError(f"not valid TOML: {error}", where) from error
-    file = validated(_File, data, where)
+    file = validated(DatabaseFile, data, where)
     if not file.terms and not file.derivatives:
         raise InputError("neither terms nor derivatives", where, "write [[terms]] or [derivatives.<axis>]")
     return _database(file, (), where)
 
 
-def _database(file: _File, increments: tuple[Increment, ...], where: str) -> AeroDatabase:
+def _database(file: DatabaseFile, increments: tuple[Increment, ...], where: str) -> AeroDatabase:
     try:
         terms = [Term(t.name, t.axis, _parsed(t.expression, f"term {t.name}"), t.description) for t in file.terms]
         terms += [term for axis, entries in file.derivatives.items() for term in _derivative_terms(axis, entries)]
@@ -160,6 +73,7 @@ def _database(file: _File, increments: tuple[Increment, ...], where: str) -> Aer
             },
             terms=tuple(terms),
             increments=increments,
+            states=tuple(_state(entry) for entry in file.states),
             free_inputs=file.free_inputs,
             description=file.description,
             source=file.source,
@@ -176,7 +90,7 @@ def _parsed(text: str, where: str) -> Expression:
         raise InputError(error.what, where, error.remedy) from None
 
 
-def _table(name: str, file: _Table) -> Table:
+def _table(name: str, file: TableFile) -> Table:
     where = f"table {name}"
     units = file.units or ("",) * len(file.arguments)
     if len(units) != len(file.breakpoints):
@@ -201,7 +115,7 @@ def _table(name: str, file: _Table) -> Table:
     )
 
 
-def _uncertainty(file: _Uncertainty | None) -> Uncertainty | None:
+def _uncertainty(file: UncertaintyFile | None) -> Uncertainty | None:
     return None if file is None else Uncertainty(**dict(file))
 
 
@@ -211,6 +125,27 @@ def _si(argument: str) -> str:
         return channel(argument).unit
     except UnknownNameError:
         return "rad"
+
+
+def _state(file: StateFile) -> StateModel:
+    where = f"state {file.name}"
+    law = LAWS[file.law]
+    known = [item.name for item in fields(law)]
+    for name, value in file.parameters.items():
+        if name not in known:
+            raise InputError(f"{file.law} has no parameter '{name}'", where, nearest(name, known))
+        if isinstance(value, tuple) != (name in ("breakpoints", "attached")):
+            raise InputError(f"{name} is {value}", where, "breakpoints and attached are lists, all others numbers")
+    absent = [i.name for i in fields(law) if i.default is MISSING and i.name not in file.parameters]
+    if absent:
+        raise InputError(f"{file.law} lacks {', '.join(absent)}", where, "give them in its parameters")
+    return StateModel(file.name, law(**file.parameters), file.description)  # type: ignore[arg-type]
+
+
+def _state_document(state: StateModel) -> dict[str, Any]:
+    parameters = {name: list(x) if isinstance(x, tuple) else float(x) for name, x in asdict(state.law).items()}
+    law = next(name for name, kind in LAWS.items() if isinstance(state.law, kind))
+    return {"name": state.name, "law": law, "parameters": parameters, "description": state.description}
 
 
 def _derivative_terms(axis: str, entries: Mapping[str, float]) -> list[Term]:
@@ -273,6 +208,7 @@ def to_document(database: AeroDatabase) -> dict[str, Any]:
             for t in database.terms
         ],
         "increments": [_increment_document(increment) for increment in database.increments],
+        **({"states": [_state_document(state) for state in database.states]} if database.states else {}),
     }
 
 
@@ -309,15 +245,27 @@ def _increment_document(increment: Increment) -> dict[str, Any]:
     }
 
 
+def database_document_sha256(database: AeroDatabase) -> str:
+    """sha256 over all that a database is, expressions included: what is computed with it belongs under this name."""
+    if database not in _DOCUMENT_HASHES:
+        text = json.dumps(to_document(database), sort_keys=True)
+        _DOCUMENT_HASHES[database] = hashlib.sha256(text.encode("utf-8")).hexdigest()
+    return _DOCUMENT_HASHES[database]
+
+
+#: Databases do not change.
+_DOCUMENT_HASHES: WeakKeyDictionary[AeroDatabase, str] = WeakKeyDictionary()
+
+
 def from_document(document: Mapping[str, Any], where: str = "stored database") -> AeroDatabase:
     """The database that `to_document` wrote. Raises InputError for anything else."""
-    file = validated(_Document, dict(document), where)
+    file = validated(Document, dict(document), where)
     if file.format != DOCUMENT_FORMAT:
         raise InputError(f"format {file.format}", where, f"this version reads format {DOCUMENT_FORMAT}")
     return _database(file, tuple(_increment(item, where) for item in file.increments), where)
 
 
-def _increment(file: _Increment, where: str) -> Increment:
+def _increment(file: IncrementFile, where: str) -> Increment:
     return Increment(
         axis=file.axis,
         regressors=tuple(_parsed(text, f"{where}: increment on {file.axis}") for text in file.regressors),
@@ -331,7 +279,7 @@ def _increment(file: _Increment, where: str) -> Increment:
 
 
 def database_content_sha256(database: AeroDatabase) -> str:
-    """sha256 over the numbers of a database (float64 little-endian): reference, tables by name, increments in order.
+    """sha256 over the numbers of a database (float64 little-endian): reference, tables by name, increments and states in order.
 
     It guards the stored numbers; expressions and texts are guarded by the key of the version's document.
     """
@@ -346,4 +294,7 @@ def database_content_sha256(database: AeroDatabase) -> str:
     for increment in database.increments:
         bounds = [[i.low, i.high, i.cell] for _, i in sorted(increment.envelope.items())]
         arrays += [increment.estimates, increment.covariance, np.array(bounds, dtype=np.float64).reshape(-1, 3)]
+    for state in database.states:
+        parameters = _state_document(state)["parameters"]
+        arrays += [np.atleast_1d(np.array(parameters[name], dtype=np.float64)) for name in sorted(parameters)]
     return content_sha256(arrays)

@@ -23,6 +23,21 @@ def update_document(
     ``candidate`` is left None: who stores the version fills it in.
     """
     return {
+        **opening(vehicle, baseline, hold_out, excluded, looks),
+        "axes": {entry.axis: axis_document(entry) for entry in proof},
+        "increments": [_increment(entry) for entry in update.axes],
+        "findings": [],
+        "not_found": [],
+        "next_flight": [],
+        "remarks": _remarks(update, proof, hold_out),
+    }
+
+
+def opening(
+    vehicle: str, baseline: str, hold_out: HoldOut, excluded: Sequence[tuple[str, str]], looks: Mapping[str, int]
+) -> dict[str, Any]:
+    """What the documents of an update and of a closed loop begin with: what it is about, and which flights did what."""
+    return {
         "vehicle": vehicle,
         "baseline": baseline,
         "candidate": None,
@@ -32,16 +47,11 @@ def update_document(
             "excluded": [{"flight": flight, "reason": reason} for flight, reason in excluded],
         },
         "validation": {"kind": hold_out.kind, "looked_at_before": dict(looks)},
-        "axes": {entry.axis: _axis(entry) for entry in proof},
-        "increments": [_increment(entry) for entry in update.axes],
-        "findings": [],
-        "not_found": [],
-        "next_flight": [],
-        "remarks": _remarks(update, proof, hold_out),
     }
 
 
-def _axis(entry: AxisProof) -> dict[str, Any]:
+def axis_document(entry: AxisProof) -> dict[str, Any]:
+    """One axis before and after, as CONTRACT.md states it."""
     return {
         "rms_before": entry.rms_before,
         "rms_after": entry.rms_after,

@@ -25,6 +25,7 @@ _KNOWN_RANGES = {
     "altitude": (0.0, 5000.0),
     "height_above_ground": (1.0, 500.0),
     "delta_landing_gear": (0.0, 1.0),
+    "flow_attachment": (0.0, 1.0),
 }
 _PRIMES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53, 59, 61, 67, 71)
 

@@ -12,24 +12,23 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from aerodb.errors import InputError, UnknownNameError, nearest
-from aerodb.nomenclature import AXES, CHANNELS, FORCE_AXES, axis_description, channel
-from aerodb.tables.expression import Expression, check_identifier
+from aerodb.errors import InputError
+from aerodb.nomenclature import AXES, FORCE_AXES
+from aerodb.tables.definitions import CONSTANTS, check_axis, check_definitions, check_input, check_uncertainties
+from aerodb.tables.expression import Expression
 from aerodb.tables.functions import Array, Value
 from aerodb.tables.increment import Increment
 from aerodb.tables.program import AnyTable, Program, compile_program
 from aerodb.tables.reference import HAT_RATES, WIND_AXES, Reference, hat_rate, transfer_moments, wind_to_body
 from aerodb.tables.scattered import ScatteredTable
+from aerodb.tables.state_model import StateModel
 from aerodb.tables.table import Table
-from aerodb.tables.uncertainty import Uncertainty, check_bounds
+from aerodb.tables.uncertainty import Uncertainty
 
 if TYPE_CHECKING:
     from aerodb.tables.evaluation import Evaluation
 
 __all__ = ["CONSTANTS", "AeroDatabase", "Prediction", "Reference", "Term", "Variable", "transfer_moments"]
-
-#: Names that stand for the database's own reference area, chord and span in every expression.
-CONSTANTS: Final[dict[str, str]] = {"S_ref": "area", "c_ref": "chord", "b_ref": "span"}
 
 #: Points that are evaluated at once: more would not fit a processor's cache with all intermediate values. No power of two:
 #: rows of that length fall on the same lines of the cache, which doubles the time.
@@ -80,7 +79,8 @@ class AeroDatabase:
     Names in expressions are resolved in this order: `variables`; the constants S_ref [m2], c_ref, b_ref [m];
     `free_inputs` (name -> what it is: quantities that the source uses and that are no channel of this product); channels
     of `aerodb.nomenclature`, where p_hat q_hat r_hat alphadot_hat are made from p q r alphadot, V and this database's own
-    lengths unless they are given.
+    lengths unless they are given. A channel that one of `states` makes has, unless it is given, the value that it settles at:
+    what it is along a flight says `states_along`.
 
     Raises InputError for an unknown name, table or axis (with the nearest valid one), a wrong number of table
     arguments, and variables that are defined by each other.
@@ -96,14 +96,16 @@ class AeroDatabase:
     description: str = ""
     source: str = ""
     scattered: Mapping[str, ScatteredTable] = field(default_factory=dict)
+    states: tuple[StateModel, ...] = ()
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "states", tuple(self.states))
         object.__setattr__(self, "terms", tuple(self.terms))
         object.__setattr__(self, "increments", tuple(self.increments))
-        _check_definitions(self)
-        _check_uncertainties(self)
+        check_definitions(self)
+        check_uncertainties(self)
         for axis in self._axes:
-            _check_axis(axis, self.name)
+            check_axis(axis, self.name)
         names = [term.name for term in self.terms]
         repeated = sorted({name for name in names if names.count(name) > 1})
         if repeated:
@@ -114,7 +116,7 @@ class AeroDatabase:
         except InputError as error:
             raise InputError(error.what, f"database {self.name}", error.remedy) from None
         for name in sorted(used.union(*(increment.names for increment in self.increments))):
-            _check_input(name, self)
+            check_input(name, self)
 
     def _compile(self, expressions: Iterable[Expression]) -> Program:
         definitions = {name: variable.expression for name, variable in self.variables.items()}
@@ -154,7 +156,27 @@ class AeroDatabase:
         names = set(self.needs) - set(HAT_RATES)
         for hat in set(self.needs) & set(HAT_RATES):
             names |= {HAT_RATES[hat][0], "V"}
+        if names & self._states.keys():
+            names.add("alpha")
         return tuple(sorted(names))
+
+    @cached_property
+    def flight_inputs(self) -> tuple[str, ...]:
+        """Channels and free inputs that a flight must have, sorted: `inputs`, in place of states what they are made of."""
+        made = [self._states[name] for name in self.inputs if name in self._states]
+        return tuple(sorted(set(self.inputs) - self._states.keys() | {name for state in made for name in state.needs}))
+
+    @cached_property
+    def _states(self) -> dict[str, StateModel]:
+        return {state.name: state for state in self.states}
+
+    def states_along(self, time: Array, channels: Mapping[str, Array]) -> dict[str, Array]:
+        """The channels that the states make along a flight, by name, each (n,); `channels` as `flight_inputs`, each (n,).
+
+        States that `channels` holds, or nothing uses, are left out. Raises InputError naming channels that a state lacks.
+        """
+        wanted = [state for state in self.states if state.name in self.needs and state.name not in channels]
+        return {state.name: state.along(time, channels, self.reference.chord) for state in wanted}
 
     def resolved(self, names: Iterable[str], channels: Mapping[str, Value]) -> dict[str, Any]:
         """Values of channels, hat rates and free inputs by `names`; InputError says which of `channels` are missing."""
@@ -164,10 +186,13 @@ class AeroDatabase:
             if name in channels:
                 values[name] = channels[name]
                 continue
-            sources = {HAT_RATES[name][0], "V"} if name in HAT_RATES else {name}
+            state = self._states.get(name)
+            sources = {HAT_RATES[name][0], "V"} if name in HAT_RATES else {"alpha"} if state else {name}
             lacking = {source for source in sources if source not in channels}
             absent |= lacking
-            if name in HAT_RATES and not lacking:
+            if state is not None and not lacking:
+                values[name] = state.settled(channels, self.reference.chord)
+            elif name in HAT_RATES and not lacking:
                 values[name] = hat_rate(name, channels, self.reference)
         if absent:
             shown = [f"{name} ({self.free_inputs[name]})" if name in self.free_inputs else name for name in sorted(absent)]
@@ -181,9 +206,10 @@ class AeroDatabase:
         Raises InputError that names missing channels. Arguments that are not finite give coefficients that are not.
         """
         n = _length(channels)
+        values = self.resolved(self.needs, channels)
         if n <= BLOCK:
-            return self._predict_block(channels)
-        return _joined([self._predict_block(block) for block in _blocks(channels, n)], n)
+            return self._predict_block(values, n)
+        return _joined([self._predict_block(block, min(BLOCK, n - start)) for start, block in _blocks(values, n)], n)
 
     def evaluate_variables(self, channels: Mapping[str, Value]) -> dict[str, Array]:
         """All variables by name, each (n,), in their own units; `channels` as for `predict`, and what only variables need.
@@ -198,9 +224,7 @@ class AeroDatabase:
     def _variables_program(self) -> Program:
         return self._compile(variable.expression for variable in self.variables.values())
 
-    def _predict_block(self, channels: Mapping[str, Value]) -> Prediction:
-        values = self.resolved(self.needs, channels)
-        n = _length(channels)
+    def _predict_block(self, values: Mapping[str, Value], n: int) -> Prediction:
         run = self._program.run(values)
         totals = {axis: np.zeros(n) for axis in (*AXES, *WIND_AXES)}
         for term, value in zip(self.terms, run.values, strict=True):
@@ -245,13 +269,14 @@ def _length(channels: Mapping[str, Value]) -> int:
     return max((np.size(value) for value in channels.values()), default=1)
 
 
-def _blocks(channels: Mapping[str, Value], n: int) -> Iterator[dict[str, Value]]:
-    """Channels (n,) in consecutive blocks; numbers as they are."""
+def _blocks(values: Mapping[str, Value], n: int) -> Iterator[tuple[int, dict[str, Value]]]:
+    """Consecutive blocks of values (n,), each with its first sample; numbers as they are."""
     for start in range(0, n, BLOCK):
         part = slice(start, start + BLOCK)
-        yield {
-            name: value[part] if isinstance(value, np.ndarray) and value.size > 1 else value for name, value in channels.items()
-        }
+        yield (
+            start,
+            {name: value[part] if isinstance(value, np.ndarray) and value.size > 1 else value for name, value in values.items()},
+        )
 
 
 def _joined(blocks: list[Prediction], n: int) -> Prediction:
@@ -264,58 +289,3 @@ def _joined(blocks: list[Prediction], n: int) -> Prediction:
                 beyond[table] = np.zeros(n, dtype=np.bool_)
             beyond[table][k * BLOCK : (k + 1) * BLOCK] = where
     return Prediction(coefficients, np.concatenate([block.outside for block in blocks]), beyond)
-
-
-def _check_uncertainties(database: AeroDatabase) -> None:
-    """Bounds that a variable gives must have that variable; what has no nodes has no bounds per node."""
-    carriers: list[tuple[str, Variable | AnyTable]] = [*database.variables.items(), *database.tables.items()]
-    for name, carrier in [*carriers, *database.scattered.items()]:
-        if carrier.uncertainty is None:
-            continue
-        where = f"database {database.name}: uncertainty of {name}"
-        for bound in sorted(carrier.uncertainty.names - database.variables.keys()):
-            raise InputError(f"no variable '{bound}'", where, nearest(bound, database.variables))
-        if isinstance(carrier, Variable):
-            try:
-                check_bounds(carrier.uncertainty, 0)
-            except InputError as error:
-                raise InputError(error.what, where) from None
-
-
-def _check_definitions(database: AeroDatabase) -> None:
-    """Names that a database defines must be identifiers, differ, and hide neither channels nor constants."""
-    seen: dict[str, str] = {}
-    definitions: tuple[tuple[str, Iterable[str]], ...] = (
-        ("variable", database.variables),
-        ("table", database.tables),
-        ("table", database.scattered),
-        ("free input", database.free_inputs),
-    )
-    for kind, names in definitions:
-        for name in names:
-            check_identifier(name)
-            other = seen.get(name) or ("channel" if name in CHANNELS else "constant" if name in CONSTANTS else "")
-            if other:
-                raise InputError(f"{kind} '{name}' has the name of a {other}", f"database {database.name}", "choose another name")
-            seen[name] = kind
-    tables: dict[str, AnyTable] = {**database.tables, **database.scattered}
-    for name, table in tables.items():
-        if table.name != name:
-            raise InputError(f"table '{table.name}' is filed under '{name}'", f"database {database.name}")
-
-
-def _check_axis(axis: str, where: str) -> None:
-    try:
-        axis_description(axis)
-    except UnknownNameError as error:
-        raise InputError(error.what, f"database {where}", error.remedy) from None
-
-
-def _check_input(name: str, database: AeroDatabase) -> None:
-    if name in database.free_inputs:
-        return
-    try:
-        channel(name)
-    except UnknownNameError:
-        known = [*CHANNELS, *CONSTANTS, *database.variables, *database.free_inputs]
-        raise InputError(f"unknown name '{name}'", f"database {database.name}", nearest(name, known)) from None

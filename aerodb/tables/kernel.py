@@ -8,7 +8,7 @@ Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _weight(breaks: Array, first: int, last: int, mode: int, x: float) -> tuple[int, float]:
     """Lower node of the cell of x in ``breaks[first:last + 1]`` and the weight of its upper node; mode as `Table.modes`."""
     if first == last:
@@ -33,7 +33,7 @@ def _weight(breaks: Array, first: int, last: int, mode: int, x: float) -> tuple[
     return below - first, weight
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def interpolate(
     breaks: Array,
     starts: Integers,
@@ -77,7 +77,7 @@ def interpolate(
     return count
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def interpolate_together(
     breaks: Array,
     starts: Integers,

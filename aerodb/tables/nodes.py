@@ -84,11 +84,16 @@ def table_axes(database: AeroDatabase) -> dict[str, frozenset[str]]:
 
 
 def neutral_point(database: AeroDatabase, increments: Iterable[Increment] = ()) -> dict[str, float]:
-    """Inputs of `database` at zero (V at 1 m/s), moved as little as it takes to lie inside the envelopes of `increments`."""
-    point = {name: 1.0 if name == "V" else 0.0 for name in database.inputs}
+    """Inputs of `database` at zero (V at 1 m/s), moved as little as it takes to lie inside the envelopes of `increments`.
+
+    States are left out: they settle at whatever is asked.
+    """
+    made = {state.name for state in database.states}
+    point = {name: 1.0 if name == "V" else 0.0 for name in database.inputs if name not in made}
     for increment in increments:
         for name, interval in increment.envelope.items():
-            point[name] = float(np.clip(point.get(name, 0.0), interval.low, interval.high))
+            if name not in made:
+                point[name] = float(np.clip(point.get(name, 0.0), interval.low, interval.high))
     return point
 
 

@@ -64,7 +64,7 @@ def new_sign_changes(baseline: AeroDatabase, candidate: AeroDatabase) -> tuple[S
         channels = {**{name: np.full(alpha.size, value) for name, value in point.items()}, "alpha": alpha}
         before, after = _quantities(baseline, channels), _quantities(candidate, channels)
         for quantity, axes in QUANTITIES.items():
-            inside = _inside([i for i in added if i.axis in axes], channels)
+            inside = _inside([i for i in added if i.axis in axes], channels, candidate)
             flat = _FLAT * _largest_slope(alpha, before[quantity])
             nowhere = np.zeros_like(inside)
             # Where the baseline is flat (beyond its tables edge values are held) there is no sign to lose, and any fade is
@@ -133,13 +133,14 @@ def _quantities(database: AeroDatabase, channels: Mapping[str, Array]) -> dict[s
     return {"C_lift": lift, "Cm": values["Cm"]}
 
 
-def _inside(increments: Sequence[Increment], channels: Mapping[str, Array]) -> NDArray[np.bool_]:
-    """(n,) where every increment's flights have been; nowhere without increments."""
+def _inside(increments: Sequence[Increment], channels: Mapping[str, Array], candidate: AeroDatabase) -> NDArray[np.bool_]:
+    """(n,) where every increment's flights have been, states settled; nowhere without increments."""
     alpha = channels["alpha"]
     inside = np.full(alpha.size, bool(increments))
     for increment in increments:
+        values = candidate.resolved(increment.envelope, channels)
         for name, interval in increment.envelope.items():
-            inside &= interval.contains(channels[name])
+            inside &= interval.contains(values[name])
     return inside
 
 

@@ -1,5 +1,6 @@
 """``aerodb log`` and ``aerodb flight``: look into a log, take it in, list, show and retract flights."""
 
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
@@ -9,8 +10,12 @@ import typer
 from aerodb.errors import InputError
 from aerodb.inspection import TopicSummary, describe
 from aerodb.recording import Damage, Recording
+from flows.cli.consistency import say_consistency
+from flows.cli.findings import say_delays, say_repeats, say_segments, say_suspicions
 from flows.cli.output import Session, complaint, visible
 from storage.rows import FlightRow
+from tasks.flight_documents import damage_document, flight_details, flights_document
+from tasks.open import Stores
 
 logs = typer.Typer(name="log", no_args_is_help=True, help="Logs as they are.")
 app = typer.Typer(name="flight", no_args_is_help=True, help="Flights: logs that were taken in.")
@@ -22,20 +27,28 @@ def inspect(
     log: Annotated[Path, typer.Argument(help="ULog, MCAP, MAT, CSV, ASCII or Parquet.")],
     mapping: Annotated[str | None, typer.Option(help="Name or file of a mapping; chosen by content without it.")] = None,
 ) -> None:
-    """Say what is in a log, what is damaged, which channels map, and what is missing; stores nothing.
+    """Say what is in a log, what is damaged, which channels map, what is missing and what looks wrong; stores nothing.
 
     Example: aerodb log inspect flight.ulg
     """
     # Imported where it is needed, here and below: a query must not wait for the science.
-    from aerodb.completeness import prevents
-    from aerodb.mapping import channels_found, choose_mapping, on_mapped_clock
-    from storage.mappings import builtin_mappings, load_mapping
-    from storage.readers import read_log
+    from storage.readers.isolated import parsed_log
+    from storage.settings import load_settings
 
     session: Session = context.obj
     if not log.is_file():
         raise InputError("no such file", str(log), "check the path")
-    recording = read_log(log)
+    limits = load_settings(session.root).limits
+    with tempfile.TemporaryDirectory() as folder, parsed_log(log, Path(folder) / "topics", limits) as parsed:
+        _look_into(session, parsed.recording, mapping)
+
+
+def _look_into(session: Session, recording: Recording, mapping: str | None) -> None:
+    from aerodb.completeness import prevents
+    from aerodb.mapping import channels_found, choose_mapping, on_mapped_clock
+    from storage.mappings import builtin_mappings, load_mapping
+    from tasks.inspect import look_over
+
     chosen, refusal = None, ""
     try:
         chosen = load_mapping(mapping) if mapping else choose_mapping(recording, builtin_mappings().values())
@@ -53,7 +66,13 @@ def inspect(
     session.say(f"not in the log: {', '.join(missing) or 'nothing that this mapping knows'}")
     for sentence in sentences:
         session.say(f"  {sentence}")
-    session.answer({**document, "mapping": chosen.name, "channels": found, "missing": missing, "prevents": sentences})
+    findings = look_over(recording, chosen)
+    if findings["refused"]:
+        session.say(f"no flight: {findings['refused']}")
+    say_segments(session, findings["segments"])
+    say_suspicions(session, findings["suspicions"])
+    said = {"channels": found, "missing": missing, "prevents": sentences, **findings}
+    session.answer({**document, "mapping": chosen.name, **said})
 
 
 def _contents(session: Session, recording: Recording) -> dict[str, Any]:
@@ -89,7 +108,7 @@ def _contents(session: Session, recording: Recording) -> dict[str, Any]:
         "size": recording.size,
         "start_utc": recording.start_utc.isoformat() if recording.start_utc else None,
         "topics": topics,
-        "damage": [_damage(entry) for entry in recording.damage],
+        "damage": [damage_document(entry) for entry in recording.damage],
     }
 
 
@@ -107,10 +126,13 @@ def ingest(
     strict: Annotated[bool, typer.Option(help="Quarantine a damaged log instead of keeping what is intact.")] = False,
     direct: Annotated[bool, typer.Option(help="Without Prefect: the same steps, the same keys.")] = False,
 ) -> None:
-    """Take logs in: read, store, reconstruct coefficients, compare with the released database.
+    """Take logs in: read, store, make consistent, compute coefficients, compare with the released database.
 
     Example: aerodb flight ingest *.ulg --vehicle my-glider
     """
+    from storage.readers.isolated import start_reader
+
+    start_reader()  # it gets ready while this process loads the science
     from flows.flight import flight_flow
 
     session: Session = context.obj
@@ -132,6 +154,9 @@ def _report(session: Session, outcome: dict[str, Any]) -> None:
         return
     session.say(f"{visible(outcome['log'])}: {outcome['status']} as flight {outcome['flight'][:12]}")
     _say_damage(session, [Damage(**entry) for entry in outcome["damage"]], "  damage")
+    say_repeats(session, outcome["repeats"], "  ")
+    say_suspicions(session, outcome["suspicions"], "  ")
+    say_consistency(session, outcome["consistency"], "  ")
     for step in ("coefficients", "comparison"):
         result = outcome[step]
         if result is not None and result["key"] is None:
@@ -156,42 +181,51 @@ def list_flights(
     Example: aerodb flight list --vehicle my-glider
     """
     session: Session = context.obj
-    rows = session.catalogue().flights(vehicle)
+    catalogue = session.catalogue()
+    rows = catalogue.flights(vehicle)
+    documents = flights_document(catalogue, rows)
     session.table(
         ["flight", "id", "vehicle", "start", "duration [s]", "verdict", ""],
         [
-            [r.name or "", r.id[:12], r.vehicle, _when(r), f"{r.duration:.1f}", r.verdict, "retracted" if r.retracted_utc else ""]
-            for r in rows
+            [r.name or "", r.id[:12], r.vehicle, _when(r), f"{r.duration:.1f}", r.verdict, _standing(document)]
+            for r, document in zip(rows, documents, strict=True)
         ],
         numbers=(4,),
     )
-    session.answer([_document(row) for row in rows])
+    session.answer(documents)
+
+
+def _standing(document: dict[str, Any]) -> str:
+    """Why a flight does not count, if so: it was retracted, or it is a stored one once more."""
+    return "retracted" if document["retracted"] else "" if document["counts"] else "repeats another"
 
 
 @app.command()
 def show(
     context: typer.Context, flight: str, vehicle: Annotated[str | None, typer.Option(help="Where names repeat.")] = None
 ) -> None:
-    """Show a flight: its log, results, and the versions that rest on it.
+    """Show a flight: its log, what conditioning found in it, results, and the versions that rest on it.
 
     Example: aerodb flight show 1a2b3c
     """
     session: Session = context.obj
     catalogue = session.catalogue()
     row = catalogue.flight(flight, vehicle)
-    log, results, impact = catalogue.log(row.log_sha256), catalogue.results_of(row.id), catalogue.impact(row.id)
-    document = {
-        **_document(row),
-        "log": {"name": log.name, "status": log.status, "damage": [_damage(d) for d in log.damage]} if log else None,
-        "results": [{"key": r.key, "step": r.step, "created_utc": r.created_utc.isoformat()} for r in results],
-        "versions": [{"version": i.version.id, "label": i.version.label, "role": i.role} for i in impact],
-    }
+    log, impact = catalogue.log(row.log_sha256), catalogue.impact(row.id)
+    document = flight_details(Stores(session.workspace(), catalogue), row)
     session.say(
         f"flight {row.label} of {row.vehicle}: {_when(row)}, {row.duration:.1f} s at {1 / row.step:.4g} Hz, mapping {row.mapping}"
     )
     session.say(f"log {visible(log.name) if log else '?'} ({row.log_sha256[:12]}), {log.status if log else 'unknown'}")
     _say_damage(session, log.damage if log else (), "  damage")
-    session.table(["step", "key", "made"], [[r.step, r.key[:12], f"{r.created_utc:%Y-%m-%d %H:%M}"] for r in results])
+    say_repeats(session, document["repeats"])
+    say_suspicions(session, document["suspicions"])
+    say_segments(session, document["segments"])
+    say_delays(session, document["delays"])
+    if document["consistency"] is not None:
+        say_consistency(session, document["consistency"])
+    made = [[r["step"], r["key"][:12], r["created_utc"][:16].replace("T", " ")] for r in document["results"]]
+    session.table(["step", "key", "made"], made)
     for use in impact:
         session.say(f"{use.version.label} rests on it: {use.role.replace('_', ' ')}")
     session.answer(document)
@@ -228,34 +262,8 @@ def retract(
     session.answer({"flight": row.id, "reason": row.retract_reason, "stale": stale_ids, "names": names, "rebuild": again})
 
 
-def _document(row: FlightRow) -> dict[str, Any]:
-    return {
-        "flight": row.id,
-        "name": row.name,
-        "vehicle": row.vehicle,
-        "start_utc": row.start_utc.isoformat() if row.start_utc else None,
-        "duration": row.duration,
-        "samples": row.samples,
-        "mapping": row.mapping,
-        "verdict": row.verdict,
-        "reasons": list(row.reasons),
-        "retracted": row.retract_reason or None,
-    }
-
-
 def _when(row: FlightRow) -> str:
     return f"{row.start_utc:%Y-%m-%d %H:%M:%S}" if row.start_utc else "start unknown"
-
-
-def _damage(entry: Damage) -> dict[str, Any]:
-    return {
-        "kind": entry.kind,
-        "what": entry.what,
-        "topic": entry.topic,
-        "start": entry.start,
-        "end": entry.end,
-        "bytes_lost": entry.bytes_lost,
-    }
 
 
 #: More places of damage than this are counted, not listed, for people; `--json` lists them all.

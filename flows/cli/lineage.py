@@ -1,6 +1,5 @@
 """``aerodb version lineage``, ``impact`` and ``diff``: where a number comes from, what rests on a flight, what differs."""
 
-import re
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -8,12 +7,11 @@ import typer
 
 from aerodb.errors import InputError
 from flows.cli.output import Session
-from flows.cli.references import Vehicle, point_of, version_document, version_of
+from flows.cli.references import Vehicle
 from storage.catalogue import Catalogue
 from storage.rows import VersionRow
 from storage.workspace import Workspace, write_for_user
-
-_NODE = re.compile(r"\s*([A-Za-z_]\w*)\s*\[\s*(\d{1,9}(?:\s*,\s*\d{1,9})*)\s*\]\s*")
+from tasks.references import version_of
 
 #: Nodes listed for people; `--json` lists them all.
 _LISTED = 12
@@ -53,43 +51,29 @@ def _write_prov(session: Session, workspace: Workspace, catalogue: Catalogue, ro
 
 
 def _whole(session: Session, catalogue: Catalogue, row: VersionRow) -> None:
-    found = catalogue.lineage(row.id)
-    stale = catalogue.stale(row.id)
-    flights = catalogue.flights_by_id(found.roles)
-    session.say(" <- ".join(f"{ancestor.label} ({ancestor.id[:12]})" for ancestor in found.line))
-    for reason in stale:
+    from tasks.lineage import lineage_document
+
+    document = lineage_document(catalogue, row)
+    flights = catalogue.flights_by_id(entry["flight"] for entry in document["flights"])
+    session.say(" <- ".join(f"{ancestor['label']} ({ancestor['version'][:12]})" for ancestor in document["line"]))
+    for reason in document["stale"]:
         session.say(f"stale: {reason}")
     session.table(
         ["flight", "role", "log sha256"],
-        [[flights[f].label, role.replace("_", " "), found.logs[f][:12]] for f, role in sorted(found.roles.items())],
+        [[flights[e["flight"]].label, e["role"].replace("_", " "), e["log_sha256"][:12]] for e in document["flights"]],
     )
     session.table(
-        ["run", "flow", "how", "state", "code"], [[r.id[:12], r.flow, r.how, r.state, r.code_version] for r in found.runs]
+        ["run", "flow", "how", "state", "code"],
+        [[r["run"][:12], r["flow"], r["how"], r["state"], r["code_version"]] for r in document["runs"]],
     )
-    session.answer(
-        {
-            "version": found.version.id,
-            "line": [version_document(ancestor) for ancestor in found.line],
-            "stale": list(stale),
-            "flights": [{"flight": f, "role": role, "log_sha256": found.logs[f]} for f, role in sorted(found.roles.items())],
-            "inputs": {key: list(values) for key, values in found.inputs.items()},
-            "runs": [{"run": r.id, "flow": r.flow, "how": r.how, "code_version": r.code_version} for r in found.runs],
-        }
-    )
+    session.answer(document)
 
 
 def _origins(session: Session, catalogue: Catalogue, row: VersionRow, node: str | None, at: str) -> None:
-    from tasks.lineage import inputs_of, origin_of_node, origin_of_point
+    from tasks.lineage import origins_document
 
-    if node is not None:
-        match = _NODE.fullmatch(node)
-        if match is None:
-            raise InputError(f"'{node}' is no node", "--node", "write TABLE[i,j], counted from 0, for example CZ0[2]")
-        what = node
-        origins = origin_of_node(catalogue, row, match[1], tuple(int(k) for k in match[2].split(",")))
-    else:
-        what = at
-        origins = origin_of_point(catalogue, row, point_of(at, inputs_of(catalogue, row)))
+    document = origins_document(catalogue, row, node, at)
+    what, origins = document["at"], document["increments"]
     if not origins:
         session.say(f"{what}: no increment acts here: the value is that of {row.label}'s imported database")
     for origin in origins:
@@ -102,7 +86,7 @@ def _origins(session: Session, catalogue: Catalogue, row: VersionRow, node: str 
             ["flight", "role", "log sha256", "retracted"],
             [[f["name"], f["role"], f["log_sha256"][:12], f["retracted"] or ""] for f in origin["flights"]],
         )
-    session.answer({"version": row.id, "at": what, "increments": origins})
+    session.answer(document)
 
 
 def _steps(versions: dict[str, list[int]]) -> str:
@@ -114,6 +98,8 @@ def impact(context: typer.Context, flight: str, vehicle: Vehicle = None) -> None
 
     Example: aerodb version impact 1a2b3c
     """
+    from tasks.lineage import impact_document
+
     session: Session = context.obj
     catalogue = session.catalogue()
     row = catalogue.flight(flight, vehicle)
@@ -123,9 +109,7 @@ def impact(context: typer.Context, flight: str, vehicle: Vehicle = None) -> None
         ["version", "role of the flight", "through"],
         [[u.version.label, u.role.replace("_", " "), through.get(u.through, u.through[:12])] for u in uses],
     )
-    session.answer(
-        {"flight": row.id, "versions": [{"version": u.version.id, "role": u.role, "through": u.through} for u in uses]}
-    )
+    session.answer(impact_document(row.id, uses))
 
 
 def diff(
@@ -150,7 +134,7 @@ def diff(
     _say_diff(session, document, labels)
     if figure is not None and picture is not None:
         session.say(f"figure: {write_for_user(workspace, figure, picture)}")
-    session.answer({"before": old.id, "after": new.id, **document})
+    session.answer(document)
 
 
 def _say_diff(session: Session, document: dict[str, Any], labels: dict[str, str]) -> None:

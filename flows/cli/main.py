@@ -8,7 +8,23 @@ from typing import Annotated
 import typer
 
 from aerodb.errors import AeroError, GateRefusal, InputError, UnknownNameError
-from flows.cli import databases, flights, lineage, releases, updates, vehicles, versions
+from flows.cli import (
+    calibrations,
+    closing,
+    databases,
+    demonstration,
+    flights,
+    keeping,
+    lineage,
+    releases,
+    reports,
+    serving,
+    store,
+    updates,
+    vehicles,
+    versions,
+    web,
+)
 from flows.cli.output import Session, complaint
 
 DONE, FAILED, USAGE, REFUSED, GATE = 0, 1, 2, 3, 4
@@ -27,10 +43,18 @@ versions.app.command("diff")(lineage.diff)
 versions.app.command("export")(releases.export)
 versions.app.command("promote")(releases.promote)
 versions.app.command("rollback")(releases.rollback)
-for group in (vehicles.app, databases.app, flights.logs, flights.app, versions.app):
+for group in (vehicles.app, databases.app, flights.logs, flights.app, versions.app, calibrations.app, reports.app, store.app):
     app.add_typer(group)
 app.command("update")(updates.update)
-app.command("demo")(updates.demo)
+app.command("close-loop")(closing.close_loop)
+app.command("recalibrate")(calibrations.recalibrate)
+for command in (serving.serve, serving.nightly, serving.status, serving.retry):
+    app.command(command.__name__)(command)
+app.command("web")(web.web)
+app.command("demo")(demonstration.demo)
+app.command("verify")(keeping.verify)
+app.command("backup")(keeping.backup)
+app.command("restore")(keeping.restore)
 
 
 @app.callback()

@@ -1,7 +1,5 @@
 """What a command says: text and tables for people, one JSON document for programs, a progress bar for the patient."""
 
-import json
-import math
 import sys
 import time
 import unicodedata
@@ -18,6 +16,7 @@ from rich.text import Text
 from flows.run import How, run_flow
 from storage.catalogue import Catalogue
 from storage.workspace import Workspace
+from tasks.documents import as_json
 
 
 def visible(text: str, keep: str = "") -> str:
@@ -43,7 +42,7 @@ class Session:
         self.root = root
         self.as_json = as_json
         self.debug = debug
-        self.people = Console(stderr=as_json, highlight=False, soft_wrap=True)
+        self.people = Console(stderr=as_json, highlight=False, soft_wrap=True, emoji=False)
         if not self.people.is_terminal:
             self.people.width = 160  # a file or a pipe has no width of its own, and must not be cut to 80
 
@@ -77,23 +76,13 @@ class Session:
     def answer(self, document: Any) -> None:
         """The one JSON document, when that is what was asked for."""
         if self.as_json:
-            json.dump(_finite(document), sys.stdout, indent=1, default=str, allow_nan=False)
-            sys.stdout.write("\n")
+            sys.stdout.write(as_json(document, indent=1) + "\n")
 
     def run(self, body: Any, parameters: dict[str, Any], direct: bool) -> Any:
         """Runs a flow, with a progress bar for whatever takes longer than two seconds."""
         how: How = "direct" if direct else "auto"
         with _progress(self.as_json) as report:
             return run_flow(body, parameters, self.workspace(create=True), how, report)
-
-
-def _finite(value: Any) -> Any:
-    """`value` with None for numbers that JSON cannot write: the rate of a topic with one sample, say."""
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if isinstance(value, dict):
-        return {key: _finite(entry) for key, entry in value.items()}
-    return [_finite(entry) for entry in value] if isinstance(value, (list, tuple)) else value
 
 
 @contextmanager

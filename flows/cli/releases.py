@@ -6,7 +6,8 @@ from typing import Annotated, Any
 import typer
 
 from flows.cli.output import Session
-from flows.cli.references import AsOf, Vehicle, vehicle_of, version_of
+from flows.cli.references import AsOf, Vehicle
+from tasks.references import vehicle_of, version_of
 
 Reason = Annotated[str, typer.Option(help="Why; it is kept with the move.")]
 Name = Annotated[str, typer.Option("--name", help="The name that moves; only `released` passes the gate.")]

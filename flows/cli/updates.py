@@ -1,4 +1,4 @@
-"""``aerodb update`` and ``aerodb demo``: from flights to a candidate version, with its error before and after."""
+"""``aerodb update``: declared increments from flights to a candidate version, with its error before and after."""
 
 from pathlib import Path
 from typing import Annotated, Any
@@ -64,68 +64,10 @@ def _as_before(catalogue: Catalogue, version: VersionRow) -> tuple[str, list[str
     return settings["model"], [use.flight for use in standing], held or None
 
 
-def demo(
-    context: typer.Context,
-    flights: Annotated[int, typer.Option(min=5, max=40, help="How many flights to fly.")] = 8,
-    direct: Annotated[bool, typer.Option(help="Without Prefect: the same steps, the same keys.")] = False,
-) -> None:
-    """Fly the built-in example, take its logs in, update its database, and prove it on flights not used.
-
-    Example: aerodb demo
-    """
-    from flows.demo import run_demo, write_logs
-
-    session: Session = context.obj
-    workspace = session.workspace(create=True)
-    session.say(f"flying {flights} drops of the Phoenix-like example")
-    with session.waiting("flying"):
-        logs = write_logs(workspace.root / "demo-logs", flights, seed=0)
-    session.say(f"wrote {len(logs)} logs, {sum(log.stat().st_size for log in logs) / 1e6:.0f} MB, to {logs[0].parent}")
-    result = run_demo(workspace, logs, lambda body, parameters: session.run(body, parameters, direct), session.say)
-    print_update(session, result.document)
-    session.say()
-    session.say("The envelope is open now. On the held-out flights, rms of flight - model:")
-    session.table(
-        ["axis", "preflight", "updated", "true model (floor)", "updated / floor"],
-        [
-            [axis, f"{v['before']:.5f}", f"{v['after']:.5f}", f"{v['floor']:.5f}", f"{v['after'] / v['floor']:.3f}"]
-            for axis, v in result.floors.items()
-        ],
-        numbers=(1, 2, 3, 4),
-    )
-    session.say("(below 1: the update has also absorbed what the sensors' own biases do to this vehicle's flights)")
-    session.say()
-    session.table(
-        ["axis", "true difference", "value", "estimated", "standard error"],
-        [
-            [e["axis"], e["parameter"], f"{e['value']:.4g}", *_estimated(result.document, e["axis"], e["parameter"])]
-            for e in result.truth
-        ],
-        numbers=(2, 3, 4),
-    )
-    session.answer({**result.document, "truth": result.truth, "truth_floor": result.floors})
-
-
-def _estimated(document: dict[str, Any], axis: str, parameter: str) -> tuple[str, str]:
-    """Estimate and standard error of the increment that stands for a true difference, as text."""
-    for entry in document["increments"]:
-        for term in entry["terms"]:
-            name = {"1": "0", "q_hat": "q"}.get(term["term"], term["term"])
-            if entry["axis"] == axis and f"{axis}_{name}" == parameter:
-                return f"{term['value']:.4g}", f"{term['standard_error']:.2g}"
-    return "-", "-"
-
-
 def print_update(session: Session, document: dict[str, Any]) -> None:
     """The update for people: increments, the table before and after, and what to know before trusting it."""
-    used, held = document["flights"]["identified"], document["flights"]["held_out"]
     session.say(f"candidate {document['label']} ({document['candidate'][:12]}) on baseline {document['baseline'][:12]}")
-    session.say(f"identified on {len(used)} flights, validated on {len(held) or 'none'} ({document['validation']['kind']})")
-    looks = {flight: count for flight, count in document["validation"]["looked_at_before"].items() if count}
-    if looks:
-        session.say("held-out flights looked at before: " + ", ".join(f"{f[:12]} {n} times" for f, n in looks.items()))
-    for entry in document["flights"]["excluded"]:
-        session.say(f"excluded {entry['flight'][:12]}: {entry['reason']}")
+    say_flights(session, document)
     for entry in document["increments"]:
         session.say()
         session.say(f"increment on {entry['axis']} (R2 {entry['r_squared']:.3f}):")
@@ -135,15 +77,30 @@ def print_update(session: Session, document: dict[str, Any]) -> None:
             numbers=(1, 2, 3),
         )
     session.say()
+    say_axes(session, document)
+    for sentence in document["remarks"]:
+        session.say(f"- {sentence}")
+    session.say(f"report: {document['page']}")
+
+
+def say_flights(session: Session, document: dict[str, Any]) -> None:
+    """Which flights identified, which validated and how often those were looked at, which were left out and why."""
+    used, held = document["flights"]["identified"], document["flights"]["held_out"]
+    session.say(f"identified on {len(used)} flights, validated on {len(held) or 'none'} ({document['validation']['kind']})")
+    looks = {flight: count for flight, count in document["validation"]["looked_at_before"].items() if count}
+    if looks:
+        session.say("held-out flights looked at before: " + ", ".join(f"{f[:12]} {n} times" for f, n in looks.items()))
+    for entry in document["flights"]["excluded"]:
+        session.say(f"excluded {entry['flight'][:12]}: {entry['reason']}")
+
+
+def say_axes(session: Session, document: dict[str, Any]) -> None:
+    """The table before and after, per axis."""
     session.table(
         ["axis", "before", "after", "held out: before", "after", "without its constant", "after", "noise floor", "outcome"],
         [[axis, *(_number(v[k]) for k in _COLUMNS), v["outcome"]] for axis, v in document["axes"].items()],
         numbers=tuple(range(1, 8)),
     )
-    for sentence in document["remarks"]:
-        session.say(f"- {sentence}")
-    if document.get("figure"):
-        session.say(f"figure: {document['figure']}")
 
 
 _COLUMNS = (

@@ -1,14 +1,13 @@
 """``aerodb version``: ask the database versions. Answers at once, without the orchestrator."""
 
-import json
-import math
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from aerodb.nomenclature import AXES
 from flows.cli.output import Session
-from flows.cli.references import AsOf, Vehicle, point_of, vehicle_of, version_document, version_of
+from flows.cli.references import AsOf, Vehicle
+from tasks.references import vehicle_of, version_of
+from tasks.version_documents import history_document, version_details, versions_document
 
 if TYPE_CHECKING:
     from aerodb.tables.database import AeroDatabase
@@ -29,10 +28,8 @@ def list_versions(context: typer.Context, vehicle: Vehicle = None, limit: Limit 
     session: Session = context.obj
     catalogue = session.catalogue()
     owner = vehicle_of(catalogue, vehicle)
-    names: dict[str, list[str]] = {}
-    for name, version in catalogue.names(owner).items():
-        names.setdefault(version, []).append(name)
     rows = catalogue.versions(owner, None if everything else limit)
+    documents = versions_document(catalogue, owner, rows)
     parents = catalogue.versions_by_id({row.parent for row in rows if row.parent} - {row.id for row in rows})
     labels = {row.id: row.label for row in (*rows, *parents.values())}
     session.table(
@@ -43,15 +40,15 @@ def list_versions(context: typer.Context, vehicle: Vehicle = None, limit: Limit 
                 r.id[:12],
                 labels.get(r.parent or "", ""),
                 f"{r.created_utc:%Y-%m-%d %H:%M}",
-                ", ".join(names.get(r.id, [])),
+                ", ".join(document["names"]),
             ]
-            for r in rows
+            for r, document in zip(rows, documents, strict=True)
         ],
     )
     earlier = catalogue.count_versions(owner) - len(rows)
     if earlier:
         session.say(f"{earlier} earlier ones: --limit N or --all")
-    session.answer([{**version_document(row), "names": names.get(row.id, [])} for row in rows])
+    session.answer(documents)
 
 
 @app.command()
@@ -68,17 +65,16 @@ def show(
     """
     import numpy as np
 
-    from aerodb.exchange.native import from_document
+    from tasks.evaluation import database_of
 
     session: Session = context.obj
     catalogue = session.catalogue()
     row = version_of(catalogue, version, vehicle, as_of)
-    documents = catalogue.version_documents(row.id)
-    database = from_document(json.loads(documents.content))
-    stale = catalogue.stale(row.id)
+    database = database_of(catalogue, row)
+    document = version_details(catalogue, row)
     session.say(f"{row.label} ({row.id[:12]}) of {row.vehicle}, made {row.created_utc:%Y-%m-%d %H:%M} UTC: {database.name}")
     session.say(f"{len(database.terms)} terms, {len(database.tables)} tables, {len(database.increments)} increments from flights")
-    for reason in stale:
+    for reason in document["stale"]:
         session.say(f"stale: {reason}")
     database, folds = _consolidated(session, database) if consolidated else (database, {})
     session.table(["axis", "term", "expression"], [[t.axis, t.name, str(t.expression)] for t in database.terms])
@@ -87,9 +83,7 @@ def show(
         errors = np.sqrt(np.diag(increment.covariance))
         rows = zip(increment.regressors, increment.estimates, errors, strict=True)
         session.table(["regressor", "value", "standard error"], [[str(r), f"{v:.5g}", f"{e:.2g}"] for r, v, e in rows], (1, 2))
-    session.answer(
-        {**version_document(row), "stale": list(stale), "report": documents.report, "settings": documents.settings, **folds}
-    )
+    session.answer({**document, **folds})
 
 
 @app.command()
@@ -113,19 +107,7 @@ def history(
             for e in events
         ],
     )
-    session.answer(
-        [
-            {
-                "at_utc": e.at_utc.isoformat(),
-                "name": e.name,
-                "to": e.version,
-                "from": e.previous,
-                "user": e.user,
-                "reason": e.reason,
-            }
-            for e in events
-        ]
-    )
+    session.answer(history_document(events))
 
 
 @app.command()
@@ -140,48 +122,21 @@ def evaluate(
 
     Example: aerodb version evaluate released --at alpha=5deg,V=70,mach=0.2
     """
-    import numpy as np
-
-    from aerodb.exchange.native import from_document
-    from aerodb.tables.evaluation import Place
+    from tasks.evaluation import evaluate_at
 
     session: Session = context.obj
     catalogue = session.catalogue()
     row = version_of(catalogue, version, vehicle, as_of)
-    database = from_document(json.loads(catalogue.version_documents(row.id).content))
-    point = point_of(at, database.inputs)
-    assumed = [name for name in database.inputs if name not in point]
-    channels = {**dict.fromkeys(assumed, 0.0), **point}
-    if "V" in assumed:
-        channels["V"] = 1.0  # rates are zero where they are not given: any airspeed gives the same
-    found = database.evaluate({name: np.array([value]) for name, value in channels.items()})
-    prediction = found.prediction
-    values = {axis: float(found.value[axis][0]) for axis in AXES}
-    errors = {axis: _known(float(found.standard_error[axis][0])) for axis in AXES}
-    places = {axis: Place(int(found.place[axis][0])).label for axis in AXES}
+    document = evaluate_at(catalogue, row, at)
+    errors = document["standard_errors"]
     shown = {axis: "not known" if error is None else f"{error:.2g}" for axis, error in errors.items()}
-    rows = [[axis, f"{value:.6g}", shown[axis], places[axis]] for axis, value in values.items()]
+    rows = [[axis, f"{value:.6g}", shown[axis], document["places"][axis]] for axis, value in document["coefficients"].items()]
     session.table(["axis", f"{row.label} at {at}", "standard error", "place"], rows, numbers=(1, 2))
-    if assumed:
-        session.say(f"taken as zero: {', '.join(assumed)}")
-    if prediction.outside[0]:
-        session.say(f"outside tables: {', '.join(sorted(prediction.outside_tables))} (edge values held)")
-    session.answer(
-        {
-            "version": row.id,
-            "at": point,
-            "taken_as_zero": assumed,
-            "coefficients": values,
-            "standard_errors": errors,
-            "places": places,
-            "outside_tables": bool(prediction.outside[0]),
-        }
-    )
-
-
-def _known(error: float) -> float | None:
-    """A standard error, or None where it is not known: JSON has no NaN."""
-    return None if math.isnan(error) else error
+    if document["taken_as_zero"]:
+        session.say(f"taken as zero: {', '.join(document['taken_as_zero'])}")
+    if document["outside_tables"]:
+        session.say(f"outside tables: {', '.join(document['outside_of'])} (edge values held)")
+    session.answer(document)
 
 
 def _consolidated(session: Session, database: "AeroDatabase") -> tuple["AeroDatabase", dict[str, Any]]:

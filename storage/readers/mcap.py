@@ -1,13 +1,13 @@
-"""MCAP with ROS 2 messages to Recording.
+"""MCAP with ROS 2, JSON or protobuf messages to Recording.
 
-Messages are decoded by mcap-ros2-support from the schemas in the file; the walk through the file, and what is lost of
-it, are `mcap_framing`'s. Units are not in ROS messages; a mapping declares them.
+Messages become numbers in `mcap_messages`; the walk through the file, and what is lost of it, are `mcap_framing`'s. Units are
+not in messages; a mapping declares them.
 """
 
 import hashlib
 import zlib
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from io import BytesIO
@@ -24,25 +24,41 @@ from aerodb.errors import InputError
 from aerodb.inspection import missing_by_topic
 from aerodb.recording import Damage, Recording, Topic
 from storage.readers.mcap_framing import MAGIC, Chunk, Hole, Record, inner_records, open_chunk, read_content, walk
+from storage.readers.mcap_messages import MOST_NAMES, MessageError, Numbers, Reader, Values, message_reader
 
-#: Longer sequences (images, point clouds) are no channels.
-_LONGEST = 64
 #: Header stamps farther than this from the recorder's clock [s] are of another clock.
 _CLOCKS_APART = 60.0
 _REMEDY = "check that the transfer was complete; `mcap recover` may still save what this reader could not"
 
-Values = dict[str, float | int | bool]
-Decoder = Callable[[bytes], Any]
-
 
 @dataclass
 class _Series:
-    """What one topic has collected: log times [ns], header stamps [ns] (0 without), values per message."""
+    """What one topic has collected: log times [ns], header stamps [ns] (0 without), values per message; all names met, the length
+    of each sequence and which of them change theirs; what is left out; numbers that were none."""
 
     log_times: list[int] = field(default_factory=list)
     stamps: list[int] = field(default_factory=list)
     values: list[Values] = field(default_factory=list)
+    names: set[str] = field(default_factory=set)
+    lengths: dict[str, int] = field(default_factory=dict)
+    varying: set[str] = field(default_factory=set)
     skipped: set[str] = field(default_factory=set)
+    not_finite: int = 0
+
+    def add(self, log_time: int, numbers: Numbers) -> None:
+        """Adds a message; MessageError when it brings more names than a topic may have."""
+        names = numbers.names()
+        if not names <= self.names:
+            names |= self.names
+            if len(names) > MOST_NAMES:
+                raise MessageError(f"more than {MOST_NAMES} fields in the topic")
+            self.names = names
+        self.log_times.append(log_time)
+        self.stamps.append(numbers.stamp)
+        self.values.append(numbers.values)
+        self.varying |= {name for name, n in numbers.lengths.items() if self.lengths.setdefault(name, n) != n}
+        self.skipped |= numbers.skipped
+        self.not_finite += numbers.not_finite
 
 
 @dataclass
@@ -51,8 +67,8 @@ class _Reading:
 
     schemas: dict[int, Schema] = field(default_factory=dict)
     channels: dict[int, Channel] = field(default_factory=dict)
-    decoders: dict[int, Decoder | str] = field(default_factory=dict)
-    factory: DecoderFactory = field(default_factory=DecoderFactory)
+    readers: dict[int, Reader | str] = field(default_factory=dict)
+    ros2: DecoderFactory = field(default_factory=DecoderFactory)
     series: dict[str, _Series] = field(default_factory=dict)
     unread: Counter[tuple[str, str]] = field(default_factory=Counter)
     metadata: dict[str, str | int | float] = field(default_factory=dict)
@@ -85,54 +101,63 @@ class _Reading:
             self.counted = Statistics.read(stream).message_count
 
     def _message(self, message: Message) -> None:
+        if message.log_time >= 2**63:
+            raise ValueError("its time is beyond all clocks")
         self.seen += 1
         channel = self.channels.get(message.channel_id)
         topic = channel.topic if channel is not None else ""
         self.first = message.log_time if self.first is None else min(self.first, message.log_time)
         self.last = message.log_time if self.last is None else max(self.last, message.log_time)
-        decoder = self._decoder(message.channel_id)
-        if isinstance(decoder, str):
-            self.unread[topic, decoder] += 1
+        reader = self._reader(message.channel_id)
+        if isinstance(reader, str):
+            self.unread[topic, reader] += 1
             return
         try:
-            decoded = decoder(message.data)
-        except Exception as error:  # the decoder is made of the file's own text: what it raises is no closed list
-            self.unread[topic, f"not decodable ({type(error).__name__})"] += 1
-            return
-        series = self.series.setdefault(topic, _Series())
-        values: Values = {}
-        _flatten(decoded, "", values, series.skipped)
-        series.log_times.append(message.log_time)
-        series.stamps.append(_stamp(decoded))
-        series.values.append(values)
+            numbers = reader(message.data)
+            series = self.series.get(topic) or _Series()
+            series.add(message.log_time, numbers)
+        except MemoryError:
+            raise
+        except Exception as error:  # the reader is made of the file's own text: what it raises is no closed list
+            self.unread[topic, f"not decodable ({_words(error)})"] += 1
+        else:
+            self.series[topic] = series
 
-    def _decoder(self, channel_id: int) -> Decoder | str:
-        """The decoder of a channel's messages, or why there is none."""
-        if channel_id not in self.decoders:
-            self.decoders[channel_id] = self._new_decoder(channel_id)
-        return self.decoders[channel_id]
+    def _reader(self, channel_id: int) -> Reader | str:
+        """The reader of a channel's messages, or why there is none."""
+        if channel_id not in self.readers:
+            self.readers[channel_id] = self._new_reader(channel_id)
+        return self.readers[channel_id]
 
-    def _new_decoder(self, channel_id: int) -> Decoder | str:
+    def _new_reader(self, channel_id: int) -> Reader | str:
         channel = self.channels.get(channel_id)
         if channel is None:
             return f"channel {channel_id} is not defined in what could be read"
         schema = self.schemas.get(channel.schema_id)
         try:
-            decoder = self.factory.decoder_for(channel.message_encoding, schema)
+            reader = message_reader(channel, schema, self.ros2)
+        except MemoryError:
+            raise
         except Exception as error:  # as above
-            return f"their schema cannot be parsed ({type(error).__name__})"
-        if decoder is None:
-            kind = schema.encoding if schema is not None else "no schema"
-            return f"encoding '{channel.message_encoding}' with '{kind}' is not supported (only ROS 2: cdr, ros2msg)"
-        return decoder
+            return f"their schema cannot be parsed ({_words(error)})"
+        if reader is None:
+            kind = f"'{schema.encoding}'" if schema is not None else "no schema"
+            known = "only ROS 2 (cdr, ros2msg), json, and protobuf with its descriptors"
+            return f"encoding '{channel.message_encoding}' with {kind} is not supported ({known})"
+        return reader
+
+
+def _words(error: Exception) -> str:
+    return str(error) if isinstance(error, MessageError) else type(error).__name__
 
 
 def read_mcap(path: Path) -> Recording:
-    """Reads an MCAP file with ROS 2 messages, damaged or not.
+    """Reads an MCAP file with ROS 2, JSON or protobuf messages, damaged or not.
 
     Returns a Recording: nested fields joined by dots (``pose.orientation.x``), arrays as ``covariance[0]``, joint
     states by the joint's name (``position.elevator``); times in s since the first message's log time (`start_utc`), from
-    the header's stamp where there is one on the recorder's clock, else the log time. Damage with an empty topic is what
+    the header's stamp (``header.stamp``, Foxglove's ``timestamp``) where there is one on the recorder's clock, else the log time.
+    Values keep their bits: integers and booleans as such, where every message has one. Damage with an empty topic is what
     happened to the file; entries with a topic say what of it is missing or could not be decoded.
 
     Raises InputError for what is no MCAP file, or holds no message that can be read. Source: MCAP specification.
@@ -199,6 +224,8 @@ def _crc(handle: BinaryIO, end: int) -> int:
 def _take(reading: _Reading, opcode: int, content: bytes) -> None:
     try:
         reading.take(opcode, content)
+    except MemoryError:
+        raise
     except Exception as error:  # mcap's records raise what struct, str and its streams raise on damaged content
         reading.unread["", f"a damaged {Opcode(opcode).name.lower()} record ({type(error).__name__})"] += 1
 
@@ -238,7 +265,8 @@ def _damage(entry: tuple[Hole | Chunk, int, int | None, int | None], start: int)
 
 def _left_out(reading: _Reading) -> dict[str, str]:
     """Fields that cannot be channels, by topic: nothing is damaged there, but they are not read and that is said."""
-    return {f"not read: {name}": ", ".join(sorted(s.skipped)[:4]) for name, s in sorted(reading.series.items()) if s.skipped}
+    notes = {name: sorted({*s.skipped, *(f"{v} of changing length" for v in s.varying)}) for name, s in reading.series.items()}
+    return {f"not read: {name}": ", ".join(found[:4]) for name, found in sorted(notes.items()) if found}
 
 
 def _topics(reading: _Reading, start: int) -> tuple[dict[str, Topic], list[Damage]]:
@@ -256,40 +284,22 @@ def _topics(reading: _Reading, start: int) -> tuple[dict[str, Topic], list[Damag
         if len(back):
             where = float(time[back[0]])
             damage.append(Damage("time", f"time runs backwards {len(back)} times, first at {where:.6f} s", name, where, where))
-        topics[name] = Topic(name, time, _columns(series.values))
+        if series.not_finite:
+            what = f"{series.not_finite} numbers are NaN or beyond all bounds, which JSON does not have: read as missing"
+            damage.append(Damage("values", what, name))
+        topics[name] = Topic(name, time, _columns(series))
     return topics, damage
 
 
-def _columns(rows: Sequence[Values]) -> dict[str, np.ndarray[Any, Any]]:
-    """Values of all messages by field; nan where a message has none (sequences of changing length)."""
-    names = dict.fromkeys(name for row in rows for name in row)
-    return {name: np.array([row.get(name, np.nan) for row in rows]) for name in names}
+def _columns(series: _Series) -> dict[str, np.ndarray[Any, Any]]:
+    """Values of all messages by field; nan where a message has none; sequences of changing length are no fields."""
+    names = dict.fromkeys(name for row in series.values for name in row)
+    kept = (name for name in names if not any(c == "[" and name[:k] in series.varying for k, c in enumerate(name)))
+    return {name: _column([row.get(name, np.nan) for row in series.values]) for name in kept}
 
 
-def _stamp(message: Any) -> int:
-    """The header's stamp [ns]; 0 without one."""
-    stamp = getattr(getattr(message, "header", None), "stamp", None)
-    return int(stamp.sec) * 10**9 + int(stamp.nanosec) if stamp is not None else 0
-
-
-def _flatten(value: Any, name: str, into: Values, skipped: set[str]) -> None:
-    """Numbers of a message by dotted name; texts and long sequences are named in `skipped`."""
-    if isinstance(value, (bool, int, float)):
-        into[name] = value
-    elif isinstance(value, str):
-        if value and not name.endswith("frame_id"):
-            skipped.add(f"text {name}")
-    elif hasattr(type(value), "__slots__") and hasattr(value, "_type"):
-        joints: list[str] | None = value.name if value._type.endswith("JointState") else None
-        for part in type(value).__slots__:
-            inner: Any = getattr(value, part)
-            if joints is not None and hasattr(inner, "__len__") and len(inner) == len(joints):
-                if part != "name":
-                    into |= {f"{part}.{joint}": number for joint, number in zip(joints, inner, strict=True)}
-            elif not (part == "stamp" and name == "header"):
-                _flatten(inner, f"{name}.{part}" if name else part, into, skipped)
-    elif len(value) > _LONGEST:
-        skipped.add(f"{name} of {len(value)} elements")
-    else:
-        for k, element in enumerate(value):
-            _flatten(element, f"{name}[{k}]", into, skipped)
+def _column(values: Sequence[float | int | bool]) -> np.ndarray[Any, Any]:
+    column = np.array(values)
+    if column.dtype == np.float64 and all(type(value) is int for value in values) and min(values) >= 0:
+        return np.array(values, dtype=np.uint64)  # NumPy takes integers from 2**63 on for floats
+    return column

@@ -118,7 +118,7 @@ def _parquet(data: bytes, where: str) -> Parsed:
         ):
             raise InputError(f"declares {rows} rows of {width} columns", where, "split the log")
         table = file.read()
-    except InputError:
+    except (InputError, MemoryError):
         raise
     except Exception as error:  # Arrow raises its own types, OSError, and more on damaged metadata
         what = f"not readable as Parquet: {str(error)[:200]}"

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from aerodb.atmosphere import DENSITY_0, GRAVITY, standard_atmosphere
 from aerodb.examples.phoenix import text
 from aerodb.examples.phoenix.instruments import instruments, servo_channels
-from aerodb.examples.phoenix.truth import truth
+from aerodb.examples.phoenix.truth import EFFECTS, Effect, truth
 from aerodb.exchange.native import read_native
 from aerodb.recording import Topic
 from aerodb.simulation.airframe import Airframe, MovingAir, airframe
@@ -255,11 +255,11 @@ def simulate(vehicle: Vehicle, database: AeroDatabase, preflight: AeroDatabase, 
     )
 
 
-def fly(seed: int = 0, flights: int = 8) -> list[SimulatedLog]:
+def fly(seed: int = 0, flights: int = 8, effects: tuple[Effect, ...] = EFFECTS) -> list[SimulatedLog]:
     """Logs of a campaign flown on the sealed truth, in the order flown, one day apart."""
     vehicle = parse_vehicle(text("vehicle.toml"), "vehicle.toml")
     preflight = read_native(text("preflight.toml"), "preflight.toml")
-    history = simulate(vehicle, truth(preflight)[0], preflight, seed, flights)
+    history = simulate(vehicle, truth(preflight, effects)[0], preflight, seed, flights)
     return logs(vehicle, history, seed)
 
 

@@ -8,6 +8,8 @@ underestimated and speed brakes overestimated; less than 3 % in the pitching-mom
 
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from aerodb.tables.database import AeroDatabase, Term
 from aerodb.tables.expression import parse
 
@@ -42,10 +44,40 @@ EFFECTS: tuple[Effect, ...] = (
 )
 
 
-def truth(preflight: AeroDatabase) -> tuple[AeroDatabase, tuple[Effect, ...]]:
+#: What `drawn` draws from: each with the size that shows clearly in these flights (CONVENTIONS, "Phoenix size"); either sign.
+SET: tuple[Effect, ...] = (
+    Effect("pitch_rate_force", "CX", "CX_q", "q_hat", 0.8),
+    Effect("pitch_rate_force", "CZ", "CZ_q", "q_hat", 3.0),
+    Effect("pitch_damping", "Cm", "Cm_q", "q_hat", 0.12),
+    Effect("alpha_slope", "CZ", "CZ_alpha", "alpha", 0.25),
+    Effect("beta_slope", "CY", "CY_beta", "beta", 0.12),
+    Effect("beta_slope", "Cn", "Cn_beta", "beta", 0.03),
+    Effect("roll_damping", "Cl", "Cl_p", "p_hat", 0.04),
+    Effect("yaw_damping", "Cn", "Cn_r", "r_hat", 0.08),
+    Effect("control_effectiveness", "Cm", "Cm_delta_elevator_outboard", "delta_elevator_outboard", 0.012),
+    Effect("control_effectiveness", "Cl", "Cl_delta_aileron_outboard", "delta_aileron_outboard", 0.02),
+    Effect("control_effectiveness", "Cn", "Cn_delta_rudder", "delta_rudder", 0.02),
+    Effect("speed_brake", "CX", "CX_delta_speed_brake", "delta_speed_brake", 0.03),
+    Effect("body_flap", "Cm", "Cm_delta_body_flap", "delta_body_flap", 0.01),
+)
+
+
+def drawn(seed: int) -> tuple[Effect, ...]:
+    """One or two effects from SET on different axes, size within a fifth, sign as it falls."""
+    generator = np.random.default_rng([seed, 7])
+    wanted, chosen = int(generator.integers(1, 3)), list[Effect]()
+    for place in generator.permutation(len(SET)):
+        effect = SET[place]
+        if len(chosen) < wanted and effect.axis not in {other.axis for other in chosen}:
+            size = generator.choice([-1.0, 1.0]) * generator.uniform(0.8, 1.2)
+            chosen.append(replace(effect, value=float(size * effect.value)))
+    return tuple(chosen)
+
+
+def truth(preflight: AeroDatabase, effects: tuple[Effect, ...] = EFFECTS) -> tuple[AeroDatabase, tuple[Effect, ...]]:
     """The database that flies, made of the preflight database and the effects, and the effects as data."""
     added = tuple(
         Term(name=f"truth_{e.axis}_{n}", axis=e.axis, expression=parse(f"{e.value!r}*({e.regressor})"), description=e.effect)
-        for n, e in enumerate(EFFECTS)
+        for n, e in enumerate(effects)
     )
-    return replace(preflight, name="truth", terms=(*preflight.terms, *added)), EFFECTS
+    return replace(preflight, name="truth", terms=(*preflight.terms, *added)), effects

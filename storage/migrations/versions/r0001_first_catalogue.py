@@ -3,16 +3,17 @@
 import sqlalchemy as sa
 from alembic import op
 
-from storage.schema import sqlite_guards
+from storage.schema import POSTGRESQL_REFUSAL, guards
 
 revision = "r0001"
 down_revision = None
 branch_labels = None
 depends_on = None
 
+_TEXT: sa.types.TypeEngine[str] = sa.Text().with_variant(sa.Text(collation="C"), "postgresql")
 _NUMBER: sa.types.TypeEngine[float] = sa.Double().with_variant(sa.REAL(), "sqlite")
 
-#: Table -> primary key and unique constraints; see `sqlite_guards`.
+#: Table -> primary key and unique constraints; see `guards`.
 _APPEND_ONLY: dict[str, list[tuple[str, ...]]] = {
     "vehicles": [("name",)],
     "vehicle_texts": [("sequence",)],
@@ -39,32 +40,34 @@ _UPDATE_WHEN = {
 
 
 def upgrade() -> None:
-    """Makes every table and, on SQLite, the triggers that keep rows as they are."""
+    """Makes every table, and the triggers that keep rows as they are."""
     _logs_and_runs()
     _flights()
     _results()
     _versions()
-    if op.get_bind().dialect.name == "sqlite":
-        for table, keys in _APPEND_ONLY.items():
-            for statement in sqlite_guards(table, keys, _UPDATE_WHEN.get(table, "")):
-                op.execute(statement)
+    dialect = op.get_bind().dialect.name
+    if dialect == "postgresql":
+        op.execute(POSTGRESQL_REFUSAL)
+    for table, keys in _APPEND_ONLY.items():
+        for statement in guards(dialect, table, keys, _UPDATE_WHEN.get(table, "")):
+            op.execute(statement)
 
 
 def _logs_and_runs() -> None:
     op.create_table(
         "vehicles",
-        sa.Column("name", sa.Text(), nullable=False),
-        sa.Column("added_utc", sa.Text(), nullable=False),
+        sa.Column("name", _TEXT, nullable=False),
+        sa.Column("added_utc", _TEXT, nullable=False),
         sa.PrimaryKeyConstraint("name", name=op.f("pk_vehicles")),
         sqlite_strict=True,
     )
     op.create_table(
         "vehicle_texts",
         sa.Column("sequence", sa.Integer(), autoincrement=True, nullable=False),
-        sa.Column("vehicle", sa.Text(), nullable=False),
-        sa.Column("text", sa.Text(), nullable=False),
-        sa.Column("sha256", sa.Text(), nullable=False),
-        sa.Column("added_utc", sa.Text(), nullable=False),
+        sa.Column("vehicle", _TEXT, nullable=False),
+        sa.Column("text", _TEXT, nullable=False),
+        sa.Column("sha256", _TEXT, nullable=False),
+        sa.Column("added_utc", _TEXT, nullable=False),
         sa.ForeignKeyConstraint(["vehicle"], ["vehicles.name"], name=op.f("fk_vehicle_texts_vehicle")),
         sa.PrimaryKeyConstraint("sequence", name=op.f("pk_vehicle_texts")),
         sqlite_strict=True,
@@ -72,29 +75,29 @@ def _logs_and_runs() -> None:
     op.create_index(op.f("ix_vehicle_texts_vehicle"), "vehicle_texts", ["vehicle"], unique=False)
     op.create_table(
         "log_files",
-        sa.Column("sha256", sa.Text(), nullable=False),
-        sa.Column("name", sa.Text(), nullable=False),
+        sa.Column("sha256", _TEXT, nullable=False),
+        sa.Column("name", _TEXT, nullable=False),
         sa.Column("size", sa.BigInteger().with_variant(sa.Integer(), "sqlite"), nullable=False),
-        sa.Column("format", sa.Text(), nullable=False),
-        sa.Column("status", sa.Text(), nullable=False),
-        sa.Column("reason", sa.Text(), nullable=False),
-        sa.Column("damage", sa.Text(), nullable=False),
-        sa.Column("added_utc", sa.Text(), nullable=False),
+        sa.Column("format", _TEXT, nullable=False),
+        sa.Column("status", _TEXT, nullable=False),
+        sa.Column("reason", _TEXT, nullable=False),
+        sa.Column("damage", _TEXT, nullable=False),
+        sa.Column("added_utc", _TEXT, nullable=False),
         sa.CheckConstraint("status IN ('stored', 'damaged', 'quarantined')", name=op.f("ck_log_files_status")),
         sa.PrimaryKeyConstraint("sha256", name=op.f("pk_log_files")),
         sqlite_strict=True,
     )
     op.create_table(
         "runs",
-        sa.Column("id", sa.Text(), nullable=False),
-        sa.Column("flow", sa.Text(), nullable=False),
-        sa.Column("how", sa.Text(), nullable=False),
-        sa.Column("started_utc", sa.Text(), nullable=False),
-        sa.Column("ended_utc", sa.Text(), nullable=True),
-        sa.Column("state", sa.Text(), nullable=False),
-        sa.Column("parameters", sa.Text(), nullable=False),
-        sa.Column("code_version", sa.Text(), nullable=False),
-        sa.Column("error", sa.Text(), nullable=False),
+        sa.Column("id", _TEXT, nullable=False),
+        sa.Column("flow", _TEXT, nullable=False),
+        sa.Column("how", _TEXT, nullable=False),
+        sa.Column("started_utc", _TEXT, nullable=False),
+        sa.Column("ended_utc", _TEXT, nullable=True),
+        sa.Column("state", _TEXT, nullable=False),
+        sa.Column("parameters", _TEXT, nullable=False),
+        sa.Column("code_version", _TEXT, nullable=False),
+        sa.Column("error", _TEXT, nullable=False),
         sa.CheckConstraint("how IN ('server', 'ephemeral', 'direct')", name=op.f("ck_runs_how")),
         sa.CheckConstraint("state IN ('running', 'completed', 'failed', 'crashed', 'cancelled')", name=op.f("ck_runs_state")),
         sa.PrimaryKeyConstraint("id", name=op.f("pk_runs")),
@@ -106,11 +109,11 @@ def _logs_and_runs() -> None:
 def _flights() -> None:
     op.create_table(
         "flights",
-        sa.Column("id", sa.Text(), nullable=False),
-        sa.Column("vehicle", sa.Text(), nullable=False),
-        sa.Column("name", sa.Text(), nullable=True),
-        sa.Column("log_sha256", sa.Text(), nullable=False),
-        sa.Column("added_utc", sa.Text(), nullable=False),
+        sa.Column("id", _TEXT, nullable=False),
+        sa.Column("vehicle", _TEXT, nullable=False),
+        sa.Column("name", _TEXT, nullable=True),
+        sa.Column("log_sha256", _TEXT, nullable=False),
+        sa.Column("added_utc", _TEXT, nullable=False),
         sa.ForeignKeyConstraint(["log_sha256"], ["log_files.sha256"], name=op.f("fk_flights_log_sha256")),
         sa.ForeignKeyConstraint(["vehicle"], ["vehicles.name"], name=op.f("fk_flights_vehicle")),
         sa.PrimaryKeyConstraint("id", name=op.f("pk_flights")),
@@ -122,13 +125,13 @@ def _flights() -> None:
     op.create_table(
         "flight_records",
         sa.Column("sequence", sa.Integer(), autoincrement=True, nullable=False),
-        sa.Column("flight", sa.Text(), nullable=False),
-        sa.Column("mapping", sa.Text(), nullable=False),
-        sa.Column("start_utc", sa.Text(), nullable=True),
+        sa.Column("flight", _TEXT, nullable=False),
+        sa.Column("mapping", _TEXT, nullable=False),
+        sa.Column("start_utc", _TEXT, nullable=True),
         sa.Column("duration", _NUMBER, nullable=False),
         sa.Column("samples", sa.Integer(), nullable=False),
         sa.Column("step", _NUMBER, nullable=False),
-        sa.Column("added_utc", sa.Text(), nullable=False),
+        sa.Column("added_utc", _TEXT, nullable=False),
         sa.ForeignKeyConstraint(["flight"], ["flights.id"], name=op.f("fk_flight_records_flight")),
         sa.PrimaryKeyConstraint("sequence", name=op.f("pk_flight_records")),
         sqlite_strict=True,
@@ -137,11 +140,11 @@ def _flights() -> None:
     op.create_table(
         "flight_events",
         sa.Column("sequence", sa.Integer(), autoincrement=True, nullable=False),
-        sa.Column("flight", sa.Text(), nullable=False),
-        sa.Column("kind", sa.Text(), nullable=False),
-        sa.Column("verdict", sa.Text(), nullable=True),
-        sa.Column("reasons", sa.Text(), nullable=False),
-        sa.Column("at_utc", sa.Text(), nullable=False),
+        sa.Column("flight", _TEXT, nullable=False),
+        sa.Column("kind", _TEXT, nullable=False),
+        sa.Column("verdict", _TEXT, nullable=True),
+        sa.Column("reasons", _TEXT, nullable=False),
+        sa.Column("at_utc", _TEXT, nullable=False),
         sa.CheckConstraint("kind IN ('verdict', 'retracted')", name=op.f("ck_flight_events_kind")),
         sa.CheckConstraint("verdict IN ('good', 'limited', 'rejected', 'unchecked')", name=op.f("ck_flight_events_verdict")),
         sa.ForeignKeyConstraint(["flight"], ["flights.id"], name=op.f("fk_flight_events_flight")),
@@ -154,15 +157,15 @@ def _flights() -> None:
 def _results() -> None:
     op.create_table(
         "results",
-        sa.Column("key", sa.Text(), nullable=False),
-        sa.Column("step", sa.Text(), nullable=False),
-        sa.Column("kind", sa.Text(), nullable=False),
-        sa.Column("flight", sa.Text(), nullable=True),
-        sa.Column("path", sa.Text(), nullable=False),
-        sa.Column("settings", sa.Text(), nullable=False),
+        sa.Column("key", _TEXT, nullable=False),
+        sa.Column("step", _TEXT, nullable=False),
+        sa.Column("kind", _TEXT, nullable=False),
+        sa.Column("flight", _TEXT, nullable=True),
+        sa.Column("path", _TEXT, nullable=False),
+        sa.Column("settings", _TEXT, nullable=False),
         sa.Column("result_version", sa.Integer(), nullable=False),
-        sa.Column("code_version", sa.Text(), nullable=False),
-        sa.Column("created_utc", sa.Text(), nullable=False),
+        sa.Column("code_version", _TEXT, nullable=False),
+        sa.Column("created_utc", _TEXT, nullable=False),
         sa.ForeignKeyConstraint(["flight"], ["flights.id"], name=op.f("fk_results_flight")),
         sa.PrimaryKeyConstraint("key", name=op.f("pk_results")),
         sqlite_strict=True,
@@ -170,8 +173,8 @@ def _results() -> None:
     op.create_index(op.f("ix_results_flight"), "results", ["flight"], unique=False)
     op.create_table(
         "result_inputs",
-        sa.Column("key", sa.Text(), nullable=False),
-        sa.Column("input_key", sa.Text(), nullable=False),
+        sa.Column("key", _TEXT, nullable=False),
+        sa.Column("input_key", _TEXT, nullable=False),
         sa.ForeignKeyConstraint(["key"], ["results.key"], name=op.f("fk_result_inputs_key")),
         sa.PrimaryKeyConstraint("key", "input_key", name=op.f("pk_result_inputs")),
         sqlite_strict=True,
@@ -179,8 +182,8 @@ def _results() -> None:
     op.create_index(op.f("ix_result_inputs_input_key"), "result_inputs", ["input_key"], unique=False)
     op.create_table(
         "run_results",
-        sa.Column("run", sa.Text(), nullable=False),
-        sa.Column("key", sa.Text(), nullable=False),
+        sa.Column("run", _TEXT, nullable=False),
+        sa.Column("key", _TEXT, nullable=False),
         sa.ForeignKeyConstraint(["key"], ["results.key"], name=op.f("fk_run_results_key")),
         sa.ForeignKeyConstraint(["run"], ["runs.id"], name=op.f("fk_run_results_run")),
         sa.PrimaryKeyConstraint("run", "key", name=op.f("pk_run_results")),
@@ -192,16 +195,16 @@ def _results() -> None:
 def _versions() -> None:
     op.create_table(
         "versions",
-        sa.Column("id", sa.Text(), nullable=False),
-        sa.Column("vehicle", sa.Text(), nullable=False),
+        sa.Column("id", _TEXT, nullable=False),
+        sa.Column("vehicle", _TEXT, nullable=False),
         sa.Column("number", sa.Integer(), nullable=False),
-        sa.Column("parent", sa.Text(), nullable=True),
-        sa.Column("content", sa.Text(), nullable=False),
-        sa.Column("content_sha256", sa.Text(), nullable=False),
-        sa.Column("settings", sa.Text(), nullable=False),
-        sa.Column("report", sa.Text(), nullable=False),
-        sa.Column("run", sa.Text(), nullable=True),
-        sa.Column("created_utc", sa.Text(), nullable=False),
+        sa.Column("parent", _TEXT, nullable=True),
+        sa.Column("content", _TEXT, nullable=False),
+        sa.Column("content_sha256", _TEXT, nullable=False),
+        sa.Column("settings", _TEXT, nullable=False),
+        sa.Column("report", _TEXT, nullable=False),
+        sa.Column("run", _TEXT, nullable=True),
+        sa.Column("created_utc", _TEXT, nullable=False),
         sa.ForeignKeyConstraint(["run"], ["runs.id"], name=op.f("fk_versions_run")),
         sa.ForeignKeyConstraint(["vehicle", "parent"], ["versions.vehicle", "versions.id"], name="fk_versions_parent"),
         sa.ForeignKeyConstraint(["vehicle"], ["vehicles.name"], name=op.f("fk_versions_vehicle")),
@@ -213,8 +216,8 @@ def _versions() -> None:
     op.create_index(op.f("ix_versions_parent"), "versions", ["parent"], unique=False)
     op.create_table(
         "version_inputs",
-        sa.Column("version", sa.Text(), nullable=False),
-        sa.Column("input_key", sa.Text(), nullable=False),
+        sa.Column("version", _TEXT, nullable=False),
+        sa.Column("input_key", _TEXT, nullable=False),
         sa.ForeignKeyConstraint(["version"], ["versions.id"], name=op.f("fk_version_inputs_version")),
         sa.PrimaryKeyConstraint("version", "input_key", name=op.f("pk_version_inputs")),
         sqlite_strict=True,
@@ -222,10 +225,10 @@ def _versions() -> None:
     op.create_index(op.f("ix_version_inputs_input_key"), "version_inputs", ["input_key"], unique=False)
     op.create_table(
         "version_flights",
-        sa.Column("version", sa.Text(), nullable=False),
-        sa.Column("flight", sa.Text(), nullable=False),
-        sa.Column("role", sa.Text(), nullable=False),
-        sa.Column("reason", sa.Text(), nullable=False),
+        sa.Column("version", _TEXT, nullable=False),
+        sa.Column("flight", _TEXT, nullable=False),
+        sa.Column("role", _TEXT, nullable=False),
+        sa.Column("reason", _TEXT, nullable=False),
         sa.CheckConstraint("role IN ('identified', 'held_out', 'excluded')", name=op.f("ck_version_flights_role")),
         sa.ForeignKeyConstraint(["flight"], ["flights.id"], name=op.f("fk_version_flights_flight")),
         sa.ForeignKeyConstraint(["version"], ["versions.id"], name=op.f("fk_version_flights_version")),
@@ -235,8 +238,8 @@ def _versions() -> None:
     op.create_index(op.f("ix_version_flights_flight"), "version_flights", ["flight"], unique=False)
     op.create_table(
         "run_versions",
-        sa.Column("run", sa.Text(), nullable=False),
-        sa.Column("version", sa.Text(), nullable=False),
+        sa.Column("run", _TEXT, nullable=False),
+        sa.Column("version", _TEXT, nullable=False),
         sa.ForeignKeyConstraint(["run"], ["runs.id"], name=op.f("fk_run_versions_run")),
         sa.ForeignKeyConstraint(["version"], ["versions.id"], name=op.f("fk_run_versions_version")),
         sa.PrimaryKeyConstraint("run", "version", name=op.f("pk_run_versions")),
@@ -246,14 +249,14 @@ def _versions() -> None:
     op.create_table(
         "name_events",
         sa.Column("sequence", sa.Integer(), autoincrement=True, nullable=False),
-        sa.Column("vehicle", sa.Text(), nullable=False),
-        sa.Column("name", sa.Text(), nullable=False),
+        sa.Column("vehicle", _TEXT, nullable=False),
+        sa.Column("name", _TEXT, nullable=False),
         sa.Column("step", sa.Integer(), nullable=False),
-        sa.Column("version", sa.Text(), nullable=False),
-        sa.Column("previous", sa.Text(), nullable=True),
-        sa.Column("at_utc", sa.Text(), nullable=False),
-        sa.Column("user", sa.Text(), nullable=False),
-        sa.Column("reason", sa.Text(), nullable=False),
+        sa.Column("version", _TEXT, nullable=False),
+        sa.Column("previous", _TEXT, nullable=True),
+        sa.Column("at_utc", _TEXT, nullable=False),
+        sa.Column("user", _TEXT, nullable=False),
+        sa.Column("reason", _TEXT, nullable=False),
         sa.ForeignKeyConstraint(["vehicle", "version"], ["versions.vehicle", "versions.id"], name="fk_name_events_version"),
         sa.PrimaryKeyConstraint("sequence", name=op.f("pk_name_events")),
         sa.UniqueConstraint("vehicle", "name", "step", name=op.f("uq_name_events_vehicle_name_step")),

@@ -1,0 +1,81 @@
+"""All of conditioning on one flight: flags for what must not be used, and what is to be said of the rest.
+
+What each part does is for its own module; here is only their order, and the findings as one document.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from aerodb.conditioning.delay import Delay, delays
+from aerodb.conditioning.plausibility import Suspicion, suspicions
+from aerodb.conditioning.segmentation import Segment, flag_on_ground, ground_and_air, segments
+from aerodb.conditioning.wild_points import flag_wild_points
+from aerodb.flight import Flight
+
+
+@dataclass(frozen=True)
+class Conditioning:
+    """What conditioning found in a flight: likely faults, segments, and how late each channel is."""
+
+    suspicions: tuple[Suspicion, ...]
+    segments: tuple[Segment, ...]
+    delays: tuple[Delay, ...]
+
+
+def conditioned(flight: Flight) -> Flight:
+    """The flight with wild points and samples on the ground flagged; values stay as they are."""
+    return flag_on_ground(flag_wild_points(flight))
+
+
+def examine(flight: Flight, clocks: tuple[Suspicion, ...] = ()) -> Conditioning:
+    """What there is to say of a conditioned flight.
+
+    clocks : what is suspicious about the time stamps of its recording (`plausibility.clock_suspicions`). Delays are taken
+    over the longest time in the air.
+    """
+    found = segments(flight)
+    return Conditioning((*clocks, *suspicions(flight)), found, delays(flight, during=_longest_in_the_air(flight)))
+
+
+def _longest_in_the_air(flight: Flight) -> tuple[float, float] | None:
+    """Start and end [s] of the longest airborne stretch; None where nothing is known of the ground."""
+    flown = [segment for segment in ground_and_air(flight) if segment.kind == "airborne"]
+    longest = max(flown, key=lambda segment: segment.end - segment.start, default=None)
+    return None if longest is None else (longest.start, longest.end)
+
+
+def suspicion_documents(suspicions: Iterable[Suspicion]) -> list[dict[str, Any]]:
+    """Suspicions as JSON."""
+    return [{**asdict(suspicion), "evidence": _finite(suspicion.evidence)} for suspicion in suspicions]
+
+
+def to_document(conditioning: Conditioning) -> dict[str, Any]:
+    """The findings as JSON; an error that is infinite is None there."""
+    delays = [asdict(delay) for delay in conditioning.delays]
+    for delay in delays:
+        delay["standard_error"] = delay["standard_error"] if np.isfinite(delay["standard_error"]) else None
+    return {
+        "suspicions": suspicion_documents(conditioning.suspicions),
+        "segments": [asdict(segment) for segment in conditioning.segments],
+        "delays": delays,
+    }
+
+
+def from_document(document: Mapping[str, Any]) -> Conditioning:
+    """The findings of a document that `to_document` made."""
+    return Conditioning(
+        tuple(Suspicion(**entry) for entry in document["suspicions"]),
+        tuple(Segment(**entry) for entry in document["segments"]),
+        tuple(
+            Delay(**{**d, "standard_error": np.inf if d["standard_error"] is None else d["standard_error"]})
+            for d in document["delays"]
+        ),
+    )
+
+
+def _finite(evidence: Mapping[str, float]) -> dict[str, float]:
+    """Figures that JSON can hold."""
+    return {name: float(value) for name, value in evidence.items() if np.isfinite(value)}

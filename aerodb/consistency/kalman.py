@@ -1,0 +1,260 @@
+"""Compiled Kalman filter and fixed-interval smoother for sparse linear models, several right-hand sides at once.
+
+The smoother is Bryson & Frazier's in its modified form (Bierman, *Automatica* 9(6), 1973): measurements one by one, no inverse,
+so singular noise and wide first covariances do no harm. The adjoint variables that it carries give the exact derivative of
+the likelihood by every noise variance (Koopman & Shephard, *Biometrika* 79(4), 1992).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Transition:
+    """``x(i+1) = F x(i) + w``: F has the diagonal `diagonal` (m,) and, beside it, `values` (n-1, e) at `rows`, `columns` (e,);
+    w has the covariance `block` (n-1, b, b) of the first b states plus `diagonal_noise` (m,); `first` (m,) variances of x(0)."""
+
+    rows: NDArray[np.int64]
+    columns: NDArray[np.int64]
+    values: Array
+    diagonal: Array
+    block: Array
+    diagonal_noise: Array
+    first: Array
+
+
+@dataclass(frozen=True)
+class Score:
+    """Sums of the adjoints, from which derivatives of the log-likelihood follow: by a state's noise variance over all steps
+    (`noise`, (m,), twice the derivative) and at the start (`first`, alike), by its diagonal of F where it moves no other state
+    (`diagonal`, (m,)), and by the logarithm of a common factor on each channel's variances (`measurement`, (c,))."""
+
+    noise: Array
+    first: Array
+    diagonal: Array
+    measurement: Array
+
+
+@dataclass(frozen=True)
+class Pass:
+    """A smoother's pass: `states` (n, m, k), `covariance` (n, m, m), `innovations` (n, c) of the first right-hand side in units
+    of their own sigma (nan: no measurement), its `log_likelihood`, and the `score`."""
+
+    states: Array
+    covariance: Array
+    innovations: Array
+    log_likelihood: float
+    score: Score
+
+
+def smooth(model: Transition, measured: Array, variance: Array, seen: Array, covariances: bool = True) -> Pass:
+    """Smooths k right-hand sides that share gains.
+
+    measured : (n, c, k) measurements. variance : (n, c) of their noise, zero or less where there is no measurement. seen :
+    (n, c, m) the rows that see the states. covariances : false leaves `covariance` empty, for speed.
+    """
+    n, c, k = measured.shape
+    m = len(model.first)
+    filtered, spread, gain = np.empty((n, m, k)), np.zeros((n, c)), np.zeros((n, c, m))
+    known, error = np.empty((n, m, m)), np.zeros((n, c, k))
+    total = _forward(
+        model.rows, model.columns, model.values, model.diagonal, model.block, model.diagonal_noise, model.first,
+        measured, variance, seen, filtered, known, gain, spread, error,
+    )  # fmt: skip
+    states, after = np.empty((n, m, k)), np.empty((n if covariances else 0, m, m))
+    sums, by_channel = np.zeros((3, m)), np.zeros(c)
+    _backward(
+        model.rows, model.columns, model.values, model.diagonal,
+        variance, seen, filtered, known, gain, spread, error, states, after, sums, by_channel,
+    )  # fmt: skip
+    with np.errstate(divide="ignore", invalid="ignore"):
+        innovations = np.where(spread > 0, error[:, :, 0] / np.sqrt(spread), np.nan)
+    return Pass(states, after, innovations, float(total), Score(sums[0], sums[1], sums[2], by_channel))
+
+
+@njit(cache=True)
+def _predict_covariance(
+    rows: NDArray[np.int64], columns: NDArray[np.int64], values: Array, diagonal: Array, block: Array, noise: Array,
+    p: Array, half: Array,
+) -> None:  # fmt: skip
+    """p becomes F p F' + Q; half (m, m) is working space."""
+    m = p.shape[0]
+    for a in range(m):
+        for b in range(m):
+            half[a, b] = diagonal[a] * p[a, b]
+    for e in range(rows.shape[0]):
+        for b in range(m):
+            half[rows[e], b] += values[e] * p[columns[e], b]
+    for a in range(m):
+        for b in range(m):
+            p[a, b] = half[a, b] * diagonal[b]
+        for e in range(rows.shape[0]):
+            p[a, rows[e]] += values[e] * half[a, columns[e]]
+        p[a, a] += noise[a]
+    for a in range(block.shape[0]):
+        for b in range(block.shape[0]):
+            p[a, b] += block[a, b]
+
+
+@njit(cache=True)
+def _forward(
+    rows: NDArray[np.int64], columns: NDArray[np.int64], values: Array, diagonal: Array, block: Array, noise: Array, first: Array,
+    measured: Array, variance: Array, seen: Array, filtered: Array, known: Array, gain: Array, spread: Array, error: Array,
+) -> float:  # fmt: skip
+    """Filter; fills filtered states and covariances, gains, innovations and their variances; returns the log-likelihood."""
+    n, c, k = measured.shape
+    m = first.shape[0]
+    x, moved, p, half, ph = np.zeros((m, k)), np.empty((m, k)), np.zeros((m, m)), np.empty((m, m)), np.empty(m)
+    for a in range(m):
+        p[a, a] = first[a]
+    total = 0.0
+    for i in range(n):
+        if i > 0:
+            for a in range(m):
+                for q in range(k):
+                    moved[a, q] = diagonal[a] * x[a, q]
+            for e in range(rows.shape[0]):
+                for q in range(k):
+                    moved[rows[e], q] += values[i - 1, e] * x[columns[e], q]
+            x[:] = moved
+            _predict_covariance(rows, columns, values[i - 1], diagonal, block[i - 1], noise, p, half)
+        for j in range(c):
+            if not variance[i, j] > 0.0:
+                continue
+            ph[:] = 0.0
+            for b in range(m):
+                if seen[i, j, b] != 0.0:
+                    for a in range(m):
+                        ph[a] += seen[i, j, b] * p[b, a]
+            s = variance[i, j]
+            for a in range(m):
+                s += seen[i, j, a] * ph[a]
+            spread[i, j] = s
+            for q in range(k):
+                e_q = measured[i, j, q]
+                for a in range(m):
+                    e_q -= seen[i, j, a] * x[a, q]
+                error[i, j, q] = e_q
+            for a in range(m):
+                gain[i, j, a] = ph[a] / s
+                for q in range(k):
+                    x[a, q] += gain[i, j, a] * error[i, j, q]
+                for b in range(m):
+                    p[a, b] -= gain[i, j, a] * ph[b]
+            total -= 0.5 * (np.log(2.0 * np.pi * s) + error[i, j, 0] ** 2 / s)
+        filtered[i] = x
+        known[i] = p
+    return total
+
+
+@njit(cache=True)
+def _adjoint_step(
+    rows: NDArray[np.int64], columns: NDArray[np.int64], values: Array, diagonal: Array, pull: Array, load: Array, half: Array,
+    moved: Array,
+) -> None:  # fmt: skip
+    """pull (m, k) becomes F' pull, load (m, m) becomes F' load F; half and moved are working space."""
+    m, k = pull.shape
+    for a in range(m):
+        for q in range(k):
+            moved[a, q] = diagonal[a] * pull[a, q]
+        for b in range(m):
+            half[a, b] = diagonal[a] * load[a, b]
+    for e in range(rows.shape[0]):
+        for q in range(k):
+            moved[columns[e], q] += values[e] * pull[rows[e], q]
+        for b in range(m):
+            half[columns[e], b] += values[e] * load[rows[e], b]
+    pull[:] = moved
+    for a in range(m):
+        for b in range(m):
+            load[a, b] = half[a, b] * diagonal[b]
+        for e in range(rows.shape[0]):
+            load[a, columns[e]] += values[e] * half[a, rows[e]]
+
+
+@njit(cache=True)
+def _adjoint_measurements(
+    variance: Array, seen: Array, gain: Array, spread: Array, error: Array, pull: Array, load: Array, by_channel: Array
+) -> None:
+    """The measurements of one step in reverse: seen, gain (c, m), error (c, k); adds to `by_channel`."""
+    m, k = pull.shape
+    tied = np.empty(m)
+    for j in range(seen.shape[0] - 1, -1, -1):
+        if not spread[j] > 0.0:
+            continue
+        quadratic = 1.0 / spread[j]
+        for a in range(m):
+            tied[a] = 0.0
+            for b in range(m):
+                tied[a] += load[a, b] * gain[j, b]
+            quadratic += gain[j, a] * tied[a]
+        for q in range(k):
+            push = error[j, q] / spread[j]
+            for a in range(m):
+                push -= gain[j, a] * pull[a, q]
+            if q == 0:
+                by_channel[j] += 0.5 * (push * push - quadratic) * variance[j]
+            for a in range(m):
+                pull[a, q] += seen[j, a] * push
+        for a in range(m):
+            if seen[j, a] != 0.0:
+                for b in range(m):
+                    load[a, b] += seen[j, a] * (quadratic * seen[j, b] - tied[b])
+        for b in range(m):
+            if seen[j, b] != 0.0:
+                for a in range(m):
+                    load[a, b] -= tied[a] * seen[j, b]
+
+
+@njit(cache=True)
+def _backward(
+    rows: NDArray[np.int64], columns: NDArray[np.int64], values: Array, diagonal: Array, variance: Array, seen: Array,
+    filtered: Array, known: Array, gain: Array, spread: Array, error: Array, states: Array, after: Array, sums: Array,
+    by_channel: Array,
+) -> None:  # fmt: skip
+    """Smoother; fills states, covariances and the sums of the score."""
+    n, m, k = filtered.shape
+    pull, load, half, moved = np.zeros((m, k)), np.zeros((m, m)), np.empty((m, m)), np.empty((m, k))
+    for i in range(n - 1, -1, -1):
+        if i < n - 1:
+            _adjoint_step(rows, columns, values[i], diagonal, pull, load, half, moved)
+        for a in range(m):
+            for q in range(k):
+                states[i, a, q] = filtered[i, a, q]
+            for b in range(m):
+                for q in range(k):
+                    states[i, a, q] += known[i, a, b] * pull[b, q]
+        if after.shape[0] > 0:
+            _posterior(known[i], load, half, after[i])
+        for a in range(m):
+            own = pull[a, 0] * states[i, a, 0]
+            for b in range(m):
+                own -= load[a, b] * known[i, b, a]
+            sums[2, a] += own / diagonal[a]
+        _adjoint_measurements(variance[i], seen[i], gain[i], spread[i], error[i], pull, load, by_channel)
+        for a in range(m):
+            sums[0 if i > 0 else 1, a] += pull[a, 0] ** 2 - load[a, a]
+
+
+@njit(cache=True)
+def _posterior(p: Array, load: Array, half: Array, out: Array) -> None:
+    """out = p - p load p."""
+    m = p.shape[0]
+    for a in range(m):
+        for b in range(m):
+            half[a, b] = 0.0
+        for d in range(m):
+            for b in range(m):
+                half[a, b] += p[a, d] * load[d, b]
+    for a in range(m):
+        for b in range(a, m):
+            value = p[a, b]
+            for d in range(m):
+                value -= half[a, d] * p[d, b]
+            out[a, b] = value
+            out[b, a] = value

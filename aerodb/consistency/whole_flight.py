@@ -1,0 +1,135 @@
+"""The consistency step of one flight: its sensor errors, what is applied of them, the verdict, and the consistent flight."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aerodb.consistency.calibration import Calibration, Drift, drift
+from aerodb.consistency.corrected import Corrected, corrected_flight
+from aerodb.consistency.estimation import busiest, estimate, settled, slow_records
+from aerodb.consistency.expected import Fault, faults
+from aerodb.consistency.navigation import FlowCheck, flow_against_velocity, position_against_velocity
+from aerodb.consistency.plan import Plan, make_plan
+from aerodb.consistency.posterior import Knowledge, applied, shared, with_stated
+from aerodb.consistency.reconstruction import Estimate, Reconstruction
+from aerodb.consistency.records import MOTION
+from aerodb.consistency.sensors import Record
+from aerodb.consistency.verdict import Verdict, as_document, judge, judge_navigation, unchecked
+from aerodb.errors import InputError
+from aerodb.flight import Array, Flight
+from aerodb.vehicle import Vehicle
+
+
+@dataclass(frozen=True)
+class Consistent:
+    """A flight after its consistency step: `flight` with the corrected channels, `sigma` channel -> (n,) one standard error of
+    V, alpha, beta and attitude, `changed` names of the channels that differ from the measured ones, the `document` (JSON), and
+    what drifted from the calibration. An unchecked flight is as it was."""
+
+    flight: Flight
+    sigma: Mapping[str, Array]
+    changed: tuple[str, ...]
+    document: Mapping[str, Any]
+    verdict: Verdict
+    drifted: tuple[Drift, ...] = ()
+
+
+def make_consistent(flight: Flight, vehicle: Vehicle, calibration: Calibration | None = None) -> Consistent:
+    """Reconstructs one flight as the mapping gives it, V, alpha and beta at the CG; never raises for what the flight lacks.
+
+    calibration : what is known of the sensors beforehand; None: what the vehicle file states.
+    """
+    try:
+        records = slow_records(flight, vehicle)
+        own, plan = estimate(busiest(records), make_plan(records, vehicle), vehicle.accuracy)
+        result, found, held = settled(records, own, plan, calibration)
+    except InputError as error:
+        return _unchecked(flight, vehicle, str(error))
+    drifted = () if calibration is None else _drifted(with_stated(shared(own), plan.stated), calibration)
+    verdict = judge(result, flight.id, vehicle.accuracy, blunt(records))
+    values = applied(found, plan, calibration)
+    corrected = corrected_flight(flight, vehicle, result, values, held)
+    document = _document(verdict, corrected.result, plan, corrected, values, drifted, calibration)
+    return Consistent(corrected.flight, corrected.sigma, corrected.changed, document, verdict, drifted)
+
+
+def blunt(records: Sequence[Record]) -> tuple[Fault, ...]:
+    """Blunt faults that most of the records show."""
+    found: dict[str, list[Fault]] = {}
+    for record in records:
+        for fault in faults(record):
+            found.setdefault("/".join(fault.channels), []).append(fault)
+    return tuple(entries[0] for entries in found.values() if 2 * len(entries) > len(records))
+
+
+def _drifted(own: Knowledge, calibration: Calibration) -> tuple[Drift, ...]:
+    return drift(calibration, own.names, own.values, own.standard_errors)
+
+
+def _unchecked(flight: Flight, vehicle: Vehicle, because: str) -> Consistent:
+    """A flight without the channels that kinematics need: its navigation solution against itself, where it is logged."""
+    verdict = _navigation(flight, vehicle) or unchecked(because)
+    document = {**as_document(verdict), "checked": False, "because": because, "notes": []}
+    return Consistent(flight, {}, (), document, verdict)
+
+
+def _navigation(flight: Flight, vehicle: Vehicle) -> Verdict | None:
+    names = ("north", "east", "altitude", "velocity_north", "velocity_east", "velocity_down")
+    if any(name in flight for name in ("ax", "ay", "az", "ax_imu", "ay_imu", "az_imu")) or not all(n in flight for n in names):
+        return None
+    good = flight.usable(names, despite=MOTION)
+    if good.sum() < 3:
+        return None
+    north, east, up, *velocity = (flight[name][good] for name in names)
+    check = position_against_velocity(flight.time[good], np.column_stack([north, east, -up]), np.column_stack(velocity))
+    return judge_navigation(check, _flow(flight, good), vehicle.accuracy)
+
+
+def _flow(flight: Flight, good: NDArray[np.bool_]) -> FlowCheck | None:
+    """Angle of attack of the logged velocity less the logged wind beside the probe's; None where one is not logged."""
+    names = ("phi", "theta", "psi", "velocity_north", "velocity_east", "velocity_down", "wind_north", "wind_east", "wind_down")
+    if "alpha" not in flight or not all(name in flight for name in names):
+        return None
+    columns = np.column_stack([flight[name][good] for name in names])
+    return flow_against_velocity(columns[:, :3], columns[:, 3:6], columns[:, 6:], flight["alpha"][good])
+
+
+def _document(
+    verdict: Verdict,
+    result: Reconstruction,
+    plan: Plan,
+    corrected: Corrected,
+    values: Mapping[str, float],
+    drifted: Sequence[Drift],
+    calibration: Calibration | None,
+) -> dict[str, Any]:
+    shown = [entry for entry in result.estimates if entry.parameter.kind != "initial"]
+    return {
+        **as_document(verdict),
+        "checked": True,
+        "used": dict(corrected.used),
+        "estimates": [_estimate(entry, values) for entry in shown],
+        "not_estimated": list(plan.left_out),
+        "converged": result.converged,
+        "iterations": result.iterations,
+        "records": len(result.paths),
+        "earth": "flat" if result.paths[0].record.earth is None else "rotating",
+        "calibration": None if calibration is None else calibration.id,
+        "notes": [corrected.flight.notes[-1]],
+        "drift": [entry.because for entry in drifted],
+        "noise": corrected.noise.document(),
+    }
+
+
+def _estimate(entry: Estimate, values: Mapping[str, float]) -> dict[str, Any]:
+    name, number = entry.parameter.name, entry.parameter.scope.partition("#")[2]
+    return {
+        "parameter": name,
+        "stretch": int(number or 0) if entry.parameter.scope else None,
+        "value": entry.value,
+        "standard_error": entry.standard_error,
+        "applied": name in values,
+    }

@@ -1,0 +1,107 @@
+"""A hypothesis: one parameter that the database, a sensor or the vehicle file may have wrong, and the column that it leaves.
+
+The column is the derivative of the residual, measured minus predicted, by the parameter: for an aerodynamic hypothesis
+what the database lacks, for a sensor the tangent of the whole chain from the sensor to the coefficients. How hypotheses
+are tested belongs in `aerodb.tracing`; which there are in `library`.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from aerodb.effects.view import FlightView
+from aerodb.flight import Array
+from aerodb.nomenclature import FORCE_AXES
+from aerodb.tables.expression import Expression
+from aerodb.tables.program import evaluate
+from aerodb.tables.reference import HAT_RATES, WIND_AXES, wind_to_body
+
+Kind = Literal["aerodynamic", "sensor"]
+
+#: Body axis -> derivative (n,) of measured - predicted by the parameter.
+Columns = Mapping[str, Array]
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """One parameter and what it does.
+
+    effect : name of the contract. axes : body axes on which its one parameter acts. subject : surface, table or channel that
+    it is about, or empty. parameter : "CX_q", "alpha_bias". unit, plausible : SI; the believable range. prior_sigma : sensors and
+    vehicle data: one sigma of what is known beforehand; aerodynamic: None. because : one plain clause for people.
+    increment : aerodynamic: (axis, regressor over channels), wind axes allowed; `adding` puts just these into a database.
+    tangent : sensors, and shapes that no expression gives: the columns of a flight. formula : its text, part of the library's
+    hash. needs : channels without which a flight says nothing about it. version : raised when formula or tangent change.
+    known_by : what knows the believable range from these very flights, or empty: beyond it such a sensor is never blamed.
+    """
+
+    effect: str
+    axes: tuple[str, ...]
+    subject: str
+    parameter: str
+    kind: Kind
+    unit: str
+    plausible: tuple[float, float]
+    prior_sigma: float | None
+    because: str
+    increment: tuple[tuple[str, Expression], ...] = ()
+    tangent: Callable[[FlightView], Columns] | None = field(default=None, compare=False, repr=False)
+    formula: str = ""
+    needs: tuple[str, ...] = ()
+    source: str = ""
+    version: int = 1
+    known_by: str = ""
+
+    @property
+    def id(self) -> str:
+        """``effect@axis`` or ``effect@axis:subject``; unique in a library. Sensors act on all axes: ``qbar_scale@all``."""
+        axes = [axis for axis, _ in self.increment] or self.axes
+        where = "all" if self.kind == "sensor" else "+".join(axes)
+        return f"{self.effect}@{where}" + (f":{self.subject}" if self.subject else "")
+
+    @property
+    def drivers(self) -> tuple[str, ...]:
+        """Channels that must move for it to be seen."""
+        names = frozenset[str]().union(*(regressor.names for _, regressor in self.increment))
+        return tuple(sorted(names)) or self.needs
+
+    def columns(self, view: FlightView) -> Columns:
+        """Body axis -> (n,), finite; only axes that the flight gives. Empty where the flight lacks a channel that it needs."""
+        if not view.has(self.needs):
+            return {}
+        found = self.tangent(view) if self.tangent is not None else _evaluated(self.increment, view)
+        return {axis: _finite(found[axis]) for axis in self.axes if axis in view.usable}
+
+
+def _finite(values: Array) -> Array:
+    """The values (n,), zero where they are not finite."""
+    return values if np.isfinite(values).all() else np.nan_to_num(values, nan=0.0, posinf=0.0, neginf=0.0)
+
+
+def _evaluated(increment: tuple[tuple[str, Expression], ...], view: FlightView) -> dict[str, Array]:
+    """Regressors on the body axes."""
+    n = len(view.time)
+    total: dict[str, Array] = {}
+    for axis, regressor in increment:
+        values = np.broadcast_to(evaluate(regressor, {name: view[name] for name in regressor.names}), (n,))
+        parts = {axis: values}
+        if axis in WIND_AXES:
+            drag, side, lift = (values if axis == wind else 0.0 for wind in WIND_AXES)
+            rotated = wind_to_body(drag, side, lift, view["alpha"], view["beta"])
+            parts = dict(zip(FORCE_AXES, rotated, strict=True))
+        for body, part in parts.items():
+            total[body] = total[body] + part if body in total else np.array(part)
+    return total
+
+
+def needed_channels(regressor: Expression) -> tuple[str, ...]:
+    """Channels of a flight that a regressor rests on: for a hat rate the rate and V that it is made of.
+
+    >>> from aerodb.tables.expression import parse
+    >>> needed_channels(parse("alpha*q_hat"))
+    ('V', 'alpha', 'q')
+    """
+    names = {part for name in regressor.names for part in ((HAT_RATES[name][0], "V") if name in HAT_RATES else (name,))}
+    return tuple(sorted(names))

@@ -1,0 +1,44 @@
+"""A landing gear that changes what sideslip does.
+
+``C += k delta_gear beta`` on CY and Cn, ``C += k delta_gear |beta|`` on CZ: the terms of 003, eq. 6. Size: a gear ahead
+of the CG takes some hundredths per rad off Cn_beta. Needs sideslip with the gear down and up.
+
+>>> from aerodb.effects.template import value
+>>> value(regressor("delta", "Cn"), beta=-0.1, delta=1.0), value(regressor("delta", "CZ"), beta=-0.1, delta=0.5)
+(-0.1, 0.05)
+"""
+
+from aerodb.effects.hypothesis import Hypothesis
+from aerodb.effects.template import Scene, Template, additive
+
+SIZES = {"CZ": 0.4, "CY": 0.4, "Cn": 0.1}
+SOURCE = "003, eq. 6"
+
+
+def regressor(delta: str, axis: str) -> str:
+    """Gear position times sideslip, to either side alike on CZ."""
+    return f"{delta}*abs(beta)" if axis == "CZ" else f"{delta}*beta"
+
+
+def _hypotheses(scene: Scene) -> list[Hypothesis]:
+    gears = [surface for surface in scene.surfaces if surface.role == "landing_gear"]
+    return [
+        additive(
+            scene,
+            "landing_gear_beta",
+            axis,
+            regressor(gear.channel, axis),
+            size=size,
+            unit="1/rad",
+            grows=f"due to sideslip that comes with the {gear.words}",
+            name=f"{gear.channel}*beta",
+            subject=gear.name if len(gears) > 1 else "",
+            source=SOURCE,
+        )
+        for gear in gears
+        for axis, size in SIZES.items()
+    ]
+
+
+FORMULA = "CY, Cn += k*delta_gear*beta; CZ += k*delta_gear*|beta|"
+TEMPLATE = Template("landing_gear_beta", "aerodynamic", FORMULA, SOURCE, _hypotheses)

@@ -1,0 +1,166 @@
+"""The library: every template, and the hypotheses that they give for one database and one vehicle.
+
+It is fixed and hashed before a residual is looked at; a finding holds for the library under whose hash it was made.
+"""
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, replace
+from typing import Any, Final
+
+from aerodb.effects import (
+    alpha_dot,
+    alpha_slope,
+    alpha_slope_break,
+    beta_even,
+    beta_slope,
+    body_flap,
+    control_alpha_coupling,
+    control_effectiveness,
+    control_nonlinearity,
+    cross_rate,
+    dynamic_pressure_effect,
+    flap,
+    ground_effect,
+    landing_gear,
+    landing_gear_beta,
+    mach_effect,
+    mass_properties,
+    pitch_damping,
+    pitch_rate_force,
+    roll_damping,
+    sensor_accelerometer,
+    sensor_flow_angles,
+    sensor_gyro,
+    sensor_qbar,
+    sideslip_coupling,
+    speed_brake,
+    stall_hysteresis,
+    surface_asymmetry,
+    surface_calibration,
+    table_sign,
+    thrust_effect,
+    yaw_damping,
+    zero_offset,
+)
+from aerodb.effects.hypothesis import Hypothesis
+from aerodb.effects.template import LibrarySettings, Scene, Template
+from aerodb.errors import InputError, UnknownNameError, nearest
+from aerodb.identity import key_of
+from aerodb.tables.database import AeroDatabase
+from aerodb.vehicle import Vehicle
+
+#: What a database can lack.
+AERODYNAMIC: Final[tuple[Template, ...]] = (
+    zero_offset.TEMPLATE,
+    alpha_slope.TEMPLATE,
+    alpha_slope_break.TEMPLATE,
+    beta_slope.TEMPLATE,
+    beta_even.TEMPLATE,
+    table_sign.TEMPLATE,
+    sideslip_coupling.TEMPLATE,
+    pitch_rate_force.TEMPLATE,
+    pitch_damping.TEMPLATE,
+    alpha_dot.TEMPLATE,
+    roll_damping.TEMPLATE,
+    yaw_damping.TEMPLATE,
+    cross_rate.TEMPLATE,
+    control_effectiveness.TEMPLATE,
+    control_nonlinearity.TEMPLATE,
+    control_alpha_coupling.TEMPLATE,
+    surface_asymmetry.TEMPLATE,
+    speed_brake.TEMPLATE,
+    body_flap.TEMPLATE,
+    flap.TEMPLATE,
+    landing_gear.TEMPLATE,
+    landing_gear_beta.TEMPLATE,
+    ground_effect.TEMPLATE,
+    stall_hysteresis.TEMPLATE,
+    thrust_effect.TEMPLATE,
+    mach_effect.TEMPLATE,
+    dynamic_pressure_effect.TEMPLATE,
+)
+
+#: Their rivals: what a sensor or the vehicle file can have wrong.
+SENSORS: Final[tuple[Template, ...]] = (
+    *sensor_qbar.TEMPLATES,
+    *sensor_flow_angles.TEMPLATES,
+    sensor_accelerometer.TEMPLATE,
+    *sensor_gyro.TEMPLATES,
+    *mass_properties.TEMPLATES,
+    *surface_calibration.TEMPLATES,
+)
+
+TEMPLATES: Final[tuple[Template, ...]] = (*AERODYNAMIC, *SENSORS)
+
+
+def hypotheses_for(
+    database: AeroDatabase,
+    vehicle: Vehicle,
+    channels: Iterable[str],
+    *,
+    priors: Mapping[str, float] | None = None,
+    settings: LibrarySettings | None = None,
+    user: Sequence[Template] = (),
+    instead: Sequence[Template] = (),
+) -> tuple[Hypothesis, ...]:
+    """Every hypothesis that makes sense for this database, this vehicle and flights with these channels, in the library's order.
+
+    channels : names; never their values, so that one more flight leaves the library as it is. priors : sensor parameter -> one
+    sigma (SI) from reconstruction or calibration. user : templates of the user, from `parse_effects` and `registered_templates`.
+    instead : templates that take the place of the library's of the same effect (a stall with fitted shapes).
+
+    Raises UnknownNameError for an effect in `settings` that no template has and for a prior that no sensor hypothesis asks for;
+    InputError where two hypotheses have one id or a prior is not positive.
+    """
+    settings = settings or LibrarySettings()
+    replaced = {(template.effect, template.kind) for template in instead}
+    kept = tuple(template for template in TEMPLATES if (template.effect, template.kind) not in replaced)
+    templates = (*kept, *instead, *user)
+    known = {template.effect for template in templates}
+    for effect in settings.effects:
+        if effect not in known:
+            raise UnknownNameError(f"no effect '{effect}'", "library settings", nearest(effect, known))
+    scene = Scene(database, vehicle, frozenset(channels), dict(priors or {}), settings)
+    possible = [replace(item, version=template.version) for template in templates for item in template.hypotheses(scene)]
+    _check_priors(scene.priors, possible)
+    found: dict[str, Hypothesis] = {}
+    for hypothesis in possible:
+        if hypothesis.id in found:
+            raise InputError(f"hypothesis '{hypothesis.id}' stands twice", "effect library", "give one a subject of its own")
+        found[hypothesis.id] = hypothesis
+    wanted = settings.effects or known
+    return tuple(item for item in found.values() if item.effect in wanted and scene.knows(item.needs))
+
+
+def _check_priors(priors: Mapping[str, float], possible: Iterable[Hypothesis]) -> None:
+    """A prior that no hypothesis asks for would be lost without a word; one that is no size would stop everything later."""
+    sensors = {hypothesis.parameter for hypothesis in possible if hypothesis.kind == "sensor"}
+    for name, sigma in priors.items():
+        if name not in sensors:
+            raise UnknownNameError(
+                f"a prior for '{name}', which is no sensor parameter", "effect library", nearest(name, sensors)
+            )
+        if not (math.isfinite(sigma) and sigma > 0):
+            raise InputError(f"the prior of '{name}' is {sigma:g}", "effect library", "give one sigma, positive, in SI units")
+
+
+def library_sha256(hypotheses: Iterable[Hypothesis], settings: LibrarySettings | None = None) -> str:
+    """Hash of all that decides what can be found: ids, formulas and their versions, plausible ranges, priors, settings."""
+    entries = sorted((_described(hypothesis) for hypothesis in hypotheses), key=lambda entry: str(entry["id"]))
+    return key_of({"hypotheses": entries, "settings": asdict(settings or LibrarySettings())})
+
+
+def _described(hypothesis: Hypothesis) -> dict[str, Any]:
+    return {
+        "id": hypothesis.id,
+        "axes": list(hypothesis.axes),
+        "parameter": hypothesis.parameter,
+        "kind": hypothesis.kind,
+        "unit": hypothesis.unit,
+        "formula": hypothesis.formula,
+        "needs": list(hypothesis.needs),
+        "plausible": list(hypothesis.plausible),
+        "prior_sigma": hypothesis.prior_sigma,
+        "version": hypothesis.version,
+    }

@@ -1,0 +1,36 @@
+"""Angle of attack from zero lift: what ground, Mach number and dynamic pressure act on is the lift, not alpha itself."""
+
+from functools import lru_cache
+
+import numpy as np
+
+from aerodb.tables.database import AeroDatabase
+from aerodb.tables.nodes import neutral_point, spread
+from aerodb.tables.reference import body_to_wind
+
+
+@lru_cache(maxsize=64)
+def zero_lift_alpha(database: AeroDatabase) -> float:
+    """Alpha [rad] in +-20 deg, nearest to zero, at which the database's clean lift vanishes, to 1e-4; 0 where it never does."""
+    if "alpha" not in database.inputs:
+        return 0.0
+    alpha = np.linspace(-0.35, 0.35, 141)
+    at = neutral_point(database)
+    if "height_above_ground" in at:
+        at["height_above_ground"] = 1e4
+    curves = database.predict(spread(at, {"alpha": alpha})).coefficients
+    _, _, lift = body_to_wind(curves["CX"], curves["CY"], curves["CZ"], alpha, 0.0)
+    crossings = np.flatnonzero(lift[:-1] * lift[1:] <= 0.0)
+    roots = [alpha[k] - lift[k] * (alpha[k + 1] - alpha[k]) / ((lift[k + 1] - lift[k]) or 1.0) for k in crossings]
+    return round(float(min(roots, key=abs, default=0.0)), 4) + 0.0
+
+
+def from_zero_lift(database: AeroDatabase) -> str:
+    """``(alpha - alpha_0)`` as an expression.
+
+    >>> from aerodb.tables.reference import Reference
+    >>> from_zero_lift(AeroDatabase("empty", Reference(1.0, 1.0, 1.0, (0.0, 0.0, 0.0))))
+    'alpha'
+    """
+    at = zero_lift_alpha(database)
+    return "alpha" if at == 0.0 else f"(alpha - {at!r})" if at > 0 else f"(alpha + {-at!r})"

@@ -1,0 +1,53 @@
+"""What the templates about deflections share: one hypothesis per axis on which a surface of that kind acts."""
+
+from collections.abc import Callable, Mapping
+
+from aerodb.effects.hypothesis import Hypothesis
+from aerodb.effects.surfaces import Role, Surface
+from aerodb.effects.template import Scene, Template, additive
+
+#: Kind of surface -> body axis -> largest believable correction.
+Sizes = Mapping[Role, Mapping[str, float]]
+
+
+def per_surface(
+    effect: str,
+    regressor: Callable[[str], str],
+    sizes: Sizes,
+    *,
+    unit: str,
+    grows: str,
+    name: str,
+    source: str,
+    named: bool = True,
+) -> Template:
+    """The template ``C_axis += k * regressor(delta)`` for every surface of the kinds in `sizes`.
+
+    grows and name hold ``{surface}``, which becomes the surface's words and channel. named : whether the surface stands in the
+    hypothesis' id also where it is the only one of its kind.
+    """
+
+    def hypotheses(scene: Scene) -> list[Hypothesis]:
+        found = []
+        for surface in scene.surfaces:
+            for axis, size in sizes.get(surface.role, {}).items():
+                found.append(_one(scene, surface, axis, size))
+        return found
+
+    def _one(scene: Scene, surface: Surface, axis: str, size: float) -> Hypothesis:
+        alone = sum(other.role == surface.role for other in scene.surfaces) == 1
+        return additive(
+            scene,
+            effect,
+            axis,
+            regressor(surface.channel),
+            size=size,
+            unit=unit,
+            grows=grows.format(surface=surface.words),
+            name=name.format(surface=surface.channel),
+            subject=surface.name if named or not alone else "",
+            source=source,
+        )
+
+    axes = sorted({axis for by_axis in sizes.values() for axis in by_axis})
+    return Template(effect, "aerodynamic", f"{', '.join(axes)} += k*({regressor('delta')})", source, hypotheses)

@@ -1,0 +1,34 @@
+"""Sideslip that acts on the longitudinal axes, or sideslip derivatives that change with angle of attack.
+
+``C += k |beta|`` on CX, CZ, Cm (eq. 6 of 003 has these terms) and ``C += k alpha beta`` on CY, Cl, Cn (DHC6.xml: Cn_beta
+grows with alpha by 4 to 6 per rad2, which the Twin Otter's flights do not show). Size: up to a few per rad2. Needs
+sideslip at several angles of attack.
+
+>>> from aerodb.effects.template import value
+>>> value(LONGITUDINAL, beta=-0.1), value(LATERAL, alpha=0.1, beta=-0.1)
+(0.1, -0.01)
+"""
+
+from aerodb.effects.hypothesis import Hypothesis
+from aerodb.effects.template import Scene, Template, additive
+
+LONGITUDINAL, LATERAL = "abs(beta)", "alpha*beta"
+SIZES = {"CX": 0.3, "CZ": 0.6, "Cm": 0.3, "CY": 5.0, "Cl": 5.0, "Cn": 6.0}
+SOURCE = "003, eq. 6; DHC6.xml against the Twin Otter records"
+EFFECT = "sideslip_coupling"
+
+
+def _hypotheses(scene: Scene) -> list[Hypothesis]:
+    grows = {
+        "abs_beta": "that grows with sideslip to either side",
+        "alpha_beta": "due to sideslip that changes with angle of attack",
+    }
+    found = []
+    for axis, size in SIZES.items():
+        name, regressor = ("abs_beta", LONGITUDINAL) if axis in ("CX", "CZ", "Cm") else ("alpha_beta", LATERAL)
+        unit = "1/rad" if name == "abs_beta" else "1/rad^2"
+        found.append(additive(scene, EFFECT, axis, regressor, size=size, unit=unit, grows=grows[name], name=name, source=SOURCE))
+    return found
+
+
+TEMPLATE = Template(EFFECT, "aerodynamic", "CX, CZ, Cm += k*|beta|; CY, Cl, Cn += k*alpha*beta", SOURCE, _hypotheses)

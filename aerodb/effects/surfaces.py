@@ -1,0 +1,71 @@
+"""Which deflections a vehicle has and what each is for: it decides on which axes an error of its effect is looked for."""
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Final, Literal
+
+from aerodb.nomenclature import is_surface
+from aerodb.vehicle import Vehicle
+
+Role = Literal["pitch", "roll", "yaw", "speed_brake", "body_flap", "flap", "landing_gear", "other"]
+
+#: The first pattern that a surface's name contains says what it is for.
+_ROLES: Final[tuple[tuple[str, Role], ...]] = (
+    (r"gear", "landing_gear"),
+    (r"body_?flap", "body_flap"),
+    (r"brake|spoiler", "speed_brake"),
+    (r"aileron|flaperon", "roll"),
+    (r"flap|slat", "flap"),
+    (r"rudder(?!vator)|fin", "yaw"),
+    (r"elevator|elevon|stabil|canard|tail|ruddervator", "pitch"),
+)
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A deflection ``delta_<name>``, what it is for, and the right and left surface that it is made of, if it is."""
+
+    name: str
+    role: Role
+    right: str = ""
+    left: str = ""
+
+    @property
+    def channel(self) -> str:
+        return f"delta_{self.name}"
+
+    @property
+    def words(self) -> str:
+        """Its name in a sentence."""
+        return self.name.replace("_", " ")
+
+
+def role_of(name: str) -> Role:
+    """What a surface of this name is for.
+
+    >>> role_of("elevon_left"), role_of("speedbrake"), role_of("flap"), role_of("strake")
+    ('pitch', 'speed_brake', 'flap', 'other')
+    """
+    return next((role for pattern, role in _ROLES if re.search(pattern, name)), "other")
+
+
+def surfaces_of(vehicle: Vehicle, channels: Iterable[str]) -> tuple[Surface, ...]:
+    """Deflections among `channels`, by name: combinations instead of the surfaces that they are made of, and none that the
+    vehicle's [configuration] holds fixed.
+
+    A symmetric combination is for pitch unless its name says otherwise, an asymmetric one for roll.
+    """
+    names = {name.removeprefix("delta_") for name in channels if is_surface(name) and name not in vehicle.configuration}
+    found, members = [], set[str]()
+    for name, combination in vehicle.combinations.items():
+        if name not in names:
+            continue
+        members |= {combination.right, combination.left}
+        by_name = role_of(name)
+        usual: Role = "roll" if combination.kind == "asymmetric" else "pitch" if by_name in ("roll", "other") else by_name
+        role = by_name if combination.kind == "asymmetric" and by_name == "yaw" else usual
+        found.append(Surface(name, role, combination.right, combination.left))
+    single = names - members - {surface.name for surface in found}
+    found += [Surface(name, role_of(name)) for name in single]
+    return tuple(sorted(found, key=lambda surface: surface.name))

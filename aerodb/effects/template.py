@@ -1,0 +1,181 @@
+"""Templates: how an effect becomes hypotheses for one database and one vehicle, before any flight has been looked at."""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Final
+
+from aerodb.effects.hypothesis import Hypothesis, Kind, needed_channels
+from aerodb.effects.surfaces import Surface, surfaces_of
+from aerodb.tables.database import AeroDatabase
+from aerodb.tables.expression import Expression, parse
+from aerodb.tables.program import evaluate
+from aerodb.tables.reference import WIND_AXES
+from aerodb.vehicle import Vehicle
+
+#: What an axis is called in a sentence.
+AXIS_WORDS: Final[Mapping[str, str]] = {
+    "CX": "force along x",
+    "CY": "side force",
+    "CZ": "force along z",
+    "Cl": "rolling moment",
+    "Cm": "pitching moment",
+    "Cn": "yawing moment",
+    "C_drag": "drag",
+    "C_side": "side force",
+    "C_lift": "lift",
+}
+
+#: Body axis -> the wind axis that takes its place in a database whose forces are written along the wind axes.
+_ON_WIND: Final = {"CX": "C_drag", "CY": "C_side", "CZ": "C_lift"}
+#: Body axes on which one parameter along a wind axis is felt.
+FELT_ON: Final = {"C_drag": ("CX", "CY", "CZ"), "C_side": ("CX", "CY", "CZ"), "C_lift": ("CX", "CZ")}
+
+#: Channels that a view makes of others.
+_MADE_OF: Final = {"alphadot": "alpha", "betadot": "beta"}
+
+
+@dataclass(frozen=True)
+class LibrarySettings:
+    """What may be chosen about a library, fixed and hashed before residuals are looked at.
+
+    effects : names to expand; empty: all. alpha_breaks : rad, where slopes may change beside the database's own kinks (0.175
+    is 10 deg, the break of 003, eq. 7).
+    """
+
+    effects: tuple[str, ...] = ()
+    alpha_breaks: tuple[float, ...] = (0.175,)
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """What templates may know: database, vehicle, names of the channels that flights have, priors, settings.
+
+    priors : sensor parameter -> one sigma, from flight-path reconstruction or a calibration; it overrides the vehicle file.
+    """
+
+    database: AeroDatabase
+    vehicle: Vehicle
+    channels: frozenset[str]
+    priors: Mapping[str, float] = field(default_factory=dict)
+    settings: LibrarySettings = LibrarySettings()
+
+    @cached_property
+    def surfaces(self) -> tuple[Surface, ...]:
+        """Deflections that flights have and that may move."""
+        return surfaces_of(self.vehicle, self.channels)
+
+    @cached_property
+    def on_wind_axes(self) -> bool:
+        """Whether the database's own terms give forces along the wind axes: hypotheses then stand there too."""
+        return any(term.axis in WIND_AXES for term in self.database.terms)
+
+    def axis(self, body: str) -> str:
+        """The axis on which the database writes what acts along a body axis."""
+        return _ON_WIND.get(body, body) if self.on_wind_axes else body
+
+    def knows(self, needs: Iterable[str]) -> bool:
+        """Whether flights have all of these channels, or what a view makes them of."""
+        return all(_MADE_OF.get(name, name) in self.channels or name in self.channels for name in needs)
+
+    def sigma(self, parameter: str, declared: float, natural: float) -> float:
+        """One sigma of a sensor parameter: a prior that was handed in, else what the vehicle file declares, else natural."""
+        return self.priors.get(parameter) or declared or natural
+
+
+@dataclass(frozen=True)
+class Template:
+    """An effect: `hypotheses` expands it for a scene. formula, source : for people; version : raised when it changes."""
+
+    effect: str
+    kind: Kind
+    formula: str
+    source: str
+    hypotheses: Callable[[Scene], Iterable[Hypothesis]]
+    version: int = 1
+
+
+def additive(
+    scene: Scene,
+    effect: str,
+    axis: str,
+    regressor: str,
+    *,
+    size: float,
+    unit: str,
+    grows: str,
+    name: str,
+    subject: str = "",
+    source: str = "",
+) -> Hypothesis:
+    """An aerodynamic hypothesis ``C_axis += parameter * regressor``, on the axis on which the database writes it.
+
+    axis : body axis. size : the largest believable correction, of either sign. name : what follows the axis in the parameter's
+    name. grows : how the clause for reports goes on after the axis.
+    """
+    own = scene.axis(axis)
+    return on_axis(
+        effect,
+        own,
+        parse(regressor),
+        unit=unit,
+        plausible=(-size, size),
+        because=f"{AXIS_WORDS[own]} {grows}",
+        parameter=f"{own}_{name}",
+        subject=subject,
+        source=source,
+    )
+
+
+def on_axis(
+    effect: str,
+    axis: str,
+    regressor: Expression,
+    *,
+    unit: str,
+    plausible: tuple[float, float],
+    because: str,
+    parameter: str,
+    subject: str = "",
+    source: str = "",
+) -> Hypothesis:
+    """An aerodynamic hypothesis on just this axis, along the body or the wind."""
+    on_wind = axis in WIND_AXES
+    return Hypothesis(
+        effect=effect,
+        axes=FELT_ON.get(axis, (axis,)),
+        subject=subject,
+        parameter=parameter,
+        kind="aerodynamic",
+        unit=unit,
+        plausible=plausible,
+        prior_sigma=None,
+        because=because,
+        increment=((axis, regressor),),
+        formula=f"{axis} += k*({regressor})",
+        needs=tuple(sorted({*needed_channels(regressor), *(("alpha",) if on_wind else ())})),
+        source=source,
+    )
+
+
+def per_axis(
+    effect: str, regressor: str, sizes: Mapping[str, float], *, unit: str, grows: str, name: str, source: str
+) -> Template:
+    """The template ``C_axis += k * regressor`` on each axis of `sizes` (body axis -> largest believable k)."""
+
+    def hypotheses(scene: Scene) -> list[Hypothesis]:
+        return [
+            additive(scene, effect, axis, regressor, size=size, unit=unit, grows=grows, name=name, source=source)
+            for axis, size in sizes.items()
+        ]
+
+    return Template(effect, "aerodynamic", f"{', '.join(sizes)} += k*({regressor})", source, hypotheses)
+
+
+def value(regressor: str, **channels: float) -> float:
+    """A regressor at one point: what the doctests of the templates show.
+
+    >>> value("max(alpha - 0.175, 0)", alpha=0.2)
+    0.025
+    """
+    return round(float(evaluate(parse(regressor), channels)), 6)

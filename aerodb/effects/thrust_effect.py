@@ -1,0 +1,42 @@
+"""Power effects: the jet or slipstream changes lift, moment, and in a single-engined propeller aircraft yaw and roll.
+
+``C += k CT``, ``CT = thrust/(qbar S)``, on CZ, Cm, Cn and Cl. CX is left out: there it is the thrust itself
+(`thrust_scale`). Size: a thrust line one chord off the CG would be k = 1 in Cm. Needs throttle changes at like speed.
+
+>>> from aerodb.effects.template import value
+>>> value(regressor(40.0), thrust=8000.0, qbar=2000.0)
+0.1
+"""
+
+from aerodb.effects.hypothesis import Hypothesis
+from aerodb.effects.template import Scene, Template, additive
+
+SIZES = {"CZ": 2.0, "Cl": 0.2, "Cm": 1.0, "Cn": 0.2}
+SOURCE = "000; DHC6.xml, term CmT"
+
+
+def regressor(area: float) -> str:
+    """Thrust coefficient; `area` in m2."""
+    return f"thrust/(qbar*{area!r})"
+
+
+def _hypotheses(scene: Scene) -> list[Hypothesis]:
+    if scene.vehicle.thrust.source != "channel":
+        return []
+    return [
+        additive(
+            scene,
+            "thrust_effect",
+            axis,
+            regressor(scene.database.reference.area),
+            size=size,
+            unit="1",
+            grows="that grows with thrust",
+            name="thrust",
+            source=SOURCE,
+        )
+        for axis, size in SIZES.items()
+    ]
+
+
+TEMPLATE = Template("thrust_effect", "aerodynamic", "CZ, Cl, Cm, Cn += k*thrust/(qbar*S)", SOURCE, _hypotheses)

@@ -1,0 +1,109 @@
+"""What the product's own forms of a database may say: keys and types of the TOML file and of the stored document."""
+
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import Field, model_validator
+
+from aerodb.quantities import Number as Coefficient
+from aerodb.quantities import Point
+from aerodb.strict import Strict
+from aerodb.vehicle import Reference as Lengths
+
+
+class ReferenceFile(Lengths):
+    moment_reference: Point
+
+
+class UncertaintyFile(Strict):
+    effect: str
+    distribution: str
+    bounds: tuple[float | str | tuple[float, ...], ...]
+    sigmas: float = 1.0
+    correlates_with: tuple[str, ...] = ()
+    correlations: tuple[tuple[str, float], ...] = ()
+
+
+class VariableFile(Strict):
+    expression: str
+    unit: str = "1"
+    description: str = ""
+    declared: dict[str, str] = Field(default_factory=dict)
+    uncertainty: UncertaintyFile | None = None
+
+
+class TableFile(Strict):
+    """`units`: of the breakpoints, one per argument, empty where they are SI and rad already."""
+
+    arguments: tuple[str, ...]
+    breakpoints: tuple[tuple[float, ...], ...]
+    values: Any
+    units: tuple[str, ...] = ()
+    extent: tuple[tuple[float, float] | None, ...] = ()
+    interpolation: tuple[str, ...] = ()
+    extrapolation: tuple[str, ...] = ()
+    uncertainty: UncertaintyFile | None = None
+
+
+class ScatteredFile(Strict):
+    arguments: tuple[str, ...]
+    points: tuple[tuple[float, ...], ...]
+    values: tuple[float, ...]
+    uncertainty: UncertaintyFile | None = None
+
+
+class TermFile(Strict):
+    name: str
+    axis: str
+    expression: str
+    description: str = ""
+
+
+class StateFile(Strict):
+    """A state model: which law makes the channel `name`, with its parameters (`aerodb.tables.state_model`)."""
+
+    name: str
+    law: Literal["kirchhoff", "goman_khrabrov", "relay"]
+    parameters: dict[str, float | tuple[float, ...]]
+    description: str = ""
+
+
+class DatabaseFile(Strict):
+    name: str = Field(min_length=1)
+    description: str = ""
+    source: str = ""
+    reference: ReferenceFile
+    free_inputs: dict[str, str] = Field(default_factory=dict)
+    variables: dict[str, VariableFile] = Field(default_factory=dict)
+    states: tuple[StateFile, ...] = ()
+    tables: dict[str, TableFile] = Field(default_factory=dict)
+    scattered: dict[str, ScatteredFile] = Field(default_factory=dict)
+    terms: tuple[TermFile, ...] = ()
+    derivatives: dict[str, dict[str, Coefficient]] = Field(default_factory=dict)
+
+
+class IntervalFile(Strict):
+    low: float
+    high: float
+    cell: Annotated[float, Field(ge=0)]
+
+
+class IncrementFile(Strict):
+    axis: str
+    regressors: tuple[str, ...]
+    estimates: tuple[float, ...]
+    covariance: tuple[tuple[float, ...], ...]
+    envelope: dict[str, IntervalFile] = Field(default_factory=dict)
+    flights: tuple[str, ...] = ()
+    note: str = ""
+    folded: tuple[str, ...] = ()
+
+    @model_validator(mode="after")
+    def _square(self) -> Self:
+        if any(len(row) != len(self.estimates) for row in self.covariance):
+            raise ValueError("covariance must have as many columns as there are estimates")
+        return self
+
+
+class Document(DatabaseFile):
+    format: int
+    increments: tuple[IncrementFile, ...] = ()

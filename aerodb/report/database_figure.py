@@ -1,0 +1,49 @@
+"""The picture of one database: each coefficient against angle of attack or sideslip, all else neutral."""
+
+from typing import Any, Final
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from aerodb.nomenclature import AXES, axis_description
+from aerodb.report.style import DATABASE, channel_scale, plain_panel
+from aerodb.tables.arguments import breakpoints_over
+from aerodb.tables.database import AeroDatabase
+from aerodb.tables.functions import Array
+from aerodb.tables.nodes import neutral_point, spread
+
+#: Over what a coefficient is drawn, and how far [rad] where no table says.
+_OVER: Final = {axis: "alpha" if axis in ("CX", "CZ", "Cm") else "beta" for axis in AXES}
+_USUAL: Final = {"alpha": (np.deg2rad(-5.0), np.deg2rad(15.0)), "beta": (np.deg2rad(-10.0), np.deg2rad(10.0))}
+_POINTS: Final = 161
+
+
+def database_figure(database: AeroDatabase) -> Figure:
+    """A panel per body axis; marks are the breakpoints of the tables that depend on the variable."""
+    figure = Figure(figsize=(11, 5.6), layout="constrained")
+    panels = figure.subplots(2, 3).ravel()
+    order = ("CX", "CZ", "Cm", "CY", "Cl", "Cn")
+    for panel, axis in zip(panels, order, strict=True):
+        _curve(panel, axis, _OVER[axis], database)
+    return figure
+
+
+def _curve(panel: Any, axis: str, variable: str, database: AeroDatabase) -> None:
+    factor, label = channel_scale(variable)
+    marks, at = _points(variable, database)
+    point = neutral_point(database, database.increments)
+    for where, look in ((at, {"lw": 1.4}), (marks, {"ls": "", "marker": "o", "ms": 3.5})):
+        values = database.predict(spread(point, {variable: where})).coefficients[axis]
+        panel.plot(factor * where, values, color=DATABASE, **look)
+    plain_panel(panel)
+    panel.set_title(axis_description(axis).partition(",")[0], fontsize=8, loc="left", color="0.35")
+    panel.set_xlabel(label)
+    panel.set_ylabel(f"{axis} [-]")
+
+
+def _points(variable: str, database: AeroDatabase) -> tuple[Array, Array]:
+    """Breakpoints over the variable, and the points of a curve through all of them."""
+    known = breakpoints_over(variable, database)
+    marks = np.unique(np.concatenate(known)) if known else np.empty(0)
+    low, high = (float(marks[0]), float(marks[-1])) if len(marks) > 1 else _USUAL[variable]
+    return marks, np.unique(np.concatenate([marks, np.linspace(low, high, _POINTS)]))

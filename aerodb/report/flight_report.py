@@ -1,0 +1,204 @@
+"""The report of one flight: verdict first, then what it rests on."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from datetime import datetime
+from typing import Any, Final
+
+from aerodb.comparison import Comparison
+from aerodb.conditioning.plausibility import Suspicion
+from aerodb.conditioning.segmentation import Segment
+from aerodb.estimation.statistics import rms
+from aerodb.flight import Flight
+from aerodb.nomenclature import AXES, CHANNELS, axis_description
+from aerodb.report.flight_figures import (
+    channel_figure,
+    coefficient_figure,
+    envelope_figure,
+    ranges,
+    segment_figure,
+    shown_channels,
+)
+from aerodb.report.page import number, render
+from aerodb.report.style import Picture, for_people, picture
+from aerodb.tables.database import AeroDatabase
+
+_SAYS: Final = {
+    "good": "It may identify and validate",
+    "limited": "It may be used, but not for everything",
+    "rejected": "It is stored and never identifies",
+    "unchecked": "Its kinematics have not been checked",
+}
+#: So many segments are listed; the picture shows all.
+_MOST_SEGMENTS: Final = 60
+
+
+@dataclass(frozen=True)
+class FlightStory:
+    """What there is to tell of a flight.
+
+    consistency : the stored document of the consistency step, None before it ran. measured, flight : channels before and after
+    it. comparison : beside `version` with its database, None where `no_comparison` says why there is none.
+    versions : what rests on the flight, (label, role). suspicions, segments : what conditioning found.
+    """
+
+    id: str
+    label: str
+    vehicle: str
+    log: str
+    start_utc: datetime | None
+    verdict: str
+    reasons: Sequence[str]
+    retracted: str
+    consistency: Mapping[str, Any] | None
+    measured: Flight
+    flight: Flight
+    comparison: Comparison | None
+    database: AeroDatabase | None
+    version: str
+    no_comparison: str
+    versions: Sequence[tuple[str, str]]
+    suspicions: Sequence[Suspicion] = ()
+    segments: Sequence[Segment] = ()
+
+
+def flight_report(story: FlightStory) -> str:
+    """The flight as one HTML page."""
+    flight, names = story.flight, shown_channels(story.flight)
+    span = f"{flight.time[-1] - flight.time[0]:.1f} s at {1 / flight.step:.4g} Hz"
+    histories = picture(
+        channel_figure(names, story.measured, flight),
+        f"Time histories of {', '.join(names)}, measured and reconstructed.",
+        "Black: reconstructed; grey: as measured, where it differs; shaded: samples that are not used.",
+    )
+    coefficients = None
+    if story.comparison is not None:
+        coefficients = picture(
+            coefficient_figure(story.comparison, flight),
+            f"Coefficients of the flight and of {story.version} over time, what is left, and both against alpha or beta.",
+            f"Black: flight; orange, dashed or as large dots: {story.version}. Middle: flight − {story.version}. "
+            "Grey band, and black lines in the middle: two standard errors of the sensors, which no database can explain.",
+        )
+    flown = picture(
+        envelope_figure(flight, story.database),
+        "Planes of angle of attack, sideslip, Mach number, airspeed and altitude with the samples flown.",
+        "Samples that count. Dashed: edges of the database's tables, where they are near.",
+    )
+    inputs = story.database.flight_inputs if story.database is not None else ("V", "alpha", "beta", "mach", "altitude")
+    return render(
+        "flight.html",
+        title=f"Flight {story.label}",
+        story=story,
+        says=verdict_sentence(story.verdict, story.reasons, story.consistency),
+        activity=_activity(story),
+        segments=_listed(story.segments),
+        more_segments=max(0, len(story.segments) - _MOST_SEGMENTS),
+        span=span,
+        checks=_checks(story.consistency),
+        corrections=_corrections(story.consistency),
+        histories=histories,
+        coefficients=coefficients,
+        errors=_errors(story.comparison),
+        flown=flown,
+        ranges=ranges(flight, inputs, story.database),
+    )
+
+
+def verdict_sentence(verdict: str, reasons: Sequence[str], consistency: Mapping[str, Any] | None) -> str:
+    """The verdict in one sentence: what the flight may be used for, why not for more, and how well it agrees with itself."""
+    why = "; ".join(dict.fromkeys(reason.partition(":")[0] for reason in reasons))
+    said = f"{_SAYS.get(verdict, 'Its verdict is ' + verdict)}{f': {why}' if why else ''}."
+    channels = (consistency or {}).get("channels", ())
+    checked = [entry for entry in channels if entry["limit"] is not None and math.isfinite(entry["limit"])]
+    if not checked:
+        return said
+    beyond = [entry["channel"] for entry in checked if entry["after"] > entry["limit"]]
+    if beyond:
+        return f"{said} Beyond their limits: {', '.join(beyond)}."
+    closest = max(checked, key=lambda entry: entry["after"] / entry["limit"])
+    factor, unit = _unit(closest["channel"])
+    after, limit = number(factor * closest["after"], 2), number(factor * closest["limit"], 2)
+    count = f"All {len(checked)} channels with a limit agree" if len(checked) > 1 else "The one channel with a limit agrees"
+    return f"{said} {count} with one motion; closest to its limit is {closest['channel']}, {after} of {limit} {unit}."
+
+
+def _activity(story: FlightStory) -> Picture | None:
+    if not story.segments:
+        return None
+    kinds = ", ".join(dict.fromkeys(segment.kind.replace("_", " ") for segment in story.segments))
+    return picture(
+        segment_figure(story.segments, story.flight), f"When the flight does what: {kinds}.", "Black: manoeuvres; grey: states."
+    )
+
+
+def _listed(segments: Sequence[Segment]) -> list[dict[str, Any]]:
+    return [{**asdict(segment), "kind": segment.kind.replace("_", " ")} for segment in segments[:_MOST_SEGMENTS]]
+
+
+def _checks(consistency: Mapping[str, Any] | None) -> list[dict[str, Any]]:
+    """The consistency table in units for people."""
+    rows = []
+    used = consistency.get("used", {}) if consistency else {}
+    for entry in consistency["channels"] if consistency else ():
+        factor, unit = _unit(entry["channel"])
+        limit = None if entry["limit"] is None else factor * entry["limit"]
+        rows.append(
+            {
+                "channel": entry["channel"],
+                "before": factor * entry["before"],
+                "after": factor * entry["after"],
+                "limit": limit,
+                "unit": unit,
+                "verdict": entry["verdict"],
+                "used": used.get(entry["channel"], ""),
+            }
+        )
+    return rows
+
+
+def _corrections(consistency: Mapping[str, Any] | None) -> list[dict[str, Any]]:
+    """Sensor errors that were estimated, in units for people; those applied first; what belongs to one stretch is left out."""
+    rows = []
+    for entry in consistency.get("estimates", ()) if consistency else ():
+        if entry["stretch"] is not None:
+            continue
+        subject, _, kind = entry["parameter"].rpartition("_")
+        factor, unit = {"scale": (1.0, "-"), "delay": (1.0, "s")}.get(kind) or _unit(
+            subject if kind == "bias" else entry["parameter"]
+        )
+        rows.append(
+            {
+                "parameter": entry["parameter"],
+                "value": factor * entry["value"],
+                "error": factor * entry["standard_error"],
+                "unit": unit,
+                "applied": entry["applied"],
+            }
+        )
+    return sorted(rows, key=lambda row: not row["applied"])
+
+
+def _unit(name: str) -> tuple[float, str]:
+    if name in CHANNELS:
+        return for_people(CHANNELS[name].unit)
+    return (1.0, "m") if name.startswith("air_data_") else (1.0, "SI")
+
+
+def _errors(comparison: Comparison | None) -> list[dict[str, Any]]:
+    rows = []
+    for axis in (axis for axis in AXES if comparison is not None and axis in comparison.usable):
+        assert comparison is not None
+        good = comparison.usable[axis]
+        if good.any():
+            rows.append(
+                {
+                    "axis": axis,
+                    "meaning": axis_description(axis),
+                    "measured": rms(comparison.measured[axis][good]),
+                    "residual": rms(comparison.residual(axis)[good]),
+                    "floor": rms(comparison.sigma[axis][good]),
+                    "samples": int(good.sum()),
+                }
+            )
+    return rows

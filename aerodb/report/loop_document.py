@@ -1,0 +1,74 @@
+"""The JSON of a closed loop, as CONTRACT.md states it: what was found, why that, what was added, and what it is worth."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from aerodb.proof import AxisProof, HoldOut
+from aerodb.report.document import axis_document, opening
+from aerodb.tracing.findings import Finding, Traced
+from aerodb.tracing.remainder import Remainder
+
+
+def loop_document(
+    *,
+    vehicle: str,
+    baseline: str,
+    hold_out: HoldOut,
+    excluded: Sequence[tuple[str, str]],
+    looks: Mapping[str, int],
+    library: str,
+    rounds: int,
+    traced: Traced,
+    findings: Sequence[Finding],
+    added: Sequence[Finding],
+    left: Sequence[Remainder],
+    proof: Sequence[AxisProof],
+    remarks: Sequence[str],
+) -> dict[str, Any]:
+    """The document of a closed loop.
+
+    findings : of all rounds. added : those that entered the candidate. traced : the last round, which found nothing more to add.
+    left : the unnamed remainder per axis. ``candidate`` is left None: who stores the version fills it in.
+    """
+    by_axis: dict[str, list[Finding]] = {}
+    for finding in added:
+        for axis in finding.axis:
+            by_axis.setdefault(axis, []).append(finding)
+    standing = {finding.hypothesis for finding in findings}
+    return {
+        **opening(vehicle, baseline, hold_out, excluded, looks),
+        "library": {"sha256": library, "rounds": rounds},
+        "axes": {entry.axis: axis_document(entry) for entry in proof},
+        "added": [finding.hypothesis for finding in added],
+        "increments": [{"axis": axis, "terms": [_term(finding) for finding in members]} for axis, members in by_axis.items()],
+        "findings": [*(finding.document() for finding in findings), *(_unnamed(entry) for entry in left if entry.found)],
+        "not_found": [item.document() for item in traced.not_found if item.hypothesis not in standing],
+        "next_flight": list(traced.next_flight),
+        "remarks": [*remarks, *traced.notes],
+    }
+
+
+def _term(finding: Finding) -> dict[str, Any]:
+    half = 0.5 * (finding.ci95[1] - finding.ci95[0])
+    return {"term": finding.parameter, "value": finding.value, "standard_error": half / 1.96, "ci95": list(finding.ci95)}
+
+
+def _unnamed(entry: Remainder) -> dict[str, Any]:
+    """What is reproducible and fits no template: variables, no parameter, no value."""
+    return {
+        "hypothesis": f"unnamed@{entry.axis}",
+        "effect": "unnamed",
+        "axis": [entry.axis],
+        "subject": "",
+        "verdict": "unnamed",
+        "parameter": "",
+        "unit": "",
+        "value": None,
+        "ci95": None,
+        "p_adjusted": entry.p_adjusted,
+        "votes": [],
+        "explanation_set": [],
+        "because": entry.because,
+        "variables": list(entry.variables),
+        "share": entry.skill,
+    }

@@ -1,0 +1,126 @@
+"""How results look wherever they are shown: colours, units for people, names as text, and a figure as a picture for a page."""
+
+import base64
+import io
+import math
+import re
+import threading
+import unicodedata
+import warnings
+from dataclasses import dataclass
+from typing import Any, Final
+
+import matplotlib
+from matplotlib.figure import Figure
+
+from aerodb.errors import UnknownNameError
+from aerodb.nomenclature import channel
+
+#: Okabe & Ito's colours, which the colour-blind tell apart; they mean the same in every figure, and so do the line styles,
+#: which survive a print without colour.
+FLIGHT: Final = "#000000"
+DATABASE: Final = "#D55E00"
+UPDATED: Final = "#0072B2"
+MEASURED: Final = "#9A9A9A"
+FLAGGED: Final = "#F3E3C3"
+DATABASE_LINE: Final = (0, (4, 1.5))
+
+#: Names longer than this are cut in figures; pages show them in full.
+LONGEST: Final = 28
+
+# Matplotlib's settings and its font measures are global: pictures are written one at a time.
+_writing = threading.Lock()
+_LOOK: Final[Any] = {
+    "svg.fonttype": "none",  # text stays text: any script, searchable, small
+    "svg.hashsalt": "aerodb",
+    "font.family": "sans-serif",
+}
+_PATH = re.compile(r'( d="[^"]*")')
+_DIGITS = re.compile(r"(\.\d)\d+")  # a tenth of a point is finer than any print
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure as SVG, what it shows for those who do not see it (`alt`), and the caption."""
+
+    svg: str
+    alt: str
+    caption: str
+
+    @property
+    def source(self) -> str:
+        """The picture inside a page: nothing is fetched, and its ids meet no other picture's."""
+        return "data:image/svg+xml;base64," + base64.b64encode(self.svg.encode("utf-8", "replace")).decode("ascii")
+
+
+def picture(figure: Figure, alt: str, caption: str = "") -> Picture:
+    """`figure` as a picture; the same figure gives the same bytes."""
+    buffer = io.StringIO()
+    with _writing, matplotlib.rc_context(_LOOK), warnings.catch_warnings():
+        # the viewer's fonts draw what the fonts here do not have
+        warnings.filterwarnings("ignore", message="Glyph .* missing from")
+        figure.savefig(buffer, format="svg", metadata=dict.fromkeys(("Date", "Creator", "Format", "Type")), dpi=150)
+    svg = _PATH.sub(lambda found: _DIGITS.sub(r"\1", found[1]), buffer.getvalue())
+    return Picture(svg[svg.index("<svg") :], alt, caption)
+
+
+def visible(text: str) -> str:
+    """`text` with control, formatting and broken characters as escapes: what a log holds cannot rearrange a page.
+
+    >>> visible("a\\x1b[1m")
+    'a\\\\x1b[1m'
+    """
+    hidden = {c for c in text if unicodedata.category(c) in ("Cc", "Cf", "Cs")}
+    return text.translate({ord(c): c.encode("unicode_escape", "surrogatepass").decode() for c in hidden})
+
+
+def in_figure(text: str, most: int = LONGEST) -> str:
+    """A name for a figure: never read as a formula, never longer than `most` characters.
+
+    >>> in_figure("$x$")
+    '\\\\$x\\\\$'
+    """
+    shown = visible(text)
+    shown = shown if len(shown) <= most else f"{shown[: most - 1]}…"
+    return shown.replace("$", r"\$")
+
+
+def for_people(unit: str) -> tuple[float, str]:
+    """Factor and unit in which people read a quantity: degrees for radians; a dash where it has no dimension.
+
+    >>> [for_people(unit)[1] for unit in ("rad", "rad/s", "1", "m/s^2", "1/rad")]
+    ['deg', 'deg/s', '-', 'm/s²', '1/rad']
+    """
+    shown = unit.replace("^2", "²").replace("^3", "³")
+    if unit == "rad" or unit.startswith("rad/"):
+        return math.degrees(1.0), shown.replace("rad", "deg", 1)
+    return 1.0, shown if unit not in ("", "1") else "-"
+
+
+def channel_scale(name: str) -> tuple[float, str]:
+    """Factor to the unit for people, and the label of an axis of a figure: ``alpha [deg]``. A free input has no unit.
+
+    >>> channel_scale("alpha")[1], channel_scale("mach")[1]
+    ('alpha [deg]', 'mach [-]')
+    """
+    try:
+        factor, unit = for_people(channel(name).unit)
+    except UnknownNameError:
+        return 1.0, in_figure(name)
+    return factor, f"{name} [{unit}]"
+
+
+def parameter_scale(name: str, unit: str) -> tuple[float, str]:
+    """The same for an estimated parameter of unit `unit`."""
+    factor, shown = for_people(unit)
+    return factor, f"{in_figure(name)} [{shown}]"
+
+
+def plain_panel(panel: Any) -> None:
+    """A panel without what no reader needs: no frame on top and right, a light grid, small ticks."""
+    panel.spines[["top", "right"]].set_visible(False)
+    panel.grid(True, color="0.9", lw=0.5)
+    panel.set_axisbelow(True)
+    panel.tick_params(labelsize=8, length=3)
+    panel.xaxis.label.set_size(9)
+    panel.yaxis.label.set_size(9)

@@ -1,0 +1,218 @@
+"""Figures of an update or a closed loop: error per axis, votes of the flights, and what is left over the variables."""
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
+
+from aerodb.comparison import Comparison
+from aerodb.flight import Array
+from aerodb.report.style import (
+    DATABASE,
+    DATABASE_LINE,
+    FLIGHT,
+    UPDATED,
+    channel_scale,
+    in_figure,
+    parameter_scale,
+    plain_panel,
+)
+
+_SPAN: Final = re.compile(r"\d+(?:\.\d+)?")
+
+#: 95 % of a normal distribution lie within this many standard errors.
+_TWO_SIDED: Final = 1.96
+_BINS, _FEWEST_BINS, _FEWEST_IN_BIN = 24, 3, 15
+#: No bin is narrower than this share of what lies between the 1 % and the 99 % quantile: a spike there is chance.
+_NARROWEST: Final = 1 / 30
+_BAND: Final = (0.1, 0.5, 0.9)
+_MOST_AXES, _MOST_VARIABLES, _COLUMNS = 4, 10, 5
+
+#: A variable that moves less than this is a constant in these flights (SI: 0.3 deg, or without dimension).
+_MOVES: Final = 5e-3
+
+
+def error_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
+    """Per axis the error before and after, and the noise floor, which no database can beat.
+
+    rows : axis, before, after, floor (rms, without dimension), and each, the errors before and after of single flights; an error
+    that is None or zero is left out.
+    """
+    figure = Figure(figsize=(8.5, 0.9 + 0.36 * max(1, len(rows))), layout="constrained")
+    panel = figure.subplots()
+    looks: tuple[tuple[str, dict[str, Any]], ...] = (
+        ("floor", {"marker": "|", "color": FLIGHT, "ms": 13, "mew": 1.5, "label": "noise floor"}),
+        ("before", {"marker": "o", "color": DATABASE, "ms": 8, "mfc": "none", "mew": 1.5, "zorder": 3, "label": "database"}),
+        ("after", {"marker": "s", "color": UPDATED, "ms": 5.5, "label": "updated database"}),
+    )
+    single: dict[str, Any] = {"ls": "", "marker": ".", "ms": 6.5, "mew": 0, "zorder": 1.5, "alpha": 0.8}
+    for k, row in enumerate(rows):
+        for before, after in row.get("each", ()):
+            panel.plot([value for value in (before,) if value], [k - 0.3] * bool(before), color=DATABASE, **single)
+            panel.plot([value for value in (after,) if value], [k + 0.3] * bool(after), color=UPDATED, **single)
+        if row["before"] and row["after"]:
+            panel.plot([row["before"], row["after"]], [k, k], color="0.7", lw=2.0, zorder=1)
+    for key, look in looks:
+        shown = [(row[key], k) for k, row in enumerate(rows) if row[key]]
+        if shown:
+            panel.plot(*zip(*shown, strict=True), ls="", **look)
+            panel.set_xscale("log")
+    panel.set_yticks(range(len(rows)), [row["axis"] for row in rows])
+    panel.set_ylim(len(rows) - 0.4, -0.6)
+    plain_panel(panel)
+    panel.xaxis.set_minor_locator(LogLocator(subs=range(2, 10)))
+    panel.xaxis.set_minor_formatter(NullFormatter())
+    panel.tick_params(axis="y", labelsize=9)
+    panel.set_xlabel("rms of flight - model [-]")
+    if rows:
+        panel.legend(fontsize=8, frameon=False, ncols=3, loc="lower right", bbox_to_anchor=(1.0, 0.99))
+    return figure
+
+
+def forest_figure(finding: Mapping[str, Any], labels: Mapping[str, str]) -> Figure:
+    """The votes of one finding: each flight's estimate with its 95 % interval, and what they say together.
+
+    finding : an entry of ``findings`` of the contract. labels : flight id -> what people call it.
+    """
+    votes = finding["votes"]
+    figure = Figure(figsize=(7.5, 1.05 + 0.24 * (len(votes) + 1)), layout="constrained")
+    panel = figure.subplots()
+    factor, label = parameter_scale(finding["parameter"], finding["unit"])
+    for k, vote in enumerate(votes):
+        half = factor * _TWO_SIDED * vote["se"]
+        panel.errorbar(factor * vote["value"], k, xerr=half, fmt="o", color=FLIGHT, ms=4, lw=1.0, capsize=2)
+    low, high = (factor * end for end in finding["ci95"])
+    value, place = factor * finding["value"], len(votes) + 0.15
+    panel.fill([low, value, high, value], [place, place - 0.32, place, place + 0.32], color=UPDATED)
+    panel.axvspan(low, high, color=UPDATED, alpha=0.12, lw=0, zorder=0)
+    panel.axvline(0.0, color="0.4", lw=0.8)
+    names = [voter(vote["flight"], labels) for vote in votes]
+    panel.set_yticks([*range(len(votes)), place], [*names, "together"])
+    panel.set_ylim(len(votes) + 0.8, -0.7)
+    plain_panel(panel)
+    panel.grid(False, axis="y")
+    panel.set_xlabel(label)
+    return figure
+
+
+def voter(name: str, labels: Mapping[str, str]) -> str:
+    """Who voted, for a figure: a flight by what people call it, and of a part of one (``<flight>@0-5.65491``) from when to when.
+
+    >>> voter("abc@0-5.65491", {"abc": "first.mat"})
+    'first.mat 0-5.65 s'
+    """
+    flight, _, part = name.partition("@")
+    whole = in_figure(next((label for id, label in labels.items() if id == flight or id.startswith(flight)), flight[:12]))
+    ends = [float(end) for end in _SPAN.findall(part)]
+    return f"{whole} {ends[0]:.3g}-{ends[1]:.3g} s" if len(ends) == 2 else whole
+
+
+def moving_variables(channels: Mapping[str, Mapping[str, Array]], names: Sequence[str]) -> list[str]:
+    """Those of `names` that move in these flights (id -> channels), at most `_MOST_VARIABLES`."""
+    moving = []
+    for name in names:
+        values = [held[name][np.isfinite(held[name])] for held in channels.values() if name in held]
+        pooled = np.concatenate(values) if values else np.empty(0)
+        if len(pooled) and np.ptp(np.quantile(pooled, [0.05, 0.95])) > _moves(name):
+            moving.append(name)
+    return moving[:_MOST_VARIABLES]
+
+
+def _moves(name: str) -> float:
+    # rates without dimension are a hundred times smaller than angles
+    return 0.02 * _MOVES if name.endswith("_hat") else _MOVES
+
+
+def residual_figure(
+    axes: Sequence[str],
+    variables: Sequence[str],
+    before: Mapping[str, Comparison],
+    after: Mapping[str, Comparison],
+    channels: Mapping[str, Mapping[str, Array]],
+    floors: Mapping[str, float],
+) -> Figure:
+    """What is left over each variable: median of flight - model with the band that holds 80 % of the samples, before and after.
+
+    before, after : flight id -> comparison, `after` empty where nothing was updated; channels : flight id -> name -> (n,);
+    floors : axis -> rms of the noise, drawn as a grey band. A row per axis, a column per variable; further rows where there are
+    many.
+    """
+    axes = list(axes)[:_MOST_AXES]
+    blocks = [variables[k : k + _COLUMNS] for k in range(0, len(variables), _COLUMNS)]
+    rows = [(axis, block) for block in blocks for axis in axes]
+    columns = max((len(block) for block in blocks), default=1)
+    figure = Figure(figsize=(max(5.0, 1.0 + 2.0 * columns), 0.7 + 1.75 * max(1, len(rows))), layout="constrained")
+    panels = figure.subplots(max(1, len(rows)), columns, squeeze=False, sharey="row")
+    for panel in panels.ravel():
+        panel.set_visible(False)
+    for row, (axis, block) in zip(panels, rows, strict=False):
+        for panel, name in zip(row, block, strict=False):
+            panel.set_visible(True)
+            panel.axhspan(-floors.get(axis, 0.0), floors.get(axis, 0.0), color="0.85", lw=0, zorder=0, label="noise floor")
+            _left_over(panel, axis, name, (before, after), channels)
+            panel.tick_params(labelbottom=axis == axes[-1])
+            if axis == axes[-1]:
+                panel.set_xlabel(channel_scale(name)[1])
+        row[0].set_ylabel(f"{axis}: flight - model [-]")
+    if rows:
+        handles, texts = panels[0][0].get_legend_handles_labels()
+        figure.legend(handles, texts, loc="outside upper right", fontsize=8, ncols=3, frameon=False)
+    return figure
+
+
+def _left_over(
+    panel: Any,
+    axis: str,
+    name: str,
+    sides: tuple[Mapping[str, Comparison], Mapping[str, Comparison]],
+    channels: Mapping[str, Mapping[str, Array]],
+) -> None:
+    factor, _ = channel_scale(name)
+    looks: tuple[tuple[str, Any, str], ...] = ((DATABASE, DATABASE_LINE, "database"), (UPDATED, "-", "updated database"))
+    for side, (colour, line, text) in zip(sides, looks, strict=True):
+        if not side:
+            continue
+        at, low, middle, high = _binned(axis, name, side, channels)
+        panel.fill_between(factor * at, low, high, color=colour, alpha=0.16, lw=0)
+        panel.plot(factor * at, middle, color=colour, ls=line, lw=1.3, label=text)
+    panel.axhline(0.0, color="0.4", lw=0.6)
+    plain_panel(panel)
+    panel.xaxis.set_major_locator(MaxNLocator(3))
+
+
+def _binned(
+    axis: str, name: str, side: Mapping[str, Comparison], channels: Mapping[str, Mapping[str, Array]]
+) -> tuple[Array, Array, Array, Array]:
+    """Median of the variable in each bin, and there the 10 %, 50 % and 90 % quantile of the residual; empty for too few."""
+    pairs = [
+        (channels[flight][name][comparison.usable[axis]], comparison.residual(axis)[comparison.usable[axis]])
+        for flight, comparison in side.items()
+        if axis in comparison.usable and name in channels.get(flight, {})
+    ]
+    x, y = (np.concatenate([pair[k] for pair in pairs]) if pairs else np.empty(0) for k in (0, 1))
+    known = np.isfinite(x) & np.isfinite(y)
+    x, y = x[known], y[known]
+    count = min(_BINS, len(x) // _FEWEST_IN_BIN)
+    if count < _FEWEST_BINS:
+        none = np.empty(0)
+        return none, none, none, none
+    # bins of equally many samples: narrow where the flights have been, wide where they passed
+    edges = _edges(x, count)
+    place = np.digitize(x, edges[1:-1])
+    bins = [(x[place == k], y[place == k]) for k in range(len(edges))]
+    found = np.array([[np.median(at), *np.quantile(left, _BAND)] for at, left in bins if len(at)])
+    return found[:, 0], found[:, 1], found[:, 2], found[:, 3]
+
+
+def _edges(x: Array, count: int) -> Array:
+    """Edges of at most `count` bins of about equally many of `x` (n,), none narrower than `_NARROWEST`."""
+    wanted = np.quantile(x, np.linspace(0.0, 1.0, count + 1))
+    low, high = np.quantile(x, [0.01, 0.99])
+    edges = [float(wanted[0])]
+    for edge in wanted[1:-1]:
+        if edge - edges[-1] >= _NARROWEST * (high - low) and wanted[-1] - edge > 0.0:
+            edges.append(float(edge))
+    return np.array([*edges, float(wanted[-1])])

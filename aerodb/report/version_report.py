@@ -1,0 +1,80 @@
+"""The report of a database version: what it is, what differs from its parent, and where it comes from."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any, Final
+
+from aerodb.report.database_figure import database_figure
+from aerodb.report.diff_document import diff_document
+from aerodb.report.diff_figure import diff_figure
+from aerodb.report.lineage_graph import HEIGHT, WIDTH, Graph
+from aerodb.report.page import render
+from aerodb.report.style import channel_scale, picture
+from aerodb.tables.database import AeroDatabase
+from aerodb.tables.diff import diff
+
+_MOST_NODES: Final = 24
+
+
+@dataclass(frozen=True)
+class VersionStory:
+    """What there is to tell of a version.
+
+    moves : of names to it: (when, name, user, reason). flights : (label, role, sha256 of its log, why retracted or empty), of its
+    own. report : the document it was made with; `headline` its sentence, empty for an imported one.
+    """
+
+    id: str
+    label: str
+    vehicle: str
+    made: datetime
+    content_sha256: str
+    names: Sequence[str]
+    stale: Sequence[str]
+    headline: str
+    moves: Sequence[tuple[datetime, str, str, str]]
+    flights: Sequence[tuple[str, str, str, str]]
+    database: AeroDatabase
+    parent: tuple[str, AeroDatabase] | None
+    graph: Graph
+
+
+def version_report(story: VersionStory) -> str:
+    """The version as one HTML page."""
+    changes, slices, curves = None, None, None
+    if story.parent is not None:
+        label, before = story.parent
+        changes = diff_document(diff(before, story.database))
+        slices = picture(
+            diff_figure(before, story.database, (label, story.label), ""),
+            f"Slices through {label} and {story.label} on the axes that change.",
+            "Band: two standard errors of what was added. Title: the largest change, two standard errors, where. "
+            "Shaded: envelope of the flights behind it.",
+        )
+    else:
+        curves = picture(
+            database_figure(story.database),
+            "CX, CZ and Cm against angle of attack; CY, Cl and Cn against sideslip.",
+            "All other inputs neutral (zero; V 1 m/s). Dots: breakpoints of the tables behind the curve.",
+        )
+    return render(
+        "version.html",
+        title=f"{story.vehicle}: version {story.label}",
+        story=story,
+        changes=changes,
+        nodes=[] if changes is None else [_table(entry) for entry in changes["nodes"]],
+        slices=slices,
+        curves=curves,
+        box=(WIDTH, HEIGHT),
+    )
+
+
+def _table(entry: Mapping[str, Any]) -> dict[str, Any]:
+    """The nodes of a table that change most, in units for people."""
+    largest = sorted(entry["nodes"], key=lambda node: -abs(node["change"]))
+    scales = {name: channel_scale(name) for name in entry["channels"]}
+    rows = [
+        {**node, "shown": [scales[name][0] * node["at"][name] for name in entry["channels"]]} for node in largest[:_MOST_NODES]
+    ]
+    return {**entry, "labels": [scales[name][1] for name in entry["channels"]], "rows": rows, "more": len(largest) - len(rows)}

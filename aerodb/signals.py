@@ -1,0 +1,116 @@
+"""Arithmetic that carries exact first derivatives: sensor models are written once, as formulas, and differentiate themselves."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Value = Array | float
+
+
+@dataclass(frozen=True)
+class Signal:
+    """A quantity along a record, `value` (n,) or a number, and its derivatives `by` each named variable that it depends on.
+
+    >>> x = Signal(3.0, {"x": 1.0})
+    >>> (x * x + 1.0).by["x"]
+    6.0
+    """
+
+    value: Value
+    by: Mapping[str, Value]
+
+    def chain(self, value: Value, slope: Value) -> "Signal":
+        """A function of this signal: its value, and its derivative by this signal."""
+        return Signal(value, {name: slope * part for name, part in self.by.items()})
+
+    def __add__(self, other: "Signal | Value") -> "Signal":
+        if not isinstance(other, Signal):
+            return Signal(self.value + other, self.by)
+        by = dict(self.by)
+        for name, part in other.by.items():
+            by[name] = by[name] + part if name in by else part
+        return Signal(self.value + other.value, by)
+
+    def __mul__(self, other: "Signal | Value") -> "Signal":
+        if not isinstance(other, Signal):
+            return self.chain(self.value * other, other)
+        return self.chain(self.value * other.value, other.value) + other.chain(0.0, self.value)
+
+    def __neg__(self) -> "Signal":
+        return self.chain(-self.value, -1.0)
+
+    def __sub__(self, other: "Signal | Value") -> "Signal":
+        return self + (-other)
+
+    def __rsub__(self, other: Value) -> "Signal":
+        return -self + other
+
+    def __truediv__(self, other: "Signal | Value") -> "Signal":
+        if not isinstance(other, Signal):
+            return self * (1.0 / other)
+        return self * other.chain(1.0 / other.value, -1.0 / other.value**2)
+
+    # numpy must not spread its own operators over a Signal
+    __array_ufunc__ = None
+    __radd__ = __add__
+    __rmul__ = __mul__
+
+
+Triple = tuple[Signal, Signal, Signal]
+
+
+def sine(x: Signal) -> Signal:
+    """``sin(x)``."""
+    return x.chain(np.sin(x.value), np.cos(x.value))
+
+
+def cosine(x: Signal) -> Signal:
+    """``cos(x)``."""
+    return x.chain(np.cos(x.value), -np.sin(x.value))
+
+
+def root(x: Signal) -> Signal:
+    """Square root; x must be positive."""
+    value = np.sqrt(x.value)
+    return x.chain(value, 0.5 / value)
+
+
+def arcsine(x: Signal) -> Signal:
+    """``asin(x)``, between -1 and 1."""
+    return x.chain(np.arcsin(x.value), 1.0 / np.sqrt(1.0 - x.value**2))
+
+
+def angle(y: Signal, x: Signal) -> Signal:
+    """``atan2(y, x)``."""
+    square = x.value**2 + y.value**2
+    value = np.arctan2(y.value, x.value)
+    return y.chain(value, x.value / square) + x.chain(0.0, -y.value / square)
+
+
+def beyond(x: Signal, edge: float) -> Signal:
+    """What of x lies beyond +-`edge`, with its sign; zero inside."""
+    outside = np.abs(x.value) > edge
+    return x.chain(np.where(outside, x.value - edge * np.sign(x.value), 0.0), np.where(outside, 1.0, 0.0))
+
+
+def cross(a: Triple, b: Triple) -> Triple:
+    """Vector product."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+def body_to_earth(phi: Signal, theta: Signal, psi: Signal) -> tuple[Triple, Triple, Triple]:
+    """Rows of the rotation from body to earth (north, east, down) axes, Euler 3-2-1; its transpose turns the other way."""
+    cf, sf, ct, st, cp, sp = (f(x) for x in (phi, theta, psi) for f in (cosine, sine))
+    return (
+        (ct * cp, sf * st * cp - cf * sp, cf * st * cp + sf * sp),
+        (ct * sp, sf * st * sp + cf * cp, cf * st * sp - sf * cp),
+        (-st, sf * ct, cf * ct),
+    )
+
+
+def dot(a: Triple, b: Triple) -> Signal:
+    """Scalar product."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]

@@ -1,0 +1,118 @@
+"""What tracing knows of one flight: its residual, and what each hypothesis would add to it.
+
+Nothing is conditioned here: low-pass, decimation, trims and whitening are `gram`'s, applied to all columns alike.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aerodb.errors import InputError
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Columns = Mapping[str, Mapping[str, Array]]
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """One flight (or one manoeuvre of it) on its own uniform time grid.
+
+    flight : its id, or that of the unit. step : s. residual : axis -> (n,), measured - predicted, without dimension.
+    usable : axis -> (n,). columns : hypothesis id -> axis -> (n,), derivative of (measured - predicted) by the hypothesis'
+    one parameter; aerodynamic and sensors alike; an axis on which it does not act may be missing, and so may a hypothesis
+    that this flight cannot show. noisy : the same flight with the reconstruction's own state noise added once more (SIMEX:
+    Cook & Stefanski, JASA 89, 1994); optional. instruments : like columns, what commanded inputs alone make of them; optional.
+
+    Raises InputError when lengths differ or a column is not finite where its axis is usable.
+    """
+
+    flight: str
+    step: float
+    residual: Mapping[str, Array]
+    usable: Mapping[str, Mask]
+    columns: Columns
+    noisy: tuple["Evidence", ...] = ()
+    instruments: Columns = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        lengths = {len(values) for values in self.residual.values()}
+        if len(lengths) != 1 or set(self.residual) - set(self.usable):
+            raise InputError("residuals need one length and a usable mask on every axis", self.flight, "give each axis both")
+        if not self.step > 0.0:
+            raise InputError(f"a step of {self.step} s", self.flight, "give a positive sampling interval")
+        length = lengths.pop()
+        for axis, values in self.residual.items():
+            _check(values, length, self.usable[axis], self.flight, f"residual of {axis}")
+        for columns in (self.columns, self.instruments):
+            for name, by_axis in columns.items():
+                for axis, values in by_axis.items():
+                    if axis in self.residual:
+                        _check(values, length, self.usable[axis], self.flight, f"column {name} on {axis}")
+
+    @property
+    def samples(self) -> int:
+        """Length of the time grid."""
+        return len(next(iter(self.residual.values())))
+
+
+def _check(values: Array, length: int, usable: Mask, where: str, what: str) -> None:
+    if len(values) != length or len(usable) != length:
+        raise InputError(f"{what} has {len(values)} samples, the flight {length}", where, "put it on the flight's grid")
+    finite = np.isfinite(values)
+    if not finite.all() and not finite[usable].all():
+        raise InputError(f"{what} is not finite where the axis is usable", where, "mark such samples unusable on this axis")
+
+
+def units(evidence: Evidence, windows: Sequence[tuple[float, float]], correlation_time: float) -> tuple[Evidence, ...]:
+    """The flight's manoeuvres as units of their own, where they may count as independent votes.
+
+    windows : (start, end) [s] from the first sample, in order. A window that begins less than five `correlation_time` [s] of the
+    residual after the end of the last one taken is left out: neighbours would share noise. Each unit has its own trim.
+    Units are called ``flight@start-end``; say in the result that manoeuvres voted, not flights.
+    """
+    found: list[Evidence] = []
+    free_from = -np.inf
+    for start, end in windows:
+        if start < free_from or end <= start:
+            continue
+        first, last = max(0, round(start / evidence.step)), round(end / evidence.step) + 1
+        found.append(_cut(evidence, slice(first, last), f"{evidence.flight}@{start:g}-{end:g}"))
+        free_from = end + 5.0 * correlation_time
+    return tuple(found)
+
+
+def halves(evidence: Evidence, hypothesis: str, noise: Mapping[str, float], correlation_time: float) -> tuple[Evidence, ...]:
+    """The unit cut in two where it has shown half of what it shows of a hypothesis (its id), five `correlation_time` [s] apart.
+
+    noise : axis -> spread of what is left, coefficient units. Empty where a half would hold nothing.
+    """
+    shown = np.zeros(evidence.samples)
+    for axis, column in evidence.columns.get(hypothesis, {}).items():
+        usable = evidence.usable[axis]
+        if axis in noise and usable.any():
+            shown[usable] += np.square((column[usable] - column[usable].mean()) / noise[axis])
+    middle = float(np.searchsorted(np.cumsum(shown), 0.5 * shown.sum())) * evidence.step
+    gap, end = 2.5 * correlation_time, (evidence.samples - 1) * evidence.step
+    if not shown.any() or middle - gap <= 0.0 or middle + gap >= end:
+        return ()
+    return units(evidence, [(0.0, middle - gap), (middle + gap, end)], 0.0)
+
+
+def _cut(evidence: Evidence, part: slice, name: str) -> Evidence:
+    """The samples `part` of the evidence under a new name, noisy copies alike."""
+
+    def columns(source: Columns) -> dict[str, dict[str, Array]]:
+        return {key: {axis: values[part] for axis, values in by_axis.items()} for key, by_axis in source.items()}
+
+    return replace(
+        evidence,
+        flight=name,
+        residual={axis: values[part] for axis, values in evidence.residual.items()},
+        usable={axis: values[part] for axis, values in evidence.usable.items()},
+        columns=columns(evidence.columns),
+        noisy=tuple(_cut(other, part, name) for other in evidence.noisy),
+        instruments=columns(evidence.instruments),
+    )

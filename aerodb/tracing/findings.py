@@ -1,0 +1,146 @@
+"""What tracing says: findings with their rivals, and for everything else a bound. Frozen; names and verdicts of the contract."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final, Literal
+
+Verdict = Literal[
+    "confirmed",
+    "suspected",
+    "alias_group",
+    "ambiguous_sensor",
+    "sensor",
+    "unnamed",
+    "not_detected",
+    "not_excited",
+    "not_separable",
+    "not_testable",
+]
+
+#: Verdicts by which an effect enters the database without being asked for.
+ADDED: Final[tuple[Verdict, ...]] = ("confirmed",)
+
+
+def with_unit(value: float, unit: str, digits: int = 3) -> str:
+    """A number for people; numbers without dimension carry no unit.
+
+    >>> with_unit(0.0123, "rad", 2), with_unit(2.0, "1")
+    ('0.012 rad', '2')
+    """
+    return f"{value:.{digits}g}" + ("" if unit in ("", "1") else f" {unit}")
+
+
+@dataclass(frozen=True)
+class Vote:
+    """One flight's estimate of the parameter and what whitened noise alone would make of it (one sigma), SI."""
+
+    flight: str
+    value: float
+    se: float
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One effect that the model lacks, or one sensor that is wrong.
+
+    hypothesis : id in the library. axis, parameter, unit, value, ci95 : of its one parameter, SI; ci95 holds random and
+    systematic parts. p_adjusted : over the whole library. explanation_set : ids that explain it equally well, itself first.
+    because : one plain sentence. fallen : id -> why that rival was rejected. refound : in how many of how many repetitions
+    without some of the flights it was found again. held_out_share : part of the flights on which the value from the other
+    flights lowers the error.
+    """
+
+    hypothesis: str
+    effect: str
+    axis: tuple[str, ...]
+    subject: str
+    verdict: Verdict
+    parameter: str
+    unit: str
+    value: float
+    ci95: tuple[float, float]
+    p_adjusted: float
+    votes: tuple[Vote, ...]
+    explanation_set: tuple[str, ...]
+    because: str
+    fallen: Mapping[str, str] = field(default_factory=dict)
+    refound: tuple[int, int] = (0, 0)
+    held_out_share: float = 0.0
+
+    def document(self) -> dict[str, Any]:
+        """As JSON of the contract."""
+        return {
+            **_named(self),
+            "value": self.value,
+            "ci95": list(self.ci95),
+            "p_adjusted": self.p_adjusted,
+            "votes": [{"flight": vote.flight, "value": vote.value, "se": vote.se} for vote in self.votes],
+            "explanation_set": list(self.explanation_set),
+            "because": self.because,
+            "fallen": dict(self.fallen),
+            "refound": list(self.refound),
+            "held_out_share": self.held_out_share,
+        }
+
+
+@dataclass(frozen=True)
+class NotFound:
+    """A hypothesis of which nothing was found: what size is excluded (95 %) and what size would have been found (power .8).
+
+    Both are None where the flights say nothing: no flight excites it, or it cannot be told from the others.
+    """
+
+    hypothesis: str
+    effect: str
+    axis: tuple[str, ...]
+    subject: str
+    verdict: Verdict
+    parameter: str
+    unit: str
+    upper_bound: float | None
+    minimum_detectable: float | None
+
+    def document(self) -> dict[str, Any]:
+        """As JSON of the contract."""
+        return {
+            **_named(self),
+            "upper_bound": self.upper_bound,
+            "minimum_detectable": self.minimum_detectable,
+        }
+
+
+def _named(item: Finding | NotFound) -> dict[str, Any]:
+    """What a document says first: which hypothesis, where, and the verdict."""
+    return {
+        "hypothesis": item.hypothesis,
+        "effect": item.effect,
+        "axis": list(item.axis),
+        "subject": item.subject,
+        "verdict": item.verdict,
+        "parameter": item.parameter,
+        "unit": item.unit,
+    }
+
+
+@dataclass(frozen=True)
+class Traced:
+    """All that was found, all that was not, what to fly next, and under which settings."""
+
+    flights: tuple[str, ...]
+    findings: tuple[Finding, ...]
+    not_found: tuple[NotFound, ...]
+    next_flight: tuple[str, ...]
+    notes: tuple[str, ...]
+    settings_sha256: str
+
+    def named(self, *verdicts: Verdict) -> tuple[Finding, ...]:
+        """The findings with one of these verdicts."""
+        return tuple(finding for finding in self.findings if finding.verdict in verdicts)
+
+    def document(self) -> dict[str, Any]:
+        """The parts of the contract's JSON that tracing knows."""
+        return {
+            "findings": [finding.document() for finding in self.findings],
+            "not_found": [item.document() for item in self.not_found],
+            "next_flight": list(self.next_flight),
+        }

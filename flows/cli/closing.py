@@ -1,0 +1,110 @@
+"""``aerodb close-loop``: trace the residual to what the database lacks, add it, and report the error before and after."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from aerodb.errors import InputError
+from flows.cli.output import Session
+from flows.cli.updates import say_axes, say_flights
+from flows.cli.vehicles import read_text
+
+#: So many hypotheses of which nothing was found are listed for people; `--json` lists them all.
+_LISTED = 12
+
+
+def close_loop(
+    context: typer.Context,
+    vehicle: Annotated[str, typer.Option(help="The vehicle.")],
+    baseline: Annotated[str, typer.Option(help="Version to trace against.")] = "released",
+    flights: Annotated[list[str] | None, typer.Option(help="Flights to use; all of the vehicle without it.")] = None,
+    hold_out: Annotated[
+        list[str] | None, typer.Option(help="Flights to hold out, or `none`; the newest fifth without it.")
+    ] = None,
+    accept_lumped: Annotated[list[str] | None, typer.Option(help="Effect of an alias group to add all the same, marked.")] = None,
+    accept_suspected: Annotated[list[str] | None, typer.Option(help="Suspected effect to add all the same, marked.")] = None,
+    effects: Annotated[Path | None, typer.Option(help="File (TOML) of effects of your own.")] = None,
+    library: Annotated[str, typer.Option(help="Hash that the library must have: refuse if it changed.")] = "",
+    direct: Annotated[bool, typer.Option(help="Without Prefect: the same steps, the same keys.")] = False,
+) -> None:
+    """Trace the residual to the effects that the database lacks, add what is proved, and report the error before and after.
+
+    Example: aerodb close-loop --vehicle my-glider
+    """
+    from flows.close_loop import close_loop_flow
+
+    session: Session = context.obj
+    catalogue = session.catalogue()
+    row = catalogue.version(catalogue.vehicle(vehicle).name, baseline)
+    chosen = [catalogue.flight(ref, vehicle).id for ref in flights] if flights else [f.id for f in catalogue.flights(vehicle)]
+    if not chosen:
+        raise InputError("no flight is stored", f"vehicle {vehicle}", "ingest one: aerodb flight ingest LOG --vehicle " + vehicle)
+    twice = next((id for id in chosen if chosen.count(id) > 1), None)
+    if twice is not None:
+        raise InputError("the same flight twice", f"--flights {twice[:12]}", "name each once: a flight has one vote")
+    parameters = {
+        "vehicle": vehicle,
+        "baseline": row.id,
+        "flights": chosen,
+        "hold_out": None if hold_out is None else ([] if hold_out == ["none"] else hold_out),
+        "accept_lumped": accept_lumped,
+        "accept_suspected": accept_suspected,
+        "effects": read_text(effects) if effects else "",
+        "library": library,
+    }
+    document = session.run(close_loop_flow, parameters, direct)
+    say_loop(session, document)
+    session.answer(document)
+
+
+def say_loop(session: Session, document: dict[str, Any]) -> None:
+    """The loop for people: what was found and why, what it is worth, what could not be decided, what to fly next."""
+    if document["candidate"]:
+        session.say(f"candidate {document['label']} ({document['candidate'][:12]}) on baseline {document['baseline'][:12]}")
+    else:
+        session.say(f"nothing was added to baseline {document['baseline'][:12]}")
+    say_flights(session, document)
+    session.say(f"library {document['library']['sha256'][:12]}, frozen before the residuals were looked at")
+    for number, finding in enumerate(document["findings"], 1):
+        session.say()
+        mark = ", added" if finding["hypothesis"] in document["added"] else ""
+        session.say(f"{number}. {finding['hypothesis']}: {finding['verdict'].replace('_', ' ')}{mark}")
+        session.say(f"   {finding['because']}.")
+        rivals = finding["explanation_set"][1:]
+        if rivals:
+            session.say(f"   would explain it as well: {', '.join(rivals)}")
+        for rival, reason in list(finding.get("fallen", {}).items())[:3]:
+            session.say(f"   not {rival}: {reason}")
+    session.say()
+    say_axes(session, document)
+    _say_not_found(session, document["not_found"])
+    for sentence in document["next_flight"]:
+        session.say(f"next flight: {sentence}")
+    for sentence in document["remarks"]:
+        session.say(f"- {sentence}")
+    session.say(f"report: {document['page']}")
+
+
+def _say_not_found(session: Session, entries: list[dict[str, Any]]) -> None:
+    """What was looked for and not found, never without its bound; what could not be decided first."""
+    if not entries:
+        return
+    open_ones = [entry for entry in entries if entry["verdict"] != "not_detected"]
+    closed = [entry for entry in entries if entry["verdict"] == "not_detected"]
+    session.say()
+    session.say(f"looked for and not found: {len(closed)} hypotheses; not decidable with these flights: {len(open_ones)}")
+    session.table(
+        ["hypothesis", "verdict", "at most", "would have been found from", "unit"],
+        [
+            [e["hypothesis"], e["verdict"].replace("_", " "), _size(e["upper_bound"]), _size(e["minimum_detectable"]), e["unit"]]
+            for e in [*open_ones, *closed][:_LISTED]
+        ],
+        numbers=(2, 3),
+    )
+    if len(entries) > _LISTED:
+        session.say(f"({len(entries) - _LISTED} more: --json)")
+
+
+def _size(value: float | None) -> str:
+    return "-" if value is None else f"{value:.3g}"

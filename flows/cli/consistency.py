@@ -1,0 +1,58 @@
+"""The consistency of a flight, for people: the verdict, a table per channel, and the sensor errors that were found."""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import typer
+
+from aerodb.nomenclature import CHANNELS
+from flows.cli.output import Session, visible
+
+
+def say_consistency(session: Session, document: Mapping[str, Any], indent: str = "") -> None:
+    """Verdict with reasons; per channel the mismatch before and after, its limit, and what is used; the corrections."""
+    session.say(f"{indent}consistency: {document['verdict']}")
+    for reason in document["reasons"]:
+        session.say(f"{indent}  {reason}")
+    rows = [_channel(entry, document.get("used", {})) for entry in document["channels"]]
+    if rows:
+        columns = [f"{indent}channel", "mismatch before", "after", "limit", "unit", "verdict", "used"]
+        session.table(columns, [[f"{indent}{row[0]}", *row[1:]] for row in rows], numbers=(1, 2, 3))
+    applied = [entry for entry in document.get("estimates", []) if entry["applied"]]
+    if applied:
+        session.say(f"{indent}corrected: {', '.join(_estimate(entry) for entry in applied)}")
+    for sentence in document.get("drift", []):
+        typer.echo(visible(f"{indent}{sentence}"), err=True)
+
+
+def angular(name: str) -> tuple[float, str]:
+    """Factor and unit in which people read a parameter or channel: degrees for angles and their rates."""
+    subject, _, kind = name.rpartition("_")
+    if kind == "scale":
+        return 1.0, ""
+    if kind == "delay":
+        return 1.0, "s"
+    unit = CHANNELS[subject].unit if kind == "bias" and subject in CHANNELS else CHANNELS[name].unit if name in CHANNELS else ""
+    return (math.degrees(1.0), unit.replace("rad", "deg")) if unit.startswith("rad") else (1.0, unit)
+
+
+def _channel(entry: Mapping[str, Any], used: Mapping[str, str]) -> list[str]:
+    factor, unit = angular(entry["channel"])
+    limit = entry["limit"]
+    shown = "-" if limit is None or math.isnan(limit) else f"{factor * limit:.3g}"
+    source = used.get(entry["channel"], "").partition(":")[0]
+    return [
+        entry["channel"],
+        f"{factor * entry['before']:.3g}",
+        f"{factor * entry['after']:.3g}",
+        shown,
+        unit,
+        entry["verdict"],
+        source,
+    ]
+
+
+def _estimate(entry: Mapping[str, Any]) -> str:
+    factor, unit = angular(entry["parameter"])
+    return f"{entry['parameter']} {factor * entry['value']:.3g} +- {factor * entry['standard_error']:.2g} {unit}".rstrip()

@@ -1,0 +1,85 @@
+"""``aerodb report``: pages that people look at, mail and print."""
+
+import re
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from flows.cli.output import Session
+from flows.cli.references import Vehicle, version_of
+from storage.workspace import write_for_user
+
+app = typer.Typer(name="report", no_args_is_help=True, help="Reports as one self-contained HTML page, or as PDF.")
+
+Output = Annotated[Path, typer.Option(help="The file to write.")]
+Pdf = Annotated[bool, typer.Option("--pdf", help="As PDF instead of HTML; needs the extra `pdf`.")]
+_KEY = re.compile(r"[0-9a-f]{64}")
+
+
+@app.command()
+def flight(
+    context: typer.Context,
+    flight: str,
+    output: Output,
+    against: Annotated[str, typer.Option(help="Version to show beside it.")] = "released",
+    vehicle: Vehicle = None,
+    pdf: Pdf = False,
+) -> None:
+    """Write the report of a flight: verdict, consistency, time histories, coefficients, envelope.
+
+    Example: aerodb report flight 1a2b3c --output flight.html
+    """
+    session: Session = context.obj
+    catalogue = session.catalogue()
+    row = catalogue.flight(flight, vehicle)
+    nothing_yet = against == "released" and catalogue.named(row.vehicle, against) is None
+    version = "" if nothing_yet else catalogue.version(row.vehicle, against).id
+    _write(session, {"kind": "flight", "about": row.id, "version": version}, output, pdf)
+
+
+@app.command()
+def update(
+    context: typer.Context,
+    version: Annotated[str, typer.Argument(help="The version that it made, or the key of a closed loop's report.")],
+    output: Output,
+    vehicle: Vehicle = None,
+    pdf: Pdf = False,
+) -> None:
+    """Write the report of an update or a closed loop: the finding first, then what it is worth, why, and what stays open.
+
+    Example: aerodb report update candidate --output update.html
+    """
+    session: Session = context.obj
+    catalogue = session.catalogue()
+    result = catalogue.result(version) if _KEY.fullmatch(version) else None
+    about = version if result is not None else version_of(catalogue, version, vehicle).id
+    _write(session, {"kind": "update", "about": about}, output, pdf)
+
+
+@app.command()
+def version(
+    context: typer.Context,
+    version: str,
+    output: Output,
+    vehicle: Vehicle = None,
+    pdf: Pdf = False,
+) -> None:
+    """Write the report of a version: lineage, and what differs from its parent.
+
+    Example: aerodb report version released --output version.html
+    """
+    session: Session = context.obj
+    row = version_of(session.catalogue(), version, vehicle)
+    _write(session, {"kind": "version", "about": row.id}, output, pdf)
+
+
+def _write(session: Session, parameters: dict[str, Any], output: Path, as_pdf: bool) -> None:
+    from aerodb.report.page import pdf
+    from flows.report import report_flow
+
+    page: str = session.run(report_flow, parameters, direct=True)
+    data = pdf(page) if as_pdf else page.encode("utf-8")
+    written = write_for_user(session.workspace(), output, data)
+    session.say(f"wrote {written} ({len(data) / 1e3:.0f} kB)")
+    session.answer({"file": str(written), "kind": parameters["kind"], "about": parameters["about"], "size": len(data)})

@@ -1,0 +1,71 @@
+"""``aerodb store``: the files of the store between the workspace's folder and its object store."""
+
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from flows.cli.output import Session
+
+if TYPE_CHECKING:
+    from storage.transfer import Moved
+
+app = typer.Typer(name="store", no_args_is_help=True, help="The object store, and the folder that is its cache.")
+
+
+@app.command()
+def push(context: typer.Context) -> None:
+    """Put what is here and not in the object store: once when the settings get one, or when objects were lost.
+
+    Example: aerodb store push
+    """
+    # Imported where it is needed, here and below: a query must not wait for it.
+    from storage import transfer
+
+    session: Session = context.obj
+    workspace = session.workspace()
+    with session.waiting("putting"), session.catalogue() as catalogue:
+        moved = transfer.push(workspace, catalogue)
+    _answer(session, moved, "put", "not put, as it is not here as it was stored (aerodb verify says more)")
+
+
+@app.command()
+def pull(context: typer.Context) -> None:
+    """Fetch what is not here: before the object store is taken out of the settings.
+
+    Example: aerodb store pull
+    """
+    from storage import transfer
+
+    session: Session = context.obj
+    workspace = session.workspace()
+    with session.waiting("fetching"), session.catalogue() as catalogue:
+        moved = transfer.pull(workspace, catalogue)
+    _answer(session, moved, "fetched", "not fetched, as it is not there as it was stored (aerodb verify --fetch says more)")
+
+
+@app.command()
+def trim(
+    context: typer.Context,
+    size: Annotated[int | None, typer.Option(min=0, help="Bytes that may stay; else [store] cache of the settings.")] = None,
+) -> None:
+    """Remove files from the folder, what was not used for longest first; only what is in the object store.
+
+    Example: aerodb store trim --size 50000000000
+    """
+    from storage import transfer
+
+    session: Session = context.obj
+    workspace = session.workspace()
+    with session.waiting("making room"), session.catalogue() as catalogue:
+        moved = transfer.trim(workspace, catalogue, size)
+    _answer(session, moved, "removed from the cache", "stays here, as it is in use or not in the object store")
+
+
+def _answer(session: Session, moved: "Moved", done: str, not_done: str) -> None:
+    for path in moved.left:
+        session.say(f"{path}: {not_done}")
+    session.say(f"{moved.files} files {done}, {moved.bytes / 1e6:.1f} MB")
+    session.answer(asdict(moved))
+    if moved.left:
+        raise typer.Exit(1)

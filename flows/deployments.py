@@ -1,0 +1,78 @@
+"""What runs when, as Prefect deployments, and the runner that starts their runs: a process of `aerodb serve`.
+
+Beside `flows/run.py` the only module that imports Prefect. Each run is a process of its own.
+"""
+
+import os
+import sys
+from datetime import timedelta
+from pathlib import Path
+from typing import Any, Final
+
+from prefect import flow, serve
+from prefect.events import DeploymentEventTrigger
+from prefect.schedules import Cron, Interval
+from prefect.schedules import Schedule as PrefectSchedule
+from prefect.task_runners import ThreadPoolTaskRunner
+from prefect.types.entrypoint import EntrypointType
+
+from flows.orchestrator import ARRIVAL, ARRIVED
+from flows.run import run_flow
+from storage.locks import take
+from storage.settings import Schedule, Settings, load_settings
+from storage.workspace import Workspace
+
+#: Runs at once: one of the night beside one of the day. Each uses all cores for its flights.
+_AT_ONCE: Final = 2
+_POLL_SECONDS: Final = 2.0
+_THREADS: Any = ThreadPoolTaskRunner(max_workers=os.cpu_count() or 1)
+
+
+@flow(name="nightly", persist_result=False, validate_parameters=False, task_runner=_THREADS)
+def nightly(workspace: str, vehicle: str | None = None) -> None:
+    """One night; where the night before it still lasts, that one does it all."""
+    from flows.nightly import night_lock, nightly_flow  # here and below: a run does not wait for the science of the other
+
+    opened = Workspace.open(Path(workspace), create=False)
+    lock = take(night_lock(opened, vehicle))
+    if lock is None:
+        return
+    try:
+        run_flow(nightly_flow, {"vehicle": vehicle, "scheduled": vehicle is None}, opened)
+    finally:
+        lock.release()
+
+
+@flow(name="arrival", persist_result=False, validate_parameters=False, task_runner=_THREADS)
+def arrival(workspace: str) -> None:
+    """The per-flight run of every log that waits in the inbox."""
+    from flows.inbox import sweep_flow
+
+    run_flow(sweep_flow, {}, Workspace.open(Path(workspace), create=False))
+
+
+def schedules(settings: Settings, workspace: str) -> list[PrefectSchedule]:
+    """The workspace's own schedule, and one for each vehicle that has its own."""
+    made = [_schedule(settings.nightly, {"workspace": workspace})]
+    for name, own in settings.vehicles.items():
+        if own.schedule is not None:
+            made.append(_schedule(own.schedule, {"workspace": workspace, "vehicle": name}))
+    return made
+
+
+def _schedule(asked: Schedule, parameters: dict[str, Any]) -> PrefectSchedule:
+    if asked.every is not None:
+        return Interval(timedelta(seconds=asked.every), timezone=asked.timezone, parameters=parameters)
+    return Cron(asked.cron, timezone=asked.timezone, parameters=parameters)
+
+
+def main() -> None:
+    """Registers the deployments of the workspace that the first argument names, and starts their runs until it is stopped."""
+    workspace = sys.argv[1]
+    settings = load_settings(Path(workspace))
+    kind: dict[str, Any] = {"entrypoint_type": EntrypointType.MODULE_PATH, "enforce_parameter_schema": False}
+    every_night: Any = nightly.to_deployment("nightly", schedules=schedules(settings, workspace), **kind)
+    trigger = DeploymentEventTrigger(name="logs wait in the inbox", expect={ARRIVED}, parameters={"workspace": workspace})
+    on_arrival: Any = arrival.to_deployment(ARRIVAL, triggers=[trigger], parameters={"workspace": workspace}, **kind)
+    options: dict[str, Any] = {"pause_on_shutdown": False, "print_starting_message": False}
+    serve(every_night, on_arrival, limit=_AT_ONCE, query_seconds=_POLL_SECONDS, **options)

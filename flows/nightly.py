@@ -1,0 +1,90 @@
+"""The nightly flow: what crashed is noted, the inbox swept, and databases taken further where enough flights are new.
+
+What a night costs depends on what is new, not on what is stored.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Final
+
+from aerodb.errors import AeroError, StoreError
+from flows.close_loop import close_loop_flow
+from flows.inbox import sweep_flow
+from flows.run import Steps, run_part
+from flows.update import update_flow
+from storage.settings import SettingsError, load_settings
+from storage.workspace import Workspace
+from tasks.advance import due, parameters_of
+from tasks.notify import deliver, tell
+from tasks.open import Stores, stores
+from tasks.runs import mark_ended
+from tasks.store import trim_cache
+
+_BODIES: Final[dict[str, Callable[..., Any]]] = {"close-loop": close_loop_flow, "update": update_flow}
+
+
+def night_lock(workspace: Workspace, vehicle: str | None) -> Path:
+    """The lock that a night holds, of one vehicle or of all: who cannot have it leaves the work to that one."""
+    return workspace.lock(f"nightly-{vehicle}" if vehicle else "nightly")
+
+
+def nightly_flow(
+    steps: Steps, *, workspace: str, run: str, vehicle: str | None = None, scheduled: bool = False
+) -> dict[str, Any]:
+    """One night, for one `vehicle` or for all; `scheduled` leaves databases alone that have a schedule of their own.
+
+    Returns the sweep's document with ``crashed`` runs and ``loops``: per vehicle and way, whether it was due, how many
+    flights were new, the candidate (None where nothing was added) and the error of one that failed. One stops no other.
+    ``trimmed`` says what left the cache of an object store.
+    """
+    opened = stores(workspace)
+    names = [row.name for row in opened.catalogue.vehicles()]
+    settings = load_settings(opened.workspace.root, tuple(names))
+    crashed = mark_ended(opened)
+    swept, fault = _swept(steps, workspace, run, vehicle)
+    loops = [
+        _advanced(steps, opened, name, way, run)
+        for name in names
+        if name == vehicle or (vehicle is None and not (scheduled and settings.of(name).schedule))
+        for way in settings.loop_of(name).run
+    ]
+    undelivered = steps(deliver, workspace, workspace=workspace, run=run)
+    trimmed = steps(trim_cache, workspace, workspace=workspace, run=run)
+    if fault is not None:  # said once all else is done: a log that waits for room keeps no database from going on
+        raise fault
+    return {**swept, "crashed": crashed, "loops": loops, "undelivered": undelivered, "trimmed": trimmed}
+
+
+def _swept(steps: Steps, workspace: str, run: str, vehicle: str | None) -> tuple[dict[str, Any], AeroError | None]:
+    """The sweep's document, or what kept it from its end."""
+    try:
+        return sweep_flow(steps, workspace=workspace, run=run, vehicle=vehicle), None
+    except (StoreError, SettingsError) as error:
+        return {}, error
+
+
+def _advanced(steps: Steps, opened: Stores, vehicle: str, way: str, run: str) -> dict[str, Any]:
+    """Takes one database further in one way, where that is due; says what came of it."""
+    loop = load_settings(opened.workspace.root).loop_of(vehicle)
+    asked = due(opened, vehicle, loop, way)
+    said: dict[str, Any] = {"vehicle": vehicle, "way": way, "due": asked.is_due, "new": asked.new, "after": asked.after}
+    said |= {"candidate": None, "label": None, "error": ""}
+    if not asked.is_due:
+        return said
+    before = opened.named(vehicle, "candidate")
+    try:
+        parameters = parameters_of(opened, vehicle, loop, way, asked)
+        document = run_part(steps, _BODIES[way], parameters, str(opened.workspace.root), run)
+    except Exception as error:
+        text = f"{way} of {vehicle} failed: {error}"
+        tell(opened.workspace, "failed", vehicle, text, {"way": way, "error": f"{type(error).__name__}: {error}"})
+        return {**said, "error": str(error)}
+    said |= {"candidate": document["candidate"], "label": document["label"]}
+    if document["candidate"] and document["candidate"] != before:
+        text = f"new candidate {document['label']} of {vehicle}: look at it, then promote it or leave it"
+        axes = {
+            axis: {k: entry.get(k) for k in ("rms_before", "rms_after", "outcome")} for axis, entry in document["axes"].items()
+        }
+        details = {"version": document["candidate"], "label": document["label"], "axes": axes}
+        tell(opened.workspace, "candidate", vehicle, text, details)
+    return said

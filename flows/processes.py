@@ -1,0 +1,148 @@
+"""Processes that `aerodb serve` keeps going: their environment, their port, and how they start, end and start again."""
+
+import ctypes
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Final
+from urllib.parse import parse_qsl, urlencode, urlsplit, urlunsplit
+
+from aerodb.errors import InputError
+from storage.places import place_of
+from storage.settings import FILE, TOKEN_VARIABLE, Serve, authorization, load_settings
+from storage.urls import resolved, shown
+from storage.workspace import Workspace
+
+#: The wait [s] before a process that died is started again doubles from the first to the last of these.
+_FIRST_WAIT, _LONGEST_WAIT = 1.0, 60.0
+#: One that lived this long [s] had started well.
+_WELL: Final = 120.0
+_LOG_BYTES: Final = 20_000_000
+_PR_SET_PDEATHSIG: Final = 1
+
+
+def environment_of(workspace: Workspace, url: str, token: str) -> dict[str, str]:
+    """Environment of the server and the runner: everything of Prefect in the workspace, nothing of the user's own profile."""
+    kept = {name: value for name, value in os.environ.items() if not name.startswith("PREFECT_")}
+    settings = {
+        "PREFECT_HOME": str(workspace.prefect),
+        "PREFECT_PROFILES_PATH": str(workspace.prefect / "profiles.toml"),
+        "PREFECT_API_URL": url,
+        "PREFECT_API_DATABASE_CONNECTION_URL": database_of(workspace),
+        "DO_NOT_TRACK": "1",
+        "PREFECT_SERVER_ANALYTICS_ENABLED": "false",
+        "PREFECT_LOGGING_LEVEL": "WARNING",
+        "PREFECT_SERVER_LOGGING_LEVEL": "WARNING",
+        "PREFECT_LOGGING_TO_API_ENABLED": "false",
+        # A year of runs every few minutes must not grow without end.
+        "PREFECT_SERVER_SERVICES_DB_VACUUM_ENABLED": "events,flow_runs,orphans",
+        "PREFECT_API_DATABASE_TIMEOUT": "60",  # its services write side by side, and SQLite lets one after the other
+        "PREFECT_CLI_COLORS": "false",
+    }
+    if token:
+        secret = authorization(token)
+        settings |= {"PREFECT_SERVER_API_AUTH_STRING": secret, "PREFECT_API_AUTH_STRING": secret, TOKEN_VARIABLE: token}
+    return {**kept, **settings, "PYTHONUTF8": "1"}
+
+
+def database_of(workspace: Workspace) -> str:
+    """Address of Prefect's own database as Prefect wants it: a file in the workspace, or what ``serve.database`` names.
+
+    Raises InputError, without the address, for one that Prefect cannot use or that is the catalogue's.
+    """
+    where = f"{workspace.root / FILE}: serve.database"
+    url = resolved(load_settings(workspace.root).serve.database, where)
+    if not url:
+        return f"sqlite+aiosqlite:///{workspace.prefect / 'prefect.db'}"
+    catalogue = place_of(workspace.catalogue).url
+    if catalogue and shown(catalogue) == shown(url):
+        raise InputError("is the catalogue's own", where, "make another database for Prefect: createdb prefect")
+    parts = urlsplit(url)
+    options = dict(parse_qsl(parts.query))
+    if unknown := sorted(set(options) - set(_OPTIONS)):
+        raise InputError(f"Prefect's driver knows no option '{unknown[0]}'", where, f"known are {', '.join(_OPTIONS)}")
+    query = urlencode({_OPTIONS[name]: value for name, value in options.items()})
+    return urlunsplit(parts._replace(scheme="postgresql+asyncpg", query=query))
+
+
+#: Options of an address, and what asyncpg calls them.
+_OPTIONS: Final = {"host": "host", "port": "port", "sslmode": "ssl"}
+
+
+def free_port(serve: Serve) -> int:
+    """The port that the settings ask for, or a free one where they leave it open; InputError when it is taken."""
+    family = socket.AF_INET6 if ":" in serve.host else socket.AF_INET
+    with socket.socket(family) as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((serve.host, serve.port))
+        except OSError as error:
+            what = f"cannot listen on {serve.host}, port {serve.port}: {error.strerror or error}"
+            raise InputError(what, f"{FILE}: serve", "set another port, or 0 for any free one") from error
+        return int(probe.getsockname()[1])
+
+
+class Child:
+    """A process that is started again, after a growing wait, whenever it ends. What it says goes to a file of its own."""
+
+    def __init__(self, name: str, command: Sequence[str], environment: Mapping[str, str], folder: Path) -> None:
+        self.name, self._command, self._environment = name, list(command), dict(environment)
+        self._log = folder / f"{name}.log"
+        self._process: subprocess.Popen[bytes] | None = None
+        self._started, self._wait = 0.0, _FIRST_WAIT
+
+    @property
+    def alive(self) -> bool:
+        return self._process is not None and self._process.poll() is None
+
+    def start(self) -> None:
+        """Starts it in a session of its own: what it starts can be ended with it."""
+        if self._log.exists() and self._log.stat().st_size > _LOG_BYTES:
+            self._log.replace(self._log.with_suffix(".log.1"))
+        with self._log.open("ab") as log:
+            self._process = subprocess.Popen(
+                self._command,
+                env=self._environment,
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=log,
+                start_new_session=True,
+                preexec_fn=end_with_parent if sys.platform == "linux" else None,
+            )
+        self._started = time.monotonic()
+
+    def keep_going(self, say: Callable[[str], None]) -> None:
+        """Starts it again when it has ended and waited long enough."""
+        if self.alive or self._process is None:
+            return
+        lived = time.monotonic() - self._started
+        if lived > _WELL:
+            self._wait = _FIRST_WAIT
+        if lived < self._wait:
+            return
+        say(f"{self.name} ended with {self._process.returncode} and is started again; see {self._log}")
+        self._wait = min(2 * self._wait, _LONGEST_WAIT)
+        self.start()
+
+    def stop(self, seconds: float) -> None:
+        """Asks it to end, and ends it with all that it started when it does not within `seconds`."""
+        if self._process is None:
+            return
+        if self.alive:
+            self._process.terminate()
+            with suppress(subprocess.TimeoutExpired):
+                self._process.wait(timeout=seconds)
+        with suppress(ProcessLookupError, PermissionError):
+            os.killpg(self._process.pid, signal.SIGKILL)
+        self._process.wait(timeout=10)
+
+
+def end_with_parent() -> None:
+    """In a new process: the system ends it when the one that started it was killed, so that none is left behind."""
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)

@@ -1,0 +1,15 @@
+"""Pages for people as a flow: of a flight, of an update or closed loop, of a version."""
+
+from collections.abc import Callable
+from typing import Any, Final
+
+from flows.run import Steps
+from tasks.report import flight_page, update_page, version_page
+
+_PAGES: Final[dict[str, Callable[..., str]]] = {"flight": flight_page, "update": update_page, "version": version_page}
+
+
+def report_flow(steps: Steps, *, workspace: str, run: str, kind: str, about: str, **options: Any) -> str:
+    """The page of `kind` (``flight``, ``update``, ``version``) about a full id, as HTML; `options` are those of its step."""
+    page: str = steps(_PAGES[kind], about, workspace=workspace, run=run, **options)
+    return page

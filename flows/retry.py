@@ -1,0 +1,100 @@
+"""Doing again what did not work: a log in quarantine, a run that failed, the steps of a flight. Again costs nothing twice."""
+
+from collections.abc import Callable
+from typing import Any, Final
+
+from aerodb.errors import InputError, UnknownNameError
+from flows.close_loop import close_loop_flow
+from flows.flight import again_flow, flight_flow
+from flows.importing import import_flow
+from flows.inbox import sweep_flow
+from flows.nightly import nightly_flow
+from flows.recalibrate import recalibrate_flow
+from flows.update import update_flow
+from storage.quarantined import Quarantined, put_back
+from storage.rows import RunRow
+from tasks.inbox import in_quarantine
+from tasks.open import Stores
+
+#: Runs a flow with its parameters: the command line's way, or a test's.
+Run = Callable[[Any, dict[str, Any]], Any]
+
+_BODIES: Final[dict[str, Callable[..., Any]]] = {
+    body.__name__: body
+    for body in (
+        flight_flow,
+        again_flow,
+        sweep_flow,
+        nightly_flow,
+        update_flow,
+        close_loop_flow,
+        recalibrate_flow,
+        import_flow,
+    )
+}
+#: A shorter beginning of an id is more likely a mistyped name.
+_SHORTEST: Final = 4
+
+
+def retry(opened: Stores, reference: str, vehicle: str | None, run: Run) -> list[dict[str, Any]]:
+    """Does again what `reference` means: ``all``, a log in quarantine (key or name), a failed run, or a flight.
+
+    vehicle : for whom a log came, where it is not known. Returns what was done: ``what``, ``kind``, ``outcome``, ``reason``.
+    Raises UnknownNameError where nothing answers.
+    """
+    entries = in_quarantine(opened)
+    failed = opened.catalogue.unresolved_runs()
+    if reference == "all":
+        chosen, runs = [entry for entry in entries if entry.can_return], list(failed)
+    else:
+        chosen = [entry for entry in entries if _means(reference, entry.key) or reference == entry.name]
+        runs = [] if chosen else [each for each in failed if _means(reference, each.id)]
+    if reference != "all" and not chosen and not runs:
+        return [_flight_again(opened, reference, vehicle, run)]
+    done = _logs_again(opened, chosen, vehicle, run) if chosen or reference == "all" else []
+    return done + [_run_again(each, run) for each in runs if each.flow != "sweep_flow" or not done]
+
+
+def _means(reference: str, id: str) -> bool:
+    return len(reference) >= _SHORTEST and id.startswith(reference)
+
+
+def _logs_again(opened: Stores, entries: list[Quarantined], vehicle: str | None, run: Run) -> list[dict[str, Any]]:
+    """Back into the inbox, and the inbox swept. Of several, what cannot go back yet keeps none of the others."""
+    names = [row.name for row in opened.catalogue.vehicles()]
+    whose = {entry.key: entry.vehicle or vehicle or (names[0] if len(names) == 1 else "") for entry in entries}
+    stay = []
+    for entry in entries:
+        try:
+            if whose[entry.key] not in names:
+                raise InputError("it is not known which vehicle flew it", entry.name, f"--vehicle {' or '.join(names[:6])}")
+            put_back(opened.workspace, entry, whose[entry.key])
+        except InputError as error:
+            if len(entries) == 1:
+                raise
+            reason = f"{error.what}: {error.remedy}"
+            stay.append({"what": entry.name, "kind": "log", "outcome": "quarantined", "reason": reason})
+    files = run(sweep_flow, {})["files"]
+    return stay + [{"what": e["file"], "kind": "log", "outcome": e["kind"], "reason": e["reason"]} for e in files]
+
+
+def _run_again(row: RunRow, run: Run) -> dict[str, Any]:
+    said = {"what": row.id, "kind": "run", "outcome": "completed", "reason": row.flow}
+    if row.flow not in _BODIES:
+        return {**said, "outcome": "failed", "reason": f"{row.flow} cannot be run again by itself"}
+    try:
+        run(_BODIES[row.flow], dict(row.parameters))
+    except Exception as error:  # the others are tried all the same; the record of runs has it, too
+        return {**said, "outcome": "failed", "reason": f"{row.flow}: {error}"}
+    return said
+
+
+def _flight_again(opened: Stores, reference: str, vehicle: str | None, run: Run) -> dict[str, Any]:
+    try:
+        flight = opened.catalogue.flight(reference, vehicle)
+    except UnknownNameError as error:
+        what = f"neither a log in quarantine, nor a failed run, nor a flight: '{reference[:80]}'"
+        raise UnknownNameError(what, remedy="aerodb status lists what can be tried again") from error
+    document = run(again_flow, {"flight": flight.id})
+    verdict = document["consistency"]["verdict"] if document["consistency"] else ""
+    return {"what": flight.id, "kind": "flight", "outcome": "completed", "reason": verdict}

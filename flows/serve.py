@@ -1,0 +1,226 @@
+"""``aerodb serve``: keeps a Prefect server and a runner going, tells the server of logs that wait, and clears up after crashes.
+
+It imports no Prefect: what fails in there fails in processes that are started again. Only one runs on a workspace.
+"""
+
+import os
+import secrets
+import signal
+import sys
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable
+from datetime import UTC, datetime
+from typing import Any, Final
+
+from aerodb.errors import AeroError, StoreError
+from flows.orchestrator import Client, clear_up, emit_arrival, is_awaited
+from flows.processes import Child, environment_of, free_port
+from storage.inbox import Waiting, look_again
+from storage.locks import Lock, is_held, note_of, take
+from storage.settings import FILE, checked_token, load_settings
+from storage.workspace import Workspace
+from tasks.inbox import files_of_inbox
+from tasks.notify import deliver
+from tasks.open import Stores, stores
+from tasks.runs import mark_ended
+
+_BEAT: Final = 1.0
+_CLEAR_UP_EVERY: Final = 30.0
+#: Files are told of again only after this when they are the same, and after a shorter pause when more have come: the server
+#: needs a moment to make a run of an event.
+_REMIND, _PAUSE = 20.0, 5.0
+#: After a sweep that failed (a full disk, say), the next one waits this long, and after many at most so long.
+_AFTER_FAILURE: Final = 60.0
+_AT_MOST: Final = 3600.0
+_START_SECONDS: Final = 120.0
+#: A clock that was set back by more [s] keeps Prefect waiting for the times that it had noted.
+_SET_BACK: Final = 60.0
+
+Say = Callable[[str], None]
+
+
+class Server:
+    """One ``aerodb serve``: the server, the runner, and the beat in which they are looked after."""
+
+    def __init__(self, workspace: Workspace, lock: Lock, say: Say) -> None:
+        self._workspace, self._lock, self._say = workspace, lock, say
+        self._opened: Stores = stores(str(workspace.root))
+        self._settings = load_settings(workspace.root, self._vehicles())
+        given = checked_token(self._settings.serve, dict(os.environ))
+        # Without one of the user's, the next best: others on this machine do not know it, and it ends with this service.
+        token = given or secrets.token_urlsafe(32)
+        self._secret = {} if given else {"token": token}
+        host, port = self._settings.serve.host, free_port(self._settings.serve)
+        reached = f"[{host}]" if ":" in host else {"0.0.0.0": "127.0.0.1"}.get(host, host)
+        self.client = Client(f"http://{reached}:{port}/api", token)
+        environment = environment_of(workspace, self.client.url, token)
+        start = ["server", "start", "--host", host, "--port", str(port), "--no-ui"]
+        self._server = Child("server", [sys.executable, "-m", "prefect", *start], environment, workspace.prefect)
+        run = "from flows.deployments import main; main()"
+        self._runner = Child("runner", [sys.executable, "-c", run, str(workspace.root)], environment, workspace.prefect)
+        self._told: tuple[float, frozenset[Any]] = (0.0, frozenset())
+        self._cleared = 0.0
+        self._delivering = threading.Thread()
+        self._failures: list[str] = []
+        self._written = self._settings_written()
+        self._clock = _clock()
+        self._since: dict[Any, float] = {}
+
+    def _vehicles(self) -> tuple[str, ...]:
+        return tuple(row.name for row in self._opened.catalogue.vehicles())
+
+    def _settings_written(self) -> int:
+        try:
+            return (self._workspace.root / FILE).stat().st_mtime_ns
+        except OSError:
+            return 0
+
+    def run(self, stopping: threading.Event) -> None:
+        """Runs until `stopping` is set; StoreError when the server does not come up."""
+        for ended in mark_ended(self._opened):
+            self._say(f"run {ended['run'][:12]} of {ended['flow']} had crashed")
+        try:
+            self._start(stopping)
+            while not stopping.wait(_BEAT):
+                self._beat(stopping)
+        finally:
+            self._stop()
+
+    def _start(self, stopping: threading.Event) -> None:
+        self._server.start()
+        until = time.monotonic() + _START_SECONDS
+        while not self.client.healthy():
+            if stopping.wait(0.2):
+                return
+            if not self._server.alive or time.monotonic() > until:
+                where = str(self._workspace.prefect / "server.log")
+                raise StoreError("the Prefect server did not start", where, "its last lines say why")
+        clear_up(self.client, self._workspace, at_start=True)
+        self._runner.start()
+        note = {"pid": os.getpid(), "url": self.client.url, "since_utc": datetime.now(UTC).isoformat(timespec="seconds")}
+        self._lock.note(note | self._secret)
+        self._say(f"serving {self._workspace.root} at {self.client.url}; logs go to {self._workspace.inbox}/<vehicle>/")
+
+    def _beat(self, stopping: threading.Event) -> None:
+        """Once a second: dead processes are started again, settings read again, the inbox looked at, crashes cleared up."""
+        try:
+            self._follow_clock(stopping)
+            for child in (self._server, self._runner):
+                child.keep_going(self._say)
+            self._read_settings()
+            self._watch()
+            if time.monotonic() - self._cleared > _CLEAR_UP_EVERY:
+                self._cleared = time.monotonic()
+                mark_ended(self._opened)
+                clear_up(self.client, self._workspace, at_start=False)
+                self._deliver()
+        except (AeroError, OSError) as error:
+            self._say(f"not now: {error}")  # the next beat tries again: nothing here may end the service
+        except Exception as error:  # nor may what nobody thought of
+            self._say(f"not now: {type(error).__name__}: {error}")
+
+    def _follow_clock(self, stopping: threading.Event) -> None:
+        """Starts all again when the clock was set back: the services of Prefect's server would sleep until it is where it was,
+        and no run of the schedule be made for the time between."""
+        before, self._clock = self._clock, _clock()
+        if self._clock > before - _SET_BACK:
+            return
+        self._say(f"the clock was set back by {before - self._clock:.0f} s: server and runner are started again")
+        self._runner.stop(4.0)
+        self._server.stop(4.0)
+        self._start(stopping)
+
+    def _deliver(self) -> None:
+        """Delivers what waits, beside the beat: who is told may take his time to answer."""
+        if not self._delivering.is_alive():
+            root = str(self._workspace.root)
+            self._delivering = threading.Thread(target=_delivered, args=(root, self._say), daemon=True)
+            self._delivering.start()
+
+    def _read_settings(self) -> None:
+        """Takes settings that were written meanwhile, when they are valid: the runner is started again with them."""
+        written = self._settings_written()
+        if written == self._written:
+            return
+        self._written = written
+        self._settings = load_settings(self._workspace.root, self._vehicles())
+        self._say(f"{FILE} was read again")
+        self._runner.stop(5.0)
+        self._runner.start()
+
+    def _watch(self) -> None:
+        """Tells the server of logs that are wholly there, unless a sweep is at them already."""
+        ready = [entry for entry in self._look() if entry.state in ("ready", "refused")]
+        files = frozenset(entry.file for entry in ready)
+        if not ready or is_held(self._workspace.lock("inbox")):
+            return
+        at, told = self._told
+        if time.monotonic() - at < (_REMIND if files <= told else _PAUSE) or self._failed_just_now(files <= told):
+            return
+        if is_awaited(self.client):
+            return
+        emit_arrival(self.client, dict(Counter(entry.vehicle for entry in ready)))
+        self._told = (time.monotonic(), files)
+
+    def _look(self) -> list[Waiting]:
+        """What is in the inbox; what has been there unchanged for long enough is ready, whatever the clock says of its times."""
+        seen, now = files_of_inbox(self._opened, self._settings, wait=False), time.monotonic()
+        self._since = {entry.file: self._since.get(entry.file, now) for entry in seen}
+        settle = self._settings.inbox.settle
+        return [again for entry in seen for again in look_again([entry], now - self._since[entry.file], settle)]
+
+    def _failed_just_now(self, nothing_new: bool) -> bool:
+        """Whether the last sweep failed (for want of room, say) and the next one is to wait: twice as long after each failure,
+        but not so long where something has come since."""
+        last = self._opened.catalogue.newest_run(["sweep_flow", "nightly_flow"])
+        if last is None or last.state != "failed" or last.ended_utc is None:
+            self._failures = []
+            return False
+        if last.id not in self._failures:
+            self._failures.append(last.id)
+        wait = min(_AFTER_FAILURE * 2 ** (len(self._failures) - 1), _AT_MOST) if nothing_new else _AFTER_FAILURE
+        return 0.0 <= (datetime.now(UTC) - last.ended_utc).total_seconds() < wait
+
+    def _stop(self) -> None:
+        """Ends the runner and its runs, says of these that they were stopped, and ends the server."""
+        self._runner.stop(4.0)
+        mark_ended(self._opened, "cancelled", "aerodb serve was stopped")
+        if self.client.healthy():
+            try:
+                clear_up(self.client, self._workspace, at_start=True)
+            except OSError as error:
+                self._say(f"left for the next start: {error}")
+        self._server.stop(4.0)
+
+
+def _clock() -> float:
+    """The time of day less what has passed since the machine began: steady until somebody sets the clock."""
+    return time.time() - time.monotonic()
+
+
+def _delivered(root: str, say: Say) -> None:
+    try:
+        deliver(root, workspace=root, run="")
+    except Exception as error:  # the next one tries again
+        say(f"not delivered now: {type(error).__name__}: {error}")
+
+
+def serve(workspace: Workspace, say: Say) -> None:
+    """Serves a workspace until SIGTERM or SIGINT. StoreError when another ``aerodb serve`` does so already."""
+    lock = take(workspace.lock("serve"))
+    if lock is None:
+        other = note_of(workspace.lock("serve"))
+        who = f"process {other['pid']} at {other['url']}" if "pid" in other else "a process that is just starting"
+        raise StoreError(f"another aerodb serve is at this workspace: {who}", str(workspace.root), "stop that one first")
+    stopping = threading.Event()
+    before = {number: signal.signal(number, lambda *_: stopping.set()) for number in (signal.SIGTERM, signal.SIGINT)}
+    try:
+        lock.note({})
+        Server(workspace, lock, say).run(stopping)
+        say("stopped")
+    finally:
+        lock.release()
+        for number, handler in before.items():
+            signal.signal(number, handler)

@@ -1,0 +1,114 @@
+"""The application: its parts put together, and what becomes of an error. What goes wrong is said as commands say it."""
+
+import importlib.util
+from pathlib import Path
+from typing import Any, Final
+
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from starlette.exceptions import HTTPException
+from starlette.responses import FileResponse, Response
+from starlette.staticfiles import StaticFiles
+
+from aerodb.errors import AeroError, GateRefusal, InputError, StoreBusyError, StoreError, UnknownNameError
+from aerodb.report.page import render
+from aerodb.report.style import FLAGGED, FLIGHT, MEASURED, UPDATED
+from flows.web import changes, findings, flights, lineage, overview, versions, work
+from flows.web.console import Console, document, page_of
+from flows.web.models import REFUSALS
+from flows.web.security import ForbiddenError, Guard, Secured
+from storage.workspace import Workspace
+
+_STATIC: Final = Path(__file__).parent / "static"
+#: Files that the plotting library brings.
+_PLOTTING: Final = ("uPlot.iife.js", "uPlot.min.css")
+_CACHED: Final = {"cache-control": "max-age=3600"}
+_STATUS: Final[tuple[tuple[type[AeroError], int], ...]] = (
+    (ForbiddenError, 403),
+    (UnknownNameError, 404),
+    (GateRefusal, 409),
+    (InputError, 422),
+    (StoreBusyError, 503),
+    (StoreError, 503),
+)
+_SAID: Final = {404: "there is nothing at this address", 405: "this address is not asked in that way"}
+_DESCRIPTION: Final = (
+    "The documents that the commands of aerodb print with --json. A list answers its first page and names the next one in the "
+    "header Link. A change carries the token of GET /api/session in the header X-CSRF-Token, together with its cookie."
+)
+
+
+def create_app(root: Path, guard: Guard) -> FastAPI:
+    """The console of the workspace folder `root`; InputError when there is no workspace."""
+    Workspace.open(root, create=False)
+    app = FastAPI(
+        title="aerodb",
+        version="1",
+        description=_DESCRIPTION,
+        docs_url=None,
+        redoc_url=None,
+        responses=REFUSALS,
+    )
+    app.state.console = Console(root.absolute(), guard)
+    for part in (overview, flights, versions, lineage, findings, work, changes):
+        app.include_router(part.router)
+    app.add_api_route("/static/report.css", _report_style, include_in_schema=False)
+    for name in _PLOTTING:
+        app.add_api_route(f"/static/{name}", _plotting(name), include_in_schema=False)
+    app.mount("/static", StaticFiles(directory=_STATIC), name="static")
+    app.add_exception_handler(AeroError, _refused)
+    app.add_exception_handler(HTTPException, _not_there)
+    app.add_exception_handler(RequestValidationError, _malformed)
+    app.add_middleware(Secured, guard=guard)
+    return app
+
+
+def _report_style() -> Response:
+    """The reports' own style, and the colours that mean the same everywhere."""
+    named = {"flight": FLIGHT, "measured": MEASURED, "flagged": FLAGGED, "updated-band": f"{UPDATED}40"}
+    colours = "".join(f"--{name}: {value}; " for name, value in named.items())
+    return Response(f"{render('style.css')}\n:root {{ {colours}}}\n", headers=_CACHED, media_type="text/css")
+
+
+def _plotting(name: str) -> Any:
+    def file() -> Response:
+        # Found, not imported: the package's own code is not needed.
+        spec = importlib.util.find_spec("uplot")
+        folders = [] if spec is None else list(spec.submodule_search_locations or [])
+        path = Path(folders[0]) / "static" / name if folders else None
+        if path is None or not path.is_file():
+            raise StoreError("the plotting library is not installed", name, "pip install uplot-python")
+        return FileResponse(path, headers=_CACHED)
+
+    return file
+
+
+async def _refused(request: Request, error: Exception) -> Response:
+    assert isinstance(error, AeroError)
+    status = next((code for kind, code in _STATUS if isinstance(error, kind)), 500)
+    return _said(request, status, error.what, error.where, error.remedy)
+
+
+async def _not_there(request: Request, error: Exception) -> Response:
+    assert isinstance(error, HTTPException)
+    return _said(request, error.status_code, _SAID.get(error.status_code, str(error.detail)), "", "see the overview")
+
+
+async def _malformed(request: Request, error: Exception) -> Response:
+    assert isinstance(error, RequestValidationError)
+    first = error.errors()[0]
+    where = ".".join(str(step) for step in first["loc"][1:])
+    return _said(request, 422, str(first["msg"]), where, "see the API's description for what it takes")
+
+
+def _said(request: Request, status: int, what: str, where: str, remedy: str) -> Response:
+    """An error as a page, or as a document where documents are asked for."""
+    if request.url.path.startswith("/api/") or request.url.path == "/openapi.json":
+        answer = document({"error": {"status": status, "what": what, "where": where, "remedy": remedy}}, status=status)
+    else:
+        title = "The gate refused" if status == 409 else "Not found" if status == 404 else "That does not work"
+        answer = page_of(request, "error.html", title, what=what, where=where, remedy=remedy)
+        answer.status_code = status
+    if status == 503:
+        answer.headers["retry-after"] = "5"
+    return answer

@@ -1,0 +1,166 @@
+"""What every page needs: the workspace, the request's answer as a page or as a document, and links that hold any name."""
+
+import functools
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Final
+from urllib.parse import quote, urlencode
+
+import jinja2
+from fastapi import Query, Request
+from pydantic import BeforeValidator, Field
+from starlette.responses import Response
+
+from aerodb.report import page
+from aerodb.report.style import for_people, visible
+from flows.run import run_flow
+from flows.web.security import REPORT_POLICY, Guard, keep_session, session_of
+from storage.rows import VersionRow
+from storage.workspace import Workspace
+from tasks.documents import as_json
+from tasks.open import Stores, stores
+from tasks.references import version_of
+
+#: Entries of a page of a list.
+PER_PAGE: Final = 50
+_LONGEST: Final = 300
+
+
+def given(text: object) -> object:
+    """A field of a form that is left empty asks for nothing."""
+    return None if text == "" else text
+
+
+#: What people and programs ask for, in the address. The bounds hold for words, and a field left empty is none.
+_Name = Annotated[str, Field(max_length=_LONGEST)]
+Word = Annotated[_Name | None, BeforeValidator(given), Query()]
+Point = Annotated[str, Query(max_length=2000, description="NAME=VALUE,... with units or in SI; what is not given is zero.")]
+Vehicle = Annotated[_Name | None, BeforeValidator(given), Query(description="The vehicle; not needed where there is only one.")]
+AsOf = Annotated[_Name | None, BeforeValidator(given), Query(description="As it was at this date (ISO 8601, UTC).")]
+Limit = Annotated[int, Query(ge=1, le=500, description="How many at most.")]
+
+
+@dataclass(frozen=True)
+class Console:
+    """The workspace folder that is shown, and who may ask."""
+
+    root: Path
+    guard: Guard
+
+    def opened(self) -> Stores:
+        """The stores of the workspace."""
+        return stores(str(self.root))
+
+    def run(self, body: Any, parameters: dict[str, Any]) -> Any:
+        """Runs a flow as the command line runs it with ``--direct``: the same steps, a record in the catalogue."""
+        return run_flow(body, parameters, Workspace.open(self.root, create=False), "direct")
+
+
+def console_of(request: Request) -> Console:
+    """The console that answers a request."""
+    found: Console = request.app.state.console
+    return found
+
+
+def opened_of(request: Request) -> Stores:
+    """The stores that a request is about."""
+    return console_of(request).opened()
+
+
+def version_at(opened: Stores, reference: str, vehicle: str | None, as_of: str | None = None) -> VersionRow:
+    """The version that is meant: by its full id whatever the vehicle, else as commands take it."""
+    if as_of is None and vehicle is None:
+        row = opened.catalogue.versions_by_id([reference]).get(reference)
+        if row is not None:
+            return row
+    return version_of(opened.catalogue, reference, vehicle, as_of)
+
+
+def document(content: Any, further: str = "", status: int = 200) -> Response:
+    """A document as JSON; `further` is the address of the next page of a list (RFC 8288)."""
+    headers = {"link": f'<{further}>; rel="next"'} if further else {}
+    return Response(as_json(content), status, headers, "application/json")
+
+
+def page_of(request: Request, template: str, title: str, **context: Any) -> Response:
+    """A page made of a template, with a session of which changes can carry the token."""
+    session, is_new = session_of(request)
+    context["csrf"] = console_of(request).guard.csrf_token(session)
+    context["here"] = request.url.path
+    text = _engine().get_template(template).render(title=title, **context)
+    made = Response(text.encode("utf-8", "replace"), media_type="text/html; charset=utf-8")
+    if is_new:
+        keep_session(made, session)
+    return made
+
+
+def report(text: str) -> Response:
+    """A report as it is mailed: it brings all that it shows."""
+    headers = {"content-security-policy": REPORT_POLICY}
+    return Response(text.encode("utf-8", "replace"), 200, headers, "text/html; charset=utf-8")
+
+
+def address(path: str, **asked: Any) -> str:
+    """A path with what is asked for; names that are none are left out.
+
+    >>> address("/flights", vehicle="a b", after=None)
+    '/flights?vehicle=a+b'
+    """
+    chosen = {name: value for name, value in asked.items() if value not in (None, "")}
+    return f"{path}?{urlencode(chosen, errors='replace')}" if chosen else path
+
+
+def part(text: object) -> str:
+    """Any text as one part of a path."""
+    return quote(str(text), safe="", errors="replace")
+
+
+def shortened(text: object, most: int = 120) -> str:
+    """Text for a table: at most so many characters, the rest stands on the page of what it names."""
+    shown = visible(str(text).replace("\n", "; "))
+    return shown if len(shown) <= most else f"{shown[: most - 1]}…"
+
+
+def in_units(value: float | None, unit: str) -> float | None:
+    """A value in the unit in which people read it."""
+    return None if value is None else value * for_people(unit)[0]
+
+
+def moment(text: str | None) -> str:
+    """A time of a document for people."""
+    return "–" if not text else f"{text[:16].replace('T', ' ')} UTC"
+
+
+@functools.cache
+def _engine() -> jinja2.Environment:
+    loaders = [jinja2.PackageLoader("flows.web"), jinja2.PackageLoader("aerodb.report")]
+    engine = jinja2.Environment(
+        loader=jinja2.ChoiceLoader(loaders),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    shared = (page.name, page.number, page.share, page.words, page.instant, page.sentence, visible)
+    engine.filters |= {function.__name__: function for function in shared}
+    engine.filters |= {"part": part, "shortened": shortened, "moment": moment}
+    engine.globals |= {
+        "address": address,
+        "unit_of": lambda unit: for_people(unit)[1],
+        "in_units": in_units,
+        "sections": SECTIONS,
+    }
+    return engine
+
+
+#: The parts of the console, as the menu names them.
+SECTIONS: Final[Mapping[str, str]] = {
+    "/": "Overview",
+    "/flights": "Flights",
+    "/versions": "Versions",
+    "/findings": "Findings",
+    "/history": "History",
+    "/work": "Work",
+    "/api": "API",
+}

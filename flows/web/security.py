@@ -1,0 +1,197 @@
+"""Who may ask and who may change: the host that is named, the token, where a change comes from, what a browser may do.
+
+A page elsewhere can make a browser send requests here. It can neither read answers (no CORS), nor come under a name of its own
+(the Host header must be ours: DNS rebinding), nor change anything (a change carries a token that only our pages hold).
+"""
+
+import base64
+import binascii
+import hashlib
+import hmac
+import ipaddress
+import os
+import secrets
+import socket
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+from urllib.parse import urlsplit
+
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.requests import HTTPConnection
+from starlette.responses import PlainTextResponse, Response
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from aerodb.errors import AeroError, InputError
+from storage.settings import TOKEN_VARIABLE, Serve, checked_token
+
+COOKIE: Final = "aerodb_session"
+HEADER: Final = "x-csrf-token"
+#: A change is a reason and a few names.
+LARGEST_BODY: Final = 64 << 10
+_POLICY: Final = (
+    "default-src 'self'; img-src 'self' data:; object-src 'none'; base-uri 'none'; form-action 'self'; frame-ancestors 'none'"
+)
+#: Reports bring their styles and pictures with them, and need nothing else.
+REPORT_POLICY: Final = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; base-uri 'none'; frame-ancestors 'none'"
+_ALWAYS: Final = {
+    "x-content-type-options": "nosniff",
+    "x-frame-options": "DENY",
+    "referrer-policy": "same-origin",
+    "cross-origin-opener-policy": "same-origin",
+    "cross-origin-resource-policy": "same-origin",
+}
+
+
+class ForbiddenError(AeroError, PermissionError):
+    """A change that did not come from a page of this console."""
+
+
+@dataclass(frozen=True)
+class Guard:
+    """By which `names` the console may be called, whether by any address of the machine too, the token that it asks for (empty:
+    none), and the key that makes tokens of changes."""
+
+    names: frozenset[str]
+    any_address: bool
+    token: str
+    key: bytes
+
+    def knows(self, host: str) -> bool:
+        """Whether a Host header names this console; its port does not matter."""
+        name = _name_of(host)
+        if name in self.names:
+            return True
+        try:
+            return self.any_address and bool(ipaddress.ip_address(name))
+        except ValueError:
+            return False
+
+    def admits(self, presented: str) -> bool:
+        """Whether an Authorization header holds the token: as a bearer's, or as the password of any name."""
+        if not self.token:
+            return True
+        scheme, _, rest = presented.partition(" ")
+        given = rest.strip()
+        if scheme.lower() == "basic":
+            try:
+                given = base64.b64decode(given, validate=True).decode("utf-8").partition(":")[2]
+            except (binascii.Error, UnicodeDecodeError):
+                return False
+        return scheme.lower() in ("basic", "bearer") and hmac.compare_digest(given.encode(), self.token.encode())
+
+    def csrf_token(self, session: str) -> str:
+        """The token that a change from this session carries."""
+        return hmac.new(self.key, session.encode("utf-8", "replace"), hashlib.sha256).hexdigest()
+
+
+def guard_of(host: str, port: int, known_as: Iterable[str] = (), environment: Mapping[str, str] | None = None) -> Guard:
+    """The guard of a console that listens on `host`; InputError where others can reach that and no token is set."""
+    serve = Serve(host=host, port=port)
+    try:
+        token = checked_token(serve, dict(os.environ if environment is None else environment))
+    except InputError as error:
+        raise InputError(error.what, "aerodb web --host", error.remedy.replace("serve.host", "--host")) from error
+    names = {"localhost", "127.0.0.1", "::1", _name_of(host), *(_name_of(name) for name in known_as)}
+    if not serve.loopback:
+        names |= {socket.gethostname().lower(), socket.getfqdn().lower()}
+    return Guard(frozenset(names - {""}), host in ("0.0.0.0", "::"), token, secrets.token_bytes(32))
+
+
+def _name_of(host: str) -> str:
+    """Host name or address of a Host header, without its port; empty for what is none."""
+    if any(c in host for c in "/@\\ "):
+        return ""
+    text = f"[{host}]" if host.count(":") > 1 and not host.startswith("[") else host
+    try:
+        return (urlsplit(f"//{text}").hostname or "").rstrip(".").lower()
+    except ValueError:
+        return ""
+
+
+class Secured:
+    """The application behind its guard: only what is admitted reaches it, and every answer carries the headers."""
+
+    def __init__(self, app: ASGIApp, guard: Guard) -> None:
+        self._app, self._guard = app, guard
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] == "lifespan":
+            await self._app(scope, receive, send)
+            return
+        if scope["type"] != "http":
+            return
+
+        async def marked(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                headers = MutableHeaders(scope=message)
+                for name, value in _ALWAYS.items():
+                    headers[name] = value
+                headers.setdefault("content-security-policy", _POLICY)
+                headers.setdefault("cache-control", "no-store")
+            await send(message)
+
+        refusal = self._refusal(scope)
+        if refusal is not None:
+            await refusal(scope, receive, marked)
+        else:
+            await self._app(scope, _bounded(receive), marked)
+
+    def _refusal(self, scope: Scope) -> Response | None:
+        """The answer to who is not admitted."""
+        headers = Headers(scope=scope)
+        hosts = headers.getlist("host")
+        if len(hosts) != 1 or not self._guard.knows(hosts[0]):
+            return PlainTextResponse("aerodb: this console is not called by that name; see aerodb web --known-as\n", 421)
+        if not self._guard.admits(headers.get("authorization", "")):
+            ask = {"www-authenticate": 'Basic realm="aerodb", charset="UTF-8"'}
+            return PlainTextResponse(f"aerodb: name any user; the password is the token, ${TOKEN_VARIABLE}\n", 401, ask)
+        if scope["method"] not in ("GET", "HEAD", "OPTIONS") and not _same_origin(headers, hosts[0]):
+            return PlainTextResponse("aerodb: changes are made from pages of this console only\n", 403)
+        if int(length if (length := headers.get("content-length", "0")).isdecimal() else 0) > LARGEST_BODY:
+            return PlainTextResponse(f"aerodb: more than {LARGEST_BODY} bytes\n", 413)
+        return None
+
+
+def _same_origin(headers: Headers, host: str) -> bool:
+    """Whether a browser that says where a request comes from says that it comes from here."""
+    if headers.get("sec-fetch-site", "same-origin") not in ("same-origin", "none"):
+        return False
+    origin = headers.get("origin")
+    try:
+        return origin is None or urlsplit(origin).netloc.lower() == host.lower()
+    except ValueError:
+        return False
+
+
+def _bounded(receive: Receive) -> Receive:
+    """`receive` that ends a body longer than allowed as if its sender had gone."""
+    seen = 0
+
+    async def bounded() -> Message:
+        nonlocal seen
+        message = await receive()
+        seen += len(message.get("body", b""))
+        return message if seen <= LARGEST_BODY else {"type": "http.disconnect"}
+
+    return bounded
+
+
+def session_of(request: HTTPConnection) -> tuple[str, bool]:
+    """The session that a browser presents, or a new one; and whether it is new."""
+    presented = request.cookies.get(COOKIE, "")
+    known = len(presented) == 64 and presented.isalnum() and presented.isascii()
+    return (presented, False) if known else (secrets.token_hex(32), True)
+
+
+def keep_session(response: Response, session: str) -> None:
+    """Lets the browser present the session again, and nobody's script read it."""
+    response.set_cookie(COOKIE, session, httponly=True, samesite="strict", path="/")
+
+
+def check_csrf(request: HTTPConnection, guard: Guard, presented: Any) -> None:
+    """Raises ForbiddenError unless a change carries the token of its session."""
+    session, is_new = session_of(request)
+    given = presented if isinstance(presented, str) else ""
+    if is_new or not hmac.compare_digest(given.encode("utf-8", "replace"), guard.csrf_token(session).encode()):
+        raise ForbiddenError("the form is not of this session", "a change", "open its page again, then send it from there")

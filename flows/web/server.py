@@ -1,0 +1,43 @@
+"""The console as a server: a socket that listens, and the application behind it until it is stopped."""
+
+import socket
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import uvicorn
+
+from flows.web.app import create_app
+from flows.web.security import Guard
+
+
+@contextmanager
+def listening(host: str, port: int) -> Iterator[socket.socket]:
+    """A socket that listens at `host` and `port` (0: a free one); OSError when it cannot."""
+    family, kind, protocol, _, place = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+    with socket.socket(family, kind, protocol) as made:
+        made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        made.bind(place)
+        made.listen(128)
+        yield made
+
+
+def server_of(root: Path, guard: Guard) -> uvicorn.Server:
+    """The server of a workspace's console; `run(sockets=[...])` serves until `should_exit`."""
+    # What a browser may call itself stays with the guard: no header of a proxy changes it.
+    return uvicorn.Server(
+        uvicorn.Config(
+            create_app(root, guard),
+            log_level="warning",
+            access_log=False,
+            server_header=False,
+            proxy_headers=False,
+            ws="none",
+            timeout_graceful_shutdown=5,
+        )
+    )
+
+
+def serve_console(root: Path, guard: Guard, place: socket.socket) -> None:
+    """Serves the console of the workspace folder `root` at a listening socket until SIGINT or SIGTERM."""
+    server_of(root, guard).run(sockets=[place])

@@ -1,0 +1,145 @@
+"""Logs read at arm's length: what parsing a log does to a process happens to another process, under limits.
+
+The hand-over is the store's own form, which is written anyway: the other process reads the log and writes its topics, and they
+are read back as far as they are asked for. Its interpreter starts once and serves many logs (`storage.readers.worker`).
+"""
+
+import json
+import os
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final
+
+from aerodb.errors import InputError, StoreError
+from aerodb.recording import Recording
+from storage.guard import disk_faults, remove, temporary_beside
+from storage.limits import Limits
+
+#: Environment that a reader needs; it has no business with what else is there.
+_PASSED: Final = ("PATH", "HOME", "LANG", "LC_ALL", "TMPDIR", "TZ", "NUMBA_CACHE_DIR", "LD_LIBRARY_PATH", "SYSTEMROOT")
+
+
+@dataclass(frozen=True)
+class Parsed:
+    """A log whose topics stand in `folder`, which is temporary until `keep` gives it its name."""
+
+    folder: Path
+    recording: Recording
+
+    def keep(self, place: Path) -> None:
+        """Puts the topics at `place`; what another put there meanwhile stays."""
+        from storage.workspace import put_in_place
+
+        put_in_place(self.folder, place, keep=True)
+
+
+@contextmanager
+def parsed_log(path: Path, place: Path, limits: Limits) -> Iterator[Parsed]:
+    """The log at `path`, its topics in a temporary folder beside `place`, which is removed at the end unless they were kept.
+
+    Raises InputError for a log that is damaged beyond use or takes more than its `limits`: the process that parsed it may
+    have died, nothing else has. StoreError when the topics cannot be written.
+    """
+    from storage.flights import open_recording
+
+    limits.check_size(path.stat().st_size, str(path))
+    folder = temporary_beside(place)
+    try:
+        with disk_faults(folder):
+            _ask(path, {"folder": str(folder.absolute()), "limits": limits.model_dump()})
+        yield Parsed(folder, replace(open_recording(folder), source=str(path)))
+    finally:
+        remove(folder)
+
+
+class _Worker:
+    """A worker process and the pipes to it."""
+
+    def __init__(self) -> None:
+        root = str(Path(__file__).resolve().parents[2])
+        paths = [root, *filter(None, [os.environ.get("PYTHONPATH")])]
+        own = {"PYTHONPATH": os.pathsep.join(paths), "OPENBLAS_NUM_THREADS": "1", "PYTHONUTF8": "1"}
+        environment = {name: os.environ[name] for name in _PASSED if name in os.environ} | own
+        command = [sys.executable, "-P", "-m", "storage.readers.worker"]
+        # A session of its own: an interrupt at the terminal is this process' business, which then ends the worker.
+        self._process = subprocess.Popen(
+            command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            env=environment,
+            start_new_session=True,
+        )
+
+    def ask(self, job: dict[str, Any]) -> dict[str, str] | None:
+        """The answer to a job; None when the worker is dead."""
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        try:
+            self._process.stdin.write(json.dumps(job).encode("ascii") + b"\n")
+            self._process.stdin.flush()
+            line = self._process.stdout.readline()
+        except OSError:
+            return None
+        answer: dict[str, str] | None = json.loads(line) if line.endswith(b"\n") else None
+        return answer
+
+    def close(self) -> None:
+        """Ends the worker, and with it what it is doing."""
+        for pipe in (self._process.stdin, self._process.stdout):
+            with suppress(OSError):
+                if pipe is not None:
+                    pipe.close()
+        self._process.kill()
+        self._process.wait()
+
+
+#: Workers that wait for the next log, each with the process that started it: a fork must not use its parent's.
+_idle: list[tuple[int, _Worker]] = []
+_lock = threading.Lock()
+
+
+def start_reader() -> None:
+    """Starts a worker in the background, so that the first log finds it ready; nothing when one is waiting already."""
+    with _lock:
+        if not any(owner == os.getpid() for owner, _ in _idle):
+            _idle.append((os.getpid(), _Worker()))
+
+
+def _take() -> _Worker:
+    with _lock:
+        mine = [entry for entry in _idle if entry[0] == os.getpid()]
+        if mine:
+            _idle.remove(mine[-1])
+            return mine[-1][1]
+    return _Worker()
+
+
+def _ask(log: Path, job: dict[str, Any]) -> None:
+    """Has a log parsed; raises what became of it. A worker that died is replaced once: it may have died before this log came."""
+    absolute = str(log.absolute())
+    for _ in range(2):
+        worker = _take()
+        try:
+            answer = worker.ask({"log": absolute, **job})
+        except BaseException:
+            worker.close()
+            raise
+        if answer is None:
+            worker.close()
+            continue
+        with _lock:
+            _idle.append((os.getpid(), worker))
+        kind = answer.pop("ended")
+        if kind != "done":
+            answer["where"] = answer["where"].replace(absolute, str(log))
+            raise (StoreError if kind == "store" else InputError)(**answer)
+        return
+    raise StoreError(
+        "the process that parses logs does not stay alive", str(log), "see the memory of this machine, then run again"
+    )

@@ -1,0 +1,168 @@
+"""The process that parses logs: ``python -m storage.readers.worker``.
+
+It reads one job per line (JSON) from standard input, forks a child for it, and answers with one line. The child gets limits,
+reads the log and writes its topics in the store's own form; the worker, which never looks at a log, watches over it. All that
+the reader needs is imported and compiled before the first job, so that a child costs a fork and no more. When whoever started
+the worker dies, the worker and the child die too.
+"""
+
+import ctypes
+import json
+import os
+import resource
+import select
+import signal
+import sys
+import tempfile
+import time
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Final, Literal, NoReturn
+
+import numpy as np
+
+from aerodb.errors import InputError, StoreError
+from aerodb.recording import Topic
+from storage.flights import write_topics
+from storage.guard import disk_faults, remove
+from storage.limits import Limits
+from storage.readers import mcap, read_log, tabular  # noqa: F401 - what a child needs is imported before the fork
+from storage.writers.ulog import write_ulog
+
+_DEATH_SIGNAL: Final = 1  # PR_SET_PDEATHSIG of prctl(2)
+_ANSWER_BYTES: Final = 1 << 20
+_LATER: Final = "look at the log where it came from; with a larger [limits] in the workspace's settings it is tried again"
+
+
+def main() -> None:
+    """Serves jobs until standard input ends."""
+    # What libraries print must not come between the answers.
+    answers = os.fdopen(os.dup(1), "w", encoding="ascii")
+    os.dup2(2, 1)
+    _warm()
+    while line := os.read(0, 1 << 16):
+        while not line.endswith(b"\n") and (more := os.read(0, 1 << 16)):
+            line += more
+        answers.write(json.dumps(answer(json.loads(line))) + "\n")
+        answers.flush()
+
+
+def _warm() -> None:
+    """Reads a log of our own, so that compiled loops are loaded once and not in every child."""
+    with tempfile.TemporaryDirectory() as folder:
+        log, time_ = Path(folder) / "own.ulg", np.arange(1, 50, dtype=np.float64) * 0.02
+        write_ulog(log, [Topic("own", time_, {"x": time_, "y": time_.astype(np.float32)})])
+        write_topics(Path(folder) / "topics", read_log(log))
+
+
+def answer(job: dict[str, Any]) -> dict[str, str]:
+    """Runs a job ``{log, folder, limits}`` in a child; says how it ended: ``done``, or ``refused`` or ``store`` with the words of
+    an error."""
+    limits = Limits(**job["limits"])
+    reading, writing = os.pipe()
+    child = os.fork()
+    if child == 0:
+        os.close(reading)
+        _parse(Path(job["log"]), Path(job["folder"]), limits, writing)
+    os.close(writing)
+    said, end = _listen(reading, limits.wall)
+    os.close(reading)
+    if not said:
+        os.kill(child, signal.SIGKILL)
+    _, status = os.waitpid(child, 0)
+    if end == "master":  # nobody waits for the answer any more
+        remove(Path(job["folder"]))
+        os._exit(0)
+    if said:
+        found: dict[str, str] = json.loads(said)
+        return found
+    return _refusal(_end_of(status, end == "late", limits), job["log"], _LATER)
+
+
+def _listen(reading: int, seconds: float) -> tuple[bytes, Literal["", "late", "master"]]:
+    """What the child says until it ends; or that it was still at work after `seconds`, or that the worker's master died."""
+    until, said = time.monotonic() + seconds, b""
+    while True:
+        ready, _, _ = select.select([reading, 0], [], [], max(until - time.monotonic(), 0.0))
+        if not ready:
+            return b"", "late"
+        if 0 in ready:
+            return b"", "master"
+        part = os.read(reading, 1 << 16)
+        said += part
+        if not part or len(said) > _ANSWER_BYTES:
+            return said, ""
+
+
+def _end_of(status: int, late: bool, limits: Limits) -> str:
+    if late:
+        return f"its parsing was stopped after {limits.wall:g} s"
+    if os.WIFSIGNALED(status):
+        number = os.WTERMSIG(status)
+        if number == signal.SIGXCPU:
+            return f"its parsing was stopped after {limits.processor:g} s of processor time"
+        if number == signal.SIGKILL:
+            return "its parsing was killed by the system, most likely for want of memory"
+        return f"its parsing crashed the reader ({signal.Signals(number).name})"
+    return f"its parsing ended the reader (exit code {os.WEXITSTATUS(status)})"
+
+
+def _refusal(what: str, where: str, remedy: str, kind: str = "refused") -> dict[str, str]:
+    return {"ended": kind, "what": what, "where": where, "remedy": remedy}
+
+
+def _parse(log: Path, folder: Path, limits: Limits, writing: int) -> NoReturn:
+    """The child: reads the log under its limits, writes its topics, says how that went, and ends without returning."""
+    try:
+        _confine(limits)
+        said = _read(log, folder, limits)
+        os.write(writing, json.dumps(said).encode("ascii"))
+    finally:
+        os._exit(0)
+
+
+def _read(log: Path, folder: Path, limits: Limits) -> dict[str, str]:
+    try:
+        # What is stored does not depend on where the log lay.
+        recording = replace(read_log(log), source=log.name)
+        with disk_faults(folder):
+            write_topics(folder, recording)
+    except StoreError as error:
+        return _refusal(error.what, error.where, error.remedy, "store")
+    except InputError as error:
+        return _refusal(error.what, error.where, error.remedy)
+    except MemoryError:
+        return _refusal(f"its parsing needs more than {limits.memory / 1e6:.0f} MB of memory", str(log), _LATER)
+    except RecursionError:
+        return _refusal("its parts are nested too deeply", str(log), "no recorder writes such a log: check where it came from")
+    except Exception as error:  # a library's own fault on bytes that it did not expect: the log cannot be used, and that is all
+        what = f"its parsing failed: {type(error).__name__}: {str(error)[:200]}"
+        return _refusal(what, str(log), "report it with the log as a fault of aerodb's reader")
+    return {"ended": "done"}
+
+
+def _confine(limits: Limits) -> None:
+    """Limits of this process; of memory, beside what code and libraries take already."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_DEATH_SIGNAL, signal.SIGKILL)
+        with suppress(OSError):  # where memory runs out all the same, this process goes first
+            Path("/proc/self/oom_score_adj").write_text("1000", encoding="ascii")
+    most = _address_space() + limits.memory
+    resource.setrlimit(resource.RLIMIT_AS, (most, most))
+    seconds = max(int(limits.processor), 1)
+    resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 5))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _address_space() -> int:
+    """Bytes of address space that this process has already, where the system tells."""
+    try:
+        return int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0]) * resource.getpagesize()
+    except OSError:
+        return 2_000_000_000  # what code and libraries take on Linux
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,111 @@
+"""Manoeuvres as units of tracing where fewer flights than it needs can vote: which they are, and what they say."""
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
+
+from aerodb.conditioning.segmentation import STATES
+from aerodb.tables.database import AeroDatabase
+from aerodb.tracing.evidence import Evidence, units
+from aerodb.tracing.findings import Finding, Traced
+from aerodb.tracing.manoeuvres import Suspicion, suspect, windows
+from aerodb.tracing.settings import Settings
+from tasks.open import Stores
+from tasks.segments import segments_of
+from tasks.trace import Library, evidence_beside
+
+#: Verdicts that more votes could change.
+_TOO_FEW = ("not_testable",)
+#: Axes on which units must be independent for a finding of that plane of motion.
+_PLANES = (("CX", "CZ", "Cm"), ("CY", "Cl", "Cn"))
+
+
+def too_few_voted(traced: Traced, settings: Settings) -> bool:
+    """Whether there are hardly more flights than the error rate needs, and some effect has fewer votes than that."""
+    few = len(traced.flights) < settings.fewest
+    return few or (len(traced.flights) == settings.fewest and any(item.verdict in _TOO_FEW for item in traced.not_found))
+
+
+def by_manoeuvres(opened: Stores, traced: Traced, library: Library, database: AeroDatabase, run: str) -> tuple[Suspicion, ...]:
+    """What the manoeuvres of the flights suspect together, beside what the flights have found, one plane of motion after the
+    other; empty where flights are enough, or where there are no two manoeuvres.
+
+    Twice: how far apart manoeuvres must be hangs on how long what is left is correlated, and that on what has been found.
+    """
+    hypotheses, settings = library.hypotheses, library.settings
+    if not too_few_voted(traced, settings):
+        return ()
+    known = [finding.hypothesis for finding in traced.findings]
+    evidence = [evidence_beside(opened, flight, database, library, run) for flight in traced.flights]
+    # A stall and the way back are one event, whatever else is moved meanwhile.
+    spans = {each.flight: () if each.flight in library.stall else manoeuvre_spans(opened, each.flight, run) for each in evidence}
+    chosen = _units(evidence, spans, {})
+    if len(chosen) < 2:
+        return ()
+    said = suspect(chosen, hypotheses, settings, known)
+    parts = []
+    for axes in _PLANES:
+        mine = _in_plane(said, axes)
+        if not mine.findings:
+            continue
+        apart = {flight: max(times.get(axis, 0.0) for axis in axes) for flight, times in said.correlation_time.items()}
+        again = _units(evidence, spans, apart)
+        if len(again) > 1 and [each.flight for each in again] != [each.flight for each in chosen]:
+            mine = _in_plane(suspect(again, hypotheses, settings, known), axes)
+        if len(again) > 1:
+            parts.append(mine)
+    return tuple(parts) or (replace(said, findings=()),)
+
+
+def _in_plane(said: Suspicion, axes: Collection[str]) -> Suspicion:
+    """With the findings of one plane of motion only."""
+    lateral = {"CY", "Cl", "Cn", "C_side"}
+    wanted = bool(lateral & set(axes))
+    return replace(said, findings=tuple(f for f in said.findings if (_written_on(f) in lateral) == wanted))
+
+
+def _written_on(finding: Finding) -> str:
+    """The first axis on which a finding's hypothesis is written, along the body or the wind: ``effect@axis:subject``."""
+    return finding.hypothesis.partition("@")[2].partition(":")[0].partition("+")[0]
+
+
+def with_suspicion(traced: Traced, parts: Sequence[Suspicion]) -> Traced:
+    """What flights found and bounded, and what their manoeuvres suspect."""
+    voters = list(dict.fromkeys(gram.flight for said in parts for gram in said.joint.grams))
+    findings = [finding for said in parts for finding in said.findings]
+    short = ", ".join(name[:12] if "@" not in name else f"{name[:12]}@{name.partition('@')[2]} s" for name in voters)
+    what = "manoeuvres voted, not flights" if any("@" in name for name in voters) else "these flights voted beside the linear set"
+    note = f"Too few flights for the error rate: {what} ({short}); what they found so is suspected at most."
+    found = {finding.hypothesis for finding in findings}
+    return replace(
+        traced,
+        findings=(*traced.findings, *sorted(findings, key=lambda finding: finding.p_adjusted)),
+        not_found=tuple(item for item in traced.not_found if item.hypothesis not in found),
+        notes=(*traced.notes, note),
+    )
+
+
+def manoeuvre_spans(opened: Stores, flight: str, run: str) -> tuple[tuple[float, float], ...]:
+    """Start and end [s from the first sample] of the manoeuvres of a flight (its id), those that overlap as one."""
+    spans: list[tuple[float, float]] = []
+    for segment in sorted(segments_of(opened, flight, run), key=lambda segment: segment.start):
+        start, end = segment.start, segment.end
+        if segment.kind in STATES:
+            continue
+        if spans and start <= spans[-1][1]:
+            spans[-1] = (spans[-1][0], max(end, spans[-1][1]))
+        else:
+            spans.append((start, end))
+    return tuple(spans)
+
+
+def _units(
+    evidence: Sequence[Evidence], spans: Mapping[str, Sequence[tuple[float, float]]], apart: Mapping[str, float]
+) -> list[Evidence]:
+    """The flights cut at their manoeuvres; a flight without any, or with one, votes whole."""
+    found: list[Evidence] = []
+    for each in evidence:
+        cut = (
+            windows(spans[each.flight], (each.samples - 1) * each.step, apart.get(each.flight, 0.0)) if spans[each.flight] else ()
+        )
+        found += units(each, cut, 0.0) if len(cut) > 1 else (each,)
+    return found

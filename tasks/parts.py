@@ -1,0 +1,100 @@
+"""Proof inside flights: where flights are too few to leave one out, a part of a flight is predicted from everything else."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aerodb.comparison import Comparison
+from aerodb.effects.adding import add_effects, envelopes_of
+from aerodb.effects.view import view_of
+from aerodb.proof import AxisProof, prove_by_leaving_one_out
+from aerodb.tables.database import AeroDatabase
+from aerodb.tracing.flight_evidence import evidence_of
+from aerodb.tracing.joint_model import joint_bands, joint_fit
+from aerodb.tracing.manoeuvres import LINEAR
+from aerodb.update import Update, keep_slope_signs
+from tasks.compare import beside, compared
+from tasks.manoeuvres import manoeuvre_spans
+from tasks.open import Stores
+from tasks.trace import Library
+
+if TYPE_CHECKING:
+    from tasks.close_loop import Loop
+
+Mask = NDArray[np.bool_]
+
+
+def parts_of(time: NDArray[np.float64], spans: tuple[tuple[float, float], ...]) -> dict[str, Mask]:
+    """A flight's head, to the middle of its first manoeuvre, and its tail, from the middle of its last.
+
+    So what is left out is flown once more in what is left. time (n,) s; spans from its first sample. Without a manoeuvre: halves.
+    """
+    since = time - time[0]
+    middles = [0.5 * (start + end) for start, end in spans] or [0.5 * float(since[-1])]
+    return {"head": since <= middles[0], "tail": since > middles[-1]}
+
+
+def prove_by_parts(
+    opened: Stores, library: Library, loop: "Loop", before: Mapping[str, Comparison], after: Mapping[str, Comparison], run: str
+) -> tuple[AxisProof, ...]:
+    """Error before and after on heads and tails of flights, each with the values that everything else gives the terms added.
+
+    Which terms is not chosen anew: two or three manoeuvres cannot be left without one of them.
+    """
+    masks = {
+        f"{flight}@{name}": (flight, mask)
+        for flight, comparison in before.items()
+        for name, mask in parts_of(comparison.time, manoeuvre_spans(opened, flight, run)).items()
+    }
+
+    def without(part: str) -> Comparison:
+        flight, mask = masks[part]
+        names = [finding.hypothesis for finding in loop.added]
+        candidate = estimated_without(opened, library, loop.baseline, names, tuple(before), {flight: mask}, run)
+        return _only(compared(opened, flight, candidate, run), mask)
+
+    return prove_by_leaving_one_out(
+        {part: _only(before[flight], mask) for part, (flight, mask) in masks.items()},
+        {part: _only(after[flight], mask) for part, (flight, mask) in masks.items()},
+        without,
+    )
+
+
+def _only(comparison: Comparison, mask: Mask) -> Comparison:
+    return replace(comparison, usable={axis: good & mask for axis, good in comparison.usable.items()})
+
+
+def estimated_without(
+    opened: Stores,
+    library: Library,
+    baseline: AeroDatabase,
+    names: Sequence[str],
+    flights: tuple[str, ...],
+    masks: Mapping[str, Mask],
+    run: str,
+) -> AeroDatabase:
+    """The baseline with the named hypotheses, estimated beside the linear set on all samples but the masked."""
+    if not names:
+        return baseline
+    evidence, views = [], []
+    for flight in flights:
+        channels, comparison, _ = beside(opened, flight, baseline, run)
+        vehicle, _ = opened.vehicle(channels.vehicle)
+        if flight in masks:
+            comparison = _only(comparison, ~masks[flight])
+        if any(good.any() for good in comparison.usable.values()):
+            evidence.append(evidence_of(channels, comparison, baseline, vehicle, library.hypotheses))
+            views.append(view_of(channels, comparison, baseline, vehicle))
+    bands, settings = joint_bands(evidence, library.hypotheses, library.settings)
+    linear = [i for i, h in enumerate(library.hypotheses) if h.effect in LINEAR]
+    terms = list(dict.fromkeys([*linear, *(i for i, h in enumerate(library.hypotheses) if h.id in names)]))
+    joint = joint_fit(bands, terms, library.hypotheses, settings)
+    accepted = [library.hypotheses[i] for i in terms if library.hypotheses[i].id in names]
+    values = np.array([joint.value(i) for i in terms if library.hypotheses[i].id in names])
+    able = [view for view in views if all(view.has(hypothesis.needs) for hypothesis in accepted)]
+    envelopes = envelopes_of(accepted, able, baseline)
+    candidate = add_effects(baseline, accepted, values, np.zeros((len(values), len(values))), envelopes, flights)
+    return keep_slope_signs(Update(candidate, (), flights), baseline).candidate

@@ -1,0 +1,82 @@
+"""What a user means: which vehicle, version, point or table node. The command line and the console ask here alike."""
+
+import math
+import re
+from datetime import UTC, datetime
+from typing import Final
+
+from aerodb.errors import InputError, UnknownNameError, nearest
+from aerodb.nomenclature import channel
+from aerodb.units import quantity
+from storage.catalogue import Catalogue
+from storage.rows import VersionRow
+
+#: What no unit needs, and what lets a text ask for a number of any length: brackets, and powers of numbers.
+_LABORIOUS: Final = re.compile(r"[()\[\]]|\d\s*(\*\*|\^)")
+_LONGEST_VALUE: Final = 60
+_NODE: Final = re.compile(r"\s*([A-Za-z_]\w*)\s*\[\s*(\d{1,9}(?:\s*,\s*\d{1,9})*)\s*\]\s*")
+
+
+def vehicle_of(catalogue: Catalogue, vehicle: str | None) -> str:
+    """The vehicle that is meant: the one named, or the only one; UnknownNameError otherwise."""
+    if vehicle is not None:
+        return catalogue.vehicle(vehicle).name
+    names = [row.name for row in catalogue.vehicles()]
+    if len(names) != 1:
+        raise UnknownNameError(
+            "which vehicle?", remedy=f"--vehicle {' or '.join(names)}" if names else "add one: aerodb vehicle add"
+        )
+    return names[0]
+
+
+def version_of(catalogue: Catalogue, reference: str, vehicle: str | None, as_of: str | None = None) -> VersionRow:
+    """The version that is meant, now or as of a date in ISO 8601."""
+    when = None
+    if as_of is not None:
+        try:
+            when = datetime.fromisoformat(as_of)
+            when = when.replace(tzinfo=UTC) if when.tzinfo is None else when.astimezone(UTC)
+        except (ValueError, OverflowError) as error:
+            raise InputError(f"'{as_of}' is not a date", "--as-of", "for example 2026-05-31 or 2026-05-31T12:00") from error
+    return catalogue.version(vehicle_of(catalogue, vehicle), reference, when)
+
+
+def point_of(text: str, inputs: tuple[str, ...]) -> dict[str, float]:
+    """Channel -> value in SI of ``NAME=VALUE,...``; InputError for a name that is none of `inputs` and for no number."""
+    point = {}
+    for part in filter(None, (part.strip() for part in text.split(","))):
+        name, sign, value = (piece.strip() for piece in part.partition("="))
+        if not sign or name not in inputs:
+            raise InputError(f"'{part}' is no input of this version", "--at", nearest(name, inputs))
+        point[name] = value_of(name, value)
+    return point
+
+
+def value_of(name: str, text: str) -> float:
+    """`text`, with a unit or in SI, as a finite value in SI of an input; InputError where it is none.
+
+    >>> value_of("V", "36 km/h")
+    10.0
+    """
+    try:
+        unit = channel(name).unit
+    except UnknownNameError:
+        unit = "1"  # a free input of an imported file: a bare number
+    if len(text) > _LONGEST_VALUE or _LABORIOUS.search(text):
+        raise InputError(f"'{text[:_LONGEST_VALUE]}' is not a quantity", "--at", "write a number, or a number with a unit: 5deg")
+    value = quantity(text, unit)
+    if not math.isfinite(value):
+        raise InputError(f"'{name}={text}' is not a finite number", "--at", "give a number, with a unit or in SI")
+    return value
+
+
+def node_of(text: str) -> tuple[str, tuple[int, ...]]:
+    """Table and index of ``TABLE[i,j]``; InputError for anything else.
+
+    >>> node_of("CZ0[2, 1]")
+    ('CZ0', (2, 1))
+    """
+    match = _NODE.fullmatch(text)
+    if match is None:
+        raise InputError(f"'{text}' is no node", "--node", "write TABLE[i,j], counted from 0, for example CZ0[2]")
+    return match[1], tuple(int(k) for k in match[2].split(","))

@@ -1,0 +1,173 @@
+"""Stalls in the loop: where flights stall, the shape of each flight's stall is that of the others, and what is found is added
+with its state model. Flights that do not stall cost nothing here."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from aerodb.conditioning.differentiation import bridge
+from aerodb.conditioning.segmentation import Segment
+from aerodb.effects.hypothesis import Hypothesis
+from aerodb.effects.lift_like import zero_lift_alpha
+from aerodb.effects.stall_hysteresis import hypotheses as stall_hypotheses
+from aerodb.effects.stall_hysteresis import regressors
+from aerodb.effects.stall_shape import GAINS, StallFlight, cross_fitted, profiled
+from aerodb.effects.surfaces import surfaces_of
+from aerodb.effects.template import Scene
+from aerodb.effects.view import FlightView, view_of
+from aerodb.errors import InputError
+from aerodb.estimation.regression import least_squares
+from aerodb.flight import Array
+from aerodb.tables.database import AeroDatabase
+from aerodb.tables.definitions import STATE_CHANNEL
+from aerodb.tables.envelope import flown_envelope
+from aerodb.tables.expression import parse
+from aerodb.tables.increment import Increment
+from aerodb.tables.program import evaluate
+from aerodb.tables.state_model import Law, StateModel
+from aerodb.vehicle import Vehicle
+from tasks.coefficients import load_coefficients
+from tasks.compare import beside, compared
+from tasks.open import Stores
+from tasks.segments import segments_of
+
+EFFECT: Final = "stall_hysteresis"
+#: The family of shapes: fixed before a residual is looked at, as its numbers cannot be.
+FAMILY: Final = "kirchhoff"
+#: Part of the angle of attack of a stall from which a flight counts as one that stalls: lift does not give way at one angle.
+NEAR: Final = 0.9
+#: Least way [rad] that a surface must go in every flight for its effect on the attached flow to be corrected.
+LEAST: Final = np.deg2rad(2.0)
+
+
+def stalled_flights(opened: Stores, flights: Sequence[str], run: str) -> tuple[str, ...]:
+    """Those of the flights (ids) that go where one of them stalls, near the angle of attack at which its lift gives way.
+
+    Empty where fewer than two do: one cannot check a shape that it chose.
+    """
+    spans = {flight: [each for each in segments_of(opened, flight, run) if each.kind == "stall"] for flight in flights}
+    if not any(spans.values()):
+        return ()
+    alphas = {flight: _alpha(opened, flight, run) for flight in flights}
+    onsets = [float(alphas[flight][0][_at(alphas[flight][1], each)]) for flight, found in spans.items() for each in found]
+    reached = tuple(flight for flight, (alpha, _) in alphas.items() if float(np.nanmax(alpha)) >= NEAR * min(onsets))
+    return reached if len(reached) > 1 else ()
+
+
+def _at(time: Array, segment: Segment) -> int:
+    return int(np.searchsorted(time, segment.start))
+
+
+def _alpha(opened: Stores, flight: str, run: str) -> tuple[Array, Array]:
+    """Angle of attack (n,) rad, bridged where it is flagged (-inf without any), and time from the first sample."""
+    channels, _, _ = load_coefficients(opened, opened.catalogue.flight(flight), run)
+    if "alpha" not in channels:
+        return np.full(len(channels.time), -np.inf), channels.time - channels.time[0]
+    alpha = bridge(np.where(channels.usable(["alpha"]), channels["alpha"], np.nan))
+    return alpha, channels.time - channels.time[0]
+
+
+def of_family(hypotheses: Sequence[Hypothesis]) -> tuple[Hypothesis, ...]:
+    """The library with the stall stated by its family: what is frozen and hashed."""
+    formula = f"{{}}; {STATE_CHANNEL} of family {FAMILY}, each flight's shape from the others"
+    return tuple(
+        replace(h, formula=formula.format(", ".join(f"{axis} += k*({regressor})" for axis, regressor in h.increment)))
+        if h.effect == EFFECT
+        else h
+        for h in hypotheses
+    )
+
+
+def with_laws(
+    hypotheses: Sequence[Hypothesis], laws: Mapping[str, Law], database: AeroDatabase, vehicle: Vehicle
+) -> tuple[Hypothesis, ...]:
+    """The library with the columns of each flight's own law; ids, formulas and hence its hash as they are."""
+    made = {each.id: each for each in stall_hypotheses(Scene(database, vehicle, frozenset()), laws)}
+    return tuple(replace(h, tangent=made[h.id].tangent) if h.id in made else h for h in hypotheses)
+
+
+def cross_fitted_laws(opened: Stores, flights: Sequence[str], database: AeroDatabase, run: str) -> dict[str, Law]:
+    """Flight -> the law that the others agree with; empty where no shape separates their flow, or they lack what it needs."""
+    try:
+        shapes = cross_fitted(stall_flights(opened, flights, database, run), FAMILY)
+    except InputError:
+        return {}
+    return {flight: shape.law for flight, shape in shapes.items() if shape.law is not None}
+
+
+def added_stall(opened: Stores, database: AeroDatabase, flights: Sequence[str], run: str) -> AeroDatabase:
+    """`database` with the stall that all these flights (ids) agree with: its state model, its gains on all axes, and what it was
+    estimated beside, the corrections of the attached flow.
+
+    One flow stalls, so that no axis takes it alone. Covariances are those of least squares with coloured residuals for the shape
+    as it is: that the shape was searched is not in them. Raises InputError where no shape separates the flow of these flights.
+    """
+    stalls = stall_flights(opened, flights, database, run)
+    shape = profiled(stalls, FAMILY)
+    law = shape.law
+    assert law is not None  # the family has memory
+    columns = [shape.columns(each) for each in stalls]
+    made = replace(database, states=(*database.states, StateModel(STATE_CHANNEL, law, f"{FAMILY} of {len(stalls)} flights")))
+    views = [_view(opened, each.flight, database, run) for each in stalls]
+    flown = [({**view.channels, STATE_CHANNEL: f.attached(law)}, f.usable) for view, f in zip(views, stalls, strict=True)]
+    increments = []
+    for axis, gain in shape.gains.items():
+        names = (*(parse(name) for name in _free(views, axis)), regressors(database)[axis])
+        rows = [np.column_stack([f.nuisance[axis], c[axis]])[f.usable] for f, c in zip(stalls, columns, strict=True)]
+        response = np.concatenate([f.residual[axis][f.usable] for f in stalls])
+        lengths = [len(each) for each in rows]
+        covariance = least_squares(np.concatenate(rows), response, [str(name) for name in names], lengths).covariance
+        envelope = flown_envelope(frozenset[str]().union(*(name.names for name in names)), flown, database)
+        values = np.append(shape.nuisance[axis], gain)
+        note = f"traced: {EFFECT} with the attached flow's corrections"
+        increments.append(Increment(axis, names, values, covariance, envelope, tuple(flights), note))
+    return replace(made, increments=(*made.increments, *increments))
+
+
+def _view(opened: Stores, flight: str, database: AeroDatabase, run: str) -> FlightView:
+    channels, comparison, _ = beside(opened, flight, database, run)
+    return view_of(channels, comparison, database, opened.vehicle(channels.vehicle)[0])
+
+
+def _free(views: Sequence[FlightView], axis: str) -> tuple[str, ...]:
+    """What of the attached flow may be corrected beside a stall: level, alpha, pitch rate, pitch surfaces; alpha^2 of drag.
+
+    A surface that hardly moves in one of the flights stays out: what it would be given there, it would take elsewhere.
+    """
+    surfaces = [f"delta_{each.name}" for each in surfaces_of(views[0].vehicle, views[0].channels) if each.role == "pitch"]
+    moved = [name for name in surfaces if all(view.has([name]) and np.ptp(view[name]) > LEAST for view in views)]
+    linear = ("1", *(name for name in ("alpha", "q_hat") if all(view.has([name]) for view in views)), *moved)
+    return (*linear, "alpha^2") if axis == "C_drag" else linear
+
+
+def stall_flights(opened: Stores, flights: Sequence[str], database: AeroDatabase, run: str) -> list[StallFlight]:
+    """Flights (ids) as shapes see them, beside a database.
+
+    Raises InputError where one lacks lift, drag and pitching moment, or angle of attack.
+    """
+    views = [_view(opened, flight, database, run) for flight in flights]
+    return [_stall_flight(opened, view, views, database, run) for view in views]
+
+
+def _stall_flight(opened: Stores, view: FlightView, views: Sequence[FlightView], database: AeroDatabase, run: str) -> StallFlight:
+    comparison = compared(opened, view.flight, database, run)
+    axes = [axis for axis in GAINS if axis in comparison.usable]
+    if not axes or not view.has(["alpha", "V"]):
+        raise InputError("no lift, drag or pitching moment beside alpha and V", f"flight {view.flight}", "see its coefficients")
+    return StallFlight(
+        flight=view.flight,
+        time=view.time,
+        alpha=view["alpha"],
+        V=view["V"],
+        chord=database.reference.chord,
+        residual={axis: np.nan_to_num(comparison.residual(axis)) for axis in axes},
+        nuisance={axis: np.column_stack([_column(view, name) for name in _free(views, axis)]) for axis in axes},
+        usable=np.logical_and.reduce([comparison.usable[axis] for axis in axes]),
+        alpha_0=zero_lift_alpha(database),
+    )
+
+
+def _column(view: FlightView, name: str) -> Array:
+    return np.array(np.broadcast_to(evaluate(parse(name), view.channels), view.time.shape))

@@ -1,0 +1,96 @@
+"""The closed loop of a stall's lift as a rival of flow that separates smoothly: which it is, the flights' votes say.
+
+The two angles are each flight's from the others, as the shapes in `tasks.stall` are; what is added has those of all together.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from aerodb.effects import stall_loop
+from aerodb.effects.hypothesis import Columns, Hypothesis
+from aerodb.effects.lift_like import from_zero_lift
+from aerodb.effects.template import Scene
+from aerodb.effects.view import FlightView
+from aerodb.errors import InputError
+from aerodb.tables.database import AeroDatabase
+from aerodb.tables.state_model import Relay
+from aerodb.tracing.findings import Finding
+from aerodb.vehicle import Vehicle
+from tasks.open import Stores
+from tasks.stall import EFFECT, stall_flights
+
+#: Flights that must stall: angles fitted to one other flight are hardly those of a third.
+FEWEST: Final = 3
+#: Stands for the angles until they are known.
+_ANY: Final = Relay(0.1, 0.3)
+
+
+def is_loop(named: Hypothesis | str) -> bool:
+    """Whether this hypothesis (or id) is the loop."""
+    id = named if isinstance(named, str) else named.id
+    return id == f"stall_hysteresis@C_lift:{stall_loop.SUBJECT}"
+
+
+def loop_of_family(database: AeroDatabase, vehicle: Vehicle) -> Hypothesis:
+    """The loop as it is frozen and hashed: its angles are each flight's from the others."""
+    formula = f"C_lift += k*{stall_loop.LOOP.format(from_zero_lift(database), 0, 0)}, angles of each flight from the others"
+    made = replace(_with(_ANY, {}, database, vehicle), formula=formula)
+    return with_loops([made], {}, database, vehicle)[0]
+
+
+def with_loops(
+    hypotheses: Sequence[Hypothesis], laws: Mapping[str, Relay], database: AeroDatabase, vehicle: Vehicle
+) -> tuple[Hypothesis, ...]:
+    """The library with each flight's own angles; flights without any show nothing."""
+    law = next(iter(laws.values()), _ANY)
+    made = _with(law, laws, database, vehicle)
+
+    def tangent(view: FlightView) -> Columns:
+        return made.columns(view) if view.flight in laws else dict.fromkeys(made.axes, np.zeros(len(view.time)))
+
+    return tuple(replace(h, tangent=tangent) if is_loop(h) else h for h in hypotheses)
+
+
+def cross_fitted_loops(opened: Stores, flights: Sequence[str], database: AeroDatabase, run: str) -> dict[str, Relay]:
+    """Flight (its id) -> the angles that the others agree with; empty below FEWEST flights and where they show no loop."""
+    if len(flights) < FEWEST:
+        return {}
+    try:
+        seen = stall_flights(opened, flights, database, run)
+        return {one.flight: stall_loop.fitted([other for other in seen if other is not one]) for one in seen}
+    except InputError:
+        return {}
+
+
+def added_loop(opened: Stores, database: AeroDatabase, flights: Sequence[str], run: str) -> tuple[AeroDatabase, Hypothesis]:
+    """`database` with the state of the loop that all these flights (ids) agree with, and the hypothesis that uses it.
+
+    Raises InputError where they show none, and where the database has such a state already.
+    """
+    law = stall_loop.fitted(stall_flights(opened, flights, database, run))
+    vehicle, _ = opened.vehicle(opened.catalogue.flight(flights[0]).vehicle)
+    return stall_loop.with_state(database, law), _with(law, {}, database, vehicle)
+
+
+def with_unused_states(view: FlightView) -> FlightView:
+    """The view with the channels of states that no term of its database uses yet."""
+    chord = view.database.reference.chord
+    made = {state.name: state.along(view.time, view.channels, chord) for state in view.database.states if view.has(state.needs)}
+    return replace(view, channels={**made, **view.channels})
+
+
+def one_stall(findings: Sequence[Finding]) -> list[Finding]:
+    """The findings with one law of separation at most: the loop or what separates smoothly, whichever is surer."""
+    stalls = [finding for finding in findings if finding.effect == EFFECT]
+    if not stalls:
+        return list(findings)
+    loop = is_loop(min(stalls, key=lambda finding: finding.p_adjusted).hypothesis)
+    return [finding for finding in findings if finding.effect != EFFECT or is_loop(finding.hypothesis) == loop]
+
+
+def _with(law: Relay, others: Mapping[str, Relay], database: AeroDatabase, vehicle: Vehicle) -> Hypothesis:
+    (made,) = stall_loop.template(law, others).hypotheses(Scene(database, vehicle, frozenset()))
+    return made

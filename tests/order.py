@@ -1,0 +1,62 @@
+"""Which tests run first, and which in the same process, when several processes share them (pytest-xdist, by files)."""
+
+from typing import Any
+
+import pytest
+from xdist.scheduler import LoadFileScheduling
+
+#: Files that share what takes long to make and is made once in a process: the flights of `tracing_flights`.
+TOGETHER = (
+    "test_tracing_campaign.py",
+    "test_tracing_commands.py",
+    "test_tracing_manoeuvres.py",
+)
+#: Files that take longest, as `pytest --durations` tells, the longest first: one that was begun last would keep others waiting.
+LONGEST = (
+    "test_demo.py",
+    *TOGETHER,
+    "test_serve.py",
+    "test_closed_loop_jsbsim.py",
+    "test_closed_loop_measured.py",
+    "test_distributed.py",
+    "test_guides.py",
+    "test_inbox.py",
+    "test_flows.py",
+    "test_serve_faults.py",
+    "test_console_browser.py",
+    "test_faults.py",
+    "test_postgresql_serve.py",
+    "test_kill.py",
+    "test_postgresql_workspace.py",
+    "test_disks.py",
+    "test_bad_input.py",
+    "test_object_store.py",
+    "test_conditioning_simulated.py",
+    "test_clones.py",
+    "test_cli.py",
+    "test_consistency_simulated.py",
+    "test_fuzz_readers.py",
+    "test_promotion.py",
+    "test_scaled_out.py",
+    "test_console_command.py",
+    "test_smoother.py",
+    "test_consistency_installation.py",
+)
+
+
+def long_first(items: list[pytest.Item]) -> None:
+    """Brings the tests of long files to the front; all others keep their order."""
+    place = {name: number for number, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: place.get(item.path.name, len(LONGEST)))
+
+
+class ByFiles(LoadFileScheduling):
+    """A file, or those that stand together, to a process at a time, in the order in which they were collected."""
+
+    def __init__(self, config: pytest.Config, log: Any = None) -> None:
+        config.option.loadscopereorder = False
+        super().__init__(config, log)
+
+    def _split_scope(self, nodeid: str) -> str:
+        file = super()._split_scope(nodeid)
+        return "together" if file.rpartition("/")[2] in TOGETHER else file
