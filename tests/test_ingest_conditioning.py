@@ -233,7 +233,7 @@ def test_a_repetition_is_kept_said_and_left_out_of_updates_until_the_other_is_re
     third = channels(2)
     again = write_parquet(tmp_path / "third.parquet", third)
     part = write_csv(tmp_path / "part.csv", {name: values[40:] for name, values in third.items()})
-    whole, partly = ingested(flown, again, part)
+    (whole,), (partly,) = ingested(flown, again), ingested(flown, part)  # one after the other: the first that is stored counts
     original = next(row["flight"] for row in rows if row["flight"] == whole["repeats"][0]["flight"])
     assert whole["status"] == partly["status"] == "duplicate"
     assert whole["repeats"][0]["share"] == 1.0
@@ -258,7 +258,8 @@ def test_a_repetition_is_kept_said_and_left_out_of_updates_until_the_other_is_re
 
 def test_attas_ail_rud_is_recognised_through_the_command_line(measured: Callable[[str], Path], tmp_path: Path) -> None:
     workspace = added(tmp_path / "w", tmp_path)
-    ail, rud, both = ingested(workspace, *(measured(f"attas/fAttas{name}1.mat") for name in ("Ail", "Rud", "AilRud")))
+    ail, rud = ingested(workspace, *(measured(f"attas/fAttas{name}1.mat") for name in ("Ail", "Rud")))
+    (both,) = ingested(workspace, measured("attas/fAttasAilRud1.mat"))
     assert (ail["status"], rud["status"], both["status"]) == ("stored", "stored", "duplicate")
     assert [entry["flight"] for entry in both["repeats"]] == [ail["flight"], rud["flight"]]
     places = [(s["start"], s["end"]) for entry in both["repeats"] for s in entry["stretches"]]
