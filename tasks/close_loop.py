@@ -31,7 +31,7 @@ from tasks.parts import prove_by_parts
 from tasks.shape import fitted_again, remarks_on_shapes, said_of, wrong_shapes
 from tasks.stall import EFFECT, added_stall
 from tasks.stall_loops import added_loop, is_loop, one_stall, with_unused_states
-from tasks.trace import Library, looked_before, only_what_was_frozen, trace_flight
+from tasks.trace import Library, looked_before, only_what_was_frozen, thinned_beside, trace_flight
 
 #: The loop ends after this many rounds whatever it still finds.
 MOST_ROUNDS = 4
@@ -107,7 +107,7 @@ def what_is_left(plan: Plan, library: Library, loop: Loop, *, workspace: str, ru
     sensors = [hypothesis for hypothesis in library.hypotheses if hypothesis.kind == "sensor"]
 
     def left(id: str) -> Left:
-        flight, comparison, _ = beside(opened, id, loop.candidate, run)
+        flight, comparison = thinned_beside(opened, id, loop.candidate, library, run)
         vehicle, _ = opened.vehicle(plan.vehicle)
         view = view_of(flight, comparison, loop.candidate, vehicle)
         names = {*loop.candidate.flight_inputs, *HAT_RATES}

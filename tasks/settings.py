@@ -11,8 +11,8 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "compare": 1,
     "import": 1,
     "update": 4,
-    "gram": 5,
-    "close_loop": 5,
+    "gram": 6,
+    "close_loop": 6,
 }
 
 #: Names of versions that the product itself moves.

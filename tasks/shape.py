@@ -7,9 +7,8 @@ from aerodb.effects.template import FELT_ON
 from aerodb.parallel import in_threads
 from aerodb.tables.database import AeroDatabase
 from aerodb.tracing.refinement import Refined, refined
-from tasks.compare import beside
 from tasks.open import Stores
-from tasks.trace import Library
+from tasks.trace import Library, thinned_beside
 
 #: How the note of an increment that was fitted once more goes on, and if its shape is no longer the template's.
 AGAIN = "; gain fitted once more beside the rest"
@@ -23,7 +22,7 @@ def fitted_again(
 
     flights : ids of those that have the channels of all terms.
     """
-    compared = in_threads(lambda id: beside(opened, id, candidate, run)[:2], flights)
+    compared = in_threads(lambda id: thinned_beside(opened, id, candidate, library, run), flights)
     if not compared:
         return None
     vehicle, _ = opened.vehicle(compared[0][0].vehicle)

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from aerodb.comparison import Comparison
 from aerodb.effects.hypothesis import Hypothesis
 from aerodb.effects.known_sensors import columns_of, of_flow_angles, within_what_is_known
 from aerodb.effects.library import hypotheses_for, library_sha256
@@ -12,6 +13,7 @@ from aerodb.effects.user import parse_effects, registered_templates
 from aerodb.effects.view import view_of
 from aerodb.errors import InputError
 from aerodb.exchange.native import database_document_sha256
+from aerodb.flight import Flight
 from aerodb.identity import result_key
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.state_model import Law, Relay
@@ -24,7 +26,8 @@ from aerodb.tracing.gram import Gram, gram
 from aerodb.tracing.noise_limits import bounded_noise
 from aerodb.tracing.settings import Settings
 from aerodb.tracing.shapes import with_shapes
-from aerodb.tracing.state_errors import noisy_copies
+from aerodb.tracing.state_errors import copies_for, noisy_copies
+from aerodb.tracing.thinning import thinned
 from storage.grams import read_gram, write_gram
 from tasks.coefficients import load_coefficients
 from tasks.compare import beside
@@ -136,14 +139,15 @@ def evidence_beside(opened: Stores, flight: str, database: AeroDatabase, library
     companions of its columns, and what its commands say of them."""
     row = opened.catalogue.flight(flight)
     vehicle, _ = opened.vehicle(row.vehicle)
-    channels, comparison, _ = beside(opened, flight, database, run)
+    channels, comparison = thinned_beside(opened, flight, database, library, run)
     document = load_consistent(opened, row, run)[1]
     noise, reconstructed = noise_of(document), reconstructed_angles(document)
     view = view_of(channels, comparison, database, vehicle)
     if "alpha" in reconstructed:
         view = replace(view, air_data_arm=np.zeros_like(view.cg))  # the angles are those at the CG, from the motion there
         noise = None if noise is None else bounded_noise(noise, view, comparison, library.settings)
-    noisy = noisy_copies(channels, noise, database, vehicle, library.settings.noisy_copies) if noise is not None else []
+    copies = copies_for(channels, library.settings.noisy_copies)
+    noisy = [] if noise is None else noisy_copies(channels, noise, database, vehicle, copies, comparison)
     hypotheses = columns_of(library.hypotheses, reconstructed)
     evidence = evidence_of(channels, comparison, database, vehicle, hypotheses, noisy, view)
     evidence = with_shapes(evidence, channels, library.hypotheses)
@@ -152,6 +156,12 @@ def evidence_beside(opened: Stores, flight: str, database: AeroDatabase, library
         asked = evidence_of(commanded, comparison, database, vehicle, hypotheses)
         evidence = with_instruments(evidence, with_shapes(asked, commanded, library.hypotheses))
     return evidence
+
+
+def thinned_beside(opened: Stores, flight: str, database: AeroDatabase, library: Library, run: str) -> tuple[Flight, Comparison]:
+    """A flight (its id) at the rate that tracing needs, and its comparison with a database that need not be stored."""
+    channels, comparison, _ = beside(opened, flight, database, run)
+    return thinned(channels, comparison, library.settings.bandwidth)
 
 
 def looked_before(opened: Stores, flights: tuple[str, ...], library: Library) -> frozenset[str] | None:

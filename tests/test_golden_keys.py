@@ -30,8 +30,8 @@ GOLDEN: dict[str, tuple[int, str, str]] = {
     "consistency": (2, "ba140686e1afd45f", "0a6b81f9def94d33"),
     "coefficients": (2, "8c9316d2282d5cf2", "9ddddc1b635ef5d7"),
     "compare": (1, "7a3ddcc610f9f48c", "75ab953bf9aaf46f"),
-    "gram": (5, "a70f968d22ae94df", "397ceeca15787f07"),
-    "close_loop": (5, "1bf32caf5276987c", "6303239909fbe35c"),
+    "gram": (6, "29a4f2c7a6926416", "397ceeca15787f07"),
+    "close_loop": (6, "2d7f4602e2a22816", "6303239909fbe35c"),
     "import": (1, "f51fd88b5b312d78", "15d078bd64552f53"),
     "update": (4, "d4bc905a03f0fdaa", "6b1983884f9e9ae7"),
 }

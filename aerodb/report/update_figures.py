@@ -26,6 +26,8 @@ _SPAN: Final = re.compile(r"\d+(?:\.\d+)?")
 #: 95 % of a normal distribution lie within this many standard errors.
 _TWO_SIDED: Final = 1.96
 _BINS, _FEWEST_BINS, _FEWEST_IN_BIN = 24, 3, 15
+#: Samples of all flights together that quantiles are taken of: every k-th of more.
+_SAMPLES: Final = 50_000
 #: No bin is narrower than this share of what lies between the 1 % and the 99 % quantile: a spike there is chance.
 _NARROWEST: Final = 1 / 30
 _BAND: Final = (0.1, 0.5, 0.9)
@@ -193,7 +195,8 @@ def _binned(
         if axis in comparison.usable and name in channels.get(flight, {})
     ]
     x, y = (np.concatenate([pair[k] for pair in pairs]) if pairs else np.empty(0) for k in (0, 1))
-    known = np.isfinite(x) & np.isfinite(y)
+    known = np.flatnonzero(np.isfinite(x) & np.isfinite(y))
+    known = known[:: max(1, len(known) // _SAMPLES)]
     x, y = x[known], y[known]
     count = min(_BINS, len(x) // _FEWEST_IN_BIN)
     if count < _FEWEST_BINS:

@@ -22,6 +22,8 @@ BRIDGED = 0.25
 SHORTEST = 8
 #: A sample near an end is left out whose noise the low-pass leaves more than this many times stronger (variance) than inside.
 NOISIER = 2.0
+#: Kept samples that are filtered by one product, and samples of all columns that are worked on at a time.
+BLOCK, _CACHED = 16, 1 << 18
 
 
 def decimation(step: float, bandwidth: float) -> int:
@@ -44,19 +46,52 @@ def band_limited(columns: Sequence[Array], usable: Mask, step: float, bandwidth:
     samples are left out whose noise this hardly lowers. Every step is linear and the same for all columns: what was
     ``y = X theta + v`` still is.
     """
-    from aerodb.tracing.low_pass import bridged, decimate  # compiled: nothing else should wait for it
-
     ratio = decimation(step, bandwidth)
-    gaps = np.array(runs(~usable), dtype=np.int64).reshape(-1, 2)
-    taps, half = _kernel(ratio) if ratio > 1 else (np.ones(1), 0)
-    if half >= len(usable):
-        raise InputError(f"{len(usable)} samples are fewer than the low-pass's {half}", "tracing band", "give a longer stretch")
-    left_out = ends_left_out(ratio)
-    result = np.empty((len(columns), (len(usable) - 1) // ratio + 1 - 2 * left_out))
-    for column, out in zip(columns, result, strict=True):
-        whole = np.ascontiguousarray(column, dtype=np.float64)
-        decimate(bridged(whole, gaps) if len(gaps) else whole, taps, ratio, left_out, out)
-    return result.T
+    return _decimated(columns, usable, ratio, ends_left_out(ratio)).T
+
+
+def slower(columns: Sequence[Array], usable: Mask, ratio: int) -> Array:
+    """Columns (k of (n,)) as (k, m): every `ratio`-th sample from the first on, low-passed and bridged likewise."""
+    return _decimated(columns, usable, ratio, 0) if usable.any() else np.stack([column[::ratio] for column in columns])
+
+
+def reach(ratio: int) -> int:
+    """Samples to each side of a kept one that come into it."""
+    return _kernel(ratio)[1]
+
+
+def _decimated(columns: Sequence[Array], usable: Mask, ratio: int, left_out: int) -> Array:
+    """Columns (k of (n,)) as (k, m), without `left_out` samples at each end."""
+    n, k = len(usable), len(columns)
+    taps, half = _kernel(ratio)
+    if half >= n:
+        raise InputError(f"{n} samples are fewer than the low-pass's {half}", "tracing band", "give a longer stretch")
+    result = np.empty((k, (n - 1) // ratio + 1 - 2 * left_out))
+    together = max(1, _CACHED // n)
+    for first in range(0, k, together):
+        padded, out = _padded(columns[first : first + together], usable, half), result[first : first + together]
+        for place in range(0, out.shape[1], BLOCK):
+            part = out[:, place : place + BLOCK]
+            start, width = (place + left_out) * ratio, len(taps) + (part.shape[1] - 1) * ratio
+            np.matmul(padded[:, start : start + width], _band(ratio)[:width, : part.shape[1]], out=part)
+    return result
+
+
+def _padded(columns: Sequence[Array], usable: Mask, half: int) -> Array:
+    """Columns (k of (n,)) as (k, n + 2 half): straight lines over gaps, point reflections about both ends beyond them."""
+    n = len(usable)
+    padded = np.empty((len(columns), n + 2 * half))
+    inner = padded[:, half : half + n]
+    for row, column in zip(inner, columns, strict=True):
+        row[:] = column
+    if not usable.all():
+        index = np.arange(n)
+        for row in inner:
+            row[~usable] = np.interp(index[~usable], index[usable], row[usable])
+    if half:
+        padded[:, :half] = 2.0 * inner[:, :1] - inner[:, half:0:-1]
+        padded[:, half + n :] = 2.0 * inner[:, -1:] - inner[:, -2 : -half - 2 : -1]
+    return padded
 
 
 @lru_cache(maxsize=64)
@@ -87,10 +122,22 @@ def ends_left_out(ratio: int) -> int:
 @lru_cache(maxsize=64)
 def _kernel(ratio: int) -> tuple[Array, int]:
     """Taps of the low-pass, symmetric, and their half width."""
+    if ratio == 1:
+        return np.ones(1), 0
     taps, beta = kaiserord(RIPPLE_DB, 2.0 * (STOP_EDGE - PASS_EDGE) / ratio)
     half = taps // 2
     kernel = firwin(2 * half + 1, (PASS_EDGE + STOP_EDGE) / ratio, window=("kaiser", beta))
     return kernel, half
+
+
+@lru_cache(maxsize=64)
+def _band(ratio: int) -> Array:
+    """The filter at BLOCK kept samples, one after the other, as a matrix (samples, BLOCK): a product does what a loop would."""
+    taps, _ = _kernel(ratio)
+    band = np.zeros((len(taps) + (BLOCK - 1) * ratio, BLOCK))
+    for number in range(BLOCK):
+        band[number * ratio : number * ratio + len(taps), number] = taps
+    return band
 
 
 @dataclass(frozen=True)
@@ -117,11 +164,17 @@ def in_band(evidence: Evidence, settings: Settings) -> Band:
     }
     parts = {axis: found for axis, found in parts.items() if found}
 
+    alike: dict[bytes, list[str]] = {}
+    for axis in parts:
+        alike.setdefault(evidence.usable[axis].tobytes(), []).append(axis)
+
     def records(residual: Mapping[str, Array], columns: Columns) -> dict[str, list[Array]]:
-        return {
-            axis: [_limited(residual[axis], columns, names, axis, evidence, part, settings.bandwidth) for part in found]
-            for axis, found in parts.items()
-        }
+        found: dict[str, list[Array]] = {axis: [] for axis in parts}
+        for axes in alike.values():
+            for part in parts[axes[0]]:
+                for axis, record in _limited(residual, columns, names, axes, evidence, part, settings.bandwidth).items():
+                    found[axis].append(record)
+        return found
 
     return Band(
         flight=evidence.flight,
@@ -134,16 +187,28 @@ def in_band(evidence: Evidence, settings: Settings) -> Band:
 
 
 def _limited(
-    residual: Array, columns: Columns, names: Sequence[str], axis: str, evidence: Evidence, part: slice, bandwidth: float
-) -> Array:
-    """One stretch in the band (m, names + 2): constant, the named columns (zero where absent), residual."""
-    acting = [place for place, name in enumerate(names) if axis in columns.get(name, {})]
-    rows = [*(columns[names[place]][axis][part] for place in acting), residual[part]]
-    limited = band_limited(rows, evidence.usable[axis][part], evidence.step, bandwidth)
-    result = np.zeros((len(limited), len(names) + 2))
-    result[:, 0] = 1.0
-    result[:, [*(place + 1 for place in acting), len(names) + 1]] = limited
-    return result
+    residual: Mapping[str, Array],
+    columns: Columns,
+    names: Sequence[str],
+    axes: Sequence[str],
+    evidence: Evidence,
+    part: slice,
+    bandwidth: float,
+) -> dict[str, Array]:
+    """One stretch in the band: axis -> (m, names + 2), constant, the named columns (zero where absent), residual.
+
+    axes : usable at the same samples, so that all their columns are filtered at once.
+    """
+    acting = {axis: [place for place, name in enumerate(names) if axis in columns.get(name, {})] for axis in axes}
+    rows = [[*(columns[names[place]][axis][part] for place in acting[axis]), residual[axis][part]] for axis in axes]
+    limited = band_limited([row for each in rows for row in each], evidence.usable[axes[0]][part], evidence.step, bandwidth)
+    found, first = {}, 0
+    for axis, each in zip(axes, rows, strict=True):
+        result = np.zeros((len(limited), len(names) + 2))
+        result[:, 0] = 1.0
+        result[:, [*(place + 1 for place in acting[axis]), len(names) + 1]] = limited[:, first : first + len(each)]
+        found[axis], first = result, first + len(each)
+    return found
 
 
 def centred(records: Sequence[Array]) -> list[Array]:

@@ -88,9 +88,14 @@ def remainders(left: Sequence[Left], settings: Settings) -> tuple[Remainder, ...
     if not names:
         raise InputError("the flights have no variable in common", "remainder", "give each the database's variables")
     axes = [axis for axis in left[0].evidence.residual if all(axis in flight.evidence.residual for flight in left)]
-    parts = {axis: in_threads(partial(_in_band, axis=axis, names=names, settings=settings), left) for axis in axes}
-    parts = {axis: records for axis, records in parts.items() if all(len(record[1]) for record in records)}
-    problems = dict(zip(parts, in_threads(partial(_problem, names=names), parts.values()), strict=True))
+    flights = in_threads(partial(_in_band, axes=axes, names=names, settings=settings), left)
+    parts = {axis: [flight[axis] for flight in flights] for axis in axes}
+    parts = {axis: records for axis, records in parts.items() if all(len(record.residual) for record in records)}
+    features: dict[tuple[int, ...], _Features] = {}
+    for records in parts.values():
+        if _which(records) not in features:
+            features[_which(records)] = _features([record.variables for record in records], names)
+    problems = dict(zip(parts, in_threads(lambda r: _problem(r, features[_which(r)]), parts.values()), strict=True))
     judged = dict(zip(parts, in_threads(_left_out_skills, problems.values()), strict=True))
     p = np.array([_one_sided(skills) for skills, _ in judged.values()])
     adjusted = holm(p, len(p)) if len(p) else p
@@ -125,27 +130,43 @@ def _one_sided(skills: Array) -> float:
     return float(stats.t.sf(skills.mean() / (spread / np.sqrt(len(skills))), len(skills) - 1))
 
 
-def _in_band(flight: Left, axis: str, names: Sequence[str], settings: Settings) -> Record:
-    """Variables (m, v), residual (m,) and an orthonormal basis (m, s) of its level and of what the columns of the evidence
-    (sensors) could explain, in the tracing band; the residual without its part in that basis."""
-    evidence = flight.evidence
-    tangents = [found[axis] for found in evidence.columns.values() if axis in found]
-    rows = [*(flight.variables[name] for name in names), evidence.residual[axis], *tangents]
-    usable = evidence.usable[axis]
-    good = usable & np.logical_and.reduce([np.isfinite(row) for row in rows])
-    found = [
-        band_limited([row[part] for row in rows], good[part], evidence.step, settings.bandwidth)
-        for part in stretches(usable, evidence.step, settings.bandwidth, settings.order)
-    ]
-    joined = np.concatenate(found) if found else np.zeros((0, len(names) + 1 + len(tangents)))
-    if len(joined) == 0:
-        return Record(joined[:, : len(names)], joined[:, len(names)], np.zeros((0, 0)))
-    explained = np.column_stack([np.ones(len(joined)), joined[:, len(names) + 1 :]])
+def _in_band(flight: Left, axes: Sequence[str], names: Sequence[str], settings: Settings) -> dict[str, Record]:
+    """Axis -> variables (m, v), residual (m,) and an orthonormal basis (m, s) of its level and of what the columns of the
+    evidence (sensors) could explain, in the tracing band; the residual without its part in that basis.
+
+    Axes that are usable at the same samples have the same array of variables.
+    """
+    evidence, variables = flight.evidence, [flight.variables[name] for name in names]
+    known = np.logical_and.reduce([np.isfinite(row) for row in variables])
+    alike: dict[bytes, list[str]] = {}
+    for axis in axes:
+        alike.setdefault(evidence.usable[axis].tobytes(), []).append(axis)
+    found: dict[str, Record] = {}
+    for same in alike.values():
+        usable = evidence.usable[same[0]]
+        tangents = {axis: [columns[axis] for columns in evidence.columns.values() if axis in columns] for axis in same}
+        rows = [*variables, *(row for axis in same for row in (evidence.residual[axis], *tangents[axis]))]
+        limited = [
+            band_limited([row[part] for row in rows], (usable & known)[part], evidence.step, settings.bandwidth)
+            for part in stretches(usable, evidence.step, settings.bandwidth, settings.order)
+        ]
+        joined = np.concatenate(limited) if limited else np.zeros((0, len(rows)))
+        shared, first = np.ascontiguousarray(joined[:, : len(names)]), len(names)
+        for axis in same:
+            last = first + 1 + len(tangents[axis])
+            found[axis] = _record(shared, joined[:, first], joined[:, first + 1 : last])
+            first = last
+    return found
+
+
+def _record(variables: Array, residual: Array, tangents: Array) -> Record:
+    if len(residual) == 0:
+        return Record(variables, residual, np.zeros((0, 0)))
+    explained = np.column_stack([np.ones(len(residual)), tangents])
     size = np.linalg.norm(explained, axis=0)
     left, singular, _ = np.linalg.svd(explained[:, size > 0.0] / size[size > 0.0], full_matrices=False)
     basis = left[:, singular > _RANK * singular[0]]
-    residual = joined[:, len(names)]
-    return Record(joined[:, : len(names)], residual - basis @ (basis.T @ residual), basis)
+    return Record(variables, residual - basis @ (basis.T @ residual), basis)
 
 
 @dataclass(frozen=True)
@@ -164,30 +185,47 @@ class _Problem:
         return _Problem(self.square[:, kept][:, :, kept], self.right[:, kept], self.total, tuple(self.made_of[k] for k in kept))
 
 
-def _problem(records: list[Record], names: Sequence[str]) -> _Problem:
-    """Per flight: hinge functions of each variable and products of pairs, without the flight's own level.
+@dataclass(frozen=True)
+class _Features:
+    """Hinge functions of each variable and products of pairs: the block (m, f) of each flight, and what each is made of."""
 
-    What sensors could explain is taken out of them as it is out of the residual. The residual is not looked at, so that knots
-    and scales may come from all flights.
-    """
-    every = np.concatenate([record.variables for record in records])
+    blocks: list[Array]
+    made_of: tuple[frozenset[str], ...]
+
+
+def _which(records: Sequence[Record]) -> tuple[int, ...]:
+    """The arrays of variables, which axes may share."""
+    return tuple(id(record.variables) for record in records)
+
+
+def _features(variables: Sequence[Array], names: Sequence[str]) -> _Features:
+    """Of the variables (m, v) of each flight; the residual is not looked at, so that knots and scales may come from all."""
+    every = np.concatenate(variables)
     level, spread = every.mean(axis=0), every.std(axis=0)
     columns = [c for c in range(len(names)) if spread[c] > 1e-9 * max(1e-12, abs(level[c]))]
     pairs = list(combinations(range(len(columns)), 2))
+    first, second = np.array(pairs, dtype=np.intp).reshape(-1, 2).T
     knots = np.quantile((every[:, columns] - level[columns]) / spread[columns], _QUANTILES, axis=0)
-    squares, right = [], []
-    for variables, residual, basis in records:
-        scaled = (variables[:, columns] - level[columns]) / spread[columns]
+    blocks = []
+    for own in variables:
+        scaled = (own[:, columns] - level[columns]) / spread[columns]
         hinges = [np.maximum(scaled - knot, 0.0) for knot in knots]
-        products = [scaled[:, [a]] * scaled[:, [b]] for a, b in pairs]
-        block = np.concatenate([scaled, *hinges, *products], axis=1)
-        block -= basis @ (basis.T @ block)
-        squares.append(block.T @ block)
-        right.append(block.T @ residual)
+        blocks.append(np.concatenate([scaled, *hinges, scaled[:, first] * scaled[:, second]], axis=1))
     used = [names[c] for c in columns]
     made_of = [frozenset({name}) for name in used] * (1 + len(knots)) + [frozenset({used[a], used[b]}) for a, b in pairs]
+    return _Features(blocks, tuple(made_of))
+
+
+def _problem(records: Sequence[Record], features: _Features) -> _Problem:
+    """Per flight: the features' products without the flight's own level, and without what sensors could explain, which is taken
+    out of them as it is out of the residual."""
+    squares, right = [], []
+    for record, whole in zip(records, features.blocks, strict=True):
+        block = whole - record.basis @ (record.basis.T @ whole)
+        squares.append(block.T @ block)
+        right.append(block.T @ record.residual)
     total = np.array([float(record.residual @ record.residual) for record in records])
-    return _Problem(np.stack(squares), np.stack(right), total, tuple(made_of))
+    return _Problem(np.stack(squares), np.stack(right), total, features.made_of)
 
 
 def _left_out_skills(problem: _Problem, ridges: Array | None = None) -> tuple[Array, Array]:
@@ -220,5 +258,6 @@ def _chosen_ridges(squares: Array, right: Array, skill: Callable[[int, Array], f
 
 
 def _ridge(square: Array, right: Array, ridge: float) -> Array:
-    shifted = square + np.diag(ridge * np.diagonal(square) + 1e-12)
+    shifted = square.copy()
+    shifted.flat[:: len(square) + 1] += ridge * np.diagonal(square) + 1e-12
     return np.asarray(cho_solve(cho_factor(shifted, overwrite_a=True, check_finite=False), right, check_finite=False))

@@ -16,7 +16,7 @@ class Settings:
     inflation_limit : median VIF beyond which nothing is tested. least_share : a flight with less than this part of the best
     flight's information about a hypothesis does not vote on it. fewest : votes below which no error rate is promised.
     most_terms, most_freed : where the search stops. shift_factor : of the SIMEX shift in the systematic bound.
-    noisy_copies : of each flight with the states' own error added once more, from which that shift is taken.
+    noisy_copies : at most, of each flight with the states' own error added once more, from which that shift is taken.
     folds : parts that are left out in turn to see whether a finding returns.
 
     Raises InputError for values outside their range.

@@ -1,5 +1,9 @@
 """A flight with the reconstruction's own state error added once more: what that error does to estimates (SIMEX)."""
 
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Final
+
 import numpy as np
 
 from aerodb.coefficients import total_coefficients
@@ -9,24 +13,56 @@ from aerodb.flight import Array, Flight
 from aerodb.tables.database import AeroDatabase
 from aerodb.vehicle import Vehicle
 
+#: Copies of a flight that last this long together [s] are enough: what a draw adds by chance falls with its length.
+_LONG: Final = 300.0
+
+
+def copies_for(flight: Flight, most: int) -> int:
+    """How many copies of a flight show what its states' error does: `most` of a short one, at least one.
+
+    >>> from types import SimpleNamespace
+    >>> [copies_for(SimpleNamespace(time=np.arange(n) * 1.0), 2) for n in (60, 299, 600)]
+    [2, 2, 1]
+    """
+    lasts = float(flight.time[-1] - flight.time[0])
+    return min(most, max(1, int(np.ceil(_LONG / max(lasts, 1.0)))))
+
 
 def noisy_copies(
-    flight: Flight, noise: StateNoise, database: AeroDatabase, vehicle: Vehicle, copies: int
+    flight: Flight,
+    noise: StateNoise,
+    database: AeroDatabase,
+    vehicle: Vehicle,
+    copies: int,
+    near: Comparison | None = None,
 ) -> list[tuple[Flight, Comparison]]:
     """`copies` of a consistent flight, each with one more realisation of its states' error, beside the database.
+
+    near : the flight's comparison where its channels no longer give it exactly (`thinned`): what the error changes is put on top.
 
     Where the states are wrong twice as much, estimates are off twice as much (Cook & Stefanski, JASA 89, 1994). The error runs
     through the whole chain, coefficients and prediction alike; draws are seeded by the flight, so that they are the same on
     every machine.
     """
     seed = int.from_bytes(flight.id.encode()[:8].ljust(8, b"0"), "big")
+    clean = None if near is None else compare(flight, total_coefficients(flight, vehicle), database, vehicle.reference)
     found = []
     for number in range(copies):
         drawn = noise.draw(np.random.default_rng([seed, number]), len(flight.time), flight.step)
         copy = flight.with_channels(_added(flight, drawn))
-        measured = total_coefficients(copy, vehicle)
-        found.append((copy, compare(copy, measured, database, vehicle.reference)))
+        beside = compare(copy, total_coefficients(copy, vehicle), database, vehicle.reference)
+        found.append((copy, beside if near is None or clean is None else _on_top(near, beside, clean)))
     return found
+
+
+def _on_top(near: Comparison, beside: Comparison, clean: Comparison) -> Comparison:
+    """The comparison `near` with what `beside` adds to `clean`."""
+
+    def moved(base: Mapping[str, Array], to: Mapping[str, Array], start: Mapping[str, Array]) -> dict[str, Array]:
+        return {axis: base[axis] + (to[axis] - start[axis]) for axis in near.usable}
+
+    measured = moved(near.measured, beside.measured, clean.measured)
+    return replace(near, measured=measured, predicted=moved(near.predicted, beside.predicted, clean.predicted))
 
 
 def _added(flight: Flight, drawn: dict[str, Array]) -> dict[str, Array]:
