@@ -26,6 +26,8 @@ from aerodb.tracing.significance import holm
 _QUANTILES = (0.1, 0.3, 0.5, 0.7, 0.9)
 #: Ridge weights tried, in parts of the features' own sum of squares; chosen by leaving out flights of the training set.
 _RIDGES = (1e-3, 1e-2, 1e-1, 1.0)
+#: Groups of flights among which the weight is chosen: pairs of two hundred flights would be twenty thousand.
+_GROUPS = 5
 #: Part of the largest singular value below which a direction of the sensors' columns is rounding.
 _RANK = 1e-6
 #: A variable matters if the model without it loses this part of the skill.
@@ -246,15 +248,20 @@ def _left_out_skills(problem: _Problem, ridges: Array | None = None) -> tuple[Ar
 
 
 def _chosen_ridges(squares: Array, right: Array, skill: Callable[[int, Array], float]) -> Array:
-    """For each flight left out (g,), the weight with which the others predict each other best."""
-    every, driving, count = squares.sum(axis=0), right.sum(axis=0), len(squares)
-    inner = np.zeros((len(_RIDGES), count, count))  # by whom judged last: the training set of a pair is that of both orders
-    for one, other in combinations(range(count), 2):
-        rest = every - squares[one] - squares[other]
+    """For each flight left out (g,), the weight with which groups of others, without its own, predict each other best."""
+    groups = np.array_split(np.arange(len(squares)), min(len(squares), _GROUPS))
+    own = [(squares[group].sum(axis=0), right[group].sum(axis=0)) for group in groups]
+    every, driving = sum(square for square, _ in own), sum(drive for _, drive in own)
+    # by whom judged last: the training set of a pair of groups is that of both orders
+    inner = np.zeros((len(_RIDGES), len(groups), len(groups)))
+    for one, other in combinations(range(len(groups)), 2):
+        rest, driven = every - own[one][0] - own[other][0], driving - own[one][1] - own[other][1]
         for number, ridge in enumerate(_RIDGES):
-            weight = _ridge(rest, driving - right[one] - right[other], ridge)
-            inner[number, one, other], inner[number, other, one] = skill(other, weight), skill(one, weight)
-    return np.array(_RIDGES)[np.argmax(inner.sum(axis=2), axis=0)]
+            weight = _ridge(rest, driven, ridge)
+            inner[number, one, other] = sum(skill(int(flight), weight) for flight in groups[other])
+            inner[number, other, one] = sum(skill(int(flight), weight) for flight in groups[one])
+    chosen = np.array(_RIDGES)[np.argmax(inner.sum(axis=2), axis=0)]
+    return np.repeat(chosen, [len(group) for group in groups])
 
 
 def _ridge(square: Array, right: Array, ridge: float) -> Array:
