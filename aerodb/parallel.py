@@ -4,8 +4,9 @@ Meanwhile linear algebra has no threads of its own: two on every core would wait
 """
 
 import os
-from collections.abc import Callable, Iterable
-from concurrent.futures import ThreadPoolExecutor
+from collections import deque
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor, wait
 from typing import TypeVar
 
 from threadpoolctl import threadpool_limits
@@ -22,3 +23,34 @@ def in_threads(function: Callable[[Item], Result], items: Iterable[Item]) -> lis
         return [function(item) for item in todo]
     with threadpool_limits(1, user_api="blas"), ThreadPoolExecutor(workers) as pool:
         return list(pool.map(function, todo))
+
+
+class Threads:
+    """Threads that stay, with the caller's one a core: for many short pieces of compiled work without a library's linear algebra.
+
+    They end when nobody holds this any more.
+    """
+
+    def __init__(self) -> None:
+        self._helpers = (os.cpu_count() or 1) - 1
+        self._pool = ThreadPoolExecutor(max(1, self._helpers))
+
+    def each(self, function: Callable[[Item], object], items: Sequence[Item]) -> None:
+        """`function` of each item, which must not come back here; an error is raised once what was begun has ended."""
+        todo = deque(items)
+
+        def work() -> None:
+            while True:
+                try:
+                    item = todo.popleft()
+                except IndexError:
+                    return
+                function(item)
+
+        begun = [self._pool.submit(work) for _ in range(min(self._helpers, len(items) - 1))]
+        try:
+            work()
+        finally:
+            wait(begun)
+        for helper in begun:
+            helper.result()

@@ -10,6 +10,7 @@ from scipy import stats
 from aerodb.effects.hypothesis import Hypothesis
 from aerodb.errors import InputError
 from aerodb.tracing.autoregression import correlation_time, fit, whiten
+from aerodb.tracing.batched import contracted
 from aerodb.tracing.campaign import campaign
 from aerodb.tracing.conditioning import band_limited
 from aerodb.tracing.evidence import Evidence
@@ -111,6 +112,41 @@ def test_a_constant_per_flight_changes_no_vote_but_that_of_the_constant() -> Non
     direct = np.linalg.lstsq(design, np.r_[response, 0.0, 0.0], rcond=None)[0]
     assert first.estimate[0, 5] == pytest.approx(direct[0], rel=1e-6)
     assert first.information[0, 5] == pytest.approx(1.0 / np.linalg.inv(design.T @ design)[0, 0], rel=1e-6)
+
+
+@pytest.mark.parametrize(("size", "least"), [(1, 1.0), (7, 1.0), (38, 1e-3), (38, 1e-9)])
+def test_the_compiled_elimination_gives_what_the_inverse_gives(size: int, least: float) -> None:
+    """Quasi-definite: a part of the pairs is negative, in any order; the smallest eigenvalue of each part is about `least`."""
+    rng = np.random.default_rng(size)
+    flights, stock, width, negative = 5, size + 3, 11, size // 4
+    orthogonal = np.linalg.qr(rng.standard_normal((flights, stock, stock)))[0]
+    pairs = (orthogonal * np.geomspace(least, 1.0, stock)) @ orthogonal.transpose(0, 2, 1)
+    members, beside = rng.permutation(stock)[:size], rng.standard_normal((flights, stock, width))
+    down = members[:negative]
+    pairs[:, down[:, None], down] *= -1.0
+    extra, units = np.where(np.arange(size) < negative, -1e-11, 1e-11), np.arange(0, size, 2)
+    left, right = np.array([10, 2]), np.array([0, 4, 4, 9])
+    squares, across = np.empty((flights, len(right) + len(units))), np.empty((flights, 2, len(right) + len(units)))
+    contracted(pairs, beside, members, extra, left, right, units, squares, across)
+    matrices = pairs[:, members[:, None], members] + np.diag(extra)
+    unit = np.broadcast_to(np.eye(size)[:, units], (flights, size, len(units)))
+    u, v = np.concatenate([beside[:, members][:, :, right], unit], axis=2), beside[:, members][:, :, left]
+    solution = np.linalg.inv(matrices) @ u
+    for found, expected in ((squares, (u * solution).sum(axis=1)), (across, v.transpose(0, 2, 1) @ solution)):
+        assert np.abs(found - expected).max() < 1e-15 * np.linalg.cond(matrices).max() * np.abs(expected).max()
+
+
+def test_a_nuisance_that_is_not_shown_and_one_that_is_another_again_have_no_part_in_the_others() -> None:
+    """A column of zeros, and one that stands twice: nothing but the ridge tells the two apart."""
+    columns = np.random.default_rng(1).standard_normal((400, 4))
+    columns = np.column_stack([columns[:, :3], np.zeros(400), columns[:, 2], columns[:, 3]]) / 20.0
+    pairs, members = (columns.T @ columns)[None], np.arange(5)
+    squares, across = np.empty((1, 1)), np.empty((1, 1, 1))
+    five = np.array([5])
+    contracted(pairs, pairs, members, np.full(5, 1e-11), five, five, np.arange(0), squares, across)
+    fitted = columns[:, :3] @ np.linalg.lstsq(columns[:, :3], columns[:, 5], rcond=None)[0]
+    assert squares[0, 0] == pytest.approx(fitted @ fitted, rel=1e-8)
+    assert across[0, 0, 0] == pytest.approx(fitted @ fitted, rel=1e-8)
 
 
 @dataclass(frozen=True)

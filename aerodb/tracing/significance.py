@@ -1,7 +1,7 @@
 """The test over flights: one flight, one vote; few flights borrow from the noise inside them; sensors get their share first."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -23,7 +23,7 @@ class Tested:
     mean, standard_error (of the mean), dof, voters (flights, k), count, gain (coherent: fall of the whitened sum of squares under
     one common value), inflation (median VIF), excited (some flight shows it at all), testable (separable and enough votes).
     sigma (s,) : prior sigma of each sensor, 0 for those that are freed. families : what can be claimed, see `by_families`; empty:
-    all of it, in one. What follows from the errors of `votes` is computed when it is asked for.
+    all of it, in one. What follows from the errors of `votes` is computed when it is asked for, and remembered as `seen`.
     """
 
     mean: Array
@@ -39,6 +39,7 @@ class Tested:
     sigma: Array
     settings: Settings
     families: tuple[tuple[int, ...], ...] = ()
+    seen: dict[int, tuple[float, float]] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @cached_property
     def systematic(self) -> Array:
@@ -80,11 +81,13 @@ class Tested:
 
     def _errors_at(self, places: Sequence[int]) -> tuple[Array, Array]:
         """(places,) bound from sensors, and shift by state noise, with its sign."""
-        if not len(places):
-            return np.zeros(0), np.zeros(0)
-        leak, shift = self.votes.mean_errors(places, self.voters)
-        sensors = np.sqrt(np.square(leak * self.sigma).sum(axis=-1))
-        return np.asarray(self.settings.kappa * sensors), np.asarray(self.settings.shift_factor * shift)
+        new = [place for place in places if place not in self.seen]
+        if new:
+            leak, shift = self.votes.mean_errors(new, self.voters)
+            sensors = self.settings.kappa * np.sqrt(np.square(leak * self.sigma).sum(axis=-1))
+            self.seen.update(zip(new, zip(sensors, self.settings.shift_factor * shift, strict=True), strict=True))
+        found = np.array([self.seen[place] for place in places]).reshape(-1, 2)
+        return found[:, 0], found[:, 1]
 
     @cached_property
     def significant(self) -> Mask:

@@ -120,14 +120,16 @@ class Campaign:
             prior = self._prior(model)
             solved = self._reduced.beside(prior, *model[1:3])
             estimate, information = in_units(solved, np.arange(len(self.hypotheses)), self.scale)
-            beside = (prior, *model[1:3])
-            added = Added(self._reduced, self._noisy, beside, estimate, information, self.scale, {0: solved})
+            noisy = None if self._noisy is None else self._noisy.beside(prior, *model[1:3])
+            added = Added(solved, noisy, estimate, information, self.scale)
             self.seen[model] = Votes(estimate, information, self._own, added)
         return self.seen[model]
 
     def vote(self, place: int, accepted: Sequence[int], freed: Sequence[int], fixed: Sequence[int] = ()) -> tuple[Array, Array]:
         """Estimate and information (flights,) of one hypothesis alone, as `votes` has them."""
         model = self._model(accepted, freed, fixed, ())
+        if model in self.seen:
+            return self.seen[model].estimate[:, place], self.seen[model].information[:, place]
         if (place, model) not in self.single:
             solved = self._reduced.beside(self._prior(model), *model[1:3])
             estimate, information = in_units(solved, np.array([place]), self.scale)
@@ -146,16 +148,15 @@ class Campaign:
         value = {place: size for place, size in self.earlier.items() if place not in loose}
         if loose:
             rigid = self._reduced.beside(self._prior((accepted, freed, fixed, ())), freed, fixed)
-            value |= {place: self._size(rigid, place) for place in loose}
+            value |= dict(zip(loose, self._sizes(rigid, np.array(loose)), strict=True))
         return dict.fromkeys(accepted, 0.0) | self._tolerance(value)
 
-    def _size(self, rigid: Solved, place: int) -> float:
-        """Common value of an accepted term over the flights, by their information."""
-        left, right = rigid.member(int(np.searchsorted(rigid.members, place)))
-        own = self._reduced.own[:, place]
+    def _sizes(self, rigid: Solved, places: NDArray[np.intp]) -> list[float]:
+        """Common value of each of the accepted terms over the flights, by their information."""
+        own, left, right = rigid.at(places)
         said = left > ROUNDING * np.maximum(own, ROUNDING)
-        total = left[said].sum() * self.scale[place] ** 2
-        return float(right[said].sum() * self.scale[place] / max(total, 1e-300))
+        total, sums = (np.where(said, each, 0.0).sum(axis=0) for each in (left, right))
+        return (sums / np.maximum(total * self.scale[places], 1e-300)).tolist()
 
     def _tolerance(self, value: Mapping[int, float]) -> dict[int, float]:
         """Column of a companion -> its scaled prior precision, from the size of the effect whose shape it is (`value`)."""
@@ -180,9 +181,7 @@ class Campaign:
     @cached_property
     def _own(self) -> Array:
         """(flights, hypotheses) products of the columns with themselves, SI; of offsets that of their trims."""
-        own = self._reduced.own.copy()
-        own[:, list(self.offsets)] = self._reduced.weight
-        return own * self.scale[: len(self.hypotheses)] ** 2
+        return np.asarray(self._reduced.own * self.scale[: len(self.hypotheses)] ** 2)
 
 
 def in_units(solved: Solved, places: NDArray[np.intp], scale: Array) -> tuple[Array, Array]:
@@ -197,18 +196,15 @@ def in_units(solved: Solved, places: NDArray[np.intp], scale: Array) -> tuple[Ar
 class Added:
     """`Errors` of a model, one place after another as they are asked for.
 
-    beside : its terms and companions with their scaled prior precisions, its freed and its fixed sensors; estimate, information :
-    its votes; scale : as in the campaign. solved : how the model was solved, until the first question has been answered: whoever
-    asks once more has it solved again. seen : place -> what was answered.
+    plain, noisy : how the model is solved, and with the states' noise added once more; estimate, information : its votes;
+    scale : as in the campaign. seen : place -> what was answered.
     """
 
-    plain: Reduced
-    noisy: Reduced | None
-    beside: tuple[Mapping[int, float], Sequence[int], Sequence[int]]
+    plain: Solved
+    noisy: Solved | None
     estimate: Array
     information: Array
     scale: Array
-    solved: dict[int, Solved]
     seen: dict[int, tuple[Array, Array]] = field(default_factory=dict, init=False)
 
     def at(self, places: Sequence[int]) -> Sequence[tuple[Array, Array]]:
@@ -221,16 +217,13 @@ class Added:
 
     def _leak(self, places: NDArray[np.intp]) -> Array:
         """(places, flights, sensors)."""
-        solved = self.solved.pop(0, None) or self.plain.beside(*self.beside)
         scale, information = self.scale[places], self.information[:, places]
-        leak = solved.leak(places, information / scale**2)
-        leak *= np.divide(scale, information, out=np.zeros_like(information), where=information > 0.0)[:, None]
-        leak *= self.scale[self.plain.sensors][:, None]
-        return leak.transpose(2, 0, 1).copy()
+        factor = np.divide(scale, information, out=np.zeros_like(information), where=information > 0.0)
+        return self.plain.leak(places, information / scale**2, factor, self.scale[self.plain.base.sensors])
 
     def _shift(self, places: NDArray[np.intp]) -> Array:
         """(places, flights)."""
         if self.noisy is None:
             return np.zeros((len(places), len(self.estimate)))
-        again, _ = in_units(self.noisy.beside(*self.beside), places, self.scale)
+        again, _ = in_units(self.noisy, places, self.scale)
         return (again - self.estimate[:, places]).T
