@@ -61,6 +61,11 @@ class Flight:
         """Sampling interval of the grid, s."""
         return float(self.time[-1] - self.time[0]) / (len(self.time) - 1)
 
+    @property
+    def duration(self) -> float:
+        """From the first sample to the last, s."""
+        return float(self.time[-1] - self.time[0])
+
     def usable(self, names: Iterable[str] = (), despite: Iterable[str] = ()) -> NDArray[np.bool_]:
         """(n,) true where neither the flight as a whole nor any of the named channels is flagged or not finite.
 

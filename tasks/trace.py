@@ -26,8 +26,8 @@ from aerodb.tracing.gram import Gram, gram
 from aerodb.tracing.noise_limits import bounded_noise
 from aerodb.tracing.settings import Settings
 from aerodb.tracing.shapes import with_shapes
-from aerodb.tracing.state_errors import copies_for, noisy_copies
-from aerodb.tracing.thinning import thinned
+from aerodb.tracing.state_errors import noisy_copies
+from aerodb.tracing.thinning import LONG, thinned
 from storage.grams import read_gram, write_gram
 from tasks.coefficients import load_coefficients
 from tasks.compare import beside
@@ -139,15 +139,18 @@ def evidence_beside(opened: Stores, flight: str, database: AeroDatabase, library
     companions of its columns, and what its commands say of them."""
     row = opened.catalogue.flight(flight)
     vehicle, _ = opened.vehicle(row.vehicle)
-    channels, comparison = thinned_beside(opened, flight, database, library, run)
+    whole, beside_whole, _ = beside(opened, flight, database, run)
+    channels, comparison = thinned(whole, beside_whole, library.settings.bandwidth)
     document = load_consistent(opened, row, run)[1]
     noise, reconstructed = noise_of(document), reconstructed_angles(document)
     view = view_of(channels, comparison, database, vehicle)
     if "alpha" in reconstructed:
         view = replace(view, air_data_arm=np.zeros_like(view.cg))  # the angles are those at the CG, from the motion there
         noise = None if noise is None else bounded_noise(noise, view, comparison, library.settings)
-    copies = copies_for(channels, library.settings.noisy_copies)
-    noisy = [] if noise is None else noisy_copies(channels, noise, database, vehicle, copies, comparison)
+    copies, near = library.settings.noisy_copies, None
+    if whole.duration >= LONG:
+        copies, near = min(copies, 1), comparison
+    noisy = [] if noise is None else noisy_copies(channels, noise, database, vehicle, copies, near)
     hypotheses = columns_of(library.hypotheses, reconstructed)
     evidence = evidence_of(channels, comparison, database, vehicle, hypotheses, noisy, view)
     evidence = with_shapes(evidence, channels, library.hypotheses)

@@ -55,11 +55,6 @@ def slower(columns: Sequence[Array], usable: Mask, ratio: int) -> Array:
     return _decimated(columns, usable, ratio, 0) if usable.any() else np.stack([column[::ratio] for column in columns])
 
 
-def reach(ratio: int) -> int:
-    """Samples to each side of a kept one that come into it."""
-    return _kernel(ratio)[1]
-
-
 def _decimated(columns: Sequence[Array], usable: Mask, ratio: int, left_out: int) -> Array:
     """Columns (k of (n,)) as (k, m), without `left_out` samples at each end."""
     n, k = len(usable), len(columns)

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Final
 
 import numpy as np
 
@@ -12,20 +11,6 @@ from aerodb.consistency.state_noise import StateNoise
 from aerodb.flight import Array, Flight
 from aerodb.tables.database import AeroDatabase
 from aerodb.vehicle import Vehicle
-
-#: Copies of a flight that last this long together [s] are enough: what a draw adds by chance falls with its length.
-_LONG: Final = 300.0
-
-
-def copies_for(flight: Flight, most: int) -> int:
-    """How many copies of a flight show what its states' error does: `most` of a short one, at least one.
-
-    >>> from types import SimpleNamespace
-    >>> [copies_for(SimpleNamespace(time=np.arange(n) * 1.0), 2) for n in (60, 299, 600)]
-    [2, 2, 1]
-    """
-    lasts = float(flight.time[-1] - flight.time[0])
-    return min(most, max(1, int(np.ceil(_LONG / max(lasts, 1.0)))))
 
 
 def noisy_copies(

@@ -13,21 +13,23 @@ from aerodb.conditioning.differentiation import bridge
 from aerodb.conditioning.responses import runs
 from aerodb.flight import Array, Flight
 from aerodb.nomenclature import AXES
-from aerodb.tracing.conditioning import BRIDGED, reach, slower
+from aerodb.tracing.conditioning import BRIDGED, slower
 from aerodb.tracing.evidence import Mask
 
 #: The rate that stays, in bandwidths at least: products of three channels of the band, and the filter's own edges, have room.
 OVERSAMPLING = 20.0
+#: From this duration on [s] a flight is long: it is thinned, and one copy with more state noise is enough of it.
+LONG = 300.0
 
 
 def thinned(flight: Flight, comparison: Comparison, bandwidth: float) -> tuple[Flight, Comparison]:
     """The flight and its comparison with every k-th sample kept, k as large as leaves OVERSAMPLING times `bandwidth` [Hz].
 
     The first sample stays the first. Around a gap that is not bridged one more kept sample on each side is not usable: what is
-    beyond it has come in. Both are returned as they are where k is one, or the flight shorter than the filter.
+    beyond it has come in. Both are returned as they are where k is one, and of a flight that is not LONG: there it costs little.
     """
     every = int(1.0 / (OVERSAMPLING * bandwidth * flight.step))
-    if every < 2 or len(flight.time) <= 2 * reach(every):
+    if every < 2 or flight.duration < LONG:
         return flight, comparison
     kept = slice(None, None, every)
     longest = int(BRIDGED / (bandwidth * flight.step))
