@@ -156,7 +156,10 @@ def _to_arrow(values: NDArray[Any], kind: Any, name: str) -> Any:
         except UnicodeEncodeError as error:
             raise InputError("text is not valid Unicode", name, "decode it with errors='replace' in the reader") from error
     native = np.ascontiguousarray(values, dtype=values.dtype.newbyteorder("="))
-    return pa.array(native, type=kind)
+    if native.dtype.kind not in "iuf":
+        return pa.array(native, type=kind)
+    # `pa.array` and `to_numpy` ask pandas, whose import takes longer than to write or read ten minutes of flight.
+    return pa.Array.from_buffers(kind, len(native), [None, pa.py_buffer(native)])
 
 
 def _from_arrow(column: Any, dtype: np.dtype[Any]) -> NDArray[Any]:
@@ -166,5 +169,9 @@ def _from_arrow(column: Any, dtype: np.dtype[Any]) -> NDArray[Any]:
         return words[encoded.indices.to_numpy(zero_copy_only=False)] if len(words) else np.empty(0, dtype)
     if dtype.kind == "S":
         return np.array(column.to_pylist(), dtype=dtype)
-    values: NDArray[Any] = column.to_numpy()
+    whole = column.combine_chunks()
+    if dtype.kind == "b":
+        bits = np.frombuffer(whole.buffers()[1], dtype=np.uint8)
+        return np.unpackbits(bits, bitorder="little")[whole.offset : whole.offset + len(whole)].astype(dtype)
+    values: NDArray[Any] = np.from_dlpack(whole) if dtype.kind in "iuf" and len(whole) else whole.to_numpy(zero_copy_only=False)
     return values.astype(dtype, copy=False)

@@ -23,7 +23,7 @@ from tests.effect_flights import database, flown, vehicle
 from tests.tracing_flights import FLOOR, LAG, coloured
 
 #: Hz; 50 Hz become 12.5.
-BAND = 0.6
+BAND = 1.0
 
 
 def compared(flight: Flight, model: AeroDatabase) -> Comparison:
@@ -122,6 +122,6 @@ def test_without_more_noise_a_copy_is_the_flight_and_with_it_only_the_noise_is_a
 
 def test_what_is_short_or_slow_is_left_alone(flight: Flight, monkeypatch: pytest.MonkeyPatch) -> None:
     beside = compared(flight, database())
-    assert thinned(flight, beside, 2.0) == (flight, beside)
+    assert thinned(flight, beside, 3.0) == (flight, beside)
     monkeypatch.setattr(thinning, "LONG", 300.0)
     assert thinned(flight, beside, BAND) == (flight, beside)

@@ -16,8 +16,8 @@ from aerodb.nomenclature import AXES
 from aerodb.tracing.conditioning import BRIDGED, slower
 from aerodb.tracing.evidence import Mask
 
-#: The rate that stays, in bandwidths at least: products of three channels of the band, and the filter's own edges, have room.
-OVERSAMPLING = 20.0
+#: The rate that stays, in bandwidths at least: products of three channels fold into the band only what lies above 3.6 of it.
+OVERSAMPLING = 12.0
 #: From this duration on [s] a flight is long: it is thinned, and one copy with more state noise is enough of it.
 LONG = 300.0
 
