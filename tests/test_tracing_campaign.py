@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import pytest
 
+from aerodb.tracing import thinning
 from aerodb.tracing.campaign import campaign
 from aerodb.tracing.decide import Court
 from aerodb.tracing.findings import Traced
@@ -213,8 +214,13 @@ def test_a_controller_that_answers_the_residual(trials: Trials, table: list[Tall
     assert helped.counts["false claim"] <= max(1, 0.05 * helped.campaigns)
 
 
-def test_through_the_chain_from_sensors_to_coefficients(trials: Trials, table: list[Tally]) -> None:
-    """Issue 5: one cell through the chain, at the noise of the sensors alone: differentiated rates, no made-up residual."""
+@pytest.mark.parametrize("long", [np.inf, 0.0], ids=["every sample", "thinned"])
+def test_through_the_chain_from_sensors_to_coefficients(
+    long: float, trials: Trials, table: list[Tally], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Issue 5: one cell through the chain, at the noise of the sensors alone: differentiated rates, no made-up residual. As short
+    flights are looked at, and as long ones are."""
+    monkeypatch.setattr(thinning, "LONG", long)
     for planted in ({}, {"pitch_rate_force@CX": 0.8}, {"alpha_slope@CZ": 0.15}):
         name = ", ".join(planted) or "nothing missing"
         table.append(tally(f"through the chain: {name}", chain(planted, trials(1, 30)), planted))

@@ -258,6 +258,7 @@ def chain(planted: Mapping[str, float], trials: int) -> list[Traced]:
     for number in range(trials):
         generator = np.random.default_rng([12, number])
         chosen = generator.choice(len(flown_finely()), 6, replace=False)
-        flights = [through_the_chain(flown_finely()[int(n)], generator, library(), planted) for n in chosen]
+        finely = [flown_finely()[int(n)] for n in chosen]
+        flights = [through_the_chain(flight, generator, library(), planted, SETTINGS.bandwidth) for flight in finely]
         found.append(trace([gram(flight, SETTINGS) for flight in flights], library(), SETTINGS))
     return found

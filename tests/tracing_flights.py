@@ -30,6 +30,7 @@ from aerodb.tracing.flight_evidence import evidence_of
 from aerodb.tracing.gram import Gram, gram_of
 from aerodb.tracing.settings import Settings
 from aerodb.tracing.shapes import with_shapes
+from aerodb.tracing.thinning import thinned
 from aerodb.vehicle import Vehicle, parse_vehicle
 
 DEGREE = np.pi / 180.0
@@ -224,15 +225,22 @@ SENSOR_NOISE: Mapping[str, float] = {
 
 
 def through_the_chain(
-    flight: Flight, generator: np.random.Generator, hypotheses: Sequence[Hypothesis], effects: Mapping[str, float]
+    flight: Flight,
+    generator: np.random.Generator,
+    hypotheses: Sequence[Hypothesis],
+    effects: Mapping[str, float],
+    bandwidth: float,
 ) -> Evidence:
-    """Evidence of noisy sensors' readings at 100 Hz: rates differentiated, forces moved to the CG; no made-up residual."""
+    """Evidence of noisy sensors' readings at 100 Hz: rates differentiated, forces moved to the CG; no made-up residual.
+
+    Thinned to `bandwidth` [Hz], as the product does with what it takes to be long.
+    """
     noise = {name: sigma * generator.standard_normal(len(flight.time)) for name, sigma in SENSOR_NOISE.items()}
     read = flight.with_channels({name: flight[name] + values for name, values in noise.items()})
     measured = total_coefficients(read, vehicle())
     planted = planted_columns(flight, effects, hypotheses)
     measured = replace(measured, values={axis: values + planted[axis] for axis, values in measured.values.items()})
-    comparison = compare(read, measured, preflight(), vehicle().reference)
+    read, comparison = thinned(read, compare(read, measured, preflight(), vehicle().reference), bandwidth)
     return with_shapes(evidence_of(read, comparison, preflight(), vehicle(), hypotheses), read, hypotheses)
 
 
