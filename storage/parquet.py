@@ -170,7 +170,7 @@ def _from_arrow(column: Any, dtype: np.dtype[Any]) -> NDArray[Any]:
     if dtype.kind == "S":
         return np.array(column.to_pylist(), dtype=dtype)
     whole = column.combine_chunks()
-    if dtype.kind == "b":
+    if dtype.kind == "b" and len(whole):
         bits = np.frombuffer(whole.buffers()[1], dtype=np.uint8)
         return np.unpackbits(bits, bitorder="little")[whole.offset : whole.offset + len(whole)].astype(dtype)
     values: NDArray[Any] = np.from_dlpack(whole) if dtype.kind in "iuf" and len(whole) else whole.to_numpy(zero_copy_only=False)

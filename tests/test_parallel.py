@@ -30,12 +30,12 @@ def test_an_error_in_any_piece_is_raised_after_the_others() -> None:
 
 
 def test_threads_end_with_what_holds_them() -> None:
-    before = threading.active_count()
+    before = set(threading.enumerate())
     threads = Threads()
     threads.each(lambda _: None, range(8))
+    own = [thread for thread in threading.enumerate() if thread not in before and thread.name.startswith("ThreadPoolExecutor")]
     del threads
     gc.collect()
-    for thread in threading.enumerate():
-        if thread.name.startswith("ThreadPoolExecutor"):
-            thread.join(5.0)
-    assert threading.active_count() <= before
+    for thread in own:
+        thread.join(30.0)
+    assert not any(thread.is_alive() for thread in own)

@@ -159,13 +159,11 @@ def in_band(evidence: Evidence, settings: Settings) -> Band:
     }
     parts = {axis: found for axis, found in parts.items() if found}
 
-    alike: dict[bytes, list[str]] = {}
-    for axis in parts:
-        alike.setdefault(evidence.usable[axis].tobytes(), []).append(axis)
+    alike = evidence.usable_alike(parts)
 
     def records(residual: Mapping[str, Array], columns: Columns) -> dict[str, list[Array]]:
         found: dict[str, list[Array]] = {axis: [] for axis in parts}
-        for axes in alike.values():
+        for axes in alike:
             for part in parts[axes[0]]:
                 for axis, record in _limited(residual, columns, names, axes, evidence, part, settings.bandwidth).items():
                     found[axis].append(record)

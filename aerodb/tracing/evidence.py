@@ -3,7 +3,7 @@
 Nothing is conditioned here: low-pass, decimation, trims and whitening are `gram`'s, applied to all columns alike.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -56,6 +56,13 @@ class Evidence:
     def samples(self) -> int:
         """Length of the time grid."""
         return len(next(iter(self.residual.values())))
+
+    def usable_alike(self, axes: Iterable[str]) -> list[list[str]]:
+        """The axes in groups that are usable at the same samples: a group's columns may be worked on at once."""
+        groups: dict[bytes, list[str]] = {}
+        for axis in axes:
+            groups.setdefault(self.usable[axis].tobytes(), []).append(axis)
+        return list(groups.values())
 
 
 def _check(values: Array, length: int, usable: Mask, where: str, what: str) -> None:

@@ -140,11 +140,8 @@ def _in_band(flight: Left, axes: Sequence[str], names: Sequence[str], settings: 
     """
     evidence, variables = flight.evidence, [flight.variables[name] for name in names]
     known = np.logical_and.reduce([np.isfinite(row) for row in variables])
-    alike: dict[bytes, list[str]] = {}
-    for axis in axes:
-        alike.setdefault(evidence.usable[axis].tobytes(), []).append(axis)
     found: dict[str, Record] = {}
-    for same in alike.values():
+    for same in evidence.usable_alike(axes):
         usable = evidence.usable[same[0]]
         tangents = {axis: [columns[axis] for columns in evidence.columns.values() if axis in columns] for axis in same}
         rows = [*variables, *(row for axis in same for row in (evidence.residual[axis], *tangents[axis]))]
