@@ -19,7 +19,7 @@ demo: install
 	$(BIN)/aerodb --workspace demo-workspace demo --seed 5
 
 pictures: demo
-	$(BIN)/python -m tests.demo_pictures demo-workspace docs/pictures
+	$(BIN)/python -m tests.support.demo_pictures demo-workspace docs/pictures
 
 test: install
 	$(BIN)/python -m pytest -n 3 --dist loadfile

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from aerodb.quantities import Number, Radians
-from aerodb.signals import Signal, beyond
-from aerodb.strict import Strict
+from aerodb.support.signals import Signal, beyond
+from aerodb.support.strict import Strict
 
 Array = NDArray[np.float64]
 

@@ -2,14 +2,14 @@
 
 from typing import Any
 
-from flows.run import Steps
-from tasks.close_loop import Accept, prove_loop, run_loop, what_is_left
-from tasks.compare import compare_with_version
-from tasks.deltas import plan_update
-from tasks.open import stores
-from tasks.publish import publish_loop
-from tasks.report import write_update_page
-from tasks.trace import freeze_library, trace_flight
+from aerodb.flows.run import Steps
+from aerodb.tasks.steps.close_loop import Accept, prove_loop, run_loop, what_is_left
+from aerodb.tasks.steps.compare import compare_with_version
+from aerodb.tasks.steps.publish import publish_loop
+from aerodb.tasks.steps.report import write_update_page
+from aerodb.tasks.steps.trace import freeze_library, trace_flight
+from aerodb.tasks.steps.update import plan_update
+from aerodb.tasks.workspace_access import stores
 
 
 def close_loop_flow(

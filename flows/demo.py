@@ -16,14 +16,14 @@ from aerodb.estimation.statistics import rms
 from aerodb.examples.phoenix import text
 from aerodb.examples.phoenix.mission import fly
 from aerodb.examples.phoenix.truth import EFFECTS, Effect, drawn, truth
+from aerodb.flows.close_loop import close_loop_flow
+from aerodb.flows.flight import flight_flow
+from aerodb.flows.importing import import_flow
 from aerodb.nomenclature import AXES
-from flows.close_loop import close_loop_flow
-from flows.flight import flight_flow
-from flows.importing import import_flow
-from storage.workspace import Workspace
-from storage.writers.ulog import write_ulog
-from tasks.compare import compared
-from tasks.open import stores
+from aerodb.storage.workspace import Workspace
+from aerodb.storage.writers.ulog import write_ulog
+from aerodb.tasks.steps.compare import compared
+from aerodb.tasks.workspace_access import stores
 
 VEHICLE = "phoenix"
 ENVELOPE = "envelope.json"

@@ -16,11 +16,11 @@ from prefect.schedules import Schedule as PrefectSchedule
 from prefect.task_runners import ThreadPoolTaskRunner
 from prefect.types.entrypoint import EntrypointType
 
-from flows.orchestrator import ARRIVAL, ARRIVED
-from flows.run import run_flow
-from storage.locks import take
-from storage.settings import Schedule, Settings, load_settings
-from storage.workspace import Workspace
+from aerodb.flows.orchestrator import ARRIVAL, ARRIVED
+from aerodb.flows.run import run_flow
+from aerodb.storage.locks import take
+from aerodb.storage.workspace import Workspace
+from aerodb.storage.workspace_settings import Schedule, Settings, load_settings
 
 #: Runs at once: one of the night beside one of the day. Each uses all cores for its flights.
 _AT_ONCE: Final = 2
@@ -31,7 +31,7 @@ _THREADS: Any = ThreadPoolTaskRunner(max_workers=os.cpu_count() or 1)
 @flow(name="nightly", persist_result=False, validate_parameters=False, task_runner=_THREADS)
 def nightly(workspace: str, vehicle: str | None = None) -> None:
     """One night; where the night before it still lasts, that one does it all."""
-    from flows.nightly import night_lock, nightly_flow  # here and below: a run does not wait for the science of the other
+    from aerodb.flows.nightly import night_lock, nightly_flow  # here and below: a run does not wait for the science of the other
 
     opened = Workspace.open(Path(workspace), create=False)
     lock = take(night_lock(opened, vehicle))
@@ -46,7 +46,7 @@ def nightly(workspace: str, vehicle: str | None = None) -> None:
 @flow(name="arrival", persist_result=False, validate_parameters=False, task_runner=_THREADS)
 def arrival(workspace: str) -> None:
     """The per-flight run of every log that waits in the inbox."""
-    from flows.inbox import sweep_flow
+    from aerodb.flows.inbox import sweep_flow
 
     run_flow(sweep_flow, {}, Workspace.open(Path(workspace), create=False))
 

@@ -2,12 +2,12 @@
 
 from typing import Any
 
-from flows.run import Steps
-from tasks.coefficients import reconstruct
-from tasks.compare import compare_with_version
-from tasks.consistency import check_consistency
-from tasks.ingest import store_log
-from tasks.open import stores
+from aerodb.flows.run import Steps
+from aerodb.tasks.steps.coefficients import reconstruct
+from aerodb.tasks.steps.compare import compare_with_version
+from aerodb.tasks.steps.consistency import check_consistency
+from aerodb.tasks.steps.ingest import store_log
+from aerodb.tasks.workspace_access import stores
 
 
 def flight_flow(
@@ -23,7 +23,7 @@ def flight_flow(
 ) -> list[dict[str, Any]]:
     """Each log into the store, and each new flight beside the released database. One bad log stops no other.
 
-    Returns one document per log: that of `tasks.ingest.store_log` and, where it became a flight, ``consistency``,
+    Returns one document per log: that of `aerodb.tasks.steps.ingest.store_log` and, where it became a flight, ``consistency``,
     ``coefficients`` and ``comparison``, the documents of these steps. A rejected flight is compared all the same: it says why.
     """
     where = {"workspace": workspace, "run": run}

@@ -2,11 +2,11 @@
 
 from typing import Any
 
-from flows.run import Steps
-from tasks.publish import import_database
+from aerodb.flows.run import Steps
+from aerodb.tasks.steps.publish import import_database
 
 
 def import_flow(steps: Steps, *, workspace: str, run: str, file: str, vehicle: str, bindings: dict[str, str]) -> dict[str, Any]:
-    """Imports a database file; see `tasks.publish.import_database`."""
+    """Imports a database file; see `aerodb.tasks.steps.publish.import_database`."""
     result: dict[str, Any] = steps(import_database, file, workspace=workspace, run=run, vehicle=vehicle, bindings=bindings)
     return result

@@ -9,14 +9,14 @@ from typing import Any, Final
 from sqlalchemy.exc import OperationalError
 
 from aerodb.errors import StoreBusyError, StoreError
-from flows.flight import flight_flow
-from flows.run import Steps
-from storage.inbox import Waiting
-from storage.locks import holding
-from storage.settings import Settings, SettingsError, load_settings
-from tasks.inbox import files_of_inbox, note_failure, note_no_room, note_tries, set_aside, settle
-from tasks.notify import deliver, tell
-from tasks.open import Stores, stores
+from aerodb.flows.flight import flight_flow
+from aerodb.flows.run import Steps
+from aerodb.storage.inbox.waiting import Waiting
+from aerodb.storage.locks import holding
+from aerodb.storage.workspace_settings import Settings, SettingsError, load_settings
+from aerodb.tasks.steps.inbox import files_of_inbox, note_failure, note_no_room, note_tries, set_aside, settle
+from aerodb.tasks.steps.notify import deliver, tell
+from aerodb.tasks.workspace_access import Stores, stores
 
 #: Files of one vehicle that go through the per-flight run together: what is done is done, whatever comes after it.
 BATCH: Final = 32
@@ -27,7 +27,7 @@ _NAMED: Final = 20
 def sweep_flow(steps: Steps, *, workspace: str, run: str, vehicle: str | None = None) -> dict[str, Any]:
     """Takes in what waits in the inbox, of one `vehicle` or of all. One sweep at a time; a second one waits for the first.
 
-    Returns a document: ``files``, one ending each (`tasks.inbox.settle`, or ``no_room``), ``waiting``, what stays and why,
+    Returns a document: ``files``, one ending each (`aerodb.tasks.steps.inbox.settle`, or ``no_room``), ``waiting``, what stays and why,
     and ``undelivered`` notifications.
 
     Raises StoreError when there was no room for any of the files, and, once all else is done, SettingsError when settings

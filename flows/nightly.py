@@ -8,17 +8,17 @@ from pathlib import Path
 from typing import Any, Final
 
 from aerodb.errors import AeroError, StoreError
-from flows.close_loop import close_loop_flow
-from flows.inbox import sweep_flow
-from flows.run import Steps, run_part
-from flows.update import update_flow
-from storage.settings import SettingsError, load_settings
-from storage.workspace import Workspace
-from tasks.advance import due, parameters_of
-from tasks.notify import deliver, tell
-from tasks.open import Stores, stores
-from tasks.runs import mark_ended
-from tasks.store import trim_cache
+from aerodb.flows.close_loop import close_loop_flow
+from aerodb.flows.inbox import sweep_flow
+from aerodb.flows.run import Steps, run_part
+from aerodb.flows.update import update_flow
+from aerodb.storage.workspace import Workspace
+from aerodb.storage.workspace_settings import SettingsError, load_settings
+from aerodb.tasks.steps.advance import due, parameters_of
+from aerodb.tasks.steps.notify import deliver, tell
+from aerodb.tasks.steps.runs import mark_ended
+from aerodb.tasks.steps.store import trim_cache
+from aerodb.tasks.workspace_access import Stores, stores
 
 _BODIES: Final[dict[str, Callable[..., Any]]] = {"close-loop": close_loop_flow, "update": update_flow}
 

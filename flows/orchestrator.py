@@ -11,9 +11,9 @@ from datetime import UTC, datetime, timedelta
 from http.client import HTTPException
 from typing import Any, Final
 
-from storage.locks import is_held
-from storage.settings import authorization
-from storage.workspace import Workspace
+from aerodb.storage.locks import is_held
+from aerodb.storage.workspace import Workspace
+from aerodb.storage.workspace_settings import authorization
 
 #: The event that says that logs wait in the inbox. Nothing depends on it: it only spares them the wait for the night.
 ARRIVED: Final = "aerodb.inbox.arrived"
@@ -75,7 +75,7 @@ def is_awaited(client: Client) -> bool:
 def clear_up(client: Client, workspace: Workspace, at_start: bool) -> int:
     """Marks runs as crashed whose process is gone, and at the start those as cancelled that were missed; how many.
 
-    A run that lives holds its lock (`storage.locks`). Missed ones need no run: the next one does what they would have done.
+    A run that lives holds its lock (`aerodb.storage.locks`). Missed ones need no run: the next one does what they would have done.
     """
     wanted = {"state": {"type": {"any_": ["RUNNING", "PENDING", "CANCELLING"]}}}
     count = 0

@@ -14,10 +14,10 @@ from typing import Final
 from urllib.parse import parse_qsl, urlencode, urlsplit, urlunsplit
 
 from aerodb.errors import InputError
-from storage.places import place_of
-from storage.settings import FILE, TOKEN_VARIABLE, Serve, authorization, load_settings
-from storage.urls import resolved, shown
-from storage.workspace import Workspace
+from aerodb.storage.catalogue.places import place_of
+from aerodb.storage.urls import resolved, shown
+from aerodb.storage.workspace import Workspace
+from aerodb.storage.workspace_settings import FILE, TOKEN_VARIABLE, Serve, authorization, load_settings
 
 #: The wait [s] before a process that died is started again doubles from the first to the last of these.
 _FIRST_WAIT, _LONGEST_WAIT = 1.0, 60.0

@@ -2,12 +2,12 @@
 
 from typing import Any
 
-from flows.run import Steps
-from tasks.calibration import bind, calibrate
-from tasks.coefficients import reconstruct
-from tasks.compare import compare_with_version
-from tasks.consistency import check_consistency
-from tasks.open import stores
+from aerodb.flows.run import Steps
+from aerodb.tasks.steps.calibration import bind, calibrate
+from aerodb.tasks.steps.coefficients import reconstruct
+from aerodb.tasks.steps.compare import compare_with_version
+from aerodb.tasks.steps.consistency import check_consistency
+from aerodb.tasks.workspace_access import stores
 
 
 def recalibrate_flow(
@@ -24,7 +24,7 @@ def recalibrate_flow(
     """Calibrates a vehicle from `flights` (ids), binds them to the result, and recomputes their consistency, coefficients and
     comparison with the released database. Flights processed afterwards are bound to it as well; versions stay as they are.
 
-    Returns the document of `tasks.calibration.calibrate` with ``consistency`` and ``comparison`` by flight.
+    Returns the document of `aerodb.tasks.steps.calibration.calibrate` with ``consistency`` and ``comparison`` by flight.
     """
     where = {"workspace": workspace, "run": run}
     span = {"valid_from": valid_from, "valid_until": valid_until}

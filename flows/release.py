@@ -2,17 +2,17 @@
 
 from typing import Any
 
-from flows.run import Steps
-from tasks.release import promote, roll_back
+from aerodb.flows.run import Steps
+from aerodb.tasks.steps.release import promote, roll_back
 
 
 def promote_flow(steps: Steps, *, workspace: str, run: str, version: str, name: str, reason: str) -> dict[str, Any]:
-    """Points a name at a version (its id); see `tasks.release.promote`."""
+    """Points a name at a version (its id); see `aerodb.tasks.steps.release.promote`."""
     result: dict[str, Any] = steps(promote, version, workspace=workspace, run=run, name=name, reason=reason)
     return result
 
 
 def roll_back_flow(steps: Steps, *, workspace: str, run: str, vehicle: str, name: str, reason: str) -> dict[str, Any]:
-    """Takes the last standing move of a name back; see `tasks.release.roll_back`."""
+    """Takes the last standing move of a name back; see `aerodb.tasks.steps.release.roll_back`."""
     result: dict[str, Any] = steps(roll_back, vehicle, workspace=workspace, run=run, name=name, reason=reason)
     return result

@@ -4,17 +4,17 @@ from collections.abc import Callable
 from typing import Any, Final
 
 from aerodb.errors import InputError, UnknownNameError
-from flows.close_loop import close_loop_flow
-from flows.flight import again_flow, flight_flow
-from flows.importing import import_flow
-from flows.inbox import sweep_flow
-from flows.nightly import nightly_flow
-from flows.recalibrate import recalibrate_flow
-from flows.update import update_flow
-from storage.quarantined import Quarantined, put_back
-from storage.rows import RunRow
-from tasks.inbox import in_quarantine
-from tasks.open import Stores
+from aerodb.flows.close_loop import close_loop_flow
+from aerodb.flows.flight import again_flow, flight_flow
+from aerodb.flows.importing import import_flow
+from aerodb.flows.inbox import sweep_flow
+from aerodb.flows.nightly import nightly_flow
+from aerodb.flows.recalibrate import recalibrate_flow
+from aerodb.flows.update import update_flow
+from aerodb.storage.catalogue.rows import RunRow
+from aerodb.storage.inbox.quarantined import Quarantined, put_back
+from aerodb.tasks.steps.inbox import in_quarantine
+from aerodb.tasks.workspace_access import Stores
 
 #: Runs a flow with its parameters: the command line's way, or a test's.
 Run = Callable[[Any, dict[str, Any]], Any]

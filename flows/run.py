@@ -21,14 +21,14 @@ from typing import Any, Final, Literal, Protocol
 from threadpoolctl import threadpool_limits
 
 from aerodb.errors import InputError, StoreBusyError, StoreError
-from flows.deadline import at_most
-from flows.work import Call, Here, Work, work_of
-from storage.catalogue import Catalogue
-from storage.locks import holding, note_of
-from storage.rows import RunState
-from storage.settings import TOKEN_VARIABLE, authorization, load_settings
-from storage.workspace import Workspace
-from tasks.provenance import code_version
+from aerodb.flows.deadline import at_most
+from aerodb.flows.executors import Call, Here, Work, work_of
+from aerodb.storage.catalogue.catalogue import Catalogue
+from aerodb.storage.catalogue.rows import RunState
+from aerodb.storage.locks import holding, note_of
+from aerodb.storage.workspace import Workspace
+from aerodb.storage.workspace_settings import TOKEN_VARIABLE, authorization, load_settings
+from aerodb.tasks.provenance import code_version
 
 How = Literal["auto", "direct"]
 Way = Literal["server", "ephemeral", "direct"]

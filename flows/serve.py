@@ -15,16 +15,16 @@ from datetime import UTC, datetime
 from typing import Any, Final
 
 from aerodb.errors import AeroError, StoreError
-from flows.orchestrator import Client, clear_up, emit_arrival, is_awaited
-from flows.processes import Child, environment_of, free_port
-from storage.inbox import Waiting, look_again
-from storage.locks import Lock, is_held, note_of, take
-from storage.settings import FILE, checked_token, load_settings
-from storage.workspace import Workspace
-from tasks.inbox import files_of_inbox
-from tasks.notify import deliver
-from tasks.open import Stores, stores
-from tasks.runs import mark_ended
+from aerodb.flows.orchestrator import Client, clear_up, emit_arrival, is_awaited
+from aerodb.flows.processes import Child, environment_of, free_port
+from aerodb.storage.inbox.waiting import Waiting, look_again
+from aerodb.storage.locks import Lock, is_held, note_of, take
+from aerodb.storage.workspace import Workspace
+from aerodb.storage.workspace_settings import FILE, checked_token, load_settings
+from aerodb.tasks.steps.inbox import files_of_inbox
+from aerodb.tasks.steps.notify import deliver
+from aerodb.tasks.steps.runs import mark_ended
+from aerodb.tasks.workspace_access import Stores, stores
 
 _BEAT: Final = 1.0
 _CLEAR_UP_EVERY: Final = 30.0
@@ -58,7 +58,7 @@ class Server:
         environment = environment_of(workspace, self.client.url, token)
         start = ["server", "start", "--host", host, "--port", str(port), "--no-ui"]
         self._server = Child("server", [sys.executable, "-m", "prefect", *start], environment, workspace.prefect)
-        run = "from flows.deployments import main; main()"
+        run = "from aerodb.flows.deployments import main; main()"
         self._runner = Child("runner", [sys.executable, "-c", run, str(workspace.root)], environment, workspace.prefect)
         self._told: tuple[float, frozenset[Any]] = (0.0, frozenset())
         self._cleared = 0.0

@@ -2,11 +2,11 @@
 
 from typing import Any
 
-from flows.run import Steps
-from tasks.compare import compare_with_version
-from tasks.deltas import estimate, plan_update, validate
-from tasks.publish import publish_candidate
-from tasks.report import write_update_page
+from aerodb.flows.run import Steps
+from aerodb.tasks.steps.compare import compare_with_version
+from aerodb.tasks.steps.publish import publish_candidate
+from aerodb.tasks.steps.report import write_update_page
+from aerodb.tasks.steps.update import estimate, plan_update, validate
 
 
 def update_flow(

@@ -11,7 +11,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, Final
 
-from storage.guard import disk_faults
+from aerodb.storage.disk_errors import disk_faults
 
 try:
     import fcntl

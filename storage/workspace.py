@@ -14,8 +14,8 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from aerodb.errors import InputError, StoreError
-from storage.guard import disk_faults, remove, temporary_beside
-from storage.places import place_of
+from aerodb.storage.catalogue.places import place_of
+from aerodb.storage.disk_errors import disk_faults, remove, temporary_beside
 
 _FOLDERS = ("flights", "results", "inbox", "logs", "quarantine", "reports", "outbox", "locks", "prefect")
 _HEX = re.compile(r"[0-9a-f]{64}")
@@ -117,7 +117,7 @@ class Workspace:
 
     @property
     def catalogue(self) -> Path:
-        """The SQLite file of the catalogue, unless the settings name a database (`storage.places`)."""
+        """The SQLite file of the catalogue, unless the settings name a database (`aerodb.storage.catalogue.places`)."""
         return self.root / "catalogue.sqlite"
 
     @property

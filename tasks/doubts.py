@@ -2,21 +2,21 @@
 
 from collections.abc import Sequence
 
-from aerodb.comparison import Comparison
-from aerodb.consistency.state_noise import StateNoise
-from aerodb.effects.angle_errors import doubts_of_alpha
-from aerodb.effects.constant_errors import doubts
-from aerodb.effects.view import FlightView, view_of
+from aerodb.coefficients.comparison import Comparison
+from aerodb.consistency.smoother.state_noise import StateNoise
+from aerodb.effects.flight_view import FlightView, view_of
+from aerodb.effects.measurement.angle_errors import doubts_of_alpha
+from aerodb.effects.measurement.constant_errors import doubts
 from aerodb.flight import Flight
+from aerodb.increments.estimate import Doubt
 from aerodb.tables.database import AeroDatabase
-from aerodb.tracing.bandwidth import tracing_bandwidth
-from aerodb.tracing.noise_limits import bounded_noise
+from aerodb.tasks.steps.consistency import load_consistent, noise_of, reconstructed_angles
+from aerodb.tasks.workspace_access import Stores
+from aerodb.tracing.evidence.bandwidth import tracing_bandwidth
+from aerodb.tracing.evidence.noise_limits import bounded_noise
+from aerodb.tracing.evidence.state_errors import noisy_copies
 from aerodb.tracing.settings import Settings
-from aerodb.tracing.state_errors import noisy_copies
-from aerodb.update import Doubt
 from aerodb.vehicle import Vehicle
-from tasks.consistency import load_consistent, noise_of, reconstructed_angles
-from tasks.open import Stores
 
 #: Times the smoother's power that the error of alpha may have where the residual allows it: gusts that nobody saw.
 _MOST = 10.0

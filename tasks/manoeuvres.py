@@ -5,13 +5,13 @@ from dataclasses import replace
 
 from aerodb.conditioning.segmentation import STATES
 from aerodb.tables.database import AeroDatabase
-from aerodb.tracing.evidence import Evidence, units
-from aerodb.tracing.findings import Finding, Traced
-from aerodb.tracing.manoeuvres import Suspicion, suspect, windows
+from aerodb.tasks.steps.segments import segments_of
+from aerodb.tasks.steps.trace import Library, evidence_beside
+from aerodb.tasks.workspace_access import Stores
+from aerodb.tracing.decision.few_flights import Suspicion, suspect, windows
+from aerodb.tracing.decision.findings import Finding, Traced
+from aerodb.tracing.evidence.evidence import Evidence, units
 from aerodb.tracing.settings import Settings
-from tasks.open import Stores
-from tasks.segments import segments_of
-from tasks.trace import Library, evidence_beside
 
 #: Verdicts that more votes could change.
 _TOO_FEW = ("not_testable",)

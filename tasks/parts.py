@@ -7,22 +7,22 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from aerodb.comparison import Comparison
+from aerodb.coefficients.comparison import Comparison
 from aerodb.effects.adding import add_effects, envelopes_of
-from aerodb.effects.view import view_of
-from aerodb.proof import AxisProof, prove_by_leaving_one_out
+from aerodb.effects.flight_view import view_of
+from aerodb.increments.estimate import Update, keep_slope_signs
+from aerodb.increments.validation import AxisProof, prove_by_leaving_one_out
 from aerodb.tables.database import AeroDatabase
-from aerodb.tracing.flight_evidence import evidence_of
-from aerodb.tracing.joint_model import joint_bands, joint_fit
-from aerodb.tracing.manoeuvres import LINEAR
-from aerodb.update import Update, keep_slope_signs
-from tasks.compare import beside, compared
-from tasks.manoeuvres import manoeuvre_spans
-from tasks.open import Stores
-from tasks.trace import Library
+from aerodb.tasks.manoeuvres import manoeuvre_spans
+from aerodb.tasks.steps.compare import beside, compared
+from aerodb.tasks.steps.trace import Library
+from aerodb.tasks.workspace_access import Stores
+from aerodb.tracing.decision.few_flights import LINEAR
+from aerodb.tracing.decision.joint_model import joint_bands, joint_fit
+from aerodb.tracing.evidence.flight_evidence import evidence_of
 
 if TYPE_CHECKING:
-    from tasks.close_loop import Loop
+    from aerodb.tasks.steps.close_loop import Loop
 
 Mask = NDArray[np.bool_]
 

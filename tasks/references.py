@@ -7,9 +7,9 @@ from typing import Final
 
 from aerodb.errors import InputError, UnknownNameError, nearest
 from aerodb.nomenclature import channel
+from aerodb.storage.catalogue.catalogue import Catalogue
+from aerodb.storage.catalogue.rows import VersionRow
 from aerodb.units import quantity
-from storage.catalogue import Catalogue
-from storage.rows import VersionRow
 
 #: What no unit needs, and what lets a text ask for a number of any length: brackets, and powers of numbers.
 _LABORIOUS: Final = re.compile(r"[()\[\]]|\d\s*(\*\*|\^)")

@@ -9,14 +9,14 @@ import numpy as np
 
 from aerodb.conditioning.differentiation import bridge
 from aerodb.conditioning.segmentation import Segment
+from aerodb.effects.aerodynamic.lift_like import zero_lift_alpha
+from aerodb.effects.flight_view import FlightView, view_of
 from aerodb.effects.hypothesis import Hypothesis
-from aerodb.effects.lift_like import zero_lift_alpha
-from aerodb.effects.stall_hysteresis import hypotheses as stall_hypotheses
-from aerodb.effects.stall_hysteresis import regressors
-from aerodb.effects.stall_shape import GAINS, StallFlight, cross_fitted, profiled
+from aerodb.effects.stall.stall_hysteresis import hypotheses as stall_hypotheses
+from aerodb.effects.stall.stall_hysteresis import regressors
+from aerodb.effects.stall.stall_shape import GAINS, StallFlight, cross_fitted, profiled
 from aerodb.effects.surfaces import surfaces_of
 from aerodb.effects.template import Scene
-from aerodb.effects.view import FlightView, view_of
 from aerodb.errors import InputError
 from aerodb.estimation.regression import least_squares
 from aerodb.flight import Array
@@ -27,11 +27,11 @@ from aerodb.tables.expression import parse
 from aerodb.tables.increment import Increment
 from aerodb.tables.program import evaluate
 from aerodb.tables.state_model import Law, StateModel
+from aerodb.tasks.steps.coefficients import load_coefficients
+from aerodb.tasks.steps.compare import beside, compared
+from aerodb.tasks.steps.segments import segments_of
+from aerodb.tasks.workspace_access import Stores
 from aerodb.vehicle import Vehicle
-from tasks.coefficients import load_coefficients
-from tasks.compare import beside, compared
-from tasks.open import Stores
-from tasks.segments import segments_of
 
 EFFECT: Final = "stall_hysteresis"
 #: The family of shapes: fixed before a residual is looked at, as its numbers cannot be.

@@ -1,6 +1,6 @@
 """The closed loop of a stall's lift as a rival of flow that separates smoothly: which it is, the flights' votes say.
 
-The two angles are each flight's from the others, as the shapes in `tasks.stall` are; what is added has those of all together.
+The two angles are each flight's from the others, as the shapes in `aerodb.tasks.stall` are; what is added has those of all together.
 """
 
 from collections.abc import Mapping, Sequence
@@ -9,18 +9,18 @@ from typing import Final
 
 import numpy as np
 
-from aerodb.effects import stall_loop
+from aerodb.effects.aerodynamic.lift_like import from_zero_lift
+from aerodb.effects.flight_view import FlightView
 from aerodb.effects.hypothesis import Columns, Hypothesis
-from aerodb.effects.lift_like import from_zero_lift
+from aerodb.effects.stall import stall_loop
 from aerodb.effects.template import Scene
-from aerodb.effects.view import FlightView
 from aerodb.errors import InputError
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.state_model import Relay
-from aerodb.tracing.findings import Finding
+from aerodb.tasks.stall import EFFECT, stall_flights
+from aerodb.tasks.workspace_access import Stores
+from aerodb.tracing.decision.findings import Finding
 from aerodb.vehicle import Vehicle
-from tasks.open import Stores
-from tasks.stall import EFFECT, stall_flights
 
 #: Flights that must stall: angles fitted to one other flight are hardly those of a third.
 FEWEST: Final = 3

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from hypothesis import HealthCheck, settings
 
-from tests import postgresql
-from tests.order import ByFiles, long_first
+from tests.support import postgresql
+from tests.support.order import ByFiles, long_first
 
 if TYPE_CHECKING:
-    from tests.object_service import ObjectService
+    from tests.support.object_service import ObjectService
 
 
 @pytest.fixture(scope="session")
@@ -73,7 +73,7 @@ def postgresql_server() -> Iterator[postgresql.Server]:
 @pytest.fixture(scope="module")
 def service() -> Iterator["ObjectService"]:
     """A real S3 service for the tests of one file."""
-    from tests.object_service import object_service  # half a second that other tests need not wait for
+    from tests.support.object_service import object_service  # half a second that other tests need not wait for
 
     with object_service() as running:
         yield running

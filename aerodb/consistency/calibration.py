@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerodb.errors import InputError
-from aerodb.identity import key_of
+from aerodb.support.identity import key_of
 
 Array = NDArray[np.float64]
 

@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from aerodb.conditioning.differentiation import bridge
-from aerodb.consistency.gusts import Gusts, Intensities
 from aerodb.consistency.kinematics import INPUTS, STATES
-from aerodb.consistency.parameters import delays_of
+from aerodb.consistency.output_error.reconstruction import Reconstruction
 from aerodb.consistency.pressures import (
     HOLES,
     PORTS,
@@ -26,13 +25,14 @@ from aerodb.consistency.pressures import (
     recalibrated,
     static_pressure,
 )
-from aerodb.consistency.reconstruction import Reconstruction
 from aerodb.consistency.records import MOTION, Inertial, at_probe, from_probe, inertial, one_sensor
-from aerodb.consistency.sensors import Array, delayed
-from aerodb.consistency.smoother import Smoothed, SmoothedPath, intensities_of, smooth_flight
-from aerodb.consistency.state_noise import Source, StateNoise, state_noise
+from aerodb.consistency.sensors.parameters import delays_of
+from aerodb.consistency.sensors.prediction import Array, delayed
+from aerodb.consistency.smoother.gusts import Gusts, Intensities
+from aerodb.consistency.smoother.smoothing import Smoothed, SmoothedPath, intensities_of, smooth_flight
+from aerodb.consistency.smoother.state_noise import Source, StateNoise, state_noise
 from aerodb.flight import Flight
-from aerodb.probe import angles_from_pressures
+from aerodb.logs.probe import angles_from_pressures
 from aerodb.vehicle import Vehicle
 
 #: A channel without a sensor is given when its standard error stays within this many limits of the vehicle's accuracy.

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from aerodb.consistency.motion import march, quaternion_start
 from aerodb.errors import InputError
-from aerodb.geodesy import Earth
+from aerodb.physics.geodesy import Earth
 
 Array = NDArray[np.float64]
 

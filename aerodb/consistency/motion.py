@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from aerodb.geodesy import PLUMB, RATE, curvature, normal_gravity
+from aerodb.physics.geodesy import PLUMB, RATE, curvature, normal_gravity
 
 Array = NDArray[np.float64]
 

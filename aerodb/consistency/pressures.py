@@ -7,11 +7,11 @@ from typing import Final
 
 import numpy as np
 
-from aerodb.atmosphere import GRAVITY, density
-from aerodb.consistency.reconstruction import Path
+from aerodb.consistency.output_error.reconstruction import Path
 from aerodb.five_hole import Curve, FiveHole
 from aerodb.flight import Array, Flight
-from aerodb.probe import angles_from_pressures
+from aerodb.logs.probe import angles_from_pressures
+from aerodb.physics.atmosphere import GRAVITY, density
 from aerodb.vehicle import AirData, Vehicle
 
 #: Pair of holes -> the angle that it shows.

@@ -7,17 +7,17 @@ from typing import Final, Literal
 
 import numpy as np
 
-from aerodb.atmosphere import GRAVITY
-from aerodb.coefficients import specific_force_at_cg
+from aerodb.coefficients.total import specific_force_at_cg
 from aerodb.conditioning.differentiation import FEWEST_SAMPLES, bridge, smooth
-from aerodb.consistency.models import installed
-from aerodb.consistency.parameters import OUTPUTS
 from aerodb.consistency.pressures import HOLES, made_by_holes, static_pressure
-from aerodb.consistency.sensors import Array, Record
+from aerodb.consistency.sensors.models import installed
+from aerodb.consistency.sensors.parameters import OUTPUTS
+from aerodb.consistency.sensors.prediction import Array, Record
 from aerodb.errors import InputError
 from aerodb.flight import Flight
-from aerodb.geodesy import Earth
-from aerodb.probe import velocity_at_cg
+from aerodb.logs.probe import velocity_at_cg
+from aerodb.physics.atmosphere import GRAVITY
+from aerodb.physics.geodesy import Earth
 from aerodb.vehicle import Vehicle, mass_channels
 
 #: Inertial gaps up to this (s) are bridged; longer ones end a record.

@@ -9,8 +9,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from aerodb.effects.flight_view import FlightView
 from aerodb.effects.hypothesis import Hypothesis
-from aerodb.effects.view import FlightView
 from aerodb.errors import InputError
 from aerodb.flight import Array
 from aerodb.tables.database import AeroDatabase

@@ -11,7 +11,7 @@ from typing import Literal
 
 import numpy as np
 
-from aerodb.effects.view import FlightView
+from aerodb.effects.flight_view import FlightView
 from aerodb.flight import Array
 from aerodb.nomenclature import FORCE_AXES
 from aerodb.tables.expression import Expression

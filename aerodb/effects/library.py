@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, replace
 from typing import Any, Final
 
-from aerodb.effects import (
+from aerodb.effects.aerodynamic import (
     alpha_dot,
     alpha_slope,
     alpha_slope_break,
@@ -25,28 +25,30 @@ from aerodb.effects import (
     landing_gear,
     landing_gear_beta,
     mach_effect,
-    mass_properties,
     pitch_damping,
     pitch_rate_force,
     roll_damping,
-    sensor_accelerometer,
-    sensor_flow_angles,
-    sensor_gyro,
-    sensor_qbar,
     sideslip_coupling,
     speed_brake,
-    stall_hysteresis,
     surface_asymmetry,
-    surface_calibration,
     table_sign,
     thrust_effect,
     yaw_damping,
     zero_offset,
 )
 from aerodb.effects.hypothesis import Hypothesis
+from aerodb.effects.measurement import (
+    mass_properties,
+    sensor_accelerometer,
+    sensor_flow_angles,
+    sensor_gyro,
+    sensor_qbar,
+    surface_calibration,
+)
+from aerodb.effects.stall import stall_hysteresis
 from aerodb.effects.template import LibrarySettings, Scene, Template
 from aerodb.errors import InputError, UnknownNameError, nearest
-from aerodb.identity import key_of
+from aerodb.support.identity import key_of
 from aerodb.tables.database import AeroDatabase
 from aerodb.vehicle import Vehicle
 

@@ -12,8 +12,8 @@ from typing import Final
 
 import numpy as np
 
+from aerodb.effects.flight_view import FlightView
 from aerodb.effects.hypothesis import Columns, Hypothesis
-from aerodb.effects.view import FlightView
 from aerodb.flight import Array
 from aerodb.tables.expression import Expression, number, parse
 

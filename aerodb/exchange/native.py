@@ -19,9 +19,9 @@ import numpy as np
 
 from aerodb.errors import InputError, UnknownNameError, nearest
 from aerodb.exchange.native_schema import DatabaseFile, Document, IncrementFile, StateFile, TableFile, UncertaintyFile
-from aerodb.identity import content_sha256
 from aerodb.nomenclature import axis_description, channel
-from aerodb.strict import validated
+from aerodb.support.identity import content_sha256
+from aerodb.support.strict import validated
 from aerodb.tables.database import AeroDatabase, Reference, Term, Variable
 from aerodb.tables.expression import Expression, Number, Operation, number, parse
 from aerodb.tables.increment import Increment, Interval

@@ -8,7 +8,7 @@ from typing import Final
 
 from aerodb.errors import InputError
 from aerodb.exchange.increment_terms import substitute, with_increments_as_terms
-from aerodb.exchange.jsbsim_properties import HYSTERESIS, hysteresis_text, own_name
+from aerodb.exchange.jsbsim.properties import HYSTERESIS, hysteresis_text, own_name
 from aerodb.nomenclature import CHANNELS
 from aerodb.tables.database import AeroDatabase, Variable
 from aerodb.tables.expression import Expression, Name, parse

@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
-from aerodb.proof import AxisProof, HoldOut
-from aerodb.update import AxisUpdate, Update
+from aerodb.increments.estimate import AxisUpdate, Update
+from aerodb.increments.validation import AxisProof, HoldOut
 
 
 def update_document(

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
-from aerodb.comparison import Comparison
+from aerodb.coefficients.comparison import Comparison
 from aerodb.estimation.statistics import rms
 from aerodb.report.figures import pooled_residual
 from aerodb.report.headline import by_parts

@@ -6,7 +6,7 @@ from typing import Any, Final
 import numpy as np
 from matplotlib.figure import Figure
 
-from aerodb.comparison import Comparison
+from aerodb.coefficients.comparison import Comparison
 from aerodb.conditioning.segmentation import STATES, Segment
 from aerodb.flight import Flight
 from aerodb.nomenclature import AXES, axis_description, is_surface

@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass
 from datetime import datetime
 from typing import Any, Final
 
-from aerodb.comparison import Comparison
+from aerodb.coefficients.comparison import Comparison
 from aerodb.conditioning.plausibility import Suspicion
 from aerodb.conditioning.segmentation import Segment
 from aerodb.estimation.statistics import rms

@@ -3,10 +3,10 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from aerodb.proof import AxisProof, HoldOut
+from aerodb.increments.validation import AxisProof, HoldOut
 from aerodb.report.document import axis_document, opening
-from aerodb.tracing.findings import Finding, Traced
-from aerodb.tracing.remainder import Remainder
+from aerodb.tracing.decision.findings import Finding, Traced
+from aerodb.tracing.decision.unexplained_residual import Remainder
 
 
 def loop_document(

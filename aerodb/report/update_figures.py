@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
-from aerodb.comparison import Comparison
+from aerodb.coefficients.comparison import Comparison
 from aerodb.flight import Array
 from aerodb.report.style import (
     DATABASE,

@@ -6,7 +6,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from aerodb.comparison import Comparison
+from aerodb.coefficients.comparison import Comparison
 from aerodb.flight import Array
 from aerodb.nomenclature import AXES
 from aerodb.report.diff_figure import diff_figure

@@ -6,9 +6,9 @@ from typing import Protocol
 
 import numpy as np
 
-from aerodb.atmosphere import speed_of_sound, standard_atmosphere
 from aerodb.errors import InputError
-from aerodb.frames import euler_321_from_quaternion
+from aerodb.physics.atmosphere import speed_of_sound, standard_atmosphere
+from aerodb.physics.frames import euler_321_from_quaternion
 from aerodb.simulation.motion import (
     POSITION,
     QUATERNION,

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from aerodb.atmosphere import GRAVITY
+from aerodb.physics.atmosphere import GRAVITY
 from aerodb.simulation.airframe import Airframe
 from aerodb.simulation.motion import Array
 

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from aerodb.atmosphere import GRAVITY
+from aerodb.physics.atmosphere import GRAVITY
 
 Array = NDArray[np.float64]
 

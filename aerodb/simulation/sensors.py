@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aerodb.atmosphere import DENSITY_0
+from aerodb.physics.atmosphere import DENSITY_0
 from aerodb.recording import Topic
 from aerodb.simulation.flight import History
 from aerodb.simulation.motion import Array

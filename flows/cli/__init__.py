@@ -4,6 +4,6 @@ Queries read the catalogue and never import Prefect. With ``--json`` exactly one
 everything meant for people to standard error.
 """
 
-from flows.cli.main import main
+from aerodb.flows.cli.main import main
 
 __all__ = ["main"]

@@ -6,11 +6,11 @@ from typing import Annotated, Any
 import typer
 
 from aerodb.errors import InputError
-from flows.cli.consistency import angular, say_consistency
-from flows.cli.output import Session
-from flows.cli.references import Vehicle
-from storage.rows import CalibrationRow
-from tasks.references import vehicle_of
+from aerodb.flows.cli.consistency import angular, say_consistency
+from aerodb.flows.cli.output import Session
+from aerodb.flows.cli.references import Vehicle
+from aerodb.storage.catalogue.rows import CalibrationRow
+from aerodb.tasks.references import vehicle_of
 
 app = typer.Typer(name="calibration", no_args_is_help=True, help="Calibrations: sensor errors from flights, as versions.")
 
@@ -77,7 +77,7 @@ def recalibrate(
 
     Example: aerodb recalibrate --vehicle my-glider --reason "new boom"
     """
-    from flows.recalibrate import recalibrate_flow
+    from aerodb.flows.recalibrate import recalibrate_flow
 
     session: Session = context.obj
     catalogue = session.catalogue()

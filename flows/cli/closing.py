@@ -6,9 +6,9 @@ from typing import Annotated, Any
 import typer
 
 from aerodb.errors import InputError
-from flows.cli.output import Session
-from flows.cli.updates import say_axes, say_flights
-from flows.cli.vehicles import read_text
+from aerodb.flows.cli.output import Session
+from aerodb.flows.cli.updates import say_axes, say_flights
+from aerodb.flows.cli.vehicles import read_text
 
 #: So many hypotheses of which nothing was found are listed for people; `--json` lists them all.
 _LISTED = 12
@@ -32,7 +32,7 @@ def close_loop(
 
     Example: aerodb close-loop --vehicle my-glider
     """
-    from flows.close_loop import close_loop_flow
+    from aerodb.flows.close_loop import close_loop_flow
 
     session: Session = context.obj
     catalogue = session.catalogue()

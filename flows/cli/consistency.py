@@ -6,8 +6,8 @@ from typing import Any
 
 import typer
 
+from aerodb.flows.cli.output import Session, visible
 from aerodb.nomenclature import CHANNELS
-from flows.cli.output import Session, visible
 
 
 def say_consistency(session: Session, document: Mapping[str, Any], indent: str = "") -> None:

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from aerodb.errors import InputError
-from flows.cli.output import Session
+from aerodb.flows.cli.output import Session
 
 app = typer.Typer(name="database", no_args_is_help=True, help="Baseline databases from files.")
 
@@ -24,7 +24,7 @@ def import_file(
 
     Example: aerodb database import DHC6.xml --vehicle twin-otter --bind systems/propulsion/thrust-coefficient=0
     """
-    from flows.importing import import_flow
+    from aerodb.flows.importing import import_flow
 
     session: Session = context.obj
     if not file.is_file():

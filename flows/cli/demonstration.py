@@ -4,8 +4,8 @@ from typing import Annotated
 
 import typer
 
-from flows.cli.closing import say_loop
-from flows.cli.output import Session
+from aerodb.flows.cli.closing import say_loop
+from aerodb.flows.cli.output import Session
 
 
 def demo(
@@ -18,7 +18,7 @@ def demo(
 
     Example: aerodb demo --seed 3
     """
-    from flows.demo import run_demo, write_logs
+    from aerodb.flows.demo import run_demo, write_logs
 
     session: Session = context.obj
     workspace = session.workspace(create=True)

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from flows.cli.output import Session
+from aerodb.flows.cli.output import Session
 
 #: More segments than this are counted, not listed, for people; `--json` lists them all.
 _LISTED = 60

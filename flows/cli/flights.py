@@ -8,14 +8,14 @@ from typing import Annotated, Any
 import typer
 
 from aerodb.errors import InputError
-from aerodb.inspection import TopicSummary, describe
+from aerodb.flows.cli.consistency import say_consistency
+from aerodb.flows.cli.findings import say_delays, say_repeats, say_segments, say_suspicions
+from aerodb.flows.cli.output import Session, complaint, visible
+from aerodb.logs.inspection import TopicSummary, describe
 from aerodb.recording import Damage, Recording
-from flows.cli.consistency import say_consistency
-from flows.cli.findings import say_delays, say_repeats, say_segments, say_suspicions
-from flows.cli.output import Session, complaint, visible
-from storage.rows import FlightRow
-from tasks.flight_documents import damage_document, flight_details, flights_document
-from tasks.open import Stores
+from aerodb.storage.catalogue.rows import FlightRow
+from aerodb.tasks.view.flight_documents import damage_document, flight_details, flights_document
+from aerodb.tasks.workspace_access import Stores
 
 logs = typer.Typer(name="log", no_args_is_help=True, help="Logs as they are.")
 app = typer.Typer(name="flight", no_args_is_help=True, help="Flights: logs that were taken in.")
@@ -32,8 +32,8 @@ def inspect(
     Example: aerodb log inspect flight.ulg
     """
     # Imported where it is needed, here and below: a query must not wait for the science.
-    from storage.readers.isolated import parsed_log
-    from storage.settings import load_settings
+    from aerodb.storage.readers.isolated import parsed_log
+    from aerodb.storage.workspace_settings import load_settings
 
     session: Session = context.obj
     if not log.is_file():
@@ -44,10 +44,10 @@ def inspect(
 
 
 def _look_into(session: Session, recording: Recording, mapping: str | None) -> None:
-    from aerodb.completeness import prevents
-    from aerodb.mapping import channels_found, choose_mapping, on_mapped_clock
-    from storage.mappings import builtin_mappings, load_mapping
-    from tasks.inspect import look_over
+    from aerodb.logs.completeness import prevents
+    from aerodb.logs.mapping import channels_found, choose_mapping, on_mapped_clock
+    from aerodb.storage.mappings import builtin_mappings, load_mapping
+    from aerodb.tasks.steps.inspect_log import look_over
 
     chosen, refusal = None, ""
     try:
@@ -130,10 +130,10 @@ def ingest(
 
     Example: aerodb flight ingest *.ulg --vehicle my-glider
     """
-    from storage.readers.isolated import start_reader
+    from aerodb.storage.readers.isolated import start_reader
 
     start_reader()  # it gets ready while this process loads the science
-    from flows.flight import flight_flow
+    from aerodb.flows.flight import flight_flow
 
     session: Session = context.obj
     if name is not None and len(log) > 1:
@@ -242,7 +242,7 @@ def retract(
 
     Example: aerodb flight retract 1a2b3c --reason "pitot cover left on"
     """
-    from tasks.lineage import rebuilds
+    from aerodb.tasks.view.lineage_documents import rebuilds
 
     session: Session = context.obj
     catalogue = session.catalogue()

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from aerodb.errors import InputError
-from flows.cli.output import Session
+from aerodb.flows.cli.output import Session
 
 
 def verify(
@@ -19,7 +19,7 @@ def verify(
     Example: aerodb verify
     """
     # Imported where it is needed, here and below: a query must not wait for the science.
-    from storage import verify as store
+    from aerodb.storage.upkeep import verify as store
 
     session: Session = context.obj
     workspace = session.workspace()
@@ -42,7 +42,7 @@ def backup(
 
     Example: aerodb backup /mnt/backup/aerodb
     """
-    from storage.backup import back_up
+    from aerodb.storage.upkeep.backup import back_up
 
     session: Session = context.obj
     workspace = session.workspace()
@@ -66,7 +66,7 @@ def restore(
 
     Example: aerodb restore /mnt/backup/aerodb --workspace restored
     """
-    from storage.backup import restore as restored
+    from aerodb.storage.upkeep.backup import restore as restored
 
     session: Session = context.obj
     root = workspace or session.root

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from aerodb.errors import AeroError, GateRefusal, InputError, UnknownNameError
-from flows.cli import (
+from aerodb.flows.cli import (
     calibrations,
     closing,
     databases,
@@ -25,7 +25,7 @@ from flows.cli import (
     versions,
     web,
 )
-from flows.cli.output import Session, complaint
+from aerodb.flows.cli.output import Session, complaint
 
 DONE, FAILED, USAGE, REFUSED, GATE = 0, 1, 2, 3, 4
 

@@ -13,10 +13,10 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn
 from rich.table import Table
 from rich.text import Text
 
-from flows.run import How, run_flow
-from storage.catalogue import Catalogue
-from storage.workspace import Workspace
-from tasks.documents import as_json
+from aerodb.flows.run import How, run_flow
+from aerodb.storage.catalogue.catalogue import Catalogue
+from aerodb.storage.workspace import Workspace
+from aerodb.tasks.view.json_documents import as_json
 
 
 def visible(text: str, keep: str = "") -> str:

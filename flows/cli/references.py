@@ -1,10 +1,10 @@
-"""Options that commands about versions have in common; what they mean is said in `tasks.references`."""
+"""Options that commands about versions have in common; what they mean is said in `aerodb.tasks.references`."""
 
 from typing import Annotated
 
 import typer
 
-from tasks.references import vehicle_of, version_of
+from aerodb.tasks.references import vehicle_of, version_of
 
 __all__ = ["AsOf", "Vehicle", "vehicle_of", "version_of"]
 

@@ -5,9 +5,9 @@ from typing import Annotated, Any
 
 import typer
 
-from flows.cli.output import Session
-from flows.cli.references import AsOf, Vehicle
-from tasks.references import vehicle_of, version_of
+from aerodb.flows.cli.output import Session
+from aerodb.flows.cli.references import AsOf, Vehicle
+from aerodb.tasks.references import vehicle_of, version_of
 
 Reason = Annotated[str, typer.Option(help="Why; it is kept with the move.")]
 Name = Annotated[str, typer.Option("--name", help="The name that moves; only `released` passes the gate.")]
@@ -18,7 +18,7 @@ def promote(context: typer.Context, version: str, reason: Reason, name: Name = "
 
     Example: aerodb version promote candidate --reason "lift slope proved on two flights"
     """
-    from flows.release import promote_flow
+    from aerodb.flows.release import promote_flow
 
     session: Session = context.obj
     row = version_of(session.catalogue(), version, vehicle)
@@ -37,7 +37,7 @@ def rollback(context: typer.Context, reason: Reason, name: Name = "released", ve
 
     Example: aerodb version rollback --vehicle my-glider --reason "simulator diverges above 10 deg"
     """
-    from flows.release import roll_back_flow
+    from aerodb.flows.release import roll_back_flow
 
     session: Session = context.obj
     parameters = {"vehicle": vehicle_of(session.catalogue(), vehicle), "name": name, "reason": reason}
@@ -60,7 +60,7 @@ def export(
 
     Example: aerodb version export released --format jsbsim --output my-glider.xml
     """
-    from tasks.export import export_version
+    from aerodb.tasks.steps.export import export_version
 
     session: Session = context.obj
     workspace = session.workspace()

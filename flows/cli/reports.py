@@ -6,9 +6,9 @@ from typing import Annotated, Any
 
 import typer
 
-from flows.cli.output import Session
-from flows.cli.references import Vehicle, version_of
-from storage.workspace import write_for_user
+from aerodb.flows.cli.output import Session
+from aerodb.flows.cli.references import Vehicle, version_of
+from aerodb.storage.workspace import write_for_user
 
 app = typer.Typer(name="report", no_args_is_help=True, help="Reports as one self-contained HTML page, or as PDF.")
 
@@ -75,8 +75,8 @@ def version(
 
 
 def _write(session: Session, parameters: dict[str, Any], output: Path, as_pdf: bool) -> None:
+    from aerodb.flows.report import report_flow
     from aerodb.report.page import pdf
-    from flows.report import report_flow
 
     page: str = session.run(report_flow, parameters, direct=True)
     data = pdf(page) if as_pdf else page.encode("utf-8")

@@ -5,10 +5,10 @@ from typing import Annotated, Any
 import typer
 
 from aerodb.errors import InputError, StoreBusyError
-from flows.cli.output import Session
-from storage.locks import take
-from storage.workspace import Workspace
-from tasks.open import Stores
+from aerodb.flows.cli.output import Session
+from aerodb.storage.locks import take
+from aerodb.storage.workspace import Workspace
+from aerodb.tasks.workspace_access import Stores
 
 _Direct = Annotated[bool, typer.Option(help="Without Prefect: the same steps, the same keys.")]
 
@@ -32,7 +32,7 @@ def serve(context: typer.Context) -> None:
 
     Example: aerodb serve
     """
-    from flows.serve import serve as serve_workspace
+    from aerodb.flows.serve import serve as serve_workspace
 
     session: Session = context.obj
     workspace: Workspace = session.workspace(create=True)
@@ -49,7 +49,7 @@ def nightly(
 
     Example: aerodb nightly
     """
-    from flows.nightly import night_lock, nightly_flow
+    from aerodb.flows.nightly import night_lock, nightly_flow
 
     session: Session = context.obj
     if vehicle is not None:
@@ -100,7 +100,7 @@ def status(context: typer.Context) -> None:
 
     Example: aerodb status
     """
-    from tasks.status import status_of
+    from aerodb.tasks.view.status import status_of
 
     session: Session = context.obj
     document = status_of(_opened(session))
@@ -144,7 +144,7 @@ def retry(
 
     Example: aerodb retry all
     """
-    from flows.retry import retry as do_again
+    from aerodb.flows.retry import retry as do_again
 
     session: Session = context.obj
     if not what.strip():

@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from flows.cli.output import Session
+from aerodb.flows.cli.output import Session
 
 if TYPE_CHECKING:
-    from storage.transfer import Moved
+    from aerodb.storage.files.transfer import Moved
 
 app = typer.Typer(name="store", no_args_is_help=True, help="The object store, and the folder that is its cache.")
 
@@ -20,7 +20,7 @@ def push(context: typer.Context) -> None:
     Example: aerodb store push
     """
     # Imported where it is needed, here and below: a query must not wait for it.
-    from storage import transfer
+    from aerodb.storage.files import transfer
 
     session: Session = context.obj
     workspace = session.workspace()
@@ -35,7 +35,7 @@ def pull(context: typer.Context) -> None:
 
     Example: aerodb store pull
     """
-    from storage import transfer
+    from aerodb.storage.files import transfer
 
     session: Session = context.obj
     workspace = session.workspace()
@@ -53,7 +53,7 @@ def trim(
 
     Example: aerodb store trim --size 50000000000
     """
-    from storage import transfer
+    from aerodb.storage.files import transfer
 
     session: Session = context.obj
     workspace = session.workspace()

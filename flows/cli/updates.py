@@ -6,10 +6,10 @@ from typing import Annotated, Any
 import typer
 
 from aerodb.errors import InputError
-from flows.cli.output import Session
-from flows.cli.vehicles import read_text
-from storage.catalogue import Catalogue
-from storage.rows import VersionRow
+from aerodb.flows.cli.output import Session
+from aerodb.flows.cli.vehicles import read_text
+from aerodb.storage.catalogue.catalogue import Catalogue
+from aerodb.storage.catalogue.rows import VersionRow
 
 
 def update(
@@ -28,8 +28,8 @@ def update(
 
     Example: aerodb update --vehicle my-glider --model increments.toml
     """
-    from aerodb.model_file import parse_model_file
-    from flows.update import update_flow
+    from aerodb.flows.update import update_flow
+    from aerodb.increments.model_file import parse_model_file
 
     session: Session = context.obj
     if (model is None) == (like is None):

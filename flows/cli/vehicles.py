@@ -6,9 +6,9 @@ from typing import Annotated
 import typer
 
 from aerodb.errors import InputError
+from aerodb.flows.cli.output import Session
+from aerodb.storage.encoding import VEHICLE_NAME, checked
 from aerodb.vehicle import parse_vehicle, vehicle_template
-from flows.cli.output import Session
-from storage.encoding import VEHICLE_NAME, checked
 
 app = typer.Typer(name="vehicle", no_args_is_help=True, help="Vehicles: geometry, mass, surfaces, sensors.")
 

@@ -4,10 +4,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from flows.cli.output import Session
-from flows.cli.references import AsOf, Vehicle
-from tasks.references import vehicle_of, version_of
-from tasks.version_documents import history_document, version_details, versions_document
+from aerodb.flows.cli.output import Session
+from aerodb.flows.cli.references import AsOf, Vehicle
+from aerodb.tasks.references import vehicle_of, version_of
+from aerodb.tasks.view.version_documents import history_document, version_details, versions_document
 
 if TYPE_CHECKING:
     from aerodb.tables.database import AeroDatabase
@@ -65,7 +65,7 @@ def show(
     """
     import numpy as np
 
-    from tasks.evaluation import database_of
+    from aerodb.tasks.view.evaluation import database_of
 
     session: Session = context.obj
     catalogue = session.catalogue()
@@ -122,7 +122,7 @@ def evaluate(
 
     Example: aerodb version evaluate released --at alpha=5deg,V=70,mach=0.2
     """
-    from tasks.evaluation import evaluate_at
+    from aerodb.tasks.view.evaluation import evaluate_at
 
     session: Session = context.obj
     catalogue = session.catalogue()

@@ -5,7 +5,7 @@ from typing import Annotated
 import typer
 
 from aerodb.errors import StoreError
-from flows.cli.output import Session
+from aerodb.flows.cli.output import Session
 
 
 def web(
@@ -20,8 +20,8 @@ def web(
 
     Example: aerodb web --port 8050
     """
-    from flows.web.security import guard_of
-    from flows.web.server import listening, serve_console
+    from aerodb.flows.web.security import guard_of
+    from aerodb.flows.web.server import listening, serve_console
 
     session: Session = context.obj
     guard = guard_of(host, port, known_as or ())

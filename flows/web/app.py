@@ -11,13 +11,33 @@ from starlette.responses import FileResponse, Response
 from starlette.staticfiles import StaticFiles
 
 from aerodb.errors import AeroError, GateRefusal, InputError, StoreBusyError, StoreError, UnknownNameError
+from aerodb.flows.web import (
+    change_pages as changes,
+)
+from aerodb.flows.web import (
+    finding_pages as findings,
+)
+from aerodb.flows.web import (
+    flight_pages as flights,
+)
+from aerodb.flows.web import (
+    lineage_pages as lineage,
+)
+from aerodb.flows.web import (
+    overview_page as overview,
+)
+from aerodb.flows.web import (
+    version_pages as versions,
+)
+from aerodb.flows.web import (
+    work_pages as work,
+)
+from aerodb.flows.web.console import Console, document, page_of
+from aerodb.flows.web.models import REFUSALS
+from aerodb.flows.web.security import ForbiddenError, Guard, Secured
 from aerodb.report.page import render
 from aerodb.report.style import FLAGGED, FLIGHT, MEASURED, UPDATED
-from flows.web import changes, findings, flights, lineage, overview, versions, work
-from flows.web.console import Console, document, page_of
-from flows.web.models import REFUSALS
-from flows.web.security import ForbiddenError, Guard, Secured
-from storage.workspace import Workspace
+from aerodb.storage.workspace import Workspace
 
 _STATIC: Final = Path(__file__).parent / "static"
 #: Files that the plotting library brings.

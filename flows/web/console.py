@@ -12,15 +12,15 @@ from fastapi import Query, Request
 from pydantic import BeforeValidator, Field
 from starlette.responses import Response
 
+from aerodb.flows.run import run_flow
+from aerodb.flows.web.security import REPORT_POLICY, Guard, keep_session, session_of
 from aerodb.report import page
 from aerodb.report.style import for_people, visible
-from flows.run import run_flow
-from flows.web.security import REPORT_POLICY, Guard, keep_session, session_of
-from storage.rows import VersionRow
-from storage.workspace import Workspace
-from tasks.documents import as_json
-from tasks.open import Stores, stores
-from tasks.references import version_of
+from aerodb.storage.catalogue.rows import VersionRow
+from aerodb.storage.workspace import Workspace
+from aerodb.tasks.references import version_of
+from aerodb.tasks.view.json_documents import as_json
+from aerodb.tasks.workspace_access import Stores, stores
 
 #: Entries of a page of a list.
 PER_PAGE: Final = 50
@@ -134,7 +134,7 @@ def moment(text: str | None) -> str:
 
 @functools.cache
 def _engine() -> jinja2.Environment:
-    loaders = [jinja2.PackageLoader("flows.web"), jinja2.PackageLoader("aerodb.report")]
+    loaders = [jinja2.PackageLoader("aerodb.flows.web"), jinja2.PackageLoader("aerodb.report")]
     engine = jinja2.Environment(
         loader=jinja2.ChoiceLoader(loaders),
         autoescape=True,

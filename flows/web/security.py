@@ -23,7 +23,7 @@ from starlette.responses import PlainTextResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from aerodb.errors import AeroError, InputError
-from storage.settings import TOKEN_VARIABLE, Serve, checked_token
+from aerodb.storage.workspace_settings import TOKEN_VARIABLE, Serve, checked_token
 
 COOKIE: Final = "aerodb_session"
 HEADER: Final = "x-csrf-token"

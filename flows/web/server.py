@@ -7,8 +7,8 @@ from pathlib import Path
 
 import uvicorn
 
-from flows.web.app import create_app
-from flows.web.security import Guard
+from aerodb.flows.web.app import create_app
+from aerodb.flows.web.security import Guard
 
 
 @contextmanager

@@ -1,8 +1,8 @@
-"""Runs migrations on the connection that `storage.database` hands over, inside its transaction."""
+"""Runs migrations on the connection that `aerodb.storage.catalogue.database` hands over, inside its transaction."""
 
 from alembic import context
 
-from storage import schema
+from aerodb.storage.catalogue import schema
 
 connection = context.config.attributes["connection"]
 # SQLite alters a table by copying it: batch mode lets one migration serve SQLite and PostgreSQL.

@@ -26,15 +26,15 @@ def read_log(path: Path, topics: Collection[str] | None = None) -> Recording:
         with path.open("rb") as handle:
             head = handle.read(8)
         if head.startswith(_ULOG) or path.suffix.lower() in (".ulg", ".ulog"):
-            from storage.readers.ulog import read_ulog
+            from aerodb.storage.readers.ulog import read_ulog
 
             return read_ulog(path, topics)
         if head.startswith(_MCAP) or path.suffix.lower() == ".mcap":
-            from storage.readers.mcap import read_mcap
+            from aerodb.storage.readers.mcap import read_mcap
 
             return read_mcap(path)
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror or error}", str(path), "check the name and the permissions") from error
-    from storage.readers.tabular import read_tabular
+    from aerodb.storage.readers.tabular import read_tabular
 
     return read_tabular(path)

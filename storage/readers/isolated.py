@@ -1,7 +1,7 @@
 """Logs read at arm's length: what parsing a log does to a process happens to another process, under limits.
 
 The hand-over is the store's own form, which is written anyway: the other process reads the log and writes its topics, and they
-are read back as far as they are asked for. Its interpreter starts once and serves many logs (`storage.readers.worker`).
+are read back as far as they are asked for. Its interpreter starts once and serves many logs (`aerodb.storage.readers.worker`).
 """
 
 import json
@@ -17,11 +17,22 @@ from typing import Any, Final
 
 from aerodb.errors import InputError, StoreError
 from aerodb.recording import Recording
-from storage.guard import disk_faults, remove, temporary_beside
-from storage.limits import Limits
+from aerodb.storage.disk_errors import disk_faults, remove, temporary_beside
+from aerodb.storage.limits import Limits
 
 #: Environment that a reader needs; it has no business with what else is there.
-_PASSED: Final = ("PATH", "HOME", "LANG", "LC_ALL", "TMPDIR", "TZ", "NUMBA_CACHE_DIR", "LD_LIBRARY_PATH", "SYSTEMROOT")
+_PASSED: Final = (
+    "PATH",
+    "HOME",
+    "LANG",
+    "LC_ALL",
+    "TMPDIR",
+    "TZ",
+    "NUMBA_CACHE_DIR",
+    "LD_LIBRARY_PATH",
+    "SYSTEMROOT",
+    "PYTHONPATH",
+)
 
 
 @dataclass(frozen=True)
@@ -33,7 +44,7 @@ class Parsed:
 
     def keep(self, place: Path) -> None:
         """Puts the topics at `place`; what another put there meanwhile stays."""
-        from storage.workspace import put_in_place
+        from aerodb.storage.workspace import put_in_place
 
         put_in_place(self.folder, place, keep=True)
 
@@ -45,7 +56,7 @@ def parsed_log(path: Path, place: Path, limits: Limits) -> Iterator[Parsed]:
     Raises InputError for a log that is damaged beyond use or takes more than its `limits`: the process that parsed it may
     have died, nothing else has. StoreError when the topics cannot be written.
     """
-    from storage.flights import open_recording
+    from aerodb.storage.files.flights import open_recording
 
     limits.check_size(path.stat().st_size, str(path))
     folder = temporary_beside(place)
@@ -61,11 +72,9 @@ class _Worker:
     """A worker process and the pipes to it."""
 
     def __init__(self) -> None:
-        root = str(Path(__file__).resolve().parents[2])
-        paths = [root, *filter(None, [os.environ.get("PYTHONPATH")])]
-        own = {"PYTHONPATH": os.pathsep.join(paths), "OPENBLAS_NUM_THREADS": "1", "PYTHONUTF8": "1"}
+        own = {"OPENBLAS_NUM_THREADS": "1", "PYTHONUTF8": "1"}
         environment = {name: os.environ[name] for name in _PASSED if name in os.environ} | own
-        command = [sys.executable, "-P", "-m", "storage.readers.worker"]
+        command = [sys.executable, "-P", "-m", "aerodb.storage.readers.worker"]
         # A session of its own: an interrupt at the terminal is this process' business, which then ends the worker.
         self._process = subprocess.Popen(
             command,

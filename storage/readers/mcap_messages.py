@@ -14,7 +14,7 @@ from mcap.records import Channel, Schema
 from mcap.well_known import MessageEncoding
 from mcap_ros2.decoder import DecoderFactory
 
-from storage.readers.mcap_protobuf import protobuf_parts, protobuf_type
+from aerodb.storage.readers.mcap_protobuf import protobuf_parts, protobuf_type
 
 #: Longer sequences (images, point clouds) are no channels.
 LONGEST_SEQUENCE: Final = 64

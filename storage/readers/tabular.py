@@ -1,7 +1,7 @@
 """Tables as recordings: MAT v5-v7.3, Parquet, CSV, and whitespace ASCII (.asc .dat .txt).
 
 What a table does not say is not invented: it has no clock until a mapping names the field of time, so that
-`Topic.time` is the sample's index here. The layout is left to `aerodb.mapping.choose_mapping`.
+`Topic.time` is the sample's index here. The layout is left to `aerodb.logs.mapping.choose_mapping`.
 """
 
 import hashlib
@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from aerodb.errors import InputError
 from aerodb.recording import Damage, Recording, Topic
-from storage.readers.mat import MOST_BYTES, Variables, is_mat5, read_hdf5, read_mat5
-from storage.readers.text import read_text
+from aerodb.storage.readers.mat import MOST_BYTES, Variables, is_mat5, read_hdf5, read_mat5
+from aerodb.storage.readers.text import read_text
 
 #: Topic of a file that holds one table, and of the vectors of a MAT file.
 TABLE: Final = "table"

@@ -18,10 +18,10 @@ from pyulog import ULog
 from pyulog.exceptions import ULogException
 
 from aerodb.errors import InputError
-from aerodb.inspection import missing_by_topic
+from aerodb.logs.inspection import missing_by_topic
 from aerodb.recording import Damage, DamageKind, Recording, Topic
-from storage.readers.ulog_framing import HEADER_BYTES, Survey, survey
-from storage.readers.ulog_topics import LoggedTopics, Place
+from aerodb.storage.readers.ulog_framing import HEADER_BYTES, Survey, survey
+from aerodb.storage.readers.ulog_topics import LoggedTopics, Place
 
 MAGIC = b"ULog\x01\x12\x35"
 #: Places of damage that are listed one by one; the rest is summed up in one entry.

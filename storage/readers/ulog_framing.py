@@ -12,8 +12,8 @@ from typing import BinaryIO
 import numpy as np
 
 from aerodb.errors import InputError
-from storage.readers.ulog_definitions import Formats, Layout, is_record
-from storage.readers.ulog_kernels import Bytes, Integers, candidate, copy, walk
+from aerodb.storage.readers.ulog_definitions import Formats, Layout, is_record
+from aerodb.storage.readers.ulog_kernels import Bytes, Integers, candidate, copy, walk
 
 HEADER_BYTES = 16
 _DATA = ord("D")

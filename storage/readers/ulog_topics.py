@@ -14,7 +14,7 @@ import numpy as np
 
 from aerodb.errors import InputError
 from aerodb.recording import Topic
-from storage.readers.ulog_framing import Survey, gather
+from aerodb.storage.readers.ulog_framing import Survey, gather
 
 #: Bytes of topics that are kept (one topic alone may be larger); a log with no more is held whole.
 KEPT = 64_000_000

@@ -1,4 +1,4 @@
-"""The process that parses logs: ``python -m storage.readers.worker``.
+"""The process that parses logs: ``python -m aerodb.storage.readers.worker``.
 
 It reads one job per line (JSON) from standard input, forks a child for it, and answers with one line. The child gets limits,
 reads the log and writes its topics in the store's own form; the worker, which never looks at a log, watches over it. All that
@@ -24,11 +24,11 @@ import numpy as np
 
 from aerodb.errors import InputError, StoreError
 from aerodb.recording import Topic
-from storage.flights import write_topics
-from storage.guard import disk_faults, remove
-from storage.limits import Limits
-from storage.readers import mcap, read_log, tabular  # noqa: F401 - what a child needs is imported before the fork
-from storage.writers.ulog import write_ulog
+from aerodb.storage.disk_errors import disk_faults, remove
+from aerodb.storage.files.flights import write_topics
+from aerodb.storage.limits import Limits
+from aerodb.storage.readers import mcap, read_log, tabular  # noqa: F401 - what a child needs is imported before the fork
+from aerodb.storage.writers.ulog import write_ulog
 
 _DEATH_SIGNAL: Final = 1  # PR_SET_PDEATHSIG of prctl(2)
 _ANSWER_BYTES: Final = 1 << 20

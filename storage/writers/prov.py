@@ -13,8 +13,8 @@ from prov.identifier import Namespace, QualifiedName
 from prov.model import ProvDocument
 
 from aerodb.errors import InputError
-from storage import encoding as enc
-from storage.rows import Lineage, NameEvent, RunRow, VersionRow
+from aerodb.storage import encoding as enc
+from aerodb.storage.catalogue.rows import Lineage, NameEvent, RunRow, VersionRow
 
 _KINDS = ("version", "flight", "log", "run", "move", "agent")
 _OWN = Namespace("aerodb", "urn:aerodb:")

@@ -12,11 +12,11 @@ from datetime import UTC, datetime, timedelta
 import numpy as np
 from numpy.typing import NDArray
 
-from aerodb.atmosphere import DENSITY_0, GRAVITY, standard_atmosphere
 from aerodb.examples.phoenix import text
 from aerodb.examples.phoenix.instruments import instruments, servo_channels
 from aerodb.examples.phoenix.truth import EFFECTS, Effect, truth
 from aerodb.exchange.native import read_native
+from aerodb.physics.atmosphere import DENSITY_0, GRAVITY, standard_atmosphere
 from aerodb.recording import Topic
 from aerodb.simulation.airframe import Airframe, MovingAir, airframe
 from aerodb.simulation.autopilot import Autopilot, ControlDerivatives, control_derivatives

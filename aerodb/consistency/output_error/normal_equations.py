@@ -1,0 +1,125 @@
+"""Sums of squares of a joint reconstruction: each channel's residual and normal equations, record by record.
+
+Kept per channel, they give the solution for every weighting of the channels without another pass over the samples.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aerodb.consistency.kinematics import STATES
+from aerodb.consistency.sensors.parameters import Parameter, delays_of
+from aerodb.consistency.sensors.prediction import LONGEST_DELAY, Array, Record, Response, respond
+from aerodb.errors import InputError
+
+#: Multiplications in a matrix product below which BLAS stays on one thread.
+_SINGLE_THREAD = 100_000
+
+#: Euler angles are not compared beyond this measured pitch attitude (rad).
+VERTICAL = float(np.deg2rad(80.0))
+
+
+@dataclass(frozen=True)
+class Sums:
+    """Over all records, by channel: samples used, sum of squared residuals, information (k, k) and gradient (k,)."""
+
+    count: Mapping[str, int]
+    squares: Mapping[str, float]
+    information: Mapping[str, Array]
+    gradient: Mapping[str, Array]
+
+    def variance(self, floor: Mapping[str, float]) -> dict[str, float]:
+        """Residual variance by channel, not below the square of `floor`."""
+        return {name: max(self.squares[name] / n, floor.get(name, 0.0) ** 2, 1e-30) for name, n in self.count.items()}
+
+    def cost(self, floor: Mapping[str, float]) -> float:
+        """Negative log-likelihood with the noise variance estimated, ``sum N/2 (ln R + S/(N R))``."""
+        noise = self.variance(floor)
+        return sum(0.5 * (n * np.log(noise[name]) + self.squares[name] / noise[name]) for name, n in self.count.items())
+
+
+def belongs(item: Parameter, record: Record) -> bool:
+    """Whether a parameter acts on this record."""
+    return item.scope in ("", record.name if item.kind == "initial" else record.flight)
+
+
+def usable(record: Record, name: str, free: Sequence[Parameter], values: Mapping[str, float]) -> NDArray[np.bool_]:
+    """(n,) samples of an output that count: finite, not near the ends when the channel is delayed, and no Euler angle near the
+    vertical, where noise turns bank and heading over."""
+    good = np.isfinite(record.outputs[name])
+    delays = delays_of(name)
+    if any(values.get(each, 0.0) != 0.0 for each in delays) or any(item.name in delays for item in free):
+        margin = int(np.ceil(LONGEST_DELAY / record.step)) + 2
+        good[:margin] = False
+        good[len(good) - margin :] = False
+    if name in ("phi", "theta", "psi") and "theta" in record.outputs:
+        good &= ~(np.abs(record.outputs["theta"]) > VERTICAL)
+    return good
+
+
+def residuals(record: Record, response: Response) -> dict[str, Array]:
+    """Measured minus reconstructed, (n,) by channel; heading and bank around the circle."""
+    found = {}
+    for name, shown in response.outputs.items():
+        difference = record.outputs[name] - shown
+        found[name] = np.angle(np.exp(1j * difference)) if name in ("phi", "psi") else difference
+    return found
+
+
+def split(items: Sequence[Parameter], vector: Array, record: Record, fixed: Mapping[str, float]) -> dict[str, float]:
+    """The parameter values that act on a record: fixed ones and this vector's."""
+    own = {item.name: float(v) for item, v in zip(items, vector, strict=True) if belongs(item, record)}
+    return {**fixed, **own}
+
+
+def first_state(start: Array, values: Mapping[str, float]) -> Array:
+    """The record's first state (9,): `start` plus the corrections ``initial_*``."""
+    return start + np.array([values.get(f"initial_{name}", 0.0) for name in STATES])
+
+
+def accumulate(
+    records: Sequence[Record], starts: Sequence[Array], items: Sequence[Parameter], vector: Array, fixed: Mapping[str, float]
+) -> Sums:
+    """Sums over the records at the unknowns `items` with values `vector` (k,)."""
+    k = len(items)
+    count: dict[str, int] = {}
+    squares: dict[str, float] = {}
+    information: dict[str, Array] = {}
+    gradient: dict[str, Array] = {}
+    for record, start in zip(records, starts, strict=True):
+        index = [number for number, item in enumerate(items) if belongs(item, record)]
+        values = split(items, vector, record, fixed)
+        response = respond(record, values, first_state(start, values), [items[number] for number in index])
+        for name, residual in residuals(record, response).items():
+            good = usable(record, name, items, values)
+            slope, error = response.slopes[name][good], residual[good]
+            if name not in count:
+                count[name], squares[name] = 0, 0.0
+                information[name], gradient[name] = np.zeros((k, k)), np.zeros(k)
+            count[name] += len(error)
+            squares[name] += float(error @ error)
+            information[name][np.ix_(index, index)] += squared(slope)
+            gradient[name][index] += slope.T @ error
+    empty = [name for name, n in count.items() if n == 0]
+    if empty:
+        raise InputError(f"no usable sample of {', '.join(empty)}", records[0].name, "leave the channel out")
+    return Sums(count, squares, information, gradient)
+
+
+def blocked(values: Array, blocks: int, size: int) -> Array:
+    """(n, c) as (blocks, size, c), zeros after the end."""
+    padded = np.zeros((blocks * size, values.shape[1]))
+    padded[: len(values)] = values
+    return padded.reshape(blocks, size, values.shape[1])
+
+
+def squared(slope: Array) -> Array:
+    """``slope' slope`` (k, k) of (n, k), block by block: products of this size do not wake BLAS threads, whose contention costs
+    more than they gain when several flights are processed at once."""
+    size = max(8, _SINGLE_THREAD // max(slope.shape[1], 1) ** 2)
+    if len(slope) <= size:
+        return np.asarray(slope.T @ slope)
+    part = blocked(slope, -(-len(slope) // size), size)
+    return np.asarray((np.swapaxes(part, 1, 2) @ part).sum(axis=0))

@@ -1,0 +1,246 @@
+"""How strong and how quick the gusts are, and how noisy each sensor: maximum likelihood of a smoother's innovations.
+
+Gusts are first-order Gauss-Markov processes in earth axes, one intensity and correlation time for the two horizontal components
+and one for the vertical (so that one vane speaks for what another would have seen). Drifts of the inertial sensors are such
+processes too. What the data do not show is left to weak log-normal expectations, a factor e or so wide: light turbulence after
+MIL-F-8785C (1980), 3.7, scale lengths of 200 m, and intensities and scales not far from isotropic.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import minimize
+
+from aerodb.consistency.sensors.prediction import Array
+from aerodb.consistency.smoother.kalman import Pass, Score, Transition, smooth
+from aerodb.consistency.smoother.path_error import ATTITUDE, FORCE, GUST, POSITION, VELOCITY, PathError
+
+#: Expected intensity (m/s) and scale length (m) of gusts; drift of accelerometers (m/s2) and gyros (rad/s) in run, and its
+#: correlation time (s).
+_LIGHT, _LENGTH, _DRIFT, DRIFT_TIME = 0.77, 200.0, (3e-3, 3e-5), 60.0
+
+#: How wide the expectations are (natural logarithm): of horizontal intensity, vertical to horizontal, horizontal time, vertical
+#: to horizontal, drifts; and how far from the start intensities, times, drifts and noise are sought.
+_WIDTHS = np.array([1.5, 0.4, 1.0, 0.7, 1.0, 1.0])
+_SPAN = np.array([6.0, 6.0, 3.0, 3.0, 3.0, 3.0, 6.0])
+
+#: A channel is coloured when its slow noise exceeds its white noise by this factor, more than chance makes it; residuals more
+#: alike from one grid point to the next than `_SLOWEST` say nothing more about how slow they are.
+_COLOURED, _SLOWEST = 1.5, 0.98
+
+#: First states are unknown: one sigma of attitude (rad), velocity (m/s) and position (m), beyond any path's error.
+_UNKNOWN = (0.5, 20.0, 300.0)
+
+#: Records to estimate the intensities from, spread over a flight: more add little.
+MOST_RECORDS = 4
+
+#: Less noise than this (SI) is none.
+_FAINT = 1e-9
+
+#: Passes of the maximisation, and the gain of the likelihood that ends it.
+_PASSES, _ENOUGH = 60, 0.01
+
+
+@dataclass(frozen=True)
+class Gusts:
+    """One sigma of each horizontal component and of the vertical one (m/s), and their correlation times (s)."""
+
+    horizontal: float
+    vertical: float
+    horizontal_time: float
+    vertical_time: float
+
+
+@dataclass(frozen=True)
+class Intensities:
+    """What drives the errors of a flight's paths: `gusts`; one sigma of the drift of accelerometers (m/s2) and gyros (rad/s);
+    `noise` one sigma of each channel's block means (SI), of those that count."""
+
+    gusts: Gusts
+    force_drift: float
+    gyro_drift: float
+    noise: Mapping[str, float]
+
+    def of(self, channels: Sequence[str]) -> Array:
+        """(c,) noise of these channels, infinite for those that do not count."""
+        return np.array([self.noise.get(name, np.inf) for name in channels])
+
+
+def transition(system: PathError, by: Intensities) -> Transition:
+    """The moving system of a record under these intensities."""
+    m = system.seen.shape[2]
+    diagonal, noise, first = np.ones(m), np.zeros(m), np.zeros(m)
+    for part, sigma in zip((ATTITUDE, VELOCITY, POSITION), _UNKNOWN, strict=True):
+        first[part] = sigma**2
+    sizes, times = _markov(by)
+    drifting = slice(GUST.start, FORCE.stop)
+    first[drifting] = sizes**2
+    diagonal[drifting] = np.exp(-system.step / times)
+    noise[drifting] = sizes**2 * (1.0 - diagonal[drifting] ** 2)
+    return Transition(system.rows, system.columns, system.values, diagonal, system.block, noise, first)
+
+
+def variances(system: PathError, by: Intensities) -> Array:
+    """(g, c) variance of the noise of each block mean, zero where nothing was measured."""
+    used = system.count > 0
+    return np.where(used, by.of(system.channels) ** 2 / np.where(used, system.count, 1.0), 0.0)
+
+
+def _markov(by: Intensities) -> tuple[Array, Array]:
+    """One sigma (9,) and correlation time (9,) of gusts and drifts, in the order of the error states."""
+    gusts = by.gusts
+    sizes = [gusts.horizontal] * 2 + [gusts.vertical] + [by.gyro_drift] * 3 + [by.force_drift] * 3
+    times = [gusts.horizontal_time] * 2 + [gusts.vertical_time] + [DRIFT_TIME] * 6
+    return np.array(sizes), np.array(times)
+
+
+def estimate(systems: Sequence[PathError], floor: Mapping[str, float] | None = None) -> Intensities:
+    """Intensities of one flight from some of its records; the likelihood's slope is exact.
+
+    Channels whose residuals stay coloured show something that is no process here (a scale error, a lag): they get the noise of
+    `slow_noise`, and the rest is estimated again, so that nothing else has to explain them. floor : channel -> least noise of a
+    sample that it is believed to have.
+    """
+    names = tuple(dict.fromkeys(name for system in systems for name in _counting(system)))
+    speed = float(np.mean([np.sqrt(np.sum(system.states[:3] ** 2, axis=0)).mean() for system in systems]))
+    white = np.array([_white(systems, name) for name in names])
+    known = np.array([(floor or {}).get(name, 0.0) / np.sqrt(systems[0].size) for name in names])
+    least = np.maximum(white[:, 1], known)
+    start = np.log(np.r_[_LIGHT, _LIGHT, _LENGTH / speed, _LENGTH / speed, _DRIFT, np.maximum(white[:, 0], known)])
+    span = np.r_[_SPAN[:6], np.full(len(names), _SPAN[6])]
+    low, high = start - span, start + span
+    low[6:] = np.log(least)
+    found = _most_likely(systems, names, start, low, high)
+    by = _intensities(found, names)
+    slow = _slowest(systems, by, names)
+    coloured = slow > _COLOURED * np.exp(found[6:])
+    if coloured.any():
+        low[6:] = np.where(coloured, np.log(slow), low[6:])
+        start[6:], high = np.where(coloured, np.log(slow), found[6:]), np.maximum(high, low + 1.0)
+        by = _intensities(_most_likely(systems, names, start, low, high), names)
+    return by
+
+
+def complete(by: Intensities, system: PathError) -> Intensities:
+    """With the noise of the channels that count in this record and in none that the intensities were estimated from."""
+    more = {name: _white([system], name)[0] for name in _counting(system) if name not in by.noise}
+    return replace(by, noise={name: size for name, size in {**by.noise, **more}.items() if name in _counting(system)})
+
+
+def _counting(system: PathError) -> tuple[str, ...]:
+    """Channels with a measurement."""
+    return tuple(name for name, used in zip(system.channels, np.any(system.count > 0, axis=0), strict=True) if used)
+
+
+def slow_noise(system: PathError, left: Array, name: str) -> float:
+    """One sigma of the white noise that has a channel's own power at low frequency: ``s^2 (1 + r)/(1 - r)`` for a first-order
+    colour r from one measurement to the next.
+
+    left : (g, c) residual after smoothing. In terms of whole blocks; zero when fewer than eight were measured.
+    """
+    column = system.channels.index(name)
+    count = system.count[:, column]
+    values = left[count > 0, column]
+    if len(values) < 8:
+        return 0.0
+    square = float(np.mean(values**2))
+    alike = float(np.clip(np.mean(values[1:] * values[:-1]) / max(square, 1e-300), 0.0, _SLOWEST))
+    return float(np.sqrt(square * np.mean(count[count > 0]) * (1.0 + alike) / (1.0 - alike)))
+
+
+def _slowest(systems: Sequence[PathError], by: Intensities, names: Sequence[str]) -> Array:
+    """Root mean square over the records of each channel's `slow_noise` after smoothing."""
+    squares: list[list[float]] = [[] for _ in names]
+    for system in systems:
+        result = smooth(transition(system, by), system.residual[:, :, None], variances(system, by), system.seen, False)
+        left = left_over(system, system.residual, system.seen, result.states[:, :, 0])
+        for name in _counting(system):
+            squares[names.index(name)].append(slow_noise(system, left, name) ** 2)
+    return np.maximum([np.sqrt(np.mean(each)) for each in squares], _FAINT)
+
+
+def left_over(system: PathError, measured: Array, seen: Array, error: Array) -> Array:
+    """(g, c) residual after smoothing, without meaning where nothing was measured."""
+    return measured - np.asarray(np.einsum("gcm,gm->gc", seen, error))
+
+
+def _most_likely(systems: Sequence[PathError], names: Sequence[str], start: Array, low: Array, high: Array) -> Array:
+    """Logarithms of the intensities that make the innovations most likely, within bounds."""
+    expected = np.r_[np.log([_LIGHT]), 0.0, start[2], 0.0, np.log(_DRIFT)]
+
+    def cost(vector: Array) -> tuple[float, Array]:
+        by = _intensities(vector, names)
+        value, slope = _expectation(vector, expected)
+        for system in systems:
+            result = smooth(transition(system, by), system.residual[:, :, None], variances(system, by), system.seen, False)
+            value -= result.log_likelihood
+            slope -= _slope(system, by, result.score, names)
+        return value, slope
+
+    gain = _ENOUGH / max(abs(cost(start)[0]), 1.0)
+    limits = list(zip(low, high, strict=True))
+    found = minimize(cost, start, jac=True, method="L-BFGS-B", bounds=limits, options={"maxiter": _PASSES, "ftol": gain})
+    return np.asarray(np.clip(np.round(found.x, 3), low, high))  # finer than the data know, coarser than rounding
+
+
+def adapted(by: Intensities, result: Pass) -> Intensities:
+    """The gust intensities of one record: one step of expectation and maximisation from those of its flight (Shumway & Stoffer,
+    J. Time Series Anal. 3(4), 1982)."""
+    square = np.mean(result.states[:, GUST, 0] ** 2 + np.diagonal(result.covariance[:, GUST, GUST], axis1=1, axis2=2), axis=0)
+    horizontal, vertical = float(np.sqrt(square[:2].mean())), float(np.sqrt(square[2]))
+    return replace(by, gusts=replace(by.gusts, horizontal=horizontal, vertical=vertical))
+
+
+def between(gusts: Gusts, step: float) -> Array:
+    """(3,) variance of the gusts within a block of length `step` about its mean: ``s^2 step / (3 tau)``, a random walk's."""
+    horizontal, vertical = gusts.horizontal**2 / gusts.horizontal_time, gusts.vertical**2 / gusts.vertical_time
+    return np.array([horizontal, horizontal, vertical]) * step / 3.0
+
+
+def _white(systems: Sequence[PathError], name: str) -> tuple[float, float]:
+    """White part of a channel's block means (one sigma), from second differences of the means, and from those of single samples.
+
+    The first holds a part of the gusts as well. Where it is the smaller, single samples shake in a way that means do not.
+    """
+    coarse, fine = [], []
+    for system in systems:
+        if name in _counting(system):
+            column = system.channels.index(name)
+            count, single = system.count[:, column], system.path.residuals[name]
+            means = system.residual[count > 0, column]
+            coarse.append(np.diff(means, 2) ** 2 * np.mean(count[count > 0]))
+            fine.append(np.diff(single[np.isfinite(single)], 2) ** 2 / system.size)
+    first, second = (max(float(np.sqrt(np.mean(np.concatenate(squares)) / 6.0)), _FAINT) for squares in (coarse, fine))
+    return first, min(first, second)
+
+
+def _intensities(vector: Array, names: Sequence[str]) -> Intensities:
+    sizes = np.exp(vector)
+    return Intensities(
+        Gusts(*map(float, sizes[:4])), float(sizes[4]), float(sizes[5]), dict(zip(names, map(float, sizes[6:]), strict=True))
+    )
+
+
+def _expectation(vector: Array, expected: Array) -> tuple[float, Array]:
+    """Negative logarithm of what is expected beforehand, and its slope."""
+    rows = np.zeros((6, len(vector)))
+    rows[0, 0], rows[1, :2], rows[2, 2], rows[3, 2:4] = 1.0, (-1.0, 1.0), 1.0, (-1.0, 1.0)
+    rows[4, 4], rows[5, 5] = 1.0, 1.0
+    off = (rows @ vector - expected) / _WIDTHS
+    return 0.5 * float(off @ off), rows.T @ (off / _WIDTHS)
+
+
+def _slope(system: PathError, by: Intensities, score: Score, names: Sequence[str]) -> Array:
+    """Derivative of a record's log-likelihood by the logarithms of all intensities."""
+    part = slice(GUST.start, FORCE.stop)
+    sizes, times = _markov(by)
+    phi = np.exp(-system.step / times)
+    by_size = score.noise[part] * sizes**2 * (1.0 - phi**2) + score.first[part] * sizes**2
+    by_time = (score.diagonal[part] - score.noise[part] * sizes**2 * phi) * phi * system.step / times
+    slope = np.zeros(6 + len(names))
+    slope[:6] = by_size[:2].sum(), by_size[2], by_time[:2].sum(), by_time[2], by_size[6:].sum(), by_size[3:6].sum()
+    for name in _counting(system):
+        column = system.channels.index(name)
+        slope[6 + names.index(name)] += 2.0 * score.measurement[column]
+    return slope

@@ -1,0 +1,311 @@
+"""Extended Kalman smoother: the best combination of inertial sensors, attitude, air data and velocity over the earth, in air that
+moves.
+
+Output error (`reconstruction`) takes the wind as steady and the inertial sensors as free of noise: in turbulence its path lacks
+the gusts, and the raw air data have them with all their noise. The smoother starts from that path and its sensor errors, adds
+gusts, drifts and the inertial noise as random processes, and weighs every sensor by what it is worth (Jategaonkar 2015, chapter
+5; Teixeira et al., J. Aircraft 48(1), 2011). In calm air it returns the path. Where a vane is missing the standard error grows
+by the gusts that nobody saw.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from aerodb.consistency.kinematics import INPUTS, STATES
+from aerodb.consistency.output_error.input_noise import inertial_noise
+from aerodb.consistency.output_error.reconstruction import Path, Reconstruction
+from aerodb.consistency.sensors.parameters import Parameter
+from aerodb.consistency.sensors.prediction import Array, to_body
+from aerodb.consistency.smoother.gusts import (
+    MOST_RECORDS,
+    Intensities,
+    adapted,
+    between,
+    complete,
+    estimate,
+    left_over,
+    slow_noise,
+    transition,
+    variances,
+)
+from aerodb.consistency.smoother.kalman import Pass, Transition, smooth
+from aerodb.consistency.smoother.path_error import (
+    COARSE,
+    FORCE,
+    GUST,
+    GYRO,
+    POSITION,
+    VELOCITY,
+    PathError,
+    corrected,
+    flow_rows,
+    late_by,
+    linearised,
+    path_error,
+    shown,
+)
+from aerodb.errors import UnknownNameError, nearest
+
+#: What the smoother gives a standard error for.
+CHANNELS = (*STATES, "V", "alpha", "beta", "wind_north", "wind_east", "wind_down", *INPUTS)
+
+#: Passes over each record: the sensors are linearised again, and the gusts' intensity is that of the record.
+_PASSES = 2
+
+
+#: Airspeed and dynamic pressure whose residuals correlate by more than this are one measurement.
+_ONE_SENSOR = 0.7
+
+
+@dataclass(frozen=True)
+class SmoothedPath:
+    """One record smoothed: `path`, a `reconstruction.Path` whose air moves, and the `steady` one that it started from; `wind`
+    (3, n) north, east, down with its gusts, m/s; `sigma` (n,) standard errors by `CHANNELS`; on the `grid` (g,) of samples that
+    the smoother works on, `innovations` (g,) by channel in units of their sigma (nan: none) and `draws` (d, g) by `CHANNELS`,
+    random samples of the error (true minus smoothed) with its correlation in time and across channels; `within`, by `CHANNELS`,
+    one sigma of what gusts do between grid points, which the draws lack; `intensities` of this record."""
+
+    path: Path
+    steady: Path
+    wind: Array
+    sigma: Mapping[str, Array]
+    grid: np.ndarray
+    innovations: Mapping[str, Array]
+    draws: Mapping[str, Array]
+    within: Mapping[str, float]
+    intensities: Intensities
+
+
+@dataclass(frozen=True)
+class Smoothed:
+    """A flight smoothed: one entry of `paths` per record, the parameters' `values` by name, the `intensities` of the flight, and
+    the innovations' log-likelihood."""
+
+    flight: str
+    paths: tuple[SmoothedPath, ...]
+    values: Mapping[str, float]
+    intensities: Intensities
+    log_likelihood: float
+
+    @property
+    def drawn(self) -> bool:
+        """Whether it was smoothed with draws."""
+        return next(iter(self.paths[0].draws.values())).size > 0
+
+
+def smooth_flight(
+    result: Reconstruction,
+    flight: str,
+    *,
+    fixed: Mapping[str, float] | None = None,
+    noise_floor: Mapping[str, float] | None = None,
+    coarse: float = COARSE,
+    draws: int = 0,
+    seed: int = 0,
+    intensities: Intensities | None = None,
+) -> Smoothed:
+    """Smooths the records of one flight of a reconstruction.
+
+    The reconstruction's sensor errors and mean winds are taken as they are, with their covariance (a mean wind that it did not
+    estimate is none); first states, gusts and drifts are estimated anew. fixed : the values that `reconstruct` was given as
+    fixed. noise_floor : channel -> least noise (one sigma of a sample, SI) that it is believed to have. coarse : step (s) of the
+    grid on which errors and gusts are estimated; quicker gusts are not followed, and stand in the standard errors. draws : how
+    many random samples of the error to make, from `seed`. intensities : of gusts, drifts and noise, from `intensities_of`; None:
+    those of this flight.
+
+    The standard errors are those of the posterior under this model, ``Cov(x) = Cov(x | p) + (dx/dp) Cov(p) (dx/dp)'`` for the
+    reconstruction's parameters p. Sensors with coloured residuals are trusted as far as their slow part allows. Airspeed and
+    qbar with one error in common count once. Linear in time and memory.
+
+    Raises UnknownNameError when the reconstruction has no such flight, InputError when states were taken from measurement.
+    """
+    own = _paths(result, flight)
+    free, values, index = _parameters(result, flight, fixed)
+    spread = _root(result.covariance[np.ix_(index, index)])
+    by = intensities
+    if by is None:
+        by = intensities_of(result, (flight,), fixed=fixed, noise_floor=noise_floor, coarse=coarse)
+    generator = np.random.default_rng(seed)
+    paths, total = [], 0.0
+    for path in own:  # one system at a time: together they would take more memory than the flight
+        system = path_error(path, values, free, coarse, _twice(path))
+        smoothed, likelihood = _smoothed(system, by, spread, values, draws, generator)
+        paths.append(smoothed)
+        total += likelihood
+    return Smoothed(flight, tuple(paths), values, by, total)
+
+
+def intensities_of(
+    result: Reconstruction,
+    flights: Sequence[str],
+    *,
+    fixed: Mapping[str, float] | None = None,
+    noise_floor: Mapping[str, float] | None = None,
+    coarse: float = COARSE,
+) -> Intensities:
+    """Gusts, drifts and noise that these flights of a reconstruction (stretches of one flight, say) have in common, from a few
+    records spread over all of them; arguments and errors as `smooth_flight`."""
+    own = [path for flight in flights for path in _paths(result, flight)]
+    systems = []
+    for number in np.unique(np.linspace(0, len(own) - 1, MOST_RECORDS).round().astype(int)):
+        free, values, _ = _parameters(result, own[number].record.flight, fixed)
+        systems.append(path_error(own[number], values, free, coarse, _twice(own[number])))
+    return estimate(systems, noise_floor)
+
+
+def _paths(result: Reconstruction, flight: str) -> list[Path]:
+    own = [path for path in result.paths if path.record.flight == flight]
+    if not own:
+        known = {path.record.flight for path in result.paths}
+        raise UnknownNameError(f"no flight '{flight}' in this reconstruction", "smoother", nearest(flight, known))
+    return own
+
+
+def _parameters(
+    result: Reconstruction, flight: str, fixed: Mapping[str, float] | None
+) -> tuple[list[Parameter], dict[str, float], list[int]]:
+    """Estimated sensor errors and winds of a flight, the values of these and of the fixed ones, and their places."""
+    chosen = {
+        number: entry
+        for number, entry in enumerate(result.estimates)
+        if entry.parameter.kind != "initial" and entry.parameter.scope in ("", flight)
+    }
+    values = {**(fixed or {}), **{entry.parameter.name: entry.value for entry in chosen.values()}}
+    return [entry.parameter for entry in chosen.values()], values, list(chosen)
+
+
+def with_smoothed(result: Reconstruction, smoothed: Sequence[Smoothed]) -> Reconstruction:
+    """The reconstruction with the paths of these flights smoothed, for all that takes a reconstruction."""
+    new = {entry.path.record.name: entry.path for flight in smoothed for entry in flight.paths}
+    paths = tuple(new.get(path.record.name, path) for path in result.paths)
+    return replace(result, paths=paths)
+
+
+def _twice(path: Path) -> tuple[str, ...]:
+    """The dynamic pressure where its residual is the airspeed's over again."""
+    if not {"V", "qbar"} <= set(path.residuals):
+        return ()
+    both = np.stack([path.residuals["V"], path.residuals["qbar"]])
+    both = both[:, np.isfinite(both).all(axis=0)]
+    alike = both.shape[1] >= 8 and abs(float(np.asarray(np.corrcoef(both))[0, 1])) > _ONE_SENSOR
+    return ("qbar",) if alike else ()
+
+
+def _root(covariance: Array) -> Array:
+    """(k, k) square root of a covariance, also of a singular one."""
+    if len(covariance) == 0:
+        return covariance
+    scale = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
+    return np.asarray(scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))
+
+
+def _smoothed(
+    system: PathError, flight: Intensities, spread: Array, values: Mapping[str, float], draws: int, generator: np.random.Generator
+) -> tuple[SmoothedPath, float]:
+    """One record: passes until linearisation and intensities have settled, the last with the unknowns and the draws."""
+    by = complete(flight, system)
+    error, seen = np.zeros((len(system.at), system.seen.shape[2])), system.seen
+    measured = system.residual
+    for _ in range(_PASSES):
+        result = smooth(transition(system, by), measured[:, :, None], variances(system, by), seen)
+        error, by = result.states[:, :, 0], adapted(by, result)
+        measured, seen = linearised(system, error, seen, by.of(system.channels))
+    left = left_over(system, measured, seen, error)
+    by = replace(by, noise={name: max(size, slow_noise(system, left, name)) for name, size in by.noise.items()})
+    model, noise = transition(system, by), variances(system, by)
+    drawn, drawn_measured = _drawn(model, noise, seen, draws, generator)
+    sides = np.concatenate([measured[:, :, None], -system.pull @ spread, drawn_measured], axis=2)
+    result = smooth(model, sides, noise, seen)
+    k = spread.shape[1]
+    common = system.push @ spread + result.states[:, :, 1 : 1 + k]
+    # true minus smoothed: given the unknowns, and what one draw of the unknowns adds
+    lack = drawn - result.states[:, :, 1 + k :] + common @ generator.standard_normal((k, draws))
+    return _expanded(system, by, result, common, lack, values), result.log_likelihood
+
+
+def _drawn(model: Transition, noise: Array, seen: Array, draws: int, generator: np.random.Generator) -> tuple[Array, Array]:
+    """Random states (g, m, d) of the model and what the sensors would show of them (g, c, d)."""
+    g, c, m = seen.shape
+    states = np.zeros((g, m, draws))
+    size = model.block.shape[1]
+    power, direction = np.linalg.eigh(model.block)
+    root = direction * np.sqrt(np.maximum(power, 0.0))[:, None, :]
+    x = np.sqrt(model.first)[:, None] * generator.standard_normal((m, draws))
+    for i in range(g):
+        states[i] = x
+        if i + 1 < g and draws:
+            moved = model.diagonal[:, None] * x + np.sqrt(model.diagonal_noise)[:, None] * generator.standard_normal((m, draws))
+            np.add.at(moved, model.rows, model.values[i][:, None] * x[model.columns])
+            moved[:size] += root[i] @ generator.standard_normal((size, draws))
+            x = moved
+    return states, seen @ states + np.sqrt(noise)[:, :, None] * generator.standard_normal((g, c, draws))
+
+
+def _expanded(
+    system: PathError, by: Intensities, result: Pass, common: Array, lack: Array, values: Mapping[str, float]
+) -> SmoothedPath:
+    """From error states on the grid to the path at the record's own rate."""
+    record, grid, n = system.path.record, system.at, len(system.path.record.inputs)
+    error = result.states[:, :, 0]
+    fine = _interpolated(error, grid, n)
+    mean_wind = np.array([values.get(f"wind_{axis}", 0.0) for axis in ("north", "east", "down")])
+    states, wind = corrected(system.path.states, fine), fine[:, GUST].T + mean_wind[:, None]
+    air = states[:3] - np.einsum("ijn,jn->in", to_body(states), wind)
+    rows = _rows(states[:, grid], air[:, grid], wind[:, grid], error.shape[1])
+    inside = rows[:, :, GUST] ** 2 @ (between(by.gusts, system.step) if len(grid) < n else np.zeros(3))
+    variance = np.sum((rows @ result.covariance) * rows, axis=2) + np.sum((rows @ common) ** 2, axis=2) + inside
+    variance[:, len(CHANNELS) - 6 :] += inertial_noise(record) ** 2
+    sigma = dict(zip(CHANNELS, _interpolated(np.sqrt(np.maximum(variance, 0.0)), grid, n).T, strict=True))
+    state_sigma = np.stack([sigma[name] for name in STATES])
+    if error.shape[1] <= POSITION.start:
+        state_sigma[6:] = system.path.state_sigma[6:]
+        sigma |= dict(zip(STATES[6:], state_sigma[6:], strict=True))
+    path = replace(
+        system.path,
+        states=states,
+        air=air,
+        inputs=system.path.inputs - np.column_stack([fine[:, FORCE], fine[:, GYRO]]),
+        residuals=_residuals(system, error, values),
+        state_sigma=state_sigma,
+        air_sigma=np.stack([sigma[name] for name in ("V", "alpha", "beta")]),
+    )
+    scattered = rows @ lack
+    draws = {name: scattered[:, number].T for number, name in enumerate(CHANNELS)}
+    innovations = dict(zip(system.channels, result.innovations.T, strict=True))
+    within = dict(zip(CHANNELS, np.sqrt(inside.mean(axis=0)).tolist(), strict=True))
+    return SmoothedPath(path, system.path, wind, sigma, grid, innovations, draws, within, by)
+
+
+def _rows(states: Array, air: Array, wind: Array, m: int) -> Array:
+    """(g, CHANNELS, m) derivatives of every channel by the error states."""
+    flow = flow_rows(states, air, wind, m)
+    rows = np.zeros((len(flow), len(CHANNELS), m))
+    rows[:, :3, VELOCITY] = np.moveaxis(to_body(states), 2, 0)
+    rows[:, 3:6], rows[:, 9:12] = flow[:, 3:], flow[:, :3]
+    if m > POSITION.start:
+        rows[:, 6:9, POSITION] = np.diag([1.0, 1.0, -1.0])
+    rows[:, 12:15, GUST] = np.eye(3)
+    rows[:, 15:18, FORCE], rows[:, 18:, GYRO] = -np.eye(3), -np.eye(3)
+    return rows
+
+
+def _interpolated(values: Array, grid: np.ndarray, n: int, shift: float = 0.0) -> Array:
+    """(g, q) on the grid as (n, q) at samples 0 to n-1, `shift` samples later; end values are repeated."""
+    if len(grid) == n and shift == 0.0:
+        return values
+    at = np.arange(n) - shift
+    return np.column_stack([np.interp(at, grid, column) for column in values.T])
+
+
+def _residuals(system: PathError, error: Array, values: Mapping[str, float]) -> dict[str, Array]:
+    """Measured minus smoothed, (n,) by channel, at the record's own rate; what is late is late."""
+    change = shown(system, error[None])[0] - system.base
+    found, n = {}, len(system.path.record.inputs)
+    for column, name in enumerate(system.channels):
+        turned = np.angle(np.exp(1j * change[:, column])) if name in ("phi", "psi") else change[:, column]
+        late = late_by(name, values) / system.path.record.step
+        found[name] = system.path.residuals[name] - _interpolated(turned[:, None], system.at, n, late)[:, 0]
+    return found

@@ -1,0 +1,35 @@
+"""A control surface that moves the vehicle more or less than the database says.
+
+``C += k delta``. Size: effectiveness of preflight databases is seldom wrong by more than a third (Cm_de -1 to -2, Cl_da
+-.2, Cn_dr -.13 per rad). In Cm it is a near twin of the surface's calibration, of Iyy and of the CG; only several axes
+tell them apart. Needs the surface to move by a degree, apart from the motion that it causes.
+
+>>> from aerodb.effects.template import value
+>>> value(regressor("delta"), delta=0.1)
+0.1
+"""
+
+from aerodb.effects.aerodynamic.per_surface import Sizes, per_surface
+
+SIZES: Sizes = {
+    "pitch": {"CX": 0.5, "CZ": 1.0, "Cm": 2.0},
+    "roll": {"Cl": 0.3, "Cn": 0.2},
+    "yaw": {"CY": 0.5, "Cl": 0.2, "Cn": 0.3},
+    "other": {"CX": 0.5, "CY": 0.5, "CZ": 1.0, "Cl": 0.3, "Cm": 1.0, "Cn": 0.3},
+}
+
+
+def regressor(delta: str) -> str:
+    """The deflection itself."""
+    return delta
+
+
+TEMPLATE = per_surface(
+    "control_effectiveness",
+    regressor,
+    SIZES,
+    unit="1/rad",
+    grows="that grows with {surface} deflection",
+    name="{surface}",
+    source="003, eq. 7",
+)

@@ -1,0 +1,32 @@
+"""A landing gear whose drag, lift or moment differ from the database's.
+
+``C += k delta_gear``, 0 up to 1 down. Size: C_drag .01 to .04, the moment a few hundredths. Needs the gear to move in
+flight, or flights with it up and down.
+
+>>> from aerodb.effects.template import value
+>>> value(regressor("delta"), delta=1.0)
+1.0
+"""
+
+from aerodb.effects.aerodynamic.per_surface import Sizes, per_surface
+
+SIZES: Sizes = {
+    "landing_gear": {"CX": 0.06, "CZ": 0.1, "Cm": 0.1},
+}
+
+
+def regressor(delta: str) -> str:
+    """The deflection itself."""
+    return delta
+
+
+TEMPLATE = per_surface(
+    "landing_gear",
+    regressor,
+    SIZES,
+    unit="1",
+    grows="that comes with the {surface}",
+    name="{surface}",
+    source="003, eq. 6",
+    named=False,
+)

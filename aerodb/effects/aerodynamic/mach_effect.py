@@ -1,0 +1,37 @@
+"""Compressibility that the database lacks: slopes that grow with Mach number.
+
+``C += k (alpha - alpha_0) M^2`` on CZ and Cm: the first term of Prandtl and Glauert's ``1/sqrt(1 - M^2) - 1 = M^2/2 +
+...``. Size: half the slope itself, 1 to 3 per rad on CZ. Valid below M = .6. Needs Mach numbers apart at like angle of
+attack; at one altitude it cannot be told from `dynamic_pressure_effect`.
+
+>>> from aerodb.effects.template import value
+>>> value("alpha*mach^2", alpha=0.1, mach=0.5)
+0.025
+"""
+
+from aerodb.effects.aerodynamic.lift_like import from_zero_lift
+from aerodb.effects.hypothesis import Hypothesis
+from aerodb.effects.template import Scene, Template, additive
+
+SIZES = {"CZ": 4.0, "Cm": 2.0}
+SOURCE = "Prandtl-Glauert rule (Anderson, Fundamentals of Aerodynamics, section 11.4)"
+
+
+def _hypotheses(scene: Scene) -> list[Hypothesis]:
+    return [
+        additive(
+            scene,
+            "mach_effect",
+            axis,
+            f"{from_zero_lift(scene.database)}*mach^2",
+            size=size,
+            unit="1/rad",
+            grows="due to angle of attack that changes with Mach number",
+            name="alpha*mach^2",
+            source=SOURCE,
+        )
+        for axis, size in SIZES.items()
+    ]
+
+
+TEMPLATE = Template("mach_effect", "aerodynamic", "CZ, Cm += k*(alpha - alpha_0)*mach^2", SOURCE, _hypotheses)

@@ -1,0 +1,140 @@
+"""Mass, centre of gravity and inertia that the vehicle file has wrong, and thrust that its channel has wrong.
+
+Mass: ``(C qbar S + T)/(qbar S)`` per unit of its share, on the forces and through the arm on the moments. CG: the moment
+of the forces about a point that is off, and what the accelerometer and the probe were moved by. Inertia: ``dI wdot + w x
+(dI w)``. Thrust: minus itself, and its moment. Forces and accelerations are the model's: with the measured ones these
+columns span any residual (TRACING step 2). Sizes: mass 1-2 %, CG 1-2 cm, inertia 3-10 %, thrust 3-10 %. Source: 003, eqs.
+1-4.
+"""
+
+from functools import partial
+
+import numpy as np
+
+from aerodb.coefficients.total import inertial_moment, specific_force_at_cg
+from aerodb.effects.flight_view import FlightView
+from aerodb.effects.hypothesis import Columns, Hypothesis
+from aerodb.effects.measurement.sensor import added, predicted_change, sensor
+from aerodb.effects.measurement.sensor_flow_angles import moved_probe
+from aerodb.effects.template import Scene, Template
+
+SOURCE = "003, eqs. 1-4"
+INERTIAS = ("Ixx", "Iyy", "Izz", "Ixz")
+
+
+def mass(view: FlightView) -> Columns:
+    """Columns of mass_error, the share by which the assumed mass is too large."""
+    return view.as_coefficients(view.force, np.zeros_like(view.force))
+
+
+def centre_of_gravity(view: FlightView, axis: str) -> Columns:
+    """Columns of cg_offset, 1/m: the CG is assumed further along body `axis` than it is."""
+    unit = np.broadcast_to(np.eye(3)["xyz".index(axis)], view.cg.shape)
+    force = np.zeros_like(view.cg)
+    if view.imu_arm.any():
+        moved = specific_force_at_cg(np.zeros_like(view.cg), view.rates, view.angular_acceleration, -unit)
+        force = view["mass"][:, None] * moved
+    placed = view.force if view.thrust_moment.any() else view.force - view.thrust
+    columns = view.as_coefficients(force, np.cross(unit, placed))
+    if not view.air_data_arm.any():
+        return columns
+    return added(columns, predicted_change(view, **moved_probe(view, axis)))
+
+
+def inertia(view: FlightView, name: str) -> Columns:
+    """Columns of inertia_error, the share by which the assumed `name` is too large; of Ixz a share of sqrt(Ixx Izz)."""
+    only = {other: np.zeros(len(view.time)) for other in INERTIAS}
+    only[name] = np.sqrt(view["Ixx"] * view["Izz"]) if name == "Ixz" else view[name]
+    moment = inertial_moment(view.rates, view.angular_acceleration, only)
+    return view.as_coefficients(np.zeros_like(moment), moment)
+
+
+def thrust(view: FlightView) -> Columns:
+    """Columns of thrust_scale, the share by which the assumed thrust is too large."""
+    return view.as_coefficients(-view.thrust, -view.thrust_moment)
+
+
+def _mass(scene: Scene) -> list[Hypothesis]:
+    return [
+        sensor(
+            scene,
+            "mass_error",
+            "mass_share",
+            mass,
+            unit="1",
+            plausible=(-0.2, 0.2),
+            natural=0.01,
+            because="the vehicle is lighter or heavier than assumed",
+            formula="(C*qbar*S + T)/(qbar*S), and its moment about the moment reference",
+            needs=("qbar",),
+            source=SOURCE,
+        )
+    ]
+
+
+def _centre_of_gravity(scene: Scene) -> list[Hypothesis]:
+    chord = scene.vehicle.reference.chord
+    return [
+        sensor(
+            scene,
+            "cg_offset",
+            f"cg_{axis}_offset",
+            partial(centre_of_gravity, axis=axis),
+            unit="m",
+            plausible=(-round(0.2 * chord, 6), round(0.2 * chord, 6)),
+            natural=round(0.005 * chord, 6),
+            because=f"the centre of gravity lies elsewhere along {axis} than assumed",
+            formula=f"e_{axis} x (F + T)/(qbar*S*l), and what accelerometer and probe are moved by",
+            needs=("p", "q", "r", "qbar"),
+            source=SOURCE,
+            subject=axis,
+        )
+        for axis in "xyz"
+    ]
+
+
+def _inertia(scene: Scene) -> list[Hypothesis]:
+    return [
+        sensor(
+            scene,
+            "inertia_error",
+            f"{name}_share",
+            partial(inertia, name=name),
+            unit="1",
+            plausible=(-0.4, 0.4),
+            natural=0.02 if name == "Ixz" else 0.03,
+            because=f"the moment of inertia {name} is other than assumed",
+            formula="(dI*wdot + w x dI*w)/(qbar*S*l)",
+            needs=("p", "q", "r", "qbar"),
+            source=SOURCE,
+            subject=name,
+        )
+        for name in INERTIAS
+    ]
+
+
+def _thrust(scene: Scene) -> list[Hypothesis]:
+    if scene.vehicle.thrust.source != "channel":
+        return []
+    return [
+        sensor(
+            scene,
+            "thrust_scale",
+            "thrust_scale",
+            thrust,
+            unit="1",
+            plausible=(-0.6, 0.6),
+            natural=0.05,
+            because="thrust is smaller or larger than assumed",
+            formula="-T/(qbar*S), and its moment",
+            needs=("thrust", "qbar"),
+            source=SOURCE,
+        )
+    ]
+
+
+MASS = Template("mass_error", "sensor", "(C*qbar*S + T)/(qbar*S), and its moment", SOURCE, _mass)
+CG = Template("cg_offset", "sensor", "e x (F + T)/(qbar*S*l), and the arms", SOURCE, _centre_of_gravity)
+INERTIA = Template("inertia_error", "sensor", "(dI*wdot + w x dI*w)/(qbar*S*l)", SOURCE, _inertia)
+THRUST = Template("thrust_scale", "sensor", "-T/(qbar*S), and its moment", SOURCE, _thrust)
+TEMPLATES = (MASS, CG, INERTIA, THRUST)

@@ -1,0 +1,78 @@
+"""Sensors as rivals where a flow angle was reconstructed: what can be wrong, and how far the reconstruction leaves it open.
+
+Where alpha comes from the motion there is no vane that could be biased or late. The angle itself can be: off by a constant
+(wind), in proportion (airspeed, gusts that nobody saw), late (velocity over the earth), and so it stands among the rivals under
+its own name. And it is made of the accelerations that tracing explains: a trim's alpha goes with one over qbar, as a bias of the
+accelerometer does. But the reconstruction compared the accelerations with what the velocity over the earth did: a bias far beyond
+the standard error of what it took off is not believable (TRACING step 2).
+"""
+
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import replace
+from typing import Final
+
+from aerodb.effects.hypothesis import Hypothesis
+from aerodb.effects.measurement.sensor_flow_angles import WORDS
+
+#: What is believed of a bias that the reconstruction took off, in its standard errors.
+BELIEVED = 3.0
+_SAYS: Final = {"bias": "is off by a constant", "scale": "is off in proportion", "delay": "is late or early"}
+_OF_PROBE: Final = "air_data_position"
+_INERTIAL: Final = ("accelerometer_bias", "gyro_bias")
+
+
+def of_flow_angles(
+    hypotheses: Iterable[Hypothesis], shown: Collection[str], reconstructed: Collection[str]
+) -> tuple[Hypothesis, ...]:
+    """The hypotheses about the angles (`alpha`, `beta`) that a sensor showed, and about those that were reconstructed.
+
+    In a campaign where some flights have a vane, an angle may be both. Where no angle was shown, the place of the probe is none.
+
+    >>> of_flow_angles((), (), ("alpha", "beta"))
+    ()
+    """
+    found: list[Hypothesis] = []
+    for hypothesis in hypotheses:
+        angle, _, kind = hypothesis.effect.partition("_")
+        if angle in WORDS and kind in _SAYS:
+            found += [hypothesis] if angle in shown else []
+            found += [_of_reconstructed(hypothesis, angle, kind)] if angle in reconstructed else []
+        elif hypothesis.effect != _OF_PROBE or shown:
+            found.append(hypothesis)
+    return tuple(found)
+
+
+def _of_reconstructed(hypothesis: Hypothesis, angle: str, kind: str) -> Hypothesis:
+    """The same column, said of the reconstructed angle: no sensor of it exists."""
+    return replace(
+        hypothesis,
+        effect=f"reconstructed_{angle}",
+        subject=kind,
+        parameter=f"reconstructed_{hypothesis.parameter}",
+        because=f"the {WORDS[angle]} that was reconstructed from the motion {_SAYS[kind]}",
+    )
+
+
+def columns_of(hypotheses: Iterable[Hypothesis], reconstructed: Collection[str]) -> tuple[Hypothesis, ...]:
+    """Those of a campaign's hypotheses that make sense for one flight, some of whose angles were `reconstructed`."""
+    left_out = {f"{angle}_{kind}" for angle in reconstructed for kind in _SAYS}
+    left_out |= {f"reconstructed_{angle}" for angle in WORDS if angle not in reconstructed}
+    left_out |= {_OF_PROBE} if set(WORDS) <= set(reconstructed) else set()
+    return tuple(hypothesis for hypothesis in hypotheses if hypothesis.effect not in left_out)
+
+
+def within_what_is_known(hypotheses: Iterable[Hypothesis], known: Sequence[Mapping[str, float]]) -> tuple[Hypothesis, ...]:
+    """The hypotheses, biases of inertial sensors believed only as far as the reconstruction of every flight leaves them open.
+
+    known : one per flight, ``<channel>_bias`` -> standard error (SI) of what was taken off. The least certain flight counts.
+    """
+    common = set[str]().union(*known).intersection(*known)
+    largest = {name: BELIEVED * max(flight[name] for flight in known) for name in common}
+    return tuple(_narrowed(hypothesis, largest.get(hypothesis.parameter)) for hypothesis in hypotheses)
+
+
+def _narrowed(hypothesis: Hypothesis, size: float | None) -> Hypothesis:
+    if size is None or hypothesis.effect not in _INERTIAL:
+        return hypothesis
+    low, high = hypothesis.plausible
+    return replace(hypothesis, plausible=(max(low, -size), min(high, size)), known_by="the flight-path reconstruction")

@@ -1,0 +1,83 @@
+"""What the explanations by sensors and vehicle data share: one parameter, felt on all axes through the whole chain.
+
+A sensor shows ``(1 + scale) true(t - delay) + bias``. A tangent is the derivative of measured - predicted by such a
+parameter at the current model: where the measurement itself would appear (a mass error scales it), the model's prediction
+takes its place.
+"""
+
+from collections.abc import Callable
+from functools import reduce
+
+import numpy as np
+
+from aerodb.conditioning.differentiation import smooth
+from aerodb.effects.flight_view import FlightView
+from aerodb.effects.hypothesis import Columns, Hypothesis
+from aerodb.effects.template import Scene
+from aerodb.flight import Array
+from aerodb.nomenclature import AXES
+
+
+def sensor(
+    scene: Scene,
+    effect: str,
+    parameter: str,
+    tangent: Callable[[FlightView], Columns],
+    *,
+    unit: str,
+    plausible: tuple[float, float],
+    natural: float,
+    because: str,
+    formula: str,
+    needs: tuple[str, ...],
+    source: str,
+    subject: str = "",
+    declared: float = 0.0,
+) -> Hypothesis:
+    """A sensor hypothesis; its sigma is the scene's prior for `parameter`, else `declared`, else `natural`."""
+    return Hypothesis(
+        effect=effect,
+        axes=AXES,
+        subject=subject,
+        parameter=parameter,
+        kind="sensor",
+        unit=unit,
+        plausible=plausible,
+        prior_sigma=scene.sigma(parameter, declared, natural),
+        because=because,
+        tangent=tangent,
+        formula=formula,
+        needs=needs,
+        source=source,
+    )
+
+
+def bias_prior(scene: Scene, *channels: str) -> float:
+    """The first bias prior that the vehicle file declares for one of `channels`, else 0."""
+    found = (scene.vehicle.sensors[name].bias_prior for name in channels if name in scene.vehicle.sensors)
+    return next((sigma for sigma in found if sigma > 0), 0.0)
+
+
+def delay_prior(scene: Scene, channel: str) -> float:
+    """The delay prior that the vehicle file declares for `channel`, else 0."""
+    return scene.vehicle.sensors[channel].delay_prior if channel in scene.vehicle.sensors else 0.0
+
+
+def predicted_change(view: FlightView, **changes: Array | float) -> dict[str, Array]:
+    """Minus what the prediction changes when inputs of the model change by these amounts (each (n,) or a number): axis -> (n,).
+
+    Where the log holds no alphadot or betadot, it was made of the angle and changes with it.
+    """
+    for angle in ("alpha", "beta"):
+        if np.ndim(changes.get(angle, 0.0)) and f"{angle}dot" in view.derived and view.slope(f"{angle}dot"):
+            changes[f"{angle}dot"] = smooth(np.asarray(changes[angle]), view.step, view.bandwidth).rate
+    total = {axis: np.zeros(len(view.time)) for axis in AXES}
+    for variable, change in changes.items():
+        for axis, slope in view.slope(variable).items():
+            total[axis] -= slope * change
+    return total
+
+
+def added(*columns: Columns) -> dict[str, Array]:
+    """The sum of several columns, axis by axis."""
+    return {axis: reduce(np.add, [part[axis] for part in columns]) for axis in AXES}

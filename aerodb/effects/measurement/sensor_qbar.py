@@ -1,0 +1,68 @@
+"""Dynamic pressure that reads wrong: in proportion (pitot coefficient), or by a constant (zero shift).
+
+``qbar_scale``: ``-C - qbar dC/dqbar``; ``qbar_offset``: ``-C/qbar - dC/dqbar``; the second part only where the database
+looks at qbar. C is the model's. All coefficients shrink together, which no one aerodynamic effect does. Size: 2 % (003's
+limit); 10.19 % was found by 003 on one flight. Source: 003, eq. 5; TRACING step 2.
+"""
+
+from aerodb.effects.flight_view import FlightView
+from aerodb.effects.hypothesis import Columns, Hypothesis
+from aerodb.effects.measurement.sensor import added, bias_prior, predicted_change, sensor
+from aerodb.effects.template import Scene, Template
+from aerodb.flight import Array
+
+SOURCE = "003, eq. 5"
+
+
+def scale(view: FlightView) -> Columns:
+    """Columns of qbar_scale."""
+    direct: dict[str, Array] = {axis: -values for axis, values in view.predicted.items()}
+    return added(direct, predicted_change(view, qbar=view["qbar"]))
+
+
+def offset(view: FlightView) -> Columns:
+    """Columns of qbar_offset, 1/Pa."""
+    direct = {axis: -values * view.inverse_qbar for axis, values in view.predicted.items()}
+    return added(direct, predicted_change(view, qbar=1.0))
+
+
+def _scale(scene: Scene) -> list[Hypothesis]:
+    return [
+        sensor(
+            scene,
+            "qbar_scale",
+            "qbar_scale",
+            scale,
+            unit="1",
+            plausible=(-0.2, 0.2),
+            natural=scene.vehicle.accuracy.qbar_fraction,
+            because="dynamic pressure reads in proportion too high or too low",
+            formula="-C - qbar*dC/dqbar",
+            needs=("qbar",),
+            source=SOURCE,
+        )
+    ]
+
+
+def _offset(scene: Scene) -> list[Hypothesis]:
+    return [
+        sensor(
+            scene,
+            "qbar_offset",
+            "qbar_offset",
+            offset,
+            unit="Pa",
+            plausible=(-300.0, 300.0),
+            declared=bias_prior(scene, "qbar"),
+            natural=20.0,
+            because="dynamic pressure reads too high or too low by a constant",
+            formula="-C/qbar - dC/dqbar",
+            needs=("qbar",),
+            source=SOURCE,
+        )
+    ]
+
+
+SCALE = Template("qbar_scale", "sensor", "-C - qbar*dC/dqbar", SOURCE, _scale)
+OFFSET = Template("qbar_offset", "sensor", "-C/qbar - dC/dqbar", SOURCE, _offset)
+TEMPLATES = (SCALE, OFFSET)

@@ -1,0 +1,133 @@
+"""A stall whose lift has two branches that meet where the flow switches: a closed static loop.
+
+With X of a relay (`flow_attachment`, 0 from `high` until alpha falls below `low`):
+``C_lift += k (1 - X)(alpha - alpha_0) max(alpha - low, 0) max(high - alpha, 0)``. Unlike the loss of a share of the lift
+(`stall_hysteresis`), nothing jumps at either end: the lift is lost in between, on the way back. Size: at most half the
+attached lift, 200 per rad^3 for a loop 15 deg wide. Needs flight through the stall and back. Source: static loops of airfoils
+as Mueller, J. Aircraft 22(9), 1985, shows them; light aircraft of JSBSim (aero/stall-hyst-norm).
+
+The two angles are chosen by `fitted`, and for each flight's vote on the *other* flights.
+
+>>> from aerodb.effects.template import value
+>>> value(LOOP.format("alpha", 0.1, 0.3), alpha=0.2, flow_attachment=0.0)
+0.002
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from aerodb.effects.aerodynamic.lift_like import from_zero_lift
+from aerodb.effects.flight_view import FlightView
+from aerodb.effects.hypothesis import Columns, Hypothesis
+from aerodb.effects.stall import stall_hysteresis
+from aerodb.effects.stall.stall_shape import StallFlight, blocked
+from aerodb.effects.template import Scene, Template
+from aerodb.errors import InputError
+from aerodb.flight import Array
+from aerodb.tables.database import AeroDatabase
+from aerodb.tables.definitions import STATE_CHANNEL
+from aerodb.tables.expression import Expression, parse
+from aerodb.tables.state_model import Relay, StateModel
+
+LOOP: Final = f"(1 - {STATE_CHANNEL})*{{}}*max(alpha - {{!r}}, 0)*max({{!r}} - alpha, 0)"
+SOURCE = "Mueller, J. Aircraft 22(9), 1985"
+SUBJECT: Final = "loop"
+#: Believable gain, 1/rad^3: lift is lost.
+PLAUSIBLE: Final = (-200.0, 0.0)
+
+#: Steps of the search for the two angles [rad], and the narrowest loop.
+_STEPS: Final = (0.02, 0.005)
+_NARROWEST: Final = 0.05
+
+
+def regressor(database: AeroDatabase, law: Relay) -> Expression:
+    """What the gain multiplies, over alpha and `flow_attachment`."""
+    return parse(LOOP.format(from_zero_lift(database), law.low, law.high))
+
+
+def template(law: Relay, others: Mapping[str, Relay] | None = None) -> Template:
+    """The loop with this law, beside the stalls of the library; others : flight -> the law by which that flight is judged."""
+    by_flight = dict(others or {})
+    text = "; ".join([str(law), *(f"{flight}: {one}" for flight, one in sorted(by_flight.items()))])
+
+    def expanded(scene: Scene) -> list[Hypothesis]:
+        lift = next(h for h in stall_hysteresis.hypotheses(scene, law, SUBJECT) if h.parameter == "C_lift_X")
+        term = regressor(scene.database, law)
+
+        def tangent(view: FlightView) -> Columns:
+            own = by_flight.get(view.flight, law)
+            column = regressor(scene.database, own)
+            return stall_hysteresis.columns(view, axis="C_lift", regressor=column, laws={"": own}, one=True)
+
+        return [
+            replace(
+                lift,
+                parameter="C_lift_loop",
+                unit="1/rad^3",
+                plausible=PLAUSIBLE,
+                because="lift that is lost on the way back from a stall",
+                increment=(("C_lift", term),),
+                tangent=tangent,
+                formula=f"C_lift += k*({term}); {STATE_CHANNEL} of {text}",
+                source=SOURCE,
+            )
+        ]
+
+    return Template("stall_hysteresis", "aerodynamic", f"C_lift += k*{LOOP.format('(alpha - alpha_0)', 0, 0)}", SOURCE, expanded)
+
+
+def with_state(database: AeroDatabase, law: Relay) -> AeroDatabase:
+    """`database` with the state model of `law`, which increments of the loop need.
+
+    Raises InputError where it has one already.
+    """
+    if any(state.name == STATE_CHANNEL for state in database.states):
+        what = f"it has a state model of {STATE_CHANNEL} already"
+        raise InputError(what, f"database {database.name}", "start from the version before it")
+    return replace(database, states=(*database.states, StateModel(STATE_CHANNEL, law)))
+
+
+def fitted(flights: Sequence[StallFlight]) -> Relay:
+    """The angles between which the flights' lift has its loop: least squares over a grid, then over a finer one.
+
+    Each flight keeps a constant of its own; samples are means over blocks (`stall_shape.blocked`).
+
+    Raises InputError without flights and where no flight goes far enough up and back for a loop to be seen.
+    """
+    if not flights:
+        raise InputError("no flight", "loop of a stall", "give flights through the stall and back")
+    highest = max(float(np.max(flight.alpha[flight.usable])) for flight in flights)
+    best: tuple[float, Relay] | None = None
+    for step in _STEPS:
+        lows, highs = np.arange(0.0, highest, step), np.arange(_NARROWEST, highest, step)
+        if best is not None:
+            around = _STEPS[0] * np.arange(-1.0, 1.0 + step / 2, step / _STEPS[0])
+            lows, highs = best[1].low + around, best[1].high + around
+        for low in lows:
+            for high in highs[highs >= low + _NARROWEST]:
+                law = Relay(round(float(low), 6), round(float(high), 6))
+                explained = _explained(flights, law)
+                if explained > (best[0] if best else 0.0):
+                    best = explained, law
+    if best is None:
+        raise InputError("no flight goes through a stall and back", "loop of a stall", "fly a deeper stall")
+    return best[1]
+
+
+def _explained(flights: Sequence[StallFlight], law: Relay) -> float:
+    """Fall of the sum of squares of the lift that a loop of this law brings."""
+    columns, residuals = [], []
+    for flight in flights:
+        lost = 1.0 - flight.attached(law)
+        within = np.maximum(flight.alpha - law.low, 0.0) * np.maximum(law.high - flight.alpha, 0.0)
+        pair = blocked(flight, np.column_stack([lost * (flight.alpha - flight.alpha_0) * within, flight.residual["C_lift"]]))
+        column, residual = (pair - pair.mean(axis=0)).T
+        columns.append(column)
+        residuals.append(residual)
+    x: Array = np.concatenate(columns)
+    y: Array = np.concatenate(residuals)
+    size = float(x @ x)
+    return float(x @ y) ** 2 / size if size > 0.0 else 0.0

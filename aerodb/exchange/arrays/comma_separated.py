@@ -1,0 +1,216 @@
+"""CSV: a ZIP of plain CSV files, one per table, that every spreadsheet opens, with a manifest beside them.
+
+One file of many sections would be no CSV that other programs read, so there are several:
+
+- ``tables/<name>.csv``: a row per node, one column per argument, then ``value``; rows may stand in any order;
+- ``terms.csv``, ``variables.csv``: how tables become coefficients; ``check_cases.csv``: inputs and coefficients;
+- ``increments/<n>_<axis>.csv``: estimate and covariance per regressor, and ``..._envelope.csv``;
+- ``manifest.json``: everything else, with axes, signs, units and moment reference in words.
+
+Numbers are written so that they come back exactly.
+"""
+
+import csv
+import io
+import math
+import zipfile
+from collections.abc import Iterable, Sequence
+from typing import Final
+
+import numpy as np
+
+from aerodb.errors import InputError
+from aerodb.exchange.arrays.archive_parts import (
+    ENVELOPE,
+    MAX_BYTES,
+    TERM_TEXTS,
+    VARIABLE_TEXTS,
+    Array,
+    CaseNumbers,
+    IncrementNumbers,
+    Parts,
+    argument_units,
+    checked_size,
+    parsed_manifest,
+    put_together,
+    take_apart,
+)
+from aerodb.nomenclature import AXES
+from aerodb.tables.check_cases import CheckCase
+from aerodb.tables.database import AeroDatabase
+
+MAX_FILES: Final = 10_000
+_KIND: Final = "CSV"
+_EPOCH: Final = (1980, 1, 1, 0, 0, 0)  # the same database gives the same bytes
+
+
+def export_csv(database: AeroDatabase, check_cases: Sequence[CheckCase] | None = None) -> bytes:
+    """`database` as a ZIP of CSV files, with check cases (25 of its own unless given)."""
+    parts = take_apart(database, _KIND, check_cases)
+    files = {
+        "manifest.json": parts.manifest_text,
+        "terms.csv": _text(TERM_TEXTS, ([entry[key] for key in TERM_TEXTS] for entry in parts.terms)),
+        "variables.csv": _text(VARIABLE_TEXTS, ([entry[key] for key in VARIABLE_TEXTS] for entry in parts.variables)),
+    }
+    units = argument_units(database)
+    for name, (axes, values) in parts.tables.items():
+        arguments = database.tables[name].arguments
+        header = [f"{label} [{unit}]" if unit else label for label, unit in zip(arguments, units[name], strict=True)]
+        mesh = [x.ravel() for x in np.meshgrid(*axes, indexing="ij")]
+        files[f"tables/{name}.csv"] = _text([*header, "value"], np.column_stack([*mesh, values.ravel()]).tolist())
+    for k, numbers in enumerate(parts.increments):
+        entry, stem = parts.manifest["database"]["increments"][k], _stem(k, parts)
+        rows = zip(entry["regressors"], numbers.estimates.tolist(), numbers.covariance.tolist(), strict=True)
+        header = ["regressor", "estimate", *[f"covariance with {j + 1}" for j in range(len(numbers.estimates))]]
+        files[f"{stem}.csv"] = _text(header, ([text, value, *row] for text, value, row in rows))
+        bounds = zip(entry["envelope"], numbers.envelope.tolist(), strict=True)
+        files[f"{stem}_envelope.csv"] = _text(["variable", *ENVELOPE], ([name, *row] for name, row in bounds))
+    cases = np.hstack([parts.cases.inputs, parts.cases.coefficients]).tolist()
+    files["check_cases.csv"] = _text([*parts.cases.names, *AXES], cases)
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, text in files.items():
+            archive.writestr(zipfile.ZipInfo(name, _EPOCH), text.encode("utf-8"), zipfile.ZIP_DEFLATED)
+    return packed.getvalue()
+
+
+def import_csv(data: bytes, where: str = "CSV file") -> AeroDatabase:
+    """The database of a ZIP that `export_csv` wrote, tables changed in a spreadsheet or not.
+
+    Raises InputError that names the file in the archive: damaged or too large ones, grids with missing or repeated nodes,
+    text where numbers belong, and check cases that fail.
+    """
+    checked_size(data, where)
+    files = _unpacked(data, where)
+    manifest = parsed_manifest(_file(files, "manifest.json", where), where)
+    document = manifest.get("database")
+    listed = document.get("increments") if isinstance(document, dict) else None
+    tables = {
+        name.removeprefix("tables/").removesuffix(".csv"): _grid(text, f"{where}: {name}")
+        for name, text in files.items()
+        if name.startswith("tables/")
+    }
+    named = _texts(files, "variables.csv", VARIABLE_TEXTS, where)
+    terms = _texts(files, "terms.csv", TERM_TEXTS, where)
+    parts = Parts(manifest, terms, named, tables, [], _case_table(files, where))
+    increments = listed if isinstance(listed, list) else []
+    parts.increments.extend(_increment(files, _stem(k, parts), entry, where) for k, entry in enumerate(increments))
+    return put_together(parts, _KIND, where)
+
+
+def _stem(k: int, parts: Parts) -> str:
+    entry = parts.manifest["database"]["increments"][k]
+    axis = entry.get("axis", "") if isinstance(entry, dict) else ""
+    return f"increments/{k + 1:02d}_{axis}"
+
+
+def _text(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """CSV text; floats by their shortest form that comes back exactly."""
+    written = io.StringIO(newline="")
+    writer = csv.writer(written, lineterminator="\n")
+    writer.writerow(header)
+    writer.writerows(rows)
+    return written.getvalue()
+
+
+def _unpacked(data: bytes, where: str) -> dict[str, str]:
+    """Texts of the archive's files, `MAX_BYTES` at most whatever the archive claims."""
+    files, left = dict[str, str](), MAX_BYTES
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            members = [info for info in archive.infolist() if not info.is_dir()]
+            if len(members) > MAX_FILES:
+                raise InputError(f"{len(members)} files", where, f"at most {MAX_FILES}")
+            for info in members:
+                with archive.open(info) as member:
+                    content = member.read(left + 1)
+                left -= len(content)
+                if left < 0:
+                    raise InputError("its content is too large", where, f"at most {MAX_BYTES} bytes")
+                files[info.filename] = content.decode("utf-8-sig")
+    except InputError:
+        raise
+    except Exception as error:  # zipfile raises whatever damaged bytes lead it to
+        raise InputError(f"not a ZIP of UTF-8 texts: {error}", where, "export the database again as CSV") from error
+    return files
+
+
+def _file(files: dict[str, str], name: str, where: str) -> str:
+    if name not in files:
+        raise InputError(f"no {name} in the archive", where, "keep all files of the export together")
+    return files[name]
+
+
+def _rows(text: str, where: str) -> tuple[list[str], list[list[str]]]:
+    try:
+        rows = [row for row in csv.reader(io.StringIO(text, newline=""), strict=True) if row]
+    except csv.Error as error:
+        raise InputError(f"not CSV: {error}", where, "separate columns by commas") from error
+    if not rows:
+        raise InputError("empty", where, "export the database again")
+    wrong = next((k for k, row in enumerate(rows) if len(row) != len(rows[0])), None)
+    if wrong is not None:
+        raise InputError(f"row {wrong + 1} has {len(rows[wrong])} columns, the header {len(rows[0])}", where, "use commas")
+    return rows[0], rows[1:]
+
+
+def _numbers(rows: Sequence[Sequence[str]], width: int, where: str) -> Array:
+    try:
+        return np.array([[float(cell) for cell in row] for row in rows], dtype=np.float64).reshape(len(rows), width)
+    except ValueError as error:
+        raise InputError(f"{error}", where, "write numbers with a decimal point") from error
+
+
+def _grid(text: str, where: str) -> tuple[list[Array], Array]:
+    """Breakpoints and values of a table from one row per node in any order."""
+    header, rows = _rows(text, where)
+    if len(header) < 2:
+        raise InputError(f"{len(header)} column", where, "one column per argument, then the value")
+    points = _numbers(rows, len(header), where)
+    if not np.all(np.isfinite(points)):
+        raise InputError("numbers that are not finite", where, "give every node a value")
+    axes = [np.unique(column) for column in points[:, :-1].T]
+    shape = tuple(axis.size for axis in axes)
+    what = f"{len(points)} rows for a grid of {' x '.join(map(str, shape))} nodes"
+    remedy = "give each combination of breakpoints exactly one row"
+    if math.prod(shape) != len(points):
+        raise InputError(what, where, remedy)
+    index = np.ravel_multi_index([np.searchsorted(a, x) for a, x in zip(axes, points[:, :-1].T, strict=True)], shape)
+    if np.unique(index).size != len(points):
+        raise InputError(f"{what}, some of them repeated", where, remedy)
+    values = np.empty(len(points))
+    values[index] = points[:, -1]
+    return axes, values.reshape(shape)
+
+
+def _texts(files: dict[str, str], name: str, keys: Sequence[str], where: str) -> list[dict[str, str]]:
+    header, rows = _rows(_file(files, name, where), f"{where}: {name}")
+    if header != list(keys):
+        raise InputError(f"columns {', '.join(header)}", f"{where}: {name}", f"they must be {', '.join(keys)}")
+    return [dict(zip(keys, row, strict=True)) for row in rows]
+
+
+def _increment(files: dict[str, str], stem: str, entry: dict[str, object], where: str) -> IncrementNumbers:
+    place = f"{where}: {stem}.csv"
+    header, rows = _rows(_file(files, f"{stem}.csv", where), place)
+    regressors = [row[0] for row in rows]
+    if not isinstance(entry, dict) or entry.get("regressors") != regressors:
+        raise InputError("regressors differ from the manifest's", place, "estimates belong to the regressors that were fitted")
+    numbers = _numbers([row[1:] for row in rows], len(header) - 1, place)
+    place = f"{where}: {stem}_envelope.csv"
+    header, rows = _rows(_file(files, f"{stem}_envelope.csv", where), place)
+    if [row[0] for row in rows] != entry.get("envelope") or header[1:] != list(ENVELOPE):
+        raise InputError("variables differ from the manifest's", place, "export the database again")
+    return IncrementNumbers(numbers[:, 0], numbers[:, 1:], _numbers([row[1:] for row in rows], 3, place))
+
+
+def _case_table(files: dict[str, str], where: str) -> CaseNumbers:
+    """The check cases; none where someone took the file out."""
+    if "check_cases.csv" not in files:
+        return CaseNumbers((), np.empty((0, 0)), np.empty((0, 6)))
+    place = f"{where}: check_cases.csv"
+    header, rows = _rows(files["check_cases.csv"], place)
+    if header[-6:] != list(AXES):
+        raise InputError("the last columns are not CX CY CZ Cl Cm Cn", place, "export the database again")
+    numbers = _numbers(rows, len(header), place)
+    return CaseNumbers(tuple(header[:-6]), numbers[:, :-6], numbers[:, -6:])

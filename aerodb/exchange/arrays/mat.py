@@ -1,0 +1,158 @@
+"""MAT: one struct ``aerodb`` that MATLAB and Octave load, MAT-file version 5 through scipy.
+
+``aerodb.tables(k)`` has name, arguments, breakpoints (a cell of columns) and values: ``values(i, j)`` belongs to
+``breakpoints{1}(i)``, ``breakpoints{2}(j)``, so that ``interpn`` takes it as it is. ``aerodb.terms(k)`` and
+``aerodb.variables(k)`` have name, axis and expression as text; ``aerodb.increments(k)`` has estimates, covariance and
+envelope; ``aerodb.check_cases`` has inputs and coefficients. ``aerodb.manifest`` is JSON (``jsondecode``) with everything
+else, axes, signs, units and moment reference among it; where a text stands there and in a struct of increments or table
+arguments, the manifest is what is read.
+"""
+
+import io
+from collections.abc import Mapping, Sequence
+from typing import Any, Final, cast
+
+import numpy as np
+
+from aerodb.errors import InputError
+from aerodb.exchange.arrays.archive_parts import (
+    MAX_BYTES,
+    TERM_TEXTS,
+    VARIABLE_TEXTS,
+    Array,
+    CaseNumbers,
+    IncrementNumbers,
+    Parts,
+    checked_size,
+    parsed_manifest,
+    put_together,
+    take_apart,
+)
+from aerodb.exchange.arrays.mat_reader import read_mat
+from aerodb.nomenclature import AXES
+from aerodb.tables.check_cases import CheckCase
+from aerodb.tables.database import AeroDatabase
+
+_KIND: Final = "MAT"
+_HEADER: Final = b"MATLAB 5.0 MAT-file, aerodynamic database (aerodb)".ljust(116)  # no date: equal databases, equal bytes
+_TABLE: Final = ("name", "arguments", "breakpoints", "values")
+_INCREMENT: Final = ("axis", "regressors", "estimates", "covariance", "envelope_variables", "envelope", "flights")
+
+
+def export_mat(database: AeroDatabase, check_cases: Sequence[CheckCase] | None = None) -> bytes:
+    """`database` as the bytes of a MAT file, with check cases (25 of its own unless given)."""
+    from scipy.io import savemat  # loads slowly
+
+    parts = take_apart(database, _KIND, check_cases)
+    tables = [
+        {
+            "name": name,
+            "arguments": _cell(database.tables[name].arguments),
+            "breakpoints": _cell([axis[:, None] for axis in axes]),
+            "values": values[:, None] if values.ndim == 1 else values,
+        }
+        for name, (axes, values) in parts.tables.items()
+    ]
+    increments = [
+        {
+            "axis": entry["axis"],
+            "regressors": _cell(entry["regressors"]),
+            "estimates": numbers.estimates[:, None],
+            "covariance": numbers.covariance,
+            "envelope_variables": _cell(entry["envelope"]),
+            "envelope": numbers.envelope,
+            "flights": _cell(entry["flights"]),
+        }
+        for entry, numbers in zip(parts.manifest["database"]["increments"], parts.increments, strict=True)
+    ]
+    cases = parts.cases
+    content = {
+        "manifest": parts.manifest_text,
+        "terms": _structs(TERM_TEXTS, parts.terms),
+        "variables": _structs(VARIABLE_TEXTS, parts.variables),
+        "tables": _structs(_TABLE, tables),
+        "increments": _structs(_INCREMENT, increments),
+        "check_cases": {
+            "inputs": _cell(cases.names),
+            "input_values": cases.inputs,
+            "axes": _cell(AXES),
+            "coefficients": cases.coefficients,
+        },
+    }
+    written, save = io.BytesIO(), cast(Any, savemat)  # its stubs know file names only
+    save(written, {"aerodb": content}, long_field_names=True, do_compression=True)
+    return _HEADER + written.getvalue()[len(_HEADER) :]
+
+
+def import_mat(data: bytes, where: str = "MAT file") -> AeroDatabase:
+    """The database of a MAT file that `export_mat` wrote or MATLAB saved again (``-v7`` or ``-v6``).
+
+    Raises InputError for damaged or too large files, missing fields, fields of another kind, and check cases that fail.
+    """
+    checked_size(data, where)
+    try:
+        (content,) = read_mat(data, MAX_BYTES)["aerodb"]
+        tables = {entry["name"]: _table(entry["breakpoints"], entry["values"]) for entry in content["tables"]}
+        increments = [
+            IncrementNumbers(
+                _numbers(entry["estimates"]).ravel(),
+                _numbers(entry["covariance"]),
+                _numbers(entry["envelope"]).reshape(-1, 3),
+            )
+            for entry in content["increments"]
+        ]
+        terms = [{key: _string(entry[key]) for key in TERM_TEXTS} for entry in content["terms"]]
+        named = [{key: _string(entry[key]) for key in VARIABLE_TEXTS} for entry in content["variables"]]
+        manifest = parsed_manifest(_string(content["manifest"]), where)
+        parts = Parts(manifest, terms, named, tables, increments, _case_numbers(content))
+    except InputError:
+        raise
+    except OverflowError as error:
+        raise InputError(str(error), where, f"at most {MAX_BYTES} bytes when expanded") from error
+    except (LookupError, TypeError, ValueError) as error:
+        raise InputError(f"no MAT file with a struct 'aerodb' as exported: {error}", where, "export it again") from error
+    return put_together(parts, _KIND, where)
+
+
+def _cell(items: Sequence[Any]) -> Any:
+    cell = np.empty((len(items), 1), dtype=object)
+    for k, item in enumerate(items):
+        cell[k, 0] = item
+    return cell
+
+
+def _structs(fields: Sequence[str], entries: Sequence[Mapping[str, Any]]) -> Any:
+    array = np.empty((len(entries), 1), dtype=[(name, object) for name in fields])
+    for k, entry in enumerate(entries):
+        for name in fields:
+            array[k, 0][name] = entry[name]
+    return array
+
+
+def _string(value: Any) -> str:
+    if not isinstance(value, str):
+        raise ValueError("text is missing")
+    return value
+
+
+def _numbers(value: Any) -> Array:
+    if not isinstance(value, np.ndarray):
+        raise ValueError("numbers are missing")
+    return value
+
+
+def _table(breakpoints: Any, values: Any) -> tuple[list[Array], Array]:
+    if not isinstance(breakpoints, list):
+        raise ValueError("breakpoints are no cell")
+    axes = [_numbers(axis).ravel() for axis in breakpoints]
+    return axes, _numbers(values).reshape([axis.size for axis in axes])
+
+
+def _case_numbers(content: Mapping[str, Any]) -> CaseNumbers:
+    """The check cases; none where someone took the field out."""
+    if "check_cases" not in content:
+        return CaseNumbers((), np.empty((0, 0)), np.empty((0, 6)))
+    (entry,) = content["check_cases"]
+    names = tuple(_string(name) for name in entry["inputs"])
+    coefficients = _numbers(entry["coefficients"]).reshape(-1, 6)
+    return CaseNumbers(names, _numbers(entry["input_values"]).reshape(len(coefficients), len(names)), coefficients)

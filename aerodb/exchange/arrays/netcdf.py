@@ -1,0 +1,141 @@
+"""NetCDF: classic format (64-bit offset), which every NetCDF reader opens, through scipy's own reader and writer.
+
+Classic rather than NetCDF-4: a database is a few megabytes of float64 arrays, which need neither groups nor compression, and
+scipy, which the product has anyway, keeps a pure-Python implementation; NetCDF-4 would add HDF5 and a second package.
+
+``table_<name>`` has dimensions ``breakpoints_<name>_<k>``, whose coordinate variables of the same name hold the breakpoints;
+``increment_<n>_estimates``, ``_covariance``, ``_envelope``; ``check_inputs`` and ``check_coefficients``. The global attribute
+``manifest`` is JSON with terms and everything else, axes, signs, units and moment reference among it.
+"""
+
+import io
+from collections.abc import Sequence
+from typing import Any, Final
+
+import numpy as np
+
+from aerodb.errors import InputError
+from aerodb.exchange.arrays.archive_parts import (
+    VARIABLE_TEXTS,
+    Array,
+    CaseNumbers,
+    IncrementNumbers,
+    Parts,
+    argument_units,
+    checked_size,
+    parsed_manifest,
+    put_together,
+    take_apart,
+)
+from aerodb.tables.check_cases import CheckCase
+from aerodb.tables.database import AeroDatabase
+
+_KIND: Final = "NetCDF"
+
+
+def export_netcdf(database: AeroDatabase, check_cases: Sequence[CheckCase] | None = None) -> bytes:
+    """`database` as the bytes of a NetCDF file, with check cases (25 of its own unless given)."""
+    from scipy.io import netcdf_file  # loads slowly
+
+    parts = take_apart(database, _KIND, check_cases)
+    document = parts.manifest["database"]
+    rest = document.get("terms") or [{}] * len(parts.terms)
+    document["terms"] = [{**texts, **more} for texts, more in zip(parts.terms, rest, strict=True)]
+    for texts in parts.variables:
+        document["variables"][texts["name"]] |= {key: texts[key] for key in VARIABLE_TEXTS[1:]}
+    parts.manifest["check_inputs"] = list(parts.cases.names)
+    written = io.BytesIO()
+    file: Any = netcdf_file(written, "w", version=2)
+    file.title = b"aerodynamic database"
+    file.manifest = parts.manifest_text.encode("ascii")
+    units = argument_units(database)
+    for name, (axes, values) in parts.tables.items():
+        arguments = database.tables[name].arguments
+        dimensions = [f"breakpoints_{name}_{k}" for k in range(len(axes))]
+        for dimension, argument, unit, axis in zip(dimensions, arguments, units[name], axes, strict=True):
+            _write(file, dimension, [dimension], axis, long_name=argument, units=unit)
+        _write(file, f"table_{name}", dimensions, values, long_name=name)
+    for k, numbers in enumerate(parts.increments, start=1):
+        one, other, bounds = f"increment_{k}_regressor", f"increment_{k}_with", f"increment_{k}_variable"
+        _write(file, f"increment_{k}_estimates", [one], numbers.estimates)
+        _write(file, f"increment_{k}_covariance", [one, other], numbers.covariance)
+        _write(file, f"increment_{k}_envelope", [bounds, "low_high_cell"], numbers.envelope)
+    _write(file, "check_inputs", ["check_case", "check_input"], parts.cases.inputs)
+    _write(file, "check_coefficients", ["check_case", "axis_CX_CY_CZ_Cl_Cm_Cn"], parts.cases.coefficients)
+    file.flush()
+    return written.getvalue()
+
+
+def import_netcdf(data: bytes, where: str = "NetCDF file") -> AeroDatabase:
+    """The database of a NetCDF file that `export_netcdf` wrote, its numbers changed by other tools or not.
+
+    Raises InputError for damaged or too large files, missing variables, and check cases that fail.
+    """
+    checked_size(data, where)
+    arrays, text = _read(data, where)
+    manifest = parsed_manifest(text, where)
+    try:
+        document = manifest["database"]
+        terms = [dict(entry) for entry in document.pop("terms")]
+        named = [
+            {"name": name, **{key: entry.pop(key) for key in VARIABLE_TEXTS[1:]}} for name, entry in document["variables"].items()
+        ]
+        tables = {name: _table(name, len(entry["arguments"]), arrays) for name, entry in document["tables"].items()}
+        increments = [_increment(k, len(entry["envelope"]), arrays) for k, entry in enumerate(document["increments"], start=1)]
+        names = tuple(map(str, manifest.get("check_inputs", ())))
+        cases = arrays.get("check_coefficients", np.empty((0, 6)))
+        inputs = arrays.get("check_inputs", np.empty((len(cases), len(names))))
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        raise InputError(f"manifest and variables do not fit together ({error!r})", where, "export it again") from error
+    parts = Parts(manifest, terms, named, tables, increments, CaseNumbers(names, inputs, cases))
+    return put_together(parts, _KIND, where)
+
+
+def _write(file: Any, name: str, dimensions: Sequence[str], values: Array, **attributes: str) -> None:
+    """A variable of float64; one without values is left out, since a length of 0 means "unlimited" in this format."""
+    if values.size == 0:
+        return
+    for dimension, size in zip(dimensions, values.shape, strict=True):
+        if dimension not in file.dimensions:
+            file.createDimension(dimension, size)
+    variable = file.createVariable(name, "d", tuple(dimensions))
+    variable[:] = values
+    for key, text in attributes.items():
+        if text:
+            setattr(variable, key, text.encode("ascii", "backslashreplace"))
+
+
+class _Metered(io.BytesIO):
+    """A file of which no more is read than it has: headers can point many large variables at the same bytes."""
+
+    def __init__(self, data: bytes) -> None:
+        super().__init__(data)
+        self._left = 2 * len(data)
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        content = super().read(size)
+        self._left -= len(content)
+        if self._left < 0:
+            raise ValueError("variables overlap")
+        return content
+
+
+def _read(data: bytes, where: str) -> tuple[dict[str, Array], str]:
+    """All variables of float64 and the manifest's text."""
+    from scipy.io import netcdf_file
+
+    try:
+        file: Any = netcdf_file(_Metered(data), "r", mmap=False)
+        arrays = {name: np.array(v.data, dtype=np.float64) for name, v in file.variables.items() if v.data.dtype.kind in "fi"}
+        return arrays, bytes(file.manifest).decode("utf-8")
+    except Exception as error:  # scipy's reader raises whatever damaged bytes lead it to
+        raise InputError(f"not a NetCDF file with a manifest: {error!r}", where, "export the database again") from error
+
+
+def _table(name: str, dimensions: int, arrays: dict[str, Array]) -> tuple[list[Array], Array]:
+    return [arrays[f"breakpoints_{name}_{k}"] for k in range(dimensions)], arrays[f"table_{name}"]
+
+
+def _increment(k: int, bounds: int, arrays: dict[str, Array]) -> IncrementNumbers:
+    envelope = arrays[f"increment_{k}_envelope"] if bounds else np.empty((0, 3))
+    return IncrementNumbers(arrays[f"increment_{k}_estimates"], arrays[f"increment_{k}_covariance"], envelope)

@@ -1,0 +1,208 @@
+"""DAVE-ML's tables in: breakpoints, gridded and ungridded tables, legacy point lists, and uncertainty."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aerodb.errors import InputError
+from aerodb.exchange.daveml.xml_elements import (
+    children,
+    choice,
+    find,
+    number,
+    numbers,
+    own_text,
+    plain,
+    required,
+    tag,
+    unsupported,
+)
+from aerodb.tables.expression import Call, Expression
+from aerodb.tables.expression import number as constant
+from aerodb.tables.table import EXTRAPOLATIONS
+from aerodb.tables.uncertainty import EFFECTS, Bound, Uncertainty
+
+Array = NDArray[np.float64]
+
+METADATA: Final = ("description", "provenance", "provenanceRef")
+_INTERPOLATIONS: Final = ("linear", "discrete", "floor", "ceiling")
+_SPLINES: Final = ("quadraticSpline", "cubicSpline")
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """A gridded table: breakpoints per argument and values, last argument fastest."""
+
+    breakpoints: tuple[Array, ...]
+    values: Array
+    uncertainty: Uncertainty | None = None
+    note: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """An ungridded table: points (m, N) and values (m,)."""
+
+    points: Array
+    values: Array
+    uncertainty: Uncertainty | None = None
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Argument:
+    """How a function uses one of its inputs."""
+
+    identity: str
+    interpolation: str = "linear"
+    extrapolation: str = "neither"
+    low: float = -math.inf
+    high: float = math.inf
+
+    def limited(self, value: Expression, first: float, last: float) -> Expression:
+        """The input within the stated limits, as far as the table's ends `first` and `last` do not hold it anyway."""
+        low = self.low if self.low > first or self.extrapolation in ("min", "both") else -math.inf
+        high = self.high if self.high < last or self.extrapolation in ("max", "both") else math.inf
+        return limited(value, low, high)
+
+
+def limited(value: Expression, low: float, high: float) -> Expression:
+    """`value` between two limits, of which either may be infinite."""
+    if math.isfinite(low) and math.isfinite(high):
+        return Call("clip", (value, constant(low), constant(high)))
+    if math.isfinite(low):
+        return Call("max", (value, constant(low)))
+    return Call("min", (value, constant(high))) if math.isfinite(high) else value
+
+
+def read_argument(element: Any, where: str) -> Argument:
+    """An ``independentVarRef`` or ``independentVarPts``."""
+    interpolation = (element.get("interpolate") or "linear").strip()
+    if interpolation in _SPLINES:
+        raise InputError(f"unsupported interpolate='{interpolation}'", where, "the standard leaves a spline's ends open")
+    limits = [element.get(name) for name in ("min", "max")]
+    low, high = (number(text, where) if text else end for text, end in zip(limits, (-math.inf, math.inf), strict=True))
+    if low > high:
+        raise InputError(f"min {low:g} above max {high:g}", where)
+    words = choice(element, "interpolate", _INTERPOLATIONS, where), choice(element, "extrapolate", EXTRAPOLATIONS, where)
+    return Argument(required(element, "varID", where), *words, low, high)
+
+
+def read_breakpoints(element: Any, where: str) -> Array:
+    """The values of a ``breakpointDef``."""
+    inner = [child for child in children(element) if tag(child) not in METADATA]
+    if len(inner) != 1 or tag(inner[0]) != "bpVals":
+        raise InputError("<breakpointDef> without one <bpVals>", where)
+    return numbers(inner[0], where)
+
+
+class TableReader:
+    """Reads tables of one file; `breakpoints` by id, `refer` gives the name of a variable by its id."""
+
+    def __init__(self, breakpoints: dict[str, Array], refer: Callable[[str], str], lift: Callable[[Any], str]) -> None:
+        self._breakpoints, self._refer, self._lift = breakpoints, refer, lift
+
+    def gridded(self, element: Any, where: str) -> Grid:
+        """A ``griddedTableDef`` or ``griddedTable``."""
+        inner = {tag(child): child for child in children(element)}
+        for name, child in inner.items():
+            if name not in (*METADATA, "breakpointRefs", "uncertainty", "dataTable"):
+                raise unsupported(child, f"<{tag(element)}>", where)
+        if "breakpointRefs" not in inner or "dataTable" not in inner:
+            raise InputError("a gridded table without <breakpointRefs> or <dataTable>", where)
+        axes = []
+        for reference in children(inner["breakpointRefs"]):
+            name = required(reference, "bpID", where)
+            if name not in self._breakpoints:
+                raise InputError(f"no breakpointDef '{name}'", where)
+            axes.append(self._breakpoints[name])
+        values = numbers(inner["dataTable"], where)
+        shape = tuple(axis.size for axis in axes)
+        if values.size != math.prod(shape):
+            raise InputError(f"{values.size} numbers in <dataTable>, the breakpoints want {math.prod(shape)}", where)
+        return Grid(
+            tuple(axes), values.reshape(shape), self.uncertainty(inner.get("uncertainty"), where), plain(find(element, *METADATA))
+        )
+
+    def ungridded(self, element: Any, where: str) -> Points:
+        """An ``ungriddedTableDef`` or ``ungriddedTable``: each data point is its coordinates, then the value."""
+        rows = []
+        for child in children(element):
+            if tag(child) == "dataPoint":
+                rows.append(numbers(child, where))
+            elif tag(child) not in (*METADATA, "uncertainty"):
+                raise unsupported(child, f"<{tag(element)}>", where)
+        if not rows or len({row.size for row in rows}) != 1 or rows[0].size < 2:
+            raise InputError("data points that differ in length, or none", where)
+        table = np.stack(rows)
+        doubt = self.uncertainty(find(element, "uncertainty"), where)
+        return Points(table[:, :-1], table[:, -1], doubt, plain(find(element, *METADATA)))
+
+    def uncertainty(self, element: Any, where: str) -> Uncertainty | None:
+        """An ``uncertainty``, None for no element."""
+        if element is None:
+            return None
+        inner = [child for child in children(element) if tag(child) not in METADATA]
+        if len(inner) != 1 or tag(inner[0]) not in ("normalPDF", "uniformPDF"):
+            raise InputError("<uncertainty> without one of <normalPDF>, <uniformPDF>", where)
+        distribution = inner[0]
+        bounds: list[Bound] = []
+        dependents: list[str] = []
+        correlations: list[tuple[str, float]] = []
+        for child in children(distribution):
+            if tag(child) == "bounds":
+                bounds.append(self._bound(child, where))
+            elif tag(child) == "correlatesWith":
+                dependents.append(self._refer(required(child, "varID", where)))
+            elif tag(child) == "correlation":
+                coefficient = number(required(child, "corrCoef", where), where)
+                correlations.append((self._refer(required(child, "varID", where)), coefficient))
+            else:
+                raise unsupported(child, f"<{tag(distribution)}>", where)
+        normal = tag(distribution) == "normalPDF"
+        sigmas = number(distribution.get("numSigmas") or "1", where) if normal else 1.0
+        effect = choice(element, "effect", EFFECTS, where)
+        if not normal and choice(distribution, "symmetric", ("yes", "no"), where) == "no" and len(bounds) == 1:
+            raise InputError("an asymmetric <uniformPDF> with one bound", where)
+        try:
+            kind = "normal" if normal else "uniform"
+            return Uncertainty(effect, kind, tuple(bounds), sigmas, tuple(dependents), tuple(correlations))
+        except InputError as error:
+            raise InputError(error.what, where, error.remedy) from None
+
+    def _bound(self, element: Any, where: str) -> Bound:
+        inner = next(children(element), None)
+        if inner is None:
+            return number(own_text(element), where)
+        if tag(inner) == "variableRef":
+            return self._refer(required(inner, "varID", where))
+        if tag(inner) == "variableDef":
+            return self._lift(inner)
+        if tag(inner) == "dataTable":
+            return tuple(numbers(inner, where).tolist())
+        raise unsupported(inner, "<bounds>", where)
+
+
+def legacy(element: Any, where: str) -> tuple[list[Argument], Grid, str]:
+    """A function written as lists of points: its arguments, its table, and the id of the variable that it gives."""
+    arguments, axes = [], []
+    dependent = None
+    for child in children(element):
+        if tag(child) == "independentVarPts":
+            arguments.append(read_argument(child, where))
+            axes.append(numbers(child, where))
+        elif tag(child) == "dependentVarPts" and dependent is None:
+            dependent = child
+        elif tag(child) not in METADATA:
+            raise unsupported(child, "<function> of point lists", where)
+    if dependent is None or not axes:
+        raise InputError("point lists without both independentVarPts and dependentVarPts", where)
+    values = numbers(dependent, where)
+    shape = tuple(axis.size for axis in axes)
+    if values.size != math.prod(shape):
+        raise InputError(f"{values.size} numbers in <dependentVarPts>, the breakpoints want {math.prod(shape)}", where)
+    return arguments, Grid(tuple(axes), values.reshape(shape)), required(dependent, "varID", where)

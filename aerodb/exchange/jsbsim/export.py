@@ -1,0 +1,243 @@
+"""An AeroDatabase out as a complete, minimal JSBSim aircraft file whose aerodynamics give the same coefficients.
+
+Units, axes and the moment reference are converted explicitly (feet, slugs, inches, structural axes) and stated in the
+file. Mass, ground reactions and propulsion are not part of a database: the file holds a placeholder mass.
+"""
+
+import re
+from collections.abc import Iterable, Sequence
+from typing import Final
+
+from lxml import etree
+
+from aerodb.exchange.increment_terms import with_increments_as_terms
+from aerodb.exchange.jsbsim.axes import FACTORS, body_forces
+from aerodb.exchange.jsbsim.elements import Element, function, node, prop, total
+from aerodb.exchange.jsbsim.properties import (
+    CHANNEL_PROPERTIES,
+    FOOT,
+    HYSTERESIS,
+    INCH,
+    LIFT_SQUARED,
+    OWN_CHANNEL,
+    OWN_FREE,
+    PROPERTIES,
+    hysteresis_limits,
+)
+from aerodb.exchange.jsbsim.writing import FunctionWriter, channel_property
+from aerodb.exchange.state_terms import for_jsbsim
+from aerodb.nomenclature import axis_description, channel
+from aerodb.tables.check_cases import CheckCase
+from aerodb.tables.database import AeroDatabase, Reference, Term
+from aerodb.tables.expression import parse
+from aerodb.tables.reference import WIND_AXES
+
+_WIND: Final = {"C_drag": "DRAG", "C_side": "SIDE", "C_lift": "LIFT"}
+_BODY: Final = {"CX": "X", "CY": "Y", "CZ": "Z"}
+_MOMENTS: Final = {"Cl": "ROLL", "Cm": "PITCH", "Cn": "YAW"}
+_SOURCE_PROPERTY: Final = re.compile(r"JSBSim property ([^\s:]+)")
+#: Controls that every aircraft has in JSBSim, beside the properties that this product gives a meaning to.
+_NATIVE_CONTROL: Final = re.compile(r"fcs/(elevator|(left|right)-aileron|rudder|flap|speedbrake|spoiler)-(pos|cmd)-\w+")
+
+_STATE: Final = {
+    *(path for path, _ in CHANNEL_PROPERTIES.values()),
+    HYSTERESIS,
+    LIFT_SQUARED,
+    "aero/Re",
+    "aero/h_b-mac-ft",
+}
+
+_STATEMENT: Final = (
+    "Converted from a database in SI and body axes (x forward, y right, z down). Every function on an axis is a coefficient "
+    "times aero/qbar-psf and metrics/Sw-sqft, moments also times metrics/bw-ft (ROLL, YAW) or metrics/cbarw-ft (PITCH): "
+    "pounds and foot-pounds. DRAG is positive aft, LIFT up, SIDE right; X forward, Y right, Z down; ROLL right wing down, "
+    "PITCH nose up, YAW nose right. Moments are about AERORP, which is the database's moment reference in structural axes "
+    "from its datum (inches, x aft, y right, z up). Surfaces: trailing edge down positive, rudder left; the aileron is "
+    "(right - left)/2, so JSBSim's left aileron enters with a minus sign. Rates are those relative to the air; angles "
+    "are in radians. Where a coefficient is divided by speed or dynamic pressure these are at least 1e-6 ft/s and 1e-9 psf."
+)
+_CASES: Final = (
+    "What the database gives at these inputs (SI, radians, names of the database; above: which property is which), moments "
+    "about AERORP. JSBSim passes over them; it agrees within 1e-9 of the larger of the coefficient and 0.001."
+)
+_MASS: Final = "Placeholder: a database has no mass. Put the vehicle's own mass, inertia and centre of gravity here."
+
+
+def export_jsbsim(database: AeroDatabase, *, name: str, cases: Sequence[CheckCase] = ()) -> bytes:
+    """The JSBSim aircraft file of `database`, UTF-8.
+
+    name : the aircraft's name. cases : check cases that are written into the file (JSBSim passes over them).
+
+    Terms, variables and tables become functions, increments functions with their envelope rule (not their covariance);
+    force terms stay on wind axes when all are, else all forces are written on body axes. A channel or free input that
+    JSBSim has no property for becomes a property below ``aerodb/`` that the user sets, 0 at first, listed in the file.
+
+    A relay is the one that JSBSim runs itself; any other state becomes what it settles at.
+
+    Raises InputError for an expression that has no form in JSBSim.
+    """
+    plain = with_increments_as_terms(for_jsbsim(database))
+    writer = FunctionWriter(plain, free_properties(plain))
+    axes = _axes(plain, writer)
+    root = node(
+        "fdm_config",
+        _header(database),
+        _metrics(plain.reference),
+        _mass_balance(plain.reference),
+        node("ground_reactions"),
+        _declarations(writer),
+        node("aerodynamics", *_statements(database, writer), *_hysteresis(plain), *writer.definitions, *axes),
+        *([_check_cases(cases)] if cases else []),
+        name=(name),
+        version="2.0",
+        release="BETA",
+    )
+    etree.indent(root)
+    return etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True)
+
+
+def free_properties(database: AeroDatabase) -> dict[str, str]:
+    """Free input -> the JSBSim property that feeds it: that of its source, or one of its own."""
+    found = {}
+    for name, description in database.free_inputs.items():
+        match = _SOURCE_PROPERTY.match(description)
+        lost = match is not None and match[1] == HYSTERESIS and hysteresis_limits(description) is None
+        found[name] = match[1] if match and not lost else f"{OWN_FREE}{name}"
+    return found
+
+
+def input_properties(database: AeroDatabase) -> dict[str, tuple[str, float]]:
+    """Input of `predict` -> JSBSim property and the number that turns it into the input's unit."""
+    free = free_properties(database)
+    return {name: (free[name], 1.0) if name in free else channel_property(name) for name in database.inputs}
+
+
+def _header(database: AeroDatabase) -> Element:
+    text = "; ".join(part for part in (database.name, database.description, database.source) if part)
+    return node("fileheader", node("description", text=(text)))
+
+
+def _metrics(reference: Reference) -> Element:
+    sizes = {
+        "wingarea": ("FT2", reference.area / FOOT**2),
+        "wingspan": ("FT", reference.span / FOOT),
+        "chord": ("FT", reference.chord / FOOT),
+    }
+    elements = [node(tag, text=repr(size), unit=unit) for tag, (unit, size) in sizes.items()]
+    return node("metrics", *elements, _location(reference, "AERORP"))
+
+
+def _location(reference: Reference, name: str) -> Element:
+    """The moment reference in structural axes, which have their origin at the database's datum."""
+    x, y, z = reference.moment_reference
+    structural = {"x": -x / INCH + 0.0, "y": y / INCH, "z": -z / INCH + 0.0}
+    return node("location", *[node(axis, text=repr(position)) for axis, position in structural.items()], name=name, unit="IN")
+
+
+def _mass_balance(reference: Reference) -> Element:
+    inertias = [node(tag, text="1000.0", unit="SLUG*FT2") for tag in ("ixx", "iyy", "izz")]
+    weight = node("emptywt", text="1000.0", unit="LBS")
+    return node("mass_balance", node("documentation", text=_MASS), *inertias, weight, _location(reference, "CG"))
+
+
+def _declarations(writer: FunctionWriter) -> Element:
+    """Properties that nothing else creates; a system, because what stands in the aerodynamics are constants."""
+    paths = sorted({path for path, _ in writer.inputs.values() if not _native(path)})
+    return node("system", *[node("property", text=path, value="0.0") for path in paths], name="aerodynamic inputs")
+
+
+def _native(path: str) -> bool:
+    return path in PROPERTIES or path in _STATE or _NATIVE_CONTROL.fullmatch(path) is not None
+
+
+def _statements(database: AeroDatabase, writer: FunctionWriter) -> Iterable[Element]:
+    yield node("documentation", text=_STATEMENT)
+    for name, (path, scale) in sorted(writer.inputs.items()):
+        if path.startswith((OWN_CHANNEL, OWN_FREE)):
+            meaning = database.free_inputs.get(name) or f"{channel(name).description} [{channel(name).unit}]"
+            yield node("documentation", text=(f"To be set from outside: {path}: {meaning}"))
+        else:
+            factor = f" times {scale!r}" if scale != 1.0 else ""
+            yield node("documentation", text=(f"{name} is {path}{factor}"))
+    if database.increments:
+        flights = sorted({flight for increment in database.increments for flight in increment.flights})
+        text = (
+            "Increments from flights are functions with their envelope rule; their covariance is not part of this file. Flights: "
+        )
+        yield node("documentation", text=(text + (", ".join(flights) or "none named")))
+
+
+def _hysteresis(database: AeroDatabase) -> Iterable[Element]:
+    """The relay that JSBSim runs itself, where a free input is that relay."""
+    for limits in filter(None, map(hysteresis_limits, database.free_inputs.values())):
+        sides = [node(tag, text=repr(limit)) for tag, limit in zip(("min", "max"), limits, strict=True)]
+        yield node("hysteresis_limits", *sides, unit="RAD")
+        return
+
+
+def _axes(database: AeroDatabase, writer: FunctionWriter) -> list[Element]:
+    used = {term.axis for term in database.terms}
+    mixed = bool(used & set(WIND_AXES)) and bool(used & set(_BODY))
+    forces = _WIND if used & set(WIND_AXES) and not mixed else _BODY
+    names = _Names()
+    written: dict[str, list[Element]] = {axis: [] for axis in (*forces, *_MOMENTS)}
+    totals: dict[str, list[Term]] = {axis: [] for axis in WIND_AXES}
+    for term in database.terms:
+        if term.axis in written:
+            written[term.axis].append(_acting(term, writer, names))
+        else:
+            totals[term.axis].append(term)
+    if mixed:
+        for axis, element in _turned(totals, writer, names):
+            written[axis].append(element)
+    theirs = {**forces, **_MOMENTS}
+    return [node("axis", *elements, name=theirs[axis]) for axis, elements in written.items() if elements]
+
+
+def _acting(term: Term, writer: FunctionWriter, names: "_Names") -> Element:
+    note = f"{term.name}: {term.description or term.expression}; {axis_description(term.axis)}"
+    return _force(names.unique(term.name), term.axis, writer.write(term.expression), note)
+
+
+def _force(path: str, axis: str, coefficient: Element, note: str) -> Element:
+    factors = [prop(factor) for factor in FACTORS[axis]]
+    return function(path, node("product", *factors, coefficient), note)
+
+
+def _turned(totals: dict[str, list[Term]], writer: FunctionWriter, names: "_Names") -> Iterable[tuple[str, Element]]:
+    """The terms on wind axes as one function on each body axis."""
+    sums = {f"wind_{axis}": axis for axis in WIND_AXES}
+    for name, axis in sums.items():
+        parts = [writer.write(term.expression) for term in totals[axis]]
+        note = f"{axis}: sum of {', '.join(term.name for term in totals[axis]) or 'nothing'}"
+        writer.define(name, names.unique(f"total_{axis}"), total(parts), note)
+    for axis, text in body_forces(*sums).items():
+        coefficient = writer.write(parse(text))
+        yield axis, _force(names.unique(f"{axis}_of_wind_axes"), axis, coefficient, f"wind axes turned into {axis}")
+
+
+class _Names:
+    """Properties of functions on axes, each used once."""
+
+    def __init__(self) -> None:
+        self._taken: set[str] = set()
+
+    def unique(self, wanted: str) -> str:
+        """``aero/coefficient/...`` with what JSBSim allows in a name."""
+        base = re.sub(r"[^A-Za-z0-9_.-]", "_", wanted)
+        path, count = f"aero/coefficient/{base if base[:1].isalpha() else f'_{base}'}", 1
+        while path in self._taken:
+            count += 1
+            path = f"aero/coefficient/{base if base[:1].isalpha() else f'_{base}'}_{count}"
+        self._taken.add(path)
+        return path
+
+
+def _check_cases(cases: Sequence[CheckCase]) -> Element:
+    """Inputs in SI and the coefficients that the database gives for them; moments about AERORP."""
+    return node("check_cases", node("description", text=_CASES), *[_check_case(case) for case in cases])
+
+
+def _check_case(case: CheckCase) -> Element:
+    inputs = [node("input", text=repr(value), name=name) for name, value in case.inputs.items()]
+    return node("case", *inputs, *[node("output", text=repr(value), axis=axis) for axis, value in case.coefficients.items()])

@@ -1,0 +1,171 @@
+"""JSBSim's functions: ``<function>`` elements become expressions, their tables become tables, properties identifiers.
+
+What a property stands for is decided in `jsbsim`, once all functions are known.
+"""
+
+import re
+from functools import reduce
+from typing import Any, Final, NoReturn
+
+import numpy as np
+
+from aerodb.errors import InputError
+from aerodb.exchange.jsbsim.operations import interpreted
+from aerodb.exchange.jsbsim.properties import OWN_FREE, own_name
+from aerodb.exchange.jsbsim.table import Array, read_table, stack
+from aerodb.exchange.jsbsim.xml_elements import MAX_NAME, read_number
+from aerodb.nomenclature import CHANNELS, is_surface
+from aerodb.tables.algebra import plus, times
+from aerodb.tables.database import CONSTANTS
+from aerodb.tables.expression import MAX_DEPTH, Expression, Name, Negation, Number, TableCall, number
+from aerodb.tables.functions import FUNCTIONS
+from aerodb.tables.table import Table
+
+TEXT: Final = ("description", "documentation", "limitation")
+MAX_FUNCTIONS: Final = 10_000
+MAX_TOTAL: Final = 5_000_000  # numbers in all tables of a file
+_SHORT: Final = {"p": "property", "v": "value", "t": "table"}
+
+
+class Functions:
+    """Functions, tables and properties of one file, as far as read."""
+
+    def __init__(self, where: str) -> None:
+        self.where = where
+        self.identifiers: dict[str, str] = {}  # property -> identifier
+        self.defined: dict[str, tuple[Expression, str]] = {}  # property that a function defines -> expression, description
+        self.tables: dict[str, Table] = {}
+        self._taken: set[str] = {*CHANNELS, *CONSTANTS, *FUNCTIONS}
+        self._counts: dict[str, int] = {}
+        self._numbers = 0
+
+    def refuse(self, element: Any, place: str) -> NoReturn:
+        """The error for an element that the import does not know."""
+        raise InputError(f"unsupported element <{element.tag}> in {place}", self.where, "its effect cannot be left out silently")
+
+    def reserve(self, aerodynamics: Any) -> None:
+        """Gives free inputs of an earlier export their own names, before tables can take them."""
+        for element in aerodynamics.iter("property", "p", "independentVar"):
+            name = (element.text or "").strip().removeprefix("-")
+            if name.startswith(OWN_FREE):
+                self.identifier(name)
+
+    def constant(self, element: Any) -> None:
+        """Takes in ``<property value="...">name</property>``."""
+        value = read_number(element.get("value", "0"), f"{self.where}: <property>")
+        self.defined[(element.text or "").strip()] = (number(value), "constant of the file")
+
+    def function(self, element: Any) -> str:
+        """Reads a function; gives the property that it defines."""
+        name = (element.get("name") or f"function-{len(self.defined) + 1}").strip()
+        if set(element.attrib) - {"name", "type"} or element.get("type", "pre") != "pre":
+            raise InputError(f"unsupported attributes of function {name}: {dict(element.attrib)}", self.where)
+        if len(self.defined) >= MAX_FUNCTIONS:
+            raise InputError(f"more than {MAX_FUNCTIONS} functions", self.where)
+        if name in self.defined:
+            raise InputError(f"function '{name}' stands twice", self.where, "JSBSim refuses it, too: rename one of them")
+        operations = [child for child in element if child.tag not in TEXT]
+        if len(operations) != 1:
+            raise InputError(f"function '{name}' has {len(operations)} operations", self.where, "exactly one is needed")
+        description = " ".join(" ".join(text.text.split()) for text in element if text.tag in TEXT and text.text)
+        self.defined[name] = (self._tree(operations[0], name), description.replace("_", " "))
+        return name
+
+    def identifier(self, name: str) -> str:
+        """The identifier of a property, the same each time."""
+        if not name or len(name) > MAX_NAME:
+            raise InputError(f"a property with a name of {len(name)} characters", self.where, f"at least one, at most {MAX_NAME}")
+        if name not in self.identifiers:
+            self.identifiers[name] = self.unique(own_name(name))
+        return self.identifiers[name]
+
+    def unique(self, wanted: str) -> str:
+        """`wanted` as an identifier that nothing else has."""
+        base = re.sub(r"\W", "_", wanted, flags=re.ASCII)
+        # A name in the form of a surface would be taken for that channel, whatever is counted up behind it.
+        base = f"_{base}" if not base or base[0].isdigit() or is_surface(base) else base
+        name, count = base, self._counts.get(base, 1)
+        while name in self._taken:
+            count += 1
+            name = f"{base}_{count}"
+        self._taken.add(name)
+        self._counts[base] = count
+        return name
+
+    def _tree(self, element: Any, function: str) -> Expression:
+        """An expression that is not deeper than the language allows."""
+        tree = self._node(element, function)
+        if tree.depth > MAX_DEPTH:
+            raise InputError(f"function '{function}' of {tree.depth} levels", self.where, f"at most {MAX_DEPTH}: split it")
+        return tree
+
+    def _node(self, element: Any, function: str) -> Expression:
+        tag = _SHORT.get(element.tag, element.tag)
+        if tag == "value":
+            return number(read_number(element.text, f"{self.where}: {function}"))
+        if tag == "property":
+            return self._property((element.text or "").strip())
+        if tag == "table":
+            return self._inline_table(element, function)
+        elements = [child for child in element if child.tag not in TEXT]
+        if tag == "interpolate1d":
+            return self._interpolation([self._tree(child, function) for child in elements], function)
+        found = interpreted(tag, [self._node(child, function) for child in elements], f"{self.where}: {function}")
+        return found if found is not None else self.refuse(element, f"function {function}")
+
+    def _property(self, name: str) -> Expression:
+        if name.startswith("-"):
+            return Negation(Name(self.identifier(name[1:])))
+        return Name(self.identifier(name))
+
+    def _inline_table(self, element: Any, function: str) -> Expression:
+        if set(element.attrib) - {"name"}:
+            raise InputError(f"unsupported attributes of a table: {dict(element.attrib)}", f"{self.where}: {function}")
+        found = read_table(element, f"{self.where}: {function}")
+        arguments = tuple(self._property(each) for each in found.properties)
+        call = self._table(function, arguments, found.properties, found.breakpoints, found.values)
+        if element.get("name"):
+            self.defined[element.get("name")] = (call, f"table of {function}")
+        return call
+
+    def _table(
+        self, function: str, arguments: tuple[Expression, ...], labels: tuple[str, ...], axes: tuple[Array, ...], values: Array
+    ) -> TableCall:
+        self._numbers += values.size
+        if self._numbers > MAX_TOTAL:
+            raise InputError(
+                f"tables of more than {MAX_TOTAL} numbers", self.where, "their slices stand on different breakpoints"
+            )
+        name = self.unique(function.rsplit("/", 1)[-1])
+        try:
+            self.tables[name] = Table(name, labels, axes, values)
+        except InputError as error:
+            raise InputError(error.what, f"{self.where}: {error.where}", error.remedy) from None
+        return TableCall(name, arguments)
+
+    def _interpolation(self, children: list[Expression], function: str) -> Expression:
+        """``interpolate1d``: x, then pairs of breakpoint and value; linear in between and held outside.
+
+        Tables at the breakpoints become one table with one more axis; anything else is weighted by a table of hats.
+        """
+        where = f"{self.where}: {function}"
+        if len(children) < 5 or len(children) % 2 == 0:
+            raise InputError(f"<interpolate1d> with {len(children)} operands", where, "x and two or more pairs are needed")
+        x, levels = children[0], np.array([_constant(level, where) for level in children[1::2]])
+        ordinates, label = children[2::2], str(x)
+        calls = [each for each in ordinates if isinstance(each, TableCall)]
+        if len(calls) == len(ordinates) == len({call.table for call in calls}) and len({c.arguments for c in calls}) == 1:
+            parts = [self.tables.pop(call.table) for call in calls]
+            axes, values = stack(levels, [(part.breakpoints, part.values) for part in parts], where)
+            return self._table(function, (*calls[0].arguments, x), (*parts[0].arguments, label), axes, values)
+        indices = np.arange(levels.size, dtype=np.float64)
+        hats = self._table(function, (x, Number(0)), (label, "index"), (levels, indices), np.eye(levels.size))
+        return reduce(plus, [times(TableCall(hats.table, (x, Number(k))), y) for k, y in enumerate(ordinates)])
+
+
+def _constant(expression: Expression, where: str) -> float:
+    if isinstance(expression, Number):
+        return expression.value
+    if isinstance(expression, Negation) and isinstance(expression.operand, Number):
+        return -expression.operand.value
+    raise InputError("breakpoints of <interpolate1d> that are not numbers", where)

@@ -1,0 +1,205 @@
+"""Expressions as JSBSim's XML functions.
+
+Where JSBSim lacks a function it is rewritten in those that it has; its tables look up properties only, so that other
+arguments become functions of their own. Its sign of zero is 1 and its conditions take nothing but 0 and 1: here both are as in
+`aerodb.tables.functions`.
+"""
+
+from collections.abc import Mapping
+from typing import Final
+
+from aerodb.errors import InputError
+from aerodb.exchange.jsbsim.elements import Axis, Element, function, node, prop, snapped, table, value
+from aerodb.exchange.jsbsim.properties import CHANNEL_PROPERTIES, FOOT, OWN_ARGUMENT, OWN_CHANNEL, OWN_VARIABLE, QBAR
+from aerodb.tables.database import AeroDatabase
+from aerodb.tables.expression import Call, Expression, Name, Negation, Number, Operation, TableCall, parse
+from aerodb.tables.functions import COMPARISONS
+from aerodb.tables.table import Table
+
+_CONSTANTS: Final = {"S_ref": ("metrics/Sw-sqft", FOOT**2), "c_ref": ("metrics/cbarw-ft", FOOT), "b_ref": ("metrics/bw-ft", FOOT)}
+_HAT_RATES: Final = {
+    "p_hat": parse("p*(b_ref/2)/V"),
+    "q_hat": parse("q*(c_ref/2)/V"),
+    "r_hat": parse("r*(b_ref/2)/V"),
+    "alphadot_hat": parse("alphadot*(c_ref/2)/V"),
+}
+_OPERATIONS: Final = {"+": "sum", "-": "difference", "*": "product", "/": "quotient", "^": "pow"}
+_SAME: Final = ("abs", "min", "max", "sqrt", "exp", "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "floor", "ceil")
+_CALLS: Final = {
+    **{name: name for name in _SAME},
+    **{name: name for name in COMPARISONS},
+    "ne": "nq",
+    "log": "ln",
+    "log10": "log10",
+    "rem": "fmod",
+}
+_MOST_EXTRAPOLATED: Final = 4  # each makes three tables of one
+#: Least values of what is divided by: an aircraft that stands still has coefficients, if useless ones, and no force.
+_LEAST: Final = {"velocities/vt-fps": 1e-6, QBAR: 1e-9}
+#: Functions of x (and y) that JSBSim lacks, in those that it has.
+_REWRITTEN: Final = {
+    "sign": "(x > 0) - (x < 0)",
+    "step": "x > 0",
+    "sinh": "(exp(x) - exp(-x))/2",
+    "cosh": "(exp(x) + exp(-x))/2",
+    "tanh": "1 - 2/(exp(2*x) + 1)",
+    "asinh": "((x > 0) - (x < 0))*log(abs(x) + sqrt(x*x + 1))",
+    "acosh": "log(x + sqrt(x*x - 1))",
+    "atanh": "log((1 + x)/(1 - x))/2",
+    "root": "piecewise(abs(x)^(1/y), x >= 0, -abs(x)^(1/y), rem(abs(y), 2) == 1, sqrt(-1))",
+    "clip": "min(max(x, y), z)",
+}
+
+
+class FunctionWriter:
+    """Writes the expressions of one database. `definitions` are the functions that they use, in the order of evaluation:
+    JSBSim computes a function that stands later from the step before.
+
+    paths : name -> property that holds it, for free inputs and whatever else stands in expressions to be written.
+    """
+
+    def __init__(self, database: AeroDatabase, paths: Mapping[str, str]) -> None:
+        self._database = database
+        self._paths = dict(paths)
+        self._defined: dict[Expression, str] = {}
+        self._arguments = 0
+        self._bound: dict[str, str] = {}  # names of a rewritten function's form
+        self.definitions: list[Element] = []
+        self.inputs: dict[str, tuple[str, float]] = {}  # channel or free input used -> property and scale
+
+    def define(self, name: str, path: str, operation: Element, description: str) -> None:
+        """A function of its own, known as `name` to expressions written later."""
+        self._paths[name] = path
+        self.definitions.append(function(path, operation, description))
+
+    def write(self, expression: Expression) -> Element:
+        """`expression` as an element that can stand inside a function."""
+        if isinstance(expression, Number):
+            return value(expression.value)
+        if isinstance(expression, Name):
+            return self._name(expression.name)
+        if isinstance(expression, Negation):
+            operand = expression.operand
+            return value(-operand.value) if isinstance(operand, Number) else node("product", value(-1.0), self.write(operand))
+        if isinstance(expression, Operation):
+            return node(_OPERATIONS[expression.operator], *[self.write(each) for each in _operands(expression)])
+        if isinstance(expression, Call):
+            return self._call(expression)
+        if isinstance(expression, TableCall):
+            return self._table(expression)
+        raise self._unwritable(f"'{expression}'")
+
+    def _unwritable(self, what: str) -> InputError:
+        return InputError(f"{what} has no form in JSBSim", f"database {self._database.name}", "another format may carry it")
+
+    def _name(self, name: str) -> Element:
+        if name in self._bound:
+            return prop(self._bound[name])
+        if name in self._database.variables:
+            return prop(self._variable(name))
+        if name in _HAT_RATES and name not in self._paths:
+            return self.write(_HAT_RATES[name])
+        path, scale = self._source(name)
+        read = node("max", prop(path), value(_LEAST[path])) if path in _LEAST else prop(path)
+        return read if scale == 1.0 else node("product", read, value(scale))
+
+    def _source(self, name: str) -> tuple[str, float]:
+        """Property and scale of a constant, a channel or a free input."""
+        if name in _CONSTANTS:
+            return _CONSTANTS[name]
+        if name in self._paths and name not in self._database.free_inputs:
+            return self._paths[name], 1.0
+        source = (self._paths[name], 1.0) if name in self._paths else channel_property(name)
+        self.inputs[name] = source
+        return source
+
+    def _variable(self, name: str) -> str:
+        path = f"{OWN_VARIABLE}{name}"
+        if Name(name) not in self._defined:
+            variable = self._database.variables[name]
+            operation = self.write(variable.expression)
+            self._defined[Name(name)] = path
+            self.definitions.append(function(path, operation, variable.description))
+        return path
+
+    def _property(self, expression: Expression) -> str:
+        """A property that holds `expression`, for a table to look up."""
+        if isinstance(expression, Name):
+            if expression.name in self._database.variables:
+                return self._variable(expression.name)
+            if expression.name not in _HAT_RATES and self._source(expression.name)[1] == 1.0:
+                return self._source(expression.name)[0]
+        if expression not in self._defined:
+            self._defined[expression] = self._argument(self.write(expression), str(expression))
+        return self._defined[expression]
+
+    def _argument(self, operation: Element, description: str) -> str:
+        self._arguments += 1
+        path = f"{OWN_ARGUMENT}x{self._arguments}"
+        self.definitions.append(function(path, operation, description))
+        return path
+
+    def _call(self, call: Call) -> Element:
+        name, arguments = call.function, call.arguments
+        if name in _CALLS:
+            return node(_CALLS[name], *[self.write(each) for each in arguments])
+        if name in ("and", "or", "not"):
+            return node(name, *[self._condition(each) for each in arguments])
+        if name == "piecewise":
+            return self._piecewise(arguments)
+        if name in _REWRITTEN:
+            return self._rewritten(parse(_REWRITTEN[name]), arguments)
+        raise self._unwritable(f"function '{name}'")
+
+    def _rewritten(self, form: Expression, arguments: tuple[Expression, ...]) -> Element:
+        """`form` with x, y, z for the arguments: each computed once, in a function of its own."""
+        self._bound = {name: self._property(each) for name, each in zip("xyz", arguments, strict=False)}
+        element = self.write(form)
+        self._bound = {}
+        return element
+
+    def _condition(self, expression: Expression) -> Element:
+        """Zero or one: what is not a comparison is compared with zero."""
+        truth = isinstance(expression, Call) and expression.function in {*COMPARISONS, "and", "or", "not", "step"}
+        return self.write(expression) if truth else node("nq", self.write(expression), value(0.0))
+
+    def _piecewise(self, pieces: tuple[Expression, ...]) -> Element:
+        """Nested choices; without a last value, the root of a negative number, which is none."""
+        element = self.write(pieces[-1]) if len(pieces) % 2 else node("sqrt", value(-1.0))
+        for chosen, condition in reversed(list(zip(pieces[:-1:2], pieces[1::2], strict=True))):
+            element = node("ifthen", self._condition(condition), self.write(chosen), element)
+        return element
+
+    def _table(self, call: TableCall) -> Element:
+        """A table without its axes of one breakpoint, on which it is constant."""
+        found = self._database.tables.get(call.table)
+        if found is None:
+            raise self._unwritable(f"table '{call.table}' on scattered points")
+        kept = [k for k, axis in enumerate(found.breakpoints) if axis.size > 1]
+        if sum(word != "neither" for word in found.extrapolation) > _MOST_EXTRAPOLATED:
+            raise self._unwritable(f"table '{call.table}' with more than {_MOST_EXTRAPOLATED} extrapolated axes")
+        axes = [self._axis(found, k, call.arguments[k]) for k in kept]
+        return table(axes, found.values.reshape([axis.breakpoints.size for axis in axes]))
+
+    def _axis(self, found: Table, k: int, argument: Expression) -> Axis:
+        way = found.interpolation[k] if found.interpolation else "linear"
+        beyond = found.extrapolation[k] if found.extrapolation else "neither"
+        axis = Axis(self._property(argument), found.breakpoints[k], way, beyond)
+        if way == "linear":
+            return axis
+        return Axis(self._argument(snapped(axis), f"{argument}: {way} of the breakpoints"), axis.breakpoints)
+
+
+def channel_property(name: str) -> tuple[str, float]:
+    """Property that holds a channel (one of its own where JSBSim has none) and the number that gives the channel's unit."""
+    return CHANNEL_PROPERTIES.get(name, (f"{OWN_CHANNEL}{name}", 1.0))
+
+
+def _operands(operation: Operation) -> list[Expression]:
+    """Operands of a chain of one operator that associates to the left, as JSBSim's folds do."""
+    operands = [operation.right]
+    left = operation.left
+    while operation.operator in "+-*" and isinstance(left, Operation) and left.operator == operation.operator:
+        operands.append(left.right)
+        left = left.left
+    return [left, *reversed(operands)]

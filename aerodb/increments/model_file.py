@@ -1,0 +1,135 @@
+"""The model file: which increments are declared for estimation (Phoenix, 003 eq. 7, as data).
+
+```toml
+[[increment]]
+axis = "CZ"
+terms = ["1", "alpha", "q_hat", "delta_body_flap"]
+breaks = {alpha = [0.175]}          # one slope per interval, continuous unless jump = true
+prior = {q_hat = [-5.0, 2.0]}       # value, one sigma
+bounds = {alpha = [-1.0, 1.0]}
+fixed = {delta_body_flap = 0.0}
+own_constants = true                # every flight has its own; the 1 that enters is their mean
+```
+
+A term is any expression over canonical channels. Slopes after a break are named ``alpha > 0.175``. With one constant for all
+flights, what differs between them from flight to flight (trim, CG, loading) pulls at the slopes; `own_constants` keeps it out.
+"""
+
+import tomllib
+from collections.abc import Iterable
+from dataclasses import dataclass
+from itertools import pairwise
+
+from pydantic import Field, model_validator
+
+from aerodb.errors import InputError, nearest
+from aerodb.nomenclature import AXES
+from aerodb.support.strict import Strict, validated
+from aerodb.tables.expression import Expression, parse
+
+#: Axes on which an increment may stand: the body axes and the wind axes of the same forces.
+INCREMENT_AXES = (*AXES, "C_lift", "C_drag", "C_side")
+
+#: The term that is a constant.
+CONSTANT = "1"
+
+
+class DeclaredIncrement(Strict):
+    """One axis of the model file; see the module's text."""
+
+    axis: str
+    terms: tuple[str, ...] = Field(min_length=1)
+    breaks: dict[str, tuple[float, ...]] = {}
+    jump: bool = False
+    prior: dict[str, tuple[float, float]] = {}
+    bounds: dict[str, tuple[float, float]] = {}
+    fixed: dict[str, float] = {}
+    own_constants: bool = False
+
+    @model_validator(mode="after")
+    def _consistent(self) -> "DeclaredIncrement":
+        if self.axis not in INCREMENT_AXES:
+            raise ValueError(f"unknown axis '{self.axis}'; {nearest(self.axis, INCREMENT_AXES)}")
+        if len(set(self.terms)) != len(self.terms):
+            raise ValueError("a term stands twice")
+        if self.own_constants and CONSTANT not in self.terms:
+            raise ValueError("own_constants without the term '1', whose value they are")
+        for name, points in self.breaks.items():
+            if name not in self.terms:
+                raise ValueError(f"breaks of '{name}', which is no term; {nearest(name, self.terms)}")
+            if any(b <= a for a, b in pairwise(points)):
+                raise ValueError(f"breaks of '{name}' must increase")
+        names = [regressor.name for regressor in expand(self)]
+        for label, entries in (("prior", self.prior), ("bounds", self.bounds), ("fixed", self.fixed)):
+            for name in entries:
+                if name not in names:
+                    raise ValueError(f"{label} of '{name}', which is no term; {nearest(name, names)}")
+        for name, (low, high) in self.bounds.items():
+            if low >= high:
+                raise ValueError(f"bounds of '{name}' must be (lower, upper)")
+        for name, (_, sigma) in self.prior.items():
+            if sigma <= 0:
+                raise ValueError(f"prior of '{name}' needs a positive sigma")
+        return self
+
+
+class ModelFile(Strict):
+    """All declared increments; one entry per axis."""
+
+    increment: tuple[DeclaredIncrement, ...] = Field(min_length=1)
+
+    @model_validator(mode="after")
+    def _once(self) -> "ModelFile":
+        axes = [entry.axis for entry in self.increment]
+        if len(set(axes)) != len(axes):
+            raise ValueError("an axis is declared twice")
+        return self
+
+
+@dataclass(frozen=True)
+class Regressor:
+    """A column of the regression: the name people read and the expression that gives it."""
+
+    name: str
+    expression: Expression
+
+
+def expand(declared: DeclaredIncrement) -> tuple[Regressor, ...]:
+    """Regressors of a declared increment: each term, split into one slope per interval where breaks are given.
+
+    >>> [str(r.name) for r in expand(DeclaredIncrement(axis="CZ", terms=("1", "alpha"), breaks={"alpha": (0.175,)}))]
+    ['1', 'alpha', 'alpha > 0.175']
+    """
+    regressors: list[Regressor] = []
+    for term in declared.terms:
+        edges = declared.breaks.get(term, ())
+        if not edges:
+            regressors.append(Regressor(term, parse(term)))
+            continue
+        regressors.append(Regressor(term, parse(f"min({term}, {edges[0]!r})")))
+        for low, high in zip(edges, (*edges[1:], None), strict=True):
+            part = f"max({term} - {low!r}, 0)" if high is None else f"clip({term} - {low!r}, 0, {high - low!r})"
+            regressors.append(Regressor(f"{term} > {low:g}", parse(part)))
+            if declared.jump:
+                regressors.append(Regressor(f"{term} jump at {low:g}", parse(f"step({term} - {low!r})")))
+    return tuple(regressors)
+
+
+def parse_model_file(text: str, where: str = "model file") -> ModelFile:
+    """A ModelFile from TOML text; InputError says which key is wrong and offers the nearest known one."""
+    try:
+        data = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"not valid TOML: {error}", where) from error
+    return validated(ModelFile, data, where)
+
+
+def check_channels(model: ModelFile, known: Iterable[str], where: str = "model file") -> None:
+    """Raises InputError, with the nearest known name, for a term that uses a channel the flights do not have."""
+    names = set(known)
+    for declared in model.increment:
+        for regressor in expand(declared):
+            for name in sorted(regressor.expression.names):
+                if name not in names:
+                    what = f"increment on {declared.axis}: no channel '{name}' in these flights"
+                    raise InputError(what, where, nearest(name, names))

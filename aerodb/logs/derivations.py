@@ -1,0 +1,49 @@
+"""Derivations: channels that a log does not hold as such but that follow from the fields of one topic, by name."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aerodb.physics.frames import euler_321_from_enu_quaternion, euler_321_from_quaternion
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Method:
+    """A computation on fields: SI units of its arguments and results.
+
+    Empty `inputs_unit` or `outputs`: any number of arguments, all in the unit of the one channel that results.
+    """
+
+    compute: Callable[..., tuple[Array, ...]]
+    inputs: int
+    input_unit: str
+    outputs: tuple[str, ...]
+
+
+def _sum(*parts: Array) -> tuple[Array, ...]:
+    return (np.sum(parts, axis=0),)
+
+
+def _mean(*parts: Array) -> tuple[Array, ...]:
+    return (np.mean(parts, axis=0),)
+
+
+def _norm(*parts: Array) -> tuple[Array, ...]:
+    return (np.sqrt(np.sum(np.square(parts), axis=0)),)
+
+
+_ANGLES = ("phi", "theta", "psi")
+
+#: `inputs` 0: as many as given, in the unit of the result.
+METHODS: Final[Mapping[str, Method]] = {
+    "euler_321_from_quaternion": Method(euler_321_from_quaternion, 4, "1", _ANGLES),
+    "euler_321_from_enu_quaternion": Method(euler_321_from_enu_quaternion, 4, "1", _ANGLES),
+    "sum": Method(_sum, 0, "", ()),
+    "mean": Method(_mean, 0, "", ()),
+    "norm": Method(_norm, 0, "", ()),
+}

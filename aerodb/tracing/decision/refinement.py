@@ -1,0 +1,258 @@
+"""What was found, fitted once more beside the candidate that has it: its gain, and its shape inside the envelope.
+
+Votes were weighed by the noise of a residual that still held the effect. Beside the candidate the noise is what is left, and all
+terms stand together: their gains are estimated anew. Then a gain may change from node to node of a variable
+(`aerodb.effects.spline`), shrunk towards no change by a ridge that flights choose which are left out. Either stays only if it
+predicts left-out flights better, flight after flight: new gains better than the old ones, a finer shape better than the best
+gains. All of it is algebra on whitened Grams: trims and sensors, with their priors, stand beside it as in tracing.
+"""
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aerodb.coefficients.comparison import Comparison
+from aerodb.effects.flight_view import view_of
+from aerodb.effects.hypothesis import Hypothesis
+from aerodb.effects.spline import ramp_terms, spline_over, variables_of
+from aerodb.flight import Array, Flight
+from aerodb.support.parallel import in_threads
+from aerodb.tables.database import AeroDatabase
+from aerodb.tracing.decision.findings import Finding
+from aerodb.tracing.estimates.campaign import campaign
+from aerodb.tracing.estimates.per_flight import Campaign
+from aerodb.tracing.estimates.significance import paired_p
+from aerodb.tracing.evidence.flight_evidence import evidence_of
+from aerodb.tracing.evidence.normal_equations import gram
+from aerodb.tracing.settings import Settings
+from aerodb.vehicle import Vehicle
+
+Folds = NDArray[np.intp]
+
+#: Ridge on the change of the gain over one interval, in parts of the term's own information; the last is as good as the template.
+RIDGES: Final = (1e-4, 1e-3, 1e-2, 1e-1, 1.0)
+#: Flights (or folds of them) from which a shape may be judged.
+FEWEST: Final = 4
+#: Least part by which a finer shape must lower the error of left-out flights: less is no flight's worth of table nodes.
+WORTH: Final = 0.02
+#: Trace of ridge: a direction that no flight shows must not stop the others.
+_TRACE: Final = 1e-9
+
+
+@dataclass(frozen=True)
+class Refined:
+    """What enters in place of the templates: terms, all with increments, their values (k,) and covariance (k, k).
+
+    The first are the templates, whose values are corrections of those already in the candidate; the others their ramps.
+    variables : id of a template -> variables over which its shape was made finer; empty where only gains are new. fall : id ->
+    part by which the whitened error that the best gains leave falls on flights that were left out.
+    """
+
+    terms: tuple[Hypothesis, ...]
+    values: Array
+    covariance: Array
+    variables: dict[str, tuple[str, ...]]
+    fall: dict[str, float]
+
+    def beside(self, values: Array, covariance: Array) -> tuple[Array, Array]:
+        """Values (k,) and covariance (k, k) of all terms, templates with what tracing gave them: values (t,), covariance (t, t).
+
+        What tracing is less sure of than this fit, sensors above all, is a gain common to a whole term: it is added there.
+        """
+        count = len(values)
+        total, joint = self.values.copy(), self.covariance.copy()
+        total[:count] += values
+        for place in range(count):
+            joint[place, place] += max(0.0, float(covariance[place, place] - self.covariance[place, place]))
+        return total, joint
+
+
+def beside_wrong_shapes(findings: Sequence[Finding], axes: Collection[str]) -> tuple[Finding, ...]:
+    """The findings of a later round, those on body axes where a template's shape has been shown to be wrong suspected at most.
+
+    A finer shape follows nodes, not the truth: what it leaves is found again flight after flight, and looks like an effect.
+    """
+    because = "; but on this axis an earlier term has another shape than its template, of which this may be the rest"
+    return tuple(
+        replace(f, verdict="suspected", because=f.because + because)
+        if f.verdict in ("confirmed", "alias_group") and set(f.axis) & set(axes)
+        else f
+        for f in findings
+    )
+
+
+def refined(
+    flights: Sequence[tuple[Flight, Comparison]],
+    candidate: AeroDatabase,
+    vehicle: Vehicle,
+    accepted: Sequence[Hypothesis],
+    sensors: Sequence[Hypothesis],
+    settings: Settings,
+) -> Refined | None:
+    """New gains and finer shapes of the `accepted` terms, which `candidate` holds already; None where they are not better, or
+    flights are too few to say so.
+
+    flights : with their comparisons beside the candidate. sensors : hypotheses that stand beside with their priors.
+    """
+    if len(flights) < FEWEST or not accepted:
+        return None
+    views = in_threads(lambda given: view_of(*given, candidate, vehicle), flights)
+    options: list[tuple[int, str, tuple[Hypothesis, ...]]] = []
+    for place, hypothesis in enumerate(accepted):
+        for variable in variables_of(hypothesis) if len(hypothesis.increment) == 1 else ():
+            spline = spline_over(variable, hypothesis, views)
+            if spline is not None:
+                options.append((place, variable, ramp_terms(hypothesis, spline)))
+    columns = [*accepted, *(ramp for _, _, ramps in options for ramp in ramps)]
+    library = [*columns, *sensors]
+    grams = in_threads(
+        lambda given: gram(evidence_of(*given[0], candidate, vehicle, library, view=given[1]), settings),
+        zip(flights, views, strict=True),
+    )
+    of = [*range(len(accepted)), *(place for place, _, ramps in options for _ in ramps)]
+    problem = _problem(campaign(grams, library), of, settings)
+    edges = np.cumsum([len(accepted), *(len(ramps) for _, _, ramps in options)]).tolist()
+    groups = [tuple(range(start, stop)) for start, stop in pairwise(edges)]
+    chosen = searched(problem, groups, len(accepted), settings)
+    if not chosen and not _better_gains(problem, len(accepted), settings):
+        return None
+    active = [*range(len(accepted)), *(i for each in chosen for i in groups[each.option])]
+    values, covariance = problem.estimate(active, _ridge(problem, groups, chosen)[active], settings.prior_dof)
+    variables: dict[str, tuple[str, ...]] = {}
+    fall: dict[str, float] = {}
+    for each in chosen:
+        place, variable, _ = options[each.option]
+        id = accepted[place].id
+        variables[id] = (*variables.get(id, ()), variable)
+        fall[id] = fall.get(id, 0.0) + each.fall
+    return Refined(tuple(columns[i] for i in active), values, covariance, variables, fall)
+
+
+@dataclass(frozen=True)
+class ShapeProblem:
+    """Whitened products beside trims and sensors, of all flights or of as many folds of them: square (g, k, k), right (g, k),
+    total (g,). Each column counts in units (k,) of its own template's: scaled parameter = parameter * unit."""
+
+    square: Array
+    right: Array
+    total: Array
+    unit: Array
+
+    def solved(self, folds: Folds, active: Sequence[int], ridge: Array) -> Array:
+        """(k,) the values that these folds give; zero where not active."""
+        found = np.zeros(len(self.unit))
+        square = self.square[folds].sum(axis=0)[np.ix_(active, active)]
+        right = self.right[folds].sum(axis=0)[list(active)]
+        found[list(active)] = np.linalg.solve(square + np.diag(len(folds) * ridge[list(active)] + _TRACE), right)
+        return found
+
+    def gain(self, fold: int, values: Array) -> float:
+        """Fall of the sum of squares of a fold under these values."""
+        return float(2.0 * values @ self.right[fold] - values @ self.square[fold] @ values)
+
+    def left_out(self, folds: Folds, active: Sequence[int], ridge: Array) -> Array:
+        """Gain of each of the folds under the values of the others."""
+        return np.array([self.gain(out, self.solved(folds[folds != out], active, ridge)) for out in folds.tolist()])
+
+    def estimate(self, active: Sequence[int], ridge: Array, prior_dof: float) -> tuple[Array, Array]:
+        """Values (k,) and covariance (k, k) of the active columns in their own units.
+
+        The covariance is that over flights (sandwich), moderated as in tracing by that of whitened noise.
+        """
+        index = list(active)
+        count = len(self.total)
+        square = self.square[:, index][:, :, index]
+        inverse = np.linalg.inv(square.sum(axis=0) + np.diag(count * ridge + _TRACE))
+        values = inverse @ self.right[:, index].sum(axis=0)
+        score = self.right[:, index] - square @ values - ridge * values
+        within = inverse @ square.sum(axis=0) @ inverse
+        between = inverse @ (score.T @ score) @ inverse * (count / (count - 1.0))
+        excess = max(1.0, float(np.median(np.diagonal(between) / np.diagonal(within))))
+        covariance = (prior_dof * excess * within + (count - 1.0) * between) / (prior_dof + count - 1.0)
+        unit = self.unit[index]
+        return values / unit, covariance / np.outer(unit, unit)
+
+
+def _problem(found: Campaign, of: Sequence[int], settings: Settings) -> ShapeProblem:
+    """The first columns of a campaign beside its sensors; of : column -> place of its template among them."""
+    k, sensors = len(of), list(found.sensors)
+    matrix, wanted = found.products.matrix, [*range(k), -1]
+    among = matrix[:, sensors][:, :, sensors] + np.diag(found.precision[sensors])
+    across = matrix[:, sensors][:, :, wanted]
+    left = matrix[:, wanted][:, :, wanted] - across.transpose(0, 2, 1) @ np.linalg.solve(among, across)
+    unit = found.scale[list(of)]
+    ratio = np.r_[found.scale[:k] / unit, 1.0]
+    left = left * np.outer(ratio, ratio)
+    folds = np.array_split(np.arange(len(left)), min(len(left), settings.folds))
+    joined = np.stack([left[fold].sum(axis=0) for fold in folds])
+    return ShapeProblem(joined[:, :k, :k], joined[:, :k, k], joined[:, k, k], unit)
+
+
+def _better_gains(problem: ShapeProblem, terms: int, settings: Settings) -> bool:
+    """Whether the gains that the other folds give predict a fold better than those that the candidate has."""
+    folds = np.arange(len(problem.total))
+    gains = problem.left_out(folds, range(terms), np.zeros(len(problem.unit)))
+    return paired_p(gains, np.zeros(len(gains))) < settings.level
+
+
+@dataclass(frozen=True)
+class Choice:
+    """One option taken: its number, its ridge, and by what part it lowers what is left on flights that were left out."""
+
+    option: int
+    ridge: float
+    fall: float
+
+
+def _ridge(problem: ShapeProblem, groups: Sequence[tuple[int, ...]], chosen: Sequence[Choice]) -> Array:
+    found = np.zeros(len(problem.unit))
+    for each in chosen:
+        found[list(groups[each.option])] = each.ridge
+    return found
+
+
+def searched(problem: ShapeProblem, groups: Sequence[tuple[int, ...]], terms: int, settings: Settings) -> list[Choice]:
+    """Options one after the other, the one that predicts left-out flights best first, until none does so significantly."""
+    chosen: list[Choice] = []
+    folds = np.arange(len(problem.total))
+    while len(chosen) < len(groups):
+        active = [*range(terms), *(i for each in chosen for i in groups[each.option])]
+        ridge = _ridge(problem, groups, chosen)
+        before = problem.left_out(folds, active, ridge)
+        best: Choice | None = None
+        for option in sorted(set(range(len(groups))) - {each.option for each in chosen}):
+            wider = [*active, *groups[option]]
+            after = _nested(problem, wider, groups[option], ridge)
+            fall = float((after - before).sum() / (problem.total - before).sum())
+            better = fall > WORTH and paired_p(after, before) < settings.level / len(groups)
+            if better and (best is None or fall > best.fall):
+                best = Choice(option, _best_ridge(problem, folds, wider, groups[option], ridge), fall)
+        if best is None:
+            break
+        chosen.append(best)
+    return chosen
+
+
+def _nested(problem: ShapeProblem, active: Sequence[int], group: tuple[int, ...], ridge: Array) -> Array:
+    """Gain of each fold under values and a ridge that the others chose."""
+    folds = np.arange(len(problem.total))
+    found = []
+    for out in folds.tolist():
+        others = folds[folds != out]
+        chosen = _with(ridge, group, _best_ridge(problem, others, active, group, ridge))
+        found.append(problem.gain(out, problem.solved(others, active, chosen)))
+    return np.array(found)
+
+
+def _best_ridge(problem: ShapeProblem, folds: Folds, active: Sequence[int], group: tuple[int, ...], ridge: Array) -> float:
+    return max(RIDGES, key=lambda weight: float(problem.left_out(folds, active, _with(ridge, group, weight)).sum()))
+
+
+def _with(ridge: Array, group: tuple[int, ...], weight: float) -> Array:
+    found = ridge.copy()
+    found[list(group)] = weight
+    return found

@@ -1,0 +1,170 @@
+"""From the Grams of several flights to findings: decide, explain, repeat without some flights, bound the rest."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from aerodb.effects.hypothesis import Hypothesis
+from aerodb.errors import InputError
+from aerodb.tracing.decision.explanation_sets import Explanation, explain
+from aerodb.tracing.decision.findings import Finding, NotFound, Traced, Verdict, with_unit
+from aerodb.tracing.decision.next_flight import next_flights
+from aerodb.tracing.decision.selection import SUSPICION, Court, Decision, cast, decide, left_out_gains
+from aerodb.tracing.estimates.campaign import campaign
+from aerodb.tracing.estimates.significance import Tested
+from aerodb.tracing.evidence.normal_equations import Gram
+from aerodb.tracing.settings import Settings
+
+
+def trace(
+    grams: Sequence[Gram], hypotheses: Sequence[Hypothesis], settings: Settings, earlier: Mapping[str, float] | None = None
+) -> Traced:
+    """Which of the hypotheses stand behind the residuals of these flights.
+
+    grams : one per flight (or independent manoeuvre), made with these settings; hypotheses : the whole frozen library,
+    whatever a flight excites: the error rate is over all of them. earlier : id -> value of terms that the database got in
+    earlier rounds: what is left of their shape is no second effect.
+
+    Raises InputError without flights, without hypotheses, for a flight given twice, for a Gram of another library.
+    """
+    if not grams or not hypotheses:
+        raise InputError("nothing to trace", "tracing", "give at least one flight's Gram and one hypothesis")
+    grams, notes = _once(grams)
+    court = Court(campaign(grams, hypotheses, earlier), tuple(range(len(grams))), settings)
+    decision = decide(court)
+    places = (*decision.terms, *decision.freed)
+    explanations = [explain(court, decision, place) for place in places]
+    repeated = _repeated(court)
+    findings = [_finding(court, decision, explanation, repeated) for explanation in explanations]
+    findings.sort(key=lambda finding: finding.p_adjusted)
+    test = _final(court, decision)
+    explained = {*places, *(i for e in explanations for i in (*e.rivals, *e.sensors))}
+    rest = [i for i in range(len(hypotheses)) if i not in explained]
+    if len(grams) < settings.fewest:
+        notes.append(f"{len(grams)} flights: below {settings.fewest} no error rate can be promised and nothing is confirmed")
+    return Traced(
+        flights=court.campaign.flights,
+        findings=tuple(findings),
+        not_found=tuple(_not_found(hypotheses[i], test, i, settings) for i in rest),
+        next_flight=next_flights(court, decision, explanations, grams),
+        notes=tuple(notes),
+        settings_sha256=settings.sha256,
+    )
+
+
+def _once(grams: Sequence[Gram]) -> tuple[list[Gram], list[str]]:
+    """Each flight once: a Gram equal to an earlier one under another name is the same flight, and is left out."""
+    kept: list[Gram] = []
+    alike: dict[str, list[Gram]] = {}
+    notes = []
+    for gram in grams:
+        seen = alike.setdefault(f"{gram.matrix[-1, -1]:.6e}", [])
+        twin = next((g for g in seen if g.hypotheses == gram.hypotheses and np.allclose(g.matrix, gram.matrix, rtol=1e-9)), None)
+        if twin is not None and twin.flight != gram.flight:
+            notes.append(f"{gram.flight} has the samples of {twin.flight}: one flight, one vote; left out")
+        else:
+            seen.append(gram)
+            kept.append(gram)
+    return kept, notes
+
+
+def _repeated(court: Court) -> list[tuple[tuple[int, ...], Decision]]:
+    """The decision without one fold of the flights after another."""
+    count = min(court.settings.folds, len(court.flights))
+    if count < 2:
+        return []
+    folds = [tuple(int(i) for i in fold) for fold in np.array_split(np.array(court.flights), count)]
+    return [(fold, decide(court.without(fold))) for fold in folds]
+
+
+def _final(court: Court, decision: Decision) -> Tested:
+    return court.tested(decision.terms, decision.freed)
+
+
+def _finding(
+    court: Court, decision: Decision, explanation: Explanation, repeated: list[tuple[tuple[int, ...], Decision]]
+) -> Finding:
+    place = explanation.place
+    hypotheses = court.campaign.hypotheses
+    hypothesis = hypotheses[place]
+    fewest = SUSPICION if place in decision.suspected else court.settings.fewest
+    test = court.tested(decision.terms, decision.freed, fewest)
+    votes = court.votes(decision.terms, decision.freed)
+    verdict = _verdict(decision, explanation)
+    gains = left_out_gains(votes, test, place)
+    again = sum(place in (*d.terms, *d.freed) for _, d in repeated)
+    on = np.flatnonzero(test.voters[:, place])
+    names = (place, *explanation.rivals, *explanation.sensors)
+    return Finding(
+        hypothesis=hypothesis.id,
+        effect=hypothesis.effect,
+        axis=tuple(hypothesis.axes),
+        subject=hypothesis.subject,
+        verdict=verdict,
+        parameter=hypothesis.parameter,
+        unit=hypothesis.unit,
+        value=float(test.mean[place]),
+        ci95=test.interval(place),
+        p_adjusted=float(test.adjusted[place]),
+        votes=cast(court, votes, test, place),
+        explanation_set=tuple(hypotheses[i].id for i in names),
+        because=_because(court, explanation, verdict, test, len(on)),
+        fallen={hypotheses[i].id: reason for i, reason in explanation.fallen.items()},
+        refound=(again, len(repeated)),
+        held_out_share=float(np.mean(gains > 0.0)) if len(gains) else 0.0,
+    )
+
+
+def _verdict(decision: Decision, explanation: Explanation) -> Verdict:
+    if explanation.place in decision.freed:
+        return "ambiguous_sensor" if explanation.rivals else "sensor"
+    if explanation.sensors:
+        return "ambiguous_sensor"
+    if explanation.place in decision.suspected:
+        return "suspected"
+    return "alias_group" if explanation.rivals else "confirmed"
+
+
+def _because(court: Court, explanation: Explanation, verdict: Verdict, test: Tested, votes: int) -> str:
+    """One plain sentence: what, how large, how sure, and what stands beside it."""
+    names = court.campaign.hypotheses
+    hypothesis = names[explanation.place]
+    low, high = test.interval(explanation.place)
+    size = f"{with_unit(float(test.mean[explanation.place]), hypothesis.unit)} (95 %: {low:.3g} to {high:.3g})"
+    start = f"{hypothesis.because}: {hypothesis.parameter} = {size} over {votes} flights"
+    rivals = ", ".join(names[i].id for i in explanation.rivals)
+    sensors = ", ".join(names[i].id for i in explanation.sensors)
+    ends: dict[str, str] = {
+        "confirmed": "no rival in the library explains it as well and no single sensor error takes it away",
+        "alias_group": f"these flights cannot tell it from {rivals}",
+        "suspected": f"too few flights for an error rate{f'; {rivals} would do as well' if rivals else ''}",
+        "sensor": "it acts on all axes as this sensor would, and every aerodynamic rival explains less",
+        "ambiguous_sensor": f"it cannot be told from {', '.join(part for part in (rivals, sensors) if part)}",
+    }
+    return f"{start}; {ends[verdict]}"
+
+
+def _not_found(hypothesis: Hypothesis, test: Tested, place: int, settings: Settings) -> NotFound:
+    """Verdict and bounds of a hypothesis that is in no explanation set."""
+    bound, detectable = float(test.bound[place]), float(test.detectable[place])
+    believable = max(abs(hypothesis.plausible[0]), abs(hypothesis.plausible[1]))
+    verdict: Verdict = "not_detected"
+    if not test.excited[place]:
+        verdict = "not_excited"
+    elif test.inflation[place] > settings.inflation_limit:
+        verdict = "not_separable"
+    elif test.count[place] < settings.fewest:
+        verdict = "not_testable"
+    elif detectable > believable:
+        verdict = "not_excited"
+    return NotFound(
+        hypothesis=hypothesis.id,
+        effect=hypothesis.effect,
+        axis=tuple(hypothesis.axes),
+        subject=hypothesis.subject,
+        verdict=verdict,
+        parameter=hypothesis.parameter,
+        unit=hypothesis.unit,
+        upper_bound=bound if np.isfinite(bound) else None,
+        minimum_detectable=detectable if np.isfinite(detectable) else None,
+    )

@@ -1,0 +1,267 @@
+"""The rest: does anything in the state predict what is left of the residual, flight after flight, although no template fits?
+
+A flexible model (additive piecewise-linear functions of each variable and products of pairs, ridge) is fitted to all flights but
+one and predicts the one left out. Only if it beats "nothing" over the flights is there something unnamed. It names variables,
+not effects: it is a question to the aerodynamicist, never an increment.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+from scipy import stats
+from scipy.linalg import cho_factor, cho_solve
+
+from aerodb.errors import InputError
+from aerodb.support.parallel import in_threads
+from aerodb.tracing.estimates.significance import holm
+from aerodb.tracing.evidence.evidence import Array, Evidence
+from aerodb.tracing.evidence.low_pass import band_limited, stretches
+from aerodb.tracing.settings import Settings
+
+#: Knots of a variable's function: quantiles of its values over all flights.
+_QUANTILES = (0.1, 0.3, 0.5, 0.7, 0.9)
+#: Ridge weights tried, in parts of the features' own sum of squares; chosen by leaving out flights of the training set.
+_RIDGES = (1e-3, 1e-2, 1e-1, 1.0)
+#: Groups of flights among which the weight is chosen: pairs of two hundred flights would be twenty thousand.
+_GROUPS = 5
+#: Part of the largest singular value below which a direction of the sensors' columns is rounding.
+_RANK = 1e-6
+#: A variable matters if the model without it loses this part of the skill.
+_MATTERS = 0.2
+
+
+@dataclass(frozen=True)
+class Remainder:
+    """What is left on one axis. skill : fall of the left-out flights' sum of squares (1: all explained, 0: nothing).
+
+    p_adjusted : over the axes, one-sided t over flights. variables : those that the skill rests on, the strongest first; empty
+    where nothing is found. skills (flights,): per flight.
+    """
+
+    axis: str
+    found: bool
+    skill: float
+    p_adjusted: float
+    variables: tuple[str, ...]
+    skills: tuple[float, ...]
+    because: str
+
+
+class Record(NamedTuple):
+    """One axis of a flight in the band: variables (m, v), residual (m,), and a basis (m, s) of what sensors could explain."""
+
+    variables: Array
+    residual: Array
+    basis: Array
+
+
+@dataclass(frozen=True)
+class Left:
+    """One flight's remainder: evidence whose residual has the accepted terms taken off, and variables name -> (n,).
+
+    Columns of the evidence are those of the sensors: what any of them could explain, whatever its size, is no remainder."""
+
+    evidence: Evidence
+    variables: Mapping[str, Array]
+
+
+def take_off(evidence: Evidence, values: Mapping[str, float]) -> Evidence:
+    """The evidence with ``value * column`` of each named hypothesis taken off the residual; what a flight lacks is nothing."""
+    residual = {axis: np.array(rest) for axis, rest in evidence.residual.items()}
+    for name, value in values.items():
+        for axis, column in evidence.columns.get(name, {}).items():
+            if axis in residual:
+                residual[axis] = residual[axis] - value * column
+    return Evidence(evidence.flight, evidence.step, residual, evidence.usable, {})
+
+
+def remainders(left: Sequence[Left], settings: Settings) -> tuple[Remainder, ...]:
+    """What each axis has left, over at least `settings.fewest` flights.
+
+    Raises InputError for fewer flights, or when the flights have no variable in common.
+    """
+    if len(left) < settings.fewest:
+        raise InputError(f"{len(left)} flights are too few to say what is left", "remainder", f"give at least {settings.fewest}")
+    names = sorted(set.intersection(*(set(flight.variables) for flight in left)))
+    if not names:
+        raise InputError("the flights have no variable in common", "remainder", "give each the database's variables")
+    axes = [axis for axis in left[0].evidence.residual if all(axis in flight.evidence.residual for flight in left)]
+    flights = in_threads(partial(_in_band, axes=axes, names=names, settings=settings), left)
+    parts = {axis: [flight[axis] for flight in flights] for axis in axes}
+    parts = {axis: records for axis, records in parts.items() if all(len(record.residual) for record in records)}
+    features: dict[tuple[int, ...], _Features] = {}
+    for records in parts.values():
+        if _which(records) not in features:
+            features[_which(records)] = _features([record.variables for record in records], names)
+    problems = dict(zip(parts, in_threads(lambda r: _problem(r, features[_which(r)]), parts.values()), strict=True))
+    judged = dict(zip(parts, in_threads(_left_out_skills, problems.values()), strict=True))
+    p = np.array([_one_sided(skills) for skills, _ in judged.values()])
+    adjusted = holm(p, len(p)) if len(p) else p
+    return tuple(
+        _judged(axis, names, problems[axis], *judged[axis], float(adjusted[row]), settings) for row, axis in enumerate(parts)
+    )
+
+
+def _judged(
+    axis: str, names: list[str], problem: "_Problem", skills: Array, ridges: Array, p: float, settings: Settings
+) -> Remainder:
+    skill = float(skills.mean())
+    found = bool(p < settings.level)
+    variables: tuple[str, ...] = ()
+    because = f"nothing in {', '.join(names)} predicts what is left on {axis} of a flight that the model has not seen"
+    if found:
+        others = [_left_out_skills(problem.without(name), ridges)[0] for name in names]
+        lost = {name: skill - float(left.mean()) for name, left in zip(names, others, strict=True)}
+        variables = tuple(sorted((n for n in names if lost[n] > _MATTERS * skill), key=lambda n: -lost[n]))
+        on = ", ".join(variables) or "no single variable"
+        because = (
+            f"{skill:.0%} of what is left on {axis} returns on flights that were left out and rests on {on}; no template fits"
+        )
+    return Remainder(axis, found, skill, p, variables, tuple(float(s) for s in skills), because)
+
+
+def _one_sided(skills: Array) -> float:
+    """p of "the mean skill over flights is not above zero"."""
+    spread = float(skills.std(ddof=1))
+    if spread == 0.0:
+        return 1.0
+    return float(stats.t.sf(skills.mean() / (spread / np.sqrt(len(skills))), len(skills) - 1))
+
+
+def _in_band(flight: Left, axes: Sequence[str], names: Sequence[str], settings: Settings) -> dict[str, Record]:
+    """Axis -> variables (m, v), residual (m,) and an orthonormal basis (m, s) of its level and of what the columns of the
+    evidence (sensors) could explain, in the tracing band; the residual without its part in that basis.
+
+    Axes that are usable at the same samples have the same array of variables.
+    """
+    evidence, variables = flight.evidence, [flight.variables[name] for name in names]
+    known = np.logical_and.reduce([np.isfinite(row) for row in variables])
+    found: dict[str, Record] = {}
+    for same in evidence.usable_alike(axes):
+        usable = evidence.usable[same[0]]
+        tangents = {axis: [columns[axis] for columns in evidence.columns.values() if axis in columns] for axis in same}
+        rows = [*variables, *(row for axis in same for row in (evidence.residual[axis], *tangents[axis]))]
+        limited = [
+            band_limited([row[part] for row in rows], (usable & known)[part], evidence.step, settings.bandwidth)
+            for part in stretches(usable, evidence.step, settings.bandwidth, settings.order)
+        ]
+        joined = np.concatenate(limited) if limited else np.zeros((0, len(rows)))
+        shared, first = np.ascontiguousarray(joined[:, : len(names)]), len(names)
+        for axis in same:
+            last = first + 1 + len(tangents[axis])
+            found[axis] = _record(shared, joined[:, first], joined[:, first + 1 : last])
+            first = last
+    return found
+
+
+def _record(variables: Array, residual: Array, tangents: Array) -> Record:
+    if len(residual) == 0:
+        return Record(variables, residual, np.zeros((0, 0)))
+    explained = np.column_stack([np.ones(len(residual)), tangents])
+    size = np.linalg.norm(explained, axis=0)
+    left, singular, _ = np.linalg.svd(explained[:, size > 0.0] / size[size > 0.0], full_matrices=False)
+    basis = left[:, singular > _RANK * singular[0]]
+    return Record(variables, residual - basis @ (basis.T @ residual), basis)
+
+
+@dataclass(frozen=True)
+class _Problem:
+    """Products of the features: square (g, f, f), right (g, f) with the residual, total (g,) of it, by flight; and the variables
+    that each feature is made of."""
+
+    square: Array
+    right: Array
+    total: Array
+    made_of: tuple[frozenset[str], ...]
+
+    def without(self, name: str) -> "_Problem":
+        """The same without what is made of one variable."""
+        kept = [k for k, names in enumerate(self.made_of) if name not in names]
+        return _Problem(self.square[:, kept][:, :, kept], self.right[:, kept], self.total, tuple(self.made_of[k] for k in kept))
+
+
+@dataclass(frozen=True)
+class _Features:
+    """Hinge functions of each variable and products of pairs: the block (m, f) of each flight, and what each is made of."""
+
+    blocks: list[Array]
+    made_of: tuple[frozenset[str], ...]
+
+
+def _which(records: Sequence[Record]) -> tuple[int, ...]:
+    """The arrays of variables, which axes may share."""
+    return tuple(id(record.variables) for record in records)
+
+
+def _features(variables: Sequence[Array], names: Sequence[str]) -> _Features:
+    """Of the variables (m, v) of each flight; the residual is not looked at, so that knots and scales may come from all."""
+    every = np.concatenate(variables)
+    level, spread = every.mean(axis=0), every.std(axis=0)
+    columns = [c for c in range(len(names)) if spread[c] > 1e-9 * max(1e-12, abs(level[c]))]
+    pairs = list(combinations(range(len(columns)), 2))
+    first, second = np.array(pairs, dtype=np.intp).reshape(-1, 2).T
+    knots = np.quantile((every[:, columns] - level[columns]) / spread[columns], _QUANTILES, axis=0)
+    blocks = []
+    for own in variables:
+        scaled = (own[:, columns] - level[columns]) / spread[columns]
+        hinges = [np.maximum(scaled - knot, 0.0) for knot in knots]
+        blocks.append(np.concatenate([scaled, *hinges, scaled[:, first] * scaled[:, second]], axis=1))
+    used = [names[c] for c in columns]
+    made_of = [frozenset({name}) for name in used] * (1 + len(knots)) + [frozenset({used[a], used[b]}) for a, b in pairs]
+    return _Features(blocks, tuple(made_of))
+
+
+def _problem(records: Sequence[Record], features: _Features) -> _Problem:
+    """Per flight: the features' products without the flight's own level, and without what sensors could explain, which is taken
+    out of them as it is out of the residual."""
+    squares, right = [], []
+    for record, whole in zip(records, features.blocks, strict=True):
+        block = whole - record.basis @ (record.basis.T @ whole)
+        squares.append(block.T @ block)
+        right.append(block.T @ record.residual)
+    total = np.array([float(record.residual @ record.residual) for record in records])
+    return _Problem(np.stack(squares), np.stack(right), total, features.made_of)
+
+
+def _left_out_skills(problem: _Problem, ridges: Array | None = None) -> tuple[Array, Array]:
+    """Per flight, 1 - SSE / SST of the prediction by the others, and the ridge; it is chosen inside the others, unless given."""
+    squares, right, total = problem.square, problem.right, problem.total
+    if not problem.made_of:
+        return np.zeros(len(total)), np.zeros(len(total))
+    every, driving, count = squares.sum(axis=0), right.sum(axis=0), len(total)
+
+    def skill(out: int, weight: Array) -> float:
+        change = 2.0 * weight @ right[out] - weight @ squares[out] @ weight
+        return float(change / total[out]) if total[out] > 0.0 else 0.0
+
+    if ridges is None:
+        ridges = _chosen_ridges(squares, right, skill)
+    outer = [skill(out, _ridge(every - squares[out], driving - right[out], ridges[out])) for out in range(count)]
+    return np.array(outer), ridges
+
+
+def _chosen_ridges(squares: Array, right: Array, skill: Callable[[int, Array], float]) -> Array:
+    """For each flight left out (g,), the weight with which groups of others, without its own, predict each other best."""
+    groups = np.array_split(np.arange(len(squares)), min(len(squares), _GROUPS))
+    own = [(squares[group].sum(axis=0), right[group].sum(axis=0)) for group in groups]
+    every, driving = sum(square for square, _ in own), sum(drive for _, drive in own)
+    # by whom judged last: the training set of a pair of groups is that of both orders
+    inner = np.zeros((len(_RIDGES), len(groups), len(groups)))
+    for one, other in combinations(range(len(groups)), 2):
+        rest, driven = every - own[one][0] - own[other][0], driving - own[one][1] - own[other][1]
+        for number, ridge in enumerate(_RIDGES):
+            weight = _ridge(rest, driven, ridge)
+            inner[number, one, other] = sum(skill(int(flight), weight) for flight in groups[other])
+            inner[number, other, one] = sum(skill(int(flight), weight) for flight in groups[one])
+    chosen = np.array(_RIDGES)[np.argmax(inner.sum(axis=2), axis=0)]
+    return np.repeat(chosen, [len(group) for group in groups])
+
+
+def _ridge(square: Array, right: Array, ridge: float) -> Array:
+    shifted = square.copy()
+    shifted.flat[:: len(square) + 1] += ridge * np.diagonal(square) + 1e-12
+    return np.asarray(cho_solve(cho_factor(shifted, overwrite_a=True, check_finite=False), right, check_finite=False))

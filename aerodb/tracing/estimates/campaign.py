@@ -1,0 +1,71 @@
+"""Grams of several flights and a library: what votes are taken from."""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from aerodb.effects.hypothesis import Hypothesis
+from aerodb.errors import InputError
+from aerodb.tracing.estimates.per_flight import Campaign
+from aerodb.tracing.estimates.products import products_of
+from aerodb.tracing.evidence.normal_equations import Gram
+from aerodb.tracing.evidence.shape_misfit import companions, parent
+
+#: The effect whose column is the axis' own constant.
+OFFSET = "zero_offset"
+
+
+def campaign(grams: Sequence[Gram], hypotheses: Sequence[Hypothesis], earlier: Mapping[str, float] | None = None) -> Campaign:
+    """Grams of different flights on the order of `hypotheses`; a flight that lacks a column says nothing about it.
+
+    earlier : id -> value of the terms that earlier rounds have added: their shapes stand beside everything (`shapes`).
+
+    Raises InputError when a Gram has columns that the library has not (it was made with another library), when a flight is
+    given twice under one name, or when a sensor has no prior.
+    """
+    _check(grams, hypotheses)
+    known = {h.id: place for place, h in enumerate(hypotheses)}
+    columns = frozenset[str]().union(*{g.hypotheses for g in grams})
+    beside = [(h.id, name, least) for h in hypotheses for name, least in companions(h.id).items() if name in columns]
+    shapes = {len(hypotheses) + n: (known[id], least) for n, (id, _, least) in enumerate(beside)}
+    known |= {name: len(hypotheses) + n for n, (_, name, _) in enumerate(beside)}
+    offsets = {place: h.axes[0] for place, h in enumerate(hypotheses) if h.effect == OFFSET and len(h.axes) == 1}
+    sensors = tuple(place for place, h in enumerate(hypotheses) if h.kind == "sensor")
+    products, noisy, total = products_of(grams, known, offsets, {shape: place for shape, (place, _) in shapes.items()})
+    scale = 1.0 / products.factor[:-1]
+    precision = np.zeros(len(known))
+    for place in sensors:
+        precision[place] = (hypotheses[place].prior_sigma or np.inf) ** -2 / scale[place] ** 2
+    return Campaign(
+        flights=tuple(g.flight for g in grams),
+        hypotheses=tuple(hypotheses),
+        products=products,
+        noisy=noisy,
+        total=total,
+        scale=scale,
+        precision=precision,
+        sensors=sensors,
+        offsets=tuple(offsets),
+        shapes=shapes,
+        earlier={known[id]: value for id, value in (earlier or {}).items() if id in known},
+    )
+
+
+def _check(grams: Sequence[Gram], hypotheses: Sequence[Hypothesis]) -> None:
+    names = [h.id for h in hypotheses]
+    if len(set(names)) != len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise InputError(f"hypothesis {twice} stands twice in the library", "library", "give each effect, axis and subject once")
+    for h in hypotheses:
+        if h.kind == "sensor" and not (h.prior_sigma is not None and h.prior_sigma > 0.0):
+            raise InputError(f"sensor hypothesis {h.id} has no prior sigma", "library", "give its one sigma in SI units")
+    flights, known = Counter(g.flight for g in grams), set(names)
+    for columns, g in {g.hypotheses: g for g in reversed(grams)}.items():
+        unknown = [name for name in columns if (parent(name) or name) not in known]
+        if unknown:
+            what = f"its columns were made with another library ({unknown[0]} is not in this one)"
+            raise InputError(what, g.flight, "make its Gram anew with the library in use")
+    for flight, times in flights.items():
+        if times > 1:
+            raise InputError("the same flight twice", flight, "a flight has one vote: give it once")

@@ -1,0 +1,240 @@
+"""The test over flights: one flight, one vote; few flights borrow from the noise inside them; sensors get their share first."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import stdtr, stdtrit
+
+from aerodb.tracing.estimates.per_flight import Votes
+from aerodb.tracing.evidence.evidence import Array, Mask
+from aerodb.tracing.settings import Settings
+
+#: Power at which the minimum detectable effect is stated.
+POWER = 0.8
+
+
+@dataclass(frozen=True)
+class Tested:
+    """Each hypothesis (k,) over the flights that voted on it.
+
+    mean, standard_error (of the mean), dof, voters (flights, k), count, gain (coherent: fall of the whitened sum of squares under
+    one common value), inflation (median VIF), excited (some flight shows it at all), testable (separable and enough votes).
+    sigma (s,) : prior sigma of each sensor, 0 for those that are freed. families : what can be claimed, see `by_families`; empty:
+    all of it, in one. What follows from the errors of `votes` is computed when it is asked for, and remembered as `seen`.
+    """
+
+    mean: Array
+    standard_error: Array
+    dof: Array
+    voters: Mask
+    count: NDArray[np.int64]
+    gain: Array
+    inflation: Array
+    excited: Mask
+    testable: Mask
+    votes: Votes
+    sigma: Array
+    settings: Settings
+    families: tuple[tuple[int, ...], ...] = ()
+    seen: dict[int, tuple[float, float]] = field(default_factory=dict, init=False, repr=False, compare=False)
+
+    @cached_property
+    def systematic(self) -> Array:
+        """(k,) bound from sensors and state noise."""
+        return self.systematic_at(range(len(self.mean)))
+
+    @cached_property
+    def p(self) -> Array:
+        """(k,) of "there is no more than the systematic bound"; 1 where nothing is tested."""
+        return self.p_at(range(len(self.mean)))
+
+    @cached_property
+    def adjusted(self) -> Array:
+        """(k,) after Holm, over the whole library or by families."""
+        return by_families(self.p, self.families) if self.families else holm(self.p, len(self.p))
+
+    @cached_property
+    def bound(self) -> Array:
+        """(k,) size beyond which a value is excluded (95 %)."""
+        half = stdtrit(self.dof, 0.975) * self.standard_error + self.systematic
+        return np.where(self.count > 0, np.abs(self.mean) + half, np.inf)
+
+    @cached_property
+    def detectable(self) -> Array:
+        """(k,) size that is found with power .8."""
+        hurdle = stdtrit(self.dof, 1.0 - 0.5 * self.settings.level / len(self.mean)) + stdtrit(self.dof, POWER)
+        return np.where(self.count > 0, self.systematic + hurdle * self.standard_error, np.inf)
+
+    def systematic_at(self, places: Sequence[int]) -> Array:
+        """(places,) bound from sensors and state noise."""
+        sensors, shift = self._errors_at(places)
+        return np.asarray(sensors + np.abs(shift))
+
+    def p_at(self, places: Sequence[int]) -> Array:
+        """(places,) of `p`. What noise takes off an estimate has not made it: a shift counts on the side to which it goes."""
+        sensors, shift = self._errors_at(places)
+        at = np.array(places, dtype=np.intp)
+        return self._p(at, sensors + np.where(self.mean[at] * shift > 0.0, np.abs(shift), 0.0))
+
+    def _errors_at(self, places: Sequence[int]) -> tuple[Array, Array]:
+        """(places,) bound from sensors, and shift by state noise, with its sign."""
+        new = [place for place in places if place not in self.seen]
+        if new:
+            leak, shift = self.votes.mean_errors(new, self.voters)
+            sensors = self.settings.kappa * np.sqrt(np.square(leak * self.sigma).sum(axis=-1))
+            self.seen.update(zip(new, zip(sensors, self.settings.shift_factor * shift, strict=True), strict=True))
+        found = np.array([self.seen[place] for place in places]).reshape(-1, 2)
+        return found[:, 0], found[:, 1]
+
+    @cached_property
+    def significant(self) -> Mask:
+        """(k,) where `adjusted` is below the level of the settings."""
+        if self.families:
+            return np.asarray(self.adjusted < self.settings.level)
+        floor = holm(self.unmasked, len(self.mean))
+        # What is close may be asked for when some flights are left out: the algebra of many places costs as much as that of one.
+        self.votes.errors.at(np.flatnonzero(floor < 1.0).tolist())
+        return np.asarray(holm(self._where(floor), len(floor)) < self.settings.level)
+
+    @cached_property
+    def possible(self) -> Mask:
+        """(k,) where `p` itself is below the level of the settings."""
+        return np.asarray(self._where(self.unmasked) < self.settings.level)
+
+    def _where(self, floor: Array) -> Array:
+        """(k,) `p` where `floor` is below the level, 1 elsewhere: systematic bounds make every p larger."""
+        near = np.flatnonzero(floor < self.settings.level)
+        p = np.ones(len(floor))
+        p[near] = self.p_at(near.tolist())
+        return p
+
+    @cached_property
+    def unmasked(self) -> Array:
+        """(k,) p as if sensors and states had no error: what these may hide, and no claim."""
+        return self._p(slice(None), np.zeros(len(self.mean)))
+
+    def _p(self, places: "slice | NDArray[np.intp]", systematic: Array) -> Array:
+        size, error, dof = np.abs(self.mean[places]), self.standard_error[places], self.dof[places]
+        safe = np.where(error > 0.0, error, 1.0)
+        p = stdtr(dof, -(size - systematic) / safe) + stdtr(dof, -(size + systematic) / safe)
+        return np.asarray(np.where(self.testable[places] & (error > 0.0), np.minimum(p, 1.0), 1.0))
+
+    def interval(self, place: int) -> tuple[float, float]:
+        """95 % interval of one hypothesis: random and systematic parts joined as a root of squares."""
+        systematic = float(self.systematic_at([place])[0])
+        half = float(np.hypot(stdtrit(self.dof[place], 0.975) * self.standard_error[place], systematic))
+        return float(self.mean[place]) - half, float(self.mean[place]) + half
+
+
+def holm(p: Array, size: int) -> Array:
+    """Adjusted p-values (k,) of Holm (Scand. J. Stat. 6, 1979) among `size` >= k tests; those not given count as p = 1.
+
+    >>> holm(np.array([0.01, 0.04]), 2).tolist()
+    [0.02, 0.04]
+    """
+    order = np.argsort(p, kind="stable")
+    adjusted = np.minimum(1.0, np.maximum.accumulate(p[order] * (size - np.arange(len(p)))))
+    result = np.empty_like(adjusted)
+    result[order] = adjusted
+    return result
+
+
+def by_families(p: Array, families: Sequence[Sequence[int]]) -> Array:
+    """Adjusted p-values (k,) where only the places in `families` can be claimed, each in one of them: Holm inside a family, which
+    has an equal part of the level. What cannot be claimed cannot be claimed falsely: it counts in none, and gets 1.
+
+    >>> by_families(np.array([0.01, 0.04, 0.02]), [[0], [1]]).tolist()
+    [0.02, 0.08, 1.0]
+    """
+    adjusted = np.ones_like(p)
+    for family in families:
+        places = np.asarray(family, dtype=np.intp)
+        adjusted[places] = np.minimum(1.0, len(families) * holm(p[places], len(places)))
+    return adjusted
+
+
+def moderated_variance(between: Array, dof: Array, within: Array, prior_dof: float) -> Array:
+    """``(d0 v0 + d v) / (d0 + d)``: the posterior variance of Smyth (Stat. Appl. Genet. Mol. Biol. 3(1), 2004), d0 + d > 0."""
+    return np.asarray((prior_dof * within + dof * between) / (prior_dof + dof))
+
+
+def over_flights(votes: Votes, sigma: Array, settings: Settings, fewest: int, constants: Sequence[int] = ()) -> Tested:
+    """The test of every hypothesis over flights (Ibragimov & Mueller, JBES 28(4), 2010), TRACING step 4.
+
+    votes : of the flights (g, k). sigma : prior sigma of each sensor (s,), 0 for those that are freed. fewest : votes that a
+    hypothesis needs to be tested here. constants : hypotheses that are an axis' constant. They vary from flight to flight by
+    more than the noise inside them: they have an s0 of their own, and their variance is never below that over flights.
+
+    ``se^2 = (d0 s0 v0 + d v) / ((d0 + d) G)`` with v the variance over flights, d = G - 1, v0 = mean 1/I and
+    s0 = max(1, median v/v0 over the hypotheses); ``p = T(-(|m| - D)/se) + T(-(|m| + D)/se)``, D with the shift where
+    it goes the way of m (Cook & Stefanski, JASA 89, 1994: without the noise the estimate would be m - shift).
+    """
+    voters = votes.information > settings.least_share * votes.information.max(axis=0, initial=0.0)
+    count = voters.sum(axis=0)
+    number = np.maximum(count, 1)
+    estimate, information = np.where(voters, votes.estimate, 0.0), np.where(voters, votes.information, 0.0)
+    mean = estimate.sum(axis=0) / number
+    deviation = np.where(voters, estimate - mean, 0.0)
+    dof = np.maximum(count - 1, 0).astype(np.float64)
+    between = np.einsum("gk,gk->k", deviation, deviation) / np.maximum(dof, 1.0)
+    within = np.divide(1.0, information, out=deviation, where=voters).sum(axis=0) / number
+    inflation = _median_inflation(votes, voters)
+    separable = inflation <= settings.inflation_limit
+    constant = np.zeros(len(mean), dtype=bool)
+    constant[list(constants)] = True
+    ratio = between / np.where(within > 0.0, within, 1.0)
+    among = separable & (count >= 2)
+    excess = np.where(constant, _excess(ratio[among & constant]), _excess(ratio[among & ~constant]))
+    variance = moderated_variance(between, dof, excess * within, settings.prior_dof)
+    variance = np.where(constant, np.maximum(variance, between), variance)
+    total, right = information.sum(axis=0), np.einsum("gk,gk->k", information, estimate)
+    return Tested(
+        mean=mean,
+        standard_error=np.sqrt(variance / number),
+        dof=settings.prior_dof + dof,
+        voters=voters,
+        count=count,
+        gain=np.square(right) / np.where(total > 0.0, total, 1.0),
+        inflation=inflation,
+        excited=np.asarray((votes.own > 0.0).any(axis=0)),
+        testable=separable & (count >= fewest),
+        votes=votes,
+        sigma=sigma,
+        settings=settings,
+    )
+
+
+def coherent_gain(estimate: Array, information: Array, settings: Settings) -> float:
+    """`gain` of one hypothesis, estimate and information (flights,)."""
+    on = information > settings.least_share * information.max(initial=0.0)
+    total = float(information[on].sum())
+    return float(information[on] @ estimate[on]) ** 2 / total if total > 0.0 else 0.0
+
+
+def _excess(ratio: Array) -> float:
+    """s0: by how much flights differ more than the noise inside them says, at least 1."""
+    return max(1.0, float(np.median(ratio))) if ratio.size else 1.0
+
+
+def _median_inflation(votes: Votes, voters: Mask) -> Array:
+    """Median VIF over the voters (k,); infinite where nobody votes."""
+    count = voters.sum(axis=0)
+    ordered = np.sort(np.where(voters, votes.inflation, np.inf), axis=0)
+    each = np.arange(len(count))
+    lower, upper = ordered[np.maximum(count - 1, 0) // 2, each], ordered[np.minimum(count // 2, len(ordered) - 1), each]
+    return np.asarray(np.where(count > 0, 0.5 * (lower + upper), np.inf))
+
+
+def paired_p(better: Array, worse: Array) -> float:
+    """One-sided p of "`better` (g,) gains no more than `worse` (g,)": Student's paired t over flights; 1 for fewer than two."""
+    difference = better - worse
+    if len(difference) < 2:
+        return 1.0
+    spread = float(difference.std(ddof=1))
+    mean = float(difference.mean())
+    if spread == 0.0:
+        return 0.0 if mean > 0.0 else 1.0
+    return float(stdtr(len(difference) - 1, -mean / (spread / np.sqrt(len(difference)))))

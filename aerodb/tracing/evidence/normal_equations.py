@@ -1,0 +1,174 @@
+"""One flight's Gram matrix: all that later steps use of it, so that adding a flight costs one Gram.
+
+Columns are ``trims | hypotheses | residual``; on each axis they are low-passed, decimated and whitened alike, divided by the
+spread of the innovation and multiplied with one another; the products are summed over the axes.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aerodb.errors import InputError
+from aerodb.tracing.evidence.autoregression import correlation_time, fit, whiten
+from aerodb.tracing.evidence.evidence import Array, Evidence
+from aerodb.tracing.evidence.low_pass import Band, Records, centred, in_band
+from aerodb.tracing.settings import Settings
+
+#: Form of a stored Gram.
+GRAM_VERSION = 1
+
+
+@dataclass(frozen=True)
+class Gram:
+    """Whitened cross-products of one flight, k = trims + hypotheses + 1 columns.
+
+    flight : id of the unit. axes : those that carry residuals, in the order of the trims. hypotheses : ids, in the order of the
+    columns. matrix (k, k). noisy : mean over the copies with the state noise added once more, same form, or None.
+    spread (axes,): rms of the
+    innovation, coefficient units; correlation (axes,) s, of the residual; samples (axes,) after decimation. excitation
+    (hypotheses,): rms of the column about its mean in the band, on the axis where it is largest against the noise.
+    """
+
+    flight: str
+    axes: tuple[str, ...]
+    hypotheses: tuple[str, ...]
+    matrix: Array
+    noisy: Array | None
+    spread: Array
+    correlation: Array
+    samples: NDArray[np.int64]
+    excitation: Array
+
+    def to_arrays(self) -> dict[str, NDArray[np.generic]]:
+        """Plain arrays for a store; `gram_from_arrays` is the way back. Absent matrices are empty."""
+        return {
+            "version": np.array(GRAM_VERSION),
+            "flight": np.array(self.flight),
+            "axes": np.array(self.axes, dtype=np.str_),
+            "hypotheses": np.array(self.hypotheses, dtype=np.str_),
+            "matrix": self.matrix,
+            "noisy": np.zeros((0, 0)) if self.noisy is None else self.noisy,
+            "spread": self.spread,
+            "correlation": self.correlation,
+            "samples": self.samples,
+            "excitation": self.excitation,
+        }
+
+
+def gram_from_arrays(arrays: Mapping[str, NDArray[np.generic]]) -> Gram:
+    """A Gram from what `Gram.to_arrays` gave. Raises InputError when it is of another form."""
+    version = int(np.asarray(arrays["version"], dtype=np.int64)) if "version" in arrays else 0
+    if version != GRAM_VERSION:
+        raise InputError(
+            f"a Gram of form {version}, not {GRAM_VERSION}", str(arrays.get("flight", "")), "make it anew from its flight"
+        )
+
+    def numbers(name: str) -> Array:
+        return np.asarray(arrays[name], dtype=np.float64)
+
+    return Gram(
+        flight=str(arrays["flight"]),
+        axes=tuple(str(axis) for axis in arrays["axes"]),
+        hypotheses=tuple(str(name) for name in arrays["hypotheses"]),
+        matrix=numbers("matrix"),
+        noisy=numbers("noisy") if arrays["noisy"].size else None,
+        spread=numbers("spread"),
+        correlation=numbers("correlation"),
+        samples=np.asarray(arrays["samples"], dtype=np.int64),
+        excitation=numbers("excitation"),
+    )
+
+
+def gram(evidence: Evidence, settings: Settings) -> Gram:
+    """The Gram of one flight. Axes without a usable stretch, or whose residual is exactly constant, stay out.
+
+    A column that has an instrument counts by what its instrument predicts of it (`first_stage`).
+
+    Raises InputError when no axis is left.
+    """
+    return gram_of(in_band(evidence, settings), settings)
+
+
+def gram_of(band: Band, settings: Settings) -> Gram:
+    """The Gram of one flight that is already in the band.
+
+    The filter of an axis is fitted once, to its residual without its level, and used for all columns, the noisy copies and the
+    instruments: filtering is linear, so that what was true of the columns stays true.
+
+    Raises InputError when no axis is left.
+    """
+    fitted: dict[str, tuple[Array, float]] = {}
+    times, counts = [], []
+    for axis, records in band.records.items():
+        residual = centred([record[:, -1] for record in records])
+        coefficients, spread = fit(residual, settings.order)
+        if spread > 0.0:
+            fitted[axis] = coefficients, spread
+            times.append(correlation_time(residual, band.step))
+            counts.append(sum(len(record) for record in records))
+    if not fitted:
+        raise InputError("no axis has a usable stretch", band.flight, "see why its samples are flagged; fly longer manoeuvres")
+    noisy = [_products(band, copy, fitted) for copy in band.noisy]
+    return Gram(
+        flight=band.flight,
+        axes=tuple(fitted),
+        hypotheses=band.names,
+        matrix=_products(band, band.records, fitted),
+        noisy=np.mean(noisy, axis=0) if noisy else None,
+        spread=np.array([spread for _, spread in fitted.values()]),
+        correlation=np.array(times),
+        samples=np.array(counts, dtype=np.int64),
+        excitation=_excitation(band, fitted),
+    )
+
+
+def _products(band: Band, source: Records, fitted: Mapping[str, tuple[Array, float]]) -> Array:
+    """Gram (k, k) of whitened columns, summed over the axes."""
+    k = len(fitted) + len(band.names) + 1
+    total = np.zeros((k, k))
+    for number, (axis, (coefficients, spread)) in enumerate(fitted.items()):
+        acting = np.flatnonzero(np.any([record.any(axis=0) for record in source[axis]], axis=0))
+        white = _white([record[:, acting] for record in source[axis]], coefficients, spread)
+        if axis in band.instruments:
+            inner = acting[1:-1] if acting[-1] == len(band.names) + 1 else acting[1:]
+            places = np.r_[0, inner]
+            drivers = _white([record[:, places] for record in band.instruments[axis]], coefficients, spread)
+            last = len(inner) + 1
+            white[:, 1:last] = first_stage(white[:, 0], white[:, 1:last], drivers[:, 1:])
+        index = np.where(acting == 0, number, acting + len(fitted) - 1)
+        total[np.ix_(index, index)] += white.T @ white
+    return total
+
+
+def _excitation(band: Band, fitted: Mapping[str, tuple[Array, float]]) -> Array:
+    """Spread of each column on the axis where it is largest against the noise (hypotheses,)."""
+    best, excitation = np.zeros(len(band.names)), np.zeros(len(band.names))
+    for axis, (_, spread) in fitted.items():
+        size = np.concatenate(band.records[axis]).std(axis=0)[1:-1]
+        stronger = size / spread > best
+        best = np.where(stronger, size / spread, best)
+        excitation = np.where(stronger, size, excitation)
+    return excitation
+
+
+def _white(records: Sequence[Array], coefficients: Array, spread: float) -> Array:
+    return np.concatenate([whiten(record, coefficients) for record in records]) / spread
+
+
+def first_stage(constant: Array, columns: Array, instruments: Array) -> Array:
+    """Columns (m, k) with each that has an instrument (not zero) replaced by what the instrument predicts of it.
+
+    The first stage of two-stage least squares (Theil, 1953): what a controller adds to a rate in answer to the residual is not
+    in its instrument, so that it no longer counts as the rate's doing. The constant (m,) is taken off both and put back.
+    """
+    found = columns.copy()
+    weight = float(constant @ constant)
+    for place in np.flatnonzero(instruments.any(axis=0)):
+        level = (constant @ columns[:, place]) / weight
+        x = columns[:, place] - constant * level
+        z = instruments[:, place] - constant * ((constant @ instruments[:, place]) / weight)
+        power = float(z @ z)
+        found[:, place] = constant * level + (z * ((z @ x) / power) if power > 0.0 else 0.0)
+    return found

@@ -1,0 +1,148 @@
+"""Changes: names move to a version through the gate, and back. A page asks first; what the gate says is shown."""
+
+from typing import Annotated, Any
+from urllib.parse import parse_qs
+
+from fastapi import APIRouter, Header, Request
+from pydantic import BaseModel, Field
+from starlette.concurrency import run_in_threadpool
+from starlette.responses import Response
+
+from aerodb.errors import GateRefusal, InputError
+from aerodb.flows.release import promote_flow, roll_back_flow
+from aerodb.flows.web.console import Vehicle, Word, console_of, document, opened_of, page_of, version_at
+from aerodb.flows.web.models import CONFLICTS
+from aerodb.flows.web.security import check_csrf
+from aerodb.storage.catalogue.names import standing_moves
+from aerodb.tasks.references import vehicle_of
+from aerodb.tasks.result_versions import RELEASED
+
+router = APIRouter(tags=["changes"])
+Token = Annotated[str, Header(alias="X-CSRF-Token", max_length=200, description="Of GET /api/session, with its cookie.")]
+_NOWHERE = "nothing"
+
+
+class Promotion(BaseModel):
+    """A name that is to point at a version, and why."""
+
+    reason: str = Field(max_length=2000)
+    name: str = Field(default=RELEASED, max_length=63)
+
+
+class RollBack(BaseModel):
+    """A vehicle's name whose last move is to be taken back, and why."""
+
+    reason: str = Field(max_length=2000)
+    name: str = Field(default=RELEASED, max_length=63)
+    vehicle: str | None = Field(default=None, max_length=63)
+
+
+async def _form(request: Request) -> dict[str, str]:
+    """Fields of a posted form; InputError for another kind of body."""
+    if request.headers.get("content-type", "").partition(";")[0].strip() != "application/x-www-form-urlencoded":
+        raise InputError("not a form", "a change", "send it from its page")
+    text = (await request.body()).decode("utf-8", "replace")
+    try:
+        return {name: values[-1] for name, values in parse_qs(text, keep_blank_values=True, max_num_fields=20).items()}
+    except ValueError as error:
+        raise InputError(f"not a form: {error}", "a change", "send it from its page") from error
+
+
+@router.get("/versions/{version}/promote", include_in_schema=False)
+def promotion_page(request: Request, version: str, vehicle: Vehicle = None, name: Word = None) -> Response:
+    """Asks for the reason, and says what would move from where to where."""
+    opened = opened_of(request)
+    row = version_at(opened, version, vehicle)
+    moved = name or RELEASED
+    event = opened.catalogue.named(row.vehicle, moved)
+    now = opened.catalogue.version_of_id(event.version) if event is not None else None
+    stale = opened.catalogue.stale(row.id)
+    return page_of(request, "promote.html", f"Promote {row.label} of {row.vehicle}", row=row, name=moved, now=now, stale=stale)
+
+
+@router.post("/versions/{version}/promote", include_in_schema=False)
+async def promote_from_page(request: Request, version: str) -> Response:
+    """Moves the name, and shows what the gate says."""
+    fields = await _form(request)
+    check_csrf(request, console_of(request).guard, fields.get("csrf"))
+    return await run_in_threadpool(_promote, request, version, fields)
+
+
+def _promote(request: Request, version: str, fields: dict[str, str]) -> Response:
+    row = version_at(opened_of(request), version, None)
+    name = fields.get("name", RELEASED)
+    _check_seen(request, row.vehicle, name, fields.get("seen"))
+    outcome = _moved(request, promote_flow, {"version": row.id, "name": name, "reason": fields.get("reason", "")})
+    return _shown(request, f"Promote {row.label} of {row.vehicle}", outcome, f"/versions/{row.id}")
+
+
+@router.get("/rollback", include_in_schema=False)
+def rollback_page(request: Request, vehicle: Vehicle = None, name: Word = None) -> Response:
+    """Asks for the reason, and says where the name would go back to."""
+    opened = opened_of(request)
+    owner, moved = vehicle_of(opened.catalogue, vehicle), name or RELEASED
+    standing = standing_moves(opened.catalogue.name_history(owner, moved))
+    ids = [event.version for event in standing[-2:]]
+    rows = opened.catalogue.versions_by_id(ids)
+    now, back = (rows[ids[-1]] if ids else None), (rows[ids[0]] if len(ids) > 1 else None)
+    stale = opened.catalogue.stale(back.id) if back else ()
+    title = f"Take back the last move of '{moved}'"
+    return page_of(request, "rollback.html", title, vehicle=owner, name=moved, now=now, back=back, stale=stale)
+
+
+@router.post("/rollback", include_in_schema=False)
+async def roll_back_from_page(request: Request) -> Response:
+    """Moves the name back."""
+    fields = await _form(request)
+    check_csrf(request, console_of(request).guard, fields.get("csrf"))
+    return await run_in_threadpool(_roll_back, request, fields)
+
+
+def _roll_back(request: Request, fields: dict[str, str]) -> Response:
+    owner = vehicle_of(opened_of(request).catalogue, fields.get("vehicle"))
+    name = fields.get("name", RELEASED)
+    _check_seen(request, owner, name, fields.get("seen"))
+    outcome = _moved(request, roll_back_flow, {"vehicle": owner, "name": name, "reason": fields.get("reason", "")})
+    return _shown(request, f"Roll back '{name}' of {owner}", outcome, f"/history?vehicle={owner}")
+
+
+@router.post("/api/versions/{version}/promote", summary="Point a name at a version", responses=CONFLICTS)
+def promote(request: Request, version: str, asked: Promotion, vehicle: Vehicle = None, token: Token = "") -> Response:
+    """The document of `aerodb version promote`; 409 with the reasons where the gate refuses."""
+    check_csrf(request, console_of(request).guard, token)
+    row = version_at(opened_of(request), version, vehicle)
+    parameters = {"version": row.id, "name": asked.name, "reason": asked.reason}
+    return document(console_of(request).run(promote_flow, parameters))
+
+
+@router.post("/api/rollback", summary="Take the last move of a name back", responses=CONFLICTS)
+def roll_back(request: Request, asked: RollBack, token: Token = "") -> Response:
+    """The document of `aerodb version rollback`."""
+    check_csrf(request, console_of(request).guard, token)
+    owner = vehicle_of(opened_of(request).catalogue, asked.vehicle)
+    return document(console_of(request).run(roll_back_flow, {"vehicle": owner, "name": asked.name, "reason": asked.reason}))
+
+
+def _check_seen(request: Request, vehicle: str, name: str, seen: str | None) -> None:
+    """Raises GateRefusal where a name does not point any more where it did when its page was shown."""
+    event = opened_of(request).catalogue.named(vehicle, name)
+    if seen != (event.version if event is not None else _NOWHERE):
+        what = f"'{name}' was moved after this page was shown"
+        raise GateRefusal(what, f"vehicle {vehicle}", "look at its history, then decide again")
+
+
+def _moved(request: Request, flow: Any, parameters: dict[str, Any]) -> dict[str, Any] | GateRefusal:
+    try:
+        outcome: dict[str, Any] = console_of(request).run(flow, parameters)
+    except GateRefusal as refusal:
+        return refusal
+    return outcome
+
+
+def _shown(request: Request, title: str, outcome: dict[str, Any] | GateRefusal, back: str) -> Response:
+    if isinstance(outcome, GateRefusal):
+        reasons = outcome.what.split("; ")
+        page = page_of(request, "moved.html", title, outcome=None, reasons=reasons, refusal=outcome, back=back)
+        page.status_code = 409
+        return page
+    return page_of(request, "moved.html", title, outcome=outcome, reasons=(), refusal=None, back=back)

@@ -1,0 +1,62 @@
+"""Findings: what updates and closed loops came to, why, and what it is worth on flights that were not used."""
+
+from typing import Annotated
+
+from fastapi import APIRouter, Query, Request
+from starlette.responses import Response
+
+from aerodb.flows.report import report_flow
+from aerodb.flows.web.console import PER_PAGE, Limit, Vehicle, address, console_of, document, opened_of, page_of, report
+from aerodb.flows.web.models import Finding, answers
+from aerodb.report.headline import error_rows, headline
+from aerodb.report.update_report import MEANS
+from aerodb.tasks.view.finding_documents import finding_document, findings_page, labels_of, reference_of
+
+router = APIRouter(tags=["findings"])
+After = Annotated[str, Query(max_length=200, description="Where the page before ended, as its header Link says.")]
+
+
+@router.get("/findings", include_in_schema=False)
+def findings_list(request: Request, after: After = "") -> Response:
+    """Updates and closed loops, newest first."""
+    entries, further = findings_page(opened_of(request), PER_PAGE // 2, after)
+    following = address("/findings", after=further) if further else ""
+    return page_of(request, "findings.html", "Findings", findings=entries, after=after, further=following)
+
+
+@router.get("/api/findings", summary="Updates and closed loops, newest first", responses=answers(list[Finding]))
+def findings(request: Request, after: After = "", limit: Limit = PER_PAGE // 2) -> Response:
+    """Run, vehicle, outcome in one sentence and verdicts of each; `reference` names its document."""
+    entries, further = findings_page(opened_of(request), limit, after)
+    return document(entries, address("/api/findings", after=further, limit=limit) if further else "")
+
+
+@router.get("/findings/{reference}", include_in_schema=False)
+def finding_page(request: Request, reference: str, vehicle: Vehicle = None) -> Response:
+    """One update or closed loop: the finding first, the explanation set, before and after."""
+    opened = opened_of(request)
+    found = finding_document(opened, reference, vehicle)
+    return page_of(
+        request,
+        "finding.html",
+        f"{'Closed loop' if 'library' in found else 'Update'} of {found['vehicle']}",
+        found=found,
+        headline=headline(found),
+        errors=error_rows(found),
+        labels=labels_of(opened, found),
+        reference=reference_of(opened, reference, vehicle),
+        means=MEANS,
+    )
+
+
+@router.get("/api/findings/{reference}", summary="One update or closed loop")
+def finding(request: Request, reference: str, vehicle: Vehicle = None) -> Response:
+    """The document that `aerodb update` or `aerodb close-loop` answered; by version, or by the key of its report."""
+    return document(finding_document(opened_of(request), reference, vehicle))
+
+
+@router.get("/findings/{reference}/report", include_in_schema=False)
+def finding_report(request: Request, reference: str, vehicle: Vehicle = None) -> Response:
+    """Its report, as `aerodb report update` writes it."""
+    about = reference_of(opened_of(request), reference, vehicle)
+    return report(console_of(request).run(report_flow, {"kind": "update", "about": about}))

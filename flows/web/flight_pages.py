@@ -1,0 +1,183 @@
+"""Flights: the list, one flight with its record, its report, and its channels for the screen."""
+
+import json
+import struct
+from collections.abc import Sequence
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from fastapi import APIRouter, Query, Request
+from pydantic import BeforeValidator
+from starlette.responses import Response
+
+from aerodb.errors import AeroError
+from aerodb.flows.report import report_flow
+from aerodb.flows.web import models
+from aerodb.flows.web.console import (
+    PER_PAGE,
+    Limit,
+    Vehicle,
+    Word,
+    address,
+    console_of,
+    document,
+    given,
+    opened_of,
+    page_of,
+    report,
+)
+from aerodb.flows.web.models import answers
+from aerodb.storage.catalogue.flight_pages import RETRACTED, Asked
+from aerodb.storage.catalogue.rows import FlightRow
+from aerodb.storage.catalogue.schema import VERDICTS
+from aerodb.tasks.result_versions import RELEASED
+from aerodb.tasks.view.channels import FEWEST_POINTS, MOST_POINTS, Series, envelopes_of, record_of, series_of
+from aerodb.tasks.view.flight_documents import flight_details, flights_document
+from aerodb.tasks.workspace_access import Stores
+
+router = APIRouter(tags=["flights"])
+_MOST_ENVELOPES = 50
+
+Verdict = Annotated[
+    Literal["good", "limited", "rejected", "unchecked", "retracted"] | None,
+    BeforeValidator(given),
+    Query(description="Only flights with this verdict, or those that were retracted."),
+]
+Text = Annotated[str, Query(max_length=200, description="Part of a flight's name, of its log's name, or of its id.")]
+After = Annotated[str, Query(max_length=200, description="Where the page before ended, as its header Link says.")]
+
+
+@router.get("/flights", include_in_schema=False)
+def flights_page(
+    request: Request, vehicle: Vehicle = None, verdict: Verdict = None, text: Text = "", after: After = ""
+) -> Response:
+    """The list of flights, narrowed and paged."""
+    opened = opened_of(request)
+    asked = {"vehicle": vehicle, "verdict": verdict, "text": text}
+    found = opened.catalogue.flight_page(Asked(vehicle, verdict, text), PER_PAGE, after)
+    return page_of(
+        request,
+        "flights.html",
+        "Flights",
+        flights=flights_document(opened.catalogue, found.rows),
+        asked=asked,
+        after=after,
+        further=address("/flights", **asked, after=found.further) if found.further else "",
+        vehicles=[row.name for row in opened.catalogue.vehicles()],
+        verdicts=[*VERDICTS, RETRACTED],
+    )
+
+
+@router.get("/api/flights", summary="Flights, newest first", responses=answers(list[models.Flight]))
+def flights(
+    request: Request,
+    vehicle: Vehicle = None,
+    verdict: Verdict = None,
+    text: Text = "",
+    after: After = "",
+    limit: Limit = PER_PAGE,
+) -> Response:
+    """The documents of `aerodb flight list`, a page at a time; a search looks through a bounded number of flights per page."""
+    opened = opened_of(request)
+    found = opened.catalogue.flight_page(Asked(vehicle, verdict, text), limit, after)
+    asked = {"vehicle": vehicle, "verdict": verdict, "text": text, "limit": limit, "after": found.further}
+    return document(flights_document(opened.catalogue, found.rows), address("/api/flights", **asked) if found.further else "")
+
+
+@router.get("/api/envelopes", summary="What flights have covered", responses=answers(dict[str, dict[str, list[float]]]))
+def envelopes(request: Request, flight: Annotated[list[str], Query(max_length=_MOST_ENVELOPES)]) -> Response:
+    """Lowest and highest usable value of airspeed, angles of attack and sideslip and altitude (SI), by flight id."""
+    opened = opened_of(request)
+    return document(envelopes_of(opened, list(opened.catalogue.flights_by_id(flight).values())))
+
+
+@router.get("/flights/{flight}", include_in_schema=False)
+def flight_page(request: Request, flight: str, vehicle: Vehicle = None) -> Response:
+    """One flight: what it says of itself, its record, what rests on it."""
+    opened = opened_of(request)
+    row = opened.catalogue.flight(flight, vehicle)
+    record, missing = None, ""
+    try:
+        record = record_of(opened, row)
+    except AeroError as error:
+        missing = str(error)
+    return page_of(
+        request,
+        "flight.html",
+        f"Flight {row.label}",
+        flight=flight_details(opened, row),
+        label=row.label,
+        record=record,
+        missing=missing,
+        released=_released(opened, row),
+    )
+
+
+@router.get("/api/flights/{flight}", summary="One flight", responses=answers(models.Flight))
+def flight(request: Request, flight: str, vehicle: Vehicle = None) -> Response:
+    """The document of `aerodb flight show`."""
+    opened = opened_of(request)
+    return document(flight_details(opened, opened.catalogue.flight(flight, vehicle)))
+
+
+@router.get("/flights/{flight}/report", include_in_schema=False)
+def flight_report(request: Request, flight: str, vehicle: Vehicle = None, against: Word = None) -> Response:
+    """The report of a flight beside a version, as `aerodb report flight` writes it."""
+    opened = opened_of(request)
+    row = opened.catalogue.flight(flight, vehicle)
+    version = opened.catalogue.version(row.vehicle, against).id if against else _released(opened, row)
+    asked = {"kind": "flight", "about": row.id, "version": version or ""}
+    return report(console_of(request).run(report_flow, asked))
+
+
+@router.get(
+    "/api/flights/{flight}/channels",
+    summary="Channels of a flight for a screen",
+    tags=["flights"],
+    responses=answers(models.Record),
+)
+def channels(
+    request: Request,
+    flight: str,
+    names: Annotated[
+        str, Query(max_length=4000, description="Channels and axes, with commas; those shown first without it.")
+    ] = "",
+    start: Annotated[float, Query(alias="from", description="From this time [s].")] = -1e12,
+    end: Annotated[float, Query(alias="to", description="To this time [s].")] = 1e12,
+    points: Annotated[int, Query(ge=FEWEST_POINTS, le=MOST_POINTS, description="At most so many per line.")] = 2000,
+    format: Annotated[Literal["json", "binary"], Query(description="binary: float64 arrays after a JSON heading.")] = "json",
+    vehicle: Vehicle = None,
+) -> Response:
+    """Time [s] and values (SI) of each line, as many as a screen shows: no extreme is lost, and few enough samples come whole."""
+    opened = opened_of(request)
+    row = opened.catalogue.flight(flight, vehicle)
+    wanted = [name.strip() for name in names.split(",") if name.strip()] or list(record_of(opened, row).first)
+    lines, ends = series_of(opened, row, wanted, start, end, points)
+    said = {"flight": row.id, "start": ends[0], "end": ends[1]}
+    if format == "binary":
+        return Response(_packed(said, lines), media_type="application/octet-stream")
+    arrays = [{**_heading(line), "time": line.time.tolist(), "values": line.values.tolist()} for line in lines]
+    return document({**said, "series": arrays})
+
+
+def _heading(line: Series) -> dict[str, Any]:
+    return {
+        "name": line.name,
+        "source": line.source,
+        "unit": line.unit,
+        "label": line.label,
+        "factor": line.factor,
+        "flagged": [list(stretch) for stretch in line.flagged],
+    }
+
+
+def _packed(said: dict[str, Any], lines: Sequence[Series]) -> bytes:
+    """Length of the heading (uint32), the heading (JSON, padded to 8 bytes), then time and values of each line; little-endian."""
+    heading = json.dumps({**said, "series": [{**_heading(line), "samples": len(line.time)} for line in lines]}).encode("ascii")
+    heading += b" " * (-(len(heading) + 4) % 8)
+    arrays = (np.ascontiguousarray(values, "<f8").tobytes() for line in lines for values in (line.time, line.values))
+    return struct.pack("<I", len(heading)) + heading + b"".join(arrays)
+
+
+def _released(opened: Stores, row: FlightRow) -> str | None:
+    return opened.named(row.vehicle, RELEASED)

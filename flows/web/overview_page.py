@@ -1,0 +1,72 @@
+"""The first page, the session that changes belong to, and the API's table of contents."""
+
+from typing import Any
+
+from fastapi import APIRouter, Request
+from starlette.responses import Response
+
+from aerodb.flows.web.console import console_of, document, opened_of, page_of
+from aerodb.flows.web.models import Session, Vehicle, answers
+from aerodb.flows.web.security import keep_session, session_of
+from aerodb.storage.catalogue.flight_pages import Asked
+from aerodb.tasks.result_versions import CANDIDATE, RELEASED
+from aerodb.tasks.view.finding_documents import findings_page
+from aerodb.tasks.view.flight_documents import flights_document
+from aerodb.tasks.workspace_access import Stores
+
+router = APIRouter()
+_NEWEST = 5
+
+
+@router.get("/", include_in_schema=False)
+def overview(request: Request) -> Response:
+    """Vehicles with what is released, and the newest findings and flights."""
+    opened = opened_of(request)
+    entries, _ = findings_page(opened, _NEWEST)
+    rows = opened.catalogue.flight_page(Asked(), _NEWEST).rows
+    flights = flights_document(opened.catalogue, rows)
+    return page_of(request, "overview.html", "Overview", vehicles=_vehicles(opened), findings=entries, flights=flights)
+
+
+@router.get(
+    "/api/vehicles",
+    summary="Vehicles, and what their names point at",
+    tags=["vehicles"],
+    responses=answers(list[Vehicle]),
+)
+def vehicles(request: Request) -> Response:
+    """Name, file and names of versions of every vehicle."""
+    return document(_vehicles(opened_of(request)))
+
+
+@router.get("/api/session", summary="The token that a change carries", tags=["changes"], responses=answers(Session))
+def session(request: Request) -> Response:
+    """The token of this session; its cookie comes with the answer."""
+    known, _ = session_of(request)
+    answer = document({"csrf": console_of(request).guard.csrf_token(known)})
+    keep_session(answer, known)
+    return answer
+
+
+@router.get("/api", include_in_schema=False)
+def contents(request: Request) -> Response:
+    """What the API answers, for people; programs read /openapi.json."""
+    paths: dict[str, dict[str, Any]] = request.app.openapi()["paths"]
+    entries = [
+        {"method": method.upper(), "path": path, "summary": said.get("summary", ""), "asked": said.get("parameters", [])}
+        for path, methods in paths.items()
+        for method, said in methods.items()
+    ]
+    return page_of(request, "api.html", "API", entries=entries)
+
+
+def _vehicles(opened: Stores) -> list[dict[str, Any]]:
+    found = []
+    for row in opened.catalogue.vehicles():
+        names = opened.catalogue.names(row.name)
+        versions = opened.catalogue.versions_by_id(names.values())
+        pointed = {name: {"version": id, "label": versions[id].label} for name, id in names.items()}
+        first: dict[str, Any] = {name: pointed[name] for name in (RELEASED, CANDIDATE) if name in pointed}
+        entry: dict[str, Any] = {"vehicle": row.name, "sha256": row.sha256, "added_utc": row.added_utc.isoformat()}
+        found.append({**entry, "versions": opened.catalogue.count_versions(row.name), "names": {**first, **pointed}})
+    return found

@@ -1,0 +1,30 @@
+"""Work: what waits, runs and failed, and what to do about it, as `aerodb status` says it."""
+
+from typing import Any
+
+from fastapi import APIRouter, Request
+from starlette.responses import Response
+
+from aerodb.flows.web.console import document, opened_of, page_of
+from aerodb.tasks.view.status import status_of
+
+router = APIRouter(tags=["work"])
+
+
+@router.get("/work", include_in_schema=False)
+def work_page(request: Request) -> Response:
+    """What waits, runs and failed."""
+    status = status_of(opened_of(request))
+    return page_of(request, "work.html", "Work", status=status, server=_server(status))
+
+
+@router.get("/api/status", summary="What waits, runs and failed")
+def status(request: Request) -> Response:
+    """The document of `aerodb status`."""
+    return document(status_of(opened_of(request)))
+
+
+def _server(status: dict[str, Any]) -> str:
+    """The address of the Prefect server that `aerodb serve` keeps, empty while nothing serves."""
+    url = str(status["serve"].get("url", ""))
+    return url if status["serve"]["running"] and url.startswith(("http://", "https://")) else ""

@@ -1,0 +1,78 @@
+"""The record of the inbox: which files were tried, and how each ended. The files themselves are in `aerodb.storage.inbox.waiting`."""
+
+from collections.abc import Iterable
+
+import sqlalchemy as sa
+
+from aerodb.storage import encoding as enc
+from aerodb.storage.catalogue import schema as s
+from aerodb.storage.catalogue.ledger import Ledger, in_parts
+from aerodb.storage.catalogue.rows import InboxEvent, InboxKind
+
+ENDINGS: tuple[InboxKind, ...] = ("stored", "duplicate", "quarantined")
+
+
+class ArrivalLedger(Ledger):
+    """The part of the catalogue about the inbox."""
+
+    def note_arrivals(self, events: Iterable[InboxEvent]) -> None:
+        """Adds what happened to files. An ending that a file has already is not noted again."""
+        with self._database.writing() as connection:
+            for event in events:
+                if event.kind in ENDINGS and self._last_kind(connection, event) == event.kind:
+                    continue
+                values = {
+                    "path": enc.plain_text(event.path),
+                    "vehicle": enc.plain_text(event.vehicle),
+                    "size": event.size,
+                    "mtime_ns": event.mtime_ns,
+                    "kind": event.kind,
+                    "sha256": event.sha256,
+                    "reason": enc.plain_text(event.reason),
+                    "run": event.run,
+                    "at_utc": enc.time_text(enc.now()),
+                }
+                connection.execute(sa.insert(s.inbox_events).values(values))
+
+    @staticmethod
+    def _last_kind(connection: sa.Connection, event: InboxEvent) -> str | None:
+        c = s.inbox_events.c
+        same = (c.path == enc.plain_text(event.path)) & (c.size == event.size) & (c.mtime_ns == event.mtime_ns)
+        ended = same & c.kind.in_(ENDINGS) & (c.sha256 == event.sha256)
+        return connection.execute(sa.select(c.kind).where(ended).order_by(c.sequence.desc()).limit(1)).scalar()
+
+    def attempts(self, paths: Iterable[str]) -> dict[tuple[str, int, int], tuple[int, str]]:
+        """(path, size, mtime_ns) -> how often it was tried since it last ended, and the error it failed with last.
+
+        A failure without a reason takes a try back: it was not the file's fault.
+        """
+        c = s.inbox_events.c
+        found: dict[tuple[str, int, int], tuple[int, str]] = {}
+        with self._database.reading() as connection:
+            for part in in_parts({enc.plain_text(path) for path in paths}):
+                query = sa.select(c.path, c.size, c.mtime_ns, c.kind, c.reason).where(c.path.in_(part)).order_by(c.sequence)
+                for row in connection.execute(query):
+                    file = (row.path, row.size, row.mtime_ns)
+                    times, reason = found.get(file, (0, ""))
+                    if row.kind in ENDINGS:
+                        found.pop(file, None)
+                    else:
+                        excused = row.kind == "failed" and not row.reason
+                        found[file] = (times + (row.kind == "tried") - excused, row.reason or reason)
+        return found
+
+    def arrivals(self, kind: InboxKind | None = None, sha256: str | None = None, limit: int = 100) -> tuple[InboxEvent, ...]:
+        """The newest events of the inbox, newest first: of one kind, or of one content."""
+        c = s.inbox_events.c
+        query = sa.select(s.inbox_events).order_by(c.sequence.desc()).limit(limit)
+        if kind is not None:
+            query = query.where(c.kind == kind)
+        if sha256 is not None:
+            query = query.where(c.sha256 == sha256)
+        with self._database.reading() as connection:
+            return tuple(_event(row) for row in connection.execute(query))
+
+
+def _event(row: sa.Row[tuple[object, ...]]) -> InboxEvent:
+    values = {name: value for name, value in row._mapping.items() if name != "sequence"}
+    return InboxEvent(**{**values, "at_utc": enc.time_of(values["at_utc"])})

@@ -1,0 +1,129 @@
+"""One topic of a log as a Parquet file, and exactly back again; all of them, or only what is asked for."""
+
+from collections import OrderedDict
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aerodb.recording import Topic
+from aerodb.storage.files.parquet import Column, json_text, read_columns, read_metadata, write_columns
+
+#: Topics that are kept for whoever asks for them again.
+_KEPT: Final = 16
+
+
+class StoredTopics(Mapping[str, Topic]):
+    """The topics of a stored recording by name, read one by one when they are asked for, and of each only the fields used.
+
+    folder : of the recording. names : its topics, in the order in which they are numbered.
+    """
+
+    def __init__(self, folder: Path, names: Sequence[str]) -> None:
+        self._paths = {name: folder / f"{number:04d}.parquet" for number, name in enumerate(names)}
+        self._kept: OrderedDict[str, Topic] = OrderedDict()
+
+    def __len__(self) -> int:
+        return len(self._paths)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._paths)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._paths
+
+    def __getitem__(self, name: str) -> Topic:
+        if name not in self._kept:
+            if len(self._kept) >= _KEPT:
+                self._kept.popitem(last=False)
+            self._kept[name] = _open_topic(self._paths[name])
+        self._kept.move_to_end(name)
+        return self._kept[name]
+
+
+class _StoredFields(Mapping[str, NDArray[Any]]):
+    """The fields of a stored topic by name; each is a column that is read once."""
+
+    def __init__(self, path: Path, columns: Mapping[str, str]) -> None:
+        self._path, self._columns = path, columns
+        self._read: dict[str, NDArray[Any]] = {}
+
+    def __len__(self) -> int:
+        return len(self._columns)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._columns)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._columns
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        if name not in self._read:
+            column = self._columns[name]
+            self._read[name] = read_columns(self._path, "topic", [column])[0][column]
+        return self._read[name]
+
+
+def _open_topic(path: Path) -> Topic:
+    plain = read_topic(path, with_fields=False)
+    stored = read_metadata(path, "topic")
+    fields = _StoredFields(path, dict(zip(stored["fields"], stored["columns"], strict=True)))
+    return Topic(plain.name, plain.time, fields, plain.units)
+
+
+def write_topic(path: Path, topic: Topic) -> None:
+    """Writes a topic to `path`, dtypes preserved."""
+    time, clock = _compact_time(topic.time)
+    # A field's name is the log's own and may be anything: columns carry it where Parquet can, the metadata always does.
+    names = _column_names(list(topic.fields), taken={"time"})
+    columns = [Column("time", time, {"unit": "us" if clock else "s", "description": "time on the log's monotonic clock"})]
+    for column, (name, values) in zip(names, topic.fields.items(), strict=True):
+        columns.append(Column(column, values, {"unit": json_text(topic.units.get(name, ""))}))
+    metadata = {
+        "kind": "topic",
+        "name": topic.name,
+        "clock": clock,
+        "fields": list(topic.fields),
+        "columns": names,
+        "units": list(topic.units.items()),
+    }
+    write_columns(path, columns, metadata)
+
+
+def read_topic(path: Path, with_fields: bool) -> Topic:
+    """The topic stored at `path`; without its fields it is its time stamps alone. InputError when it is missing or damaged."""
+    columns, stored = read_columns(path, "topic", None if with_fields else ["time"])
+    time = columns["time"]
+    if stored["clock"]:
+        time = _CLOCKS[stored["clock"]](time)
+    named = zip(stored["fields"], stored["columns"], strict=True)
+    fields = {name: columns[column] for name, column in named if with_fields}
+    return Topic(stored["name"], time, fields, dict(stored["units"]))
+
+
+#: The two ways in which readers turn a microsecond counter into seconds; they differ in the last bit.
+_CLOCKS = {"divided": lambda ticks: ticks / 1e6, "multiplied": lambda ticks: ticks * 1e-6}
+
+
+def _compact_time(time: NDArray[np.float64]) -> tuple[NDArray[Any], str]:
+    """Time as int64 microseconds where that is exact to the last bit, and which clock undoes it; else as it is."""
+    if len(time) and np.all(np.abs(time) < 2**52 / 1e6):  # false for NaN and infinity too
+        ticks = np.rint(time * 1e6).astype(np.int64)
+        for clock, seconds in _CLOCKS.items():
+            if np.array_equal(seconds(ticks).view(np.int64), np.ascontiguousarray(time, np.float64).view(np.int64)):
+                return ticks, clock
+    return time, ""
+
+
+def _column_names(fields: Sequence[str], taken: set[str]) -> list[str]:
+    names = []
+    for number, field in enumerate(fields):
+        plain = field.isascii() and field.isprintable() and 0 < len(field) <= 200 and field not in taken
+        name = field if plain else f"field {number}"
+        while name in taken:
+            name += "_"
+        names.append(name)
+        taken.add(name)
+    return names

@@ -1,0 +1,225 @@
+"""The store as a whole, between the workspace's folder and its object store: put, fetched, and the cache kept small."""
+
+import hashlib
+import os
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from aerodb.errors import InputError
+from aerodb.storage.catalogue.catalogue import Catalogue
+from aerodb.storage.catalogue.stored_files import StoredFile, measured
+from aerodb.storage.disk_errors import is_temporary, remove, temporary_beside
+from aerodb.storage.files.cache import is_recording_put, local, local_recording, together, topics_of
+from aerodb.storage.files.flights import INDEX
+from aerodb.storage.files.objects import DamagedObject, Objects, objects_of
+from aerodb.storage.workspace import Workspace
+from aerodb.storage.workspace_settings import FILE, load_settings
+
+#: Folders whose files the catalogue names one by one.
+STORE: Final = ("flights", "results", "logs")
+#: What was used less than this ago [s] may still be in use: it stays in the cache.
+_IN_USE: Final = 600.0
+
+
+@dataclass(frozen=True)
+class Part:
+    """One folder of the fan-out: files that the catalogue names (topics included), and what is in the object store, by address,
+    with the time when it was put [s since 1970]; and the folders of recordings whose index is nowhere, or damaged: their topics
+    are not among the files."""
+
+    files: tuple[StoredFile, ...]
+    objects: Mapping[str, tuple[StoredFile, float]]
+    unread: tuple[str, ...]
+
+    def has(self, address: str, file: StoredFile) -> bool:
+        """Whether the object of a file is there, whole."""
+        return address in self.objects and self.objects[address][0].size == file.size
+
+
+@dataclass(frozen=True)
+class Moved:
+    """Files and bytes that were put, fetched or removed, and which could not be: they are not as they were stored, or nowhere."""
+
+    files: int
+    bytes: int
+    left: tuple[str, ...]
+
+
+def required_objects(workspace: Workspace) -> Objects:
+    """The workspace's object store; InputError where it has none."""
+    objects = objects_of(workspace.root)
+    if objects is None:
+        raise InputError("this workspace has no object store", str(workspace.root), f'say [store] url = "s3://..." in its {FILE}')
+    return objects
+
+
+def require_unused(objects: Objects) -> None:
+    """InputError where an object store holds files already that nobody named for what is to be put there."""
+    if any(objects.below(place) for folder in STORE for place in objects.folders(folder)):
+        what, remedy = "holds the files of a workspace already", "name a file --settings with another [store], or with this one"
+        raise InputError(f"the object store of these settings {what}", objects.url, remedy)
+
+
+def parts(workspace: Workspace, catalogue: Catalogue, objects: Objects) -> Iterator[Part]:
+    """The whole store, folder by folder: memory does not grow with it."""
+    for folder in STORE:
+        there = set(objects.folders(folder))
+        for place in sorted({*there, *(f"{folder}/{number:02x}" for number in range(256))}):
+            # Rows first: what has one has been put, so that it is in a list made afterwards, whoever writes meanwhile.
+            rows = catalogue.stored_files(f"{place}/", f"{place}0")  # '0' follows '/'
+            found = objects.below(place) if rows or place in there else {}
+            if rows or found:
+                yield _part(workspace, objects, rows, found)
+
+
+def _part(
+    workspace: Workspace, objects: Objects, rows: Mapping[str, StoredFile], found: Mapping[str, tuple[StoredFile, float]]
+) -> Part:
+    files, unread = list(rows.values()), []
+    for row in rows.values():
+        if row.path.endswith(f"/{INDEX}"):
+            text = _index(workspace, objects, row, found)
+            if text is None:
+                unread.append(row.path.removesuffix(INDEX))
+            else:
+                files += topics_of(row, text)
+    return Part(tuple(files), found, tuple(unread))
+
+
+def _index(workspace: Workspace, objects: Objects, row: StoredFile, found: Mapping[str, object]) -> bytes | None:
+    """The text of an index from where it is sound, None where it is nowhere: who checks that says so."""
+    with suppress(OSError):  # it is not here, or leaves the cache just now
+        text = workspace.resolve(row.path).read_bytes()
+        if hashlib.sha256(text).hexdigest() == row.sha256:
+            return text
+    try:
+        blocks = objects.blocks(row) if objects.address(row) in found else None
+        return b"".join(blocks) if blocks is not None else None
+    except DamagedObject:
+        return None
+
+
+def is_sound(workspace: Workspace, file: StoredFile) -> bool:
+    """Whether a file is here with the bytes that were stored."""
+    try:
+        return measured(workspace.resolve(file.path)) == (file.sha256, file.size)
+    except OSError:
+        return False
+
+
+def push(workspace: Workspace, catalogue: Catalogue) -> Moved:
+    """Puts what is here and not in the object store: all of a workspace that gets one, and objects that were lost."""
+    objects, moved, left = required_objects(workspace), [], []
+
+    def move(file: StoredFile) -> None:
+        if is_sound(workspace, file):
+            objects.put(workspace.resolve(file.path), file.path, file.sha256, is_new=True)
+            moved.append(file.size)
+        else:
+            left.append(file.path)
+
+    for part in parts(workspace, catalogue, objects):
+        absent = [file for file in part.files if not part.has(objects.address(file), file)]
+        # An index comes after its topics, and not without them: who sees it relies on them.
+        together(move, [file for file in absent if not file.path.endswith(f"/{INDEX}")])
+        lost = {f"{path.rpartition('/')[0]}/{INDEX}" for path in left}
+        left.extend(file.path for file in absent if file.path in lost)
+        together(move, [file for file in absent if file.path.endswith(f"/{INDEX}") and file.path not in lost])
+    return Moved(len(moved), sum(moved), tuple(sorted(left)))
+
+
+def pull(workspace: Workspace, catalogue: Catalogue) -> Moved:
+    """Fetches what is not here, a recording as a whole: all of a workspace whose object store is to be left."""
+    required_objects(workspace)
+    moved, left = [], []
+
+    def move(file: StoredFile) -> None:
+        try:
+            is_index = file.path.endswith(f"/{INDEX}")
+            place = _recording(workspace, catalogue, file) if is_index else local(workspace, catalogue, file.path)
+        except (DamagedObject, InputError):
+            left.append(file.path)
+            return
+        if place.exists():
+            moved.append(_bytes(place))
+        else:
+            left.append(file.path)
+
+    # In portions, as there may be more rows than memory has room for.
+    portion: list[StoredFile] = []
+    for file in catalogue.every_stored_file():
+        if not workspace.resolve(file.path).exists():
+            portion.append(file)
+        if len(portion) >= 1000:
+            together(move, portion)
+            portion.clear()
+    together(move, portion)
+    return Moved(len(moved), sum(moved), tuple(sorted(left)))
+
+
+def _recording(workspace: Workspace, catalogue: Catalogue, index: StoredFile) -> Path:
+    return local_recording(workspace, catalogue, Path(index.path).parent.name.partition(".")[0])
+
+
+def _bytes(place: Path) -> int:
+    return sum(entry.stat().st_size for entry in place.iterdir()) if place.is_dir() else place.stat().st_size
+
+
+def trim(workspace: Workspace, catalogue: Catalogue, size: int | None = None) -> Moved:
+    """Removes files from the folder, what was not used for longest first, until at most `size` bytes are left of the store there;
+    without a `size` as the settings say, and nothing where they say nothing.
+
+    What is not in the object store, or was used within the last minutes, stays: `left` names what had to, for what is too much.
+    """
+    objects = required_objects(workspace)
+    size = load_settings(workspace.root).store.cache or None if size is None else size
+    here = sorted(_cached(workspace)) if size is not None else []
+    over = sum(entry[1] for entry in here) - (size or 0)
+    gone, left = [], []
+    for _, held, place in here:
+        if over <= 0:
+            break
+        try:
+            is_free = _is_put(workspace, catalogue, objects, place) and _is_idle(place)
+            if is_free:
+                aside = temporary_beside(place)
+                os.replace(place, aside)  # a folder goes as a whole
+                remove(aside)
+                gone.append(held)
+        except FileNotFoundError:  # another has removed it meanwhile
+            is_free = True
+        if is_free:
+            over -= held
+        else:
+            left.append(workspace.relative(place))
+    return Moved(len(gone), sum(gone), tuple(left) if over > 0 else ())
+
+
+def _cached(workspace: Workspace) -> Iterator[tuple[float, int, Path]]:
+    """When each file or recording of the folder was used last, its bytes, and its place."""
+    for folder in STORE:
+        for place in (workspace.root / folder).glob("??/*"):
+            if not is_temporary(place):
+                with suppress(FileNotFoundError):
+                    yield _last_used(place), _bytes(place), place
+
+
+def _is_idle(place: Path) -> bool:
+    return abs(time.time() - _last_used(place)) > _IN_USE
+
+
+def _last_used(place: Path) -> float:
+    found = os.stat(place / INDEX if place.is_dir() else place)
+    return max(found.st_atime, found.st_mtime)
+
+
+def _is_put(workspace: Workspace, catalogue: Catalogue, objects: Objects, place: Path) -> bool:
+    """Whether all of a file or recording is in the object store."""
+    stored = catalogue.stored_file(workspace.relative(place / INDEX if place.is_dir() else place))
+    if stored is None:
+        return False
+    return is_recording_put(objects, stored) if place.is_dir() else objects.has(stored)

@@ -1,0 +1,29 @@
+"""Notifications that wait to be delivered: a file each, written before anybody is told and removed once somebody was."""
+
+import json
+import secrets
+from collections.abc import Iterator, Mapping
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from aerodb.storage.files.documents import write_document
+from aerodb.storage.workspace import Workspace
+
+
+def post(workspace: Workspace, occasion: str, vehicle: str, text: str, details: Mapping[str, Any]) -> Path:
+    """Puts a notification into the outbox; `text` is one sentence, `details` a small document. Returns its file."""
+    at = datetime.now(UTC)
+    message = {"occasion": occasion, "vehicle": vehicle, "text": text, "at_utc": at.isoformat(timespec="seconds")}
+    path = workspace.outbox / f"{at:%Y%m%dT%H%M%S%f}-{secrets.token_hex(4)}.json"
+    write_document(path, {**message, "details": dict(details)})
+    return path
+
+
+def waiting(workspace: Workspace) -> Iterator[tuple[Path, dict[str, Any]]]:
+    """What is not delivered yet, oldest first."""
+    for path in sorted(workspace.outbox.glob("*.json")):
+        try:
+            yield path, json.loads(path.read_text(encoding="utf-8"))
+        except (OSError, ValueError):
+            continue  # another process has just delivered it

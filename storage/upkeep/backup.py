@@ -1,0 +1,349 @@
+"""Backup and restore: the catalogue as it is at one moment, and every file that it names.
+
+The catalogue is copied first (one consistent state, whoever writes meanwhile), always into a file: so a backup can be restored
+with another database than it was made of, and moves a catalogue from SQLite to PostgreSQL and back. Files of the store are
+there before their rows and do not change, so that all that the copy names can be copied afterwards. A further backup into the
+same folder copies only what is new. A backup is what its manifest says, which is written last and holds its own hash: one that
+was interrupted has none, or still that of the backup before it, which stays whole.
+"""
+
+import hashlib
+import json
+import shutil
+import sqlite3
+from collections.abc import Collection, Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from itertools import chain
+from pathlib import Path
+from typing import Any, Final
+
+from aerodb.errors import InputError, StoreError
+from aerodb.storage.catalogue.catalogue import Catalogue
+from aerodb.storage.catalogue.copying import copy_catalogue
+from aerodb.storage.catalogue.places import Place, place_of
+from aerodb.storage.catalogue.schema import HEAD
+from aerodb.storage.catalogue.stored_files import StoredFile, measured
+from aerodb.storage.disk_errors import disk_faults
+from aerodb.storage.files.flights import INDEX, files_of
+from aerodb.storage.files.objects import DamagedObject, Objects, objects_of
+from aerodb.storage.files.transfer import push, require_unused
+from aerodb.storage.inbox.quarantined import REASON
+from aerodb.storage.upkeep.audit import Audit
+from aerodb.storage.upkeep.verify import Problem, require_clean, verify
+from aerodb.storage.upkeep.verify_objects import ORPHAN
+from aerodb.storage.workspace import Workspace, has_sha256, write_atomically
+from aerodb.storage.workspace_settings import FILE as SETTINGS
+
+_MANIFEST: Final = "backup.json"
+_PARTIAL: Final = "catalogue.partial"
+_FORMAT: Final = 2
+
+
+@dataclass(frozen=True)
+class Backup:
+    """What a backup holds: files and bytes of the store, how many of them were copied this time, and what was not as stored."""
+
+    files: int
+    bytes: int
+    copied: int
+    problems: tuple[Problem, ...]
+
+
+def back_up(workspace: Workspace, target: Path) -> Backup:
+    """Copies the workspace to the folder `target`, which is new, or holds an earlier backup.
+
+    A file whose bytes are not those that were stored is named in `problems` and not copied: what an earlier backup has of it
+    stays. Links and pipes in quarantine are not copied: they are not the workspace's. Raises InputError for a folder that holds
+    something else, StoreError when the disk is full.
+    """
+    _claim(workspace, target)
+    with disk_faults(target):
+        partial = target / _PARTIAL
+        _copy_catalogue(place_of(workspace.catalogue), partial)
+        quarantine = list(_in_quarantine(workspace.root))
+        with Catalogue.in_file(partial) as snapshot:
+            made = _copy_files(workspace, chain(_named(workspace.root, snapshot, target), quarantine), target)
+        _as_one_file(partial)
+        if (workspace.root / SETTINGS).is_file():
+            write_atomically(target / SETTINGS, lambda temporary: _copy(workspace.root / SETTINGS, temporary))
+        sha256, size = measured(partial)
+        name = f"catalogue-{sha256[:16]}.backup"
+        partial.rename(target / name)
+        manifest = {
+            "format": _FORMAT,
+            "made_utc": datetime.now(UTC).isoformat(timespec="seconds"),
+            "workspace": str(workspace.root),
+            "schema": HEAD,
+            "catalogue": {"name": name, "sha256": sha256, "size": size},
+            "files": made.files,
+            "bytes": made.bytes,
+            "problems": [problem.where for problem in made.problems],
+            "quarantine": [file.path for file in quarantine],
+        }
+        write_atomically(target / _MANIFEST, lambda temporary: _write(temporary, _sealed(manifest)))
+        for older in target.glob("catalogue-*.backup"):
+            if older.name != name:
+                older.unlink()
+    return made
+
+
+def restore(source: Path, root: Path, settings: Path | None = None) -> dict[str, Any]:
+    """Makes the workspace `root`, which must not exist yet, from the backup in the folder `source`.
+
+    settings : a file that takes the place of the backup's settings; the catalogue goes into the database that they name, which
+    must be empty, as an object store that only the backup's settings name. All is verified before the folder gets its name.
+    Returns the manifest, with `problems` (as dictionaries of `Problem`): what is not as it was stored, as it was not when the
+    backup was made. Raises InputError for a backup that is not whole, and for a place that is taken; nothing is changed then.
+    """
+    manifest = manifest_of(source)
+    _require_free(root)
+    if not root.absolute().parent.is_dir():
+        raise InputError("its folder does not exist", str(root), "name a folder in one that is there")
+    left: list[Problem] = []
+    made: list[int] = []
+
+    def write(temporary: Path) -> None:
+        workspace = Workspace.open(temporary)
+        if (settings or source / SETTINGS).is_file():
+            _copy(settings or source / SETTINGS, workspace.root / SETTINGS)
+        objects = objects_of(workspace.root)
+        if objects is not None and settings is None:
+            require_unused(objects)
+        place = place_of(workspace.catalogue)
+        file = workspace.root / _PARTIAL if place.url else workspace.catalogue
+        _copy(_kept_catalogue(source, manifest), file)
+        with Catalogue.in_file(file) as snapshot:
+            for named in _named(source, snapshot, source):
+                _take(source, workspace, named, manifest["problems"])
+            for path in manifest["quarantine"]:
+                workspace.resolve(path).parent.mkdir(exist_ok=True)  # a folder whose files are gone is found by what follows
+                _take(source, workspace, _quarantined(source / path, source), manifest["problems"])
+            if objects is not None:
+                push(workspace, snapshot)
+            with _moved(snapshot, place) as catalogue:
+                # What is newer in the object store than the backup belongs to none of its rows.
+                found = [problem for problem in verify(workspace, catalogue).problems if problem.kind != ORPHAN]
+                left.extend(problem for problem in found if _is_known(problem, workspace, manifest["problems"]))
+                require_clean([problem for problem in found if problem not in left], str(source))
+        if place.url:
+            file.unlink()
+        made.append(temporary.stat().st_ino)
+
+    write_atomically(root.absolute(), write, keep=True)
+    if root.stat().st_ino != made[0]:  # somebody else put a folder there meanwhile, which stays
+        _require_free(root)
+    return {**manifest, "problems": [asdict(problem) for problem in left]}
+
+
+def _kept_catalogue(source: Path, manifest: dict[str, Any]) -> Path:
+    """The file with the catalogue of a backup; InputError when it is not the one that was written."""
+    stated = manifest["catalogue"]
+    kept = source / Path(stated["name"]).name
+    if not kept.is_file() or measured(kept) != (stated["sha256"], stated["size"]):
+        raise InputError("its catalogue is not the one that was written", str(source), "use another backup")
+    return kept
+
+
+@contextmanager
+def _moved(snapshot: Catalogue, place: Place) -> Iterator[Catalogue]:
+    """The catalogue of the new workspace: the file itself, or its rows in a database, where they stay if all is well."""
+    if not place.url:
+        yield snapshot
+        return
+    with Catalogue.open(place.path) as catalogue, catalogue.transaction():
+        copy_catalogue(snapshot, catalogue)
+        yield catalogue
+
+
+def manifest_of(folder: Path) -> dict[str, Any]:
+    """The manifest of a backup; InputError for a folder that is none, or whose backup was interrupted or is damaged."""
+    try:
+        text = (folder / _MANIFEST).read_bytes()
+    except OSError as error:
+        if (folder / _PARTIAL).exists():
+            raise InputError(
+                "this backup was interrupted", str(folder), "run it again: what is there is not copied twice"
+            ) from error
+        raise InputError("no backup here", str(folder), "name the folder that `aerodb backup` wrote") from error
+    try:
+        found: dict[str, Any] = json.loads(text.decode("ascii"))
+        stated = found.pop("sha256", None)
+    except (ValueError, AttributeError, TypeError):
+        found, stated = {}, None
+    if found.get("format") == 1 and stated is None:
+        remedy = "run `aerodb backup` into it again: only what is new is copied"
+        raise InputError("a backup of an older kind", str(folder), remedy)
+    if _sealed(found) != text:
+        remedy = "use another backup, or run `aerodb backup` into it again while the workspace is there"
+        raise InputError("its manifest is not the one that was written", str(folder / _MANIFEST), remedy)
+    if found.get("format") != _FORMAT:
+        raise InputError("a backup of a newer kind", str(folder), "update aerodb")
+    return found
+
+
+def _sealed(manifest: dict[str, Any]) -> bytes:
+    """A manifest as it is written, with the hash of all else in it: other bytes are another manifest."""
+    sha256 = hashlib.sha256(json.dumps(manifest, indent=1).encode("ascii")).hexdigest()
+    return (json.dumps({**manifest, "sha256": sha256}, indent=1) + "\n").encode("ascii")
+
+
+def _require_free(root: Path) -> None:
+    if root.exists() or root.is_symlink():
+        raise InputError("is there already", str(root), "name a folder that does not exist yet, and move it where you want it")
+
+
+def _is_known(problem: Problem, workspace: Workspace, listed: Collection[str]) -> bool:
+    """Whether something was not as it should be when the backup was made: it, what is in it, or its recording's index."""
+    if problem.kind == "catalogue":
+        return False
+    if problem.kind == "no hash":  # the catalogue and the index say so, and they are sound
+        return workspace.resolve(problem.where).is_file()
+    folder = problem.where.rpartition("/")[0]
+    if problem.kind == "not put" and problem.where.endswith(f"/{INDEX}"):  # nor is the topic that it needs
+        return any(where.startswith(f"{folder}/") for where in listed)
+    return f"{folder}/{INDEX}" in listed or any(f"{where}/".startswith(f"{problem.where}/") for where in listed)
+
+
+def _claim(workspace: Workspace, target: Path) -> None:
+    """Makes the folder, or makes sure that it holds nothing but an earlier backup."""
+    here, there = workspace.root.resolve(), target.resolve()
+    if there.is_relative_to(here) or here.is_relative_to(there):
+        raise InputError("a backup cannot lie inside what it is of", str(target), "choose another folder, best on another disk")
+    try:
+        with disk_faults(target):
+            target.mkdir(parents=True, exist_ok=True)
+    except (FileExistsError, NotADirectoryError) as error:
+        raise InputError("is no folder", str(target), "choose another one") from error
+    if any(target.iterdir()) and not (target / _PARTIAL).exists() and not (target / _MANIFEST).exists():
+        raise InputError("holds something that is no backup", str(target), "choose a new folder")
+
+
+def _copy_catalogue(place: Place, target: Path) -> None:
+    """One consistent state of a database that others may write to meanwhile, into a file."""
+    for left in (target, target.with_name(f"{target.name}-wal"), target.with_name(f"{target.name}-shm")):
+        left.unlink(missing_ok=True)  # the log of an interrupted copy does not belong to this one
+    if place.url:
+        with Catalogue.open(place.path, create=False) as live, Catalogue.in_file(target) as copy:
+            return copy_catalogue(live, copy)
+    source = place.path
+    reading, writing = sqlite3.connect(f"{source.absolute().as_uri()}?mode=ro", uri=True), sqlite3.connect(target)
+    try:
+        reading.backup(writing)
+    except sqlite3.OperationalError as error:
+        raise StoreError(
+            f"the catalogue cannot be copied: {error}", str(source), "make room, then run the backup again"
+        ) from error
+    finally:
+        writing.close()
+        reading.close()
+
+
+def _as_one_file(catalogue: Path) -> None:
+    """Takes what its write-ahead log holds into the file."""
+    connection = sqlite3.connect(catalogue)
+    connection.execute("PRAGMA journal_mode = DELETE")
+    connection.close()
+
+
+def _named(root: Path, catalogue: Catalogue, copied: Path) -> Iterator[StoredFile]:
+    """Every file of the store that a catalogue names, as it stands below `root`; `sha256` is empty where none is known.
+
+    copied : where the index of a recording stands once who asks has dealt with it: it names the files that come next.
+    """
+    for file in catalogue.every_stored_file():
+        yield file
+        if file.path.endswith(f"/{INDEX}") and has_sha256(copied / file.path, file.sha256):
+            folder = file.path.removesuffix(INDEX)
+            for name, (sha256, size) in files_of(copied / folder).items():
+                yield StoredFile(folder + name, sha256, size)
+    for path in Audit.of(catalogue).results_without_file():
+        yield StoredFile(path, "", _size(root / path))
+
+
+def _in_quarantine(root: Path) -> Iterator[StoredFile]:
+    """What each folder in quarantine holds or should hold, a log and the reason; nothing of a link or a pipe."""
+    for folder in sorted(entry for entry in (root / "quarantine").iterdir() if entry.is_dir()):
+        held = next((path for path in sorted(folder.iterdir()) if path.name.startswith(("aside", "log"))), folder / "log")
+        if held.name != "aside" or (held.is_file() and not held.is_symlink()):
+            yield _quarantined(held, root)
+            yield _quarantined(folder / REASON, root)
+
+
+def _quarantined(path: Path, root: Path) -> StoredFile:
+    sha256 = path.parent.name if path.name.startswith("log") else ""
+    return StoredFile(path.relative_to(root).as_posix(), sha256, _size(path))
+
+
+def _size(path: Path) -> int:
+    try:
+        return path.stat().st_size
+    except OSError:
+        return 0
+
+
+def _take(source: Path, workspace: Workspace, file: StoredFile, listed: Collection[str]) -> None:
+    """Copies a file from a backup; not what was damaged when it was made, nor what is not there: verifying finds it."""
+    copy, place = source / file.path, workspace.resolve(file.path)
+    if copy.is_file() and (file.path not in listed or not file.sha256 or has_sha256(copy, file.sha256)):
+        place.parent.mkdir(parents=True, exist_ok=True)
+        _copy(copy, place)
+
+
+def _copy_files(workspace: Workspace, named: Iterable[StoredFile], target: Path) -> Backup:
+    files, size, copied = 0, 0, 0
+    problems: list[Problem] = []
+    objects = objects_of(workspace.root)
+    for file in named:
+        source, place = workspace.resolve(file.path), target / file.path
+        files, size = files + 1, size + file.size
+        if _is_copied(source, place) or (objects is not None and not source.exists() and has_sha256(place, file.sha256)):
+            continue
+        what = _copied_wrongly(source, place, file)
+        if what and objects is not None and file.sha256:
+            what = _fetched_wrongly(objects, place, file, what)
+        if what:
+            problems.append(Problem("changed", what, file.path, "aerodb verify says what to do about it"))
+        else:
+            copied += 1
+    return Backup(files, size, copied, tuple(problems))
+
+
+def _is_copied(source: Path, place: Path) -> bool:
+    """Whether an earlier backup copied this very file: one that was written again is younger."""
+    if not (source.is_file() and place.is_file()):
+        return False
+    one, other = source.stat(), place.stat()
+    return (one.st_size, one.st_mtime_ns) == (other.st_size, other.st_mtime_ns)
+
+
+def _copied_wrongly(source: Path, place: Path, file: StoredFile) -> str:
+    """Copies a file if it has the bytes that were stored; else says what is wrong."""
+    if not source.is_file():
+        return "it is gone from the store"
+    try:
+        sha256, _ = measured(source)
+    except OSError as error:
+        return f"it cannot be read: {error.strerror or error}"
+    if file.sha256 and sha256 != file.sha256:
+        return "its bytes are not those that were stored"
+    place.parent.mkdir(parents=True, exist_ok=True)
+    write_atomically(place, lambda temporary: _copy(source, temporary))
+    return ""
+
+
+def _fetched_wrongly(objects: Objects, place: Path, file: StoredFile, what: str) -> str:
+    """Fetches a file that is not here as it was stored (`what` says why); else says what is wrong with it here and there."""
+    try:
+        return "" if objects.fetch(file, place) else f"{what}, and it is not in the object store"
+    except DamagedObject as error:
+        return f"{what}; in the object store, {error.what}"
+
+
+def _copy(source: Path, target: Path) -> None:
+    shutil.copy2(source, target)
+
+
+def _write(path: Path, text: bytes) -> None:
+    path.write_bytes(text)

@@ -1,0 +1,197 @@
+"""Whether the store is what the catalogue says it is: every file's bytes, every edge, every identity.
+
+Files are looked at folder by folder, rows in parts: the work grows with the store, memory does not. What another process is
+just writing is told from what was left behind, so that it can run at any time.
+"""
+
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+from aerodb.errors import InputError
+from aerodb.storage.catalogue.catalogue import Catalogue
+from aerodb.storage.catalogue.stored_files import StoredFile, measured
+from aerodb.storage.disk_errors import is_abandoned, is_temporary
+from aerodb.storage.files.flights import INDEX, files_of
+from aerodb.storage.files.objects import objects_of
+from aerodb.storage.files.transfer import STORE
+from aerodb.storage.upkeep.audit import Audit
+from aerodb.storage.upkeep.verify_objects import check_objects
+from aerodb.storage.workspace import Workspace
+
+#: A file younger than this [s] may still get its row.
+_SETTLED: Final = 600.0
+_MADE_AGAIN: Final = "remove it: it is made again when it is needed next"
+_PUT_BACK: Final = "its flight is not touched; put the log back as it came, from its source or a backup"
+_TAKE_IN_AGAIN: Final = "remove this folder and ingest the log again"
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One thing that is not as it should be: its kind, what, where (relative to the workspace), and how to repair it."""
+
+    kind: str
+    what: str
+    where: str
+    remedy: str
+
+
+@dataclass
+class Report:
+    """What was checked (how many files, bytes, edges, versions...), what is wrong, and how many files are being written now."""
+
+    problems: list[Problem] = field(default_factory=list)
+    checked: dict[str, int] = field(default_factory=dict)
+    pending: int = 0
+
+    def count(self, name: str, number: int = 1) -> None:
+        self.checked[name] = self.checked.get(name, 0) + number
+
+    def add(self, kind: str, what: str, where: str, remedy: str) -> None:
+        self.problems.append(Problem(kind, what, where, remedy))
+
+
+def verify(workspace: Workspace, catalogue: Catalogue, fetch: bool = False) -> Report:
+    """Checks everything; see `Report`. Raises InputError for a catalogue that cannot be opened at all.
+
+    fetch : reads every object of the object store, too; else their existence and size are checked.
+    """
+    report, objects = Report(), objects_of(workspace.root)
+    audit = Audit.of(catalogue)
+    for what, where, remedy in audit.faults(report.count):
+        report.add("catalogue", what, where, remedy)
+    for folder in STORE:
+        for place in sorted((workspace.root / folder).iterdir()):
+            _check_folder(workspace, catalogue, place, report, is_cache=objects is not None)
+    for file in catalogue.every_stored_file() if objects is None else ():
+        if not workspace.resolve(file.path).exists():
+            remedy = "ingest its log again" if file.path.endswith(INDEX) else "it is made again when it is needed next"
+            remedy = _PUT_BACK if file.path.startswith("logs/") else remedy
+            report.add("missing", "this file is gone", file.path, remedy)
+    for path in audit.results_without_file():
+        report.add("no hash", "no hash of this file is known", path, _MADE_AGAIN)
+    _check_quarantine(workspace, catalogue, report)
+    if objects is not None:
+        check_objects(workspace, catalogue, objects, report, fetch)
+    return report
+
+
+def _check_folder(workspace: Workspace, catalogue: Catalogue, place: Path, report: Report, is_cache: bool) -> None:
+    """One folder of the fan-out: each file against its row; what is in a cache may leave it meanwhile."""
+    entries = sorted(place.iterdir()) if place.is_dir() else [place]
+    prefix = workspace.relative(place)
+    rows = catalogue.stored_files(f"{prefix}/", f"{prefix}0")  # '0' follows '/'
+    for entry in entries:
+        if is_temporary(entry):
+            _check_temporary(workspace, entry, report)
+            continue
+        path = workspace.relative(entry / INDEX if entry.is_dir() else entry)
+        row = rows.get(path) or catalogue.stored_file(path)  # the row may have come meanwhile
+        if row is None and path.startswith("logs/") and catalogue.log(entry.name[:64]) is not None:
+            row = StoredFile(path, entry.name[:64], entry.stat().st_size)  # a log's name is its hash
+        if row is None and entry.is_dir() and catalogue.log(entry.name[:64]) is not None:
+            report.add("no hash", "no hash of its topics is known", path, _TAKE_IN_AGAIN)
+        elif row is None:
+            _orphan(workspace, entry, report)
+        elif not entry.is_dir():
+            _is_sound(entry, row, report, _PUT_BACK if path.startswith("logs/") else _MADE_AGAIN)
+        elif _is_sound(entry / INDEX, row, report, _TAKE_IN_AGAIN):
+            _check_recording(workspace, entry, report, is_cache)
+
+
+def _check_temporary(workspace: Workspace, entry: Path, report: Report) -> None:
+    if is_abandoned(entry):
+        report.add("half-written", "its writer ended before it was complete", workspace.relative(entry), "remove it")
+    else:
+        report.pending += 1
+
+
+def _orphan(workspace: Workspace, entry: Path, report: Report) -> None:
+    try:
+        age = time.time() - entry.stat().st_mtime
+    except FileNotFoundError:
+        return
+    if abs(age) < _SETTLED:
+        report.pending += 1
+        return
+    what = "nothing in the catalogue names it: whoever wrote it ended before its row was there"
+    report.add("orphan", what, workspace.relative(entry), "remove it, or run what made it again: it is then taken as it is")
+
+
+def _is_sound(path: Path, row: StoredFile, report: Report, remedy: str) -> bool:
+    """Whether a file has the bytes that its row says; a missing one is reported with all others."""
+    try:
+        sha256, size = measured(path)
+    except FileNotFoundError:
+        return False
+    except OSError as error:
+        report.add("unreadable", error.strerror or str(error), row.path, "check the disk and the rights, then verify again")
+        return False
+    report.count("files")
+    report.count("bytes", size)
+    if (sha256, size) == (row.sha256, row.size):
+        return True
+    what = f"its bytes are not those that were stored ({size} bytes, {row.size} were stored)"
+    report.add("changed", what, row.path, remedy)
+    return False
+
+
+def _check_recording(workspace: Workspace, folder: Path, report: Report, is_cache: bool) -> None:
+    before = len(report.problems)
+    try:
+        _check_topics(workspace, folder, report)
+    except (InputError, FileNotFoundError):
+        if folder.exists() or not is_cache:
+            raise
+    if is_cache and not folder.exists():  # as a whole: nothing of it was wrong
+        del report.problems[before:]
+
+
+def _check_topics(workspace: Workspace, folder: Path, report: Report) -> None:
+    """The files of a recording against its index, which is sound."""
+    known = files_of(folder)
+    for name, (sha256, size) in known.items():
+        if not sha256:
+            report.add("no hash", "no hash of this topic is known", workspace.relative(folder / name), _TAKE_IN_AGAIN)
+            continue
+        row = StoredFile(workspace.relative(folder / name), sha256, size)
+        if not _is_sound(folder / name, row, report, _TAKE_IN_AGAIN) and not (folder / name).exists():
+            report.add("missing", "this topic of a recording is gone", row.path, _TAKE_IN_AGAIN)
+    for entry in sorted(folder.iterdir()):
+        if entry.name != INDEX and entry.name not in known:
+            report.add("orphan", "the recording's index does not name it", workspace.relative(entry), "remove it")
+
+
+def _check_quarantine(workspace: Workspace, catalogue: Catalogue, report: Report) -> None:
+    """What lies in quarantine: a log's bytes are its folder's name, and it has its row and its reason; a link or a pipe
+    that came through the inbox has its reason."""
+    for folder in sorted(entry for entry in (workspace.root / "quarantine").iterdir() if entry.is_dir()):
+        names = sorted(entry.name for entry in folder.iterdir())
+        for name in names:
+            if is_temporary(folder / name):
+                _check_temporary(workspace, folder / name, report)
+        log = next((folder / name for name in names if name.startswith("log")), None)
+        if (log is None and "aside" not in names) or "reason.json" not in names:
+            report.add("missing", "the log or its reason is gone", workspace.relative(folder), _TAKE_IN_AGAIN)
+        elif log is not None and catalogue.log(folder.name) is None:
+            _orphan(workspace, folder, report)
+        elif log is not None:
+            _is_sound(log, StoredFile(workspace.relative(log), folder.name, log.stat().st_size), report, _TAKE_IN_AGAIN)
+
+
+def lines(report: Report) -> Iterator[str]:
+    """The report for people, one line per problem and one for the sum."""
+    for problem in report.problems:
+        yield f"{problem.kind}: {problem.where}: {problem.what}; {problem.remedy}"
+    sums = ", ".join(f"{number} {name}" for name, number in sorted(report.checked.items()))
+    yield f"checked {sums}" + (f"; {report.pending} files are being written" if report.pending else "")
+
+
+def require_clean(problems: Sequence[Problem], where: str) -> None:
+    """InputError that names the first problem, unless there is none."""
+    if problems:
+        first = problems[0]
+        more = f" and {len(problems) - 1} more" if len(problems) > 1 else ""
+        raise InputError(f"{first.where}: {first.what}{more}", where, first.remedy)

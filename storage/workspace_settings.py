@@ -1,0 +1,329 @@
+"""The workspace's settings: ``settings.toml`` in its folder, closed to unknown keys; without the file everything has its default.
+
+What a vehicle's section leaves out is taken from the sections of the workspace. Secrets do not belong in the file: a webhook
+is named by the environment variable that holds its address (``"$NAME"``), the token of the server is read from one, too.
+"""
+
+import ipaddress
+import re
+import tomllib
+from pathlib import Path
+from typing import Annotated, Any, Final, Literal, Self
+from urllib.parse import urlsplit
+from zoneinfo import ZoneInfo
+
+from pydantic import BeforeValidator, Field, field_validator, model_validator
+
+from aerodb.errors import InputError, UnknownNameError
+from aerodb.quantities import Metres, Number, Radians, Seconds, unit_of
+from aerodb.storage.encoding import VEHICLE_NAME
+from aerodb.storage.limits import Limits
+from aerodb.storage.urls import checked_url
+from aerodb.support.strict import Strict, validated
+
+FILE: Final = "settings.toml"
+#: Holds the token that a server needs which others than this machine can reach.
+TOKEN_VARIABLE: Final = "AERODB_TOKEN"
+_SHORTEST_TOKEN: Final = 16
+
+_CRON_RANGES: Final = ((0, 59), (0, 23), (1, 31), (1, 12), (0, 7), (0, 59))
+_CRON_NAMES: Final = {
+    3: ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec"),
+    4: ("sun", "mon", "tue", "wed", "thu", "fri", "sat"),
+}
+_CRON_PART: Final = re.compile(r"(?:\*|([0-9]+|[a-z]{3})(?:-([0-9]+|[a-z]{3}))?)(?:/[1-9][0-9]*)?")
+_OBJECTS: Final = re.compile(r"s3://[a-z0-9][a-z0-9.-]{1,61}[a-z0-9](?:/(?!\.{1,2}(?:/|$))[A-Za-z0-9_.-]+)*/?")
+_YEAR: Final = 366 * 86_400.0
+#: A span of time [s]: what reckons with it must not come to the end of its numbers.
+Duration = Annotated[Seconds, Field(le=_YEAR, allow_inf_nan=False)]
+
+Occasion = Literal["candidate", "refused", "failed"]
+
+
+def _check_cron(text: str) -> None:
+    """ValueError for what is not minute, hour, day, month, weekday and, if given, second."""
+    fields = text.lower().split()
+    if len(fields) not in (5, 6):
+        raise ValueError(f"cron '{text[:60]}' has {len(fields)} fields, not 5 (or 6, with the seconds last)")
+    for place, field in enumerate(fields):
+        for part in field.split(","):
+            found = _CRON_PART.fullmatch(part)
+            if found is None or not all(_in_range(place, value) for value in found.groups() if value is not None):
+                raise ValueError(f"cron '{text[:60]}': '{part[:20]}' cannot stand at place {place + 1}")
+
+
+def _in_range(place: int, value: str) -> bool:
+    low, high = _CRON_RANGES[place]
+    return low <= int(value) <= high if value.isdecimal() else value in _CRON_NAMES.get(place, ())
+
+
+class SettingsError(InputError):
+    """The settings, or a file that they name, cannot be used as they are now: no log is at fault."""
+
+
+#: ``postgresql://...`` without its password, or ``$NAME`` of the environment variable that holds all of it; empty: a file.
+DatabaseUrl = Annotated[str, BeforeValidator(checked_url)]
+
+
+class CatalogueSettings(Strict):
+    """Which database holds the catalogue: PostgreSQL at `url`; empty: the file in the workspace. See `aerodb.storage.catalogue.places`."""
+
+    url: DatabaseUrl = ""
+
+
+class Store(Strict):
+    """Where the files of the store are: the objects below `url` (``s3://bucket/prefix``); empty: the workspace's folder.
+
+    With objects, the folder is their cache: `cache` bytes are left in it by `aerodb store trim` and every night; 0: no limit.
+    Endpoint and credentials stand in the environment variables of AWS alone.
+    """
+
+    url: str = ""
+    cache: int = Field(default=0, ge=0)
+
+    @field_validator("url")
+    @classmethod
+    def _address(cls, text: str) -> str:
+        if text and not _OBJECTS.fullmatch(text):
+            raise InputError("is no address like s3://BUCKET/PREFIX", "", "who we are there, and where, stands in $AWS_... alone")
+        return text.rstrip("/")
+
+
+class Serve(Strict):
+    """Where the server listens: `host` is this machine's own loopback unless said otherwise; `port` 0 takes a free one.
+
+    database : of Prefect itself; empty: a file in the workspace.
+    """
+
+    host: str = "127.0.0.1"
+    port: int = Field(default=4200, ge=0, le=65535)
+    database: DatabaseUrl = ""
+
+    @property
+    def loopback(self) -> bool:
+        """Whether nobody but this machine can reach it."""
+        return is_loopback(self.host)
+
+
+def is_loopback(host: str) -> bool:
+    """Whether a host is this machine, reached by itself alone."""
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
+
+
+class Work(Strict):
+    """Where the steps of flights run: on the `threads` of the run's own process, or on the workers of the Dask cluster whose
+    scheduler listens at `address` (or ``"$NAME"`` of the environment variable that holds it).
+
+    A scheduler of Dask asks nobody who they are, unless it speaks TLS: beyond this machine, ``tcp://`` needs a `trusted_network`.
+    """
+
+    engine: Literal["threads", "dask"] = "threads"
+    address: str = ""
+    trusted_network: bool = False
+
+    @model_validator(mode="after")
+    def _addressed(self) -> Self:
+        if self.engine == "dask" and not self.address:
+            raise ValueError('dask needs the address of its scheduler: address = "tcp://127.0.0.1:8786"')
+        if self.address and not self.address.startswith("$"):
+            self.checked(self.address)
+        return self
+
+    def checked(self, address: str) -> str:
+        """`address` where it may be spoken to; ValueError otherwise."""
+        parts = urlsplit(address)
+        if parts.scheme not in ("tcp", "tls") or not parts.hostname or not parts.port:
+            raise ValueError("the address of a scheduler is like tcp://127.0.0.1:8786, tls://HOST:PORT, or $NAME")
+        if parts.scheme == "tcp" and not is_loopback(parts.hostname) and not self.trusted_network:
+            said = "whoever reaches a scheduler over tcp:// runs what they like on its workers"
+            raise ValueError(f"{said}: use tls://, or say trusted_network = true")
+        return address
+
+
+class Inbox(Strict):
+    """When a file counts as wholly copied: its size and times stood still for `settle` [s]; and how often one is tried."""
+
+    settle: Duration = 10.0
+    attempts: int = Field(default=3, ge=1)
+
+
+class Schedule(Strict):
+    """When the nightly flow runs: `cron` (five fields, or six with the seconds last) in `timezone`, or `every` so often [s]."""
+
+    cron: str = ""
+    every: Duration | None = None
+    timezone: str = "UTC"
+
+    @model_validator(mode="after")
+    def _one(self) -> Self:
+        if bool(self.cron) == (self.every is not None):
+            raise ValueError("give either cron or every")
+        if self.every is not None and self.every < 1.0:
+            raise ValueError("every must be at least 1 s")
+        if self.cron:
+            _check_cron(self.cron)
+        return self
+
+    @field_validator("timezone")
+    @classmethod
+    def _known(cls, name: str) -> str:
+        try:
+            ZoneInfo(name)
+        except (KeyError, ValueError, OSError) as error:
+            raise ValueError(f"no time zone '{name[:60]}'") from error
+        return name
+
+
+class Notification(Strict):
+    """Who is told, and of what: a `webhook` gets a JSON document by POST, a `command` the same on its standard input."""
+
+    webhook: str = ""
+    command: tuple[str, ...] = ()
+    on: tuple[Occasion, ...] = ("candidate", "refused", "failed")
+
+    @field_validator("webhook")
+    @classmethod
+    def _address(cls, text: str) -> str:
+        if text and not text.startswith(("https://", "http://", "$")):
+            raise ValueError("a webhook is an http(s) address, or $NAME of the environment variable that holds it")
+        return text
+
+
+class Loop(Strict):
+    """When and how a vehicle's database is taken further by itself.
+
+    after : so many flights must be new since the last time. newest : at most so many flights are used, the newest ones.
+    run : ``close-loop``, ``update``, both or neither. model : the model file of the update, relative to the workspace.
+    """
+
+    after: int = Field(default=5, ge=1)
+    newest: int = Field(default=100, ge=2)
+    run: tuple[Literal["close-loop", "update"], ...] = ("close-loop",)
+    model: str = ""
+
+    @model_validator(mode="after")
+    def _modelled(self) -> Self:
+        if "update" in self.run and not self.model:
+            raise ValueError('an update needs its model file: model = "increments.toml"')
+        if Path(self.model).is_absolute() or ".." in Path(self.model).parts:
+            raise ValueError("model is a file below the workspace")
+        return self
+
+
+class Gate(Strict):
+    """What the gate asks for beyond its own checks: the fewest flights that identified a version, and that validated it."""
+
+    identified: int = Field(default=0, ge=0)
+    held_out: int = Field(default=0, ge=0)
+
+
+class Accuracy(Strict):
+    """Limits of the consistency verdict in place of those of the vehicle's file; see `aerodb.vehicle.Accuracy`."""
+
+    attitude: Radians | None = None
+    flow_angle: Radians | None = None
+    horizontal_velocity: Annotated[float, unit_of("m/s")] | None = None
+    lateral_position: Metres | None = None
+    qbar_fraction: Number | None = None
+
+    @property
+    def given(self) -> dict[str, float]:
+        """The limits that are set."""
+        return self.model_dump(exclude_none=True)
+
+
+class VehicleSettings(Strict):
+    """What is different for one vehicle; None: as for the workspace."""
+
+    mapping: str | None = None
+    strict: bool = False
+    schedule: Schedule | None = None
+    loop: Loop | None = None
+    notification: Notification | None = None
+    gate: Gate = Gate()
+    accuracy: Accuracy = Accuracy()
+
+
+class Settings(Strict):
+    """The settings of a workspace."""
+
+    serve: Serve = Serve()
+    catalogue: CatalogueSettings = CatalogueSettings()
+    store: Store = Store()
+    work: Work = Work()
+    inbox: Inbox = Inbox()
+    nightly: Schedule = Schedule(cron="0 2 * * *")
+    loop: Loop = Loop()
+    notification: Notification = Notification()
+    limits: Limits = Limits()
+    vehicles: dict[str, VehicleSettings] = {}
+
+    @field_validator("limits")
+    @classmethod
+    def _within_a_year(cls, limits: Limits) -> Limits:
+        for name in ("processor", "wall", "step", "run"):
+            if not getattr(limits, name) <= _YEAR:
+                raise ValueError(f"{name} must be at most {_YEAR:.0f} s, a year")
+        return limits
+
+    @field_validator("vehicles")
+    @classmethod
+    def _names(cls, vehicles: dict[str, VehicleSettings]) -> dict[str, VehicleSettings]:
+        for name in vehicles:
+            if not VEHICLE_NAME.fullmatch(name):
+                raise ValueError(f"'{name[:60]}' cannot be the name of a vehicle")
+        return vehicles
+
+    def of(self, vehicle: str) -> VehicleSettings:
+        """The section of a vehicle; the empty one where there is none."""
+        return self.vehicles.get(vehicle, VehicleSettings())
+
+    def loop_of(self, vehicle: str) -> Loop:
+        """How a vehicle's database is taken further."""
+        return self.of(vehicle).loop or self.loop
+
+    def notification_of(self, vehicle: str) -> Notification:
+        """Who is told about a vehicle; an empty name asks for the workspace's own."""
+        return self.of(vehicle).notification or self.notification
+
+
+def load_settings(root: Path, vehicles: tuple[str, ...] | None = None) -> Settings:
+    """The settings of the workspace folder `root`; defaults without a file. Sections must be of `vehicles`, where given.
+
+    Raises SettingsError that names the key, the reason and the nearest known key; UnknownNameError for no such vehicle.
+    """
+    path = root / FILE
+    try:
+        data: Any = tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return Settings()
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise SettingsError(f"not valid TOML: {error}", str(path), "mend it, or move it away for the defaults") from error
+    try:
+        settings = validated(Settings, data, str(path))
+    except InputError as error:
+        raise SettingsError(error.what, error.where, error.remedy) from error
+    for name in settings.vehicles:
+        if vehicles is not None and name not in vehicles:
+            known = ", ".join(vehicles[:12]) or "none yet"
+            raise UnknownNameError(f"vehicles.{name}: no such vehicle", str(path), f"known vehicles: {known}")
+    return settings
+
+
+def checked_token(serve: Serve, environment: dict[str, str]) -> str:
+    """The token that the server asks of its clients, empty for none; InputError where it must have one and does not."""
+    token = environment.get(TOKEN_VARIABLE, "")
+    if token and len(token) < _SHORTEST_TOKEN:
+        raise InputError(f"the token has less than {_SHORTEST_TOKEN} characters", f"${TOKEN_VARIABLE}", "take a longer one")
+    if not serve.loopback and not token:
+        what = f"would listen on {serve.host}, where others than this machine can reach it, without a token"
+        raise InputError(what, f"{FILE}: serve.host", f"set ${TOKEN_VARIABLE}, or leave serve.host out for 127.0.0.1")
+    return token
+
+
+def authorization(token: str) -> str:
+    """How a client of the server presents its token: name and password of HTTP's basic authentication."""
+    return f"aerodb:{token}"

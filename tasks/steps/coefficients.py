@@ -1,0 +1,94 @@
+"""Total coefficients of a stored flight, kept in long form: one row per time and axis."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from aerodb.coefficients.total import Coefficients, bandwidth_of, total_coefficients
+from aerodb.errors import InputError
+from aerodb.flight import Flight
+from aerodb.storage.catalogue.rows import FlightRow
+from aerodb.storage.files.flights import read_results, write_results
+from aerodb.support.identity import result_key
+from aerodb.tasks.memory_cache import kept, of_file
+from aerodb.tasks.provenance import code_version
+from aerodb.tasks.result_versions import RESULT_VERSION
+from aerodb.tasks.steps.consistency import load_consistent
+from aerodb.tasks.workspace_access import Stores, stores
+from aerodb.vehicle import Vehicle, cg_positions
+
+
+def reconstruct(flight: str, *, workspace: str, run: str) -> dict[str, Any]:
+    """Computes and stores the coefficients of a flight (its id).
+
+    Returns a document: flight, key, axes, bandwidth [Hz], notes; or flight, key None and the reason why there are none.
+    """
+    opened = stores(workspace)
+    try:
+        _, coefficients, key = load_coefficients(opened, opened.catalogue.flight(flight), run)
+    except InputError as error:
+        return {"flight": flight, "key": None, "reason": str(error), "axes": [], "notes": []}
+    axes, notes = list(coefficients.values), list(coefficients.notes)
+    return {"flight": flight, "key": key, "axes": axes, "bandwidth": coefficients.bandwidth, "notes": notes}
+
+
+def load_coefficients(opened: Stores, row: FlightRow, run: str) -> tuple[Flight, Coefficients, str]:
+    """A consistent flight, its coefficients and their key; read back when they are stored, else computed and stored."""
+    flight, _, flight_key = load_consistent(opened, row, run)
+    vehicle, _ = opened.vehicle(row.vehicle)
+    settings = {"bandwidth": bandwidth_of(flight, vehicle), "angular_acceleration": "differentiated"}
+    key = result_key({"flight": flight_key}, settings, "coefficients", RESULT_VERSION["coefficients"])
+    path = opened.path_of(key)
+    if path is not None:
+        return flight, kept(of_file(path, flight_key), lambda: _stored(path, flight, vehicle)), key
+    coefficients = total_coefficients(flight, vehicle)
+    _keep(opened, row, coefficients, key, flight_key, settings, run)
+    return flight, coefficients, key
+
+
+def _stored(path: Path, flight: Flight, vehicle: Vehicle) -> Coefficients:
+    """Coefficients as they were stored; a moment reference that is no fixed point is the CG at each sample."""
+    table, metadata = read_results(path, ("measured", "sigma", "usable"))
+    axes, n, point = metadata["axes"], len(flight.time), metadata["moment_reference"]
+    values, sigma, usable = (dict(zip(axes, table[name].reshape(-1, n), strict=True)) for name in ("measured", "sigma", "usable"))
+    reference = cg_positions(flight, vehicle) if point == "cg" else np.broadcast_to(point, (n, 3))
+    limit, notes = metadata["bandwidth"], tuple(metadata["notes"])
+    return Coefficients(flight.id, flight.time, values, sigma, usable, np.asarray(reference, dtype=np.float64), limit, notes)
+
+
+def _keep(
+    opened: Stores,
+    row: FlightRow,
+    coefficients: Coefficients,
+    key: str,
+    flight_key: str,
+    settings: Mapping[str, object],
+    run: str,
+) -> None:
+    axes, n = list(coefficients.values), len(coefficients.time)
+    table = {
+        "time": np.tile(coefficients.time, len(axes)),
+        "axis": np.repeat(axes, n),
+        "measured": np.concatenate([coefficients.values[axis] for axis in axes]),
+        "sigma": np.concatenate([coefficients.sigma[axis] for axis in axes]),
+        "usable": np.concatenate([coefficients.usable[axis] for axis in axes]),
+    }
+    path = opened.workspace.result_path(key)
+    point = coefficients.moment_reference
+    fixed = point[0].tolist() if np.ptp(point, axis=0).max() == 0.0 else "cg"
+    metadata = {"axes": axes, "moment_reference": fixed, "notes": list(coefficients.notes), **settings}
+    write_results(path, table, metadata)
+    opened.keep_result(
+        key,
+        path,
+        step="coefficients",
+        kind="coefficients",
+        flight=row.id,
+        settings=settings,
+        result_version=RESULT_VERSION["coefficients"],
+        code_version=code_version(),
+        inputs=[flight_key],
+        run=run,
+    )

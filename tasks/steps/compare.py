@@ -1,0 +1,100 @@
+"""A stored flight beside a version of the database."""
+
+from typing import Any
+
+import numpy as np
+
+from aerodb.coefficients.comparison import Comparison, compare
+from aerodb.errors import InputError
+from aerodb.estimation.statistics import rms
+from aerodb.exchange.native import database_document_sha256
+from aerodb.flight import Flight
+from aerodb.nomenclature import AXES
+from aerodb.storage.files.flights import write_results
+from aerodb.support.identity import result_key
+from aerodb.tables.database import AeroDatabase
+from aerodb.tasks.memory_cache import kept
+from aerodb.tasks.provenance import code_version
+from aerodb.tasks.result_versions import RESULT_VERSION
+from aerodb.tasks.steps.coefficients import load_coefficients
+from aerodb.tasks.workspace_access import Stores, stores
+
+
+def compare_with_version(flight: str, *, workspace: str, run: str, version: str) -> dict[str, Any]:
+    """Compares a flight (its id) with a version (its id) and stores the result.
+
+    Returns a document: flight, key, axes (axis -> rms of measured, of residual and of sigma), notes; or, where the
+    comparison is not possible, flight, key None and the reason. That is no failure of the flight: it stays stored.
+    """
+    opened = stores(workspace)
+    try:
+        _, comparison, key = load_comparison(opened, flight, version, run)
+    except InputError as error:
+        return {"flight": flight, "key": None, "reason": str(error), "axes": {}, "notes": []}
+    axes = {axis: _summary(comparison, axis) for axis in AXES if axis in comparison.usable}
+    return {"flight": flight, "key": key, "axes": axes, "notes": list(comparison.notes)}
+
+
+def load_comparison(opened: Stores, flight: str, version: str, run: str) -> tuple[Flight, Comparison, str]:
+    """A flight, its comparison with a version (both by id), and the comparison's key; stored when it is not yet."""
+    row = opened.catalogue.flight(flight)
+    channels, comparison, coefficients_key = beside(opened, flight, opened.database(version), run)
+    inputs = {"coefficients": coefficients_key, "version": version}
+    key = result_key(inputs, {}, "compare", RESULT_VERSION["compare"])
+    if not opened.has(key):
+        path = opened.workspace.result_path(key)
+        write_results(path, _long(comparison), {"notes": list(comparison.notes), "version": version})
+        opened.keep_result(
+            key,
+            path,
+            step="compare",
+            kind="comparison",
+            flight=row.id,
+            result_version=RESULT_VERSION["compare"],
+            code_version=code_version(),
+            inputs=inputs.values(),
+            run=run,
+        )
+    return channels, comparison, key
+
+
+def compared(opened: Stores, flight: str, database: AeroDatabase, run: str) -> Comparison:
+    """A flight (its id) beside a database that need not be stored."""
+    return beside(opened, flight, database, run)[1]
+
+
+def beside(opened: Stores, flight: str, database: AeroDatabase, run: str) -> tuple[Flight, Comparison, str]:
+    """A flight (its id), its comparison with a database that need not be stored, and the key of its coefficients."""
+    row = opened.catalogue.flight(flight)
+    channels, coefficients, key = load_coefficients(opened, row, run)
+
+    def made() -> Comparison:
+        return compare(channels, coefficients, database, opened.vehicle(row.vehicle)[0].reference)
+
+    return channels, kept(("comparison", key, database_document_sha256(database)), made), key
+
+
+def _long(comparison: Comparison) -> dict[str, np.ndarray]:
+    axes, n = [axis for axis in AXES if axis in comparison.usable], len(comparison.time)
+
+    def stacked(values: Any) -> np.ndarray:
+        return np.concatenate([values[axis] for axis in axes])
+
+    return {
+        "time": np.tile(comparison.time, len(axes)),
+        "axis": np.repeat(axes, n),
+        "measured": stacked(comparison.measured),
+        "predicted": stacked(comparison.predicted),
+        "residual": np.concatenate([comparison.residual(axis) for axis in axes]),
+        "usable": stacked(comparison.usable),
+    }
+
+
+def _summary(comparison: Comparison, axis: str) -> dict[str, float]:
+    good = comparison.usable[axis]
+    return {
+        "samples": int(good.sum()),
+        "rms_measured": rms(comparison.measured[axis][good]),
+        "rms_residual": rms(comparison.residual(axis)[good]),
+        "noise_floor": rms(comparison.sigma[axis][good]),
+    }

@@ -1,0 +1,132 @@
+"""The consistency of a stored flight: reconstructed once per calibration that it is bound to, kept, and read back."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from aerodb.consistency.calibration import Calibration, from_document
+from aerodb.consistency.corrected import WITHOUT_SENSOR
+from aerodb.consistency.smoother.state_noise import StateNoise, state_noise_from
+from aerodb.consistency.whole_flight import Consistent, make_consistent
+from aerodb.flight import Flight
+from aerodb.storage.catalogue.rows import FlightRow
+from aerodb.storage.files.flights import read_results, write_results
+from aerodb.support.identity import result_key
+from aerodb.tasks.memory_cache import kept, of_file
+from aerodb.tasks.provenance import code_version
+from aerodb.tasks.result_versions import RESULT_VERSION
+from aerodb.tasks.steps.ingest import load_flight
+from aerodb.tasks.workspace_access import Stores, stores
+
+
+def check_consistency(flight: str, *, workspace: str, run: str) -> dict[str, Any]:
+    """Reconstructs a flight (its id) under its calibration and notes the verdict; what is stored is read back.
+
+    Returns the document of `aerodb.consistency.whole_flight` with flight and key.
+    """
+    opened = stores(workspace)
+    row = opened.catalogue.flight(flight)
+    _, document, key = load_consistent(opened, row, run)
+    opened.catalogue.judge_flight(row.id, document["verdict"], document["reasons"])
+    return {"flight": flight, "key": key, **document}
+
+
+def load_consistent(opened: Stores, row: FlightRow, run: str) -> tuple[Flight, dict[str, Any], str]:
+    """A consistent flight, its document, and the key of both; reconstructed and stored when they are not yet.
+
+    A flight that is processed for the first time is bound to the newest calibration that is valid for it, and stays bound
+    to that one until it is recalibrated.
+    """
+    flight, flight_key = load_flight(opened, row, run)
+    calibration = _bound(opened, row, run)
+    inputs = {"flight": flight_key, "calibration": "none" if calibration is None else calibration.id}
+    limits = opened.accuracy(row.vehicle)
+    key = result_key(inputs, {"accuracy": limits} if limits else {}, "consistency", RESULT_VERSION["consistency"])
+    path = opened.path_of(key)
+    if path is not None:
+        restored, document = kept(of_file(path, flight_key), lambda: _restored(flight, *read_results(path)))
+        return restored, document, key
+    vehicle, _ = opened.vehicle(row.vehicle)
+    found = make_consistent(flight, vehicle, calibration)
+    document = _keep(opened, row, found, key, flight_key, calibration, run)
+    return found.flight, document, key
+
+
+def _bound(opened: Stores, row: FlightRow, run: str) -> Calibration | None:
+    """The calibration that a flight is bound to; one that was never reconstructed is bound to the newest valid one."""
+    bound = opened.catalogue.calibration_of(row.id)
+    if bound is not None:
+        return from_document(bound.content)
+    if opened.catalogue.results_of(row.id, "consistency"):
+        return None  # reconstructed before there was one
+    for candidate in reversed(opened.catalogue.calibrations(row.vehicle)):
+        calibration = from_document(candidate.content)
+        if calibration.valid_at(row.start_utc):
+            opened.catalogue.bind_flight(row.id, candidate.id, run)
+            return calibration
+    return None
+
+
+def _keep(
+    opened: Stores,
+    row: FlightRow,
+    found: Consistent,
+    key: str,
+    flight_key: str,
+    calibration: Calibration | None,
+    run: str,
+) -> dict[str, Any]:
+    flight = found.flight
+    flags = {f"flags_{name}": flight.flags[name] for name in found.changed if name in flight.flags}
+    sigma = {f"sigma_{name}": values for name, values in found.sigma.items()}
+    table = {"time": flight.time, **{name: flight[name] for name in found.changed}, **flags, **sigma}
+    # as it will be read back: a document does not depend on whether it was just made
+    document: dict[str, Any] = json.loads(json.dumps({**found.document, "changed": list(found.changed)}))
+    path = opened.workspace.result_path(key)
+    write_results(path, table if found.changed or sigma else {}, document)
+    opened.keep_result(
+        key,
+        path,
+        step="consistency",
+        kind="consistency",
+        flight=row.id,
+        result_version=RESULT_VERSION["consistency"],
+        code_version=code_version(),
+        inputs=[flight_key] if calibration is None else [flight_key, calibration.id],
+        run=run,
+    )
+    return document
+
+
+def _restored(flight: Flight, table: Mapping[str, np.ndarray], document: dict[str, Any]) -> tuple[Flight, dict[str, Any]]:
+    """The flight with its stored corrections, and their document."""
+    changed = document["changed"]
+    flags = {name: table[f"flags_{name}"] for name in changed if f"flags_{name}" in table}
+    made = flight.with_channels({name: table[name] for name in changed})
+    return replace(made, flags={**flight.flags, **flags}, notes=(*flight.notes, *document["notes"])), document
+
+
+def sigma_of(opened: Stores, key: str) -> dict[str, np.ndarray]:
+    """Channel -> (n,) one standard error, of the consistent flight stored under `key`."""
+    path = opened.path_of(key)
+    table = read_results(path)[0] if path is not None else {}
+    return {name.removeprefix("sigma_"): values for name, values in table.items() if name.startswith("sigma_")}
+
+
+def reconstructed_angles(document: Mapping[str, Any]) -> frozenset[str]:
+    """The flow angles of a consistent flight that no sensor showed, from its stored document."""
+    used = document.get("used", {})
+    return frozenset(name for name in ("alpha", "beta") if used.get(name) == WITHOUT_SENSOR)
+
+
+def applied_errors(document: Mapping[str, Any]) -> dict[str, float]:
+    """Parameter -> standard error (SI) of every sensor error that the reconstruction took off, from its stored document."""
+    return {e["parameter"]: e["standard_error"] for e in document.get("estimates", ()) if e["applied"]}
+
+
+def noise_of(document: Mapping[str, Any]) -> StateNoise | None:
+    """Spectrum of the errors of a consistent flight's channels, from its stored document; None when it was not reconstructed."""
+    return state_noise_from(document["noise"]) if "noise" in document else None

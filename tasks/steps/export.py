@@ -1,0 +1,105 @@
+"""A version into the user's simulator: written, read back, and kept only when its check cases pass in the receiving form."""
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from aerodb.errors import AeroError, InputError, nearest
+from aerodb.exchange.arrays.comma_separated import export_csv, import_csv
+from aerodb.exchange.arrays.mat import export_mat, import_mat
+from aerodb.exchange.arrays.netcdf import export_netcdf, import_netcdf
+from aerodb.exchange.daveml.export import export_daveml
+from aerodb.exchange.daveml.reader import import_daveml
+from aerodb.exchange.jsbsim.check_cases import check_in_jsbsim, jsbsim_check_cases
+from aerodb.exchange.jsbsim.export import export_jsbsim, input_properties
+from aerodb.exchange.jsbsim.reader import import_jsbsim
+from aerodb.exchange.native import from_document
+from aerodb.exchange.state_terms import for_jsbsim, without_memory
+from aerodb.storage.catalogue.catalogue import Catalogue
+from aerodb.storage.catalogue.rows import VersionRow
+from aerodb.storage.workspace import Workspace, write_for_user
+from aerodb.storage.writers.jsbsim_executive import jsbsim_is_installed, loaded_in_jsbsim
+from aerodb.tables.check_cases import CheckCase, failures, make_check_cases
+from aerodb.tables.database import AeroDatabase
+
+
+@dataclass(frozen=True)
+class Form:
+    """A format: the check cases written with it, how it is written (database, name, cases), how it is read back, what the
+    receiving program says of it (one sentence; InputError when it disagrees), where that is at hand, and the database as far as
+    the format can carry it: not its memory."""
+
+    cases: Callable[[AeroDatabase], Sequence[CheckCase]]
+    write: Callable[[AeroDatabase, str, Sequence[CheckCase]], bytes]
+    read: Callable[[bytes, str], AeroDatabase]
+    receive: Callable[[AeroDatabase, bytes, Sequence[CheckCase]], str] = lambda *_: ""
+    carried: Callable[[AeroDatabase], AeroDatabase] = lambda database: database
+
+
+def _jsbsim(database: AeroDatabase, name: str, cases: Sequence[CheckCase]) -> bytes:
+    return export_jsbsim(database, name=name, cases=cases)
+
+
+def _daveml(database: AeroDatabase, name: str, cases: Sequence[CheckCase]) -> bytes:
+    # It writes check cases of its own, which also state the file's internal signals.
+    return export_daveml(database, check_cases=len(cases))
+
+
+def _in_jsbsim(database: AeroDatabase, data: bytes, cases: Sequence[CheckCase]) -> str:
+    if not jsbsim_is_installed():
+        return "not run in JSBSim, which is not installed here"
+    agreement = check_in_jsbsim(database, loaded_in_jsbsim(data), cases, input_properties(database))
+    if not agreement.passed:
+        axis = max(agreement.errors, key=lambda name: agreement.errors[name])
+        raise InputError(f"{axis} differs inside JSBSim by {agreement.errors[axis]:.2g}", "export", "nothing was written")
+    return "and pass inside JSBSim"
+
+
+#: Formats by the name that users give; an entry per exporter of `aerodb.exchange`.
+FORMS: Final[dict[str, Form]] = {
+    "jsbsim": Form(jsbsim_check_cases, _jsbsim, lambda data, name: import_jsbsim(data, name=name), _in_jsbsim, for_jsbsim),
+    "csv": Form(make_check_cases, lambda database, _, cases: export_csv(database, cases), import_csv),
+    "daveml": Form(make_check_cases, _daveml, lambda data, name: import_daveml(data, name=name), carried=without_memory),
+    "mat": Form(make_check_cases, lambda database, _, cases: export_mat(database, cases), import_mat),
+    "netcdf": Form(make_check_cases, lambda database, _, cases: export_netcdf(database, cases), import_netcdf),
+}
+
+
+def export_version(workspace: Workspace, catalogue: Catalogue, version: VersionRow, format: str, output: Path) -> dict[str, Any]:
+    """Writes a version to `output`; document: version, label, format, file, bytes, check_cases, checked.
+
+    The bytes are read back by the product's own importer first, and must give the check cases; otherwise nothing is written.
+    Raises InputError for an unknown format (exit 3) and for an export that does not hold its check cases.
+    """
+    if format not in FORMS:
+        raise InputError(f"no exporter for '{format}'", "--format", nearest(format, FORMS))
+    form = FORMS[format]
+    database = form.carried(from_document(json.loads(catalogue.version_documents(version.id).content)))
+    name = f"{version.vehicle}-{version.label}"
+    cases = form.cases(database)
+    data = form.write(database, name, cases)
+    _check(form, data, name, cases)
+    received = form.receive(database, data, cases)
+    written = write_for_user(workspace, output, data)
+    return {
+        "version": version.id,
+        "label": version.label,
+        "format": format,
+        "file": str(written),
+        "bytes": len(data),
+        "check_cases": len(cases),
+        "checked": " ".join(filter(None, (f"read back, {len(cases)} check cases pass", received))),
+    }
+
+
+def _check(form: Form, data: bytes, name: str, cases: Sequence[CheckCase]) -> None:
+    where = f"export of {name}"
+    try:
+        failed = failures(form.read(data, name), cases)
+    except AeroError as error:
+        raise InputError(f"cannot be read back: {error.what}", where, "nothing was written; choose another format") from error
+    if failed:
+        what = f"{len(failed)} check values differ when it is read back ({failed[0]})"
+        raise InputError(what, where, "nothing was written; choose another format")

@@ -1,0 +1,37 @@
+"""What conditioning says of a log that is only looked at: nothing is stored, and no vehicle needs to be described."""
+
+from typing import Any
+
+from aerodb.conditioning.condition import conditioned, examine, suspicion_documents, to_document
+from aerodb.errors import InputError
+from aerodb.logs.mapping import map_recording
+from aerodb.logs.mapping_file import Mapping
+from aerodb.recording import Recording
+from aerodb.tasks.steps.conditioning import clocks_of
+from aerodb.vehicle import parse_vehicle
+
+#: Enough of a vehicle to map a log: sensors count as being at the CG, and commands are not used.
+_ANY = """
+name = "any"
+[reference]
+area = 1.0
+chord = 1.0
+span = 1.0
+[points]
+moment_reference = "cg"
+[mass]
+source = "channels"
+"""
+
+
+def look_over(recording: Recording, mapping: Mapping) -> dict[str, Any]:
+    """Likely faults, segments and delays of a recording as a flight of any vehicle, and notes on its channels.
+
+    Where it cannot become a flight, only its time stamps are judged, and ``refused`` says why.
+    """
+    try:
+        flight = conditioned(map_recording(recording, mapping, parse_vehicle(_ANY)))
+    except InputError as error:
+        clocks = suspicion_documents(clocks_of(recording, mapping))
+        return {"suspicions": clocks, "segments": [], "delays": [], "notes": [], "refused": str(error)}
+    return {**to_document(examine(flight, clocks_of(recording, mapping))), "notes": list(flight.notes), "refused": ""}

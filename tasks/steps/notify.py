@@ -1,0 +1,82 @@
+"""Telling people: what the settings ask for goes to a webhook or a command. A notification that fails makes no run fail."""
+
+import json
+import os
+import subprocess
+import urllib.request
+from collections.abc import Mapping
+from http.client import HTTPException
+from pathlib import Path
+from typing import Any, Final
+from urllib.error import HTTPError
+
+from aerodb.storage.inbox.outbox import post, waiting
+from aerodb.storage.workspace import Workspace
+from aerodb.storage.workspace_settings import Notification, Occasion, load_settings
+
+_SECONDS: Final = 15.0
+
+
+def tell(workspace: Workspace, occasion: Occasion, vehicle: str, text: str, details: Mapping[str, Any]) -> bool:
+    """Puts a notification into the outbox where the settings ask for it; whether they do."""
+    asked = load_settings(workspace.root).notification_of(vehicle)
+    if occasion not in asked.on or not (asked.webhook or asked.command):
+        return False
+    post(workspace, occasion, vehicle, text, details)
+    return True
+
+
+def deliver(root: str, *, workspace: str, run: str) -> list[dict[str, str]]:
+    """Delivers all that waits in the outbox of the workspace folder `root`; what fails stays there for the next time.
+
+    Where one could not be reached, it is not tried for the others now. Returns the failures: ``text`` of the notification and
+    ``error``. Addresses, which may hold secrets, are never in it.
+    """
+    opened = Workspace.open(Path(root))
+    settings, failures = load_settings(opened.root), []
+    failed: dict[tuple[str, tuple[str, ...]], str] = {}
+    for path, message in waiting(opened):
+        target = settings.notification_of(message["vehicle"])
+        reached = (target.webhook, target.command)
+        error = failed.get(reached) or _send(target, message)
+        if error:
+            failed[reached] = error
+            failures.append({"text": message["text"], "error": error})
+        else:
+            path.unlink(missing_ok=True)
+    return failures
+
+
+def _send(target: Notification, message: Mapping[str, Any]) -> str:
+    """Sends one message; why it could not be, empty when it was. Nobody to be told is no failure."""
+    data = json.dumps(message).encode("utf-8")
+    said = []
+    if target.webhook:
+        said.append(_to_webhook(target.webhook, data))
+    if target.command:
+        said.append(_to_command(target.command, data))
+    return "; ".join(filter(None, said))
+
+
+def _to_webhook(address: str, data: bytes) -> str:
+    url = os.environ.get(address[1:], "") if address.startswith("$") else address
+    if not url.startswith(("https://", "http://")):
+        return f"webhook: {address} holds no http(s) address"
+    try:
+        request = urllib.request.Request(url, data, {"Content-Type": "application/json"}, method="POST")
+        with urllib.request.urlopen(request, timeout=_SECONDS):
+            return ""
+    except HTTPError as error:
+        error.close()
+        return f"webhook: it answered {error.code}"
+    except (OSError, ValueError, HTTPException) as error:
+        return f"webhook: {type(error).__name__}"  # its text may hold the address or a part of it
+
+
+def _to_command(command: tuple[str, ...], data: bytes) -> str:
+    try:
+        done = subprocess.run(command, input=data, capture_output=True, timeout=_SECONDS, check=False)
+    except (OSError, subprocess.SubprocessError) as error:
+        return f"command: {type(error).__name__}"
+    tail = done.stderr[-300:].decode("utf-8", "replace").strip()
+    return f"command: ended with {done.returncode}: {tail}" if done.returncode else ""

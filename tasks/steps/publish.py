@@ -1,0 +1,252 @@
+"""A version into the catalogue: an imported baseline, or the candidate of an update with its proof."""
+
+import hashlib
+from collections.abc import Callable, Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, Final
+
+from aerodb.errors import InputError
+from aerodb.exchange.arrays.comma_separated import import_csv
+from aerodb.exchange.arrays.mat import import_mat
+from aerodb.exchange.arrays.netcdf import import_netcdf
+from aerodb.exchange.daveml.reader import import_daveml
+from aerodb.exchange.daveml.xml_elements import is_daveml
+from aerodb.exchange.jsbsim.reader import import_jsbsim
+from aerodb.exchange.native import database_content_sha256, read_native, to_document
+from aerodb.increments.estimate import Update
+from aerodb.increments.gate import sign_reasons
+from aerodb.increments.validation import AxisProof
+from aerodb.report.document import update_document
+from aerodb.report.loop_document import loop_document
+from aerodb.storage.catalogue.rows import FlightRole, VersionRow
+from aerodb.storage.files.aircraft_files import files_beside
+from aerodb.storage.files.documents import write_document
+from aerodb.support.identity import canonical_json, result_key, version_id
+from aerodb.tables.check_cases import make_check_cases
+from aerodb.tables.database import AeroDatabase
+from aerodb.tasks.provenance import code_version, user
+from aerodb.tasks.result_versions import CANDIDATE, RELEASED, RESULT_VERSION
+from aerodb.tasks.steps.close_loop import Accept, Loop
+from aerodb.tasks.steps.trace import Library
+from aerodb.tasks.steps.update import Plan
+from aerodb.tasks.workspace_access import Stores, stores
+from aerodb.tracing.decision.unexplained_residual import Remainder
+
+#: Formats that mark their files: where, with which bytes, and what reads them.
+_BY_MARK: Final[tuple[tuple[int, bytes, Callable[[bytes, str], AeroDatabase]], ...]] = (
+    (0, b"PK\x03\x04", import_csv),
+    (0, b"CDF", import_netcdf),
+    (126, b"IM", import_mat),
+    (126, b"MI", import_mat),
+)
+
+
+def import_database(
+    file: str, *, workspace: str, run: str, vehicle: str, bindings: Mapping[str, str] | None = None
+) -> dict[str, Any]:
+    """Imports a database file as a version without parent; the vehicle's first becomes ``released``."""
+    opened, path = stores(workspace), Path(file)
+    opened.catalogue.vehicle(vehicle)
+    data = path.read_bytes()
+    inputs = {hashlib.sha256(data).hexdigest()}
+
+    def part(name: str) -> bytes:
+        beside = files_beside(path)(name)
+        inputs.add(hashlib.sha256(beside).hexdigest())  # what a file is made of belongs to the version's identity
+        return beside
+
+    database = read_database(data, path.name, bindings or {}, part)
+    settings = {"bindings": dict(bindings or {}), "importer": RESULT_VERSION["import"]}
+    version = _add(opened, database, vehicle, None, sorted(inputs), settings, {"imported_from": path.name}, [], run)
+    if opened.named(vehicle, RELEASED) is None:
+        move(opened, vehicle, RELEASED, version.id, f"first imported database ({path.name})")
+    return {"version": version.id, "label": version.label, "database": database.name, "inputs": list(database.inputs)}
+
+
+def read_database(
+    data: bytes, name: str, bindings: Mapping[str, str], part: Callable[[str], bytes] | None = None
+) -> AeroDatabase:
+    """A database from the bytes of a file, by its suffix and content; `part` gives the bytes of files that it names.
+
+    Raises InputError for a kind that cannot be read.
+    """
+    suffix = Path(name).suffix.lower()
+    if suffix in (".dml", ".xml") and is_daveml(data):
+        return import_daveml(data, bindings=bindings, name=Path(name).stem)
+    if suffix == ".xml":
+        return import_jsbsim(data, bindings=bindings, name=Path(name).stem, loader=part)
+    if suffix == ".toml":
+        try:
+            return read_native(data.decode("utf-8"), name)
+        except UnicodeDecodeError as error:
+            raise InputError("not UTF-8 text", name, "save it as UTF-8") from error
+    for at, mark, importer in _BY_MARK:
+        if data[at : at + len(mark)] == mark:
+            return importer(data, name)
+    remedy = "known: .dml or .xml (DAVE-ML), .xml (JSBSim), .toml (native), .zip (CSV), .mat, .nc (NetCDF)"
+    raise InputError(f"no importer for '{suffix or 'a file without suffix'}'", name, remedy)
+
+
+def publish_candidate(plan: Plan, update: Update, proof: tuple[AxisProof, ...], *, workspace: str, run: str) -> dict[str, Any]:
+    """Stores the update's candidate with its proof and points ``candidate`` at it; returns the update's document."""
+    opened = stores(workspace)
+    document = update_document(
+        vehicle=plan.vehicle,
+        baseline=plan.baseline,
+        hold_out=plan.hold_out,
+        excluded=plan.excluded,
+        looks={flight: _looks(opened, flight) for flight in plan.hold_out.held_out},
+        update=update,
+        proof=proof,
+    )
+    signs = sign_reasons(opened.database(plan.baseline), update.candidate)
+    document["remarks"] += [f"The gate will refuse this version: {reason}." for reason in signs]
+    settings = {
+        "model": plan.model,
+        "identified": list(plan.hold_out.identified),
+        "held_out": list(plan.hold_out.held_out),
+        "update": RESULT_VERSION["update"],
+    }
+    document["candidate"] = version_id(plan.vehicle, plan.baseline, list(plan.keys), settings)
+    version = _add(opened, update.candidate, plan.vehicle, plan.baseline, list(plan.keys), settings, document, _roles(plan), run)
+    move(opened, plan.vehicle, CANDIDATE, version.id, "declared increments estimated")
+    # Where the same update was made before, the stored report is the one that counts.
+    return {**opened.catalogue.version_documents(version.id).report, "label": version.label}
+
+
+def publish_loop(
+    plan: Plan,
+    library: Library,
+    loop: Loop,
+    left: tuple[Remainder, ...],
+    proof: tuple[AxisProof, ...],
+    *,
+    workspace: str,
+    run: str,
+    accept: Accept,
+) -> dict[str, Any]:
+    """Stores what a closed loop found: a candidate with its proof where something was added, else only the report.
+
+    Returns the loop's document with ``label`` and ``report``, the key under which it is stored.
+    """
+    opened = stores(workspace)
+    settings = {
+        "library": library.sha256,
+        "tracing": library.settings.sha256,
+        "accepted": asdict(accept),
+        "identified": list(plan.hold_out.identified),
+        "held_out": list(plan.hold_out.held_out),
+        "close_loop": RESULT_VERSION["close_loop"],
+    }
+    document = loop_document(
+        vehicle=plan.vehicle,
+        baseline=plan.baseline,
+        hold_out=plan.hold_out,
+        excluded=plan.excluded,
+        looks={flight: _looks(opened, flight) for flight in plan.hold_out.held_out},
+        library=library.sha256,
+        rounds=loop.rounds,
+        traced=loop.traced,
+        findings=loop.findings,
+        added=loop.added,
+        left=left,
+        proof=proof,
+        remarks=_loop_remarks(plan, loop),
+    )
+    document["remarks"] += [
+        f"The gate will refuse this version: {reason}." for reason in sign_reasons(loop.baseline, loop.candidate)
+    ]
+    label = None
+    if loop.added:
+        document["candidate"] = version_id(plan.vehicle, plan.baseline, list(plan.keys), settings)
+        version = _add(
+            opened, loop.candidate, plan.vehicle, plan.baseline, list(plan.keys), settings, document, _roles(plan), run
+        )
+        move(opened, plan.vehicle, CANDIDATE, version.id, "effects traced and added")
+        # Where the same loop was closed before, the stored report is the one that counts.
+        document, label = dict(opened.catalogue.version_documents(version.id).report), version.label
+        document.pop("check_cases", None)
+    return {**document, "label": label, "report": _keep_report(opened, plan, document, settings, run)}
+
+
+def _loop_remarks(plan: Plan, loop: Loop) -> list[str]:
+    said = list(loop.remarks)
+    if loop.by_manoeuvre and plan.hold_out.kind == "cross-validated":
+        said.append(
+            "Heads and tails of flights were predicted from everything else (cross-validated within flights); none was held out."
+        )
+    elif plan.hold_out.kind == "cross-validated":
+        said.append("Fewer than five flights: each was predicted from what the others give (cross-validated), none was held out.")
+    if plan.hold_out.kind == "not validated":
+        said.append("No flight was held out: the error after is that of the flights that identified, and proves nothing.")
+    named = {f.hypothesis for f in loop.findings}
+    marked = [f for f in loop.added if f.verdict != "confirmed" and f.hypothesis in named]
+    said += [f"{f.hypothesis} was added because you asked for it: its verdict is {f.verdict.replace('_', ' ')}." for f in marked]
+    return said
+
+
+def _keep_report(opened: Stores, plan: Plan, document: Mapping[str, Any], settings: Mapping[str, Any], run: str) -> str:
+    """The loop's document as a stored result, whether or not a version came of it; returns its key."""
+    inputs = [plan.baseline, *plan.keys]
+    key = result_key({name: name for name in inputs}, dict(settings), "close_loop", RESULT_VERSION["close_loop"])
+    if not opened.has(key):
+        path = opened.workspace.result_path(key, ".json")
+        write_document(path, document)
+        opened.keep_result(
+            key,
+            path,
+            step="close_loop",
+            kind="findings",
+            settings=settings,
+            result_version=RESULT_VERSION["close_loop"],
+            code_version=code_version(),
+            inputs=inputs,
+            run=run,
+        )
+    return key
+
+
+def _roles(plan: Plan) -> list[FlightRole]:
+    roles = [FlightRole(flight, "identified") for flight in plan.hold_out.identified]
+    roles += [FlightRole(flight, "held_out") for flight in plan.hold_out.held_out]
+    return [*roles, *(FlightRole(flight, "excluded", reason) for flight, reason in plan.excluded)]
+
+
+def move(opened: Stores, vehicle: str, name: str, version: str, reason: str) -> None:
+    """Points a name at a version (its id) from wherever it points now; nothing happens when it is there already."""
+    current = opened.named(vehicle, name)
+    if current != version:
+        opened.catalogue.move_name(vehicle, name, version, user=user(), reason=reason, expected=current)
+
+
+def _add(
+    opened: Stores,
+    database: AeroDatabase,
+    vehicle: str,
+    parent: str | None,
+    inputs: list[str],
+    settings: Mapping[str, Any],
+    report: Mapping[str, Any],
+    roles: list[FlightRole],
+    run: str,
+) -> VersionRow:
+    return opened.catalogue.add_version(
+        version_id(vehicle, parent, inputs, settings),
+        vehicle=vehicle,
+        parent=parent,
+        content=canonical_json(to_document(database)).decode(),
+        content_sha256=database_content_sha256(database),
+        settings=settings,
+        report={**report, "check_cases": [asdict(case) for case in make_check_cases(database)]},
+        flights=roles,
+        inputs=inputs,
+        run=run,
+    )
+
+
+def _looks(opened: Stores, flight: str) -> int:
+    """How many versions of this vehicle a flight has validated already."""
+    return sum(
+        1 for impact in opened.catalogue.impact(flight) if impact.role == "held_out" and impact.through == impact.version.id
+    )

@@ -1,0 +1,129 @@
+"""Moving names of versions: ``released`` through the gate, any name by a logged event, back by a further one."""
+
+import json
+from typing import Any
+
+from aerodb.errors import GateRefusal, InputError
+from aerodb.exchange.native import database_content_sha256, from_document
+from aerodb.increments.gate import Check, Standing, Verdict, judge
+from aerodb.storage.catalogue.names import standing_moves
+from aerodb.storage.catalogue.rows import NameEvent, VersionDocuments, VersionRow
+from aerodb.storage.encoding import VERSION_NAME, checked
+from aerodb.storage.workspace_settings import load_settings
+from aerodb.tables.check_cases import CheckCase
+from aerodb.tables.database import AeroDatabase
+from aerodb.tasks.provenance import user
+from aerodb.tasks.result_versions import RELEASED
+from aerodb.tasks.workspace_access import Stores, stores
+
+
+def promote(version: str, *, workspace: str, run: str, name: str, reason: str) -> dict[str, Any]:
+    """Points `name` at a version (its id); ``released`` only through the gate.
+
+    Returns a document: vehicle, name, version, label, previous, moved, checks. Raises GateRefusal with every reason, also
+    when another run moved the name meanwhile; nothing is changed then.
+    """
+    opened = stores(workspace)
+    catalogue = opened.catalogue
+    row = catalogue.version_of_id(version)
+    _check_words(name, reason)
+    seen = catalogue.named(row.vehicle, name)
+    if seen is not None and seen.version == row.id:
+        return _document(seen, row, moved=False)
+    verdict = _gate(opened, row, seen) if name == RELEASED else Verdict(())
+    if not verdict.passed:
+        raise _refusal(row, verdict.reasons)
+    with catalogue.transaction():
+        # A flight may have been retracted while the gate was judging.
+        if name == RELEASED and (stale := catalogue.stale(row.id)):
+            raise _refusal(row, stale)
+        expected = seen.version if seen is not None else None
+        event = catalogue.move_name(row.vehicle, name, row.id, user=user(), reason=reason, expected=expected)
+    return {**_document(event, row, moved=True), "checks": [check.name for check in verdict.checks]}
+
+
+def roll_back(vehicle: str, *, workspace: str, run: str, name: str, reason: str) -> dict[str, Any]:
+    """Takes the last standing move of `name` back, by a new event; twice goes back twice. Document as of `promote`.
+
+    Raises InputError where there is nothing before, GateRefusal where the version before is no longer as it was stored.
+    """
+    opened = stores(workspace)
+    catalogue = opened.catalogue
+    catalogue.vehicle(vehicle)
+    _check_words(name, reason)
+    history = catalogue.name_history(vehicle, name)
+    standing = standing_moves(history)
+    if len(standing) < 2:
+        raise InputError(f"'{name}' has no version to go back to", f"vehicle {vehicle}", "see: aerodb version history")
+    target = catalogue.version_of_id(standing[-2].version)
+    if database_content_sha256(_read(target, catalogue.version_documents(target.id))) != target.content_sha256:
+        raise _refusal(target, ("its numbers are not those that were stored: their hash differs",))
+    event = catalogue.move_name(vehicle, name, target.id, user=user(), reason=reason, expected=history[-1].version)
+    return {**_document(event, target, moved=True), "stale": list(catalogue.stale(target.id))}
+
+
+def _check_words(name: str, reason: str) -> None:
+    checked(name, VERSION_NAME, "a name for versions")
+    if not reason.strip():
+        raise InputError("moving a name needs a reason", f"'{name}'", "say why: --reason TEXT")
+
+
+def _gate(opened: Stores, row: VersionRow, released: NameEvent | None) -> Verdict:
+    catalogue = opened.catalogue
+    if released is None:
+        raise GateRefusal("nothing is released yet to compare it with", f"vehicle {row.vehicle}", "import a database first")
+    line = catalogue.lineage(row.id).line
+    labels = {ancestor.id: ancestor.label for ancestor in line}
+    documents = catalogue.version_documents(row.id)
+    candidate = _read(row, documents)
+    standing = Standing(
+        label=row.label,
+        parent=labels.get(row.parent or "", ""),
+        released=catalogue.version_of_id(released.version).label,
+        below_released=released.version in labels,
+        stale=catalogue.stale(row.id),
+        stored_sha256=row.content_sha256,
+        content_sha256=database_content_sha256(candidate),
+    )
+    cases = [CheckCase(**case) for case in documents.report.get("check_cases", [])]
+    verdict = judge(standing, opened.database(released.version), candidate, cases, documents.report.get("axes", {}))
+    return Verdict((*verdict.checks, *_enough_flights(opened, row)))
+
+
+def _enough_flights(opened: Stores, row: VersionRow) -> tuple[Check, ...]:
+    """Whether as many flights identified and validated a version as the settings of its vehicle ask for; none where they
+    ask for none."""
+    asked = load_settings(opened.workspace.root).of(row.vehicle).gate
+    if not (asked.identified or asked.held_out):
+        return ()
+    roles: list[str] = [use.role for use in opened.catalogue.version_flights(row.id)]
+    said = []
+    for role, fewest in (("identified", asked.identified), ("held_out", asked.held_out)):
+        if (count := roles.count(role)) < fewest:
+            said.append(f"{count} flights {role.replace('_', ' ')}, the settings ask for {fewest}")
+    return (Check("as many flights as the settings ask for", tuple(said)),)
+
+
+def _read(row: VersionRow, documents: VersionDocuments) -> AeroDatabase:
+    try:
+        return from_document(json.loads(documents.content))
+    except (ValueError, RecursionError) as error:
+        raise _refusal(row, (f"its stored content cannot be read: {error}",)) from error
+
+
+def _refusal(row: VersionRow, reasons: tuple[str, ...]) -> GateRefusal:
+    remedy = f"it stays as it is; see: aerodb version show {row.label} --vehicle {row.vehicle}"
+    return GateRefusal("; ".join(reasons), f"the gate refused {row.label} of {row.vehicle}", remedy)
+
+
+def _document(event: NameEvent, row: VersionRow, moved: bool) -> dict[str, Any]:
+    moves = {"sequence": event.sequence, "at_utc": event.at_utc.isoformat(), "user": event.user, "reason": event.reason}
+    return {
+        "vehicle": row.vehicle,
+        "name": event.name,
+        "version": row.id,
+        "label": row.label,
+        "previous": event.previous,
+        "moved": moved,
+        "event": moves,
+    }

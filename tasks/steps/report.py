@@ -1,0 +1,197 @@
+"""What people look at: the pages of a flight, of an update or closed loop, and of a version."""
+
+import re
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from aerodb.errors import InputError
+from aerodb.flight import Array, Flight
+from aerodb.nomenclature import is_surface
+from aerodb.report.flight_report import FlightStory, flight_report
+from aerodb.report.headline import headline
+from aerodb.report.lineage_graph import Relative, lineage_graph
+from aerodb.report.update_report import UpdateStory, update_report
+from aerodb.report.version_report import VersionStory, version_report
+from aerodb.storage.catalogue.rows import VersionRow
+from aerodb.storage.files.documents import read_document
+from aerodb.storage.workspace import write_atomically
+from aerodb.tables.database import AeroDatabase
+from aerodb.tables.reference import HAT_RATES, hat_rate
+from aerodb.tasks.steps.compare import compared, load_comparison
+from aerodb.tasks.steps.conditioning import load_conditioning
+from aerodb.tasks.steps.consistency import load_consistent
+from aerodb.tasks.steps.ingest import load_flight
+from aerodb.tasks.workspace_access import Stores, stores
+
+_KEY: Final = re.compile(r"[0-9a-f]{64}")
+
+#: So many ancestors and children of a version are drawn; the lineage query lists all.
+_ANCESTORS, _CHILDREN = 5, 6
+
+
+def flight_page(flight: str, *, workspace: str, run: str, version: str = "") -> str:
+    """The page of a flight (its id) beside a version (its id; empty: beside none)."""
+    opened = stores(workspace)
+    row = opened.catalogue.flight(flight)
+    measured, key = load_flight(opened, row, run)
+    consistent, document, _ = load_consistent(opened, row, run)
+    comparison, why = None, "This vehicle has no released database yet: import one, then make this page again."
+    if version:
+        try:
+            _, comparison, _ = load_comparison(opened, row.id, version, run)
+        except InputError as error:
+            why = f"There are none: {error}."
+    versions = opened.catalogue.versions_by_id([version] if version else [])
+    found, _ = load_conditioning(opened, row, measured, key, run)
+    return flight_report(
+        FlightStory(
+            id=row.id,
+            label=_label(opened, row.id),
+            vehicle=row.vehicle,
+            log=_log_name(opened, row.log_sha256),
+            start_utc=row.start_utc,
+            verdict=row.verdict,
+            reasons=row.reasons,
+            retracted=row.retract_reason if row.retracted_utc else "",
+            consistency=document,
+            measured=measured,
+            flight=consistent,
+            comparison=comparison,
+            database=opened.database(version) if version else None,
+            version=versions[version].label if version else "",
+            no_comparison=why,
+            versions=[(use.version.label, use.role) for use in opened.catalogue.impact(row.id)],
+            suspicions=found.suspicions,
+            segments=found.segments,
+        )
+    )
+
+
+def update_page(reference: str, *, workspace: str, run: str) -> str:
+    """The page of the update or closed loop that made a version (its id), or of a closed loop by the key of its report.
+
+    Raises InputError for a version that no update made, UnknownNameError for what is neither.
+    """
+    opened = stores(workspace)
+    document = _document(opened, reference)
+    ids = [id for id in (document["baseline"], document["candidate"]) if id]
+    rows = opened.catalogue.versions_by_id(ids)
+    roles = document["flights"]
+    excluded = [entry["flight"] for entry in roles["excluded"]]
+    labels = {flight: _label(opened, flight) for flight in (*roles["identified"], *roles["held_out"], *excluded)}
+    candidate = rows[document["candidate"]].label if document["candidate"] else None
+    baseline = rows[document["baseline"]].label
+    databases = opened.database(document["baseline"]), opened.database(document["candidate"] or document["baseline"])
+    shown = roles["held_out"] or roles["identified"]
+    before = {flight: compared(opened, flight, databases[0], run) for flight in shown}
+    after = {flight: compared(opened, flight, databases[1], run) for flight in shown if candidate}
+    channels = {flight: _variables(_consistent(opened, flight, run), databases[1]) for flight in shown}
+    return update_report(UpdateStory(document, labels, baseline, candidate, databases, before, after, channels))
+
+
+def write_update_page(document: dict[str, Any], *, workspace: str, run: str) -> str:
+    """Writes the page of what an update or a closed loop answered into the workspace's reports; returns the file."""
+    opened = stores(workspace)
+    reference = document.get("report") or document["candidate"]
+    page = update_page(reference, workspace=workspace, run=run)
+    path = opened.workspace.reports / f"{document['vehicle']}-{document['label'] or 'nothing-added'}-{reference[:12]}.html"
+
+    def write(temporary: Path) -> None:
+        temporary.write_text(page, encoding="utf-8")
+
+    write_atomically(path, write)
+    return str(path)
+
+
+def version_page(version: str, *, workspace: str, run: str) -> str:
+    """The page of a version (its id)."""
+    opened = stores(workspace)
+    catalogue = opened.catalogue
+    row = catalogue.version_of_id(version)
+    report = catalogue.version_documents(row.id).report
+    roles = catalogue.version_flights(row.id)
+    flights = catalogue.flights_by_id(use.flight for use in roles)
+    database = opened.database(row.id)
+    parent = (catalogue.version_of_id(row.parent).label, opened.database(row.parent)) if row.parent else None
+    names = catalogue.names(row.vehicle)
+    return version_report(
+        VersionStory(
+            id=row.id,
+            label=row.label,
+            vehicle=row.vehicle,
+            made=row.created_utc,
+            content_sha256=row.content_sha256,
+            names=sorted(name for name, id in names.items() if id == row.id),
+            stale=catalogue.stale(row.id),
+            headline=headline(report) if "axes" in report else "",
+            moves=[(m.at_utc, m.name, m.user, m.reason) for m in catalogue.moves_to(row.vehicle, [row.id])],
+            flights=[
+                (_label(opened, use.flight), use.role, flights[use.flight].log_sha256, flights[use.flight].retract_reason)
+                for use in roles
+            ],
+            database=database,
+            parent=parent,
+            graph=lineage_graph(_family(opened, row, names), row.id),
+        )
+    )
+
+
+def _family(opened: Stores, row: VersionRow, names: dict[str, str]) -> list[Relative]:
+    """The nearest ancestors, the version, and its children, parents first."""
+    line = list(reversed(opened.catalogue.lineage(row.id).line[: _ANCESTORS + 1]))
+    children = [entry for entry in opened.catalogue.versions(row.vehicle) if entry.parent == row.id][-_CHILDREN:]
+    family = []
+    for entry in (*line, *children):
+        roles = [use.role for use in opened.catalogue.version_flights(entry.id)]
+        family.append(
+            Relative(
+                id=entry.id,
+                label=entry.label,
+                parent=entry.parent,
+                made=f"{entry.created_utc:%Y-%m-%d %H:%M}",
+                names=tuple(sorted(name for name, id in names.items() if id == entry.id)),
+                flights={role: roles.count(role) for role in dict.fromkeys(roles)},
+                stale=bool(opened.catalogue.stale(entry.id)),
+            )
+        )
+    return family
+
+
+def _document(opened: Stores, reference: str) -> dict[str, Any]:
+    """The document of an update or a closed loop, by the id of its version or the key of its report."""
+    result = opened.catalogue.result(reference) if _KEY.fullmatch(reference) else None
+    if result is not None and result.step == "close_loop":
+        found: dict[str, Any] = read_document(opened.file_of(result.path))
+        return found
+    report = dict(opened.catalogue.version_documents(reference).report)
+    if "axes" not in report:
+        what, remedy = "was imported, no update made it", "its page: aerodb report version"
+        raise InputError(what, f"version {opened.catalogue.version_of_id(reference).label}", remedy)
+    return report
+
+
+def _consistent(opened: Stores, flight: str, run: str) -> Flight:
+    return load_consistent(opened, opened.catalogue.flight(flight), run)[0]
+
+
+def _variables(flight: Flight, database: AeroDatabase) -> dict[str, Array]:
+    """What residuals are shown over: the database's inputs, the surfaces, rates without dimension; unusable samples are nan."""
+    names = {*database.flight_inputs, "alpha", "beta", *(name for name in flight.channels if is_surface(name))}
+    shown = {name: np.where(flight.usable([name]), flight[name], np.nan) for name in sorted(names) if name in flight}
+    for name, (rate, _) in HAT_RATES.items():
+        if rate in flight and "V" in flight:
+            shown[name] = hat_rate(name, flight.channels, database.reference)
+    return shown
+
+
+def _log_name(opened: Stores, sha256: str) -> str:
+    log = opened.catalogue.log(sha256)
+    return log.name if log else sha256[:12]
+
+
+def _label(opened: Stores, flight: str) -> str:
+    """The flight's name, else that of its log."""
+    row = opened.catalogue.flight(flight)
+    return row.name or _log_name(opened, row.log_sha256)

@@ -1,0 +1,140 @@
+"""Declared increments of an update: which flights, what is estimated, what the candidate does on flights not used."""
+
+import re
+from dataclasses import dataclass, replace
+from pathlib import PurePath
+from typing import Any
+
+from aerodb.coefficients.comparison import Comparison
+from aerodb.effects.measurement.angle_errors import with_flattening
+from aerodb.errors import InputError
+from aerodb.flight import Flight
+from aerodb.increments.estimate import Update, estimate_increments, keep_slope_signs
+from aerodb.increments.model_file import ModelFile, parse_model_file
+from aerodb.increments.validation import AxisProof, HoldOut, choose_hold_out, prove, prove_by_leaving_one_out
+from aerodb.storage.catalogue.rows import FlightRow
+from aerodb.tables.database import AeroDatabase
+from aerodb.tasks.doubts import once_more, sensor_doubts
+from aerodb.tasks.steps.compare import compared, load_comparison
+from aerodb.tasks.steps.counting import counted_out, sentence
+from aerodb.tasks.workspace_access import Stores, stores
+from aerodb.tracing.settings import Settings
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What an update rests on: the baseline's id, the flights and their roles, and the comparisons' keys."""
+
+    vehicle: str
+    baseline: str
+    model: str
+    hold_out: HoldOut
+    excluded: tuple[tuple[str, str], ...]
+    keys: tuple[str, ...]
+
+    @property
+    def flights(self) -> tuple[str, ...]:
+        return (*self.hold_out.identified, *self.hold_out.held_out)
+
+
+def plan_update(
+    compared: list[dict[str, Any]],
+    *,
+    workspace: str,
+    run: str,
+    vehicle: str,
+    baseline: str,
+    model: str,
+    hold_out: list[str] | None,
+) -> Plan:
+    """Splits flights into those that identify and those that validate; says which are left out and why.
+
+    `compared` are the documents of `compare_with_version` on `baseline` (its id); `hold_out` flight references, an
+    empty list for none, None for the rule of CONVENTIONS.
+    """
+    opened = stores(workspace)
+    catalogue = opened.catalogue
+    excluded = [(entry["flight"], entry["reason"]) for entry in compared if entry["key"] is None]
+    rows = [catalogue.flight(entry["flight"]) for entry in compared if entry["key"] is not None]
+    excluded += [(row.id, f"retracted: {row.retract_reason}") for row in rows if row.retracted_utc is not None]
+    excluded += [(row.id, f"rejected: {'; '.join(row.reasons)}") for row in rows if row.verdict == "rejected"]
+    excluded += _repeated(opened, vehicle, {row.id for row in rows} - {flight for flight, _ in excluded})
+    out = {flight for flight, _ in excluded}
+    usable = sorted((row for row in rows if row.id not in out), key=lambda row: _age(opened, row))
+    if not usable:
+        why = "; ".join(f"{flight[:12]}: {reason}" for flight, reason in excluded) or "none is stored"
+        raise InputError(f"no flight can be used ({why})", f"update of {vehicle}", "ingest flights of this vehicle")
+    requested = None if hold_out is None else [catalogue.flight(ref, vehicle).id for ref in hold_out]
+    split = choose_hold_out([row.id for row in usable], catalogue.roles_in_line(baseline), requested)
+    keys = tuple(entry["key"] for entry in compared if entry["key"] is not None and entry["flight"] not in out)
+    return Plan(vehicle, baseline, model, split, tuple(excluded), keys)
+
+
+def _repeated(opened: Stores, vehicle: str, flights: set[str]) -> list[tuple[str, str]]:
+    """Those of `flights` (ids) that are another one once more, and which: their samples would count twice."""
+    repeats = {flight: rows for flight, rows in counted_out(opened.catalogue, vehicle).items() if flight in flights}
+    labels = opened.catalogue.flight_labels(row.original for rows in repeats.values() for row in rows)
+    return [(flight, sentence(rows, labels)) for flight, rows in repeats.items()]
+
+
+def _age(opened: Stores, row: FlightRow) -> tuple[Any, ...]:
+    """Sorts flights as they were flown, the same on every machine: by start; before those, unknown starts by log name.
+
+    When a flight was added says nothing: logs are taken in side by side, and in any order.
+    """
+    if row.start_utc is not None:
+        return (1, row.start_utc, row.id)
+    log = opened.catalogue.log(row.log_sha256)
+    digits = re.split(r"(\d+)", row.name or (PurePath(log.name).name if log else ""))
+    return (0, [(int(part), "") if part.isdecimal() else (-1, part) for part in digits], row.id)
+
+
+def estimate(plan: Plan, *, workspace: str, run: str) -> Update:
+    """Estimates the plan's declared increments on its identification flights."""
+    opened = stores(workspace)
+    flights, comparisons = _loaded(opened, plan, plan.hold_out.identified, run)
+    database = opened.database(plan.baseline)
+    model, vehicle = parse_model_file(plan.model), opened.vehicle(plan.vehicle)[0]
+    doubtful = sensor_doubts(opened, vehicle, database, flights, comparisons, run)
+    update = estimate_increments(flights, comparisons, model, database, doubtful)
+    again = once_more(opened, vehicle, database, flights, comparisons, run)
+    noisier = [estimate_increments([f for f, _ in each], [c for _, c in each], model, database) for each in again]
+    return keep_slope_signs(with_flattening(update, noisier, Settings().shift_factor), database)
+
+
+def validate(plan: Plan, update: Update, *, workspace: str, run: str) -> tuple[AxisProof, ...]:
+    """Error before and after the update, on flights that did not identify it where there are any."""
+    opened = stores(workspace)
+    flights, comparisons = _loaded(opened, plan, plan.flights, run)
+    before = {c.flight: c for c in comparisons}
+    after = {flight: compared(opened, flight, update.candidate, run) for flight in plan.flights}
+    if plan.hold_out.kind != "cross-validated":
+        return prove(before, after, plan.hold_out)
+    model, baseline = parse_model_file(plan.model), opened.database(plan.baseline)
+
+    def without(left_out: str) -> Comparison:
+        others = [k for k, flight in enumerate(flights) if flight.id != left_out]
+        candidate = _estimated_where_possible([flights[k] for k in others], [comparisons[k] for k in others], model, baseline)
+        return compared(opened, left_out, candidate, run)
+
+    return prove_by_leaving_one_out(before, after, without)
+
+
+def _estimated_where_possible(
+    flights: list[Flight], comparisons: list[Comparison], model: ModelFile, baseline: AeroDatabase
+) -> AeroDatabase:
+    """The candidate of the axes that these flights can give; an axis that they cannot stays as in the baseline."""
+    candidate = baseline
+    for declared in model.increment:
+        try:
+            one = estimate_increments(flights, comparisons, ModelFile(increment=(declared,)), baseline)
+        except InputError:
+            continue
+        added = one.candidate.increments[len(baseline.increments) :]
+        candidate = replace(candidate, increments=(*candidate.increments, *added))
+    return candidate
+
+
+def _loaded(opened: Stores, plan: Plan, ids: tuple[str, ...], run: str) -> tuple[list[Flight], list[Comparison]]:
+    loaded = [load_comparison(opened, flight, plan.baseline, run) for flight in ids]
+    return [flight for flight, _, _ in loaded], [comparison for _, comparison, _ in loaded]

@@ -1,0 +1,94 @@
+"""What a version says at a point, and along a line through it: values, standard errors, and where flights and tables reach."""
+
+import json
+import math
+from collections.abc import Mapping
+from typing import Any, Final
+
+import numpy as np
+
+from aerodb.errors import InputError, nearest
+from aerodb.exchange.native import from_document
+from aerodb.nomenclature import AXES
+from aerodb.storage.catalogue.catalogue import Catalogue
+from aerodb.storage.catalogue.rows import VersionRow
+from aerodb.tables.database import AeroDatabase
+from aerodb.tables.evaluation import Place
+from aerodb.tasks.references import point_of
+
+#: A line through a database has at most so many points.
+MOST_POINTS: Final = 2001
+
+
+def evaluate_at(catalogue: Catalogue, version: VersionRow, at: str) -> dict[str, Any]:
+    """A version at the point ``NAME=VALUE,...`` (with units or SI; what is not given is zero).
+
+    Returns a document: version, at, taken_as_zero, coefficients, standard_errors (None where not known), places,
+    outside_tables, outside_of (their names: edge values are held). InputError for a name that is no input, and for no number.
+    """
+    database = database_of(catalogue, version)
+    point, assumed, channels = _point(database, at)
+    found = database.evaluate({name: np.array([value]) for name, value in channels.items()})
+    return {
+        "version": version.id,
+        "at": point,
+        "taken_as_zero": assumed,
+        "coefficients": {axis: float(found.value[axis][0]) for axis in AXES},
+        "standard_errors": {axis: _known(float(found.standard_error[axis][0])) for axis in AXES},
+        "places": {axis: Place(int(found.place[axis][0])).label for axis in AXES},
+        "outside_tables": bool(found.prediction.outside[0]),
+        "outside_of": sorted(found.prediction.outside_tables),
+    }
+
+
+def sweep(
+    catalogue: Catalogue, version: VersionRow, over: str, reach: tuple[float, float], points: int, at: str
+) -> dict[str, Any]:
+    """A version along one of its inputs, `reach` from and to [SI], through the point `at` as of `evaluate_at`.
+
+    Returns a document: version, over, at, taken_as_zero, values (points,) [SI], axes (axis -> value, standard_error and place,
+    each (points,); None where not known). InputError where `over` is no input, or the reach or the number of points is none.
+    """
+    database = database_of(catalogue, version)
+    if over not in database.inputs:
+        raise InputError(f"'{over}' is no input of {version.label}", "over", nearest(over, database.inputs))
+    if not 2 <= points <= MOST_POINTS:
+        raise InputError(f"{points} points", "points", f"from 2 to {MOST_POINTS}")
+    low, high = reach
+    if not (math.isfinite(low) and math.isfinite(high) and low < high):
+        raise InputError(f"from {low:g} to {high:g} is no line", "from, to", "give two numbers, the lower one first")
+    point, assumed, channels = _point(database, at)
+    line = np.linspace(low, high, points)
+    found = database.evaluate({**{name: np.full(points, value) for name, value in channels.items()}, over: line})
+    axes = {
+        axis: {
+            "value": [_known(value) for value in found.value[axis].tolist()],
+            "standard_error": [_known(value) for value in found.standard_error[axis].tolist()],
+            "place": [Place(int(code)).label for code in found.place[axis]],
+        }
+        for axis in AXES
+    }
+    fixed = {name: value for name, value in point.items() if name != over}
+    taken = [name for name in assumed if name != over]
+    return {"version": version.id, "over": over, "at": fixed, "taken_as_zero": taken, "values": line.tolist(), "axes": axes}
+
+
+def database_of(catalogue: Catalogue, version: VersionRow) -> AeroDatabase:
+    """The database of a version."""
+    return from_document(json.loads(catalogue.version_documents(version.id).content))
+
+
+def _point(database: AeroDatabase, at: str) -> tuple[dict[str, float], list[str], Mapping[str, float]]:
+    """The point that is meant, inputs that it leaves out, and the channels that are evaluated."""
+    point = point_of(at, database.inputs)
+    settled = {state.name for state in database.states}
+    assumed = [name for name in database.inputs if name not in point and name not in settled]
+    channels = {**dict.fromkeys(assumed, 0.0), **point}
+    if "V" in assumed:
+        channels["V"] = 1.0  # rates are zero where they are not given: any airspeed gives the same
+    return point, assumed, channels
+
+
+def _known(value: float) -> float | None:
+    """A number, or None where there is none: JSON has no NaN."""
+    return value if math.isfinite(value) else None

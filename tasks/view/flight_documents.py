@@ -1,0 +1,79 @@
+"""Flights as documents: what `aerodb flight list` and `show` answer, and the console's API with them."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from aerodb.recording import Damage
+from aerodb.storage.catalogue.catalogue import Catalogue
+from aerodb.storage.catalogue.rows import FlightRow, ResultRow
+from aerodb.storage.files.flights import read_results
+from aerodb.tasks.steps.counting import repeat_documents, repeating
+from aerodb.tasks.workspace_access import Stores
+
+
+def flight_document(row: FlightRow) -> dict[str, Any]:
+    """A flight as it stands in the catalogue."""
+    return {
+        "flight": row.id,
+        "name": row.name,
+        "vehicle": row.vehicle,
+        "start_utc": row.start_utc.isoformat() if row.start_utc else None,
+        "duration": row.duration,
+        "samples": row.samples,
+        "mapping": row.mapping,
+        "verdict": row.verdict,
+        "reasons": list(row.reasons),
+        "retracted": row.retract_reason or None,
+    }
+
+
+def flights_document(catalogue: Catalogue, rows: Sequence[FlightRow]) -> list[dict[str, Any]]:
+    """Flights, each with whether it counts: it was not retracted, and is no stored one once more."""
+    again = repeating(catalogue, [row.id for row in rows])
+    return [{**flight_document(row), "counts": not (row.retracted_utc or row.id in again)} for row in rows]
+
+
+def flight_details(opened: Stores, row: FlightRow) -> dict[str, Any]:
+    """A flight with its log, what conditioning and consistency found, its results, and the versions that rest on it."""
+    catalogue = opened.catalogue
+    log, results = catalogue.log(row.log_sha256), catalogue.results_of(row.id)
+    return {
+        **flight_document(row),
+        **_conditioning(opened, results),
+        "repeats": repeat_documents(catalogue, row.id),
+        "consistency": _consistency(opened, row, results),
+        "log": {"name": log.name, "status": log.status, "damage": [damage_document(d) for d in log.damage]} if log else None,
+        "results": [{"key": r.key, "step": r.step, "created_utc": r.created_utc.isoformat()} for r in results],
+        "versions": [
+            {"version": use.version.id, "label": use.version.label, "role": use.role} for use in catalogue.impact(row.id)
+        ],
+    }
+
+
+def damage_document(entry: Damage) -> dict[str, Any]:
+    """One place of a log that is damaged."""
+    return {
+        "kind": entry.kind,
+        "what": entry.what,
+        "topic": entry.topic,
+        "start": entry.start,
+        "end": entry.end,
+        "bytes_lost": entry.bytes_lost,
+    }
+
+
+def _conditioning(opened: Stores, results: Sequence[ResultRow]) -> dict[str, Any]:
+    """What conditioning found when the flight was last processed."""
+    stored = [result for result in results if result.step == "conditioning"]
+    found = read_results(opened.file_of(stored[-1].path))[1] if stored else {}
+    return {name: found.get(name, []) for name in ("suspicions", "segments", "delays")}
+
+
+def _consistency(opened: Stores, row: FlightRow, results: Sequence[ResultRow]) -> Mapping[str, Any] | None:
+    """The stored document of a flight's consistency under the calibration that it is bound to; None while there is none."""
+    bound = opened.catalogue.calibration_of(row.id)
+    for result in reversed([entry for entry in results if entry.step == "consistency"]):
+        document = read_results(opened.file_of(result.path), ())[1]
+        if document.get("calibration") == (None if bound is None else bound.id):
+            return document
+    return None

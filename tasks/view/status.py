@@ -1,0 +1,133 @@
+"""What waits, what runs, what failed and why, and what to do about it: one document, read from the stores and the inbox."""
+
+import shutil
+from typing import Any, Final
+
+from aerodb.errors import AeroError
+from aerodb.storage.catalogue.rows import RunRow
+from aerodb.storage.inbox import quarantined
+from aerodb.storage.inbox.outbox import waiting
+from aerodb.storage.locks import is_held, note_of
+from aerodb.storage.workspace_settings import Loop, Schedule, Settings, load_settings
+from aerodb.tasks.result_versions import CANDIDATE, RELEASED
+from aerodb.tasks.steps.advance import Due, due, parameters_of
+from aerodb.tasks.steps.inbox import files_of_inbox, in_quarantine
+from aerodb.tasks.workspace_access import Stores
+
+#: So many entries of each kind are listed; the counts are of all.
+_LISTED: Final = 50
+#: What of the service's note is for people: its token is not.
+_SHOWN: Final = ("pid", "url", "since_utc")
+
+
+def status_of(opened: Stores) -> dict[str, Any]:
+    """The status document: serve, settings, waiting, running, failed, quarantined, vehicles, undelivered, disk, todo.
+
+    ``todo`` are plain sentences: what a person should do now; empty when nothing is to be done.
+    """
+    settings, fault = _settings(opened)
+    serving = {key: value for key, value in note_of(opened.workspace.lock("serve")).items() if key in _SHOWN}
+    runs = opened.catalogue.runs("running", limit=1000)
+    alive = [run for run in runs if is_held(opened.workspace.lock(f"run-{run.id}"))]
+    dead = [run for run in runs if run not in alive]
+    failed = [_run(run, "its process ended without a word") for run in dead]
+    failed += [_run(run, run.error) for run in opened.catalogue.unresolved_runs(_LISTED)]
+    aside = in_quarantine(opened, _LISTED)
+    elsewhere = min(quarantined.count(opened.workspace), _LISTED) - len(aside)
+    document: dict[str, Any] = {
+        "serve": {"running": is_held(opened.workspace.lock("serve")), **serving, "schedule": schedule_text(settings.nightly)},
+        "settings": fault or "valid",
+        "waiting": _waiting(opened, settings),
+        "running": [_run(run, "") for run in alive],
+        "failed": failed,
+        "quarantined": {
+            "count": quarantined.count(opened.workspace) - elsewhere,
+            "newest": [
+                {"key": e.key, "name": e.name, "vehicle": e.vehicle, "reason": e.reason, "at_utc": e.at_utc} for e in aside
+            ],
+        },
+        "vehicles": [_vehicle(opened, settings, row.name) for row in opened.catalogue.vehicles()],
+        "undelivered": [message["text"] for _, message in waiting(opened.workspace)][:_LISTED],
+        "free_bytes": shutil.disk_usage(opened.workspace.root).free,
+    }
+    return {**document, "todo": _todo(document)}
+
+
+def _settings(opened: Stores) -> tuple[Settings, str]:
+    try:
+        return load_settings(opened.workspace.root, tuple(row.name for row in opened.catalogue.vehicles())), ""
+    except AeroError as error:
+        return Settings(), str(error)
+
+
+def schedule_text(schedule: Schedule) -> str:
+    """A schedule in words."""
+    return f"every {schedule.every:g} s" if schedule.every is not None else f"cron {schedule.cron} ({schedule.timezone})"
+
+
+def _waiting(opened: Stores, settings: Settings) -> list[dict[str, Any]]:
+    seen = files_of_inbox(opened, settings, wait=False)
+    tries = opened.catalogue.attempts(entry.relative for entry in seen)
+    return [
+        {
+            "file": entry.file[0],
+            "vehicle": entry.vehicle,
+            "size": entry.size,
+            "state": entry.state,
+            "tries": tries.get(entry.file, (0, ""))[0],
+            "reason": entry.reason or tries.get(entry.file, (0, ""))[1],
+        }
+        for entry in seen
+    ]
+
+
+def _run(run: RunRow, error: str) -> dict[str, Any]:
+    ended = run.ended_utc.isoformat() if run.ended_utc else None
+    said = {"run": run.id, "flow": run.flow, "vehicle": run.parameters.get("vehicle"), "state": run.state}
+    return {**said, "started_utc": run.started_utc.isoformat(), "ended_utc": ended, "error": error}
+
+
+def _vehicle(opened: Stores, settings: Settings, name: str) -> dict[str, Any]:
+    loop = settings.loop_of(name)
+    asked = {way: due(opened, name, loop, way) for way in loop.run}
+    labels = {}
+    for pointer in (RELEASED, CANDIDATE):
+        version = opened.named(name, pointer)
+        labels[pointer] = opened.catalogue.version_of_id(version).label if version else None
+    loops = [
+        {"way": way, "new": d.new, "after": d.after, "due": d.is_due, "fault": _fault(opened, name, loop, way, d)}
+        for way, d in asked.items()
+    ]
+    return {"vehicle": name, **labels, "loops": loops}
+
+
+def _fault(opened: Stores, name: str, loop: Loop, way: str, asked: Due) -> str:
+    """Why a way to take a database further could not even begin; empty when it can."""
+    try:
+        parameters_of(opened, name, loop, way, asked)
+    except AeroError as error:
+        return str(error)
+    return "" if asked.baseline else "no database is released: aerodb database import FILE"
+
+
+def _todo(document: dict[str, Any]) -> list[str]:
+    said = []
+    if document["settings"] != "valid":
+        said.append(f"mend the settings: {document['settings'].splitlines()[0]}")
+    for entry in document["waiting"]:
+        if entry["state"] == "blocked":
+            said.append(f"{entry['file']}: {entry['reason']}")
+    ready = sum(entry["state"] in ("ready", "refused") for entry in document["waiting"])
+    if ready and not document["serve"]["running"]:
+        said.append(f"{ready} logs wait and nothing serves this workspace: aerodb nightly takes them in now, aerodb serve always")
+    for run in document["failed"]:
+        said.append(f"{run['flow']} failed ({(run['error'].splitlines() or ['?'])[0][:200]}): aerodb retry {run['run'][:12]}")
+    for entry in document["vehicles"]:
+        said += [f"{d['way']} of {entry['vehicle']}: {d['fault'].splitlines()[0]}" for d in entry["loops"] if d["fault"]]
+    if document["quarantined"]["count"]:
+        said.append(
+            f"{document['quarantined']['count']} logs are in quarantine: see why, mend what is wrong (the vehicle file, a "
+            "mapping), then aerodb retry KEY or aerodb retry all"
+        )
+    said += [f"not delivered: {text}; see the webhook or command in the settings" for text in document["undelivered"]]
+    return said

@@ -1,0 +1,49 @@
+"""Versions as documents: what `aerodb version list`, `show` and `history` answer, and the console's API with them."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from aerodb.storage.catalogue.catalogue import Catalogue
+from aerodb.storage.catalogue.rows import NameEvent, VersionRow
+
+
+def version_document(row: VersionRow) -> dict[str, Any]:
+    """A version without its documents."""
+    return {
+        "version": row.id,
+        "label": row.label,
+        "vehicle": row.vehicle,
+        "parent": row.parent,
+        "content_sha256": row.content_sha256,
+        "created_utc": row.created_utc.isoformat(),
+    }
+
+
+def versions_document(catalogue: Catalogue, vehicle: str, rows: Sequence[VersionRow]) -> list[dict[str, Any]]:
+    """Versions of a vehicle, each with the names that point at it now."""
+    names: dict[str, list[str]] = {}
+    for name, version in catalogue.names(vehicle).items():
+        names.setdefault(version, []).append(name)
+    return [{**version_document(row), "names": names.get(row.id, [])} for row in rows]
+
+
+def version_details(catalogue: Catalogue, row: VersionRow) -> dict[str, Any]:
+    """A version with why it is stale, the report it was made with, and the settings that made it."""
+    documents = catalogue.version_documents(row.id)
+    stale = list(catalogue.stale(row.id))
+    return {**version_document(row), "stale": stale, "report": documents.report, "settings": documents.settings}
+
+
+def history_document(events: Sequence[NameEvent]) -> list[dict[str, Any]]:
+    """Moves of names: when, which, where to and from, by whom, why."""
+    return [
+        {
+            "at_utc": event.at_utc.isoformat(),
+            "name": event.name,
+            "to": event.version,
+            "from": event.previous,
+            "user": event.user,
+            "reason": event.reason,
+        }
+        for event in events
+    ]

@@ -1,0 +1,164 @@
+"""Sensor errors planted on a flight of JSBSim: they come back within their stated intervals, and nothing else is found."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from aerodb.consistency.output_error.reconstruction import reconstruct
+from aerodb.consistency.sensors.expected import faults
+from aerodb.consistency.verdict import judge
+from aerodb.vehicle import Accuracy
+
+pytest.importorskip("jsbsim")
+
+from tests.support.jsbsim_records import NOISE, WIND, flown, measured_record  # needs jsbsim
+
+ERRORS = {
+    "ax_bias": 0.05, "ay_bias": -0.04, "az_bias": 0.1, "p_bias": 0.002, "q_bias": -0.001, "r_bias": 0.0015,
+    "alpha_scale": 0.08, "alpha_bias": 0.01, "alpha_delay": 0.03, "beta_bias": -0.008, "beta_scale": -0.05, "beta_delay": 0.04,
+    "V_scale": 0.02, "qbar_scale": 0.1019, "air_data_x": 0.4,
+}  # fmt: skip
+PLANTED = {**ERRORS, **WIND}
+STATES = ("u", "v", "w", "phi", "theta", "psi")
+ARM = (3.0, 0.0, 0.2)
+
+
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory):
+    return flown(tmp_path_factory.mktemp("jsbsim"))
+
+
+def _record(flight, errors=ERRORS, seed=1, **how):
+    return measured_record(flight, errors, np.random.default_rng(seed), arm=ARM, **how)
+
+
+def _solve(record, free=tuple(PLANTED), **how):
+    return reconstruct([record], free, initial=STATES, **how)
+
+
+def _found(result):
+    """Estimates by name, without those of first states."""
+    return {entry.parameter.name: entry for entry in result.estimates if entry.parameter.kind != "initial"}
+
+
+def test_every_planted_error_comes_back_without_noise(flight):
+    """Biases, scales, wind and boom to 2 % of themselves; delays to .7 ms, half the step at which JSBSim integrates."""
+    result = _solve(_record(flight, noise=1e-6))
+    assert not result.held
+    for name, entry in _found(result).items():
+        tolerance = {"abs": 7.5e-4} if name.endswith("_delay") else {"rel": 0.02}
+        assert entry.value == pytest.approx(PLANTED[name], **tolerance), name
+
+
+@pytest.mark.heavy
+def test_intervals_cover_the_truth(flight, trials):
+    """95 % intervals under white noise of all sensors, inertial ones included."""
+    runs = trials(8, 300)
+    inside = []
+    for seed in range(runs):
+        found = _found(_solve(_record(flight, seed=5000 + seed)))
+        inside.append([abs(found[name].value - value) < 1.96 * found[name].standard_error for name, value in PLANTED.items()])
+    shares = np.mean(inside, axis=0)
+    # two standard errors of a share of few runs on top, as far as the estimates were independent
+    slack = 0.0 if runs >= 300 else 2 * np.sqrt(0.05 * 0.95 / (runs * len(PLANTED)))
+    assert 0.92 - slack <= shares.mean() <= 0.98 + slack
+    assert shares.min() >= (0.90 if runs >= 300 else 0.60)
+
+
+def test_nothing_is_found_where_nothing_is_wrong(flight):
+    """Sixteen errors sought in a flawless record: none stands out by four standard errors, and the verdict is good."""
+    record = _record(flight, {})
+    result = _solve(record)
+    for name, entry in _found(result).items():
+        assert abs(entry.value - WIND.get(name, 0.0)) < 4 * entry.standard_error, name
+    verdict = judge(result, "jsbsim", Accuracy(), faults(record))
+    assert verdict.word == "good", verdict.reasons
+
+
+def test_a_dynamic_pressure_error_is_found_as_such(flight):
+    """10.19 % too much on qbar, V right: the scale of qbar says so and all rivals stay at zero. Not sought, it is refused."""
+    record = _record(flight, {"qbar_scale": 0.1019})
+    rivals = ("V_scale", "alpha_scale", "ax_bias", "az_bias", "air_data_x")
+    result = _solve(record, (*rivals, "qbar_scale", "alpha_bias", "q_bias", *WIND))
+    entry = result["qbar_scale"]
+    assert entry.value == pytest.approx(0.1019, abs=3 * entry.standard_error)
+    assert entry.standard_error < 2e-3
+    for name in rivals:
+        assert abs(result[name].value) < 3.5 * result[name].standard_error, name
+    verdict = judge(_solve(record, ("ax_bias", "az_bias", "q_bias", *WIND)), "jsbsim", Accuracy())
+    assert verdict.word == "rejected"
+    assert any(reason.startswith("qbar remains") for reason in verdict.reasons)
+
+
+def _with_gaps(record, rng):
+    """Two thirds of every output lost, in stretches of a second."""
+    lost = np.repeat(rng.random(-(-len(record.inputs) // 50)) < 2 / 3, 50)[: len(record.inputs)]
+    return replace(record, outputs={name: np.where(lost, np.nan, values) for name, values in record.outputs.items()})
+
+
+def _with_outliers(record, rng):
+    """Every fiftieth output sample off by thirty times its noise."""
+    found = {}
+    for name, values in record.outputs.items():
+        wild = rng.random(len(values)) < 0.02
+        found[name] = values + wild * 30 * NOISE[name] * rng.choice([-1.0, 1.0], len(values))
+    return replace(record, outputs=found)
+
+
+SPOILED = {
+    "noise": lambda record, rng, louder: louder,
+    "gaps": lambda record, rng, louder: _with_gaps(record, rng),
+    "outliers": lambda record, rng, louder: _with_outliers(record, rng),
+}
+
+
+@pytest.mark.parametrize("how", SPOILED)
+def test_what_spoils_a_record_widens_the_intervals(flight, how):
+    """Not the error beyond them: noise of three times the size, gaps, outliers."""
+    clean = _record(flight)
+    spoiled = SPOILED[how](clean, np.random.default_rng(2), _record(flight, noise=3.0))
+    before, after = _found(_solve(clean)), _found(_solve(spoiled))
+    for name in ("alpha_scale", "beta_scale", "V_scale", "qbar_scale", "air_data_x"):
+        assert after[name].standard_error > 1.3 * before[name].standard_error, name
+    miss = np.array([(after[name].value - value) / after[name].standard_error for name, value in PLANTED.items()])
+    assert np.abs(miss).max() < 4.0
+    assert np.sqrt(np.mean(miss**2)) < 1.6
+
+
+def test_what_the_flight_cannot_tell_is_not_told(flight):
+    """Without a velocity over the earth no wind; V and qbar scaled alike with the wind; the first heading and a heading bias:
+    each is held and named, or its standard error is as large as the parameter may be."""
+    channels = ("V", "alpha", "beta", "phi", "theta", "psi", "qbar")
+    record = _record(flight, {}, channels=channels)
+    free = ("ax_bias", "q_bias", "psi_bias", "wind_north", "wind_east", "wind_down")
+    result = _solve(record, free)
+    held = {entry.label for entry in result.held}
+    assert {"wind_north[jsbsim]", "wind_east[jsbsim]"} <= held
+    assert "psi_bias" in held or "initial_psi[jsbsim]" in held
+    for entry in result.estimates:
+        name = entry.parameter.name
+        if name in PLANTED and name not in WIND:
+            assert abs(entry.value) < 4 * entry.standard_error, name
+
+
+def test_a_straight_flight_does_not_tell_the_wind_from_airspeed(flight):
+    """A few seconds of one heading, no vanes: the scale of V and the wind along trade off, the wind across is unseen. They are
+    held, or their standard errors say so; over the whole flight, which turns, the same channels tell all three."""
+    channels = ("V", "phi", "theta", "psi", "velocity_north", "velocity_east", "velocity_down")
+    record = _record(flight, {}, channels=channels)
+    free = ("V_scale", "wind_north", "wind_east")
+    straight = slice(0, 60)
+    short = replace(
+        record,
+        inputs=record.inputs[straight],
+        outputs={name: values[straight] for name, values in record.outputs.items()},
+        density=None,
+    )
+    told, whole = _found(_solve(short, free)), _found(_solve(record, free))
+    assert set(whole) == set(free)
+    for name in free:
+        assert whole[name].standard_error < (0.006 if name == "V_scale" else 0.4), name
+        if name in told:
+            assert told[name].standard_error > 5 * whole[name].standard_error, name
+            assert abs(told[name].value - WIND.get(name, 0.0)) < 4 * told[name].standard_error, name

@@ -1,0 +1,224 @@
+"""The built-in example: what 003 prints of Phoenix, a truth that stays sealed, flights that survive and say enough."""
+
+import ast
+
+import numpy as np
+import pytest
+
+from aerodb.coefficients.total import total_coefficients
+from aerodb.examples.phoenix import mission, text
+from aerodb.examples.phoenix.preflight import preflight_text
+from aerodb.examples.phoenix.truth import EFFECTS, truth
+from aerodb.exchange.native import read_native
+from aerodb.flight import Flight
+from aerodb.increments.model_file import check_channels, parse_model_file
+from aerodb.logs.mapping import map_recording
+from aerodb.logs.probe import air_data_at_cg
+from aerodb.nomenclature import AXES, CHANNELS, is_surface
+from aerodb.recording import Recording
+from aerodb.simulation.airframe import MovingAir, airframe
+from aerodb.simulation.flight import History
+from aerodb.simulation.linear import linearise, modes
+from aerodb.simulation.motion import Array
+from aerodb.simulation.sensors import at_instruments
+from aerodb.storage.mappings import builtin_mappings
+from aerodb.tables.database import AeroDatabase
+from aerodb.vehicle import Vehicle, parse_vehicle
+from tests.support.paths import ROOT
+
+FLIGHTS = 3
+
+
+@pytest.fixture(scope="module")
+def vehicle() -> Vehicle:
+    return parse_vehicle(text("vehicle.toml"))
+
+
+@pytest.fixture(scope="module")
+def preflight() -> AeroDatabase:
+    return read_native(text("preflight.toml"))
+
+
+@pytest.fixture(scope="module")
+def history(vehicle: Vehicle, preflight: AeroDatabase) -> History:
+    return mission.simulate(vehicle, truth(preflight)[0], preflight, seed=4, flights=FLIGHTS)
+
+
+def flown(history: History, number: int) -> dict[str, Array]:
+    n = history.samples[number]
+    return {name: values[:n, number] for name, values in history.channels.items()}
+
+
+def polar(database: AeroDatabase, alpha: Array) -> dict[str, Array]:
+    clean = {name: np.zeros_like(alpha) for name in database.inputs}
+    clean |= {"alpha": alpha, "V": np.full_like(alpha, 90.0), "height_above_ground": np.full_like(alpha, 1000.0)}
+    return database.predict(clean).coefficients
+
+
+def test_vehicle_has_the_published_figures(vehicle: Vehicle, preflight: AeroDatabase) -> None:
+    """003: 1198 kg, 10.3 m2, 6 m, 3.48 m (IV.A); best glide ratio 5.5, unstable with time to double < 0.5 s (I)."""
+    assert vehicle.mass.mass == 1198.0
+    assert (vehicle.reference.area, vehicle.reference.chord, vehicle.reference.span) == (10.3, 6.0, 3.48)
+    database = truth(preflight)[0]
+    alpha = np.deg2rad(np.arange(0.0, 18.0, 0.5))
+    c = polar(database, alpha)
+    lift = c["CX"] * np.sin(alpha) - c["CZ"] * np.cos(alpha)
+    drag = -c["CX"] * np.cos(alpha) - c["CZ"] * np.sin(alpha)
+    assert np.max(lift / drag) == pytest.approx(5.5, abs=0.4)
+    frame = airframe(vehicle, database, mission.GROUND)
+    state = np.zeros(13)
+    state[0], state[2], state[6], state[12] = 71 * np.cos(0.16), 71 * np.sin(0.16), 1.0, -300.0
+
+    def rate(states: Array) -> Array:
+        still = np.zeros((3, states.shape[1]))
+        return frame.state_rate(states, MovingAir(still, still), dict.fromkeys(vehicle.surfaces, still[0]))
+
+    assert modes(linearise(rate, state), np.array([0, 2, 4]))[0].time_to_double < 0.5
+
+
+def test_preflight_file_is_what_its_formulas_give() -> None:
+    assert text("preflight.toml") == preflight_text()
+    assert "INVENTED" in text("preflight.toml").splitlines()[0]
+
+
+def test_truth_differs_as_003_reports(preflight: AeroDatabase, vehicle: Vehicle) -> None:
+    """IV.D: lift slope 9-10 % low, pitching-moment slope within 3 %, speed brakes overestimated, no pitch-rate force in CX."""
+    database, effects = truth(preflight)
+    alpha = np.deg2rad(np.array([2.0, 9.0]))
+    before, after = polar(preflight, alpha), polar(database, alpha)
+    slope = [np.diff(c["CZ"])[0] for c in (before, after)]
+    assert 1.085 < slope[1] / slope[0] < 1.105
+    cg = [airframe(vehicle, d) for d in (preflight, database)]
+    known = [mission.known_derivatives(vehicle, d) for d in (preflight, database)]
+    own = next(e.value for e in effects if e.axis == "Cm" and e.parameter == "Cm_alpha")
+    assert abs(own) < 0.03 * known[0].Cm_alpha
+    assert cg[0].reference_arm[0] > 0
+    turning = {name: np.zeros(2) for name in preflight.inputs} | {"V": np.full(2, 90.0), "q": np.array([0.0, 0.3])}
+    assert np.ptp(preflight.predict(turning).coefficients["CX"]) == 0.0
+    assert np.ptp(database.predict(turning).coefficients["CX"]) > 1e-3
+    braking = turning | {"q": np.zeros(2), "delta_speed_brake": np.array([0.0, 0.6])}
+    drag = [-np.diff(d.predict(braking).coefficients["CX"])[0] for d in (preflight, database)]
+    assert 0.0 < drag[1] < 0.95 * drag[0]
+
+
+def test_declared_model_spans_the_truth_and_names_channels_that_flights_have(history: History) -> None:
+    model = parse_model_file(text("model.toml"))
+    check_channels(model, {*flown(history, 0), "q_hat"})
+    declared = {(entry.axis, term) for entry in model.increment for term in entry.terms}
+    plain = {"min(alpha, 0.175)": "alpha", "max(alpha - 0.175, 0)": "alpha"}
+    assert {(e.axis, plain.get(e.regressor, e.regressor)) for e in EFFECTS} == declared
+
+
+def test_nothing_that_a_flow_imports_reads_the_truth() -> None:
+    root = ROOT
+    readers = set()
+    for path in (p for floor in ("flows", "tasks", "aerodb", "storage") for p in (root / floor).rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            names = [a.name for a in node.names] if isinstance(node, ast.Import) else []
+            if isinstance(node, ast.ImportFrom):
+                names = [f"{node.module}.{a.name}" for a in node.names]
+            if any(name.startswith("aerodb.examples.phoenix.truth") for name in names):
+                readers.add(path.relative_to(root).as_posix())
+    assert readers <= {"aerodb/examples/phoenix/mission.py", "flows/demo.py"}
+
+
+def test_flights_follow_the_published_mission_and_survive(history: History, preflight: AeroDatabase) -> None:
+    """II: drop at 2400 m at 40 m/s EAS, dive, flare, touchdown near 71 m/s; about 50 s between drop and 120 m."""
+    for number in range(FLIGHTS):
+        c = flown(history, number)
+        assert all(np.all(np.isfinite(values)) for values in c.values())
+        equivalent = np.sqrt(2 * c["qbar"] / 1.225)
+        assert c["height_above_ground"][0] == 2400.0
+        assert equivalent[0] == pytest.approx(40.0, abs=1.0)
+        assert c["height_above_ground"][-1] == pytest.approx(mission.TOUCHDOWN_HEIGHT, abs=0.1)
+        assert 0.0 < c["velocity_down"][-1] < 4.0
+        assert 62.0 < equivalent[-1] < 90.0
+        assert 40.0 < history.time[np.argmax(c["height_above_ground"] < 120.0)] < 75.0
+        assert np.abs(c["phi"]).max() < np.deg2rad(40)
+        assert c["delta_landing_gear"][-1] > 0.98
+        assert not preflight.predict(c).outside.any()
+        # What the increments need: both sides of 0.175 rad, pitch rate, slow surfaces that do not move as one.
+        assert np.percentile(c["alpha"], 1) < np.deg2rad(2)
+        assert np.deg2rad(14) < c["alpha"].max() < np.deg2rad(20)
+        assert np.mean(c["alpha"] > 0.175) > 0.04
+        assert c["q"].std() > 0.05
+        assert 0.3 < np.corrcoef(c["delta_speed_brake"], c["delta_body_flap"])[0, 1] < 0.97
+
+
+def test_reconstructed_coefficients_of_a_perfect_log_are_the_truth(
+    history: History, vehicle: Vehicle, preflight: AeroDatabase
+) -> None:
+    """Forward and inverse dynamics are written apart: IMU off the CG, probe on a boom, moments about the reference point."""
+    n = history.samples[0]
+    seen = {name: values[:n, 0] for name, values in at_instruments(history.channels, vehicle).items()}
+    probe = {name: seen[f"{name}_probe"] for name in ("V", "alpha", "beta")}
+    logged = {name: v for name, v in seen.items() if (name in CHANNELS or is_surface(name)) and name not in ("ax", "ay", "az")}
+    flight = air_data_at_cg(Flight("perfect", "phoenix", history.time[:n], logged | probe), vehicle)
+    for name in probe:
+        assert flight[name] == pytest.approx(seen[name], abs=1e-12)
+    found = total_coefficients(flight, vehicle, angular_acceleration="logged")
+    expected = truth(preflight)[0].predict(seen).coefficients
+    for axis in AXES:
+        assert np.abs(found.values[axis] - expected[axis]).max() < 1e-10, axis
+
+
+def test_effects_are_of_phoenix_size_in_the_logs(history: History, vehicle: Vehicle, preflight: AeroDatabase) -> None:
+    """CONVENTIONS: an effect's rms is at least 3 times the noise floor, the residual of the true model on logged data."""
+    database = truth(preflight)[0]
+    floor: dict[str, list[Array]] = {axis: [] for axis in AXES}
+    effect: dict[str, list[Array]] = {axis: [] for axis in AXES}
+    for log in mission.logs(vehicle, history, seed=4):
+        recording = Recording(log.name, "ulog", "0" * 64, 0, {t.name: t for t in log.topics}, layout="px4")
+        flight = map_recording(recording, builtin_mappings()["px4"], vehicle, log.name)
+        # Gaps at the very ends: delayed sensors have not spoken yet when the inertial ones have.
+        good = flight.usable(["alpha", "beta", "V", "height_above_ground"])
+        assert good.mean() > 0.99
+        measured = total_coefficients(flight, vehicle).values
+        inputs = {name: flight[name] for name in flight.channels}
+        true, before = database.predict(inputs).coefficients, preflight.predict(inputs).coefficients
+        for axis in AXES:
+            floor[axis].append((measured[axis] - true[axis])[good])
+            effect[axis].append((true[axis] - before[axis])[good])
+    rms = {axis: [float(np.sqrt(np.mean(np.concatenate(x) ** 2))) for x in (effect[axis], floor[axis])] for axis in AXES}
+    for axis in ("CX", "CZ", "Cm"):
+        assert rms[axis][0] > 3 * rms[axis][1], (axis, rms[axis])
+    limits = {"CX": 0.0013, "CY": 0.0015, "CZ": 0.0045, "Cl": 0.0003, "Cm": 0.0006, "Cn": 0.0004}
+    assert all(rms[axis][1] < limits[axis] for axis in AXES), rms
+
+
+def test_logs_are_what_px4_would_write(history: History, vehicle: Vehicle) -> None:
+    log = mission.logs(vehicle, history, seed=4)[1]
+    topics = {topic.name: topic for topic in log.topics}
+    rates = {name: 1 / np.median(np.diff(topic.time)) for name, topic in topics.items()}
+    assert rates["vehicle_angular_velocity"] == pytest.approx(100.0)
+    assert rates["vehicle_attitude"] == pytest.approx(50.0)
+    dtypes = {value.dtype.name for topic in topics.values() for value in topic.fields.values()}
+    assert dtypes == {"float32", "int8"}
+    servos = topics["actuator_servos"].fields
+    assert all(np.abs(servos[f"control[{n}]"]).max() <= 1.0 for n in range(7))
+    assert np.isnan(servos["control[7]"]).all()
+    assert set(np.unique(topics["landing_gear"].fields["landing_gear"])) == {-1, 1}
+    quaternion = np.stack([topics["vehicle_attitude"].fields[f"q[{n}]"] for n in range(4)])
+    assert np.sum(quaternion**2, axis=0) == pytest.approx(1.0, abs=3e-3)
+
+
+def test_a_seed_says_everything(vehicle: Vehicle, preflight: AeroDatabase, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(mission, "LONGEST", 1.0)
+    first, again, other = (mission.fly(seed, flights=2) for seed in (1, 1, 2))
+    for a, b in zip(first, again, strict=True):
+        for x, y in zip(a.topics, b.topics, strict=True):
+            assert np.array_equal(x.time, y.time)
+            assert all(np.array_equal(x.fields[f], y.fields[f], equal_nan=True) for f in x.fields)
+    noise = [log[0].topics[0].fields["xyz[0]"][:50] for log in (first, other)]
+    assert not np.array_equal(*noise)
+    assert first[0].start_utc < first[1].start_utc
+
+
+def test_air_data_stay_at_the_probe_when_rates_are_not_logged(vehicle: Vehicle) -> None:
+    time = 0.01 * np.arange(10)
+    channels = {"V": np.full(10, 50.0), "alpha": np.full(10, 0.1)}
+    flight = air_data_at_cg(Flight("x", "phoenix", time, channels), vehicle)
+    assert flight["alpha"].tolist() == channels["alpha"].tolist()
+    assert "p, q, r not logged" in flight.notes[-1]
+    plain = vehicle.model_copy(update={"points": vehicle.points.model_copy(update={"air_data": None})})
+    assert air_data_at_cg(flight, plain) is flight

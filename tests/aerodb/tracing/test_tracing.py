@@ -1,0 +1,218 @@
+"""What tracing says of small campaigns: verdicts, rivals, bounds, bad input, and the empty case in which nothing may be found."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from aerodb.effects.hypothesis import Hypothesis
+from aerodb.errors import InputError
+from aerodb.tracing.decision.findings import Finding, Traced
+from aerodb.tracing.decision.trace import trace
+from aerodb.tracing.decision.unexplained_residual import Left, remainders, take_off
+from aerodb.tracing.evidence.evidence import Evidence
+from aerodb.tracing.evidence.normal_equations import gram, gram_from_arrays
+from tests.support.tracing_flights import coloured
+from tests.support.tracing_small import LIBRARY, SETTINGS, STEP, evidence, instrument, term
+
+A_CX, B_CX, A_CZ, SENSOR, OTHER = (h.id for h in LIBRARY)
+
+
+def flights(count: int, values: Mapping[str, float] | None = None, first: int = 100) -> list[Evidence]:
+    return [evidence(seed, values) for seed in range(first, first + count)]
+
+
+def traced(given: Sequence[Evidence], library: Sequence[Hypothesis] = LIBRARY) -> Traced:
+    return trace([gram(flight, SETTINGS) for flight in given], library, SETTINGS)
+
+
+def only(result: Traced) -> Finding:
+    (finding,) = result.findings
+    return finding
+
+
+def with_twin(given: Sequence[Evidence], twin: Hypothesis, of: str, factor: float) -> list[Evidence]:
+    """The flights with one more hypothesis, whose columns are `factor` times those of another."""
+    return [replace(e, columns={**e.columns, twin.id: {axis: factor * x for axis, x in e.columns[of].items()}}) for e in given]
+
+
+def test_where_nothing_is_missing_nothing_is_found_and_everything_has_a_bound() -> None:
+    result = traced(flights(6))
+    assert result.findings == ()
+    assert len(result.not_found) == len(LIBRARY)
+    for item in result.not_found:
+        assert item.verdict == "not_detected"
+        assert item.upper_bound is not None
+        assert item.minimum_detectable is not None
+        assert item.upper_bound > 0.0
+
+
+def test_a_missing_term_is_confirmed_with_its_value_votes_and_reasons() -> None:
+    result = traced(flights(6, {A_CX: 0.3}))
+    finding = only(result)
+    assert (finding.hypothesis, finding.verdict, finding.axis) == (A_CX, "confirmed", ("CX",))
+    assert finding.ci95[0] < 0.3 < finding.ci95[1]
+    assert finding.value == pytest.approx(0.3, abs=0.1)
+    assert finding.explanation_set == (A_CX,)
+    assert finding.p_adjusted < 0.05
+    assert len(finding.votes) == 6
+    assert finding.refound == (6, 6)
+    assert finding.held_out_share == 1.0
+    assert "CX lacks a" in finding.because
+    assert B_CX in finding.fallen  # correlated with it at .6, and worse in flight after flight
+    assert {item.hypothesis for item in result.not_found} == {B_CX, A_CZ, SENSOR, OTHER}
+    document = json.loads(json.dumps(result.document()))
+    assert set(document) == {"findings", "not_found", "next_flight"}
+    assert document["findings"][0]["votes"][0]["flight"] == "f100"
+
+
+def test_the_order_of_flights_does_not_matter_nor_does_storing_their_grams() -> None:
+    grams = [gram(e, SETTINGS) for e in flights(5, {A_CX: 0.3})]
+    first = trace(grams, LIBRARY, SETTINGS)
+    again = trace([gram_from_arrays(g.to_arrays()) for g in reversed(grams)], LIBRARY, SETTINGS)
+    assert only(again).value == pytest.approx(only(first).value, rel=1e-9)
+    assert only(again).p_adjusted == pytest.approx(only(first).p_adjusted, rel=1e-6)
+    assert again.settings_sha256 == first.settings_sha256
+
+
+def test_a_wrong_sensor_is_called_a_sensor() -> None:
+    finding = only(traced(flights(6, {SENSOR: 0.6})))
+    assert (finding.hypothesis, finding.verdict) == (SENSOR, "sensor")
+    assert finding.ci95[0] < 0.6 < finding.ci95[1]
+
+
+def test_two_terms_at_once_are_both_found() -> None:
+    result = traced(flights(6, {A_CX: 0.3, A_CZ: -0.3}))
+    assert {f.hypothesis: f.verdict for f in result.findings} == {A_CX: "confirmed", A_CZ: "confirmed"}
+
+
+def test_twins_are_an_alias_group_and_the_next_flight_says_what_to_move() -> None:
+    twin = term("twin", "CX")
+    result = traced(with_twin(flights(6, {A_CX: 0.3}), twin, A_CX, 1.0), [*LIBRARY, twin])
+    finding = only(result)
+    assert finding.verdict == "alias_group"
+    assert set(finding.explanation_set) == {A_CX, twin.id}
+    assert any(A_CX in sentence and twin.id in sentence for sentence in result.next_flight)
+
+
+def test_a_sensor_that_is_a_twin_makes_it_ambiguous_unless_its_value_would_be_absurd() -> None:
+    loose, tight = (instrument("twin", 0.01, (-size, size)) for size in (1.0, 0.05))
+    given = with_twin(flights(6, {A_CX: 0.3}), loose, A_CX, 1.0)
+    doubtful = only(traced(given, [*LIBRARY, loose]))
+    assert doubtful.verdict == "ambiguous_sensor"
+    assert set(doubtful.explanation_set) >= {A_CX, loose.id}
+    certain = only(traced(given, [*LIBRARY, tight]))
+    assert (certain.hypothesis, certain.verdict) == (A_CX, "confirmed")
+
+
+def test_two_flights_suspect_and_one_says_nothing_but_bounds() -> None:
+    two = traced(flights(2, {A_CX: 0.5}))
+    assert [(f.hypothesis, f.verdict) for f in two.findings] == [(A_CX, "suspected")]
+    assert any("no error rate" in note for note in two.notes)
+    assert any("1 more flight" in sentence for sentence in two.next_flight)
+    one = traced(flights(1, {A_CX: 0.5}))
+    assert one.findings == ()
+    assert all(item.verdict == "not_testable" and item.upper_bound is not None for item in one.not_found)
+
+
+def test_what_only_two_of_six_flights_show_is_suspected_at_most() -> None:
+    given = flights(6)
+    rare = term("rare", "CZ")
+    stall = [coloured(np.random.default_rng(seed), given[0].samples, 0.6) for seed in range(2)]
+    shown = []
+    for number, e in enumerate(given):
+        column = stall[number] if number < 2 else np.zeros(e.samples)
+        residual = {**e.residual, "CZ": e.residual["CZ"] + 0.6 * column}
+        shown.append(replace(e, residual=residual, columns={**e.columns, rare.id: {"CZ": column}}))
+    finding = only(traced(shown, [*LIBRARY, rare]))
+    assert (finding.hypothesis, finding.verdict, len(finding.votes)) == (rare.id, "suspected", 2)
+
+
+def test_what_is_never_excited_or_not_separable_is_said_so() -> None:
+    idle, tied = term("idle", "CZ"), term("tied", "CX")
+    given = with_twin(flights(5), tied, A_CX, 1.0)
+    shadow = instrument("shadow", 1e6)
+    given = with_twin(given, shadow, A_CX, 1.0)
+    verdicts = {item.hypothesis: item for item in traced(given, [*LIBRARY, idle, tied, shadow]).not_found}
+    assert verdicts[idle.id].verdict == "not_excited"
+    assert verdicts[idle.id].upper_bound is None
+    assert verdicts[tied.id].verdict == "not_separable"
+
+
+def test_a_constant_that_returns_in_all_flights_is_a_zero_offset_and_one_that_changes_is_not() -> None:
+    offset = Hypothesis("zero_offset", ("CX",), "", "CX_0", "aerodynamic", "1", (-9.0, 9.0), None, "CX is off by a constant")
+
+    def shown(levels: Sequence[float]) -> list[Evidence]:
+        return [
+            replace(
+                e,
+                residual={**e.residual, "CX": e.residual["CX"] + level},
+                columns={**e.columns, offset.id: {"CX": np.ones(e.samples)}},
+            )
+            for e, level in zip(flights(6), levels, strict=True)
+        ]
+
+    common = only(traced(shown([1.0] * 6), [*LIBRARY, offset]))
+    assert (common.hypothesis, common.verdict) == (offset.id, "confirmed")
+    assert common.ci95[0] < 1.0 < common.ci95[1]
+    assert traced(shown([1.0, -1.1, 0.8, -0.9, 1.2, -1.0]), [*LIBRARY, offset]).findings == ()
+
+
+def test_the_same_flight_under_two_names_has_one_vote() -> None:
+    given = flights(4, {A_CX: 0.3})
+    result = traced([*given, replace(given[0], flight="copy")])
+    assert result.flights == ("f100", "f101", "f102", "f103")
+    assert any("copy" in note for note in result.notes)
+
+
+def test_nothing_to_trace_is_refused() -> None:
+    with pytest.raises(InputError, match="nothing to trace"):
+        trace([], LIBRARY, SETTINGS)
+
+
+def left(count: int, shape: float) -> list[Left]:
+    """Flights whose CX has a product of two variables left that no template has."""
+    found = []
+    for seed in range(count):
+        rng = np.random.default_rng([seed, 9])
+        u, v, w = (coloured(rng, 1500, 0.6) for _ in range(3))
+        residual = {"CX": shape * u * v + 0.3 * coloured(rng, 1500, 0.5), "CZ": 0.3 * coloured(rng, 1500, 0.5)}
+        usable = {axis: np.ones(1500, dtype=bool) for axis in residual}
+        found.append(Left(Evidence(f"f{seed}", STEP, residual, usable, {}), {"u": u, "v": v, "w": w}))
+    return found
+
+
+def test_what_no_template_fits_is_unnamed_with_its_variables() -> None:
+    cx, cz = remainders(left(6, 0.3), SETTINGS)
+    assert (cx.axis, cx.found, set(cx.variables)) == ("CX", True, {"u", "v"})
+    assert cx.skill > 0.2
+    assert not cz.found
+    assert cz.variables == ()
+
+
+def test_of_noise_nothing_is_left() -> None:
+    false = sum(r.found for seed in range(10) for r in remainders([_shuffled(f, seed) for f in left(6, 0.0)], SETTINGS))
+    assert false <= 2
+
+
+def _shuffled(flight: Left, seed: int) -> Left:
+    rng = np.random.default_rng([seed, 3, int(flight.evidence.flight[1:])])
+    noise = {axis: coloured(rng, 1500, 0.5) for axis in flight.evidence.residual}
+    return Left(replace(flight.evidence, residual=noise), flight.variables)
+
+
+def test_accepted_terms_are_taken_off_before_the_rest_is_looked_at() -> None:
+    flight = evidence(1)
+    rest = take_off(evidence(1, {A_CX: 0.3}), {A_CX: 0.3, "unknown": 5.0})
+    for axis in flight.residual:
+        assert np.allclose(rest.residual[axis], flight.residual[axis])
+
+
+def test_the_rest_needs_three_flights_and_common_variables() -> None:
+    with pytest.raises(InputError, match="too few"):
+        remainders(left(2, 0.3), SETTINGS)
+    apart = left(3, 0.3)
+    with pytest.raises(InputError, match="no variable in common"):
+        remainders([replace(flight, variables={flight.evidence.flight: flight.variables["u"]}) for flight in apart], SETTINGS)

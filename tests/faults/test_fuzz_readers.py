@@ -1,0 +1,165 @@
+"""Readers against random damage: a Recording that accounts for the loss, or a refusal; never a traceback, never silence."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from aerodb.errors import InputError
+from aerodb.recording import Recording
+from aerodb.storage.readers import read_log
+from aerodb.storage.readers.ulog_framing import survey
+from aerodb.storage.writers.ulog import write_ulog
+from tests.storage.readers.test_mcap import write_flight
+from tests.storage.readers.test_ulog import example_topics, messages
+
+Change = Callable[[bytes, np.random.Generator], bytes]
+pytestmark = pytest.mark.heavy
+
+
+@pytest.fixture(scope="module")
+def count(trials: Callable[[int, int], int]) -> int:
+    return trials(150, 3000)
+
+
+def outcome(path: Path, data: bytes) -> Recording | None:
+    """What reading gives: a Recording with its topics looked into, or None for a refusal with place and reason."""
+    path.write_bytes(data)
+    found: Recording | InputError
+    try:
+        found = read_log(path)
+    except InputError as refusal:
+        found = refusal
+    if isinstance(found, InputError):
+        assert found.what
+        assert str(path) in found.where
+        return None
+    for topic in found.topics.values():
+        assert all(len(values) == len(topic.time) for values in topic.fields.values())
+    return found
+
+
+def flip(data: bytes, rng: np.random.Generator) -> bytes:
+    changed = bytearray(data)
+    for at in rng.integers(0, len(data), rng.integers(1, 6)):
+        changed[at] ^= 1 << int(rng.integers(8))
+    return bytes(changed)
+
+
+def scramble(data: bytes, rng: np.random.Generator) -> bytes:
+    """Overwrites a stretch with noise, or takes it out."""
+    at, n = int(rng.integers(len(data))), int(rng.integers(1, 600))
+    noise = rng.bytes(n) if rng.random() < 0.5 else b""
+    return data[:at] + noise + data[at + n :]
+
+
+@pytest.fixture(scope="module", params=["generated", "measured"])
+def ulog(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory, measured: Callable[[str], Path]) -> bytes:
+    if request.param == "measured":
+        return measured("px4_ulog/sample_log_small.ulg").read_bytes()
+    path = tmp_path_factory.mktemp("fuzz") / "a.ulg"
+    write_ulog(path, example_topics(), metadata={"sys_name": "PX4"}, parameters={"A": 1, "B": 2.0})
+    return path.read_bytes()
+
+
+def test_cut_ulog_accounts_for_every_byte(ulog: bytes, count: int, tmp_path: Path) -> None:
+    """Every message before the cut is read; the rest of the file is a reported loss, unless the cut is between messages."""
+    found, rng = messages(ulog), np.random.default_rng(2)
+    samples = {end for _, end, kind in found if kind == ord("D")}
+    ends = np.array([16, *(end for _, end, _ in found)])
+    for cut in rng.integers(0, len(ulog), count):
+        recording = outcome(tmp_path / "a.ulg", ulog[:cut])
+        whole = sum(end <= cut for end in samples)
+        if recording is None:
+            assert whole == 0
+            continue
+        boundary = int(ends[ends <= cut].max())
+        assert sum(len(topic.time) for topic in recording.topics.values()) == whole
+        lost = [damage.bytes_lost for damage in recording.damage if damage.kind == "lost_tail"]
+        assert lost == ([cut - boundary] if cut > boundary else [])
+
+
+@pytest.mark.parametrize("change", [flip, scramble])
+def test_damaged_ulog_is_read_or_refused_and_no_byte_is_unaccounted(
+    ulog: bytes, count: int, tmp_path: Path, change: Change
+) -> None:
+    """What is followed and what is lost cover the file without overlap, and every loss stands in the recording."""
+    rng, path, read = np.random.default_rng(3), tmp_path / "a.ulg", 0
+    for _ in range(count):
+        data = change(ulog, rng)
+        recording = outcome(path, data)
+        if recording is None:
+            continue
+        read += 1
+        with path.open("rb") as handle:
+            found = survey(handle, len(data))
+        pieces = sorted([*found.intact, *((lost.start, lost.end) for lost in found.lost)])
+        assert [pieces[0][0], *(end for _, end in pieces)] == [*(start for start, _ in pieces), len(data)]
+        reported = sum(damage.bytes_lost for damage in recording.damage if not damage.topic)
+        assert reported == sum(lost.end - lost.start for lost in found.lost)
+        kept = sum(len(topic.time) for topic in recording.topics.values())
+        undecoded = sum(int(d.what.split()[0]) for d in recording.damage if d.what.endswith(("damaged", "timestamp")))
+        assert kept + undecoded == int(found.count.sum())
+    assert read > 0.9 * count
+
+
+def test_taken_out_messages_are_the_only_ones_missing(ulog: bytes, count: int, tmp_path: Path) -> None:
+    """Noise over data messages costs those messages and no others."""
+    rng = np.random.default_rng(4)
+    found = messages(ulog)
+    total = sum(kind == ord("D") for _, _, kind in found)
+    for _ in range(40):
+        k = int(rng.integers(len(found) // 2, len(found) - 12))
+        hit = found[k : k + int(rng.integers(1, 10))]
+        noise = rng.bytes(hit[-1][1] - hit[0][0])
+        recording = outcome(tmp_path / "a.ulg", ulog[: hit[0][0]] + noise + ulog[hit[-1][1] :])
+        assert recording is not None
+        lost = sum(damage.bytes_lost for damage in recording.damage if damage.kind == "framing")
+        assert lost == len(noise)
+        kept = sum(len(topic.time) for topic in recording.topics.values())
+        assert kept == total - sum(kind == ord("D") for _, _, kind in hit)
+
+
+@pytest.fixture(scope="module")
+def mcap(tmp_path_factory: pytest.TempPathFactory) -> tuple[bytes, Recording]:
+    path = tmp_path_factory.mktemp("fuzz") / "a.mcap"
+    write_flight(path, samples=60, chunk=2048)
+    return path.read_bytes(), read_log(path)
+
+
+def test_cut_mcap_is_always_reported(mcap: tuple[bytes, Recording], count: int, tmp_path: Path) -> None:
+    """Unlike ULog, MCAP ends with a footer: every cut shows. What is read is the beginning of what was there."""
+    data, whole = mcap
+    read = 0
+    for cut in np.random.default_rng(5).integers(0, len(data), count):
+        recording = outcome(tmp_path / "a.mcap", data[:cut])
+        if recording is None:
+            continue
+        read += 1
+        assert [damage.kind for damage in recording.damage if damage.kind == "lost_tail"] == ["lost_tail"]
+        for name, topic in recording.topics.items():
+            np.testing.assert_array_equal(topic.time, whole.topics[name].time[: len(topic.time)])
+    assert read > count // 2
+
+
+@pytest.mark.parametrize("change", [flip, scramble])
+def test_damaged_mcap_is_read_or_refused_and_samples_do_not_vanish_silently(
+    mcap: tuple[bytes, Recording], count: int, tmp_path: Path, change: Change
+) -> None:
+    """With chunk and data checksums on, no change of the data goes unnoticed, whether or not it costs samples."""
+    data, whole = mcap
+    rng, read = np.random.default_rng(6), 0
+    total = sum(len(topic.time) for topic in whole.topics.values())
+    for _ in range(count):
+        recording = outcome(tmp_path / "a.mcap", change(data, rng))
+        if recording is None:
+            continue
+        read += 1
+        if sum(len(topic.time) for topic in recording.topics.values()) != total:
+            assert recording.damage
+        for name, topic in recording.topics.items():
+            if not recording.damage:
+                for field, values in topic.fields.items():
+                    np.testing.assert_array_equal(values, whole.topics[name].fields[field])
+    assert read > count // 2

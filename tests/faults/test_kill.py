@@ -1,0 +1,37 @@
+"""kill -9 at random moments of a per-flight run, a closed loop, an update and a promotion, and the same again afterwards.
+
+Every log is stored once, no version is half there, nothing is wrong, and all ids, keys, roles, moves of names and files are those
+of an undisturbed run.
+"""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from tests.support.paths import ROOT
+
+pytestmark = [pytest.mark.heavy, pytest.mark.skipif(os.name == "nt", reason="no SIGKILL")]
+
+
+def test_whatever_is_killed_is_whole_after_the_next_run(trials: Callable[[int, int], int], tmp_path: Path) -> None:
+    number = trials(8, 300)
+    command = [sys.executable, "-m", "tests.faults.killing", str(tmp_path), "6", str(number)]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, timeout=60 + 30 * number)
+    assert done.returncode == 0, done.stderr
+    told = [json.loads(line) for line in done.stdout.splitlines()]
+    assert len(told) == number
+    for entry in told:
+        assert entry["code"] == -signal.SIGKILL, entry
+        assert entry["bad"] == [], entry
+        assert entry["again"] == 0, entry
+        assert entry["wrong"] == [], entry
+        assert entry["differs"] == [], entry
+    stages = ["per_flight", "close_loop", "update", "promotion"]
+    assert Counter(entry["stage"] for entry in told) == dict.fromkeys(stages, number // 4)

@@ -1,0 +1,315 @@
+"""The console in the system's own Chromium: no console error, no other host, no serious barrier, keyboard, nothing cut off."""
+
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+import jsbsim
+import numpy as np
+import pytest
+
+from aerodb.storage.workspace import Workspace
+from aerodb.tasks.view.finding_documents import findings_page
+from aerodb.tasks.workspace_access import stores
+from tests.aerodb.increments.test_measured_update import LEFT_OUT
+from tests.flows.web.test_console import pages
+from tests.support.catalogue_samples import h
+from tests.support.command import asked
+from tests.support.console_workspace import Made, add_long_flight, made_workspace, served
+from tests.support.paths import VEHICLES
+
+playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed: pip install 'aerodb[test]'")
+axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe-playwright-python is not installed")
+
+CHROMIUM = next((path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None)
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this system: apt-get install chromium")
+WIDTHS = (1280, 400)
+#: For what is waited for at most [ms].
+_PATIENCE = 300_000
+
+#: Elements whose text does not fit, and that nobody can scroll; fields hold more than they show by their nature.
+CUT = """() => [...document.querySelectorAll('main *, header *, footer *')].filter((e) => {
+  const style = getComputedStyle(e);
+  if (e.closest('.scroll, .plot, svg, details:not([open])') || e.matches('input, select, textarea, option')) return false;
+  return e.clientWidth > 0 && e.scrollWidth > e.clientWidth + 1 && style.display !== 'inline' && !e.matches('figcaption');
+}).map((e) => `${e.tagName}.${e.className}: ${e.textContent.trim().slice(0, 80)}`)"""
+#: Pairs of controls that lie on one another.
+OVERLAPS = """() => {
+  const seen = [...document.querySelectorAll('main a, main button, main input:not([type=hidden]), main select, main h2, nav a')]
+    .filter((e) => e.offsetParent && !e.closest('.scroll') && (e.closest('summary') || !e.closest('details:not([open])')))
+    .map((e) => [e, e.getBoundingClientRect()]);
+  const found = [];
+  for (let i = 0; i < seen.length; i++) for (let j = i + 1; j < seen.length; j++) {
+    const [[a, p], [b, q]] = [seen[i], seen[j]];
+    const across = Math.min(p.right, q.right) - Math.max(p.left, q.left);
+    const down = Math.min(p.bottom, q.bottom) - Math.max(p.top, q.top);
+    const apart = across <= 2 || down <= 6 || a.contains(b) || b.contains(a);
+    if (!apart) found.push(`${a.textContent.trim()} / ${b.textContent.trim()}`);
+  }
+  return found;
+}"""
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
+    return made_workspace(tmp_path_factory)
+
+
+@pytest.fixture(scope="module")
+def hour(made: Made) -> str:
+    return add_long_flight(made.workspace)[0]
+
+
+@pytest.fixture(scope="module")
+def address(made: Made, hour: str) -> Iterator[str]:
+    with served(made.workspace) as opened:
+        yield opened
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    with playwright.sync_playwright() as started:
+        options = {"args": ["--no-sandbox"]} if os.geteuid() == 0 else {}
+        opened = started.chromium.launch(executable_path=CHROMIUM, timeout=_PATIENCE, **options)
+        yield opened
+        opened.close()
+
+
+@contextmanager
+def watched(browser: Any, address: str, width: int = 1280) -> Iterator[Any]:
+    """A page of a fresh session; fails on any complaint of the browser and on any request to another host."""
+    complaints: list[str] = []
+    elsewhere: list[str] = []
+    with browser.new_context(viewport={"width": width, "height": 900}) as context:
+        context.set_default_timeout(_PATIENCE)
+        page = context.new_page()
+        page.on("console", lambda said: complaints.append(said.text) if said.type in ("error", "warning") else None)
+        page.on("pageerror", lambda error: complaints.append(str(error)))
+        page.on("dialog", lambda dialog: complaints.append(f"dialog: {dialog.message}"))
+        page.on("request", lambda asked: elsewhere.append(asked.url) if not _own(asked.url, address) else None)
+        yield page
+    assert complaints == []
+    assert elsewhere == []
+
+
+def _own(url: str, address: str) -> bool:
+    return url.startswith(("data:", "blob:")) or urlsplit(url).netloc == urlsplit(address).netloc
+
+
+def visit(page: Any, address: str, path: str) -> None:
+    page.goto(f"{address}{path}")
+    page.wait_for_load_state("networkidle")
+
+
+def barriers(page: Any) -> list[tuple[str, str, list[Any]]]:
+    """What axe-core finds serious or critical: rule, help, elements."""
+    found = axe.Axe().run(page).response["violations"]
+    return [
+        (v["id"], v["help"], [n["html"][:160] for n in v["nodes"][:3]]) for v in found if v["impact"] in ("serious", "critical")
+    ]
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_every_page_is_sound(browser: Any, address: str, made: Made, tmp_path: Path, width: int) -> None:
+    with watched(browser, address, width) as page:
+        for path in pages(made):
+            visit(page, address, path)
+            look(page, path, width, barriers_too=width == WIDTHS[0])
+
+
+def look(page: Any, path: str, width: int, barriers_too: bool = True) -> None:
+    """What a picture of a page would show: nothing runs out of it, is cut off, or lies on something else."""
+    if folder := os.environ.get("AERODB_TEST_PICTURES"):
+        page.screenshot(path=f"{folder}/{width}{path.replace('/', '_')[:60]}.png", full_page=True)
+    assert page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth") <= 0, path
+    assert page.evaluate(CUT) == [], path
+    assert page.evaluate(OVERLAPS) == [], path
+    if barriers_too:
+        assert barriers(page) == [], path
+
+
+def test_the_checks_see_what_is_wrong(browser: Any, address: str) -> None:
+    with watched(browser, address) as page:
+        visit(page, address, "/flights")
+        page.evaluate("""() => {
+          const wide = document.createElement('div');
+          wide.style.width = '3000px'; wide.textContent = 'wide'; document.querySelector('main').append(wide);
+          document.querySelectorAll('label').forEach((label) => label.remove());
+          document.querySelector('h1').style.color = '#ddd';
+        }""")
+        assert page.evaluate("document.documentElement.scrollWidth > document.documentElement.clientWidth")
+        assert {"label", "color-contrast", "select-name"} & {rule for rule, _, _ in barriers(page)}
+    with pytest.raises(AssertionError, match="wrong"):
+        _complain(browser, address)
+
+
+def _complain(browser: Any, address: str) -> None:
+    with watched(browser, address) as page:
+        visit(page, address, "/")
+        page.evaluate("console.error('wrong')")
+
+
+def test_the_keyboard_reaches_the_content_first_and_everything_in_order(browser: Any, address: str) -> None:
+    with watched(browser, address) as page:
+        visit(page, address, "/flights")
+        page.keyboard.press("Tab")
+        assert page.evaluate("document.activeElement.textContent") == "Skip to the content"
+        box = page.evaluate("document.activeElement.getBoundingClientRect().left")
+        assert box >= 0  # it comes into sight
+        page.keyboard.press("Enter")
+        assert page.evaluate("document.activeElement.id") == "content"
+        order = []
+        for _ in range(4):
+            page.keyboard.press("Tab")
+            order.append(page.evaluate("document.activeElement.id || document.activeElement.type"))
+            outline = page.evaluate("getComputedStyle(document.activeElement).outlineWidth")
+            assert outline == "3px"
+        assert order == ["vehicle", "verdict", "text", "submit"]
+        page.keyboard.press("Shift+Tab")
+        page.keyboard.type("flight1")
+        page.keyboard.press("Enter")
+        page.wait_for_url("**text=flight1**")
+        assert page.locator("#flights tbody tr").count() == 1
+
+
+def test_an_hour_opens_and_zooms_to_every_sample(browser: Any, address: str, hour: str) -> None:
+    with watched(browser, address) as page:
+        visit(page, address, f"/flights/{hour}")
+        page.wait_for_selector("#record[data-shown]")
+        assert page.locator("#panels figure").count() == 12
+        whole = page.get_attribute("#record", "data-shown")
+        assert whole == "0,3599.99"
+        said = page.locator("#said").text_content()
+        samples = int(said.split()[6])
+        assert 12 * 500 < samples < 12 * 4100
+        assert (
+            page.locator("#panels .plot").nth(1).get_attribute("aria-label").endswith(f"to {np.rad2deg(1.25):.5g}")
+        )  # the spike
+        canvas = page.locator("#panels .u-over").first.bounding_box()
+        page.mouse.move(canvas["x"] + 0.25 * canvas["width"], canvas["y"] + 30)
+        page.mouse.down()
+        page.mouse.move(canvas["x"] + 0.5 * canvas["width"], canvas["y"] + 30, steps=4)
+        page.mouse.up()
+        page.wait_for_selector(f"#record:not([data-shown='{whole}'])")
+        start, end = (float(part) for part in page.get_attribute("#record", "data-shown").split(","))
+        assert (start, end) == (pytest.approx(900, abs=15), pytest.approx(1800, abs=15))
+        page.fill("#from", "1199")
+        page.fill("#to", "1201")
+        page.keyboard.press("Enter")
+        page.wait_for_selector("#record[data-shown='1199,1201']")
+        near = int(page.locator("#said").text_content().split()[6])
+        assert near == 12 * 203  # 2 s at 100 Hz, both ends and one more on either side
+        page.click("button[data-move=all]")
+        page.wait_for_selector(f"#record[data-shown='{whole}']")
+
+
+def test_channels_are_chosen_and_coefficients_shown(browser: Any, address: str, made: Made) -> None:
+    with watched(browser, address) as page:
+        visit(page, address, f"/flights/{made.flight}")
+        page.wait_for_selector("#record[data-shown]")
+        page.click("summary:has-text('Choose channels')")
+        page.evaluate("document.querySelectorAll('#choice input').forEach((box) => { box.checked = false; })")
+        page.check("#choice input[value=CZ]")
+        page.check("#choice input[value=alpha]")
+        page.click("#choice button")
+        page.wait_for_selector("#panels figure:nth-child(2):last-child")
+        titles = page.locator("#panels figcaption").all_text_contents()
+        assert titles[0] == "alpha [deg]"
+        assert titles[1].startswith("CZ [-]")
+
+
+def test_curves_are_drawn_beside_the_parent(browser: Any, address: str, made: Made) -> None:
+    with watched(browser, address) as page:
+        visit(page, address, f"/versions/{made.candidate}")
+        page.wait_for_selector("#sweep[data-shown=alpha]")
+        assert page.locator("#curves figure").count() == 6
+        page.select_option("#over", "delta_elevator")
+        page.fill("#through", "alpha=5deg,V=25")
+        page.click("#sweep button")
+        page.wait_for_selector("#sweep[data-shown=delta_elevator]")
+
+
+def test_a_version_is_promoted_by_keyboard_alone(browser: Any, tmp_path_factory: pytest.TempPathFactory) -> None:
+    made = made_workspace(tmp_path_factory)
+    with served(made.workspace) as address, watched(browser, address) as page:
+        visit(page, address, f"/versions/{made.candidate}")
+        page.focus("text=Promote…")
+        page.keyboard.press("Enter")
+        page.wait_for_url("**/promote")
+        page.focus("#reason")
+        page.keyboard.type("proved on two flights")
+        page.keyboard.press("Tab")
+        page.keyboard.press("Enter")
+        page.wait_for_selector("main:has-text('is v0002 now')")
+        assert barriers(page) == []
+
+
+def test_hostile_names_run_nothing(browser: Any, address: str) -> None:
+    with watched(browser, address) as page:
+        for path in (
+            "/flights",
+            f"/flights/{h('hostile 0')}",
+            f"/flights/{h('hostile 1')}",
+            "/",
+            f"/flights/{h('hostile 0')}/impact",
+        ):
+            visit(page, address, path)
+            assert page.locator("main script, main img").count() == 0
+            assert page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth") <= 0
+
+
+def _sections(workspace: Workspace) -> list[str]:
+    """Addresses of every kind of page of any workspace that holds a finding."""
+    opened = stores(str(workspace.root))
+    entry = next(entry for entry in findings_page(opened, 20)[0] if entry["reference"])
+    vehicle = opened.catalogue.vehicles()[0].name
+    rows, (flight, *_) = opened.catalogue.versions(vehicle), opened.catalogue.flights(vehicle)
+    first, last = rows[0].id, rows[-1].id
+    paths = [
+        "/",
+        "/flights",
+        f"/flights/{flight.id}",
+        f"/flights/{flight.id}/impact",
+        "/versions",
+        f"/versions/{last}",
+        "/work",
+        "/findings",
+    ]
+    paths += [f"/findings/{entry['reference']}", f"/diff?before={first}&after={last}", f"/versions/{last}/lineage", "/history"]
+    return [*paths, f"/versions/{last}/promote", f"/rollback?vehicle={vehicle}"]
+
+
+@pytest.mark.heavy
+def test_every_page_of_the_demo(browser: Any, tmp_path: Path, trials: Any) -> None:
+    if trials(0, 1) == 0:
+        pytest.skip("the demo takes minutes: --full-campaign")
+    asked(tmp_path / "demo", "demo", "--seed", "5", "--direct")
+    _sound(browser, Workspace.open(tmp_path / "demo"))
+
+
+@pytest.mark.heavy
+def test_every_page_of_a_measured_aircraft(browser: Any, tmp_path: Path, measured: Any, trials: Any) -> None:
+    if trials(0, 1) == 0:
+        pytest.skip("the Twin Otter takes minutes: --full-campaign")
+    workspace = tmp_path / "otter"
+    asked(workspace, "vehicle", "add", str(VEHICLES / "twin_otter.toml"))
+    file = Path(jsbsim.get_default_root_dir()) / "aircraft" / "DHC6" / "DHC6.xml"
+    bindings = [word for name, value in LEFT_OUT.items() for word in ("--bind", f"{name}={value}")]
+    asked(workspace, "database", "import", str(file), "--vehicle", "twin-otter", *bindings)
+    logs = [str(measured(f"twin_otter/totter_{name}_data.mat")) for name in ("f1_017", "demo", "9752ed20")]
+    asked(workspace, "flight", "ingest", *logs, "--vehicle", "twin-otter", "--direct")
+    asked(workspace, "close-loop", "--vehicle", "twin-otter", "--direct")
+    _sound(browser, Workspace.open(workspace))
+
+
+def _sound(browser: Any, workspace: Workspace) -> None:
+    with served(workspace) as address:
+        for width in WIDTHS:
+            with watched(browser, address, width) as page:
+                for path in _sections(workspace):
+                    visit(page, address, path)
+                    look(page, path, width, barriers_too=width == WIDTHS[0])

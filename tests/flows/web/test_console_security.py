@@ -1,0 +1,199 @@
+"""Who may ask, and who may change: foreign names, missing tokens, forged forms. And what the gate says is shown."""
+
+import base64
+from typing import Any
+
+import pytest
+from starlette.testclient import TestClient
+from typer.testing import CliRunner
+
+from aerodb.errors import InputError
+from aerodb.flows.cli.main import app
+from aerodb.flows.web.security import COOKIE, LARGEST_BODY, Guard, guard_of
+from aerodb.storage.catalogue.catalogue import Catalogue
+from aerodb.storage.catalogue.rows import NameEvent
+from tests.support.console_workspace import Made, add_child, client_of, made_workspace
+from tests.support.small_glider import NAME
+
+TOKEN = "a token of some length"
+
+
+@pytest.fixture(scope="module")
+def prepared(tmp_path_factory: pytest.TempPathFactory) -> Made:
+    return made_workspace(tmp_path_factory)
+
+
+def moves(made: Made) -> tuple[NameEvent, ...]:
+    with Catalogue.open(made.workspace.catalogue) as catalogue:
+        return catalogue.name_history(NAME)
+
+
+def runs(made: Made) -> int:
+    with Catalogue.open(made.workspace.catalogue) as catalogue:
+        return len(catalogue.runs(limit=10_000))
+
+
+def csrf_of(client: TestClient) -> str:
+    return str(client.get("/api/session").json()["csrf"])
+
+
+@pytest.mark.parametrize(
+    ("host", "status"),
+    [
+        ("127.0.0.1:8050", 200),
+        ("localhost", 200),
+        ("[::1]:99", 200),
+        ("LOCALHOST:1", 200),
+        ("evil.example", 421),
+        ("127.0.0.1.evil.example:8050", 421),
+        ("localhost@evil.example", 421),
+        ("evil.example#localhost", 421),
+        ("", 421),
+        ("10.0.0.7:8050", 421),
+    ],
+)
+def test_only_our_own_names_are_answered(prepared: Made, host: str, status: int) -> None:
+    with client_of(prepared.workspace) as client:
+        answer = client.get("/api/vehicles", headers={"host": host})
+        assert answer.status_code == status
+        assert (NAME in answer.text) == (status == 200)
+
+
+def test_a_console_that_others_reach_needs_a_token(prepared: Made) -> None:
+    for host in ("0.0.0.0", "192.168.1.5", "aircraft.example", "::"):
+        with pytest.raises(InputError, match="without a token"):
+            guard_of(host, 8050, (), {})
+        assert guard_of(host, 8050, (), {"AERODB_TOKEN": TOKEN}).token == TOKEN
+    with pytest.raises(InputError, match="less than 16 characters"):
+        guard_of("127.0.0.1", 8050, (), {"AERODB_TOKEN": "short"})
+    result = CliRunner().invoke(app, ["--workspace", str(prepared.workspace.root), "web", "--host", "0.0.0.0", "--port", "0"])
+    assert isinstance(result.exception, InputError)
+    assert "without a token" in str(result.exception)
+
+
+def test_a_token_is_asked_for_everywhere(prepared: Made) -> None:
+    def basic(word: str) -> str:
+        return "Basic " + base64.b64encode(f"anyone:{word}".encode()).decode()
+
+    with client_of(prepared.workspace, "0.0.0.0", {"AERODB_TOKEN": TOKEN}) as client:
+        for path in ("/", "/api/flights", "/static/console.css", "/openapi.json", "/nothing"):
+            answer = client.get(path)
+            assert answer.status_code == 401
+            assert answer.headers["www-authenticate"].startswith("Basic")
+            assert NAME not in answer.text
+        for wrong in (basic("wrong"), basic(TOKEN + "x"), "Bearer", "Basic ###", f"Digest {TOKEN}", "Basic /w==", TOKEN):
+            assert client.get("/", headers={"authorization": wrong}).status_code == 401, wrong
+        for right in (basic(TOKEN), f"Bearer {TOKEN}"):
+            assert client.get("/", headers={"authorization": right}).status_code == 200
+        for name in ("10.1.2.3:8050", "[fe80::1]:8050"):
+            assert client.get("/", headers={"authorization": basic(TOKEN), "host": name}).status_code == 200
+        assert client.get("/", headers={"authorization": basic(TOKEN), "host": "evil.example"}).status_code == 421
+
+
+def test_a_name_that_is_said_is_answered() -> None:
+    guard = guard_of("127.0.0.1", 8050, ("Console.Example",), {})
+    assert guard.knows("console.example:443")
+    assert not guard.knows("console.example.evil.example")
+    assert not guard.knows("192.0.2.1")
+
+
+def test_every_answer_carries_its_headers(prepared: Made) -> None:
+    with client_of(prepared.workspace) as client:
+        for path in ("/", "/api/flights", "/nothing", "/static/console.css", "/openapi.json"):
+            headers = client.get(path).headers
+            assert headers["x-content-type-options"] == "nosniff"
+            assert "frame-ancestors 'none'" in headers["content-security-policy"]
+            assert "access-control-allow-origin" not in headers
+        cookie = client_of(prepared.workspace).get("/").headers["set-cookie"].lower()
+        assert "httponly" in cookie
+        assert "samesite=strict" in cookie
+
+
+@pytest.mark.parametrize("wrong", ["none", "empty", "other", "stolen", "form"])
+def test_a_change_without_its_token_changes_nothing(prepared: Made, wrong: str) -> None:
+    before, ran = moves(prepared), runs(prepared)
+    with client_of(prepared.workspace) as client, client_of(prepared.workspace) as other:
+        token = {"none": None, "empty": "", "other": "0" * 64, "stolen": csrf_of(other), "form": csrf_of(client)}[wrong]
+        if wrong == "form":
+            client.cookies.delete(COOKIE)
+        fields = {"reason": "because", "name": "released", "seen": prepared.baseline, "vehicle": NAME}
+        fields |= {} if token is None else {"csrf": token}
+        headers = {} if token is None else {"x-csrf-token": token}
+        for path in (f"/versions/{prepared.candidate}/promote", "/rollback"):
+            assert client.post(path, data=fields).status_code == 403
+        for path in (f"/api/versions/{prepared.candidate}/promote", "/api/rollback"):
+            answer = client.post(path, json={"reason": "because"}, headers=headers)
+            assert answer.status_code == 403
+            assert answer.json()["error"]["remedy"]
+    assert moves(prepared) == before
+    assert runs(prepared) == ran
+
+
+def test_a_change_from_another_page_is_refused_before_it_is_read(prepared: Made) -> None:
+    before = moves(prepared)
+    with client_of(prepared.workspace) as client:
+        headers = {"x-csrf-token": csrf_of(client)}
+        path = f"/api/versions/{prepared.candidate}/promote"
+        for origin in ({"origin": "https://evil.example"}, {"origin": "null"}, {"sec-fetch-site": "cross-site"}):
+            assert client.post(path, json={"reason": "r"}, headers={**headers, **origin}).status_code == 403
+        large = "x" * (LARGEST_BODY + 1)
+        assert client.post(path, content=large, headers=headers).status_code == 413
+        assert client.get(path).status_code == 405
+    assert moves(prepared) == before
+
+
+def test_promotion_and_roll_back_through_their_pages(tmp_path_factory: pytest.TempPathFactory) -> None:
+    made = made_workspace(tmp_path_factory)
+    with client_of(made.workspace) as client:
+        page = client.get(f"/versions/{made.candidate}/promote").text
+        csrf = page.partition('name="csrf" value="')[2].partition('"')[0]
+        fields: dict[str, Any] = {"csrf": csrf, "name": "released", "seen": made.baseline, "reason": " "}
+        path = f"/versions/{made.candidate}/promote"
+        assert client.post(path, data=fields).status_code == 422  # no reason
+        assert client.post(path, data={**fields, "reason": "r", "seen": made.candidate}).status_code == 409  # moved meanwhile
+        assert len(moves(made)) == 2
+        answer = client.post(path, data={**fields, "reason": "proved <b>twice</b>"})
+        assert answer.status_code == 200, answer.text
+        assert "released of" in answer.text
+        assert "is v0002 now" in answer.text
+        assert "The gate let it pass" in answer.text
+        assert "proved &lt;b&gt;twice&lt;/b&gt;" in answer.text
+        assert moves(made)[-1].version == made.candidate
+        assert "from v0002 to v0001?" in " ".join(client.get("/rollback").text.split()).replace("back ", "")
+        back = {"csrf": csrf, "name": "released", "seen": made.candidate, "vehicle": NAME, "reason": "diverges"}
+        assert "is v0001 now" in client.post("/rollback", data=back).text
+        assert [(m.version, m.reason) for m in moves(made)[-2:]] == [
+            (made.candidate, "proved <b>twice</b>"),
+            (made.baseline, "diverges"),
+        ]
+        assert client.post("/rollback", data={**back, "seen": made.baseline}).status_code == 422  # nothing before
+
+
+def test_the_gate_refuses_with_its_reasons(prepared: Made) -> None:
+    with Catalogue.open(prepared.workspace.catalogue) as catalogue:
+        child = add_child(catalogue, prepared.baseline, "unproved", [prepared.flight])
+    before = moves(prepared)
+    with client_of(prepared.workspace) as client:
+        csrf = csrf_of(client)
+        headers, path = {"x-csrf-token": csrf}, f"/api/versions/{child}/promote"
+        fields = {"csrf": csrf, "name": "released", "seen": prepared.baseline, "reason": "try"}
+        answer = client.post(f"/versions/{child}/promote", data=fields)
+        assert answer.status_code == 409
+        assert "The gate refused; nothing has changed" in answer.text
+        refused = client.post(path, json={"reason": "try"}, headers=headers)
+        assert refused.status_code == 409
+        for reason in refused.json()["error"]["what"].split("; "):
+            assert reason.split("'")[0] in answer.text.replace("&#39;", "'")
+        named = client.post(
+            f"/api/versions/{child}/promote", json={"reason": "try", "name": "mine"}, headers={"x-csrf-token": csrf}
+        )
+        assert named.json()["moved"]
+        assert client.post(path, json={"reason": 3}, headers=headers).status_code == 422
+    assert moves(prepared)[:-1] == before
+
+
+def test_tokens_of_two_processes_differ() -> None:
+    one, other = guard_of("127.0.0.1", 1, (), {}), guard_of("127.0.0.1", 1, (), {})
+    assert isinstance(one, Guard)
+    assert one.csrf_token("s") != other.csrf_token("s")
+    assert one.csrf_token("s") != one.csrf_token("t")

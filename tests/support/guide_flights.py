@@ -1,0 +1,213 @@
+"""Logs for the guides in docs/: a small glider flown by simulation, as PX4 would have logged it, with a boom or without.
+
+The vehicle and its handbook are those that the guide lets the reader write down; what flies has a steeper lift curve.
+"""
+
+import re
+import sys
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+
+from aerodb.exchange.native import read_native
+from aerodb.simulation.airframe import airframe
+from aerodb.simulation.autopilot import Autopilot, control_derivatives
+from aerodb.simulation.flight import History, fly
+from aerodb.simulation.inputs import Event, superposed
+from aerodb.simulation.motion import Array, quaternion_from_euler
+from aerodb.simulation.sensors import Instrument, Signal, at_instruments, measure
+from aerodb.storage.writers.ulog import write_ulog
+from aerodb.tables.database import AeroDatabase
+from aerodb.vehicle import Vehicle, parse_vehicle
+
+STEP, SECONDS, SPEED, ALPHA, GLIDE, HEIGHT = 0.01, 50.0, 14.0, 0.06, 0.06, 500.0
+#: What the handbook has too small by a sixth: the slope of CZ, 1/rad.
+HANDBOOK, FLOWN = "alpha = -5.0", "alpha = -6.0"
+_SERVOS = ("aileron_right", "aileron_left", "elevator", "rudder")
+
+
+@dataclass
+class Pilot:
+    """Turns that show the wind, and test inputs of each flight's own; a Controller of `aerodb.simulation.flight`."""
+
+    autopilot: Autopilot
+    inputs: Mapping[str, Array]
+
+    def __call__(self, time: float, channels: Mapping[str, Array]) -> Mapping[str, Array]:
+        given = {name: values[round(time / STEP)] for name, values in self.inputs.items()}
+        climbing = channels["theta"] - channels["alpha"] * np.cos(channels["phi"]) + GLIDE
+        wanted = np.clip(ALPHA / np.cos(channels["phi"]) - 0.5 * climbing, 0.0, 0.16)  # damps the phugoid
+        elevator = self.autopilot.elevator(channels, wanted + given["alpha"], {}) + given["elevator"]
+        aileron = self.autopilot.aileron(channels, given["bank"]) + given["aileron"]
+        rudder = self.autopilot.rudder(channels) + given["rudder"]
+        return {"elevator": elevator, "aileron_right": aileron, "aileron_left": -aileron, "rudder": rudder}
+
+
+def _inputs(generator: np.random.Generator, flights: int) -> dict[str, Array]:
+    degree, events = np.deg2rad(1.0), []
+    for number in range(flights):
+        sign = 1.0 if number % 2 else -1.0
+        own = [Event("bank", 1.0, 15.0, sign * 22 * degree), Event("bank", 36.0, 11.0, sign * 18 * degree, "pulse")]
+        quick = [
+            ("elevator", 0.35, 3.0, "3211"), ("elevator", 0.6, 3.0, "doublet"), ("alpha", 1.0, 4.5, "doublet"),
+            ("aileron", 0.4, 3.0, "doublet"), ("rudder", 0.6, 5.0, "3211"),
+        ]  # fmt: skip
+        start = 3.0
+        for index in [*generator.permutation(len(quick)), *generator.permutation(len(quick))]:
+            target, width, size, shape = quick[index]
+            amplitude = sign * size * generator.uniform(0.8, 1.2) * degree
+            own.append(Event(target, start, width * generator.uniform(0.9, 1.1), amplitude, shape))
+            start += generator.uniform(4.0, 4.6)
+        events.append(tuple(own))
+    clock = STEP * np.arange(round(SECONDS / STEP) + 1)
+    return {name: superposed(tuple(events), name, clock) for name in ("alpha", "bank", "elevator", "aileron", "rudder")}
+
+
+@dataclass(frozen=True)
+class Flown:
+    """Simulated flights: what they did, and what their instruments would show without error."""
+
+    history: History
+    channels: Mapping[str, Array]
+
+    def true(self, name: str, number: int) -> tuple[Array, Array]:
+        """Time (n,) s from the start and the true channel (n,) of one flight."""
+        return self.history.time, self.history.channels[name][:, number]
+
+
+def fly_glider(vehicle: Vehicle, handbook: AeroDatabase, flown: AeroDatabase, flights: int, seed: int) -> Flown:
+    """`flights` of the vehicle with the aerodynamics `flown`, by an autopilot that knows the handbook."""
+    generator = np.random.default_rng(seed)
+    frame = airframe(vehicle, flown)
+    condition = dict.fromkeys(handbook.inputs, 0.0) | {"V": SPEED, "alpha": ALPHA, "qbar": 0.6 * SPEED**2}
+    known = control_derivatives(
+        airframe(vehicle, handbook), condition, {"elevator": ("delta_elevator",)}, ("delta_aileron",), "delta_rudder"
+    )
+    heading = generator.uniform(-np.pi, np.pi, flights)
+    wind = np.zeros((3, flights))
+    wind[:2] = generator.uniform(-3.0, 3.0, (2, flights))
+    history = fly(
+        frame,
+        vehicle.surfaces,
+        _start(heading, wind),
+        {name: np.zeros(flights) for name in vehicle.surfaces},
+        Pilot(Autopilot(frame, known, STEP), _inputs(generator, flights)),
+        step=STEP,
+        duration=SECONDS,
+        wind=wind,
+    )
+    commands = {f"servo_{k}": history.commands[name] / vehicle.surfaces[name].scale for k, name in enumerate(_SERVOS)}
+    attitude = {f"q{n}": history.quaternion[:, n] for n in range(4)}
+    return Flown(history, at_instruments({**history.channels, **commands, **attitude}, vehicle))
+
+
+def write_logs(folder: Path, flown: Flown, instruments: tuple[Instrument, ...], seed: int) -> list[Path]:
+    """Writes ``flight-1.ulg`` and so on into `folder`, as PX4 would have logged them; returns them."""
+    paths = []
+    for number in range(len(flown.history.samples)):
+        topics = measure(flown.history, flown.channels, number, instruments, np.random.default_rng([seed, number]), 20.0)
+        taken_off = datetime(2026, 5, 8, 9, 0, tzinfo=UTC) + timedelta(hours=number)
+        paths.append(folder / f"flight-{number + 1}.ulg")
+        write_ulog(paths[-1], topics, metadata={"sys_name": "PX4", "ver_hw": "SIMULATED"}, start_utc=taken_off)
+    return paths
+
+
+def steeper(database_text: str) -> str:
+    """The handbook with the lift curve that flies. Raises ValueError where it is not that of the guide."""
+    if database_text.count(HANDBOOK) != 1:
+        raise ValueError(f"the handbook has no {HANDBOOK}")
+    return database_text.replace(HANDBOOK, FLOWN)
+
+
+def write_flights(folder: Path, vehicle_text: str, database_text: str, flights: int, *, boom: bool = False) -> list[Path]:
+    """Flies `flights` of the vehicle and writes ``flight-1.ulg`` and so on into `folder`; returns them.
+
+    Raises ValueError where the handbook is not that of the guide.
+    """
+    vehicle = parse_vehicle(vehicle_text)
+    flown = fly_glider(vehicle, read_native(database_text), read_native(steeper(database_text)), flights, 7)
+    return write_logs(folder, flown, instruments(vehicle, boom=boom), 7)
+
+
+def _start(heading: Array, wind: Array) -> Array:
+    """State (13, k): gliding through the moving air."""
+    k = len(heading)
+    state, theta = np.zeros((13, k)), np.full(k, ALPHA - GLIDE)
+    along = wind[0] * np.cos(heading) + wind[1] * np.sin(heading)
+    state[0], state[2] = SPEED * np.cos(ALPHA) + along, SPEED * np.sin(ALPHA)
+    state[1] = wind[1] * np.cos(heading) - wind[0] * np.sin(heading)
+    state[6:10] = quaternion_from_euler(np.zeros(k), theta, heading)
+    state[12] = -HEIGHT
+    return state
+
+
+def instruments(vehicle: Vehicle, *, boom: bool = False, heave_bias: float = 0.01) -> tuple[Instrument, ...]:
+    """PX4's topics; with `boom` those of its vanes too, biased and late by what is usual. heave_bias : of the accelerometer along
+    z, m/s^2."""
+    carried = (
+        Instrument(
+            "vehicle_angular_velocity", 50.0, tuple(Signal(f"xyz[{n}]", x, 6e-4, 3e-4 * (n - 1)) for n, x in enumerate("pqr"))
+        ),
+        Instrument(
+            "vehicle_acceleration",
+            50.0,
+            tuple(Signal(f"xyz[{n}]", f"a{x}_imu", 0.03, heave_bias if x == "z" else 0.01) for n, x in enumerate("xyz")),
+        ),
+        Instrument("vehicle_attitude", 50.0, tuple(Signal(f"q[{n}]", f"q{n}", 3e-4) for n in range(4)), phase=0.003),
+        Instrument(
+            "airspeed_validated",
+            10.0,
+            (Signal("true_airspeed_m_s", "V_probe", 0.1, 0.05), Signal("calibrated_airspeed_m_s", "calibrated_airspeed", 0.1)),
+            phase=0.004,
+        ),
+        Instrument(
+            "vehicle_air_data",
+            20.0,
+            (
+                Signal("rho", "rho", 4e-4),
+                Signal("baro_pressure_pa", "static_pressure", 6.0),
+                Signal("ambient_temperature", "temperature", 0.05, offset=-273.15),
+                Signal("baro_alt_meter", "altitude", 0.3),
+            ),
+            phase=0.007,
+        ),
+        Instrument(
+            "vehicle_local_position",
+            20.0,
+            (
+                *(Signal(field, channel, 0.2) for field, channel in (("x", "north"), ("y", "east"))),
+                *(Signal(f"v{x}", f"velocity_{to}", 0.04) for x, to in zip("xyz", ("north", "east", "down"), strict=True)),
+            ),
+            delay=0.03,
+            phase=0.001,
+        ),
+        Instrument("actuator_servos", 50.0, tuple(Signal(f"control[{n}]", f"servo_{n}", held=True) for n in range(4))),
+    )
+    vanes = (
+        Instrument("airflow_aoa", 50.0, (Signal("aoa_rad", "alpha_probe", 1e-3, np.deg2rad(0.8)),), 0.02, 0.002),
+        Instrument("airflow_slip", 50.0, (Signal("slip_rad", "beta_probe", 1e-3, np.deg2rad(-0.5)),), 0.02, 0.002),
+    )
+    return (*carried, *(vanes if boom else ()))
+
+
+def blocks(guide: str) -> Iterator[tuple[str, str, str]]:
+    """Kind, title (empty: none) and text of the fenced blocks of a guide, in order."""
+    for found in re.finditer(r'^```(\w+)(?: title="([^"]+)")?\n(.*?)^```$', guide, re.DOTALL | re.MULTILINE):
+        yield found[1], found[2] or "", found[3]
+
+
+def prepare(guide: str, folder: Path) -> None:
+    """What a reader of a guide has before the first command: the files that it shows, and logs where it asks for flights."""
+    files = {title: text for _, title, text in blocks(guide) if title}
+    for name, text in files.items():
+        (folder / name).write_text(text, encoding="utf-8")
+    wanted = re.search(r"<!-- flights: (\d+)(, with a boom)? -->", guide)
+    if wanted:
+        write_flights(folder, files["my-glider.toml"], files["handbook.toml"], int(wanted[1]), boom=bool(wanted[2]))
+
+
+if __name__ == "__main__":  # python -m tests.support.guide_flights docs/with-a-boom.md FOLDER: to follow a guide by hand
+    prepare(Path(sys.argv[1]).read_text(encoding="utf-8"), Path(sys.argv[2]))

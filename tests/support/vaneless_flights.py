@@ -1,0 +1,152 @@
+"""The guide's glider without vanes, taken in through the real flows: what tracing and declared updates make of its flights.
+
+What flies is always the same; what is wrong is the database that the flights are compared with, so that one bank of flights
+serves all cases.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from aerodb.effects.measurement.angle_errors import with_flattening
+from aerodb.exchange.native import read_native
+from aerodb.flight import Array, Flight
+from aerodb.flows.flight import flight_flow
+from aerodb.flows.importing import import_flow
+from aerodb.flows.run import run_flow
+from aerodb.increments.estimate import Update, estimate_increments
+from aerodb.increments.model_file import parse_model_file
+from aerodb.increments.validation import HoldOut
+from aerodb.storage.catalogue.catalogue import Catalogue
+from aerodb.storage.workspace import Workspace
+from aerodb.tasks.doubts import once_more, sensor_doubts
+from aerodb.tasks.steps.compare import load_comparison
+from aerodb.tasks.steps.consistency import load_consistent, noise_of
+from aerodb.tasks.steps.trace import Library, freeze_library, trace_flight
+from aerodb.tasks.steps.update import Plan
+from aerodb.tasks.workspace_access import Stores, stores
+from aerodb.tracing.decision.findings import Traced
+from aerodb.tracing.decision.trace import trace
+from aerodb.tracing.settings import Settings
+from aerodb.vehicle import parse_vehicle
+from tests.support.guide_flights import Flown, blocks, fly_glider, instruments, steeper, write_logs
+from tests.support.paths import ROOT
+
+NAME = "my-glider"
+GUIDE = ROOT / "docs" / "px4-without-vanes.md"
+#: Database -> what of the flown one it has wrong; and the hypothesis that says so, with its value.
+WRONG: Mapping[str, tuple[str, str]] = {
+    "nothing": ("", ""),
+    "lift": ("alpha = -6.0", "alpha = -5.0"),
+    "elevator": ("delta_elevator = -1.0", "delta_elevator = -0.8"),
+    "lift by elevator": ("delta_elevator = -0.4", "delta_elevator = -0.2"),
+}
+PLANTED: Mapping[str, tuple[str, float]] = {
+    "lift": ("alpha_slope@CZ", -1.0),
+    "elevator": ("control_effectiveness@Cm:elevator", -0.2),
+    "lift by elevator": ("control_effectiveness@CZ:elevator", -0.2),
+}
+
+
+@dataclass(frozen=True)
+class Fleet:
+    """Flights taken in: ids of those that got alpha and beta, versions by what is wrong, and the true alpha at their times."""
+
+    opened: Stores
+    run: str
+    flights: tuple[str, ...]
+    versions: Mapping[str, str]
+    true_alpha: Mapping[str, Array]
+
+    def plan(self, wrong: str) -> Plan:
+        """All flights identify."""
+        return Plan(NAME, self.versions[wrong], "", HoldOut(self.flights, (), "cross-validated"), (), ())
+
+    def library(self, wrong: str) -> Library:
+        """The library of these flights beside a database."""
+        return freeze_library(self.plan(wrong), workspace=str(self.opened.workspace.root), run=self.run)
+
+    def traced(self, wrong: str, groups: Sequence[Sequence[int]]) -> list[Traced]:
+        """What is found from each group of flights (places)."""
+        where = {"workspace": str(self.opened.workspace.root), "run": self.run}
+        library, database = self.library(wrong), self.opened.database(self.versions[wrong])
+        grams = [trace_flight(flight, **where, library=library, database=database) for flight in self.flights]
+        return [trace([grams[i] for i in group], library.hypotheses, library.settings) for group in groups]
+
+    def updated(self, wrong: str, groups: Sequence[Sequence[int]]) -> Iterator[Update]:
+        """The guide's declared increments, estimated as `aerodb update` does from each group of flights (places)."""
+        database, vehicle = self.opened.database(self.versions[wrong]), self.opened.vehicle(NAME)[0]
+        loaded = [load_comparison(self.opened, flight, self.versions[wrong], self.run) for flight in self.flights]
+        flights, comparisons = [entry[0] for entry in loaded], [entry[1] for entry in loaded]
+        about = (self.opened, vehicle, database, flights, comparisons, self.run)
+        doubts, again = sensor_doubts(*about), once_more(*about)
+        model = parse_model_file(guide_files()["increments.toml"])
+        for group in groups:
+            chosen = [flights[i] for i in group], [comparisons[i] for i in group]
+            update = estimate_increments(*chosen, model, database, doubts)
+            others = [([each[i][0] for i in group], [each[i][1] for i in group]) for each in again]
+            noisier = [estimate_increments(*other, model, database) for other in others]
+            yield with_flattening(update, noisier, Settings().shift_factor)
+
+    def consistent(self, flight: str) -> tuple[Flight, dict[str, Any]]:
+        """A flight after its reconstruction, and the document of that."""
+        found, document, _ = load_consistent(self.opened, self.opened.catalogue.flight(flight), self.run)
+        return found, document
+
+    def error_of_alpha(self, flight: str) -> tuple[float, float]:
+        """Root mean squares about the level: of the true error of a reconstructed alpha, and of what the smoother allows for."""
+        found, document = self.consistent(flight)
+        noise = noise_of(document)
+        assert noise is not None
+        error = found["alpha"] - self.true_alpha[flight]
+        return float(np.nanstd(error)), noise.rms("alpha", noise.edges[0])
+
+
+def guide_files() -> dict[str, str]:
+    """Title -> text of the files that the guide shows."""
+    return {title: text for _, title, text in blocks(GUIDE.read_text(encoding="utf-8")) if title}
+
+
+@lru_cache(maxsize=1)
+def _flown(flights: int, seed: int) -> Flown:
+    files = guide_files()
+    vehicle, handbook = parse_vehicle(files["my-glider.toml"]), files["handbook.toml"]
+    return fly_glider(vehicle, read_native(handbook), read_native(steeper(handbook)), flights, seed)
+
+
+def fleet(folder: Path, flights: int, seed: int, heave_bias: float = 0.01, taken: int | None = None) -> Fleet:
+    """Flies, writes logs into `folder`, and takes them (the first `taken`) in. heave_bias : of the accelerometer along z,
+    m/s^2."""
+    files = guide_files()
+    handbook, flown = files["handbook.toml"], _flown(flights, seed)
+    logs = write_logs(folder, flown, instruments(parse_vehicle(files["my-glider.toml"]), heave_bias=heave_bias), seed)[:taken]
+    workspace = Workspace.open(folder / "workspace")
+    with Catalogue.open(workspace.catalogue) as catalogue:
+        catalogue.add_vehicle(NAME, files["my-glider.toml"])
+    versions = {}
+    for name, (right, wrong) in WRONG.items():
+        path = folder / "database.toml"
+        path.write_text(steeper(handbook).replace(right, wrong) if right else steeper(handbook), encoding="utf-8")
+        asked = {"file": str(path), "vehicle": NAME, "bindings": {}}
+        versions[name] = run_flow(import_flow, asked, workspace, "direct")["version"]
+    outcomes = run_flow(flight_flow, {"logs": [str(log) for log in logs], "vehicle": NAME}, workspace, "direct")
+    opened = stores(str(workspace.root))
+    run = opened.catalogue.start_run("tracing", how="direct").id
+    true_alpha, ids = {}, []
+    for number, outcome in enumerate(outcomes):
+        found, _, _ = load_consistent(opened, opened.catalogue.flight(outcome["flight"]), run)
+        if "alpha" in found and "beta" in found:  # others cannot be compared with the database, and are left out
+            clock, alpha = flown.true("alpha", number)
+            ids.append(outcome["flight"])
+            true_alpha[ids[-1]] = np.interp(found.time - found.time[0], clock, alpha)
+    return Fleet(opened, run, tuple(ids), versions, true_alpha)
+
+
+def groups(of: int, size: int, count: int) -> list[list[int]]:
+    """`count` seeded choices of `size` flights out of `of`."""
+    drawn = (np.random.default_rng([5, number, size]).choice(of, size, replace=False) for number in range(count))
+    return [[int(i) for i in chosen] for chosen in drawn]
