@@ -6,14 +6,12 @@ holes, y the other, q the dynamic pressure and ``beyond`` what of x lies beyond 
 """
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from aerodb.quantities import Number, Radians
+from aerodb.support.arrays import Array
 from aerodb.support.signals import Signal, beyond
 from aerodb.support.strict import Strict
-
-Array = NDArray[np.float64]
 
 #: Newton steps from the linear answer, and the residual angle (rad) that they must leave.
 _STEPS, _LEFT = 20, 1e-9

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from aerodb.errors import UnknownNameError, nearest
 from aerodb.nomenclature import FLAGS, channel
 from aerodb.recording import Damage
+from aerodb.support.arrays import Array
 
-Array = NDArray[np.float64]
 Bits = NDArray[np.unsignedinteger]
 
 

@@ -15,9 +15,10 @@ from pydantic import Field, model_validator
 
 from aerodb.errors import InputError, UnknownNameError, nearest
 from aerodb.five_hole import FiveHole
-from aerodb.flight import Array, Flight
+from aerodb.flight import Flight
 from aerodb.nomenclature import channel
 from aerodb.quantities import Inertia, Kilograms, Metres, Number, Point, Radians, Seconds, unit_of
+from aerodb.support.arrays import Array
 from aerodb.support.strict import Strict, validated
 from aerodb.units import quantity
 

@@ -11,7 +11,7 @@ from sqlalchemy.exc import OperationalError
 from aerodb.errors import StoreBusyError, StoreError
 from aerodb.flows.flight import flight_flow
 from aerodb.flows.run import Steps
-from aerodb.storage.inbox.waiting import Waiting
+from aerodb.storage.inbox.folders import Waiting
 from aerodb.storage.locks import holding
 from aerodb.storage.workspace_settings import Settings, SettingsError, load_settings
 from aerodb.tasks.steps.inbox import files_of_inbox, note_failure, note_no_room, note_tries, set_aside, settle

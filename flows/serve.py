@@ -17,7 +17,7 @@ from typing import Any, Final
 from aerodb.errors import AeroError, StoreError
 from aerodb.flows.orchestrator import Client, clear_up, emit_arrival, is_awaited
 from aerodb.flows.processes import Child, environment_of, free_port
-from aerodb.storage.inbox.waiting import Waiting, look_again
+from aerodb.storage.inbox.folders import Waiting, look_again
 from aerodb.storage.locks import Lock, is_held, note_of, take
 from aerodb.storage.workspace import Workspace
 from aerodb.storage.workspace_settings import FILE, checked_token, load_settings

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from aerodb.coefficients.comparison import Comparison
-from aerodb.consistency.smoother.state_noise import StateNoise
+from aerodb.consistency.smoother.state_error_spectrum import StateNoise
 from aerodb.effects.flight_view import FlightView, view_of
 from aerodb.effects.measurement.angle_errors import doubts_of_alpha
 from aerodb.effects.measurement.constant_errors import doubts

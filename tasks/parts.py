@@ -12,6 +12,7 @@ from aerodb.effects.adding import add_effects, envelopes_of
 from aerodb.effects.flight_view import view_of
 from aerodb.increments.estimate import Update, keep_slope_signs
 from aerodb.increments.validation import AxisProof, prove_by_leaving_one_out
+from aerodb.support.arrays import Mask
 from aerodb.tables.database import AeroDatabase
 from aerodb.tasks.manoeuvres import manoeuvre_spans
 from aerodb.tasks.steps.compare import beside, compared
@@ -23,8 +24,6 @@ from aerodb.tracing.evidence.flight_evidence import evidence_of
 
 if TYPE_CHECKING:
     from aerodb.tasks.steps.close_loop import Loop
-
-Mask = NDArray[np.bool_]
 
 
 def parts_of(time: NDArray[np.float64], spans: tuple[tuple[float, float], ...]) -> dict[str, Mask]:

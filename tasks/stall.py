@@ -19,7 +19,7 @@ from aerodb.effects.surfaces import surfaces_of
 from aerodb.effects.template import Scene
 from aerodb.errors import InputError
 from aerodb.estimation.regression import least_squares
-from aerodb.flight import Array
+from aerodb.support.arrays import Array
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.definitions import STATE_CHANNEL
 from aerodb.tables.envelope import flown_envelope

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from aerodb.conditioning.differentiation import FEWEST_SAMPLES, bridge, smooth
 from aerodb.errors import InputError
-from aerodb.flight import Array, Flight
+from aerodb.flight import Flight
 from aerodb.nomenclature import AXES, FORCE_AXES, MOMENT_AXES
+from aerodb.support.arrays import Array
 from aerodb.tables.reference import Reference, transfer_moments
 from aerodb.vehicle import Thrust, Vehicle, cg_positions, mass_channels
 

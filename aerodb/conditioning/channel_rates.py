@@ -7,12 +7,10 @@ from collections.abc import Callable, Mapping
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from aerodb.conditioning.differentiation import bridge
 from aerodb.flight import Flight
-
-Array = NDArray[np.float64]
+from aerodb.support.arrays import Array
 
 GRAVITY: Final = 9.80665
 

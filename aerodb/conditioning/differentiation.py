@@ -10,10 +10,9 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.fft import dct, dst
 
-Array = NDArray[np.float64]
+from aerodb.support.arrays import Array
 
 #: Width of the roll-off relative to the bandwidth: a cosine step from 1 to 0, short and yet without ripple.
 ROLL_OFF = 0.1

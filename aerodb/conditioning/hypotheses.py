@@ -9,14 +9,13 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.fft import prev_fast_len
 from scipy.integrate import cumulative_simpson
 
 from aerodb.conditioning.channel_rates import GRAVITY, KINEMATICS, OPTIONAL
 from aerodb.conditioning.differentiation import low_passed
+from aerodb.support.arrays import Array
 
-Array = NDArray[np.float64]
 Channels = Mapping[str, Array]
 
 #: Hz, where manoeuvres are; longest stretch [s] looked at, the liveliest of the record.

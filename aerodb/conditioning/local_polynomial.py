@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.signal import oaconvolve
 
-Array = NDArray[np.float64]
+from aerodb.support.arrays import Array
 
 DEGREE = 2
 #: Good samples per coefficient below which a window says nothing.

@@ -19,8 +19,7 @@ from aerodb.conditioning.wild_points import stuck
 from aerodb.flight import Flight
 from aerodb.nomenclature import FLAGS
 from aerodb.recording import Recording
-
-Array = NDArray[np.float64]
+from aerodb.support.arrays import Array
 
 _ACCELERATIONS = ("ax", "ay", "az", "ax_imu", "ay_imu", "az_imu")
 #: Sensors that must move when the aircraft does.

@@ -6,15 +6,13 @@ Functions give first and last sample and a plain reason; whether the aircraft fl
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d, median_filter
 from scipy.stats import spearmanr
 
 from aerodb.conditioning.channel_rates import GRAVITY
 from aerodb.conditioning.manoeuvres import DEGREE, rolling_range
+from aerodb.support.arrays import Array, Mask
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 Found = tuple[int, int, str]
 
 #: Lift short of its straight line, as a part of it, for this long [s], is a stall; the line needs this range of alpha.

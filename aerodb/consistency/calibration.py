@@ -10,12 +10,10 @@ from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from aerodb.errors import InputError
+from aerodb.support.arrays import Array
 from aerodb.support.identity import key_of
-
-Array = NDArray[np.float64]
 
 #: A flight's own estimate beyond this many standard errors from its calibration is a reason to calibrate anew.
 DRIFT = 3.0

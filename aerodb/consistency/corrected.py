@@ -27,12 +27,13 @@ from aerodb.consistency.pressures import (
 )
 from aerodb.consistency.records import MOTION, Inertial, at_probe, from_probe, inertial, one_sensor
 from aerodb.consistency.sensors.parameters import delays_of
-from aerodb.consistency.sensors.prediction import Array, delayed
+from aerodb.consistency.sensors.prediction import delayed
 from aerodb.consistency.smoother.gusts import Gusts, Intensities
 from aerodb.consistency.smoother.smoothing import Smoothed, SmoothedPath, intensities_of, smooth_flight
-from aerodb.consistency.smoother.state_noise import Source, StateNoise, state_noise
+from aerodb.consistency.smoother.state_error_spectrum import Source, StateNoise, state_noise
 from aerodb.flight import Flight
 from aerodb.logs.probe import angles_from_pressures
+from aerodb.support.arrays import Array
 from aerodb.vehicle import Vehicle
 
 #: A channel without a sensor is given when its standard error stays within this many limits of the vehicle's accuracy.

@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 from aerodb.consistency.motion import march, quaternion_start
 from aerodb.errors import InputError
 from aerodb.physics.geodesy import Earth
-
-Array = NDArray[np.float64]
+from aerodb.support.arrays import Array
 
 STATES: Final = ("u", "v", "w", "phi", "theta", "psi", "north", "east", "altitude")
 INPUTS: Final = ("ax", "ay", "az", "p", "q", "r")

@@ -11,8 +11,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from aerodb.physics.geodesy import PLUMB, RATE, curvature, normal_gravity
-
-Array = NDArray[np.float64]
+from aerodb.support.arrays import Array
 
 #: Nearer to the vertical than this cosine of the pitch attitude, derivatives of Euler angles are those at this cosine.
 _LEAST_COSINE = 1e-7

@@ -9,9 +9,10 @@ import numpy as np
 
 from aerodb.consistency.output_error.reconstruction import Path
 from aerodb.five_hole import Curve, FiveHole
-from aerodb.flight import Array, Flight
+from aerodb.flight import Flight
 from aerodb.logs.probe import angles_from_pressures
 from aerodb.physics.atmosphere import GRAVITY, density
+from aerodb.support.arrays import Array
 from aerodb.vehicle import AirData, Vehicle
 
 #: Pair of holes -> the angle that it shows.

@@ -19,7 +19,8 @@ from aerodb.consistency.sensors.navigation import FlowCheck, flow_against_veloci
 from aerodb.consistency.sensors.prediction import Record
 from aerodb.consistency.verdict import Verdict, as_document, judge, judge_navigation, unchecked
 from aerodb.errors import InputError
-from aerodb.flight import Array, Flight
+from aerodb.flight import Flight
+from aerodb.support.arrays import Array
 from aerodb.vehicle import Vehicle
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from aerodb.effects.flight_view import FlightView
 from aerodb.effects.hypothesis import Hypothesis
 from aerodb.errors import InputError
-from aerodb.flight import Array
+from aerodb.support.arrays import Array
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.definitions import STATE_CHANNEL
 from aerodb.tables.envelope import flown_envelope

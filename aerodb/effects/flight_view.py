@@ -15,8 +15,9 @@ from aerodb.coefficients.comparison import Comparison, with_states
 from aerodb.coefficients.total import DEFAULT_BANDWIDTH, inertial_moment, thrust_loads
 from aerodb.conditioning.differentiation import bridge, smooth
 from aerodb.effects.sensitivity import slopes_by
-from aerodb.flight import Array, Flight
+from aerodb.flight import Flight
 from aerodb.nomenclature import AXES, MOMENT_AXES
+from aerodb.support.arrays import Array
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.reference import HAT_RATES, Reference, hat_rate, transfer_moments
 from aerodb.vehicle import Vehicle, cg_positions, mass_channels

@@ -12,8 +12,8 @@ from typing import Literal
 import numpy as np
 
 from aerodb.effects.flight_view import FlightView
-from aerodb.flight import Array
 from aerodb.nomenclature import FORCE_AXES
+from aerodb.support.arrays import Array
 from aerodb.tables.expression import Expression
 from aerodb.tables.program import evaluate
 from aerodb.tables.reference import HAT_RATES, WIND_AXES, wind_to_body

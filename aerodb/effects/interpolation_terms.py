@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from aerodb.flight import Array
+from aerodb.support.arrays import Array
 from aerodb.tables.expression import Call, Expression, Number, Operation, number
 
 

@@ -10,7 +10,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from aerodb.flight import Array
+from aerodb.support.arrays import Array
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.expression import Expression
 from aerodb.tables.reference import HAT_RATES

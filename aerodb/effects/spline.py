@@ -14,7 +14,7 @@ import numpy as np
 
 from aerodb.effects.flight_view import FlightView
 from aerodb.effects.hypothesis import Columns, Hypothesis
-from aerodb.flight import Array
+from aerodb.support.arrays import Array
 from aerodb.tables.expression import Expression, number, parse
 
 #: Intervals of a spline.

@@ -4,10 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.fft import next_fast_len, rfft
 
-Array = NDArray[np.float64]
+from aerodb.support.arrays import Array
 
 #: Products of this size (multiplications) and below are not worth a BLAS thread.
 _SINGLE_THREAD = 200_000

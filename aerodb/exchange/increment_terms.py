@@ -11,7 +11,8 @@ from typing import Final
 
 from aerodb.nomenclature import CHANNELS
 from aerodb.tables.algebra import plus, times
-from aerodb.tables.database import CONSTANTS, AeroDatabase, Term, Variable
+from aerodb.tables.database import AeroDatabase, Term, Variable
+from aerodb.tables.definitions import CONSTANTS
 from aerodb.tables.expression import Call, Expression, Name, Negation, Number, Operation, TableCall, number, parse
 from aerodb.tables.functions import FUNCTIONS
 from aerodb.tables.increment import BASE_VARIABLES, Increment, Interval

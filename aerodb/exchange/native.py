@@ -22,9 +22,10 @@ from aerodb.exchange.native_schema import DatabaseFile, Document, IncrementFile,
 from aerodb.nomenclature import axis_description, channel
 from aerodb.support.identity import content_sha256
 from aerodb.support.strict import validated
-from aerodb.tables.database import AeroDatabase, Reference, Term, Variable
+from aerodb.tables.database import AeroDatabase, Term, Variable
 from aerodb.tables.expression import Expression, Number, Operation, number, parse
 from aerodb.tables.increment import Increment, Interval
+from aerodb.tables.reference import Reference
 from aerodb.tables.scattered import ScatteredTable
 from aerodb.tables.state_model import LAWS, StateModel
 from aerodb.tables.table import Table

@@ -10,9 +10,10 @@ from aerodb.coefficients.comparison import Comparison, band_limited
 from aerodb.errors import InputError
 from aerodb.estimation.regression import Regression, least_squares, own_constants, with_mean_constant
 from aerodb.estimation.statistics import Theil, theil
-from aerodb.flight import Array, Flight
+from aerodb.flight import Flight
 from aerodb.increments.model_file import CONSTANT, DeclaredIncrement, ModelFile, Regressor, check_channels, expand
 from aerodb.nomenclature import MOMENT_AXES
+from aerodb.support.arrays import Array
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.envelope import flown_envelope
 from aerodb.tables.increment import Increment, Interval

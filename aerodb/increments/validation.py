@@ -9,8 +9,8 @@ import numpy as np
 from aerodb.coefficients.comparison import Comparison
 from aerodb.errors import InputError, UnknownNameError, nearest
 from aerodb.estimation.statistics import Theil, rms, theil
-from aerodb.flight import Array
 from aerodb.nomenclature import AXES
+from aerodb.support.arrays import Array
 
 Kind = Literal["held-out", "cross-validated", "not validated"]
 Outcome = Literal["at noise floor", "improved", "unchanged", "worse", "not repaired"]

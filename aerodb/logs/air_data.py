@@ -4,12 +4,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from aerodb.flight import Flight
 from aerodb.physics.atmosphere import density, mach_from_calibrated, speed_of_sound, standard_atmosphere
-
-Array = NDArray[np.float64]
+from aerodb.support.arrays import Array
 
 
 @dataclass(frozen=True)

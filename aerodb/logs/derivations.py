@@ -5,11 +5,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from aerodb.physics.frames import euler_321_from_enu_quaternion, euler_321_from_quaternion
-
-Array = NDArray[np.float64]
+from aerodb.support.arrays import Array
 
 
 @dataclass(frozen=True)

@@ -18,12 +18,12 @@ from aerodb.logs.mapping_file import ChannelMapping, Derived, Mapping, Source, m
 from aerodb.logs.probe import air_data_at_cg
 from aerodb.nomenclature import FLAGS, channel
 from aerodb.recording import Damage, Recording
+from aerodb.support.arrays import Array
 from aerodb.units import convert
 from aerodb.vehicle import Surface, Vehicle, add_combinations
 
 __all__ = ["Mapping", "choose_mapping", "map_recording", "parse_mapping", "prevents"]
 
-Array = NDArray[np.float64]
 
 _RATES = ("p", "q", "r")
 _ACCELERATIONS = ("ax", "ay", "az", "ax_imu", "ay_imu", "az_imu")

@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from aerodb.five_hole import flow_angles
-from aerodb.flight import Array, Bits, Flight
+from aerodb.flight import Bits, Flight
+from aerodb.support.arrays import Array
 from aerodb.support.signals import Signal, body_to_earth
 from aerodb.vehicle import AirData, Vehicle, mass_channels
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from aerodb.support.arrays import Array
 
 GRAVITY: Final = 9.80665
 GAS_CONSTANT: Final = 287.05287  # J/(kg K), dry air, ICAO Doc 7488

@@ -1,9 +1,8 @@
 """Frames: attitudes from one description to another. Quaternions are (w, x, y, z)."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from aerodb.support.arrays import Array
 
 
 def euler_321_from_quaternion(w: Array, x: Array, y: Array, z: Array) -> tuple[Array, Array, Array]:

@@ -10,11 +10,9 @@ from typing import Final
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from aerodb.errors import InputError
-
-Array = NDArray[np.float64]
+from aerodb.support.arrays import Array
 
 SEMI_MAJOR: Final = 6378137.0  # m
 FLATTENING: Final = 1.0 / 298.257223563

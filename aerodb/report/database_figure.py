@@ -7,9 +7,9 @@ from matplotlib.figure import Figure
 
 from aerodb.nomenclature import AXES, axis_description
 from aerodb.report.style import DATABASE, channel_scale, plain_panel
+from aerodb.support.arrays import Array
 from aerodb.tables.arguments import breakpoints_over
 from aerodb.tables.database import AeroDatabase
-from aerodb.tables.functions import Array
 from aerodb.tables.nodes import neutral_point, spread
 
 #: Over what a coefficient is drawn, and how far [rad] where no table says.

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from aerodb.flight import Array
+from aerodb.support.arrays import Array
 
 Index = NDArray[np.intp]
 

@@ -9,10 +9,10 @@ from matplotlib.figure import Figure
 
 from aerodb.coefficients.comparison import Comparison
 from aerodb.estimation.statistics import rms
-from aerodb.flight import Array
 from aerodb.nomenclature import axis_description
 from aerodb.report.decimation import extremes
 from aerodb.report.style import DATABASE, DATABASE_LINE, FLIGHT, UPDATED, in_figure, plain_panel
+from aerodb.support.arrays import Array
 
 #: More points than a print can show only make the file heavy; extremes are kept.
 MAX_POINTS: Final = 1600

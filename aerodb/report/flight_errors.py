@@ -6,7 +6,7 @@ from typing import Any, Final
 from aerodb.coefficients.comparison import Comparison
 from aerodb.estimation.statistics import rms
 from aerodb.report.figures import pooled_residual
-from aerodb.report.headline import by_parts
+from aerodb.report.headlines import by_parts
 from aerodb.report.page import number
 
 #: The same flights give the stored errors to this share; anything beyond comes from flights that were processed again.

@@ -9,7 +9,6 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
 from aerodb.coefficients.comparison import Comparison
-from aerodb.flight import Array
 from aerodb.report.style import (
     DATABASE,
     DATABASE_LINE,
@@ -20,6 +19,7 @@ from aerodb.report.style import (
     parameter_scale,
     plain_panel,
 )
+from aerodb.support.arrays import Array
 
 _SPAN: Final = re.compile(r"\d+(?:\.\d+)?")
 

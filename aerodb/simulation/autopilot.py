@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from aerodb.physics.atmosphere import GRAVITY
-from aerodb.simulation.airframe import Airframe
-from aerodb.simulation.motion import Array
+from aerodb.simulation.airframe_model import Airframe
+from aerodb.support.arrays import Array
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,10 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from aerodb.simulation.airframe import Airframe, MovingAir
-from aerodb.simulation.motion import POSITION, QUATERNION, Array, midpoint_step
+from aerodb.simulation.airframe_model import Airframe, MovingAir
+from aerodb.simulation.motion import POSITION, QUATERNION, midpoint_step
 from aerodb.simulation.turbulence import DrydenGusts
+from aerodb.support.arrays import Array
 from aerodb.vehicle import Surface
 
 

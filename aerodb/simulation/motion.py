@@ -9,11 +9,9 @@ from collections.abc import Callable
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from aerodb.physics.atmosphere import GRAVITY
-
-Array = NDArray[np.float64]
+from aerodb.support.arrays import Array
 
 VELOCITY: Final = slice(0, 3)
 RATES: Final = slice(3, 6)

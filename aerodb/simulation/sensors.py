@@ -8,7 +8,7 @@ import numpy as np
 from aerodb.physics.atmosphere import DENSITY_0
 from aerodb.recording import Topic
 from aerodb.simulation.flight import History
-from aerodb.simulation.motion import Array
+from aerodb.support.arrays import Array
 from aerodb.vehicle import Vehicle
 
 

@@ -5,14 +5,13 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from aerodb.errors import UnknownNameError, nearest
-from aerodb.tables.database import CONSTANTS, AeroDatabase
+from aerodb.support.arrays import Array
+from aerodb.tables.database import AeroDatabase
+from aerodb.tables.definitions import CONSTANTS
 from aerodb.tables.expression import Expression, Name, Negation, Number, Operation, TableCall
 from aerodb.tables.functions import Value
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

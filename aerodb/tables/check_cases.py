@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from aerodb.nomenclature import AXES
+from aerodb.support.arrays import Array
 from aerodb.tables.database import AeroDatabase
-from aerodb.tables.functions import Array
 from aerodb.tables.nodes import table_grids
 
 #: Half the range of an input that neither a table nor an envelope bounds: angles and rates are SI, so this is 11 deg.

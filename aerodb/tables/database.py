@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 
 from aerodb.errors import InputError
 from aerodb.nomenclature import AXES, FORCE_AXES
+from aerodb.support.arrays import Array
 from aerodb.tables.definitions import CONSTANTS, check_axis, check_definitions, check_input, check_uncertainties
 from aerodb.tables.expression import Expression
-from aerodb.tables.functions import Array, Value
+from aerodb.tables.functions import Value
 from aerodb.tables.increment import Increment
 from aerodb.tables.program import AnyTable, Program, compile_program
 from aerodb.tables.reference import HAT_RATES, WIND_AXES, Reference, hat_rate, transfer_moments, wind_to_body

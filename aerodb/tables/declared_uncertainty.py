@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from aerodb.nomenclature import AXES, FORCE_AXES
+from aerodb.support.arrays import Array
 from aerodb.tables.algebra import plus, times
 from aerodb.tables.arguments import rebuilt
 from aerodb.tables.expression import Call, Expression, Name, Operation, TableCall, number
-from aerodb.tables.functions import Array
 from aerodb.tables.linear_terms import depends_on
 from aerodb.tables.program import AnyTable
 from aerodb.tables.reference import WIND_AXES

@@ -6,9 +6,9 @@ from functools import reduce
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from aerodb.support.arrays import Array
+
 Value = Array | float
 
 

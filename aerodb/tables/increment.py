@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerodb.errors import InputError
+from aerodb.support.arrays import Array
 from aerodb.tables.expression import Expression
-from aerodb.tables.functions import Array, Value
+from aerodb.tables.functions import Value
 from aerodb.tables.program import Program, compile_program
 
 #: Variables whose envelope bounds every regressor, whether or not it depends on them.

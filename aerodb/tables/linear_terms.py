@@ -5,7 +5,8 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from aerodb.tables.arguments import ScaledChannel, calls, channel_of, scaled_channel
-from aerodb.tables.database import CONSTANTS, AeroDatabase
+from aerodb.tables.database import AeroDatabase
+from aerodb.tables.definitions import CONSTANTS
 from aerodb.tables.expression import Expression, Name, Negation, Number, Operation, TableCall
 from aerodb.tables.program import evaluate
 from aerodb.tables.uncertainty import Uncertainty

@@ -8,12 +8,10 @@ reason, so that who keeps it outside a table can say why.
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from aerodb.support.arrays import Array
 from aerodb.tables.expression import Call, Expression, Name, Negation, Number, Operation, number
 from aerodb.tables.program import evaluate
-
-Array = NDArray[np.float64]
 
 #: Breakpoints closer than this, relative to the axis, are one: they differ by rounding only.
 MERGED = 1e-14

@@ -12,10 +12,11 @@ from typing import Any, Final
 import numpy as np
 
 from aerodb.errors import InputError
+from aerodb.support.arrays import Array
 from aerodb.tables.arguments import breakpoints_over
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.expression import Expression
-from aerodb.tables.functions import Array, Value
+from aerodb.tables.functions import Value
 from aerodb.tables.increment import Increment, IncrementValue
 from aerodb.tables.multilinear import NotMultilinearError, breaks, merged
 from aerodb.tables.table import MAX_DIMENSIONS, Table

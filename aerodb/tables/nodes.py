@@ -10,10 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from aerodb.errors import InputError, UnknownNameError, nearest
+from aerodb.support.arrays import Array
 from aerodb.tables.arguments import calls
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.expression import Expression, Name, TableCall
-from aerodb.tables.functions import Array
 from aerodb.tables.increment import Increment
 
 #: An argument counts as a scaled channel when the inverse reproduces every breakpoint to this share of their range.

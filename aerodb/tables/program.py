@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerodb.errors import InputError
+from aerodb.support.arrays import Array
 from aerodb.tables.expression import Call, Expression, Name, Negation, Number, Operation, TableCall, unknown_table
-from aerodb.tables.functions import FUNCTIONS, OPERATORS, Array, Value
+from aerodb.tables.functions import FUNCTIONS, OPERATORS, Value
 from aerodb.tables.scattered import ScatteredTable
 from aerodb.tables.table import Table, TableGroup
 

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from aerodb.errors import InputError
+from aerodb.support.arrays import Array
 
-Array = NDArray[np.float64]
 Point = tuple[float, float, float]
 
 #: Rate without dimension -> the rate it is made of and the attribute of `Reference` that scales it.

@@ -13,11 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerodb.errors import InputError
+from aerodb.support.arrays import Array
 from aerodb.tables.expression import check_identifier
 from aerodb.tables.table import Lookup, stacked_arguments
 from aerodb.tables.uncertainty import Uncertainty, check_bounds
-
-Array = NDArray[np.float64]
 
 MAX_DIMENSIONS = 6  # simplices grow as m^(N/2): beyond, a triangulation of measured points is not practical
 _INSIDE = 1e-12  # relative to the extent of the points: rounding, not extrapolation

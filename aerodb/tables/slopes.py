@@ -11,8 +11,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from aerodb.support.arrays import Array
 from aerodb.tables.database import AeroDatabase
-from aerodb.tables.functions import Array
 from aerodb.tables.increment import Increment
 from aerodb.tables.nodes import neutral_point, table_grids
 from aerodb.tables.reference import body_to_wind

@@ -10,14 +10,12 @@ from itertools import pairwise
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from aerodb.conditioning.differentiation import FEWEST_SAMPLES, smooth
 from aerodb.errors import InputError
+from aerodb.support.arrays import Array
 from aerodb.tables.expression import Expression, check_identifier, number, parse
 from aerodb.tables.functions import Value
-
-Array = NDArray[np.float64]
 
 
 def _finite(where: str, **values: float) -> None:

@@ -14,14 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerodb.errors import InputError, UnknownNameError, nearest
+from aerodb.support.arrays import Array, Mask
 from aerodb.tables.expression import check_identifier
 from aerodb.tables.uncertainty import Uncertainty, check_bounds
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 MAX_DIMENSIONS = 12
 
@@ -35,7 +34,7 @@ class Lookup(NamedTuple):
     """Interpolated values (n,), which points lie outside the breakpoints (n,), and whether any does."""
 
     values: Array
-    outside: Bools
+    outside: Mask
     beyond: bool
 
 
@@ -144,8 +143,8 @@ class Table:
     def _flat(self) -> Array:
         return self.values.ravel()
 
-    def _beyond_extent(self, points: Array) -> Bools:
-        outside: Bools = np.asarray(np.isnan(points).any(axis=0), dtype=np.bool_)
+    def _beyond_extent(self, points: Array) -> Mask:
+        outside: Mask = np.asarray(np.isnan(points).any(axis=0), dtype=np.bool_)
         for bounds, x in zip(self.extent, points, strict=True):
             if bounds is not None:
                 outside |= (x < bounds[0]) | (x > bounds[1])
@@ -155,7 +154,7 @@ class Table:
         """(n,) values at arguments, each (n,) or a number, in the units of the breakpoints; held outside them."""
         return self.lookup(*arguments).values
 
-    def outside(self, *arguments: Array | float) -> Bools:
+    def outside(self, *arguments: Array | float) -> Mask:
         """(n,) true where any argument lies outside its breakpoints (or is NaN)."""
         return self.lookup(*arguments).outside
 

@@ -7,8 +7,9 @@ from typing import Annotated, Any
 import typer
 
 from aerodb.flows.cli.output import Session
-from aerodb.flows.cli.references import Vehicle, version_of
+from aerodb.flows.cli.references import Vehicle
 from aerodb.storage.workspace import write_for_user
+from aerodb.tasks.references import version_of
 
 app = typer.Typer(name="report", no_args_is_help=True, help="Reports as one self-contained HTML page, or as PDF.")
 

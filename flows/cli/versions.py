@@ -142,7 +142,7 @@ def evaluate(
 def _consolidated(session: Session, database: "AeroDatabase") -> tuple["AeroDatabase", dict[str, Any]]:
     """The database with its increments folded into tables, said regressor by regressor, and as a document."""
     from aerodb.exchange.native import to_document
-    from aerodb.tables.consolidate import consolidate, plan
+    from aerodb.tables.consolidation import consolidate, plan
 
     folds = [
         {

@@ -33,7 +33,7 @@ from aerodb.storage.catalogue.rows import VersionRow
 from aerodb.tables.arguments import breakpoints_over
 from aerodb.tasks.references import value_of, vehicle_of
 from aerodb.tasks.steps.export import FORMS, export_version
-from aerodb.tasks.view.evaluation import MOST_POINTS, database_of, evaluate_at, sweep
+from aerodb.tasks.view.evaluation import MOST_LINE_POINTS, database_of, evaluate_at, sweep
 from aerodb.tasks.view.lineage_documents import compare_versions
 from aerodb.tasks.view.table_documents import table_document
 from aerodb.tasks.view.version_documents import history_document, version_details, versions_document
@@ -132,7 +132,7 @@ def along(
     over: Annotated[str, Query(max_length=80, description="The input that varies.")],
     start: Annotated[str, Query(alias="from", max_length=60, description="From, with a unit or in SI.")],
     end: Annotated[str, Query(alias="to", max_length=60, description="To, with a unit or in SI.")],
-    points: Annotated[int, Query(ge=2, le=MOST_POINTS)] = 201,
+    points: Annotated[int, Query(ge=2, le=MOST_LINE_POINTS)] = 201,
     at: Point = "",
     vehicle: Vehicle = None,
     as_of: AsOf = None,

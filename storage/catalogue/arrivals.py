@@ -1,4 +1,4 @@
-"""The record of the inbox: which files were tried, and how each ended. The files themselves are in `aerodb.storage.inbox.waiting`."""
+"""The record of the inbox: which files were tried, and how each ended. The files themselves are in `aerodb.storage.inbox.folders`."""
 
 from collections.abc import Iterable
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from aerodb.errors import InputError
-from aerodb.storage.inbox.waiting import put_in
+from aerodb.storage.inbox.folders import put_in
 from aerodb.storage.workspace import Workspace
 
 REASON: Final = "reason.json"

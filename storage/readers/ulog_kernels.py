@@ -7,8 +7,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from aerodb.support.arrays import Integers
+
 Bytes = NDArray[np.uint8]
-Integers = NDArray[np.int64]
 
 
 @njit(cache=True)

@@ -28,9 +28,9 @@ from aerodb.tasks.workspace_access import Stores, stores
 from aerodb.tracing.decision.few_flights import linear_companions
 from aerodb.tracing.decision.findings import ADDED, Finding, Traced
 from aerodb.tracing.decision.refinement import beside_wrong_shapes
-from aerodb.tracing.decision.trace import trace
 from aerodb.tracing.decision.unexplained_residual import Left, Remainder, remainders
-from aerodb.tracing.estimates.joint_covariance import joint_covariance
+from aerodb.tracing.decision.verdicts import trace
+from aerodb.tracing.estimates.covariance import joint_covariance
 from aerodb.tracing.evidence.flight_evidence import evidence_of
 
 #: The loop ends after this many rounds whatever it still finds.

@@ -9,7 +9,7 @@ import numpy as np
 
 from aerodb.consistency.calibration import Calibration, from_document
 from aerodb.consistency.corrected import WITHOUT_SENSOR
-from aerodb.consistency.smoother.state_noise import StateNoise, state_noise_from
+from aerodb.consistency.smoother.state_error_spectrum import StateNoise, state_noise_from
 from aerodb.consistency.whole_flight import Consistent, make_consistent
 from aerodb.flight import Flight
 from aerodb.storage.catalogue.rows import FlightRow

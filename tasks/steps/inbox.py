@@ -10,7 +10,7 @@ from aerodb.storage.catalogue.rows import InboxEvent, InboxKind
 from aerodb.storage.encoding import plain_text
 from aerodb.storage.files.cache import put
 from aerodb.storage.inbox.quarantined import Quarantined, newest
-from aerodb.storage.inbox.waiting import (
+from aerodb.storage.inbox.folders import (
     Waiting,
     aside_key,
     keep_log,

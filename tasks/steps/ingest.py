@@ -21,7 +21,7 @@ from aerodb.storage.disk_errors import require_space
 from aerodb.storage.encoding import FLIGHT_NAME, checked
 from aerodb.storage.files.cache import is_recording_kept, put, put_recording
 from aerodb.storage.files.flights import INDEX, open_recording, read_flight, write_flight
-from aerodb.storage.inbox.waiting import open_log
+from aerodb.storage.inbox.folders import open_log
 from aerodb.storage.mappings import builtin_mappings, load_mapping
 from aerodb.storage.readers.isolated import parsed_log
 from aerodb.storage.workspace_settings import SettingsError, load_settings

@@ -18,7 +18,7 @@ from aerodb.increments.estimate import Update
 from aerodb.increments.gate import sign_reasons
 from aerodb.increments.validation import AxisProof
 from aerodb.report.document import update_document
-from aerodb.report.loop_document import loop_document
+from aerodb.report.loop_documents import loop_document
 from aerodb.storage.catalogue.rows import FlightRole, VersionRow
 from aerodb.storage.files.aircraft_files import files_beside
 from aerodb.storage.files.documents import write_document

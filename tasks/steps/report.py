@@ -7,16 +7,17 @@ from typing import Any, Final
 import numpy as np
 
 from aerodb.errors import InputError
-from aerodb.flight import Array, Flight
+from aerodb.flight import Flight
 from aerodb.nomenclature import is_surface
-from aerodb.report.flight_report import FlightStory, flight_report
-from aerodb.report.headline import headline
-from aerodb.report.lineage_graph import Relative, lineage_graph
-from aerodb.report.update_report import UpdateStory, update_report
-from aerodb.report.version_report import VersionStory, version_report
+from aerodb.report.flight_page import FlightStory, flight_report
+from aerodb.report.headlines import headline
+from aerodb.report.lineage_figure import Relative, lineage_graph
+from aerodb.report.update_page import UpdateStory, update_report
+from aerodb.report.version_page import VersionStory, version_report
 from aerodb.storage.catalogue.rows import VersionRow
 from aerodb.storage.files.documents import read_document
 from aerodb.storage.workspace import write_atomically
+from aerodb.support.arrays import Array
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.reference import HAT_RATES, hat_rate
 from aerodb.tasks.steps.compare import compared, load_comparison

@@ -17,7 +17,7 @@ from aerodb.tables.evaluation import Place
 from aerodb.tasks.references import point_of
 
 #: A line through a database has at most so many points.
-MOST_POINTS: Final = 2001
+MOST_LINE_POINTS: Final = 2001
 
 
 def evaluate_at(catalogue: Catalogue, version: VersionRow, at: str) -> dict[str, Any]:
@@ -52,8 +52,8 @@ def sweep(
     database = database_of(catalogue, version)
     if over not in database.inputs:
         raise InputError(f"'{over}' is no input of {version.label}", "over", nearest(over, database.inputs))
-    if not 2 <= points <= MOST_POINTS:
-        raise InputError(f"{points} points", "points", f"from 2 to {MOST_POINTS}")
+    if not 2 <= points <= MOST_LINE_POINTS:
+        raise InputError(f"{points} points", "points", f"from 2 to {MOST_LINE_POINTS}")
     low, high = reach
     if not (math.isfinite(low) and math.isfinite(high) and low < high):
         raise InputError(f"from {low:g} to {high:g} is no line", "from, to", "give two numbers, the lower one first")

@@ -6,7 +6,7 @@ from datetime import datetime
 from typing import Any, Final
 
 from aerodb.errors import AeroError, InputError
-from aerodb.report.headline import headline
+from aerodb.report.headlines import headline
 from aerodb.storage.catalogue.rows import RunRow
 from aerodb.storage.files.documents import read_document
 from aerodb.tasks.references import version_of

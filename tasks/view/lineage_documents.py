@@ -7,12 +7,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from aerodb.errors import InputError, nearest
-from aerodb.report.diff_document import diff_document
+from aerodb.report.diff_documents import diff_document
 from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.catalogue.rows import Impact, VersionRow
 from aerodb.storage.writers.prov import prov_json
-from aerodb.tables.consolidate import NodeShare, node_lineage, point_lineage
-from aerodb.tables.diff import diff
+from aerodb.tables.consolidation import NodeShare, node_lineage, point_lineage
+from aerodb.tables.differences import diff
 from aerodb.tables.nodes import neutral_point
 from aerodb.tasks.references import node_of, point_of
 from aerodb.tasks.result_versions import RESULT_VERSION
@@ -68,7 +68,7 @@ def compare_versions(
     kind = picture.lower().removeprefix(".")
     if kind not in FIGURE_KINDS:
         raise InputError(f"no picture of kind '{picture}'", "--figure", nearest(kind, FIGURE_KINDS))
-    from aerodb.report.diff_figure import diff_figure
+    from aerodb.report.diff_figures import diff_figure
 
     figure = diff_figure(old, new, (before.label, after.label), f"{after.vehicle}: {before.label} and {after.label}")
     drawn = io.BytesIO()

@@ -36,7 +36,7 @@ from aerodb.flows.run import run_flow
 from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.files.normal_equations import read_gram
 from aerodb.storage.workspace import Workspace
-from aerodb.tracing.decision.trace import trace
+from aerodb.tracing.decision.verdicts import trace
 from aerodb.tasks.steps.update import plan_update
 from aerodb.tasks.workspace_access import stores
 from aerodb.tasks.steps.trace import freeze_library, trace_flight

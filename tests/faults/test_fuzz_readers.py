@@ -8,7 +8,7 @@ import pytest
 
 from aerodb.errors import InputError
 from aerodb.recording import Recording
-from aerodb.storage.readers import read_log
+from aerodb.storage.readers.any_format import read_log
 from aerodb.storage.readers.ulog_framing import survey
 from aerodb.storage.writers.ulog import write_ulog
 from tests.storage.readers.test_mcap import write_flight

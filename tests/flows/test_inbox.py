@@ -20,7 +20,7 @@ import pytest
 
 from aerodb.errors import StoreError
 from aerodb.storage.catalogue.catalogue import Catalogue
-from aerodb.storage.inbox.waiting import look, look_again
+from aerodb.storage.inbox.folders import look, look_again
 from aerodb.storage.upkeep.verify import verify
 from aerodb.storage.workspace import Workspace
 from tests.support.glider_runs import prepared

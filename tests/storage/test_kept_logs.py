@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from aerodb.errors import InputError
-from aerodb.storage.inbox.waiting import Waiting, keep_log, kept_path, look
+from aerodb.storage.inbox.folders import Waiting, keep_log, kept_path, look
 from aerodb.storage.workspace import Workspace
 
 LOG, CORRECTED = b"time,az\n0,x\n", b"time,az\n0,1\n"

@@ -16,13 +16,15 @@ from aerodb.consistency.output_error.reconstruction import Reconstruction, recon
 from aerodb.consistency.records import records_from_flight
 from aerodb.effects.aerodynamic.lift_like import zero_lift_alpha
 from aerodb.effects.stall.stall_shape import StallFlight, blocked
-from aerodb.flight import Array, Flight
+from aerodb.flight import Flight
 from aerodb.logs.mapping import choose_mapping, map_recording
 from aerodb.storage.mappings import builtin_mappings
 from aerodb.storage.readers.tabular import read_tabular
-from aerodb.tables.database import AeroDatabase, Reference, Term
+from aerodb.support.arrays import Array
+from aerodb.tables.database import AeroDatabase, Term
 from aerodb.tables.expression import Operation, number, parse
 from aerodb.tables.program import evaluate
+from aerodb.tables.reference import Reference
 from aerodb.vehicle import Vehicle, parse_vehicle
 from tests.support.consistency_records import ATTAS_BIASES, BOOM
 

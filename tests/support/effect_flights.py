@@ -9,9 +9,10 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from aerodb.exchange.native import read_native
-from aerodb.flight import Array, Flight
+from aerodb.flight import Flight
 from aerodb.logs.probe import velocity_at_cg
 from aerodb.simulation.motion import inertia_matrix
+from aerodb.support.arrays import Array
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.reference import transfer_moments
 from aerodb.vehicle import Vehicle, parse_vehicle

@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from aerodb.tables.database import AeroDatabase, Reference, Term, Variable
+from aerodb.tables.database import AeroDatabase, Term, Variable
 from aerodb.tables.expression import Expression, parse
 from aerodb.tables.increment import Increment, Interval
+from aerodb.tables.reference import Reference
 from aerodb.tables.scattered import ScatteredTable
 from aerodb.tables.table import Table
 from aerodb.tables.uncertainty import Uncertainty

@@ -13,13 +13,14 @@ from pathlib import Path
 import numpy as np
 
 from aerodb.exchange.native import read_native
-from aerodb.simulation.airframe import airframe
+from aerodb.simulation.airframe_model import airframe
 from aerodb.simulation.autopilot import Autopilot, control_derivatives
 from aerodb.simulation.flight import History, fly
 from aerodb.simulation.inputs import Event, superposed
-from aerodb.simulation.motion import Array, quaternion_from_euler
+from aerodb.simulation.motion import quaternion_from_euler
 from aerodb.simulation.sensors import Instrument, Signal, at_instruments, measure
 from aerodb.storage.writers.ulog import write_ulog
+from aerodb.support.arrays import Array
 from aerodb.tables.database import AeroDatabase
 from aerodb.vehicle import Vehicle, parse_vehicle
 

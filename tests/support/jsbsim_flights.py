@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from aerodb.nomenclature import AXES
-from aerodb.tables.database import AeroDatabase, transfer_moments
+from aerodb.tables.database import AeroDatabase
+from aerodb.tables.reference import transfer_moments
 
 jsbsim = pytest.importorskip("jsbsim")
 

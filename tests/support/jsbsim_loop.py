@@ -19,8 +19,8 @@ from aerodb.tables.database import AeroDatabase
 from aerodb.tables.state_model import Relay
 from aerodb.tracing.decision.findings import Finding
 from aerodb.tracing.decision.refinement import Refined, beside_wrong_shapes, refined
-from aerodb.tracing.decision.trace import trace
-from aerodb.tracing.estimates.joint_covariance import joint_covariance
+from aerodb.tracing.decision.verdicts import trace
+from aerodb.tracing.estimates.covariance import joint_covariance
 from aerodb.tracing.evidence.bandwidth import tracing_bandwidth
 from aerodb.tracing.evidence.flight_evidence import evidence_of
 from aerodb.tracing.evidence.normal_equations import gram

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from aerodb.flight import Array, Flight
+from aerodb.flight import Flight
+from aerodb.support.arrays import Array
 
 GRAVITY = 9.80665
 

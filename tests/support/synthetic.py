@@ -6,7 +6,8 @@ import numpy as np
 
 from aerodb.coefficients.comparison import Comparison
 from aerodb.exchange.native import read_native
-from aerodb.flight import Array, Flight
+from aerodb.flight import Flight
+from aerodb.support.arrays import Array
 from aerodb.tables.database import AeroDatabase
 
 RATE = 25.0

@@ -6,9 +6,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from aerodb.flight import Array, Flight
+from aerodb.flight import Flight
+from aerodb.support.arrays import Array
 from aerodb.tracing.decision.findings import Traced
-from aerodb.tracing.decision.trace import trace
+from aerodb.tracing.decision.verdicts import trace
 from aerodb.tracing.evidence.evidence import Evidence
 from aerodb.tracing.evidence.low_pass import Band
 from aerodb.tracing.evidence.normal_equations import gram

@@ -20,9 +20,10 @@ from aerodb.effects.library import hypotheses_for
 from aerodb.examples.phoenix import text
 from aerodb.examples.phoenix.mission import simulate
 from aerodb.exchange.native import read_native
-from aerodb.flight import Array, Flight
+from aerodb.flight import Flight
 from aerodb.nomenclature import AXES
 from aerodb.simulation.sensors import at_instruments
+from aerodb.support.arrays import Array
 from aerodb.tables.database import AeroDatabase
 from aerodb.tracing.evidence.evidence import Evidence
 from aerodb.tracing.evidence.flight_evidence import evidence_of

@@ -14,7 +14,7 @@ import numpy as np
 
 from aerodb.effects.measurement.angle_errors import with_flattening
 from aerodb.exchange.native import read_native
-from aerodb.flight import Array, Flight
+from aerodb.flight import Flight
 from aerodb.flows.flight import flight_flow
 from aerodb.flows.importing import import_flow
 from aerodb.flows.run import run_flow
@@ -23,6 +23,7 @@ from aerodb.increments.model_file import parse_model_file
 from aerodb.increments.validation import HoldOut
 from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.workspace import Workspace
+from aerodb.support.arrays import Array
 from aerodb.tasks.doubts import once_more, sensor_doubts
 from aerodb.tasks.steps.compare import load_comparison
 from aerodb.tasks.steps.consistency import load_consistent, noise_of
@@ -30,7 +31,7 @@ from aerodb.tasks.steps.trace import Library, freeze_library, trace_flight
 from aerodb.tasks.steps.update import Plan
 from aerodb.tasks.workspace_access import Stores, stores
 from aerodb.tracing.decision.findings import Traced
-from aerodb.tracing.decision.trace import trace
+from aerodb.tracing.decision.verdicts import trace
 from aerodb.tracing.settings import Settings
 from aerodb.vehicle import parse_vehicle
 from tests.support.guide_flights import Flown, blocks, fly_glider, instruments, steeper, write_logs

@@ -10,7 +10,7 @@ from scipy.fft import next_fast_len
 from scipy.linalg import block_diag
 
 from aerodb.conditioning.differentiation import bridge
-from aerodb.consistency.calibration import Array, Calibration
+from aerodb.consistency.calibration import Calibration
 from aerodb.consistency.output_error.initial_states import first_states
 from aerodb.consistency.output_error.normal_equations import residuals
 from aerodb.consistency.output_error.posterior import Knowledge, replaced_by, shared, significant, with_calibration, with_stated
@@ -22,6 +22,7 @@ from aerodb.consistency.sensors.prediction import Record, respond
 from aerodb.consistency.verdict import moving_air
 from aerodb.errors import InputError
 from aerodb.flight import Flight
+from aerodb.support.arrays import Array
 from aerodb.vehicle import Accuracy, Vehicle
 
 #: Interval at which sensor errors are estimated, s: rigid-body motion is slower; corrections are applied to every sample.

@@ -8,7 +8,8 @@ import numpy as np
 from aerodb.consistency.kinematics import STATES
 from aerodb.consistency.output_error.normal_equations import blocked, usable
 from aerodb.consistency.sensors.parameters import Parameter, parameter
-from aerodb.consistency.sensors.prediction import Array, Record, corrected_inputs, respond
+from aerodb.consistency.sensors.prediction import Record, corrected_inputs, respond
+from aerodb.support.arrays import Array
 
 #: A record is taken in so many blocks at least: the effect of a sample's noise changes slowly along it.
 BLOCKS = 150

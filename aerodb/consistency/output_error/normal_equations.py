@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from aerodb.consistency.kinematics import STATES
 from aerodb.consistency.sensors.parameters import Parameter, delays_of
-from aerodb.consistency.sensors.prediction import LONGEST_DELAY, Array, Record, Response, respond
+from aerodb.consistency.sensors.prediction import LONGEST_DELAY, Record, Response, respond
 from aerodb.errors import InputError
+from aerodb.support.arrays import Array
 
 #: Multiplications in a matrix product below which BLAS stays on one thread.
 _SINGLE_THREAD = 100_000

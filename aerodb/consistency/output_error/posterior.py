@@ -9,10 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aerodb.consistency.calibration import Array, Calibration
+from aerodb.consistency.calibration import Calibration
 from aerodb.consistency.output_error.reconstruction import Estimate, Reconstruction
 from aerodb.consistency.plan import Plan
 from aerodb.consistency.sensors.parameters import parameter
+from aerodb.support.arrays import Array
 from aerodb.support.signals import Signal, beyond
 from aerodb.vehicle import Accuracy
 

@@ -8,7 +8,8 @@ import numpy as np
 
 from aerodb.conditioning.differentiation import bridge, smooth
 from aerodb.consistency.kinematics import INPUTS
-from aerodb.consistency.sensors.prediction import Array, Record, to_body
+from aerodb.consistency.sensors.prediction import Record, to_body
+from aerodb.support.arrays import Array
 
 #: Bandwidth of the differentiation, Hz, at most a quarter of the sampling rate.
 BANDWIDTH = 1.5

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aerodb.consistency.sensors.prediction import Array, to_body
+from aerodb.consistency.sensors.prediction import to_body
+from aerodb.support.arrays import Array
 
 
 @dataclass(frozen=True)

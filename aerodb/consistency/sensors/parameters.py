@@ -13,13 +13,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-import numpy as np
-from numpy.typing import NDArray
-
 from aerodb.consistency.kinematics import INPUTS, STATES
 from aerodb.errors import UnknownNameError, nearest
-
-Array = NDArray[np.float64]
 
 OUTPUTS: Final = (
     "V", "alpha", "beta", "qbar", "phi", "theta", "psi", "velocity_north", "velocity_east", "velocity_down",

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from aerodb.conditioning.differentiation import bridge
-from aerodb.consistency.sensors.prediction import Array
+from aerodb.support.arrays import Array
 
 #: Band in which gusts act on the rigid-body motion, Hz.
 GUSTS = (0.1, 2.0)

@@ -13,7 +13,7 @@ import numpy as np
 
 from aerodb.effects.hypothesis import Hypothesis
 from aerodb.effects.template import Scene, Template, additive
-from aerodb.flight import Array
+from aerodb.support.arrays import Array
 from aerodb.tables.arguments import breakpoints_over
 from aerodb.tables.nodes import neutral_point, spread
 from aerodb.tables.reference import WIND_AXES, body_to_wind

@@ -18,8 +18,8 @@ import numpy as np
 from aerodb.effects.hypothesis import Hypothesis
 from aerodb.effects.interpolation_terms import as_expression
 from aerodb.effects.template import AXIS_WORDS, Scene, Template, on_axis
-from aerodb.flight import Array
 from aerodb.nomenclature import CHANNELS, is_surface
+from aerodb.support.arrays import Array
 from aerodb.tables.algebra import times
 from aerodb.tables.expression import MAX_LENGTH, Call, Expression, Name, number
 from aerodb.tables.linear_terms import Site, sites

@@ -14,8 +14,8 @@ from aerodb.effects.flight_view import FlightView
 from aerodb.effects.hypothesis import Columns
 from aerodb.effects.measurement import sensor_accelerometer, sensor_flow_angles, sensor_qbar
 from aerodb.effects.measurement.sensor import added, predicted_change
-from aerodb.flight import Array
 from aerodb.increments.estimate import Doubt
+from aerodb.support.arrays import Array
 from aerodb.tables.reference import WIND_AXES, body_to_wind
 
 

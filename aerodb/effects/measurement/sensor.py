@@ -14,8 +14,8 @@ from aerodb.conditioning.differentiation import smooth
 from aerodb.effects.flight_view import FlightView
 from aerodb.effects.hypothesis import Columns, Hypothesis
 from aerodb.effects.template import Scene
-from aerodb.flight import Array
 from aerodb.nomenclature import AXES
+from aerodb.support.arrays import Array
 
 
 def sensor(

@@ -20,7 +20,7 @@ from aerodb.effects.flight_view import FlightView
 from aerodb.effects.hypothesis import Columns, Hypothesis
 from aerodb.effects.measurement.sensor import bias_prior, delay_prior, predicted_change, sensor
 from aerodb.effects.template import Scene, Template
-from aerodb.flight import Array
+from aerodb.support.arrays import Array
 from aerodb.tables.functions import Value
 
 SOURCE = "Klein & Morelli 2006, section 10.2"

@@ -16,7 +16,7 @@ from aerodb.effects.hypothesis import Columns, Hypothesis
 from aerodb.effects.measurement.sensor import added, bias_prior, predicted_change, sensor
 from aerodb.effects.measurement.sensor_flow_angles import SLOWEST, flow_changes
 from aerodb.effects.template import Scene, Template
-from aerodb.flight import Array
+from aerodb.support.arrays import Array
 
 SOURCE = "003, eqs. 1-4"
 WORDS = {"p": "roll", "q": "pitch", "r": "yaw"}

@@ -26,7 +26,7 @@ from aerodb.effects.stall import stall_hysteresis
 from aerodb.effects.stall.stall_shape import StallFlight, blocked
 from aerodb.effects.template import Scene, Template
 from aerodb.errors import InputError
-from aerodb.flight import Array
+from aerodb.support.arrays import Array
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.definitions import STATE_CHANNEL
 from aerodb.tables.expression import Expression, parse

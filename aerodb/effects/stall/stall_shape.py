@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from aerodb.errors import InputError, UnknownNameError, nearest
-from aerodb.flight import Array
+from aerodb.support.arrays import Array
 from aerodb.tables.definitions import STATE_CHANNEL
 from aerodb.tables.state_model import Kirchhoff, Law, Relay, StateModel, slow_rate
 

@@ -7,8 +7,8 @@ stamps have no jitter. Not simulated: scale-factor errors, misalignment, quantis
 import numpy as np
 
 from aerodb.simulation.flight import History
-from aerodb.simulation.motion import Array
 from aerodb.simulation.sensors import Instrument, Signal
+from aerodb.support.arrays import Array
 from aerodb.vehicle import Vehicle
 
 SERVOS = (

@@ -9,9 +9,8 @@ is chosen so that the vehicle is what 003 prints: glide ratio near 5.5, unstable
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from aerodb.support.arrays import Array
 
 _ELEVON: list[float] = [-25, -15, -10, -5, 0, 5, 10, 15, 25]
 _ASYMMETRIC: list[float] = [0, 5, 10, 15, 25]

@@ -11,16 +11,14 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from aerodb.errors import InputError
 from aerodb.exchange.native import from_document, to_document
 from aerodb.nomenclature import AXES, axis_description, channel
+from aerodb.support.arrays import Array
 from aerodb.tables.arguments import calls, channel_of
 from aerodb.tables.check_cases import CheckCase, failures, make_check_cases
 from aerodb.tables.database import AeroDatabase
-
-Array = NDArray[np.float64]
 
 FORMAT: Final = 1
 MAX_BYTES: Final = 200_000_000  # of a file, and of what it unpacks to

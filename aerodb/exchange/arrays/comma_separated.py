@@ -25,7 +25,6 @@ from aerodb.exchange.arrays.archive_parts import (
     MAX_BYTES,
     TERM_TEXTS,
     VARIABLE_TEXTS,
-    Array,
     CaseNumbers,
     IncrementNumbers,
     Parts,
@@ -36,6 +35,7 @@ from aerodb.exchange.arrays.archive_parts import (
     take_apart,
 )
 from aerodb.nomenclature import AXES
+from aerodb.support.arrays import Array
 from aerodb.tables.check_cases import CheckCase
 from aerodb.tables.database import AeroDatabase
 

@@ -19,7 +19,6 @@ from aerodb.exchange.arrays.archive_parts import (
     MAX_BYTES,
     TERM_TEXTS,
     VARIABLE_TEXTS,
-    Array,
     CaseNumbers,
     IncrementNumbers,
     Parts,
@@ -30,6 +29,7 @@ from aerodb.exchange.arrays.archive_parts import (
 )
 from aerodb.exchange.arrays.mat_reader import read_mat
 from aerodb.nomenclature import AXES
+from aerodb.support.arrays import Array
 from aerodb.tables.check_cases import CheckCase
 from aerodb.tables.database import AeroDatabase
 

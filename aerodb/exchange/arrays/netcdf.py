@@ -17,7 +17,6 @@ import numpy as np
 from aerodb.errors import InputError
 from aerodb.exchange.arrays.archive_parts import (
     VARIABLE_TEXTS,
-    Array,
     CaseNumbers,
     IncrementNumbers,
     Parts,
@@ -27,6 +26,7 @@ from aerodb.exchange.arrays.archive_parts import (
     put_together,
     take_apart,
 )
+from aerodb.support.arrays import Array
 from aerodb.tables.check_cases import CheckCase
 from aerodb.tables.database import AeroDatabase
 

@@ -22,7 +22,8 @@ from aerodb.exchange.state_terms import without_memory
 from aerodb.nomenclature import AXES, FORCE_AXES
 from aerodb.tables.algebra import plus
 from aerodb.tables.check_cases import make_check_cases
-from aerodb.tables.database import CONSTANTS, AeroDatabase, Term
+from aerodb.tables.database import AeroDatabase, Term
+from aerodb.tables.definitions import CONSTANTS
 from aerodb.tables.expression import Expression, Name, Negation, Number, Operation, parse
 from aerodb.tables.reference import HAT_RATES, WIND_AXES
 

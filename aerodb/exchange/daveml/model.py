@@ -20,10 +20,11 @@ from aerodb.exchange.daveml.names import (
 )
 from aerodb.nomenclature import AXES, CHANNELS, channel, is_surface
 from aerodb.tables.arguments import rebuilt
-from aerodb.tables.database import CONSTANTS, AeroDatabase, Reference, Term, Variable
+from aerodb.tables.database import AeroDatabase, Term, Variable
+from aerodb.tables.definitions import CONSTANTS
 from aerodb.tables.expression import Expression, Name, Negation, Number, Operation, TableCall, number, parse
 from aerodb.tables.functions import FUNCTIONS
-from aerodb.tables.reference import HAT_RATES, WIND_AXES
+from aerodb.tables.reference import HAT_RATES, WIND_AXES, Reference
 from aerodb.tables.scattered import ScatteredTable
 from aerodb.tables.table import Table
 from aerodb.tables.uncertainty import Uncertainty

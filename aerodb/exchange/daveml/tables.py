@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from aerodb.errors import InputError
 from aerodb.exchange.daveml.xml_elements import (
@@ -21,12 +20,11 @@ from aerodb.exchange.daveml.xml_elements import (
     tag,
     unsupported,
 )
+from aerodb.support.arrays import Array
 from aerodb.tables.expression import Call, Expression
 from aerodb.tables.expression import number as constant
 from aerodb.tables.table import EXTRAPOLATIONS
 from aerodb.tables.uncertainty import EFFECTS, Bound, Uncertainty
-
-Array = NDArray[np.float64]
 
 METADATA: Final = ("description", "provenance", "provenanceRef")
 _INTERPOLATIONS: Final = ("linear", "discrete", "floor", "ceiling")

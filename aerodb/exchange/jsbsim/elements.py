@@ -13,7 +13,8 @@ from typing import Any, Final
 import numpy as np
 from lxml import etree
 
-from aerodb.exchange.jsbsim.table import LOOKUPS, Array
+from aerodb.exchange.jsbsim.table import LOOKUPS
+from aerodb.support.arrays import Array
 
 Element = Any  # lxml has no public name for its elements
 _DIMENSIONS: Final = 3

@@ -4,13 +4,11 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from aerodb.errors import InputError
 from aerodb.exchange.jsbsim.xml_elements import shown
+from aerodb.support.arrays import Array
 from aerodb.tables.table import Table
-
-Array = NDArray[np.float64]
 
 #: Lookups of a table of one to four dimensions; `axis4` as of JSBSim 1.3.
 LOOKUPS: Final = ("row", "column", "table", "axis4")

@@ -7,9 +7,10 @@ from typing import Final
 import numpy as np
 
 from aerodb.effects.hypothesis import Hypothesis
+from aerodb.support.arrays import Array
 from aerodb.tracing.decision.selection import Court
-from aerodb.tracing.estimates.campaign import campaign
-from aerodb.tracing.evidence.evidence import Array, Evidence
+from aerodb.tracing.estimates.campaigns import campaign
+from aerodb.tracing.evidence.evidence import Evidence
 from aerodb.tracing.evidence.low_pass import Band, Records, in_band
 from aerodb.tracing.evidence.normal_equations import Gram, gram_of
 from aerodb.tracing.evidence.shape_misfit import without_shapes

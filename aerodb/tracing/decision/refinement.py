@@ -19,11 +19,12 @@ from aerodb.coefficients.comparison import Comparison
 from aerodb.effects.flight_view import view_of
 from aerodb.effects.hypothesis import Hypothesis
 from aerodb.effects.spline import ramp_terms, spline_over, variables_of
-from aerodb.flight import Array, Flight
+from aerodb.flight import Flight
+from aerodb.support.arrays import Array
 from aerodb.support.parallel import in_threads
 from aerodb.tables.database import AeroDatabase
 from aerodb.tracing.decision.findings import Finding
-from aerodb.tracing.estimates.campaign import campaign
+from aerodb.tracing.estimates.campaigns import campaign
 from aerodb.tracing.estimates.per_flight import Campaign
 from aerodb.tracing.estimates.significance import paired_p
 from aerodb.tracing.evidence.flight_evidence import evidence_of

@@ -9,10 +9,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.special import stdtrit
 
+from aerodb.support.arrays import Array
 from aerodb.tracing.decision.findings import Vote, with_unit
 from aerodb.tracing.estimates.per_flight import Campaign, Votes
 from aerodb.tracing.estimates.significance import Tested, coherent_gain, over_flights
-from aerodb.tracing.evidence.evidence import Array
 from aerodb.tracing.settings import Settings
 
 #: Votes that a suspicion needs: with one, nothing can be said about another flight.

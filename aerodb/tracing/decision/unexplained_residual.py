@@ -16,9 +16,10 @@ from scipy import stats
 from scipy.linalg import cho_factor, cho_solve
 
 from aerodb.errors import InputError
+from aerodb.support.arrays import Array
 from aerodb.support.parallel import in_threads
 from aerodb.tracing.estimates.significance import holm
-from aerodb.tracing.evidence.evidence import Array, Evidence
+from aerodb.tracing.evidence.evidence import Evidence
 from aerodb.tracing.evidence.low_pass import band_limited, stretches
 from aerodb.tracing.settings import Settings
 

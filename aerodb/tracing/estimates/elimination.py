@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from aerodb.support.arrays import Array, Mask
 from aerodb.support.parallel import Threads
 from aerodb.tracing.estimates.products import Places, Products
-from aerodb.tracing.evidence.evidence import Array, Mask
 
 #: A trace of ridge: a nuisance that a flight does not show must not stop the others.
 RIDGE = 1e-11

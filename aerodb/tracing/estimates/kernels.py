@@ -2,10 +2,8 @@
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
+from aerodb.support.arrays import Array, Integers
 
 
 @numba.njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})

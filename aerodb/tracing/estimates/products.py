@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from aerodb.tracing.evidence.evidence import Array
+from aerodb.support.arrays import Array
 from aerodb.tracing.evidence.normal_equations import Gram
 
 #: Part of a column's sum of squares below which what varies about its level is no excitation.

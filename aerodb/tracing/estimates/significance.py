@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtr, stdtrit
 
+from aerodb.support.arrays import Array, Mask
 from aerodb.tracing.estimates.per_flight import Votes
-from aerodb.tracing.evidence.evidence import Array, Mask
 from aerodb.tracing.settings import Settings
 
 #: Power at which the minimum detectable effect is stated.

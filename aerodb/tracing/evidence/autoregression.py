@@ -3,9 +3,8 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from aerodb.support.arrays import Array
 
 
 def fit(records: Sequence[Array], most: int) -> tuple[Array, float]:

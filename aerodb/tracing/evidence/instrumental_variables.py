@@ -14,7 +14,8 @@ from typing import Final
 import numpy as np
 from scipy.signal import lfilter
 
-from aerodb.flight import Array, Flight
+from aerodb.flight import Flight
+from aerodb.support.arrays import Array
 from aerodb.tracing.evidence.evidence import Evidence
 
 #: Rate -> the commands that ask for it.

@@ -10,7 +10,8 @@ from scipy.signal import firwin, kaiserord
 from aerodb.conditioning.resampling import PASS_EDGE, RIPPLE_DB, STOP_EDGE
 from aerodb.conditioning.responses import runs
 from aerodb.errors import InputError
-from aerodb.tracing.evidence.evidence import Array, Columns, Evidence, Mask
+from aerodb.support.arrays import Array, Mask
+from aerodb.tracing.evidence.evidence import Columns, Evidence
 from aerodb.tracing.settings import Settings
 
 #: Axis -> one array (m, hypotheses + 2) per stretch: constant, columns, residual.

@@ -12,10 +12,10 @@ from dataclasses import replace
 import numpy as np
 
 from aerodb.coefficients.comparison import Comparison
-from aerodb.consistency.smoother.state_noise import StateNoise
+from aerodb.consistency.smoother.state_error_spectrum import StateNoise
 from aerodb.effects.flight_view import FlightView
-from aerodb.flight import Array
 from aerodb.nomenclature import AXES
+from aerodb.support.arrays import Array
 from aerodb.tracing.evidence.low_pass import band_limited, stretches
 from aerodb.tracing.settings import Settings
 

@@ -14,7 +14,8 @@ from typing import Final
 import numpy as np
 
 from aerodb.effects.hypothesis import Hypothesis
-from aerodb.flight import Array, Flight
+from aerodb.flight import Flight
+from aerodb.support.arrays import Array
 from aerodb.tables.expression import Expression
 from aerodb.tables.program import evaluate
 from aerodb.tracing.evidence.evidence import Columns, Evidence

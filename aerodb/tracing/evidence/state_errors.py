@@ -7,8 +7,9 @@ import numpy as np
 
 from aerodb.coefficients.comparison import Comparison, compare
 from aerodb.coefficients.total import total_coefficients
-from aerodb.consistency.smoother.state_noise import StateNoise
-from aerodb.flight import Array, Flight
+from aerodb.consistency.smoother.state_error_spectrum import StateNoise
+from aerodb.flight import Flight
+from aerodb.support.arrays import Array
 from aerodb.tables.database import AeroDatabase
 from aerodb.vehicle import Vehicle
 

@@ -11,9 +11,9 @@ import numpy as np
 from aerodb.coefficients.comparison import Comparison
 from aerodb.conditioning.differentiation import bridge
 from aerodb.conditioning.responses import runs
-from aerodb.flight import Array, Flight
+from aerodb.flight import Flight
 from aerodb.nomenclature import AXES
-from aerodb.tracing.evidence.evidence import Mask
+from aerodb.support.arrays import Array, Mask
 from aerodb.tracing.evidence.low_pass import BRIDGED, slower
 
 #: The rate that stays, in bandwidths at least: products of three channels fold into the band only what lies above 3.6 of it.

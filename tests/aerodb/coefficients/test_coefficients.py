@@ -12,7 +12,7 @@ from aerodb.flight import Flight
 from aerodb.logs.mapping import map_recording
 from aerodb.nomenclature import AXES
 from aerodb.storage.mappings import load_mapping
-from aerodb.storage.readers import read_log
+from aerodb.storage.readers.any_format import read_log
 from aerodb.tables.reference import Reference, hat_rate
 from aerodb.vehicle import parse_vehicle
 from tests.aerodb.estimation.test_regression import PUBLISHED

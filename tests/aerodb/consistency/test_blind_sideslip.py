@@ -10,7 +10,8 @@ from aerodb.consistency.corrected import with_gusty_winds
 from aerodb.consistency.output_error.reconstruction import reconstruct
 from aerodb.consistency.smoother.gusts import Gusts
 from aerodb.consistency.whole_flight import Consistent, make_consistent
-from aerodb.flight import Array, Flight
+from aerodb.flight import Flight
+from aerodb.support.arrays import Array
 from aerodb.vehicle import parse_vehicle
 from tests.support.consistent_flights import NAME, VEHICLE
 from tests.support.moving_air import CHANNELS, FIRST, FREE, WIND, moving_air

@@ -7,7 +7,7 @@ import pytest
 
 from aerodb.consistency.output_error.reconstruction import reconstruct
 from aerodb.consistency.smoother.smoothing import intensities_of, smooth_flight
-from aerodb.consistency.smoother.state_noise import StateNoise
+from aerodb.consistency.smoother.state_error_spectrum import StateNoise
 from aerodb.consistency.whole_flight import Consistent, make_consistent
 from aerodb.errors import UnknownNameError
 from aerodb.flight import Flight

@@ -14,7 +14,8 @@ from aerodb.consistency.sensors.parameters import FURTHER_OUTPUTS, OUTPUTS, PER_
 from aerodb.consistency.sensors.prediction import Record, respond
 from aerodb.errors import InputError
 from aerodb.physics.geodesy import Earth
-from tests.support.instrumented_path import GRAVITY, NOISE, instrumented
+from tests.support.instrumented_path import NOISE, instrumented
+from tests.support.simulated_path import GRAVITY
 
 ALL = (*OUTPUTS, *FURTHER_OUTPUTS)
 PRESSURES = tuple(name for name in ALL if name not in ("alpha", "beta", "height_above_ground"))

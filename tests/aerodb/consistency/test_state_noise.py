@@ -7,7 +7,7 @@ import pytest
 
 from aerodb.consistency.output_error.reconstruction import reconstruct
 from aerodb.consistency.smoother.smoothing import smooth_flight
-from aerodb.consistency.smoother.state_noise import StateNoise, state_noise, state_noise_from
+from aerodb.consistency.smoother.state_error_spectrum import StateNoise, state_noise, state_noise_from
 from aerodb.errors import InputError
 from tests.support.moving_air import FIRST, FREE, moving_air
 

@@ -8,11 +8,12 @@ from aerodb.coefficients.total import total_coefficients
 from aerodb.effects.flight_view import view_of
 from aerodb.effects.measurement.constant_errors import doubts
 from aerodb.estimation.statistics import rms
-from aerodb.flight import Array, Flight
+from aerodb.flight import Flight
 from aerodb.increments.estimate import Doubt, estimate_increments
 from aerodb.increments.model_file import parse_model_file
 from aerodb.logs.probe import air_data_at_cg
 from aerodb.nomenclature import AXES, MOMENT_AXES
+from aerodb.support.arrays import Array
 from aerodb.tables.reference import Reference
 from aerodb.vehicle import add_combinations
 from tests.support.effect_flights import database as whole_database

@@ -17,9 +17,10 @@ from aerodb.effects.hypothesis import Hypothesis
 from aerodb.effects.library import AERODYNAMIC, hypotheses_for
 from aerodb.errors import InputError
 from aerodb.exchange.native import read_native
-from aerodb.flight import Array, Flight
+from aerodb.flight import Flight
 from aerodb.logs.probe import air_data_at_cg
 from aerodb.nomenclature import AXES
+from aerodb.support.arrays import Array
 from aerodb.tables.database import AeroDatabase, Term
 from aerodb.tables.expression import parse
 from aerodb.tables.node_increment import on_nodes

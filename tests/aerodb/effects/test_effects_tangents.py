@@ -15,9 +15,10 @@ from aerodb.effects.hypothesis import Hypothesis
 from aerodb.effects.library import SENSORS, hypotheses_for
 from aerodb.effects.sensitivity import slopes_by
 from aerodb.estimation.statistics import rms
-from aerodb.flight import Array, Flight
+from aerodb.flight import Flight
 from aerodb.logs.probe import air_data_at_cg
 from aerodb.nomenclature import AXES, MOMENT_AXES
+from aerodb.support.arrays import Array
 from aerodb.tables.database import Term
 from aerodb.tables.expression import parse
 from aerodb.tables.reference import Reference

@@ -16,12 +16,12 @@ from aerodb.logs.mapping import map_recording
 from aerodb.logs.probe import air_data_at_cg
 from aerodb.nomenclature import AXES, CHANNELS, is_surface
 from aerodb.recording import Recording
-from aerodb.simulation.airframe import MovingAir, airframe
+from aerodb.simulation.airframe_model import MovingAir, airframe
 from aerodb.simulation.flight import History
 from aerodb.simulation.linear import linearise, modes
-from aerodb.simulation.motion import Array
 from aerodb.simulation.sensors import at_instruments
 from aerodb.storage.mappings import builtin_mappings
+from aerodb.support.arrays import Array
 from aerodb.tables.database import AeroDatabase
 from aerodb.vehicle import Vehicle, parse_vehicle
 from tests.support.paths import ROOT

@@ -17,9 +17,10 @@ from aerodb.exchange.daveml.reader import import_daveml
 from aerodb.exchange.jsbsim.reader import import_jsbsim
 from aerodb.exchange.native import database_content_sha256, from_document, read_native, to_document
 from aerodb.nomenclature import AXES
-from aerodb.tables.database import AeroDatabase, Reference, Term, Variable
+from aerodb.tables.database import AeroDatabase, Term, Variable
 from aerodb.tables.expression import parse
 from aerodb.tables.increment import Increment, Interval
+from aerodb.tables.reference import Reference
 from aerodb.tables.scattered import ScatteredTable
 from aerodb.tables.table import Table
 from aerodb.tables.uncertainty import Uncertainty

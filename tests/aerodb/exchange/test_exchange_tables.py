@@ -22,9 +22,10 @@ from aerodb.exchange.arrays.mat import export_mat, import_mat
 from aerodb.exchange.arrays.netcdf import export_netcdf, import_netcdf
 from aerodb.nomenclature import AXES
 from aerodb.tables.check_cases import CheckCase
-from aerodb.tables.consolidate import consolidate
-from aerodb.tables.database import AeroDatabase, Reference, Term, Variable
+from aerodb.tables.consolidation import consolidate
+from aerodb.tables.database import AeroDatabase, Term, Variable
 from aerodb.tables.expression import parse
+from aerodb.tables.reference import Reference
 from aerodb.tables.table import Table
 from aerodb.tasks.steps.publish import read_database
 from tests.support.generated_databases import equal, generated, points

@@ -15,7 +15,8 @@ import pytest
 from aerodb.errors import InputError
 from aerodb.exchange.jsbsim.reader import import_jsbsim
 from aerodb.storage.files.aircraft_files import files_beside
-from aerodb.tables.database import AeroDatabase, Reference
+from aerodb.tables.database import AeroDatabase
+from aerodb.tables.reference import Reference
 from tests.support.jsbsim_flights import (
     FOOT,
     INCH,

@@ -17,9 +17,10 @@ from aerodb.exchange.jsbsim.reader import import_jsbsim
 from aerodb.nomenclature import AXES
 from aerodb.storage.writers.jsbsim_executive import loaded_in_jsbsim
 from aerodb.tables.check_cases import CheckCase
-from aerodb.tables.database import AeroDatabase, Reference, Term, Variable
+from aerodb.tables.database import AeroDatabase, Term, Variable
 from aerodb.tables.expression import parse
 from aerodb.tables.increment import Increment, Interval
+from aerodb.tables.reference import Reference
 from aerodb.tables.scattered import ScatteredTable
 from aerodb.tables.table import Table
 from tests.support.jsbsim_flights import INCH, aircraft_file, random_condition, simulator

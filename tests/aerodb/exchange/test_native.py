@@ -12,9 +12,10 @@ from aerodb.errors import InputError
 from aerodb.exchange.native import database_content_sha256, database_document_sha256, from_document, read_native, to_document
 from aerodb.nomenclature import AXES
 from aerodb.support.identity import canonical_json
-from aerodb.tables.database import AeroDatabase, Reference, Term, Variable
+from aerodb.tables.database import AeroDatabase, Term, Variable
 from aerodb.tables.expression import number, parse
 from aerodb.tables.increment import Increment, Interval
+from aerodb.tables.reference import Reference
 from aerodb.tables.table import Table
 
 REFERENCE = """name = "handbook"

@@ -8,10 +8,11 @@ import pytest
 
 from aerodb.coefficients.comparison import Comparison
 from aerodb.errors import InputError
-from aerodb.flight import Array, Flight
+from aerodb.flight import Flight
 from aerodb.increments.estimate import AxisUpdate, Update, estimate_increments
 from aerodb.increments.model_file import ModelFile, parse_model_file
 from aerodb.increments.validation import HoldOut, prove
+from aerodb.support.arrays import Array
 from aerodb.tables.database import Term
 from aerodb.tables.expression import parse
 from aerodb.tables.scattered import ScatteredTable

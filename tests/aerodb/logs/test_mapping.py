@@ -10,7 +10,9 @@ from scipy.spatial.transform import Rotation
 
 from aerodb.errors import InputError
 from aerodb.flight import Flight
-from aerodb.logs.mapping import choose_mapping, map_recording, parse_mapping, prevents
+from aerodb.logs.completeness import prevents
+from aerodb.logs.mapping import choose_mapping, map_recording
+from aerodb.logs.mapping_file import parse_mapping
 from aerodb.nomenclature import FLAGS, channel
 from aerodb.recording import Recording, Topic
 from aerodb.storage.mappings import builtin_mappings, load_mapping

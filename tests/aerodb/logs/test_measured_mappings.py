@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from aerodb.flight import Flight
-from aerodb.logs.mapping import choose_mapping, map_recording, prevents
+from aerodb.logs.completeness import prevents
+from aerodb.logs.mapping import choose_mapping, map_recording
 from aerodb.storage.mappings import builtin_mappings
 from aerodb.storage.readers.tabular import read_tabular
 from tests.aerodb.logs.test_mapping import SURFACES, _vehicle

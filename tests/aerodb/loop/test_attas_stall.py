@@ -20,7 +20,7 @@ from aerodb.flight import Flight
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.expression import parse
 from aerodb.tables.increment import Increment
-from aerodb.tracing.decision.trace import trace
+from aerodb.tracing.decision.verdicts import trace
 from aerodb.tracing.evidence.flight_evidence import evidence_of
 from aerodb.tracing.evidence.normal_equations import gram
 from aerodb.tracing.settings import Settings

@@ -18,7 +18,7 @@ from aerodb.tables.database import AeroDatabase
 from aerodb.tasks.manoeuvres import manoeuvre_spans
 from aerodb.tasks.parts import estimated_without, parts_of
 from aerodb.tasks.stall import added_stall, stall_flights
-from aerodb.tasks.steps.close_loop import compared
+from aerodb.tasks.steps.compare import compared
 from aerodb.tasks.steps.trace import freeze_library
 from aerodb.tasks.steps.update import plan_update
 from aerodb.tasks.workspace_access import Stores, stores

@@ -10,7 +10,7 @@ from aerodb.tables.increment import Increment
 from aerodb.tables.reference import Reference
 from aerodb.tasks.shape import remarks_on_shapes, said_of, wrong_shapes
 from aerodb.tracing.decision.refinement import Refined, beside_wrong_shapes
-from aerodb.tracing.decision.trace import trace
+from aerodb.tracing.decision.verdicts import trace
 from aerodb.tracing.evidence.normal_equations import gram
 from aerodb.tracing.settings import Settings
 from tests.support.tracing_small import LIBRARY, evidence

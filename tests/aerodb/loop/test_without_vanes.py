@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from aerodb.consistency.smoother.state_noise import StateNoise
+from aerodb.consistency.smoother.state_error_spectrum import StateNoise
 from aerodb.effects.flight_view import view_of
 from aerodb.effects.measurement.angle_errors import with_flattening
 from aerodb.effects.measurement.reconstructed_angles import columns_of, of_flow_angles, within_what_is_known

@@ -19,10 +19,10 @@ from aerodb.flows.flight import flight_flow
 from aerodb.flows.report import report_flow
 from aerodb.flows.run import run_flow
 from aerodb.increments.validation import AxisProof, HoldOut
-from aerodb.report.headline import error_rows, headline
-from aerodb.report.loop_document import loop_document
+from aerodb.report.headlines import error_rows, headline
+from aerodb.report.loop_documents import loop_document
 from aerodb.report.page import number, pdf
-from aerodb.report.update_report import UpdateStory, update_report
+from aerodb.report.update_page import UpdateStory, update_report
 from aerodb.storage.workspace import Workspace
 from aerodb.tasks.steps.compare import compare_with_version
 from aerodb.tasks.workspace_access import stores

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from aerodb.conditioning.segmentation import Segment
-from aerodb.report.flight_report import flight_report
-from aerodb.report.update_report import update_report
+from aerodb.report.flight_page import flight_report
+from aerodb.report.update_page import update_report
 from tests.aerodb.report.test_report import HOSTILE, found, loop, proof
 from tests.aerodb.report.test_report_content import flight_story, pooled, story
 from tests.flows.web.test_console_browser import WIDTHS, browser, look, pytestmark, visit, watched  # noqa: F401

@@ -19,11 +19,11 @@ from aerodb.report.database_figure import database_figure
 from aerodb.report.figures import update_figure
 from aerodb.report.flight_errors import disagreements, flight_errors
 from aerodb.report.flight_figures import channel_figure, coefficient_figure, envelope_figure, segment_figure
-from aerodb.report.flight_report import FlightStory, flight_report, verdict_sentence
-from aerodb.report.headline import headline
+from aerodb.report.flight_page import FlightStory, flight_report, verdict_sentence
+from aerodb.report.headlines import headline
 from aerodb.report.page import number
 from aerodb.report.update_figures import error_figure, residual_figure, voter
-from aerodb.report.update_report import UpdateStory, update_report
+from aerodb.report.update_page import UpdateStory, update_report
 from tests.aerodb.report.test_report import checked, found, loop, proof, table, words_of
 from tests.support import synthetic
 

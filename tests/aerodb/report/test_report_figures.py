@@ -17,9 +17,9 @@ from matplotlib.patches import Rectangle
 
 from aerodb.flight import Flight
 from aerodb.nomenclature import AXES
-from aerodb.report.diff_figure import MAX_PANELS, diff_figure
+from aerodb.report.diff_figures import MAX_PANELS, diff_figure
 from aerodb.report.flight_figures import channel_figure, coefficient_figure, shown_channels
-from aerodb.report.lineage_graph import HEIGHT, WIDTH, Relative, lineage_graph
+from aerodb.report.lineage_figure import HEIGHT, WIDTH, Relative, lineage_graph
 from aerodb.report.style import DATABASE, FLIGHT, MEASURED, UPDATED, in_figure, picture, visible
 from aerodb.report.update_figures import error_figure, forest_figure, moving_variables, residual_figure
 from aerodb.tables.expression import parse

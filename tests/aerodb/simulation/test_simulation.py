@@ -9,13 +9,12 @@ from scipy.signal import welch
 from scipy.special import ellipj
 
 from aerodb.errors import InputError
-from aerodb.simulation.airframe import Airframe, MovingAir, airframe
+from aerodb.physics.atmosphere import GRAVITY
+from aerodb.simulation.airframe_model import Airframe, MovingAir, airframe
 from aerodb.simulation.flight import History, actuate, fly
 from aerodb.simulation.inputs import Event, superposed
 from aerodb.simulation.linear import linearise, modes
 from aerodb.simulation.motion import (
-    GRAVITY,
-    Array,
     angular_acceleration,
     derivative,
     gravity_body,
@@ -28,6 +27,7 @@ from aerodb.simulation.motion import (
 )
 from aerodb.simulation.sensors import Instrument, Signal, at_instruments, measure
 from aerodb.simulation.turbulence import DrydenGusts, dryden_scales
+from aerodb.support.arrays import Array
 from aerodb.vehicle import Surface, parse_vehicle
 
 PLAIN = """

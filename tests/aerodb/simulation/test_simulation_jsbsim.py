@@ -10,8 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from aerodb.simulation.airframe import Airframe, MovingAir
-from aerodb.simulation.motion import Array, inertia_matrix, quaternion_from_euler, runge_kutta_step
+from aerodb.simulation.airframe_model import Airframe, MovingAir
+from aerodb.simulation.motion import inertia_matrix, quaternion_from_euler, runge_kutta_step
+from aerodb.support.arrays import Array
 
 jsbsim = pytest.importorskip("jsbsim")
 

@@ -14,12 +14,13 @@ from aerodb.exchange.native import from_document, to_document
 from aerodb.nomenclature import AXES
 from aerodb.support.identity import canonical_json
 from aerodb.tables.arguments import coverage
-from aerodb.tables.consolidate import consolidate, node_lineage, plan, point_lineage
-from aerodb.tables.database import AeroDatabase, Reference, Term, Variable
+from aerodb.tables.consolidation import consolidate, node_lineage, plan, point_lineage
+from aerodb.tables.database import AeroDatabase, Term, Variable
 from aerodb.tables.expression import parse
 from aerodb.tables.increment import Increment, Interval
 from aerodb.tables.multilinear import NotMultilinearError, breaks, merged
 from aerodb.tables.node_increment import on_nodes
+from aerodb.tables.reference import Reference
 from aerodb.tables.table import Table
 from aerodb.tables.uncertainty import Uncertainty
 from tests.support.generated_databases import equal, generated, points

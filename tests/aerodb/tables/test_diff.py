@@ -7,11 +7,11 @@ import pytest
 
 from aerodb.errors import InputError, UnknownNameError
 from aerodb.exchange.native import read_native
-from aerodb.report.diff_document import diff_document
-from aerodb.report.diff_figure import diff_figure
-from aerodb.tables.consolidate import consolidate
+from aerodb.report.diff_documents import diff_document
+from aerodb.report.diff_figures import diff_figure
+from aerodb.tables.consolidation import consolidate
 from aerodb.tables.database import AeroDatabase, Term, Variable
-from aerodb.tables.diff import diff
+from aerodb.tables.differences import diff
 from aerodb.tables.expression import parse
 from aerodb.tables.increment import Increment, Interval
 from aerodb.tables.nodes import neutral_point, table_axes, table_grid, table_grids

@@ -11,11 +11,11 @@ from scipy.spatial.transform import Rotation
 
 from aerodb.errors import InputError
 from aerodb.nomenclature import AXES
-from aerodb.tables.database import AeroDatabase, Reference, Term, Variable, transfer_moments
+from aerodb.tables.database import AeroDatabase, Term, Variable
 from aerodb.tables.evaluation import Place
 from aerodb.tables.expression import number, parse
 from aerodb.tables.increment import Increment, Interval
-from aerodb.tables.reference import body_to_wind, wind_to_body
+from aerodb.tables.reference import Reference, body_to_wind, transfer_moments, wind_to_body
 from aerodb.tables.scattered import ScatteredTable
 from aerodb.tables.table import Table
 from aerodb.tables.uncertainty import Uncertainty

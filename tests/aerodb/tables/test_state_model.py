@@ -20,10 +20,11 @@ from aerodb.exchange.state_terms import for_jsbsim, without_memory
 from aerodb.flight import Flight
 from aerodb.support.identity import canonical_json
 from aerodb.tables.check_cases import failures, make_check_cases
-from aerodb.tables.database import AeroDatabase, Reference, Term
+from aerodb.tables.database import AeroDatabase, Term
 from aerodb.tables.expression import parse
 from aerodb.tables.increment import Increment, Interval
 from aerodb.tables.program import evaluate
+from aerodb.tables.reference import Reference
 from aerodb.tables.state_model import GomanKhrabrov, Kirchhoff, Relay, StateModel
 from tests.support.command import asked
 from tests.support.small_glider import DATABASE, NAME, VEHICLE

@@ -5,9 +5,10 @@ import pytest
 from scipy.interpolate import LinearNDInterpolator
 
 from aerodb.errors import InputError
-from aerodb.tables.database import BLOCK, AeroDatabase, Reference, Term, Variable
+from aerodb.tables.database import BLOCK, AeroDatabase, Term, Variable
 from aerodb.tables.expression import parse
 from aerodb.tables.program import compile_program
+from aerodb.tables.reference import Reference
 from aerodb.tables.scattered import ScatteredTable
 from aerodb.tables.table import Table
 from aerodb.tables.uncertainty import Uncertainty

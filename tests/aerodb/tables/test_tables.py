@@ -12,10 +12,10 @@ from scipy.spatial.transform import Rotation
 
 from aerodb.errors import InputError, UnknownNameError
 from aerodb.nomenclature import AXES
-from aerodb.tables.database import AeroDatabase, Reference, Term, Variable, transfer_moments
+from aerodb.tables.database import AeroDatabase, Term, Variable
 from aerodb.tables.expression import parse
 from aerodb.tables.increment import Increment, Interval
-from aerodb.tables.reference import wind_to_body
+from aerodb.tables.reference import Reference, transfer_moments, wind_to_body
 from aerodb.tables.table import Table
 
 REFERENCE = Reference(area=10.3, chord=6.0, span=3.48, moment_reference=(-1.0, 0.0, 0.5))

@@ -10,8 +10,8 @@ import pytest
 from aerodb.effects.hypothesis import Hypothesis
 from aerodb.errors import InputError
 from aerodb.tracing.decision.findings import Finding, Traced
-from aerodb.tracing.decision.trace import trace
 from aerodb.tracing.decision.unexplained_residual import Left, remainders, take_off
+from aerodb.tracing.decision.verdicts import trace
 from aerodb.tracing.evidence.evidence import Evidence
 from aerodb.tracing.evidence.normal_equations import gram, gram_from_arrays
 from tests.support.tracing_flights import coloured

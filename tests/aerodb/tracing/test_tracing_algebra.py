@@ -10,7 +10,7 @@ from scipy import stats
 from aerodb.effects.hypothesis import Hypothesis
 from aerodb.errors import InputError
 from aerodb.tracing.decision.next_flight import excitation_needed
-from aerodb.tracing.estimates.campaign import campaign
+from aerodb.tracing.estimates.campaigns import campaign
 from aerodb.tracing.estimates.kernels import contracted
 from aerodb.tracing.estimates.per_flight import Votes
 from aerodb.tracing.estimates.significance import holm, moderated_variance, over_flights, paired_p

@@ -12,7 +12,7 @@ import pytest
 
 from aerodb.tracing.decision.findings import Traced
 from aerodb.tracing.decision.selection import Court
-from aerodb.tracing.estimates.campaign import campaign
+from aerodb.tracing.estimates.campaigns import campaign
 from aerodb.tracing.evidence import thinning
 from tests.support.tracing_cells import (
     NOTHING,

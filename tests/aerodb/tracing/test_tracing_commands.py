@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import lfilter
 
 from aerodb.flight import Flight
-from aerodb.tracing.decision.trace import trace
+from aerodb.tracing.decision.verdicts import trace
 from aerodb.tracing.evidence.evidence import Evidence
 from aerodb.tracing.evidence.instrumental_variables import as_commanded, with_instruments
 from aerodb.tracing.evidence.normal_equations import gram

@@ -8,7 +8,7 @@ import pytest
 
 from aerodb.conditioning.resampling import low_pass
 from aerodb.errors import InputError
-from aerodb.tracing.estimates.campaign import campaign
+from aerodb.tracing.estimates.campaigns import campaign
 from aerodb.tracing.evidence.evidence import Evidence, units
 from aerodb.tracing.evidence.low_pass import band_limited, decimation, ends_left_out
 from aerodb.tracing.evidence.normal_equations import Gram, gram, gram_from_arrays

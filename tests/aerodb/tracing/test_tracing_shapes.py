@@ -7,8 +7,8 @@ import pytest
 
 from aerodb.effects.hypothesis import Hypothesis
 from aerodb.tables.expression import parse
-from aerodb.tracing.decision.trace import trace
-from aerodb.tracing.estimates.campaign import campaign
+from aerodb.tracing.decision.verdicts import trace
+from aerodb.tracing.estimates.campaigns import campaign
 from aerodb.tracing.evidence.evidence import Evidence
 from aerodb.tracing.evidence.normal_equations import Gram, gram
 from aerodb.tracing.evidence.shape_misfit import LEAST, TOLERANCE, companions, varying, without_shapes

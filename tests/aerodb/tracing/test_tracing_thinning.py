@@ -7,11 +7,11 @@ import pytest
 
 from aerodb.coefficients.comparison import Comparison, compare
 from aerodb.coefficients.total import total_coefficients
-from aerodb.consistency.smoother.state_noise import StateNoise
+from aerodb.consistency.smoother.state_error_spectrum import StateNoise
 from aerodb.effects.library import hypotheses_for
 from aerodb.flight import Flight
 from aerodb.tables.database import AeroDatabase
-from aerodb.tracing.estimates.campaign import campaign
+from aerodb.tracing.estimates.campaigns import campaign
 from aerodb.tracing.evidence import thinning
 from aerodb.tracing.evidence.flight_evidence import evidence_of
 from aerodb.tracing.evidence.normal_equations import gram

@@ -9,7 +9,7 @@ import pytest
 
 from aerodb.effects.hypothesis import Hypothesis
 from aerodb.tracing.decision.selection import Court
-from aerodb.tracing.estimates.campaign import OFFSET, campaign
+from aerodb.tracing.estimates.campaigns import OFFSET, campaign
 from aerodb.tracing.estimates.per_flight import Campaign
 from aerodb.tracing.evidence.normal_equations import Gram
 from aerodb.tracing.evidence.shape_misfit import LEAST, TOLERANCE

@@ -13,7 +13,7 @@ from mcap_ros2.writer import Writer
 from aerodb.errors import InputError
 from aerodb.logs.mapping import choose_mapping, map_recording
 from aerodb.storage.mappings import builtin_mappings
-from aerodb.storage.readers import read_log
+from aerodb.storage.readers.any_format import read_log
 from aerodb.storage.readers.mcap import read_mcap
 from aerodb.storage.readers.mcap_framing import Record, walk
 from aerodb.vehicle import parse_vehicle

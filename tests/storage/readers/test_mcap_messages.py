@@ -18,7 +18,7 @@ from mcap.writer import CompressionType, Writer
 from aerodb.logs.mapping import choose_mapping, map_recording
 from aerodb.recording import Recording
 from aerodb.storage.mappings import builtin_mappings
-from aerodb.storage.readers import read_log
+from aerodb.storage.readers.any_format import read_log
 from aerodb.vehicle import parse_vehicle
 from tests.storage.readers.test_mcap import START, VEHICLE, write_flight
 

@@ -13,7 +13,7 @@ from aerodb.logs.inspection import describe
 from aerodb.logs.mapping import choose_mapping, map_recording
 from aerodb.recording import Damage, Recording, Topic
 from aerodb.storage.mappings import builtin_mappings
-from aerodb.storage.readers import read_log
+from aerodb.storage.readers.any_format import read_log
 from aerodb.storage.readers.ulog import read_ulog
 from aerodb.storage.writers.generated import generated_topics
 from aerodb.storage.writers.ulog import write_ulog

@@ -7,15 +7,15 @@ from typing import Any, Final
 import numpy as np
 
 from aerodb.coefficients.comparison import Comparison
-from aerodb.flight import Array
 from aerodb.nomenclature import AXES
-from aerodb.report.diff_figure import diff_figure
+from aerodb.report.diff_figures import diff_figure
 from aerodb.report.figures import update_figure
 from aerodb.report.flight_errors import disagreements, flight_errors
-from aerodb.report.headline import by_parts, effect_words, error_rows, headline, on_which
+from aerodb.report.headlines import by_parts, effect_words, error_rows, headline, on_which
 from aerodb.report.page import render
 from aerodb.report.style import Picture, for_people, picture
 from aerodb.report.update_figures import error_figure, forest_figure, moving_variables, residual_figure
+from aerodb.support.arrays import Array
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.reference import WIND_AXES
 

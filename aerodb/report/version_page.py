@@ -6,13 +6,13 @@ from datetime import datetime
 from typing import Any, Final
 
 from aerodb.report.database_figure import database_figure
-from aerodb.report.diff_document import diff_document
-from aerodb.report.diff_figure import diff_figure
-from aerodb.report.lineage_graph import HEIGHT, WIDTH, Graph
+from aerodb.report.diff_documents import diff_document
+from aerodb.report.diff_figures import diff_figure
+from aerodb.report.lineage_figure import HEIGHT, WIDTH, Graph
 from aerodb.report.page import render
 from aerodb.report.style import channel_scale, picture
 from aerodb.tables.database import AeroDatabase
-from aerodb.tables.diff import diff
+from aerodb.tables.differences import diff
 
 _MOST_NODES: Final = 24
 

@@ -14,7 +14,6 @@ from aerodb.simulation.motion import (
     QUATERNION,
     RATES,
     VELOCITY,
-    Array,
     angular_acceleration,
     cross,
     derivative,
@@ -22,6 +21,7 @@ from aerodb.simulation.motion import (
     to_body,
     to_earth,
 )
+from aerodb.support.arrays import Array
 from aerodb.vehicle import Vehicle
 
 #: Canonical channels (each (k,)) in, coefficients CX CY CZ Cl Cm Cn (each (k,)) out.

@@ -12,11 +12,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from aerodb.errors import InputError, UnknownNameError, nearest
+from aerodb.support.arrays import Array
 from aerodb.tables.algebra import times
 from aerodb.tables.arguments import ScaledChannel, rebuilt
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.expression import Expression, Name, Number, TableCall, number
-from aerodb.tables.functions import Array, Value
+from aerodb.tables.functions import Value
 from aerodb.tables.increment import Increment
 from aerodb.tables.linear_terms import Site, factors_of, sites
 from aerodb.tables.multilinear import NotMultilinearError, merged

@@ -8,8 +8,8 @@ from matplotlib.figure import Figure
 
 from aerodb.nomenclature import AXES
 from aerodb.report.style import DATABASE, DATABASE_LINE, UPDATED, channel_scale, in_figure, plain_panel
+from aerodb.support.arrays import Array
 from aerodb.tables.database import AeroDatabase
-from aerodb.tables.functions import Array
 from aerodb.tables.increment import Increment
 from aerodb.tables.nodes import neutral_point, table_grids
 from aerodb.tables.reference import WIND_AXES
