@@ -13,5 +13,5 @@ setup(
         *(f"aerodb.{name}" for part in PARTS for name in find_packages(include=[part, f"{part}.*"])),
     ],
     package_dir={"aerodb": "aerodb", **{f"aerodb.{part}": part for part in PARTS}},
-    package_data={"": ["*.toml", "*.mako", "templates/*", "static/*", "deploy/*"]},
+    package_data={"": ["*.pyi", "*.toml", "*.mako", "templates/*", "static/*", "deploy/*"]},
 )

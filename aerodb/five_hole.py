@@ -9,9 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from aerodb.quantities import Number, Radians
-from aerodb.support.arrays import Array
-from aerodb.support.signals import Signal, beyond
-from aerodb.support.strict import Strict
+from aerodb.support import Array, Signal, Strict, beyond
 
 #: Newton steps from the linear answer, and the residual angle (rad) that they must leave.
 _STEPS, _LEFT = 20, 1e-9

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from aerodb.errors import UnknownNameError, nearest
 from aerodb.nomenclature import FLAGS, channel
 from aerodb.recording import Damage
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 
 Bits = NDArray[np.unsignedinteger]
 

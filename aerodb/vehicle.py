@@ -18,8 +18,7 @@ from aerodb.five_hole import FiveHole
 from aerodb.flight import Flight
 from aerodb.nomenclature import channel
 from aerodb.quantities import Inertia, Kilograms, Metres, Number, Point, Radians, Seconds, unit_of
-from aerodb.support.arrays import Array
-from aerodb.support.strict import Strict, validated
+from aerodb.support import Array, Strict, validated
 from aerodb.units import quantity
 
 

@@ -3,12 +3,18 @@
 from typing import Any
 
 from aerodb.flows.run import Steps
-from aerodb.tasks.steps.close_loop import Accept, prove_loop, run_loop, what_is_left
-from aerodb.tasks.steps.compare import compare_with_version
-from aerodb.tasks.steps.publish import publish_loop
-from aerodb.tasks.steps.report import write_update_page
-from aerodb.tasks.steps.trace import freeze_library, trace_flight
-from aerodb.tasks.steps.update import plan_update
+from aerodb.tasks.steps import (
+    Accept,
+    compare_with_version,
+    freeze_library,
+    plan_update,
+    prove_loop,
+    publish_loop,
+    run_loop,
+    trace_flight,
+    what_is_left,
+    write_update_page,
+)
 from aerodb.tasks.workspace_access import stores
 
 

@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from aerodb.estimation.statistics import rms
+from aerodb.estimation import rms
 from aerodb.examples.phoenix import text
 from aerodb.examples.phoenix.mission import fly
 from aerodb.examples.phoenix.truth import EFFECTS, Effect, drawn, truth
@@ -21,8 +21,8 @@ from aerodb.flows.flight import flight_flow
 from aerodb.flows.importing import import_flow
 from aerodb.nomenclature import AXES
 from aerodb.storage.workspace import Workspace
-from aerodb.storage.writers.ulog import write_ulog
-from aerodb.tasks.steps.compare import compared
+from aerodb.storage.writers import write_ulog
+from aerodb.tasks.steps import compared
 from aerodb.tasks.workspace_access import stores
 
 VEHICLE = "phoenix"

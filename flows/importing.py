@@ -3,7 +3,7 @@
 from typing import Any
 
 from aerodb.flows.run import Steps
-from aerodb.tasks.steps.publish import import_database
+from aerodb.tasks.steps import import_database
 
 
 def import_flow(steps: Steps, *, workspace: str, run: str, file: str, vehicle: str, bindings: dict[str, str]) -> dict[str, Any]:

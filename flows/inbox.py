@@ -11,11 +11,10 @@ from sqlalchemy.exc import OperationalError
 from aerodb.errors import StoreBusyError, StoreError
 from aerodb.flows.flight import flight_flow
 from aerodb.flows.run import Steps
-from aerodb.storage.inbox.folders import Waiting
+from aerodb.storage.inbox import Waiting
 from aerodb.storage.locks import holding
 from aerodb.storage.workspace_settings import Settings, SettingsError, load_settings
-from aerodb.tasks.steps.inbox import files_of_inbox, note_failure, note_no_room, note_tries, set_aside, settle
-from aerodb.tasks.steps.notify import deliver, tell
+from aerodb.tasks.steps import deliver, files_of_inbox, note_failure, note_no_room, note_tries, set_aside, settle, tell
 from aerodb.tasks.workspace_access import Stores, stores
 
 #: Files of one vehicle that go through the per-flight run together: what is done is done, whatever comes after it.

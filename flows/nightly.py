@@ -14,10 +14,7 @@ from aerodb.flows.run import Steps, run_part
 from aerodb.flows.update import update_flow
 from aerodb.storage.workspace import Workspace
 from aerodb.storage.workspace_settings import SettingsError, load_settings
-from aerodb.tasks.steps.advance import due, parameters_of
-from aerodb.tasks.steps.notify import deliver, tell
-from aerodb.tasks.steps.runs import mark_ended
-from aerodb.tasks.steps.store import trim_cache
+from aerodb.tasks.steps import deliver, due, mark_ended, parameters_of, tell, trim_cache
 from aerodb.tasks.workspace_access import Stores, stores
 
 _BODIES: Final[dict[str, Callable[..., Any]]] = {"close-loop": close_loop_flow, "update": update_flow}

@@ -14,7 +14,7 @@ from typing import Final
 from urllib.parse import parse_qsl, urlencode, urlsplit, urlunsplit
 
 from aerodb.errors import InputError
-from aerodb.storage.catalogue.places import place_of
+from aerodb.storage.catalogue import place_of
 from aerodb.storage.urls import resolved, shown
 from aerodb.storage.workspace import Workspace
 from aerodb.storage.workspace_settings import FILE, TOKEN_VARIABLE, Serve, authorization, load_settings

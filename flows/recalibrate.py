@@ -3,10 +3,7 @@
 from typing import Any
 
 from aerodb.flows.run import Steps
-from aerodb.tasks.steps.calibration import bind, calibrate
-from aerodb.tasks.steps.coefficients import reconstruct
-from aerodb.tasks.steps.compare import compare_with_version
-from aerodb.tasks.steps.consistency import check_consistency
+from aerodb.tasks.steps import bind, calibrate, check_consistency, compare_with_version, reconstruct
 from aerodb.tasks.workspace_access import stores
 
 

@@ -3,7 +3,7 @@
 from typing import Any
 
 from aerodb.flows.run import Steps
-from aerodb.tasks.steps.release import promote, roll_back
+from aerodb.tasks.steps import promote, roll_back
 
 
 def promote_flow(steps: Steps, *, workspace: str, run: str, version: str, name: str, reason: str) -> dict[str, Any]:

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import Any, Final
 
 from aerodb.flows.run import Steps
-from aerodb.tasks.steps.report import flight_page, update_page, version_page
+from aerodb.tasks.steps import flight_page, update_page, version_page
 
 _PAGES: Final[dict[str, Callable[..., str]]] = {"flight": flight_page, "update": update_page, "version": version_page}
 

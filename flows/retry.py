@@ -11,9 +11,9 @@ from aerodb.flows.inbox import sweep_flow
 from aerodb.flows.nightly import nightly_flow
 from aerodb.flows.recalibrate import recalibrate_flow
 from aerodb.flows.update import update_flow
-from aerodb.storage.catalogue.rows import RunRow
-from aerodb.storage.inbox.quarantined import Quarantined, put_back
-from aerodb.tasks.steps.inbox import in_quarantine
+from aerodb.storage.catalogue import RunRow
+from aerodb.storage.inbox import Quarantined, put_back
+from aerodb.tasks.steps import in_quarantine
 from aerodb.tasks.workspace_access import Stores
 
 #: Runs a flow with its parameters: the command line's way, or a test's.

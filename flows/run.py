@@ -23,8 +23,7 @@ from threadpoolctl import threadpool_limits
 from aerodb.errors import InputError, StoreBusyError, StoreError
 from aerodb.flows.deadline import at_most
 from aerodb.flows.executors import Call, Here, Work, work_of
-from aerodb.storage.catalogue.catalogue import Catalogue
-from aerodb.storage.catalogue.rows import RunState
+from aerodb.storage.catalogue import Catalogue, RunState
 from aerodb.storage.locks import holding, note_of
 from aerodb.storage.workspace import Workspace
 from aerodb.storage.workspace_settings import TOKEN_VARIABLE, authorization, load_settings

@@ -17,13 +17,11 @@ from typing import Any, Final
 from aerodb.errors import AeroError, StoreError
 from aerodb.flows.orchestrator import Client, clear_up, emit_arrival, is_awaited
 from aerodb.flows.processes import Child, environment_of, free_port
-from aerodb.storage.inbox.folders import Waiting, look_again
+from aerodb.storage.inbox import Waiting, look_again
 from aerodb.storage.locks import Lock, is_held, note_of, take
 from aerodb.storage.workspace import Workspace
 from aerodb.storage.workspace_settings import FILE, checked_token, load_settings
-from aerodb.tasks.steps.inbox import files_of_inbox
-from aerodb.tasks.steps.notify import deliver
-from aerodb.tasks.steps.runs import mark_ended
+from aerodb.tasks.steps import deliver, files_of_inbox, mark_ended
 from aerodb.tasks.workspace_access import Stores, stores
 
 _BEAT: Final = 1.0

@@ -3,10 +3,7 @@
 from typing import Any
 
 from aerodb.flows.run import Steps
-from aerodb.tasks.steps.compare import compare_with_version
-from aerodb.tasks.steps.publish import publish_candidate
-from aerodb.tasks.steps.report import write_update_page
-from aerodb.tasks.steps.update import estimate, plan_update, validate
+from aerodb.tasks.steps import compare_with_version, estimate, plan_update, publish_candidate, validate, write_update_page
 
 
 def update_flow(

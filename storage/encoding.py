@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from aerodb.errors import InputError
 from aerodb.recording import Damage
-from aerodb.support.identity import canonical_json
+from aerodb.support import canonical_json
 
 VEHICLE_NAME: Final = re.compile(r"[a-z0-9][a-z0-9_-]{0,62}")
 FLIGHT_NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,62}")

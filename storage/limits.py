@@ -7,7 +7,7 @@ from pydantic import Field
 
 from aerodb.errors import InputError
 from aerodb.quantities import Seconds
-from aerodb.support.strict import Strict
+from aerodb.support import Strict
 
 
 class Limits(Strict):

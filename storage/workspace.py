@@ -14,7 +14,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from aerodb.errors import InputError, StoreError
-from aerodb.storage.catalogue.places import place_of
+from aerodb.storage.catalogue import place_of
 from aerodb.storage.disk_errors import disk_faults, remove, temporary_beside
 
 _FOLDERS = ("flights", "results", "inbox", "logs", "quarantine", "reports", "outbox", "locks", "prefect")

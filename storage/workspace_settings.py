@@ -19,7 +19,7 @@ from aerodb.quantities import Metres, Number, Radians, Seconds, unit_of
 from aerodb.storage.encoding import VEHICLE_NAME
 from aerodb.storage.limits import Limits
 from aerodb.storage.urls import checked_url
-from aerodb.support.strict import Strict, validated
+from aerodb.support import Strict, validated
 
 FILE: Final = "settings.toml"
 #: Holds the token that a server needs which others than this machine can reach.

@@ -2,20 +2,15 @@
 
 from collections.abc import Sequence
 
-from aerodb.coefficients.comparison import Comparison
-from aerodb.consistency.smoother.state_error_spectrum import StateNoise
-from aerodb.effects.flight_view import FlightView, view_of
-from aerodb.effects.measurement.angle_errors import doubts_of_alpha
-from aerodb.effects.measurement.constant_errors import doubts
+from aerodb.coefficients import Comparison
+from aerodb.consistency import StateNoise
+from aerodb.effects import FlightView, doubts, doubts_of_alpha, view_of
 from aerodb.flight import Flight
-from aerodb.increments.estimate import Doubt
-from aerodb.tables.database import AeroDatabase
-from aerodb.tasks.steps.consistency import load_consistent, noise_of, reconstructed_angles
+from aerodb.increments import Doubt
+from aerodb.tables import AeroDatabase
+from aerodb.tasks.steps import load_consistent, noise_of, reconstructed_angles
 from aerodb.tasks.workspace_access import Stores
-from aerodb.tracing.evidence.bandwidth import tracing_bandwidth
-from aerodb.tracing.evidence.noise_limits import bounded_noise
-from aerodb.tracing.evidence.state_errors import noisy_copies
-from aerodb.tracing.settings import Settings
+from aerodb.tracing import Settings, bounded_noise, noisy_copies, tracing_bandwidth
 from aerodb.vehicle import Vehicle
 
 #: Times the smoother's power that the error of alpha may have where the residual allows it: gusts that nobody saw.

@@ -3,15 +3,11 @@
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
-from aerodb.conditioning.segmentation import STATES
-from aerodb.tables.database import AeroDatabase
-from aerodb.tasks.steps.segments import segments_of
-from aerodb.tasks.steps.trace import Library, evidence_beside
+from aerodb.conditioning import STATES
+from aerodb.tables import AeroDatabase
+from aerodb.tasks.steps import Library, evidence_beside, segments_of
 from aerodb.tasks.workspace_access import Stores
-from aerodb.tracing.decision.few_flights import Suspicion, suspect, windows
-from aerodb.tracing.decision.findings import Finding, Traced
-from aerodb.tracing.evidence.evidence import Evidence, units
-from aerodb.tracing.settings import Settings
+from aerodb.tracing import Evidence, Finding, Settings, Suspicion, Traced, suspect, units, windows
 
 #: Verdicts that more votes could change.
 _TOO_FEW = ("not_testable",)

@@ -7,23 +7,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from aerodb.coefficients.comparison import Comparison
-from aerodb.effects.adding import add_effects, envelopes_of
-from aerodb.effects.flight_view import view_of
-from aerodb.increments.estimate import Update, keep_slope_signs
-from aerodb.increments.validation import AxisProof, prove_by_leaving_one_out
-from aerodb.support.arrays import Mask
-from aerodb.tables.database import AeroDatabase
+from aerodb.coefficients import Comparison
+from aerodb.effects import add_effects, envelopes_of, view_of
+from aerodb.increments import AxisProof, Update, keep_slope_signs, prove_by_leaving_one_out
+from aerodb.support import Mask
+from aerodb.tables import AeroDatabase
 from aerodb.tasks.manoeuvres import manoeuvre_spans
-from aerodb.tasks.steps.compare import beside, compared
-from aerodb.tasks.steps.trace import Library
+from aerodb.tasks.steps import Library, beside, compared
 from aerodb.tasks.workspace_access import Stores
-from aerodb.tracing.decision.few_flights import LINEAR
-from aerodb.tracing.decision.joint_model import joint_bands, joint_fit
-from aerodb.tracing.evidence.flight_evidence import evidence_of
+from aerodb.tracing import LINEAR, evidence_of, joint_bands, joint_fit
 
 if TYPE_CHECKING:
-    from aerodb.tasks.steps.close_loop import Loop
+    from aerodb.tasks.steps import Loop
 
 
 def parts_of(time: NDArray[np.float64], spans: tuple[tuple[float, float], ...]) -> dict[str, Mask]:

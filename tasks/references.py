@@ -7,8 +7,7 @@ from typing import Final
 
 from aerodb.errors import InputError, UnknownNameError, nearest
 from aerodb.nomenclature import channel
-from aerodb.storage.catalogue.catalogue import Catalogue
-from aerodb.storage.catalogue.rows import VersionRow
+from aerodb.storage.catalogue import Catalogue, VersionRow
 from aerodb.units import quantity
 
 #: What no unit needs, and what lets a text ask for a number of any length: brackets, and powers of numbers.

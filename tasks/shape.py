@@ -2,13 +2,12 @@
 
 from collections.abc import Sequence
 
-from aerodb.effects.hypothesis import Hypothesis
-from aerodb.effects.template import FELT_ON
-from aerodb.support.parallel import in_threads
-from aerodb.tables.database import AeroDatabase
-from aerodb.tasks.steps.trace import Library, thinned_beside
+from aerodb.effects import FELT_ON, Hypothesis
+from aerodb.support import in_threads
+from aerodb.tables import AeroDatabase
+from aerodb.tasks.steps import Library, thinned_beside
 from aerodb.tasks.workspace_access import Stores
-from aerodb.tracing.decision.refinement import Refined, refined
+from aerodb.tracing import Refined, refined
 
 #: How the note of an increment that was fitted once more goes on, and if its shape is no longer the template's.
 AGAIN = "; gain fitted once more beside the rest"

@@ -7,29 +7,26 @@ from typing import Final
 
 import numpy as np
 
-from aerodb.conditioning.differentiation import bridge
-from aerodb.conditioning.segmentation import Segment
-from aerodb.effects.aerodynamic.lift_like import zero_lift_alpha
-from aerodb.effects.flight_view import FlightView, view_of
-from aerodb.effects.hypothesis import Hypothesis
-from aerodb.effects.stall.stall_hysteresis import hypotheses as stall_hypotheses
-from aerodb.effects.stall.stall_hysteresis import regressors
-from aerodb.effects.stall.stall_shape import GAINS, StallFlight, cross_fitted, profiled
-from aerodb.effects.surfaces import surfaces_of
-from aerodb.effects.template import Scene
+from aerodb.conditioning import Segment, bridge
+from aerodb.effects import (
+    GAINS,
+    FlightView,
+    Hypothesis,
+    Scene,
+    StallFlight,
+    cross_fitted,
+    profiled,
+    regressors,
+    surfaces_of,
+    view_of,
+    zero_lift_alpha,
+)
+from aerodb.effects import hypotheses as stall_hypotheses
 from aerodb.errors import InputError
-from aerodb.estimation.regression import least_squares
-from aerodb.support.arrays import Array
-from aerodb.tables.database import AeroDatabase
-from aerodb.tables.definitions import STATE_CHANNEL
-from aerodb.tables.envelope import flown_envelope
-from aerodb.tables.expression import parse
-from aerodb.tables.increment import Increment
-from aerodb.tables.program import evaluate
-from aerodb.tables.state_model import Law, StateModel
-from aerodb.tasks.steps.coefficients import load_coefficients
-from aerodb.tasks.steps.compare import beside, compared
-from aerodb.tasks.steps.segments import segments_of
+from aerodb.estimation import least_squares
+from aerodb.support import Array
+from aerodb.tables import STATE_CHANNEL, AeroDatabase, Increment, Law, StateModel, evaluate, flown_envelope, parse
+from aerodb.tasks.steps import beside, compared, load_coefficients, segments_of
 from aerodb.tasks.workspace_access import Stores
 from aerodb.vehicle import Vehicle
 

@@ -9,17 +9,12 @@ from typing import Final
 
 import numpy as np
 
-from aerodb.effects.aerodynamic.lift_like import from_zero_lift
-from aerodb.effects.flight_view import FlightView
-from aerodb.effects.hypothesis import Columns, Hypothesis
-from aerodb.effects.stall import stall_loop
-from aerodb.effects.template import Scene
+from aerodb.effects import Columns, FlightView, Hypothesis, Scene, from_zero_lift, stall_loop
 from aerodb.errors import InputError
-from aerodb.tables.database import AeroDatabase
-from aerodb.tables.state_model import Relay
+from aerodb.tables import AeroDatabase, Relay
 from aerodb.tasks.stall import EFFECT, stall_flights
 from aerodb.tasks.workspace_access import Stores
-from aerodb.tracing.decision.findings import Finding
+from aerodb.tracing import Finding
 from aerodb.vehicle import Vehicle
 
 #: Flights that must stall: angles fitted to one other flight are hardly those of a third.

@@ -8,16 +8,14 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from aerodb.storage.catalogue.catalogue import Catalogue
-from aerodb.storage.catalogue.places import place_of
-from aerodb.storage.catalogue.stored_files import StoredFile, measured
-from aerodb.storage.files.cache import is_kept, local, local_recording, put
+from aerodb.storage.catalogue import Catalogue, StoredFile, measured, place_of
+from aerodb.storage.files import is_kept, local, local_recording, put
 from aerodb.storage.workspace import Workspace
 from aerodb.storage.workspace_settings import load_settings
 from aerodb.vehicle import Vehicle, parse_vehicle
 
 if TYPE_CHECKING:
-    from aerodb.tables.database import AeroDatabase
+    from aerodb.tables import AeroDatabase
 
 
 @dataclass(frozen=True)
@@ -93,7 +91,7 @@ def _vehicle(text: str, where: str) -> Vehicle:
 
 @lru_cache(maxsize=4)
 def _database(content: str) -> "AeroDatabase":
-    from aerodb.exchange.native import from_document  # a second of imports that a look at what waits does not need
+    from aerodb.exchange import from_document  # a second of imports that a look at what waits does not need
 
     return from_document(json.loads(content))
 

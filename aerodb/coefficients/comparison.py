@@ -7,13 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerodb.coefficients.total import DEFAULT_BANDWIDTH, Coefficients
-from aerodb.conditioning.differentiation import low_passed, smooth
+from aerodb.conditioning import low_passed, smooth
 from aerodb.errors import InputError, nearest
 from aerodb.flight import Flight
 from aerodb.nomenclature import AXES, MOMENT_AXES
-from aerodb.support.arrays import Array
-from aerodb.tables.database import AeroDatabase
-from aerodb.tables.reference import WIND_AXES, body_to_wind, transfer_moments
+from aerodb.support import Array
+from aerodb.tables import WIND_AXES, AeroDatabase, body_to_wind, transfer_moments
 from aerodb.vehicle import Reference
 
 

@@ -11,12 +11,12 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from aerodb.conditioning.differentiation import FEWEST_SAMPLES, bridge, smooth
+from aerodb.conditioning import FEWEST_SAMPLES, bridge, smooth
 from aerodb.errors import InputError
 from aerodb.flight import Flight
 from aerodb.nomenclature import AXES, FORCE_AXES, MOMENT_AXES
-from aerodb.support.arrays import Array
-from aerodb.tables.reference import Reference, transfer_moments
+from aerodb.support import Array
+from aerodb.tables import Reference, transfer_moments
 from aerodb.vehicle import Thrust, Vehicle, cg_positions, mass_channels
 
 #: Bandwidth of the differentiated rates, Hz, when the vehicle file states none: above the rigid-body modes of manned

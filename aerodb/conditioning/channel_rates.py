@@ -10,7 +10,7 @@ import numpy as np
 
 from aerodb.conditioning.differentiation import bridge
 from aerodb.flight import Flight
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 
 GRAVITY: Final = 9.80665
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerodb.errors import InputError
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 
 #: Share of samples that may be dropped for a clock that steps back; beyond it the clock is not a clock.
 TOLERATED_LOSS = 0.05

@@ -21,7 +21,7 @@ from aerodb.conditioning.differentiation import bridge, low_passed
 from aerodb.conditioning.resampling import resampler, thinned, uniform_grid
 from aerodb.errors import InputError
 from aerodb.flight import Flight
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 
 #: Default band [Hz] and largest delay [s] looked for.
 BAND, LARGEST = (0.1, 2.0), 0.5

@@ -12,7 +12,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.fft import dct, dst
 
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 
 #: Width of the roll-off relative to the bandwidth: a cosine step from 1 to 0, short and yet without ripple.
 ROLL_OFF = 0.1

@@ -19,7 +19,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from aerodb.conditioning.differentiation import bridge
 from aerodb.flight import Flight
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 
 #: Channels that a fingerprint is taken from, each with the least difference [SI] between turning points that counts.
 LANDMARK_CHANNELS = {"p": 2e-3, "q": 2e-3, "r": 2e-3, "az_imu": 0.05, "ay_imu": 0.02, "az": 0.05, "ay": 0.02}

@@ -14,7 +14,7 @@ from scipy.integrate import cumulative_simpson
 
 from aerodb.conditioning.channel_rates import GRAVITY, KINEMATICS, OPTIONAL
 from aerodb.conditioning.differentiation import low_passed
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 
 Channels = Mapping[str, Array]
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.signal import oaconvolve
 
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 
 DEGREE = 2
 #: Good samples per coefficient below which a window says nothing.

@@ -13,7 +13,7 @@ from scipy.ndimage import maximum_filter1d, median_filter, minimum_filter1d
 from scipy.stats import spearmanr
 
 from aerodb.conditioning.differentiation import bridge
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 
 DEGREE = np.pi / 180
 #: Least deflection [rad] from trim that is an input, and how many times the motion around it it must be.

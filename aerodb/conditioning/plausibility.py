@@ -19,7 +19,7 @@ from aerodb.conditioning.wild_points import stuck
 from aerodb.flight import Flight
 from aerodb.nomenclature import FLAGS
 from aerodb.recording import Recording
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 
 _ACCELERATIONS = ("ax", "ay", "az", "ax_imu", "ay_imu", "az_imu")
 #: Sensors that must move when the aircraft does.

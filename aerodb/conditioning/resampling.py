@@ -13,7 +13,7 @@ from scipy.fft import prev_fast_len
 from scipy.signal import firwin, kaiserord, lfilter, oaconvolve
 
 from aerodb.conditioning.clock import interval, is_uniform
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 
 #: Edges of the anti-aliasing filter in parts of the grid's rate, and its ripple. Above the upper edge nothing may pass.
 PASS_EDGE, STOP_EDGE, RIPPLE_DB = 0.35, 0.5, 60.0

@@ -11,7 +11,7 @@ from scipy.stats import spearmanr
 
 from aerodb.conditioning.channel_rates import GRAVITY
 from aerodb.conditioning.manoeuvres import DEGREE, rolling_range
-from aerodb.support.arrays import Array, Mask
+from aerodb.support import Array, Mask
 
 Found = tuple[int, int, str]
 

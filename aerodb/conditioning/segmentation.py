@@ -15,7 +15,7 @@ from aerodb.conditioning.manoeuvres import DEGREE, PLAIN, Input, inputs
 from aerodb.conditioning.responses import load_factors, runs, slow_oscillations, spirals, stalls, steady
 from aerodb.flight import Flight
 from aerodb.nomenclature import FLAGS
-from aerodb.support.arrays import Array, Mask
+from aerodb.support import Array, Mask
 
 #: Part of the record's high airspeed below which an aircraft is taken to stand or taxi; height [m] up to which it still rolls.
 SLOW, ROLLING_HEIGHT = 0.3, 4.0

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from aerodb.conditioning.differentiation import bridge
 from aerodb.flight import Flight
 from aerodb.nomenclature import FLAGS, is_surface
-from aerodb.support.arrays import Array, Mask
+from aerodb.support import Array, Mask
 
 #: A spike stands out of its neighbours by this many times what samples usually do, nearby and overall.
 SPIKE_FACTOR = 8.0

@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 
 from aerodb.errors import InputError
-from aerodb.support.arrays import Array
-from aerodb.support.identity import key_of
+from aerodb.support import Array, key_of
 
 #: A flight's own estimate beyond this many standard errors from its calibration is a reason to calibrate anew.
 DRIFT = 3.0

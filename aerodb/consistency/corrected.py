@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from aerodb.conditioning.differentiation import bridge
+from aerodb.conditioning import bridge
 from aerodb.consistency.kinematics import INPUTS, STATES
-from aerodb.consistency.output_error.reconstruction import Reconstruction
+from aerodb.consistency.output_error import Reconstruction
 from aerodb.consistency.pressures import (
     HOLES,
     PORTS,
@@ -26,14 +26,21 @@ from aerodb.consistency.pressures import (
     static_pressure,
 )
 from aerodb.consistency.records import MOTION, Inertial, at_probe, from_probe, inertial, one_sensor
-from aerodb.consistency.sensors.parameters import delays_of
-from aerodb.consistency.sensors.prediction import delayed
-from aerodb.consistency.smoother.gusts import Gusts, Intensities
-from aerodb.consistency.smoother.smoothing import Smoothed, SmoothedPath, intensities_of, smooth_flight
-from aerodb.consistency.smoother.state_error_spectrum import Source, StateNoise, state_noise
+from aerodb.consistency.sensors import delayed, delays_of
+from aerodb.consistency.smoother import (
+    Gusts,
+    Intensities,
+    Smoothed,
+    SmoothedPath,
+    Source,
+    StateNoise,
+    intensities_of,
+    smooth_flight,
+    state_noise,
+)
 from aerodb.flight import Flight
-from aerodb.logs.probe import angles_from_pressures
-from aerodb.support.arrays import Array
+from aerodb.logs import angles_from_pressures
+from aerodb.support import Array
 from aerodb.vehicle import Vehicle
 
 #: A channel without a sensor is given when its standard error stays within this many limits of the vehicle's accuracy.

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from aerodb.consistency.motion import march, quaternion_start
 from aerodb.errors import InputError
-from aerodb.physics.geodesy import Earth
-from aerodb.support.arrays import Array
+from aerodb.physics import Earth
+from aerodb.support import Array
 
 STATES: Final = ("u", "v", "w", "phi", "theta", "psi", "north", "east", "altitude")
 INPUTS: Final = ("ax", "ay", "az", "p", "q", "r")

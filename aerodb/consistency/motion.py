@@ -10,8 +10,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from aerodb.physics.geodesy import PLUMB, RATE, curvature, normal_gravity
-from aerodb.support.arrays import Array
+from aerodb.physics import PLUMB, RATE, curvature, normal_gravity
+from aerodb.support import Array
 
 #: Nearer to the vertical than this cosine of the pitch attitude, derivatives of Euler angles are those at this cosine.
 _LEAST_COSINE = 1e-7

@@ -8,8 +8,7 @@ import numpy as np
 
 from aerodb.consistency.kinematics import INPUTS
 from aerodb.consistency.pressures import HOLES
-from aerodb.consistency.sensors.parameters import AIR_DATA, PER_FLIGHT, channels_of, parameter
-from aerodb.consistency.sensors.prediction import Record
+from aerodb.consistency.sensors import AIR_DATA, PER_FLIGHT, Record, channels_of, parameter
 from aerodb.vehicle import Accuracy, Sensor, Vehicle
 
 #: First states start from noisy first samples: they are known to this many natural sizes.

@@ -7,12 +7,12 @@ from typing import Final
 
 import numpy as np
 
-from aerodb.consistency.output_error.reconstruction import Path
+from aerodb.consistency.output_error import Path
 from aerodb.five_hole import Curve, FiveHole
 from aerodb.flight import Flight
-from aerodb.logs.probe import angles_from_pressures
-from aerodb.physics.atmosphere import GRAVITY, density
-from aerodb.support.arrays import Array
+from aerodb.logs import angles_from_pressures
+from aerodb.physics import GRAVITY, density
+from aerodb.support import Array
 from aerodb.vehicle import AirData, Vehicle
 
 #: Pair of holes -> the angle that it shows.

@@ -7,18 +7,15 @@ from typing import Final, Literal
 
 import numpy as np
 
-from aerodb.coefficients.total import specific_force_at_cg
-from aerodb.conditioning.differentiation import FEWEST_SAMPLES, bridge, smooth
+from aerodb.coefficients import specific_force_at_cg
+from aerodb.conditioning import FEWEST_SAMPLES, bridge, smooth
 from aerodb.consistency.pressures import HOLES, made_by_holes, static_pressure
-from aerodb.consistency.sensors.models import installed
-from aerodb.consistency.sensors.parameters import OUTPUTS
-from aerodb.consistency.sensors.prediction import Record
+from aerodb.consistency.sensors import OUTPUTS, Record, installed
 from aerodb.errors import InputError
 from aerodb.flight import Flight
-from aerodb.logs.probe import velocity_at_cg
-from aerodb.physics.atmosphere import GRAVITY
-from aerodb.physics.geodesy import Earth
-from aerodb.support.arrays import Array
+from aerodb.logs import velocity_at_cg
+from aerodb.physics import GRAVITY, Earth
+from aerodb.support import Array
 from aerodb.vehicle import Vehicle, mass_channels
 
 #: Inertial gaps up to this (s) are bridged; longer ones end a record.

@@ -11,13 +11,10 @@ from typing import Any, Literal
 import numpy as np
 
 from aerodb.consistency.kinematics import INPUTS
-from aerodb.consistency.output_error.reconstruction import Path, Reconstruction
+from aerodb.consistency.output_error import Path, Reconstruction
 from aerodb.consistency.pressures import as_angles
 from aerodb.consistency.records import flight_of
-from aerodb.consistency.sensors.expected import Fault
-from aerodb.consistency.sensors.navigation import FlowCheck, VelocityCheck
-from aerodb.consistency.sensors.parameters import AIR_DATA
-from aerodb.consistency.sensors.whiteness import CALM, ProcessNoise, colour, process_noise
+from aerodb.consistency.sensors import AIR_DATA, CALM, Fault, FlowCheck, ProcessNoise, VelocityCheck, colour, process_noise
 from aerodb.vehicle import Accuracy
 
 Word = Literal["good", "limited", "rejected"]

@@ -9,18 +9,25 @@ from numpy.typing import NDArray
 
 from aerodb.consistency.calibration import Calibration, Drift, drift
 from aerodb.consistency.corrected import Corrected, corrected_flight
-from aerodb.consistency.output_error.estimation import busiest, estimate, settled, slow_records
-from aerodb.consistency.output_error.posterior import Knowledge, applied, shared, with_stated
-from aerodb.consistency.output_error.reconstruction import Estimate, Reconstruction
+from aerodb.consistency.output_error import (
+    Estimate,
+    Knowledge,
+    Reconstruction,
+    applied,
+    busiest,
+    estimate,
+    settled,
+    shared,
+    slow_records,
+    with_stated,
+)
 from aerodb.consistency.plan import Plan, make_plan
 from aerodb.consistency.records import MOTION
-from aerodb.consistency.sensors.expected import Fault, faults
-from aerodb.consistency.sensors.navigation import FlowCheck, flow_against_velocity, position_against_velocity
-from aerodb.consistency.sensors.prediction import Record
+from aerodb.consistency.sensors import Fault, FlowCheck, Record, faults, flow_against_velocity, position_against_velocity
 from aerodb.consistency.verdict import Verdict, as_document, judge, judge_navigation, unchecked
 from aerodb.errors import InputError
 from aerodb.flight import Flight
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 from aerodb.vehicle import Vehicle
 
 

@@ -12,11 +12,8 @@ import numpy as np
 from aerodb.effects.flight_view import FlightView
 from aerodb.effects.hypothesis import Hypothesis
 from aerodb.errors import InputError
-from aerodb.support.arrays import Array
-from aerodb.tables.database import AeroDatabase
-from aerodb.tables.definitions import STATE_CHANNEL
-from aerodb.tables.envelope import flown_envelope
-from aerodb.tables.increment import Increment, Interval
+from aerodb.support import Array
+from aerodb.tables import STATE_CHANNEL, AeroDatabase, Increment, Interval, flown_envelope
 
 
 def add_effects(

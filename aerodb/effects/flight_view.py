@@ -11,15 +11,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from aerodb.coefficients.comparison import Comparison, with_states
-from aerodb.coefficients.total import DEFAULT_BANDWIDTH, inertial_moment, thrust_loads
-from aerodb.conditioning.differentiation import bridge, smooth
+from aerodb.coefficients import DEFAULT_BANDWIDTH, Comparison, inertial_moment, thrust_loads, with_states
+from aerodb.conditioning import bridge, smooth
 from aerodb.effects.sensitivity import slopes_by
 from aerodb.flight import Flight
 from aerodb.nomenclature import AXES, MOMENT_AXES
-from aerodb.support.arrays import Array
-from aerodb.tables.database import AeroDatabase
-from aerodb.tables.reference import HAT_RATES, Reference, hat_rate, transfer_moments
+from aerodb.support import Array
+from aerodb.tables import HAT_RATES, AeroDatabase, Reference, hat_rate, transfer_moments
 from aerodb.vehicle import Vehicle, cg_positions, mass_channels
 
 #: Share of the samples that are used on any axis which a channel must have for a hypothesis that needs it.

@@ -13,10 +13,8 @@ import numpy as np
 
 from aerodb.effects.flight_view import FlightView
 from aerodb.nomenclature import FORCE_AXES
-from aerodb.support.arrays import Array
-from aerodb.tables.expression import Expression
-from aerodb.tables.program import evaluate
-from aerodb.tables.reference import HAT_RATES, WIND_AXES, wind_to_body
+from aerodb.support import Array
+from aerodb.tables import HAT_RATES, WIND_AXES, Expression, evaluate, wind_to_body
 
 Kind = Literal["aerodynamic", "sensor"]
 

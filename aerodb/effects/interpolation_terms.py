@@ -9,8 +9,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from aerodb.support.arrays import Array
-from aerodb.tables.expression import Call, Expression, Number, Operation, number
+from aerodb.support import Array
+from aerodb.tables import Call, Expression, Number, Operation, number
 
 
 def as_expression(arguments: Sequence[Expression], breakpoints: Sequence[Array], values: Array) -> Expression:

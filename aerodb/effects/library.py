@@ -48,8 +48,8 @@ from aerodb.effects.measurement import (
 from aerodb.effects.stall import stall_hysteresis
 from aerodb.effects.template import LibrarySettings, Scene, Template
 from aerodb.errors import InputError, UnknownNameError, nearest
-from aerodb.support.identity import key_of
-from aerodb.tables.database import AeroDatabase
+from aerodb.support import key_of
+from aerodb.tables import AeroDatabase
 from aerodb.vehicle import Vehicle
 
 #: What a database can lack.

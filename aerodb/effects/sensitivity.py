@@ -10,10 +10,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from aerodb.support.arrays import Array
-from aerodb.tables.database import AeroDatabase
-from aerodb.tables.expression import Expression
-from aerodb.tables.reference import HAT_RATES
+from aerodb.support import Array
+from aerodb.tables import HAT_RATES, AeroDatabase, Expression
 
 #: Half the range over which a slope is taken, in the variable's unit: a quarter of a degree, of a degree per second, ...
 _STEPS: Mapping[str, float] = {"alpha": 0.0044, "beta": 0.0044, "p": 0.0044, "q": 0.0044, "r": 0.0044}

@@ -14,8 +14,8 @@ import numpy as np
 
 from aerodb.effects.flight_view import FlightView
 from aerodb.effects.hypothesis import Columns, Hypothesis
-from aerodb.support.arrays import Array
-from aerodb.tables.expression import Expression, number, parse
+from aerodb.support import Array
+from aerodb.tables import Expression, number, parse
 
 #: Intervals of a spline.
 INTERVALS: Final = 6

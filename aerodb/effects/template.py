@@ -7,10 +7,7 @@ from typing import Final
 
 from aerodb.effects.hypothesis import Hypothesis, Kind, needed_channels
 from aerodb.effects.surfaces import Surface, surfaces_of
-from aerodb.tables.database import AeroDatabase
-from aerodb.tables.expression import Expression, parse
-from aerodb.tables.program import evaluate
-from aerodb.tables.reference import WIND_AXES
+from aerodb.tables import WIND_AXES, AeroDatabase, Expression, evaluate, parse
 from aerodb.vehicle import Vehicle
 
 #: What an axis is called in a sentence.

@@ -25,10 +25,10 @@ from pydantic import Field, model_validator
 from aerodb.effects.hypothesis import Hypothesis
 from aerodb.effects.template import Scene, Template, on_axis
 from aerodb.errors import InputError, UnknownNameError, nearest
-from aerodb.increments.model_file import INCREMENT_AXES
+from aerodb.increments import INCREMENT_AXES
 from aerodb.nomenclature import channel
-from aerodb.support.strict import Strict, validated
-from aerodb.tables.expression import Expression, parse
+from aerodb.support import Strict, validated
+from aerodb.tables import Expression, parse
 
 GROUP: Final = "aerodb.effects"
 _NAME: Final = re.compile(r"[a-z][a-z0-9_]*")

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.fft import next_fast_len, rfft
 
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 
 #: Products of this size (multiplications) and below are not worth a BLAS thread.
 _SINGLE_THREAD = 200_000

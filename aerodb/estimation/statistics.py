@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 
 
 @dataclass(frozen=True)

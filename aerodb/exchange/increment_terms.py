@@ -10,12 +10,27 @@ from functools import reduce
 from typing import Final
 
 from aerodb.nomenclature import CHANNELS
-from aerodb.tables.algebra import plus, times
-from aerodb.tables.database import AeroDatabase, Term, Variable
-from aerodb.tables.definitions import CONSTANTS
-from aerodb.tables.expression import Call, Expression, Name, Negation, Number, Operation, TableCall, number, parse
-from aerodb.tables.functions import FUNCTIONS
-from aerodb.tables.increment import BASE_VARIABLES, Increment, Interval
+from aerodb.tables import (
+    BASE_VARIABLES,
+    CONSTANTS,
+    FUNCTIONS,
+    AeroDatabase,
+    Call,
+    Expression,
+    Increment,
+    Interval,
+    Name,
+    Negation,
+    Number,
+    Operation,
+    TableCall,
+    Term,
+    Variable,
+    number,
+    parse,
+    plus,
+    times,
+)
 
 _RULE: Final = "1 inside and one cell beyond, then to 0 over one further cell"
 

@@ -20,16 +20,26 @@ import numpy as np
 from aerodb.errors import InputError, UnknownNameError, nearest
 from aerodb.exchange.native_schema import DatabaseFile, Document, IncrementFile, StateFile, TableFile, UncertaintyFile
 from aerodb.nomenclature import axis_description, channel
-from aerodb.support.identity import content_sha256
-from aerodb.support.strict import validated
-from aerodb.tables.database import AeroDatabase, Term, Variable
-from aerodb.tables.expression import Expression, Number, Operation, number, parse
-from aerodb.tables.increment import Increment, Interval
-from aerodb.tables.reference import Reference
-from aerodb.tables.scattered import ScatteredTable
-from aerodb.tables.state_model import LAWS, StateModel
-from aerodb.tables.table import Table
-from aerodb.tables.uncertainty import Uncertainty, bound_arrays
+from aerodb.support import content_sha256, validated
+from aerodb.tables import (
+    LAWS,
+    AeroDatabase,
+    Expression,
+    Increment,
+    Interval,
+    Number,
+    Operation,
+    Reference,
+    ScatteredTable,
+    StateModel,
+    Table,
+    Term,
+    Uncertainty,
+    Variable,
+    bound_arrays,
+    number,
+    parse,
+)
 from aerodb.units import conversion
 
 DOCUMENT_FORMAT: Final = 1

@@ -6,7 +6,7 @@ from pydantic import Field, model_validator
 
 from aerodb.quantities import Number as Coefficient
 from aerodb.quantities import Point
-from aerodb.support.strict import Strict
+from aerodb.support import Strict
 from aerodb.vehicle import Reference as Lengths
 
 

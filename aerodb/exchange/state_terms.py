@@ -8,11 +8,9 @@ from typing import Final
 
 from aerodb.errors import InputError
 from aerodb.exchange.increment_terms import substitute, with_increments_as_terms
-from aerodb.exchange.jsbsim.properties import HYSTERESIS, hysteresis_text, own_name
+from aerodb.exchange.jsbsim import HYSTERESIS, hysteresis_text, own_name
 from aerodb.nomenclature import CHANNELS
-from aerodb.tables.database import AeroDatabase, Variable
-from aerodb.tables.expression import Expression, Name, parse
-from aerodb.tables.state_model import Relay, StateModel
+from aerodb.tables import AeroDatabase, Expression, Name, Relay, StateModel, Variable, parse
 
 _RELAY_INPUT: Final = own_name(HYSTERESIS)
 

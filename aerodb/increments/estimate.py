@@ -6,20 +6,24 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from aerodb.coefficients.comparison import Comparison, band_limited
+from aerodb.coefficients import Comparison, band_limited
 from aerodb.errors import InputError
-from aerodb.estimation.regression import Regression, least_squares, own_constants, with_mean_constant
-from aerodb.estimation.statistics import Theil, theil
+from aerodb.estimation import Regression, Theil, least_squares, own_constants, theil, with_mean_constant
 from aerodb.flight import Flight
 from aerodb.increments.model_file import CONSTANT, DeclaredIncrement, ModelFile, Regressor, check_channels, expand
 from aerodb.nomenclature import MOMENT_AXES
-from aerodb.support.arrays import Array
-from aerodb.tables.database import AeroDatabase
-from aerodb.tables.envelope import flown_envelope
-from aerodb.tables.increment import Increment, Interval
-from aerodb.tables.program import evaluate
-from aerodb.tables.reference import HAT_RATES, hat_rate
-from aerodb.tables.slopes import QUANTITIES, new_sign_changes
+from aerodb.support import Array
+from aerodb.tables import (
+    HAT_RATES,
+    QUANTITIES,
+    AeroDatabase,
+    Increment,
+    Interval,
+    evaluate,
+    flown_envelope,
+    hat_rate,
+    new_sign_changes,
+)
 
 #: Two estimates correlated beyond this cannot be told apart by these flights: reported as an alias group.
 ALIAS_CORRELATION = 0.95

@@ -11,9 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 from aerodb.nomenclature import AXES
-from aerodb.tables.check_cases import CheckCase, failures
-from aerodb.tables.database import AeroDatabase
-from aerodb.tables.slopes import new_sign_changes
+from aerodb.tables import AeroDatabase, CheckCase, failures, new_sign_changes
 
 #: An error must fall by more than this share to count as fallen.
 _ROUNDING: Final = 1e-9

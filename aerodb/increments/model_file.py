@@ -24,8 +24,8 @@ from pydantic import Field, model_validator
 
 from aerodb.errors import InputError, nearest
 from aerodb.nomenclature import AXES
-from aerodb.support.strict import Strict, validated
-from aerodb.tables.expression import Expression, parse
+from aerodb.support import Strict, validated
+from aerodb.tables import Expression, parse
 
 #: Axes on which an increment may stand: the body axes and the wind axes of the same forces.
 INCREMENT_AXES = (*AXES, "C_lift", "C_drag", "C_side")

@@ -6,11 +6,11 @@ from typing import Literal
 
 import numpy as np
 
-from aerodb.coefficients.comparison import Comparison
+from aerodb.coefficients import Comparison
 from aerodb.errors import InputError, UnknownNameError, nearest
-from aerodb.estimation.statistics import Theil, rms, theil
+from aerodb.estimation import Theil, rms, theil
 from aerodb.nomenclature import AXES
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 
 Kind = Literal["held-out", "cross-validated", "not validated"]
 Outcome = Literal["at noise floor", "improved", "unchanged", "worse", "not repaired"]

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from aerodb.flight import Flight
-from aerodb.physics.atmosphere import density, mach_from_calibrated, speed_of_sound, standard_atmosphere
-from aerodb.support.arrays import Array
+from aerodb.physics import density, mach_from_calibrated, speed_of_sound, standard_atmosphere
+from aerodb.support import Array
 
 
 @dataclass(frozen=True)

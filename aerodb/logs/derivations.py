@@ -6,8 +6,8 @@ from typing import Final
 
 import numpy as np
 
-from aerodb.physics.frames import euler_321_from_enu_quaternion, euler_321_from_quaternion
-from aerodb.support.arrays import Array
+from aerodb.physics import euler_321_from_enu_quaternion, euler_321_from_quaternion
+from aerodb.support import Array
 
 
 @dataclass(frozen=True)

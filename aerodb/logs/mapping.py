@@ -6,8 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from aerodb.conditioning.clock import clean_clock, interval, is_uniform
-from aerodb.conditioning.resampling import Resampler, first_order_lag, hold, resampler, uniform_grid
+from aerodb.conditioning import Resampler, clean_clock, first_order_lag, hold, interval, is_uniform, resampler, uniform_grid
 from aerodb.errors import InputError
 from aerodb.flight import Flight
 from aerodb.logs.air_data import complete_air_data
@@ -18,7 +17,7 @@ from aerodb.logs.mapping_file import ChannelMapping, Derived, Mapping, Source, m
 from aerodb.logs.probe import air_data_at_cg
 from aerodb.nomenclature import FLAGS, channel
 from aerodb.recording import Damage, Recording
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 from aerodb.units import convert
 from aerodb.vehicle import Surface, Vehicle, add_combinations
 

@@ -14,7 +14,7 @@ from aerodb.errors import InputError, UnknownNameError, nearest
 from aerodb.logs.derivations import METHODS
 from aerodb.nomenclature import channel
 from aerodb.recording import Recording, Topic
-from aerodb.support.strict import Strict, validated
+from aerodb.support import Strict, validated
 
 
 def _registered(name: str) -> str:

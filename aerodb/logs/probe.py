@@ -7,8 +7,7 @@ import numpy as np
 
 from aerodb.five_hole import flow_angles
 from aerodb.flight import Bits, Flight
-from aerodb.support.arrays import Array
-from aerodb.support.signals import Signal, body_to_earth
+from aerodb.support import Array, Signal, body_to_earth
 from aerodb.vehicle import AirData, Vehicle, mass_channels
 
 _PRESSURES = ("probe_dp_alpha", "probe_dp_beta", "qbar")

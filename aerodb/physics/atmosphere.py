@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 
 GRAVITY: Final = 9.80665
 GAS_CONSTANT: Final = 287.05287  # J/(kg K), dry air, ICAO Doc 7488

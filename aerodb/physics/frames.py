@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 
 
 def euler_321_from_quaternion(w: Array, x: Array, y: Array, z: Array) -> tuple[Array, Array, Array]:

@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 
 from aerodb.errors import InputError
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 
 SEMI_MAJOR: Final = 6378137.0  # m
 FLATTENING: Final = 1.0 / 298.257223563

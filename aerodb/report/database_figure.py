@@ -7,10 +7,8 @@ from matplotlib.figure import Figure
 
 from aerodb.nomenclature import AXES, axis_description
 from aerodb.report.style import DATABASE, channel_scale, plain_panel
-from aerodb.support.arrays import Array
-from aerodb.tables.arguments import breakpoints_over
-from aerodb.tables.database import AeroDatabase
-from aerodb.tables.nodes import neutral_point, spread
+from aerodb.support import Array
+from aerodb.tables import AeroDatabase, breakpoints_over, neutral_point, spread
 
 #: Over what a coefficient is drawn, and how far [rad] where no table says.
 _OVER: Final = {axis: "alpha" if axis in ("CX", "CZ", "Cm") else "beta" for axis in AXES}

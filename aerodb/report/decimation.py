@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 
 Index = NDArray[np.intp]
 

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from aerodb.tables.differences import DatabaseDiff, NodeChanges, TermChange
+from aerodb.tables import DatabaseDiff, NodeChanges, TermChange
 
 
 def diff_document(found: DatabaseDiff) -> dict[str, Any]:

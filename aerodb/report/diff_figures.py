@@ -8,12 +8,8 @@ from matplotlib.figure import Figure
 
 from aerodb.nomenclature import AXES
 from aerodb.report.style import DATABASE, DATABASE_LINE, UPDATED, channel_scale, in_figure, plain_panel
-from aerodb.support.arrays import Array
-from aerodb.tables.database import AeroDatabase
-from aerodb.tables.increment import Increment
-from aerodb.tables.nodes import neutral_point, table_grids
-from aerodb.tables.reference import WIND_AXES
-from aerodb.tables.slopes import new_increments
+from aerodb.support import Array
+from aerodb.tables import WIND_AXES, AeroDatabase, Increment, neutral_point, new_increments, table_grids
 
 #: More slices than this fill no page that anybody reads; `diff` lists every node.
 MAX_PANELS: Final = 12

@@ -4,8 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
-from aerodb.increments.estimate import AxisUpdate, Update
-from aerodb.increments.validation import AxisProof, HoldOut
+from aerodb.increments import AxisProof, AxisUpdate, HoldOut, Update
 
 
 def update_document(

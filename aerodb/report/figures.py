@@ -7,12 +7,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from aerodb.coefficients.comparison import Comparison
-from aerodb.estimation.statistics import rms
+from aerodb.coefficients import Comparison
+from aerodb.estimation import rms
 from aerodb.nomenclature import axis_description
 from aerodb.report.decimation import extremes
 from aerodb.report.style import DATABASE, DATABASE_LINE, FLIGHT, UPDATED, in_figure, plain_panel
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 
 #: More points than a print can show only make the file heavy; extremes are kept.
 MAX_POINTS: Final = 1600

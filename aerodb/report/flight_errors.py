@@ -3,8 +3,8 @@
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
-from aerodb.coefficients.comparison import Comparison
-from aerodb.estimation.statistics import rms
+from aerodb.coefficients import Comparison
+from aerodb.estimation import rms
 from aerodb.report.figures import pooled_residual
 from aerodb.report.headlines import by_parts
 from aerodb.report.page import number

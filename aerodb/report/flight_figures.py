@@ -6,14 +6,13 @@ from typing import Any, Final
 import numpy as np
 from matplotlib.figure import Figure
 
-from aerodb.coefficients.comparison import Comparison
-from aerodb.conditioning.segmentation import STATES, Segment
+from aerodb.coefficients import Comparison
+from aerodb.conditioning import STATES, Segment
 from aerodb.flight import Flight
 from aerodb.nomenclature import AXES, axis_description, is_surface
 from aerodb.report.decimation import decimated, extremes, flagged_stretches
 from aerodb.report.style import DATABASE, DATABASE_LINE, FLAGGED, FLIGHT, MEASURED, channel_scale, plain_panel
-from aerodb.tables.arguments import breakpoints_over
-from aerodb.tables.database import AeroDatabase
+from aerodb.tables import AeroDatabase, breakpoints_over
 
 #: Channels shown, in this order where the flight has them; surfaces follow.
 SHOWN: Final = (

@@ -6,10 +6,9 @@ from dataclasses import asdict, dataclass
 from datetime import datetime
 from typing import Any, Final
 
-from aerodb.coefficients.comparison import Comparison
-from aerodb.conditioning.plausibility import Suspicion
-from aerodb.conditioning.segmentation import Segment
-from aerodb.estimation.statistics import rms
+from aerodb.coefficients import Comparison
+from aerodb.conditioning import Segment, Suspicion
+from aerodb.estimation import rms
 from aerodb.flight import Flight
 from aerodb.nomenclature import AXES, CHANNELS, axis_description
 from aerodb.report.flight_figures import (
@@ -22,7 +21,7 @@ from aerodb.report.flight_figures import (
 )
 from aerodb.report.page import number, render
 from aerodb.report.style import Picture, for_people, picture
-from aerodb.tables.database import AeroDatabase
+from aerodb.tables import AeroDatabase
 
 _SAYS: Final = {
     "good": "It may identify and validate",

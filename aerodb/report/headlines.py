@@ -3,10 +3,10 @@
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
-from aerodb.increments.validation import UNCHANGED
+from aerodb.increments import UNCHANGED
 from aerodb.nomenclature import AXES
-from aerodb.tables.reference import WIND_AXES
-from aerodb.tracing.decision.findings import ADDED
+from aerodb.tables import WIND_AXES
+from aerodb.tracing import ADDED
 
 _WHOLE: Final = {
     "held-out": "on {n} held-out flight{s}",

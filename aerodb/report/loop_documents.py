@@ -3,10 +3,9 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from aerodb.increments.validation import AxisProof, HoldOut
+from aerodb.increments import AxisProof, HoldOut
 from aerodb.report.document import axis_document, opening
-from aerodb.tracing.decision.findings import Finding, Traced
-from aerodb.tracing.decision.unexplained_residual import Remainder
+from aerodb.tracing import Finding, Remainder, Traced
 
 
 def loop_document(

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
-from aerodb.coefficients.comparison import Comparison
+from aerodb.coefficients import Comparison
 from aerodb.report.style import (
     DATABASE,
     DATABASE_LINE,
@@ -19,7 +19,7 @@ from aerodb.report.style import (
     parameter_scale,
     plain_panel,
 )
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 
 _SPAN: Final = re.compile(r"\d+(?:\.\d+)?")
 

@@ -6,7 +6,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from aerodb.coefficients.comparison import Comparison
+from aerodb.coefficients import Comparison
 from aerodb.nomenclature import AXES
 from aerodb.report.diff_figures import diff_figure
 from aerodb.report.figures import update_figure
@@ -15,9 +15,8 @@ from aerodb.report.headlines import by_parts, effect_words, error_rows, headline
 from aerodb.report.page import render
 from aerodb.report.style import Picture, for_people, picture
 from aerodb.report.update_figures import error_figure, forest_figure, moving_variables, residual_figure
-from aerodb.support.arrays import Array
-from aerodb.tables.database import AeroDatabase
-from aerodb.tables.reference import WIND_AXES
+from aerodb.support import Array
+from aerodb.tables import WIND_AXES, AeroDatabase
 
 #: What each verdict means, for the reader of a report.
 MEANS: Final[Mapping[str, str]] = {

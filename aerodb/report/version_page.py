@@ -11,8 +11,7 @@ from aerodb.report.diff_figures import diff_figure
 from aerodb.report.lineage_figure import HEIGHT, WIDTH, Graph
 from aerodb.report.page import render
 from aerodb.report.style import channel_scale, picture
-from aerodb.tables.database import AeroDatabase
-from aerodb.tables.differences import diff
+from aerodb.tables import AeroDatabase, diff
 
 _MOST_NODES: Final = 24
 

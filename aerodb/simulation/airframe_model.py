@@ -7,8 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from aerodb.errors import InputError
-from aerodb.physics.atmosphere import speed_of_sound, standard_atmosphere
-from aerodb.physics.frames import euler_321_from_quaternion
+from aerodb.physics import euler_321_from_quaternion, speed_of_sound, standard_atmosphere
 from aerodb.simulation.motion import (
     POSITION,
     QUATERNION,
@@ -21,7 +20,7 @@ from aerodb.simulation.motion import (
     to_body,
     to_earth,
 )
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 from aerodb.vehicle import Vehicle
 
 #: Canonical channels (each (k,)) in, coefficients CX CY CZ Cl Cm Cn (each (k,)) out.

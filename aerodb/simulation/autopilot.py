@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from aerodb.physics.atmosphere import GRAVITY
+from aerodb.physics import GRAVITY
 from aerodb.simulation.airframe_model import Airframe
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 
 
 @dataclass(frozen=True)

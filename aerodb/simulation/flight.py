@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from aerodb.simulation.airframe_model import Airframe, MovingAir
 from aerodb.simulation.motion import POSITION, QUATERNION, midpoint_step
 from aerodb.simulation.turbulence import DrydenGusts
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 from aerodb.vehicle import Surface
 
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 
 #: Pulse widths in units of the event's width, signs alternating.
 SHAPES: dict[str, tuple[int, ...]] = {"pulse": (1,), "doublet": (1, 1), "3211": (3, 2, 1, 1)}

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,8 @@ from typing import Final
 
 import numpy as np
 
-from aerodb.physics.atmosphere import GRAVITY
-from aerodb.support.arrays import Array
+from aerodb.physics import GRAVITY
+from aerodb.support import Array
 
 VELOCITY: Final = slice(0, 3)
 RATES: Final = slice(3, 6)

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aerodb.physics.atmosphere import DENSITY_0
+from aerodb.physics import DENSITY_0
 from aerodb.recording import Topic
 from aerodb.simulation.flight import History
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 from aerodb.vehicle import Vehicle
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 
 _FOOT = 0.3048
 

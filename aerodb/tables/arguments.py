@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from aerodb.errors import UnknownNameError, nearest
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.definitions import CONSTANTS
 from aerodb.tables.expression import Expression, Name, Negation, Number, Operation, TableCall

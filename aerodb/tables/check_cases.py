@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from aerodb.nomenclature import AXES
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.nodes import table_grids
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from aerodb.errors import InputError, UnknownNameError, nearest
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 from aerodb.tables.algebra import times
 from aerodb.tables.arguments import ScaledChannel, rebuilt
 from aerodb.tables.database import AeroDatabase

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from aerodb.errors import InputError
 from aerodb.nomenclature import AXES, FORCE_AXES
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 from aerodb.tables.definitions import CONSTANTS, check_axis, check_definitions, check_input, check_uncertainties
 from aerodb.tables.expression import Expression
 from aerodb.tables.functions import Value

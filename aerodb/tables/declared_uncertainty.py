@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from aerodb.nomenclature import AXES, FORCE_AXES
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 from aerodb.tables.algebra import plus, times
 from aerodb.tables.arguments import rebuilt
 from aerodb.tables.expression import Call, Expression, Name, Operation, TableCall, number

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerodb.nomenclature import AXES
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.increment import Increment
 from aerodb.tables.nodes import TableGrid, neutral_point, spread, table_axes, table_grids

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerodb.nomenclature import AXES, FORCE_AXES
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 from aerodb.tables.declared_uncertainty import declared_variance
 from aerodb.tables.functions import Value
 from aerodb.tables.linear_terms import depends_on

@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 
 Value = Array | float
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerodb.errors import InputError
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 from aerodb.tables.expression import Expression
 from aerodb.tables.functions import Value
 from aerodb.tables.program import Program, compile_program

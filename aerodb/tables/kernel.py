@@ -4,7 +4,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from aerodb.support.arrays import Array, Integers
+from aerodb.support import Array, Integers
 
 
 @numba.njit(cache=True, nogil=True)

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 from aerodb.tables.expression import Call, Expression, Name, Negation, Number, Operation, number
 from aerodb.tables.program import evaluate
 

@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 
 from aerodb.errors import InputError
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 from aerodb.tables.arguments import breakpoints_over
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.expression import Expression

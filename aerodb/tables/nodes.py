@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from aerodb.errors import InputError, UnknownNameError, nearest
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 from aerodb.tables.arguments import calls
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.expression import Expression, Name, TableCall

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerodb.errors import InputError
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 from aerodb.tables.expression import Call, Expression, Name, Negation, Number, Operation, TableCall, unknown_table
 from aerodb.tables.functions import FUNCTIONS, OPERATORS, Value
 from aerodb.tables.scattered import ScatteredTable

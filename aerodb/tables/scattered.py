@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerodb.errors import InputError
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 from aerodb.tables.expression import check_identifier
 from aerodb.tables.table import Lookup, stacked_arguments
 from aerodb.tables.uncertainty import Uncertainty, check_bounds

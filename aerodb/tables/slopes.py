@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.increment import Increment
 from aerodb.tables.nodes import neutral_point, table_grids

@@ -3,7 +3,7 @@
 import numba
 import numpy as np
 
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 
 
 @numba.njit(cache=True)

@@ -11,9 +11,9 @@ from typing import Final
 
 import numpy as np
 
-from aerodb.conditioning.differentiation import FEWEST_SAMPLES, smooth
+from aerodb.conditioning import FEWEST_SAMPLES, smooth
 from aerodb.errors import InputError
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 from aerodb.tables.expression import Expression, check_identifier, number, parse
 from aerodb.tables.functions import Value
 

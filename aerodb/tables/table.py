@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerodb.errors import InputError, UnknownNameError, nearest
-from aerodb.support.arrays import Array, Mask
+from aerodb.support import Array, Mask
 from aerodb.tables.expression import check_identifier
 from aerodb.tables.uncertainty import Uncertainty, check_bounds
 

@@ -3,7 +3,7 @@
 from dataclasses import asdict, dataclass
 
 from aerodb.errors import InputError
-from aerodb.support.identity import key_of
+from aerodb.support import key_of
 
 
 @dataclass(frozen=True)

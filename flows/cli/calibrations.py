@@ -9,7 +9,7 @@ from aerodb.errors import InputError
 from aerodb.flows.cli.consistency import angular, say_consistency
 from aerodb.flows.cli.output import Session
 from aerodb.flows.cli.references import Vehicle
-from aerodb.storage.catalogue.rows import CalibrationRow
+from aerodb.storage.catalogue import CalibrationRow
 from aerodb.tasks.references import vehicle_of
 
 app = typer.Typer(name="calibration", no_args_is_help=True, help="Calibrations: sensor errors from flights, as versions.")

@@ -11,10 +11,10 @@ from aerodb.errors import InputError
 from aerodb.flows.cli.consistency import say_consistency
 from aerodb.flows.cli.findings import say_delays, say_repeats, say_segments, say_suspicions
 from aerodb.flows.cli.output import Session, complaint, visible
-from aerodb.logs.inspection import TopicSummary, describe
+from aerodb.logs import TopicSummary, describe
 from aerodb.recording import Damage, Recording
-from aerodb.storage.catalogue.rows import FlightRow
-from aerodb.tasks.view.flight_documents import damage_document, flight_details, flights_document
+from aerodb.storage.catalogue import FlightRow
+from aerodb.tasks.view import damage_document, flight_details, flights_document
 from aerodb.tasks.workspace_access import Stores
 
 logs = typer.Typer(name="log", no_args_is_help=True, help="Logs as they are.")
@@ -32,7 +32,7 @@ def inspect(
     Example: aerodb log inspect flight.ulg
     """
     # Imported where it is needed, here and below: a query must not wait for the science.
-    from aerodb.storage.readers.isolated import parsed_log
+    from aerodb.storage.readers import parsed_log
     from aerodb.storage.workspace_settings import load_settings
 
     session: Session = context.obj
@@ -44,10 +44,9 @@ def inspect(
 
 
 def _look_into(session: Session, recording: Recording, mapping: str | None) -> None:
-    from aerodb.logs.completeness import prevents
-    from aerodb.logs.mapping import channels_found, choose_mapping, on_mapped_clock
+    from aerodb.logs import channels_found, choose_mapping, on_mapped_clock, prevents
     from aerodb.storage.mappings import builtin_mappings, load_mapping
-    from aerodb.tasks.steps.inspect_log import look_over
+    from aerodb.tasks.steps import look_over
 
     chosen, refusal = None, ""
     try:
@@ -130,7 +129,7 @@ def ingest(
 
     Example: aerodb flight ingest *.ulg --vehicle my-glider
     """
-    from aerodb.storage.readers.isolated import start_reader
+    from aerodb.storage.readers import start_reader
 
     start_reader()  # it gets ready while this process loads the science
     from aerodb.flows.flight import flight_flow
@@ -242,7 +241,7 @@ def retract(
 
     Example: aerodb flight retract 1a2b3c --reason "pitot cover left on"
     """
-    from aerodb.tasks.view.lineage_documents import rebuilds
+    from aerodb.tasks.view import rebuilds
 
     session: Session = context.obj
     catalogue = session.catalogue()

@@ -42,7 +42,7 @@ def backup(
 
     Example: aerodb backup /mnt/backup/aerodb
     """
-    from aerodb.storage.upkeep.backup import back_up
+    from aerodb.storage.upkeep import back_up
 
     session: Session = context.obj
     workspace = session.workspace()
@@ -66,7 +66,7 @@ def restore(
 
     Example: aerodb restore /mnt/backup/aerodb --workspace restored
     """
-    from aerodb.storage.upkeep.backup import restore as restored
+    from aerodb.storage.upkeep import restore as restored
 
     session: Session = context.obj
     root = workspace or session.root

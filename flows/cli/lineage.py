@@ -8,8 +8,7 @@ import typer
 from aerodb.errors import InputError
 from aerodb.flows.cli.output import Session
 from aerodb.flows.cli.references import Vehicle
-from aerodb.storage.catalogue.catalogue import Catalogue
-from aerodb.storage.catalogue.rows import VersionRow
+from aerodb.storage.catalogue import Catalogue, VersionRow
 from aerodb.storage.workspace import Workspace, write_for_user
 from aerodb.tasks.references import version_of
 
@@ -44,14 +43,14 @@ def lineage(
 
 
 def _write_prov(session: Session, workspace: Workspace, catalogue: Catalogue, row: VersionRow, target: Path) -> None:
-    from aerodb.tasks.view.lineage_documents import prov_of
+    from aerodb.tasks.view import prov_of
 
     written = write_for_user(workspace, target, prov_of(catalogue, row))
     session.say(f"PROV-JSON: {written}")
 
 
 def _whole(session: Session, catalogue: Catalogue, row: VersionRow) -> None:
-    from aerodb.tasks.view.lineage_documents import lineage_document
+    from aerodb.tasks.view import lineage_document
 
     document = lineage_document(catalogue, row)
     flights = catalogue.flights_by_id(entry["flight"] for entry in document["flights"])
@@ -70,7 +69,7 @@ def _whole(session: Session, catalogue: Catalogue, row: VersionRow) -> None:
 
 
 def _origins(session: Session, catalogue: Catalogue, row: VersionRow, node: str | None, at: str) -> None:
-    from aerodb.tasks.view.lineage_documents import origins_document
+    from aerodb.tasks.view import origins_document
 
     document = origins_document(catalogue, row, node, at)
     what, origins = document["at"], document["increments"]
@@ -98,7 +97,7 @@ def impact(context: typer.Context, flight: str, vehicle: Vehicle = None) -> None
 
     Example: aerodb version impact 1a2b3c
     """
-    from aerodb.tasks.view.lineage_documents import impact_document
+    from aerodb.tasks.view import impact_document
 
     session: Session = context.obj
     catalogue = session.catalogue()
@@ -123,7 +122,7 @@ def diff(
 
     Example: aerodb version diff v0001 candidate --figure diff.png
     """
-    from aerodb.tasks.view.lineage_documents import compare_versions
+    from aerodb.tasks.view import compare_versions
 
     session: Session = context.obj
     workspace = session.workspace()

@@ -14,9 +14,9 @@ from rich.table import Table
 from rich.text import Text
 
 from aerodb.flows.run import How, run_flow
-from aerodb.storage.catalogue.catalogue import Catalogue
+from aerodb.storage.catalogue import Catalogue
 from aerodb.storage.workspace import Workspace
-from aerodb.tasks.view.json_documents import as_json
+from aerodb.tasks.view import as_json
 
 
 def visible(text: str, keep: str = "") -> str:

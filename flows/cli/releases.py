@@ -60,7 +60,7 @@ def export(
 
     Example: aerodb version export released --format jsbsim --output my-glider.xml
     """
-    from aerodb.tasks.steps.export import export_version
+    from aerodb.tasks.steps import export_version
 
     session: Session = context.obj
     workspace = session.workspace()

@@ -77,7 +77,7 @@ def version(
 
 def _write(session: Session, parameters: dict[str, Any], output: Path, as_pdf: bool) -> None:
     from aerodb.flows.report import report_flow
-    from aerodb.report.page import pdf
+    from aerodb.report import pdf
 
     page: str = session.run(report_flow, parameters, direct=True)
     data = pdf(page) if as_pdf else page.encode("utf-8")

@@ -100,7 +100,7 @@ def status(context: typer.Context) -> None:
 
     Example: aerodb status
     """
-    from aerodb.tasks.view.status import status_of
+    from aerodb.tasks.view import status_of
 
     session: Session = context.obj
     document = status_of(_opened(session))

@@ -8,7 +8,7 @@ import typer
 from aerodb.flows.cli.output import Session
 
 if TYPE_CHECKING:
-    from aerodb.storage.files.transfer import Moved
+    from aerodb.storage.files import Moved
 
 app = typer.Typer(name="store", no_args_is_help=True, help="The object store, and the folder that is its cache.")
 

@@ -8,8 +8,7 @@ import typer
 from aerodb.errors import InputError
 from aerodb.flows.cli.output import Session
 from aerodb.flows.cli.vehicles import read_text
-from aerodb.storage.catalogue.catalogue import Catalogue
-from aerodb.storage.catalogue.rows import VersionRow
+from aerodb.storage.catalogue import Catalogue, VersionRow
 
 
 def update(
@@ -29,7 +28,7 @@ def update(
     Example: aerodb update --vehicle my-glider --model increments.toml
     """
     from aerodb.flows.update import update_flow
-    from aerodb.increments.model_file import parse_model_file
+    from aerodb.increments import parse_model_file
 
     session: Session = context.obj
     if (model is None) == (like is None):

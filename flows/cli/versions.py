@@ -7,10 +7,10 @@ import typer
 from aerodb.flows.cli.output import Session
 from aerodb.flows.cli.references import AsOf, Vehicle
 from aerodb.tasks.references import vehicle_of, version_of
-from aerodb.tasks.view.version_documents import history_document, version_details, versions_document
+from aerodb.tasks.view import history_document, version_details, versions_document
 
 if TYPE_CHECKING:
-    from aerodb.tables.database import AeroDatabase
+    from aerodb.tables import AeroDatabase
 
 app = typer.Typer(name="version", no_args_is_help=True, help="Database versions: list, ask, trace.")
 
@@ -65,7 +65,7 @@ def show(
     """
     import numpy as np
 
-    from aerodb.tasks.view.evaluation import database_of
+    from aerodb.tasks.view import database_of
 
     session: Session = context.obj
     catalogue = session.catalogue()
@@ -122,7 +122,7 @@ def evaluate(
 
     Example: aerodb version evaluate released --at alpha=5deg,V=70,mach=0.2
     """
-    from aerodb.tasks.view.evaluation import evaluate_at
+    from aerodb.tasks.view import evaluate_at
 
     session: Session = context.obj
     catalogue = session.catalogue()
@@ -141,8 +141,8 @@ def evaluate(
 
 def _consolidated(session: Session, database: "AeroDatabase") -> tuple["AeroDatabase", dict[str, Any]]:
     """The database with its increments folded into tables, said regressor by regressor, and as a document."""
-    from aerodb.exchange.native import to_document
-    from aerodb.tables.consolidation import consolidate, plan
+    from aerodb.exchange import to_document
+    from aerodb.tables import consolidate, plan
 
     folds = [
         {

@@ -35,8 +35,7 @@ from aerodb.flows.web import (
 from aerodb.flows.web.console import Console, document, page_of
 from aerodb.flows.web.models import REFUSALS
 from aerodb.flows.web.security import ForbiddenError, Guard, Secured
-from aerodb.report.page import render
-from aerodb.report.style import FLAGGED, FLIGHT, MEASURED, UPDATED
+from aerodb.report import FLAGGED, FLIGHT, MEASURED, UPDATED, render
 from aerodb.storage.workspace import Workspace
 
 _STATIC: Final = Path(__file__).parent / "static"

@@ -13,7 +13,7 @@ from aerodb.flows.release import promote_flow, roll_back_flow
 from aerodb.flows.web.console import Vehicle, Word, console_of, document, opened_of, page_of, version_at
 from aerodb.flows.web.models import CONFLICTS
 from aerodb.flows.web.security import check_csrf
-from aerodb.storage.catalogue.names import standing_moves
+from aerodb.storage.catalogue import standing_moves
 from aerodb.tasks.references import vehicle_of
 from aerodb.tasks.result_versions import RELEASED
 

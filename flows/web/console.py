@@ -14,12 +14,11 @@ from starlette.responses import Response
 
 from aerodb.flows.run import run_flow
 from aerodb.flows.web.security import REPORT_POLICY, Guard, keep_session, session_of
-from aerodb.report import page
-from aerodb.report.style import for_people, visible
-from aerodb.storage.catalogue.rows import VersionRow
+from aerodb.report import for_people, page, visible
+from aerodb.storage.catalogue import VersionRow
 from aerodb.storage.workspace import Workspace
 from aerodb.tasks.references import version_of
-from aerodb.tasks.view.json_documents import as_json
+from aerodb.tasks.view import as_json
 from aerodb.tasks.workspace_access import Stores, stores
 
 #: Entries of a page of a list.

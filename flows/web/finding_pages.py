@@ -8,9 +8,8 @@ from starlette.responses import Response
 from aerodb.flows.report import report_flow
 from aerodb.flows.web.console import PER_PAGE, Limit, Vehicle, address, console_of, document, opened_of, page_of, report
 from aerodb.flows.web.models import Finding, answers
-from aerodb.report.headlines import error_rows, headline
-from aerodb.report.update_page import MEANS
-from aerodb.tasks.view.finding_documents import finding_document, findings_page, labels_of, reference_of
+from aerodb.report import MEANS, error_rows, headline
+from aerodb.tasks.view import finding_document, findings_page, labels_of, reference_of
 
 router = APIRouter(tags=["findings"])
 After = Annotated[str, Query(max_length=200, description="Where the page before ended, as its header Link says.")]

@@ -27,12 +27,18 @@ from aerodb.flows.web.console import (
     report,
 )
 from aerodb.flows.web.models import answers
-from aerodb.storage.catalogue.flight_pages import RETRACTED, Asked
-from aerodb.storage.catalogue.rows import FlightRow
-from aerodb.storage.catalogue.schema import VERDICTS
+from aerodb.storage.catalogue import RETRACTED, VERDICTS, Asked, FlightRow
 from aerodb.tasks.result_versions import RELEASED
-from aerodb.tasks.view.channels import FEWEST_POINTS, MOST_POINTS, Series, envelopes_of, record_of, series_of
-from aerodb.tasks.view.flight_documents import flight_details, flights_document
+from aerodb.tasks.view import (
+    FEWEST_POINTS,
+    MOST_POINTS,
+    Series,
+    envelopes_of,
+    flight_details,
+    flights_document,
+    record_of,
+    series_of,
+)
 from aerodb.tasks.workspace_access import Stores
 
 router = APIRouter(tags=["flights"])

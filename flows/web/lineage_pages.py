@@ -7,8 +7,8 @@ from starlette.responses import Response
 
 from aerodb.errors import InputError
 from aerodb.flows.web.console import Point, Vehicle, document, opened_of, page_of, version_at
-from aerodb.storage.catalogue.rows import VersionRow
-from aerodb.tasks.view.lineage_documents import impact_document, lineage_document, origins_document, prov_of
+from aerodb.storage.catalogue import VersionRow
+from aerodb.tasks.view import impact_document, lineage_document, origins_document, prov_of
 from aerodb.tasks.workspace_access import Stores
 
 router = APIRouter(tags=["lineage"])

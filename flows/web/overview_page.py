@@ -8,10 +8,9 @@ from starlette.responses import Response
 from aerodb.flows.web.console import console_of, document, opened_of, page_of
 from aerodb.flows.web.models import Session, Vehicle, answers
 from aerodb.flows.web.security import keep_session, session_of
-from aerodb.storage.catalogue.flight_pages import Asked
+from aerodb.storage.catalogue import Asked
 from aerodb.tasks.result_versions import CANDIDATE, RELEASED
-from aerodb.tasks.view.finding_documents import findings_page
-from aerodb.tasks.view.flight_documents import flights_document
+from aerodb.tasks.view import findings_page, flights_document
 from aerodb.tasks.workspace_access import Stores
 
 router = APIRouter()

@@ -28,15 +28,22 @@ from aerodb.flows.web.console import (
 )
 from aerodb.flows.web.models import answers
 from aerodb.nomenclature import AXES
-from aerodb.report.style import channel_scale
-from aerodb.storage.catalogue.rows import VersionRow
-from aerodb.tables.arguments import breakpoints_over
+from aerodb.report import channel_scale
+from aerodb.storage.catalogue import VersionRow
+from aerodb.tables import breakpoints_over
 from aerodb.tasks.references import value_of, vehicle_of
-from aerodb.tasks.steps.export import FORMS, export_version
-from aerodb.tasks.view.evaluation import MOST_LINE_POINTS, database_of, evaluate_at, sweep
-from aerodb.tasks.view.lineage_documents import compare_versions
-from aerodb.tasks.view.table_documents import table_document
-from aerodb.tasks.view.version_documents import history_document, version_details, versions_document
+from aerodb.tasks.steps import FORMS, export_version
+from aerodb.tasks.view import (
+    MOST_LINE_POINTS,
+    compare_versions,
+    database_of,
+    evaluate_at,
+    history_document,
+    sweep,
+    table_document,
+    version_details,
+    versions_document,
+)
 from aerodb.tasks.workspace_access import Stores
 
 router = APIRouter(tags=["versions"])

@@ -6,7 +6,7 @@ from fastapi import APIRouter, Request
 from starlette.responses import Response
 
 from aerodb.flows.web.console import document, opened_of, page_of
-from aerodb.tasks.view.status import status_of
+from aerodb.tasks.view import status_of
 
 router = APIRouter(tags=["work"])
 

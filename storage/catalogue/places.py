@@ -75,7 +75,7 @@ def _url(section: object, settings: Path) -> str:
     # Imported here: most workspaces have no such section, and their queries need not wait for the rest of the settings.
     from aerodb.storage.urls import resolved
     from aerodb.storage.workspace_settings import CatalogueSettings, SettingsError
-    from aerodb.support.strict import validated
+    from aerodb.support import validated
 
     where = f"{settings}: catalogue.url"
     try:

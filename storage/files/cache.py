@@ -14,8 +14,7 @@ from pathlib import Path
 from typing import Final, TypeVar
 
 from aerodb.errors import InputError
-from aerodb.storage.catalogue.catalogue import Catalogue
-from aerodb.storage.catalogue.stored_files import StoredFile, measured
+from aerodb.storage.catalogue import Catalogue, StoredFile, measured
 from aerodb.storage.files.flights import INDEX, files_in
 from aerodb.storage.files.objects import DamagedObject, Objects, objects_of
 from aerodb.storage.workspace import Workspace, write_atomically

@@ -6,7 +6,7 @@ from typing import Any
 
 from aerodb.errors import InputError
 from aerodb.storage.workspace import write_atomically
-from aerodb.support.identity import canonical_json
+from aerodb.support import canonical_json
 
 
 def write_document(path: Path, document: Any) -> None:

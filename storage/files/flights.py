@@ -16,7 +16,7 @@ from aerodb.errors import InputError, UnknownNameError, nearest
 from aerodb.flight import Flight
 from aerodb.nomenclature import CHANNELS, RESULT_COLUMNS, Channel, channel
 from aerodb.recording import Damage, Recording, Topic
-from aerodb.storage.catalogue.stored_files import measured
+from aerodb.storage.catalogue import measured
 from aerodb.storage.files.parquet import Column, json_text, read_columns, read_metadata, write_columns
 from aerodb.storage.files.topics import StoredTopics, read_topic, write_topic
 from aerodb.storage.workspace import write_atomically

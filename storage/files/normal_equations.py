@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from aerodb.storage.files.flights import read_results, write_results
-from aerodb.tracing.evidence.normal_equations import Gram, gram_from_arrays
+from aerodb.tracing import Gram, gram_from_arrays
 
 #: Matrices of a Gram, and the registered columns that hold them.
 _MATRICES = {"matrix": "product", "noisy": "product_noisy"}

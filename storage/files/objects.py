@@ -17,11 +17,11 @@ from typing import Any, BinaryIO, Final
 from urllib.parse import urlsplit
 
 from aerodb.errors import AeroError, InputError, StoreBusyError, StoreError
-from aerodb.storage.catalogue.stored_files import StoredFile
+from aerodb.storage.catalogue import StoredFile
 from aerodb.storage.disk_errors import disk_faults, remove, temporary_beside
 from aerodb.storage.workspace import put_in_place
 from aerodb.storage.workspace_settings import FILE, SettingsError, Store
-from aerodb.support.strict import validated
+from aerodb.support import validated
 
 _BLOCK: Final = 8 << 20
 #: What is sent in one request, which the service takes whole or not at all: less than the library's parts of an upload.

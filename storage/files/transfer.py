@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from aerodb.errors import InputError
-from aerodb.storage.catalogue.catalogue import Catalogue
-from aerodb.storage.catalogue.stored_files import StoredFile, measured
+from aerodb.storage.catalogue import Catalogue, StoredFile, measured
 from aerodb.storage.disk_errors import is_temporary, remove, temporary_beside
 from aerodb.storage.files.cache import is_recording_put, local, local_recording, together, topics_of
 from aerodb.storage.files.flights import INDEX

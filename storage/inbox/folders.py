@@ -18,7 +18,7 @@ from aerodb.errors import InputError
 from aerodb.storage.encoding import plain_text
 from aerodb.storage.limits import Limits
 from aerodb.storage.workspace import Workspace, has_sha256, write_atomically
-from aerodb.support.identity import key_of
+from aerodb.support import key_of
 
 try:
     import fcntl

@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from aerodb.storage.files.documents import write_document
+from aerodb.storage.files import write_document
 from aerodb.storage.workspace import Workspace
 
 

@@ -5,7 +5,7 @@ from importlib.resources import files
 from pathlib import Path
 
 from aerodb.errors import InputError, nearest
-from aerodb.logs.mapping_file import Mapping, parse_mapping
+from aerodb.logs import Mapping, parse_mapping
 
 
 @lru_cache(maxsize=1)

@@ -56,7 +56,7 @@ def parsed_log(path: Path, place: Path, limits: Limits) -> Iterator[Parsed]:
     Raises InputError for a log that is damaged beyond use or takes more than its `limits`: the process that parsed it may
     have died, nothing else has. StoreError when the topics cannot be written.
     """
-    from aerodb.storage.files.flights import open_recording
+    from aerodb.storage.files import open_recording
 
     limits.check_size(path.stat().st_size, str(path))
     folder = temporary_beside(place)

@@ -21,7 +21,7 @@ from mcap.records import Channel, DataEnd, Header, Message, Metadata, Schema, St
 from mcap_ros2.decoder import DecoderFactory
 
 from aerodb.errors import InputError
-from aerodb.logs.inspection import missing_by_topic
+from aerodb.logs import missing_by_topic
 from aerodb.recording import Damage, Recording, Topic
 from aerodb.storage.readers.mcap_framing import MAGIC, Chunk, Hole, Record, inner_records, open_chunk, read_content, walk
 from aerodb.storage.readers.mcap_messages import MOST_NAMES, MessageError, Numbers, Reader, Values, message_reader

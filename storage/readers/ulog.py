@@ -18,7 +18,7 @@ from pyulog import ULog
 from pyulog.exceptions import ULogException
 
 from aerodb.errors import InputError
-from aerodb.logs.inspection import missing_by_topic
+from aerodb.logs import missing_by_topic
 from aerodb.recording import Damage, DamageKind, Recording, Topic
 from aerodb.storage.readers.ulog_framing import HEADER_BYTES, Survey, survey
 from aerodb.storage.readers.ulog_topics import LoggedTopics, Place

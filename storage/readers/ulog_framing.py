@@ -14,7 +14,7 @@ import numpy as np
 from aerodb.errors import InputError
 from aerodb.storage.readers.ulog_definitions import Formats, Layout, is_record
 from aerodb.storage.readers.ulog_kernels import Bytes, candidate, copy, walk
-from aerodb.support.arrays import Integers
+from aerodb.support import Integers
 
 HEADER_BYTES = 16
 _DATA = ord("D")

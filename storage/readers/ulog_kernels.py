@@ -7,7 +7,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from aerodb.support.arrays import Integers
+from aerodb.support import Integers
 
 Bytes = NDArray[np.uint8]
 

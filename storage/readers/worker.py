@@ -25,11 +25,11 @@ import numpy as np
 from aerodb.errors import InputError, StoreError
 from aerodb.recording import Topic
 from aerodb.storage.disk_errors import disk_faults, remove
-from aerodb.storage.files.flights import write_topics
+from aerodb.storage.files import write_topics
 from aerodb.storage.limits import Limits
 from aerodb.storage.readers import mcap, tabular  # noqa: F401 - what a child needs is imported before the fork
 from aerodb.storage.readers.any_format import read_log
-from aerodb.storage.writers.ulog import write_ulog
+from aerodb.storage.writers import write_ulog
 
 _DEATH_SIGNAL: Final = 1  # PR_SET_PDEATHSIG of prctl(2)
 _ANSWER_BYTES: Final = 1 << 20

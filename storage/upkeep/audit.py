@@ -12,12 +12,12 @@ import sqlalchemy as sa
 
 from aerodb.consistency import calibration
 from aerodb.errors import AeroError
-from aerodb.exchange.native import database_content_sha256, from_document
+from aerodb.exchange import database_content_sha256, from_document
 from aerodb.storage import encoding as enc
+from aerodb.storage.catalogue import Ledger
 from aerodb.storage.catalogue import schema as s
-from aerodb.storage.catalogue.ledger import Ledger
-from aerodb.support.identity import version_id
-from aerodb.tables.check_cases import CheckCase, failures
+from aerodb.support import version_id
+from aerodb.tables import CheckCase, failures
 
 #: What is wrong, where, and what to do about it.
 Fault = tuple[str, str, str]

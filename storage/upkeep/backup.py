@@ -20,16 +20,10 @@ from pathlib import Path
 from typing import Any, Final
 
 from aerodb.errors import InputError, StoreError
-from aerodb.storage.catalogue.catalogue import Catalogue
-from aerodb.storage.catalogue.copying import copy_catalogue
-from aerodb.storage.catalogue.places import Place, place_of
-from aerodb.storage.catalogue.schema import HEAD
-from aerodb.storage.catalogue.stored_files import StoredFile, measured
+from aerodb.storage.catalogue import HEAD, Catalogue, Place, StoredFile, copy_catalogue, measured, place_of
 from aerodb.storage.disk_errors import disk_faults
-from aerodb.storage.files.flights import INDEX, files_of
-from aerodb.storage.files.objects import DamagedObject, Objects, objects_of
-from aerodb.storage.files.transfer import push, require_unused
-from aerodb.storage.inbox.quarantined import REASON
+from aerodb.storage.files import INDEX, DamagedObject, Objects, files_of, objects_of, push, require_unused
+from aerodb.storage.inbox import REASON
 from aerodb.storage.upkeep.audit import Audit
 from aerodb.storage.upkeep.verify import Problem, require_clean, verify
 from aerodb.storage.upkeep.verify_objects import ORPHAN

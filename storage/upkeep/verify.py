@@ -11,12 +11,9 @@ from pathlib import Path
 from typing import Final
 
 from aerodb.errors import InputError
-from aerodb.storage.catalogue.catalogue import Catalogue
-from aerodb.storage.catalogue.stored_files import StoredFile, measured
+from aerodb.storage.catalogue import Catalogue, StoredFile, measured
 from aerodb.storage.disk_errors import is_abandoned, is_temporary
-from aerodb.storage.files.flights import INDEX, files_of
-from aerodb.storage.files.objects import objects_of
-from aerodb.storage.files.transfer import STORE
+from aerodb.storage.files import INDEX, STORE, files_of, objects_of
 from aerodb.storage.upkeep.audit import Audit
 from aerodb.storage.upkeep.verify_objects import check_objects
 from aerodb.storage.workspace import Workspace

@@ -4,12 +4,8 @@ import time
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
-from aerodb.storage.catalogue.catalogue import Catalogue
-from aerodb.storage.catalogue.stored_files import StoredFile
-from aerodb.storage.files.cache import together
-from aerodb.storage.files.flights import INDEX
-from aerodb.storage.files.objects import DamagedObject, Objects
-from aerodb.storage.files.transfer import Part, is_sound, parts
+from aerodb.storage.catalogue import Catalogue, StoredFile
+from aerodb.storage.files import INDEX, DamagedObject, Objects, Part, is_sound, parts, together
 from aerodb.storage.workspace import Workspace
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from prov.model import ProvDocument
 
 from aerodb.errors import InputError
 from aerodb.storage import encoding as enc
-from aerodb.storage.catalogue.rows import Lineage, NameEvent, RunRow, VersionRow
+from aerodb.storage.catalogue import Lineage, NameEvent, RunRow, VersionRow
 
 _KINDS = ("version", "flight", "log", "run", "move", "agent")
 _OWN = Namespace("aerodb", "urn:aerodb:")

@@ -3,7 +3,7 @@
 from datetime import datetime
 from typing import Any
 
-from aerodb.consistency.output_error.estimation import joint_calibration
+from aerodb.consistency import joint_calibration
 from aerodb.errors import InputError
 from aerodb.tasks.steps.counting import counted_out
 from aerodb.tasks.steps.ingest import load_flight

@@ -6,16 +6,12 @@ from functools import partial
 
 import numpy as np
 
-from aerodb.coefficients.comparison import Comparison
-from aerodb.effects.adding import add_effects, envelopes_of
-from aerodb.effects.flight_view import FlightView, view_of
+from aerodb.coefficients import Comparison
+from aerodb.effects import FlightView, add_effects, envelopes_of, view_of
 from aerodb.errors import InputError
-from aerodb.increments.estimate import Update, keep_slope_signs
-from aerodb.increments.validation import AxisProof, prove, prove_by_leaving_one_out, worse_axes
-from aerodb.support.parallel import in_threads
-from aerodb.tables.database import AeroDatabase
-from aerodb.tables.definitions import STATE_CHANNEL
-from aerodb.tables.reference import HAT_RATES
+from aerodb.increments import AxisProof, Update, keep_slope_signs, prove, prove_by_leaving_one_out, worse_axes
+from aerodb.support import in_threads
+from aerodb.tables import HAT_RATES, STATE_CHANNEL, AeroDatabase
 from aerodb.tasks.manoeuvres import by_manoeuvres, with_suspicion
 from aerodb.tasks.parts import prove_by_parts
 from aerodb.tasks.shape import fitted_again, remarks_on_shapes, said_of, wrong_shapes
@@ -25,13 +21,19 @@ from aerodb.tasks.steps.compare import beside, compared, load_comparison
 from aerodb.tasks.steps.trace import Library, looked_before, only_what_was_frozen, thinned_beside, trace_flight
 from aerodb.tasks.steps.update import Plan
 from aerodb.tasks.workspace_access import Stores, stores
-from aerodb.tracing.decision.few_flights import linear_companions
-from aerodb.tracing.decision.findings import ADDED, Finding, Traced
-from aerodb.tracing.decision.refinement import beside_wrong_shapes
-from aerodb.tracing.decision.unexplained_residual import Left, Remainder, remainders
-from aerodb.tracing.decision.verdicts import trace
-from aerodb.tracing.estimates.covariance import joint_covariance
-from aerodb.tracing.evidence.flight_evidence import evidence_of
+from aerodb.tracing import (
+    ADDED,
+    Finding,
+    Left,
+    Remainder,
+    Traced,
+    beside_wrong_shapes,
+    evidence_of,
+    joint_covariance,
+    linear_companions,
+    remainders,
+    trace,
+)
 
 #: The loop ends after this many rounds whatever it still finds.
 MOST_ROUNDS = 4

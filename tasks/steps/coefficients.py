@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from aerodb.coefficients.total import Coefficients, bandwidth_of, total_coefficients
+from aerodb.coefficients import Coefficients, bandwidth_of, total_coefficients
 from aerodb.errors import InputError
 from aerodb.flight import Flight
-from aerodb.storage.catalogue.rows import FlightRow
-from aerodb.storage.files.flights import read_results, write_results
-from aerodb.support.identity import result_key
+from aerodb.storage.catalogue import FlightRow
+from aerodb.storage.files import read_results, write_results
+from aerodb.support import result_key
 from aerodb.tasks.memory_cache import kept, of_file
 from aerodb.tasks.provenance import code_version
 from aerodb.tasks.result_versions import RESULT_VERSION

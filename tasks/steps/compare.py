@@ -4,15 +4,15 @@ from typing import Any
 
 import numpy as np
 
-from aerodb.coefficients.comparison import Comparison, compare
+from aerodb.coefficients import Comparison, compare
 from aerodb.errors import InputError
-from aerodb.estimation.statistics import rms
-from aerodb.exchange.native import database_document_sha256
+from aerodb.estimation import rms
+from aerodb.exchange import database_document_sha256
 from aerodb.flight import Flight
 from aerodb.nomenclature import AXES
-from aerodb.storage.files.flights import write_results
-from aerodb.support.identity import result_key
-from aerodb.tables.database import AeroDatabase
+from aerodb.storage.files import write_results
+from aerodb.support import result_key
+from aerodb.tables import AeroDatabase
 from aerodb.tasks.memory_cache import kept
 from aerodb.tasks.provenance import code_version
 from aerodb.tasks.result_versions import RESULT_VERSION

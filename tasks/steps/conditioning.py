@@ -1,17 +1,13 @@
 """What conditioning found in a stored flight, kept beside it: likely faults, segments, delays."""
 
-from aerodb.conditioning.condition import Conditioning, examine, from_document, to_document
-from aerodb.conditioning.plausibility import Suspicion, clock_suspicions
+from aerodb.conditioning import Conditioning, Suspicion, clock_suspicions, examine, from_document, to_document
 from aerodb.errors import InputError
 from aerodb.flight import Flight
-from aerodb.logs.mapping import on_mapped_clock
-from aerodb.logs.mapping_file import Mapping
+from aerodb.logs import Mapping, on_mapped_clock
 from aerodb.recording import Recording
-from aerodb.storage.catalogue.rows import FlightRow
-from aerodb.storage.catalogue.stored_files import StoredFile
-from aerodb.storage.files.cache import put
-from aerodb.storage.files.flights import read_recording, read_results, write_results
-from aerodb.support.identity import result_key
+from aerodb.storage.catalogue import FlightRow, StoredFile
+from aerodb.storage.files import put, read_recording, read_results, write_results
+from aerodb.support import result_key
 from aerodb.tasks.provenance import code_version
 from aerodb.tasks.result_versions import RESULT_VERSION
 from aerodb.tasks.workspace_access import Stores

@@ -7,14 +7,19 @@ from typing import Any
 
 import numpy as np
 
-from aerodb.consistency.calibration import Calibration, from_document
-from aerodb.consistency.corrected import WITHOUT_SENSOR
-from aerodb.consistency.smoother.state_error_spectrum import StateNoise, state_noise_from
-from aerodb.consistency.whole_flight import Consistent, make_consistent
+from aerodb.consistency import (
+    WITHOUT_SENSOR,
+    Calibration,
+    Consistent,
+    StateNoise,
+    from_document,
+    make_consistent,
+    state_noise_from,
+)
 from aerodb.flight import Flight
-from aerodb.storage.catalogue.rows import FlightRow
-from aerodb.storage.files.flights import read_results, write_results
-from aerodb.support.identity import result_key
+from aerodb.storage.catalogue import FlightRow
+from aerodb.storage.files import read_results, write_results
+from aerodb.support import result_key
 from aerodb.tasks.memory_cache import kept, of_file
 from aerodb.tasks.provenance import code_version
 from aerodb.tasks.result_versions import RESULT_VERSION

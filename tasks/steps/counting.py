@@ -6,8 +6,7 @@ Looks at the catalogue only: a query must not wait for the science.
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from aerodb.storage.catalogue.catalogue import Catalogue
-from aerodb.storage.catalogue.rows import FlightRow, RepeatRow
+from aerodb.storage.catalogue import Catalogue, FlightRow, RepeatRow
 
 #: Share of its samples from which a record repeats others in full: the low pass costs the margins of each stretch.
 WHOLE = 0.95

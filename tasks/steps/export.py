@@ -7,22 +7,28 @@ from pathlib import Path
 from typing import Any, Final
 
 from aerodb.errors import AeroError, InputError, nearest
-from aerodb.exchange.arrays.comma_separated import export_csv, import_csv
-from aerodb.exchange.arrays.mat import export_mat, import_mat
-from aerodb.exchange.arrays.netcdf import export_netcdf, import_netcdf
-from aerodb.exchange.daveml.export import export_daveml
-from aerodb.exchange.daveml.reader import import_daveml
-from aerodb.exchange.jsbsim.check_cases import check_in_jsbsim, jsbsim_check_cases
-from aerodb.exchange.jsbsim.export import export_jsbsim, input_properties
-from aerodb.exchange.jsbsim.reader import import_jsbsim
-from aerodb.exchange.native import from_document
-from aerodb.exchange.state_terms import for_jsbsim, without_memory
-from aerodb.storage.catalogue.catalogue import Catalogue
-from aerodb.storage.catalogue.rows import VersionRow
+from aerodb.exchange import (
+    check_in_jsbsim,
+    export_csv,
+    export_daveml,
+    export_jsbsim,
+    export_mat,
+    export_netcdf,
+    for_jsbsim,
+    from_document,
+    import_csv,
+    import_daveml,
+    import_jsbsim,
+    import_mat,
+    import_netcdf,
+    input_properties,
+    jsbsim_check_cases,
+    without_memory,
+)
+from aerodb.storage.catalogue import Catalogue, VersionRow
 from aerodb.storage.workspace import Workspace, write_for_user
-from aerodb.storage.writers.jsbsim_executive import jsbsim_is_installed, loaded_in_jsbsim
-from aerodb.tables.check_cases import CheckCase, failures, make_check_cases
-from aerodb.tables.database import AeroDatabase
+from aerodb.storage.writers import jsbsim_is_installed, loaded_in_jsbsim
+from aerodb.tables import AeroDatabase, CheckCase, failures, make_check_cases
 
 
 @dataclass(frozen=True)

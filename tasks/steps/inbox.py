@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from typing import Any
 
 from aerodb.errors import InputError, StoreError
-from aerodb.storage.catalogue.rows import InboxEvent, InboxKind
+from aerodb.storage.catalogue import InboxEvent, InboxKind
 from aerodb.storage.encoding import plain_text
-from aerodb.storage.files.cache import put
-from aerodb.storage.inbox.quarantined import Quarantined, newest
-from aerodb.storage.inbox.folders import (
+from aerodb.storage.files import put
+from aerodb.storage.inbox import (
+    Quarantined,
     Waiting,
     aside_key,
     keep_log,
@@ -18,6 +18,7 @@ from aerodb.storage.inbox.folders import (
     look,
     look_again,
     may_settle,
+    newest,
     open_log,
     put_aside,
     sized,

@@ -7,25 +7,20 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-from aerodb.conditioning.condition import Conditioning, conditioned, suspicion_documents
-from aerodb.conditioning.duplicates import fingerprint
-from aerodb.conditioning.wild_points import without_wild_points
+from aerodb.conditioning import Conditioning, conditioned, fingerprint, suspicion_documents, without_wild_points
 from aerodb.errors import InputError, StoreError
 from aerodb.flight import Flight
-from aerodb.logs.mapping import choose_mapping, map_recording
-from aerodb.logs.mapping_file import Mapping
+from aerodb.logs import Mapping, choose_mapping, map_recording
 from aerodb.recording import Damage, Recording
-from aerodb.storage.catalogue.rows import FlightRow, RepeatRow
-from aerodb.storage.catalogue.stored_files import StoredFile
+from aerodb.storage.catalogue import FlightRow, RepeatRow, StoredFile
 from aerodb.storage.disk_errors import require_space
 from aerodb.storage.encoding import FLIGHT_NAME, checked
-from aerodb.storage.files.cache import is_recording_kept, put, put_recording
-from aerodb.storage.files.flights import INDEX, open_recording, read_flight, write_flight
-from aerodb.storage.inbox.folders import open_log
+from aerodb.storage.files import INDEX, is_recording_kept, open_recording, put, put_recording, read_flight, write_flight
+from aerodb.storage.inbox import open_log
 from aerodb.storage.mappings import builtin_mappings, load_mapping
-from aerodb.storage.readers.isolated import parsed_log
+from aerodb.storage.readers import parsed_log
 from aerodb.storage.workspace_settings import SettingsError, load_settings
-from aerodb.support.identity import result_key
+from aerodb.support import result_key
 from aerodb.tasks.memory_cache import kept, of_file
 from aerodb.tasks.provenance import code_version
 from aerodb.tasks.result_versions import RESULT_VERSION

@@ -2,10 +2,9 @@
 
 from typing import Any
 
-from aerodb.conditioning.condition import conditioned, examine, suspicion_documents, to_document
+from aerodb.conditioning import conditioned, examine, suspicion_documents, to_document
 from aerodb.errors import InputError
-from aerodb.logs.mapping import map_recording
-from aerodb.logs.mapping_file import Mapping
+from aerodb.logs import Mapping, map_recording
 from aerodb.recording import Recording
 from aerodb.tasks.steps.conditioning import clocks_of
 from aerodb.vehicle import parse_vehicle

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Final
 from urllib.error import HTTPError
 
-from aerodb.storage.inbox.outbox import post, waiting
+from aerodb.storage.inbox import post, waiting
 from aerodb.storage.workspace import Workspace
 from aerodb.storage.workspace_settings import Notification, Occasion, load_settings
 

@@ -7,31 +7,30 @@ from pathlib import Path
 from typing import Any, Final
 
 from aerodb.errors import InputError
-from aerodb.exchange.arrays.comma_separated import import_csv
-from aerodb.exchange.arrays.mat import import_mat
-from aerodb.exchange.arrays.netcdf import import_netcdf
-from aerodb.exchange.daveml.reader import import_daveml
-from aerodb.exchange.daveml.xml_elements import is_daveml
-from aerodb.exchange.jsbsim.reader import import_jsbsim
-from aerodb.exchange.native import database_content_sha256, read_native, to_document
-from aerodb.increments.estimate import Update
-from aerodb.increments.gate import sign_reasons
-from aerodb.increments.validation import AxisProof
-from aerodb.report.document import update_document
-from aerodb.report.loop_documents import loop_document
-from aerodb.storage.catalogue.rows import FlightRole, VersionRow
-from aerodb.storage.files.aircraft_files import files_beside
-from aerodb.storage.files.documents import write_document
-from aerodb.support.identity import canonical_json, result_key, version_id
-from aerodb.tables.check_cases import make_check_cases
-from aerodb.tables.database import AeroDatabase
+from aerodb.exchange import (
+    database_content_sha256,
+    import_csv,
+    import_daveml,
+    import_jsbsim,
+    import_mat,
+    import_netcdf,
+    is_daveml,
+    read_native,
+    to_document,
+)
+from aerodb.increments import AxisProof, Update, sign_reasons
+from aerodb.report import loop_document, update_document
+from aerodb.storage.catalogue import FlightRole, VersionRow
+from aerodb.storage.files import files_beside, write_document
+from aerodb.support import canonical_json, result_key, version_id
+from aerodb.tables import AeroDatabase, make_check_cases
 from aerodb.tasks.provenance import code_version, user
 from aerodb.tasks.result_versions import CANDIDATE, RELEASED, RESULT_VERSION
 from aerodb.tasks.steps.close_loop import Accept, Loop
 from aerodb.tasks.steps.trace import Library
 from aerodb.tasks.steps.update import Plan
 from aerodb.tasks.workspace_access import Stores, stores
-from aerodb.tracing.decision.unexplained_residual import Remainder
+from aerodb.tracing import Remainder
 
 #: Formats that mark their files: where, with which bytes, and what reads them.
 _BY_MARK: Final[tuple[tuple[int, bytes, Callable[[bytes, str], AeroDatabase]], ...]] = (

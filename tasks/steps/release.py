@@ -4,14 +4,12 @@ import json
 from typing import Any
 
 from aerodb.errors import GateRefusal, InputError
-from aerodb.exchange.native import database_content_sha256, from_document
-from aerodb.increments.gate import Check, Standing, Verdict, judge
-from aerodb.storage.catalogue.names import standing_moves
-from aerodb.storage.catalogue.rows import NameEvent, VersionDocuments, VersionRow
+from aerodb.exchange import database_content_sha256, from_document
+from aerodb.increments import Check, Standing, Verdict, judge
+from aerodb.storage.catalogue import NameEvent, VersionDocuments, VersionRow, standing_moves
 from aerodb.storage.encoding import VERSION_NAME, checked
 from aerodb.storage.workspace_settings import load_settings
-from aerodb.tables.check_cases import CheckCase
-from aerodb.tables.database import AeroDatabase
+from aerodb.tables import AeroDatabase, CheckCase
 from aerodb.tasks.provenance import user
 from aerodb.tasks.result_versions import RELEASED
 from aerodb.tasks.workspace_access import Stores, stores

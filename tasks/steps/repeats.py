@@ -1,9 +1,9 @@
 """Which stored flights a record shares samples with. What follows from it is for `aerodb.tasks.steps.counting`."""
 
-from aerodb.conditioning.duplicates import FEWEST_MARKS, Shared, shared_samples
+from aerodb.conditioning import FEWEST_MARKS, Shared, shared_samples
 from aerodb.flight import Flight
-from aerodb.storage.catalogue.rows import RepeatRow, Stretch
-from aerodb.storage.files.flights import read_flight
+from aerodb.storage.catalogue import RepeatRow, Stretch
+from aerodb.storage.files import read_flight
 from aerodb.tasks.workspace_access import Stores
 
 

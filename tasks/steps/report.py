@@ -9,17 +9,22 @@ import numpy as np
 from aerodb.errors import InputError
 from aerodb.flight import Flight
 from aerodb.nomenclature import is_surface
-from aerodb.report.flight_page import FlightStory, flight_report
-from aerodb.report.headlines import headline
-from aerodb.report.lineage_figure import Relative, lineage_graph
-from aerodb.report.update_page import UpdateStory, update_report
-from aerodb.report.version_page import VersionStory, version_report
-from aerodb.storage.catalogue.rows import VersionRow
-from aerodb.storage.files.documents import read_document
+from aerodb.report import (
+    FlightStory,
+    Relative,
+    UpdateStory,
+    VersionStory,
+    flight_report,
+    headline,
+    lineage_graph,
+    update_report,
+    version_report,
+)
+from aerodb.storage.catalogue import VersionRow
+from aerodb.storage.files import read_document
 from aerodb.storage.workspace import write_atomically
-from aerodb.support.arrays import Array
-from aerodb.tables.database import AeroDatabase
-from aerodb.tables.reference import HAT_RATES, hat_rate
+from aerodb.support import Array
+from aerodb.tables import HAT_RATES, AeroDatabase, hat_rate
 from aerodb.tasks.steps.compare import compared, load_comparison
 from aerodb.tasks.steps.conditioning import load_conditioning
 from aerodb.tasks.steps.consistency import load_consistent

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from aerodb.storage.catalogue.rows import RunState
+from aerodb.storage.catalogue import RunState
 from aerodb.storage.locks import is_held
 from aerodb.tasks.steps.notify import tell
 from aerodb.tasks.workspace_access import Stores

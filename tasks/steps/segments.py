@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from aerodb.conditioning.segmentation import Segment
+from aerodb.conditioning import Segment
 from aerodb.tasks.steps.conditioning import load_conditioning
 from aerodb.tasks.steps.ingest import load_flight
 from aerodb.tasks.workspace_access import Stores

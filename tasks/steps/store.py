@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from aerodb.errors import StoreError
-from aerodb.storage.files.transfer import trim
+from aerodb.storage.files import trim
 from aerodb.storage.workspace_settings import load_settings
 from aerodb.tasks.workspace_access import stores
 

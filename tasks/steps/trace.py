@@ -5,19 +5,24 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from aerodb.coefficients.comparison import Comparison
-from aerodb.effects.flight_view import view_of
-from aerodb.effects.hypothesis import Hypothesis
-from aerodb.effects.library import hypotheses_for, library_sha256
-from aerodb.effects.measurement.reconstructed_angles import columns_of, of_flow_angles, within_what_is_known
-from aerodb.effects.user_effects import parse_effects, registered_templates
+from aerodb.coefficients import Comparison
+from aerodb.effects import (
+    Hypothesis,
+    columns_of,
+    hypotheses_for,
+    library_sha256,
+    of_flow_angles,
+    parse_effects,
+    registered_templates,
+    view_of,
+    within_what_is_known,
+)
 from aerodb.errors import InputError
-from aerodb.exchange.native import database_document_sha256
+from aerodb.exchange import database_document_sha256
 from aerodb.flight import Flight
-from aerodb.storage.files.normal_equations import read_gram, write_gram
-from aerodb.support.identity import result_key
-from aerodb.tables.database import AeroDatabase
-from aerodb.tables.state_model import Law, Relay
+from aerodb.storage.files import read_gram, write_gram
+from aerodb.support import result_key
+from aerodb.tables import AeroDatabase, Law, Relay
 from aerodb.tasks.provenance import code_version
 from aerodb.tasks.result_versions import RESULT_VERSION
 from aerodb.tasks.stall import cross_fitted_laws, of_family, stalled_flights, with_laws
@@ -27,17 +32,23 @@ from aerodb.tasks.steps.compare import beside
 from aerodb.tasks.steps.consistency import applied_errors, load_consistent, noise_of, reconstructed_angles
 from aerodb.tasks.steps.update import Plan
 from aerodb.tasks.workspace_access import Stores, stores
-from aerodb.tracing.decision.findings import Finding, Traced
-from aerodb.tracing.evidence.bandwidth import tracing_bandwidth
-from aerodb.tracing.evidence.evidence import Evidence
-from aerodb.tracing.evidence.flight_evidence import evidence_of
-from aerodb.tracing.evidence.instrumental_variables import as_commanded, with_instruments
-from aerodb.tracing.evidence.noise_limits import bounded_noise
-from aerodb.tracing.evidence.normal_equations import Gram, gram
-from aerodb.tracing.evidence.shape_misfit import with_shapes
-from aerodb.tracing.evidence.state_errors import noisy_copies
-from aerodb.tracing.evidence.thinning import LONG, thinned
-from aerodb.tracing.settings import Settings
+from aerodb.tracing import (
+    LONG,
+    Evidence,
+    Finding,
+    Gram,
+    Settings,
+    Traced,
+    as_commanded,
+    bounded_noise,
+    evidence_of,
+    gram,
+    noisy_copies,
+    thinned,
+    tracing_bandwidth,
+    with_instruments,
+    with_shapes,
+)
 
 
 @dataclass(frozen=True)

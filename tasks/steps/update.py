@@ -5,20 +5,29 @@ from dataclasses import dataclass, replace
 from pathlib import PurePath
 from typing import Any
 
-from aerodb.coefficients.comparison import Comparison
-from aerodb.effects.measurement.angle_errors import with_flattening
+from aerodb.coefficients import Comparison
+from aerodb.effects import with_flattening
 from aerodb.errors import InputError
 from aerodb.flight import Flight
-from aerodb.increments.estimate import Update, estimate_increments, keep_slope_signs
-from aerodb.increments.model_file import ModelFile, parse_model_file
-from aerodb.increments.validation import AxisProof, HoldOut, choose_hold_out, prove, prove_by_leaving_one_out
-from aerodb.storage.catalogue.rows import FlightRow
-from aerodb.tables.database import AeroDatabase
+from aerodb.increments import (
+    AxisProof,
+    HoldOut,
+    ModelFile,
+    Update,
+    choose_hold_out,
+    estimate_increments,
+    keep_slope_signs,
+    parse_model_file,
+    prove,
+    prove_by_leaving_one_out,
+)
+from aerodb.storage.catalogue import FlightRow
+from aerodb.tables import AeroDatabase
 from aerodb.tasks.doubts import once_more, sensor_doubts
 from aerodb.tasks.steps.compare import compared, load_comparison
 from aerodb.tasks.steps.counting import counted_out, sentence
 from aerodb.tasks.workspace_access import Stores, stores
-from aerodb.tracing.settings import Settings
+from aerodb.tracing import Settings
 
 
 @dataclass(frozen=True)

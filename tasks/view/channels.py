@@ -13,11 +13,10 @@ from numpy.typing import NDArray
 
 from aerodb.errors import AeroError, InputError, UnknownNameError, nearest
 from aerodb.nomenclature import axis_description, channel, is_surface
-from aerodb.report.decimation import decimated, flagged_stretches
-from aerodb.report.style import channel_scale
-from aerodb.storage.catalogue.rows import FlightRow
-from aerodb.storage.files.flight_windows import StoredSeries
-from aerodb.support.arrays import Array
+from aerodb.report import channel_scale, decimated, flagged_stretches
+from aerodb.storage.catalogue import FlightRow
+from aerodb.storage.files import StoredSeries
+from aerodb.support import Array
 from aerodb.tasks.workspace_access import Stores
 
 #: What is shown first, in this order, where the flight has it; surfaces follow.

@@ -8,12 +8,10 @@ from typing import Any, Final
 import numpy as np
 
 from aerodb.errors import InputError, nearest
-from aerodb.exchange.native import from_document
+from aerodb.exchange import from_document
 from aerodb.nomenclature import AXES
-from aerodb.storage.catalogue.catalogue import Catalogue
-from aerodb.storage.catalogue.rows import VersionRow
-from aerodb.tables.database import AeroDatabase
-from aerodb.tables.evaluation import Place
+from aerodb.storage.catalogue import Catalogue, VersionRow
+from aerodb.tables import AeroDatabase, Place
 from aerodb.tasks.references import point_of
 
 #: A line through a database has at most so many points.

@@ -6,11 +6,11 @@ from datetime import datetime
 from typing import Any, Final
 
 from aerodb.errors import AeroError, InputError
-from aerodb.report.headlines import headline
-from aerodb.storage.catalogue.rows import RunRow
-from aerodb.storage.files.documents import read_document
+from aerodb.report import headline
+from aerodb.storage.catalogue import RunRow
+from aerodb.storage.files import read_document
 from aerodb.tasks.references import version_of
-from aerodb.tasks.steps.advance import FLOWS
+from aerodb.tasks.steps import FLOWS
 from aerodb.tasks.workspace_access import Stores
 
 _KEY: Final = re.compile(r"[0-9a-f]{64}")

@@ -4,10 +4,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from aerodb.recording import Damage
-from aerodb.storage.catalogue.catalogue import Catalogue
-from aerodb.storage.catalogue.rows import FlightRow, ResultRow
-from aerodb.storage.files.flights import read_results
-from aerodb.tasks.steps.counting import repeat_documents, repeating
+from aerodb.storage.catalogue import Catalogue, FlightRow, ResultRow
+from aerodb.storage.files import read_results
+from aerodb.tasks.steps import repeat_documents, repeating
 from aerodb.tasks.workspace_access import Stores
 
 

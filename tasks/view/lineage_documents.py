@@ -7,13 +7,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from aerodb.errors import InputError, nearest
-from aerodb.report.diff_documents import diff_document
-from aerodb.storage.catalogue.catalogue import Catalogue
-from aerodb.storage.catalogue.rows import Impact, VersionRow
-from aerodb.storage.writers.prov import prov_json
-from aerodb.tables.consolidation import NodeShare, node_lineage, point_lineage
-from aerodb.tables.differences import diff
-from aerodb.tables.nodes import neutral_point
+from aerodb.report import diff_document
+from aerodb.storage.catalogue import Catalogue, Impact, VersionRow
+from aerodb.storage.writers import prov_json
+from aerodb.tables import NodeShare, diff, neutral_point, node_lineage, point_lineage
 from aerodb.tasks.references import node_of, point_of
 from aerodb.tasks.result_versions import RESULT_VERSION
 from aerodb.tasks.view.evaluation import database_of
@@ -68,7 +65,7 @@ def compare_versions(
     kind = picture.lower().removeprefix(".")
     if kind not in FIGURE_KINDS:
         raise InputError(f"no picture of kind '{picture}'", "--figure", nearest(kind, FIGURE_KINDS))
-    from aerodb.report.diff_figures import diff_figure
+    from aerodb.report import diff_figure
 
     figure = diff_figure(old, new, (before.label, after.label), f"{after.vehicle}: {before.label} and {after.label}")
     drawn = io.BytesIO()

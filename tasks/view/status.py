@@ -4,14 +4,12 @@ import shutil
 from typing import Any, Final
 
 from aerodb.errors import AeroError
-from aerodb.storage.catalogue.rows import RunRow
-from aerodb.storage.inbox import quarantined
-from aerodb.storage.inbox.outbox import waiting
+from aerodb.storage.catalogue import RunRow
+from aerodb.storage.inbox import quarantined, waiting
 from aerodb.storage.locks import is_held, note_of
 from aerodb.storage.workspace_settings import Loop, Schedule, Settings, load_settings
 from aerodb.tasks.result_versions import CANDIDATE, RELEASED
-from aerodb.tasks.steps.advance import Due, due, parameters_of
-from aerodb.tasks.steps.inbox import files_of_inbox, in_quarantine
+from aerodb.tasks.steps import Due, due, files_of_inbox, in_quarantine, parameters_of
 from aerodb.tasks.workspace_access import Stores
 
 #: So many entries of each kind are listed; the counts are of all.

@@ -5,8 +5,7 @@ from typing import Any, Final
 import numpy as np
 
 from aerodb.errors import UnknownNameError, nearest
-from aerodb.tables.database import AeroDatabase
-from aerodb.tables.nodes import table_grids
+from aerodb.tables import AeroDatabase, table_grids
 
 #: A table of more nodes than this is shown by its breakpoints alone.
 MOST_NODES: Final = 100_000

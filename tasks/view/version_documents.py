@@ -3,8 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
-from aerodb.storage.catalogue.catalogue import Catalogue
-from aerodb.storage.catalogue.rows import NameEvent, VersionRow
+from aerodb.storage.catalogue import Catalogue, NameEvent, VersionRow
 
 
 def version_document(row: VersionRow) -> dict[str, Any]:

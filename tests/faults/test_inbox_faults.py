@@ -17,8 +17,8 @@ from aerodb.flows.nightly import nightly_flow
 from aerodb.flows.run import run_flow
 from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.disk_errors import GROWTH
-from aerodb.storage.inbox.quarantined import newest, put_back
 from aerodb.storage.inbox.folders import put_in
+from aerodb.storage.inbox.quarantined import newest, put_back
 from aerodb.storage.workspace import Workspace
 from aerodb.tasks.steps.ingest import store_log
 from tests.support.glider_runs import prepared

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.fft import next_fast_len
 from scipy.linalg import block_diag
 
-from aerodb.conditioning.differentiation import bridge
+from aerodb.conditioning import bridge
 from aerodb.consistency.calibration import Calibration
 from aerodb.consistency.output_error.initial_states import first_states
 from aerodb.consistency.output_error.normal_equations import residuals
@@ -17,12 +17,11 @@ from aerodb.consistency.output_error.posterior import Knowledge, replaced_by, sh
 from aerodb.consistency.output_error.reconstruction import Path, Reconstruction, reconstruct
 from aerodb.consistency.plan import Plan, make_plan
 from aerodb.consistency.records import flight_of, records_from_flight
-from aerodb.consistency.sensors.parameters import AIR_DATA, PER_FLIGHT, channels_of, parameter
-from aerodb.consistency.sensors.prediction import Record, respond
+from aerodb.consistency.sensors import AIR_DATA, PER_FLIGHT, Record, channels_of, parameter, respond
 from aerodb.consistency.verdict import moving_air
 from aerodb.errors import InputError
 from aerodb.flight import Flight
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 from aerodb.vehicle import Accuracy, Vehicle
 
 #: Interval at which sensor errors are estimated, s: rigid-body motion is slower; corrections are applied to every sample.

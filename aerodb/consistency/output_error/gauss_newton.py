@@ -7,10 +7,9 @@ import numpy as np
 
 from aerodb.consistency.output_error.initial_states import first_states
 from aerodb.consistency.output_error.normal_equations import Sums, accumulate
-from aerodb.consistency.sensors.parameters import Parameter, unknowns
-from aerodb.consistency.sensors.prediction import LONGEST_DELAY, Record
+from aerodb.consistency.sensors import LONGEST_DELAY, Parameter, Record, unknowns
 from aerodb.errors import InputError
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 
 MOST_ITERATIONS = 100
 

@@ -5,10 +5,10 @@ from collections.abc import Mapping
 import numpy as np
 
 from aerodb.consistency.kinematics import STATES
-from aerodb.consistency.sensors.prediction import Record, to_body
+from aerodb.consistency.sensors import Record, to_body
 from aerodb.errors import InputError
 from aerodb.five_hole import flow_angles
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 
 #: A heading that is not logged is taken from the track over so many seconds.
 _TRACK = 5.0

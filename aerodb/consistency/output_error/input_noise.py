@@ -7,9 +7,8 @@ import numpy as np
 
 from aerodb.consistency.kinematics import STATES
 from aerodb.consistency.output_error.normal_equations import blocked, usable
-from aerodb.consistency.sensors.parameters import Parameter, parameter
-from aerodb.consistency.sensors.prediction import Record, corrected_inputs, respond
-from aerodb.support.arrays import Array
+from aerodb.consistency.sensors import Parameter, Record, corrected_inputs, parameter, respond
+from aerodb.support import Array
 
 #: A record is taken in so many blocks at least: the effect of a sample's noise changes slowly along it.
 BLOCKS = 150

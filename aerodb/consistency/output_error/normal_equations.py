@@ -10,10 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerodb.consistency.kinematics import STATES
-from aerodb.consistency.sensors.parameters import Parameter, delays_of
-from aerodb.consistency.sensors.prediction import LONGEST_DELAY, Record, Response, respond
+from aerodb.consistency.sensors import LONGEST_DELAY, Parameter, Record, Response, delays_of, respond
 from aerodb.errors import InputError
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 
 #: Multiplications in a matrix product below which BLAS stays on one thread.
 _SINGLE_THREAD = 100_000

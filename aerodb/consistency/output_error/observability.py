@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aerodb.consistency.sensors.parameters import Parameter
-from aerodb.support.arrays import Array
+from aerodb.consistency.sensors import Parameter
+from aerodb.support import Array
 
 #: What is held first when several unknowns cannot be separated: what a serviceable aircraft is least likely to need.
 _ORDER = ("mount", "arm", "probe", "port", "delay", "scale", "terrain", "weather", "wind", "bias", "initial")

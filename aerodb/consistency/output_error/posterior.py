@@ -12,9 +12,8 @@ import numpy as np
 from aerodb.consistency.calibration import Calibration
 from aerodb.consistency.output_error.reconstruction import Estimate, Reconstruction
 from aerodb.consistency.plan import Plan
-from aerodb.consistency.sensors.parameters import parameter
-from aerodb.support.arrays import Array
-from aerodb.support.signals import Signal, beyond
+from aerodb.consistency.sensors import parameter
+from aerodb.support import Array, Signal, beyond
 from aerodb.vehicle import Accuracy
 
 #: A correction of which the vehicle file says nothing is applied from so many standard errors on.

@@ -14,11 +14,10 @@ from aerodb.consistency.output_error.gauss_newton import Problem, gauss_newton, 
 from aerodb.consistency.output_error.input_noise import drift_information
 from aerodb.consistency.output_error.normal_equations import Sums, belongs, first_state, residuals, split, usable
 from aerodb.consistency.output_error.observability import Held, held_back, widened
-from aerodb.consistency.sensors.parameters import Parameter
-from aerodb.consistency.sensors.prediction import Record, Response, corrected_inputs, respond
+from aerodb.consistency.sensors import Parameter, Record, Response, corrected_inputs, respond
 from aerodb.errors import InputError
-from aerodb.estimation.regression import coloured_sum
-from aerodb.support.arrays import Array
+from aerodb.estimation import coloured_sum
+from aerodb.support import Array
 
 #: Where the noise is too small to matter, a channel is not trusted beyond this share of its parameter's natural size.
 _WEAK = 1e-2

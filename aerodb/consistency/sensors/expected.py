@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aerodb.conditioning.differentiation import bridge, smooth
+from aerodb.conditioning import bridge, smooth
 from aerodb.consistency.kinematics import INPUTS
 from aerodb.consistency.sensors.prediction import Record, to_body
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 
 #: Bandwidth of the differentiation, Hz, at most a quarter of the sampling rate.
 BANDWIDTH = 1.5

@@ -18,8 +18,7 @@ import numpy as np
 
 from aerodb.errors import InputError
 from aerodb.five_hole import Curve, FiveHole, relative
-from aerodb.support.arrays import Array
-from aerodb.support.signals import Signal, Triple, angle, arcsine, beyond, body_to_earth, cross, dot, root, sine
+from aerodb.support import Array, Signal, Triple, angle, arcsine, beyond, body_to_earth, cross, dot, root, sine
 from aerodb.vehicle import Vehicle
 
 _PORTS = ("static_port_error", "static_port_offset", "total_port_error")

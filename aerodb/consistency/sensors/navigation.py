@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from aerodb.consistency.sensors.prediction import to_body
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 
 
 @dataclass(frozen=True)

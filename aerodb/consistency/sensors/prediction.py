@@ -14,9 +14,8 @@ from aerodb.consistency.kinematics import INPUTS, STATES, integrate
 from aerodb.consistency.sensors.models import Installation, Sight
 from aerodb.consistency.sensors.parameters import FURTHER_OUTPUTS, OUTPUTS, Parameter, delays_of
 from aerodb.errors import InputError, UnknownNameError, nearest
-from aerodb.physics.geodesy import Earth
-from aerodb.support.arrays import Array
-from aerodb.support.signals import Signal
+from aerodb.physics import Earth
+from aerodb.support import Array, Signal
 
 #: Delays are sought within this (s); samples that near to either end of a record are left out for a delayed channel.
 LONGEST_DELAY = 0.3

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aerodb.conditioning.differentiation import bridge
-from aerodb.support.arrays import Array
+from aerodb.conditioning import bridge
+from aerodb.support import Array
 
 #: Band in which gusts act on the rigid-body motion, Hz.
 GUSTS = (0.1, 2.0)

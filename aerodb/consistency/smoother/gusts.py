@@ -14,7 +14,7 @@ from scipy.optimize import minimize
 
 from aerodb.consistency.smoother.kalman import Pass, Score, Transition, smooth
 from aerodb.consistency.smoother.path_error import ATTITUDE, FORCE, GUST, POSITION, VELOCITY, PathError
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 
 #: Expected intensity (m/s) and scale length (m) of gusts; drift of accelerometers (m/s2) and gyros (rad/s) in run, and its
 #: correlation time (s).

@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 
 
 @dataclass(frozen=True)

@@ -15,12 +15,10 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from aerodb.consistency.kinematics import INPUTS, STATES
-from aerodb.consistency.output_error.input_noise import inertial_noise
-from aerodb.consistency.output_error.reconstruction import Path
-from aerodb.consistency.sensors.parameters import Parameter, delays_of, parameter
-from aerodb.consistency.sensors.prediction import Record, respond, to_body
+from aerodb.consistency.output_error import Path, inertial_noise
+from aerodb.consistency.sensors import Parameter, Record, delays_of, parameter, respond, to_body
 from aerodb.errors import InputError
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 
 #: Where error states stand.
 ATTITUDE, VELOCITY, GUST, GYRO, FORCE, POSITION = (slice(k, k + 3) for k in range(0, 18, 3))

@@ -14,10 +14,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from aerodb.consistency.kinematics import INPUTS, STATES
-from aerodb.consistency.output_error.input_noise import inertial_noise
-from aerodb.consistency.output_error.reconstruction import Path, Reconstruction
-from aerodb.consistency.sensors.parameters import Parameter
-from aerodb.consistency.sensors.prediction import to_body
+from aerodb.consistency.output_error import Path, Reconstruction, inertial_noise
+from aerodb.consistency.sensors import Parameter, to_body
 from aerodb.consistency.smoother.gusts import (
     MOST_RECORDS,
     Intensities,
@@ -47,7 +45,7 @@ from aerodb.consistency.smoother.path_error import (
     shown,
 )
 from aerodb.errors import UnknownNameError, nearest
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 
 #: What the smoother gives a standard error for.
 CHANNELS = (*STATES, "V", "alpha", "beta", "wind_north", "wind_east", "wind_down", *INPUTS)

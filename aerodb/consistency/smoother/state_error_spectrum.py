@@ -14,12 +14,12 @@ from typing import Any, Final, Literal
 import numpy as np
 from scipy.fft import next_fast_len
 
-from aerodb.conditioning.differentiation import bridge
+from aerodb.conditioning import bridge
 from aerodb.consistency.kinematics import INPUTS, STATES
-from aerodb.consistency.output_error.input_noise import inertial_noise
+from aerodb.consistency.output_error import inertial_noise
 from aerodb.consistency.smoother.smoothing import Smoothed, SmoothedPath
 from aerodb.errors import InputError
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 
 #: Channels of a consistent flight whose error is described.
 DESCRIBED: Final = ("V", "alpha", "beta", "phi", "theta", "psi", *INPUTS)

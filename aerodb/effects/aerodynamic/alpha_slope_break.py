@@ -13,10 +13,8 @@ import numpy as np
 
 from aerodb.effects.hypothesis import Hypothesis
 from aerodb.effects.template import Scene, Template, additive
-from aerodb.support.arrays import Array
-from aerodb.tables.arguments import breakpoints_over
-from aerodb.tables.nodes import neutral_point, spread
-from aerodb.tables.reference import WIND_AXES, body_to_wind
+from aerodb.support import Array
+from aerodb.tables import WIND_AXES, body_to_wind, breakpoints_over, neutral_point, spread
 
 SIZES = {"CX": 1.0, "CZ": 2.0, "Cm": 1.0}
 SOURCE = "003, eq. 7"

@@ -4,9 +4,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from aerodb.tables.database import AeroDatabase
-from aerodb.tables.nodes import neutral_point, spread
-from aerodb.tables.reference import body_to_wind
+from aerodb.tables import AeroDatabase, body_to_wind, neutral_point, spread
 
 
 @lru_cache(maxsize=64)

@@ -19,11 +19,8 @@ from aerodb.effects.hypothesis import Hypothesis
 from aerodb.effects.interpolation_terms import as_expression
 from aerodb.effects.template import AXIS_WORDS, Scene, Template, on_axis
 from aerodb.nomenclature import CHANNELS, is_surface
-from aerodb.support.arrays import Array
-from aerodb.tables.algebra import times
-from aerodb.tables.expression import MAX_LENGTH, Call, Expression, Name, number
-from aerodb.tables.linear_terms import Site, sites
-from aerodb.tables.table import Table
+from aerodb.support import Array
+from aerodb.tables import MAX_LENGTH, Call, Expression, Name, Site, Table, number, sites, times
 
 SOURCE = "DHC6.xml, table Clb, against the Twin Otter records"
 #: Part of the wrong symmetry, relative to the table's largest value, below which a table counts as right.

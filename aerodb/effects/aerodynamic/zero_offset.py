@@ -12,7 +12,7 @@ terms of some thousandths to hundredths, of either sign. Valid everywhere.
 
 from aerodb.effects.hypothesis import Hypothesis
 from aerodb.effects.template import AXIS_WORDS, Scene, Template, on_axis
-from aerodb.tables.expression import parse
+from aerodb.tables import parse
 
 REGRESSOR = "1"
 SIZES = {"CX": 0.05, "CY": 0.05, "CZ": 0.2, "Cl": 0.02, "Cm": 0.1, "Cn": 0.02}

@@ -12,13 +12,13 @@ from typing import Final
 
 import numpy as np
 
-from aerodb.consistency.smoother.state_error_spectrum import StateNoise
+from aerodb.consistency import StateNoise
 from aerodb.effects.flight_view import FlightView
 from aerodb.effects.measurement.constant_errors import with_wind
 from aerodb.effects.measurement.sensor import predicted_change
 from aerodb.effects.measurement.sensor_flow_angles import NATURAL
-from aerodb.increments.estimate import AxisUpdate, Doubt, Update
-from aerodb.support.arrays import Array
+from aerodb.increments import AxisUpdate, Doubt, Update
+from aerodb.support import Array
 
 #: Realisations of e that stand for its covariance.
 _DRAWS: Final = 16

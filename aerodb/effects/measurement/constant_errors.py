@@ -14,9 +14,9 @@ from aerodb.effects.flight_view import FlightView
 from aerodb.effects.hypothesis import Columns
 from aerodb.effects.measurement import sensor_accelerometer, sensor_flow_angles, sensor_qbar
 from aerodb.effects.measurement.sensor import added, predicted_change
-from aerodb.increments.estimate import Doubt
-from aerodb.support.arrays import Array
-from aerodb.tables.reference import WIND_AXES, body_to_wind
+from aerodb.increments import Doubt
+from aerodb.support import Array
+from aerodb.tables import WIND_AXES, body_to_wind
 
 
 def doubts(view: FlightView, sigma: Mapping[str, float], own: Collection[str] = ()) -> tuple[Doubt, ...]:

@@ -11,7 +11,7 @@ from functools import partial
 
 import numpy as np
 
-from aerodb.coefficients.total import inertial_moment, specific_force_at_cg
+from aerodb.coefficients import inertial_moment, specific_force_at_cg
 from aerodb.effects.flight_view import FlightView
 from aerodb.effects.hypothesis import Columns, Hypothesis
 from aerodb.effects.measurement.sensor import added, predicted_change, sensor

@@ -10,12 +10,12 @@ from functools import reduce
 
 import numpy as np
 
-from aerodb.conditioning.differentiation import smooth
+from aerodb.conditioning import smooth
 from aerodb.effects.flight_view import FlightView
 from aerodb.effects.hypothesis import Columns, Hypothesis
 from aerodb.effects.template import Scene
 from aerodb.nomenclature import AXES
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 
 
 def sensor(

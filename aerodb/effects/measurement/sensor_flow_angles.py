@@ -15,13 +15,13 @@ from functools import partial
 
 import numpy as np
 
-from aerodb.conditioning.differentiation import smooth
+from aerodb.conditioning import smooth
 from aerodb.effects.flight_view import FlightView
 from aerodb.effects.hypothesis import Columns, Hypothesis
 from aerodb.effects.measurement.sensor import bias_prior, delay_prior, predicted_change, sensor
 from aerodb.effects.template import Scene, Template
-from aerodb.support.arrays import Array
-from aerodb.tables.functions import Value
+from aerodb.support import Array
+from aerodb.tables import Value
 
 SOURCE = "Klein & Morelli 2006, section 10.2"
 #: No speed below this (m/s) is believed: angles lose their meaning.

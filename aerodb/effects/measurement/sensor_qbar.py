@@ -9,7 +9,7 @@ from aerodb.effects.flight_view import FlightView
 from aerodb.effects.hypothesis import Columns, Hypothesis
 from aerodb.effects.measurement.sensor import added, bias_prior, predicted_change, sensor
 from aerodb.effects.template import Scene, Template
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 
 SOURCE = "003, eq. 5"
 

@@ -20,19 +20,26 @@ from typing import Final
 
 import numpy as np
 
-from aerodb.effects.aerodynamic.lift_like import from_zero_lift
+from aerodb.effects.aerodynamic import from_zero_lift
 from aerodb.effects.flight_view import FlightView
 from aerodb.effects.hypothesis import Columns, Hypothesis
 from aerodb.effects.template import Scene, Template
 from aerodb.errors import InputError, nearest
 from aerodb.nomenclature import FORCE_AXES
-from aerodb.tables.database import AeroDatabase
-from aerodb.tables.definitions import STATE_CHANNEL
-from aerodb.tables.expression import Expression, parse
-from aerodb.tables.increment import Increment, Interval
-from aerodb.tables.program import evaluate
-from aerodb.tables.reference import WIND_AXES, wind_to_body
-from aerodb.tables.state_model import Kirchhoff, Law, StateModel
+from aerodb.tables import (
+    STATE_CHANNEL,
+    WIND_AXES,
+    AeroDatabase,
+    Expression,
+    Increment,
+    Interval,
+    Kirchhoff,
+    Law,
+    StateModel,
+    evaluate,
+    parse,
+    wind_to_body,
+)
 
 LIFT: Final = f"{{}}*(((1 + sqrt({STATE_CHANNEL}))/2)^2 - 1)"
 SEPARATED: Final = f"1 - {STATE_CHANNEL}"

@@ -19,18 +19,15 @@ from typing import Final
 
 import numpy as np
 
-from aerodb.effects.aerodynamic.lift_like import from_zero_lift
+from aerodb.effects.aerodynamic import from_zero_lift
 from aerodb.effects.flight_view import FlightView
 from aerodb.effects.hypothesis import Columns, Hypothesis
 from aerodb.effects.stall import stall_hysteresis
 from aerodb.effects.stall.stall_shape import StallFlight, blocked
 from aerodb.effects.template import Scene, Template
 from aerodb.errors import InputError
-from aerodb.support.arrays import Array
-from aerodb.tables.database import AeroDatabase
-from aerodb.tables.definitions import STATE_CHANNEL
-from aerodb.tables.expression import Expression, parse
-from aerodb.tables.state_model import Relay, StateModel
+from aerodb.support import Array
+from aerodb.tables import STATE_CHANNEL, AeroDatabase, Expression, Relay, StateModel, parse
 
 LOOP: Final = f"(1 - {STATE_CHANNEL})*{{}}*max(alpha - {{!r}}, 0)*max({{!r}} - alpha, 0)"
 SOURCE = "Mueller, J. Aircraft 22(9), 1985"

@@ -19,9 +19,8 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from aerodb.errors import InputError, UnknownNameError, nearest
-from aerodb.support.arrays import Array
-from aerodb.tables.definitions import STATE_CHANNEL
-from aerodb.tables.state_model import Kirchhoff, Law, Relay, StateModel, slow_rate
+from aerodb.support import Array
+from aerodb.tables import STATE_CHANNEL, Kirchhoff, Law, Relay, StateModel, slow_rate
 
 #: Axis -> believable range of its gain: lift slope that separates [1/rad], drag and pitching moment of separated flow.
 GAINS: Final[Mapping[str, tuple[float, float]]] = {"C_lift": (0.0, 7.0), "C_drag": (0.0, 2.0), "Cm": (-2.0, 2.0)}

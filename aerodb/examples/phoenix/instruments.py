@@ -6,9 +6,8 @@ stamps have no jitter. Not simulated: scale-factor errors, misalignment, quantis
 
 import numpy as np
 
-from aerodb.simulation.flight import History
-from aerodb.simulation.sensors import Instrument, Signal
-from aerodb.support.arrays import Array
+from aerodb.simulation import History, Instrument, Signal
+from aerodb.support import Array
 from aerodb.vehicle import Vehicle
 
 SERVOS = (

@@ -15,19 +15,27 @@ from numpy.typing import NDArray
 from aerodb.examples.phoenix import text
 from aerodb.examples.phoenix.instruments import instruments, servo_channels
 from aerodb.examples.phoenix.truth import EFFECTS, Effect, truth
-from aerodb.exchange.native import read_native
-from aerodb.physics.atmosphere import DENSITY_0, GRAVITY, standard_atmosphere
+from aerodb.exchange import read_native
+from aerodb.physics import DENSITY_0, GRAVITY, standard_atmosphere
 from aerodb.recording import Topic
-from aerodb.simulation.airframe_model import Airframe, MovingAir, airframe
-from aerodb.simulation.autopilot import Autopilot, ControlDerivatives, control_derivatives
-from aerodb.simulation.flight import History
-from aerodb.simulation.flight import fly as fly_closed_loop
-from aerodb.simulation.inputs import Event, superposed
-from aerodb.simulation.motion import quaternion_from_euler
-from aerodb.simulation.sensors import at_instruments, measure
-from aerodb.simulation.turbulence import DrydenGusts
-from aerodb.support.arrays import Array
-from aerodb.tables.database import AeroDatabase
+from aerodb.simulation import (
+    Airframe,
+    Autopilot,
+    ControlDerivatives,
+    DrydenGusts,
+    Event,
+    History,
+    MovingAir,
+    airframe,
+    at_instruments,
+    control_derivatives,
+    measure,
+    quaternion_from_euler,
+    superposed,
+)
+from aerodb.simulation import fly as fly_closed_loop
+from aerodb.support import Array
+from aerodb.tables import AeroDatabase
 from aerodb.vehicle import Vehicle, parse_vehicle
 
 STEP = 0.01  # s

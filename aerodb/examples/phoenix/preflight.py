@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 
 _ELEVON: list[float] = [-25, -15, -10, -5, 0, 5, 10, 15, 25]
 _ASYMMETRIC: list[float] = [0, 5, 10, 15, 25]

@@ -10,8 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from aerodb.tables.database import AeroDatabase, Term
-from aerodb.tables.expression import parse
+from aerodb.tables import AeroDatabase, Term, parse
 
 
 @dataclass(frozen=True)

@@ -15,10 +15,8 @@ import numpy as np
 from aerodb.errors import InputError
 from aerodb.exchange.native import from_document, to_document
 from aerodb.nomenclature import AXES, axis_description, channel
-from aerodb.support.arrays import Array
-from aerodb.tables.arguments import calls, channel_of
-from aerodb.tables.check_cases import CheckCase, failures, make_check_cases
-from aerodb.tables.database import AeroDatabase
+from aerodb.support import Array
+from aerodb.tables import AeroDatabase, CheckCase, calls, channel_of, failures, make_check_cases
 
 FORMAT: Final = 1
 MAX_BYTES: Final = 200_000_000  # of a file, and of what it unpacks to

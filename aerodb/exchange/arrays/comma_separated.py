@@ -35,9 +35,8 @@ from aerodb.exchange.arrays.archive_parts import (
     take_apart,
 )
 from aerodb.nomenclature import AXES
-from aerodb.support.arrays import Array
-from aerodb.tables.check_cases import CheckCase
-from aerodb.tables.database import AeroDatabase
+from aerodb.support import Array
+from aerodb.tables import AeroDatabase, CheckCase
 
 MAX_FILES: Final = 10_000
 _KIND: Final = "CSV"

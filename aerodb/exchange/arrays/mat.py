@@ -29,9 +29,8 @@ from aerodb.exchange.arrays.archive_parts import (
 )
 from aerodb.exchange.arrays.mat_reader import read_mat
 from aerodb.nomenclature import AXES
-from aerodb.support.arrays import Array
-from aerodb.tables.check_cases import CheckCase
-from aerodb.tables.database import AeroDatabase
+from aerodb.support import Array
+from aerodb.tables import AeroDatabase, CheckCase
 
 _KIND: Final = "MAT"
 _HEADER: Final = b"MATLAB 5.0 MAT-file, aerodynamic database (aerodb)".ljust(116)  # no date: equal databases, equal bytes

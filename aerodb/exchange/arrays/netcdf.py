@@ -26,9 +26,8 @@ from aerodb.exchange.arrays.archive_parts import (
     put_together,
     take_apart,
 )
-from aerodb.support.arrays import Array
-from aerodb.tables.check_cases import CheckCase
-from aerodb.tables.database import AeroDatabase
+from aerodb.support import Array
+from aerodb.tables import AeroDatabase, CheckCase
 
 _KIND: Final = "NetCDF"
 

@@ -13,12 +13,7 @@ import numpy as np
 from aerodb.errors import InputError
 from aerodb.exchange.daveml.names import Declared, read_unit, scale_of
 from aerodb.exchange.daveml.xml_elements import children, find, number, own_text, read_root, required, tag, unsupported
-from aerodb.tables.arguments import rebuilt
-from aerodb.tables.database import AeroDatabase
-from aerodb.tables.definitions import CONSTANTS
-from aerodb.tables.expression import Expression, Name, parse
-from aerodb.tables.functions import Value
-from aerodb.tables.program import AnyTable, Program, compile_program
+from aerodb.tables import CONSTANTS, AeroDatabase, AnyTable, Expression, Name, Program, Value, compile_program, parse, rebuilt
 
 #: Where a file states no tolerance: relative to the value, with values below `_SMALL` taken as that.
 RELATIVE: Final = 1e-12

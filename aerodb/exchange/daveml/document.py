@@ -11,11 +11,19 @@ from aerodb.exchange.daveml.check_cases import CheckCase, CheckSignal
 from aerodb.exchange.daveml.names import STANDARD_INPUTS, STANDARD_SIGNS, Declared, output_axis, write_unit
 from aerodb.exchange.daveml.writing import text_number, text_numbers, write_math
 from aerodb.nomenclature import CHANNELS, channel, is_surface
-from aerodb.tables.database import AeroDatabase, Variable
-from aerodb.tables.expression import Call, Expression, Name, Negation, Number, TableCall
-from aerodb.tables.scattered import ScatteredTable
-from aerodb.tables.table import Table
-from aerodb.tables.uncertainty import Uncertainty
+from aerodb.tables import (
+    AeroDatabase,
+    Call,
+    Expression,
+    Name,
+    Negation,
+    Number,
+    ScatteredTable,
+    Table,
+    TableCall,
+    Uncertainty,
+    Variable,
+)
 
 NAMESPACE: Final = "http://daveml.org/2010/DAVEML"
 _DOCTYPE: Final = (

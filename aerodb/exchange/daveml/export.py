@@ -20,12 +20,21 @@ from aerodb.exchange.daveml.reader import import_daveml
 from aerodb.exchange.increment_terms import with_increments_as_terms
 from aerodb.exchange.state_terms import without_memory
 from aerodb.nomenclature import AXES, FORCE_AXES
-from aerodb.tables.algebra import plus
-from aerodb.tables.check_cases import make_check_cases
-from aerodb.tables.database import AeroDatabase, Term
-from aerodb.tables.definitions import CONSTANTS
-from aerodb.tables.expression import Expression, Name, Negation, Number, Operation, parse
-from aerodb.tables.reference import HAT_RATES, WIND_AXES
+from aerodb.tables import (
+    CONSTANTS,
+    HAT_RATES,
+    WIND_AXES,
+    AeroDatabase,
+    Expression,
+    Name,
+    Negation,
+    Number,
+    Operation,
+    Term,
+    make_check_cases,
+    parse,
+    plus,
+)
 
 _TOLERANCE: Final = 1e-9  # of max(|C|, 1e-3): what the receiving program must meet
 _FILL: Final = 0.1  # an input that no coefficient depends on needs some value

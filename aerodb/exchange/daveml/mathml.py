@@ -13,8 +13,7 @@ from typing import Any, Final
 from aerodb.errors import InputError
 from aerodb.exchange.daveml.xml_elements import children, own_text, tag, unsupported
 from aerodb.exchange.daveml.xml_elements import number as read_number
-from aerodb.tables.expression import Call, Expression, Negation, Number, Operation, number
-from aerodb.tables.functions import FUNCTIONS
+from aerodb.tables import FUNCTIONS, Call, Expression, Negation, Number, Operation, number
 
 Resolve = Callable[[str], Expression]
 _Operands = list[Expression]

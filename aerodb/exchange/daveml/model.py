@@ -19,15 +19,28 @@ from aerodb.exchange.daveml.names import (
     variable,
 )
 from aerodb.nomenclature import AXES, CHANNELS, channel, is_surface
-from aerodb.tables.arguments import rebuilt
-from aerodb.tables.database import AeroDatabase, Term, Variable
-from aerodb.tables.definitions import CONSTANTS
-from aerodb.tables.expression import Expression, Name, Negation, Number, Operation, TableCall, number, parse
-from aerodb.tables.functions import FUNCTIONS
-from aerodb.tables.reference import HAT_RATES, WIND_AXES, Reference
-from aerodb.tables.scattered import ScatteredTable
-from aerodb.tables.table import Table
-from aerodb.tables.uncertainty import Uncertainty
+from aerodb.tables import (
+    CONSTANTS,
+    FUNCTIONS,
+    HAT_RATES,
+    WIND_AXES,
+    AeroDatabase,
+    Expression,
+    Name,
+    Negation,
+    Number,
+    Operation,
+    Reference,
+    ScatteredTable,
+    Table,
+    TableCall,
+    Term,
+    Uncertainty,
+    Variable,
+    number,
+    parse,
+    rebuilt,
+)
 
 _GIVEN: Final = ("isInput", "isControl", "isDisturbance")
 _MOST_TERMS: Final = 200

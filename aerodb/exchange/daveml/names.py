@@ -6,8 +6,7 @@ from typing import Final
 
 from aerodb.errors import InputError
 from aerodb.nomenclature import AXES, CHANNELS, channel, is_surface
-from aerodb.tables.expression import Expression, Name, Negation, Number, Operation
-from aerodb.tables.reference import WIND_AXES
+from aerodb.tables import WIND_AXES, Expression, Name, Negation, Number, Operation
 from aerodb.units import conversion
 
 #: Standard name of an input -> channel, and the sign conventions that agree with ours and that are opposite.

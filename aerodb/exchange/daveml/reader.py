@@ -28,12 +28,8 @@ from aerodb.exchange.daveml.tables import (
     read_breakpoints,
 )
 from aerodb.exchange.daveml.xml_elements import children, find, number, plain, read_root, required, tag, unsupported
-from aerodb.tables.database import AeroDatabase
-from aerodb.tables.expression import Expression, TableCall
-from aerodb.tables.expression import number as constant
-from aerodb.tables.reference import Reference
-from aerodb.tables.scattered import ScatteredTable
-from aerodb.tables.table import Table
+from aerodb.tables import AeroDatabase, Expression, Reference, ScatteredTable, Table, TableCall
+from aerodb.tables import number as constant
 
 _ROLES: Final = ("isInput", "isControl", "isDisturbance", "isState", "isStateDeriv", "isOutput", "isStdAIAA")
 _GIVEN: Final = ("isInput", "isControl", "isDisturbance")

@@ -20,11 +20,9 @@ from aerodb.exchange.daveml.xml_elements import (
     tag,
     unsupported,
 )
-from aerodb.support.arrays import Array
-from aerodb.tables.expression import Call, Expression
-from aerodb.tables.expression import number as constant
-from aerodb.tables.table import EXTRAPOLATIONS
-from aerodb.tables.uncertainty import EFFECTS, Bound, Uncertainty
+from aerodb.support import Array
+from aerodb.tables import EFFECTS, EXTRAPOLATIONS, Bound, Call, Expression, Uncertainty
+from aerodb.tables import number as constant
 
 METADATA: Final = ("description", "provenance", "provenanceRef")
 _INTERPOLATIONS: Final = ("linear", "discrete", "floor", "ceiling")

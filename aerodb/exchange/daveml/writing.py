@@ -7,7 +7,7 @@ import numpy as np
 from lxml import etree
 from numpy.typing import NDArray
 
-from aerodb.tables.expression import Call, Expression, Name, Negation, Number, Operation, TableCall, number
+from aerodb.tables import Call, Expression, Name, Negation, Number, Operation, TableCall, number
 
 MATHML: Final = "http://www.w3.org/1998/Math/MathML"
 _ATAN2: Final = "http://daveml.org/function_spaces.html#atan2"

@@ -15,11 +15,8 @@ import numpy as np
 from aerodb.errors import InputError
 from aerodb.exchange.jsbsim.properties import CHANNEL_PROPERTIES, FOOT, INCH, SLUG_PER_FT3
 from aerodb.nomenclature import AXES, is_surface
-from aerodb.support.arrays import Array
-from aerodb.tables.check_cases import CheckCase
-from aerodb.tables.database import AeroDatabase
-from aerodb.tables.expression import Expression, Name, TableCall
-from aerodb.tables.reference import Reference, transfer_moments
+from aerodb.support import Array
+from aerodb.tables import AeroDatabase, CheckCase, Expression, Name, Reference, TableCall, transfer_moments
 
 #: Relative agreement that is asked for, and the size of a coefficient below which it is absolute.
 TOLERANCE: Final = 1e-9

@@ -14,7 +14,7 @@ import numpy as np
 from lxml import etree
 
 from aerodb.exchange.jsbsim.table import LOOKUPS
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 
 Element = Any  # lxml has no public name for its elements
 _DIMENSIONS: Final = 3

@@ -27,10 +27,7 @@ from aerodb.exchange.jsbsim.properties import (
 from aerodb.exchange.jsbsim.writing import FunctionWriter, channel_property
 from aerodb.exchange.state_terms import for_jsbsim
 from aerodb.nomenclature import axis_description, channel
-from aerodb.tables.check_cases import CheckCase
-from aerodb.tables.database import AeroDatabase, Term
-from aerodb.tables.expression import parse
-from aerodb.tables.reference import WIND_AXES, Reference
+from aerodb.tables import WIND_AXES, AeroDatabase, CheckCase, Reference, Term, parse
 
 _WIND: Final = {"C_drag": "DRAG", "C_side": "SIDE", "C_lift": "LIFT"}
 _BODY: Final = {"CX": "X", "CY": "Y", "CZ": "Z"}

@@ -15,12 +15,21 @@ from aerodb.exchange.jsbsim.properties import OWN_FREE, own_name
 from aerodb.exchange.jsbsim.table import read_table, stack
 from aerodb.exchange.jsbsim.xml_elements import MAX_NAME, read_number
 from aerodb.nomenclature import CHANNELS, is_surface
-from aerodb.support.arrays import Array
-from aerodb.tables.algebra import plus, times
-from aerodb.tables.definitions import CONSTANTS
-from aerodb.tables.expression import MAX_DEPTH, Expression, Name, Negation, Number, TableCall, number
-from aerodb.tables.functions import FUNCTIONS
-from aerodb.tables.table import Table
+from aerodb.support import Array
+from aerodb.tables import (
+    CONSTANTS,
+    FUNCTIONS,
+    MAX_DEPTH,
+    Expression,
+    Name,
+    Negation,
+    Number,
+    Table,
+    TableCall,
+    number,
+    plus,
+    times,
+)
 
 TEXT: Final = ("description", "documentation", "limitation")
 MAX_FUNCTIONS: Final = 10_000

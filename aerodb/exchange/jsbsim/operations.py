@@ -10,8 +10,7 @@ from functools import reduce
 from typing import Final
 
 from aerodb.errors import InputError
-from aerodb.tables.algebra import times
-from aerodb.tables.expression import Call, Expression, Number, Operation, number
+from aerodb.tables import Call, Expression, Number, Operation, number, times
 
 _Operands = list[Expression]
 

@@ -25,11 +25,26 @@ from aerodb.exchange.jsbsim.properties import (
 )
 from aerodb.exchange.jsbsim.xml_elements import part, read_constants, read_limits, read_reference, read_root
 from aerodb.nomenclature import channel
-from aerodb.tables.algebra import cancel, plus, times
-from aerodb.tables.database import AeroDatabase, Term, Variable
-from aerodb.tables.expression import MAX_DEPTH, Expression, Name, Negation, Number, Operation, number, parse
-from aerodb.tables.reference import WIND_AXES, Reference
-from aerodb.tables.state_model import Relay, StateModel
+from aerodb.tables import (
+    MAX_DEPTH,
+    WIND_AXES,
+    AeroDatabase,
+    Expression,
+    Name,
+    Negation,
+    Number,
+    Operation,
+    Reference,
+    Relay,
+    StateModel,
+    Term,
+    Variable,
+    cancel,
+    number,
+    parse,
+    plus,
+    times,
+)
 
 Loader = Callable[[str], bytes]
 

@@ -7,8 +7,8 @@ import numpy as np
 
 from aerodb.errors import InputError
 from aerodb.exchange.jsbsim.xml_elements import shown
-from aerodb.support.arrays import Array
-from aerodb.tables.table import Table
+from aerodb.support import Array
+from aerodb.tables import Table
 
 #: Lookups of a table of one to four dimensions; `axis4` as of JSBSim 1.3.
 LOOKUPS: Final = ("row", "column", "table", "axis4")

@@ -11,10 +11,7 @@ from typing import Final
 from aerodb.errors import InputError
 from aerodb.exchange.jsbsim.elements import Axis, Element, function, node, prop, snapped, table, value
 from aerodb.exchange.jsbsim.properties import CHANNEL_PROPERTIES, FOOT, OWN_ARGUMENT, OWN_CHANNEL, OWN_VARIABLE, QBAR
-from aerodb.tables.database import AeroDatabase
-from aerodb.tables.expression import Call, Expression, Name, Negation, Number, Operation, TableCall, parse
-from aerodb.tables.functions import COMPARISONS
-from aerodb.tables.table import Table
+from aerodb.tables import COMPARISONS, AeroDatabase, Call, Expression, Name, Negation, Number, Operation, Table, TableCall, parse
 
 _CONSTANTS: Final = {"S_ref": ("metrics/Sw-sqft", FOOT**2), "c_ref": ("metrics/cbarw-ft", FOOT), "b_ref": ("metrics/bw-ft", FOOT)}
 _HAT_RATES: Final = {

@@ -7,7 +7,7 @@ from typing import Any, Final
 from lxml import etree
 
 from aerodb.errors import InputError, nearest
-from aerodb.tables.reference import Reference
+from aerodb.tables import Reference
 from aerodb.units import convert
 
 MAX_BYTES: Final = 20_000_000

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 from aerodb.tracing.decision.selection import SUSPICION, Court, Decision, flight_gains, implausible
-from aerodb.tracing.estimates.significance import paired_p
+from aerodb.tracing.estimates import paired_p
 
 #: A rival's gain is lost when less than this part of it is left once the term is in.
 LOST = 0.25

@@ -14,15 +14,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from aerodb.effects.hypothesis import Hypothesis
+from aerodb.effects import Hypothesis
 from aerodb.tracing.decision.explanation_sets import explain
 from aerodb.tracing.decision.findings import Finding, Verdict, with_unit
 from aerodb.tracing.decision.joint_model import Joint, joint_bands, joint_fit, under
 from aerodb.tracing.decision.selection import SUSPICION, Decision, cast, cross_validated, left_out_gains
-from aerodb.tracing.estimates.campaigns import OFFSET, campaign
-from aerodb.tracing.estimates.per_flight import Votes
-from aerodb.tracing.estimates.significance import Tested
-from aerodb.tracing.evidence.evidence import Evidence, halves
+from aerodb.tracing.estimates import OFFSET, Tested, Votes, campaign
+from aerodb.tracing.evidence import Evidence, halves
 from aerodb.tracing.settings import Settings
 
 #: The linear set: what every axis is given before anything else is looked for.

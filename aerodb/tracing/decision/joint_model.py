@@ -6,14 +6,11 @@ from typing import Final
 
 import numpy as np
 
-from aerodb.effects.hypothesis import Hypothesis
-from aerodb.support.arrays import Array
+from aerodb.effects import Hypothesis
+from aerodb.support import Array
 from aerodb.tracing.decision.selection import Court
-from aerodb.tracing.estimates.campaigns import campaign
-from aerodb.tracing.evidence.evidence import Evidence
-from aerodb.tracing.evidence.low_pass import Band, Records, in_band
-from aerodb.tracing.evidence.normal_equations import Gram, gram_of
-from aerodb.tracing.evidence.shape_misfit import without_shapes
+from aerodb.tracing.estimates import campaign
+from aerodb.tracing.evidence import Band, Evidence, Gram, Records, gram_of, in_band, without_shapes
 from aerodb.tracing.settings import Settings
 
 #: A manoeuvre is short and made of square pulses: up to the third harmonic of the band's edge they excite.

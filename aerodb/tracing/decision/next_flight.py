@@ -5,12 +5,12 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import stats
 
-from aerodb.effects.hypothesis import Hypothesis
+from aerodb.effects import Hypothesis
 from aerodb.tracing.decision.explanation_sets import Explanation
 from aerodb.tracing.decision.findings import with_unit
 from aerodb.tracing.decision.selection import SUSPICION, Court, Decision
-from aerodb.tracing.estimates.significance import POWER
-from aerodb.tracing.evidence.normal_equations import Gram
+from aerodb.tracing.estimates import POWER
+from aerodb.tracing.evidence import Gram
 
 #: Sentences about hypotheses that no flight could show, at most.
 MOST = 5

@@ -15,20 +15,14 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from aerodb.coefficients.comparison import Comparison
-from aerodb.effects.flight_view import view_of
-from aerodb.effects.hypothesis import Hypothesis
-from aerodb.effects.spline import ramp_terms, spline_over, variables_of
+from aerodb.coefficients import Comparison
+from aerodb.effects import Hypothesis, ramp_terms, spline_over, variables_of, view_of
 from aerodb.flight import Flight
-from aerodb.support.arrays import Array
-from aerodb.support.parallel import in_threads
-from aerodb.tables.database import AeroDatabase
+from aerodb.support import Array, in_threads
+from aerodb.tables import AeroDatabase
 from aerodb.tracing.decision.findings import Finding
-from aerodb.tracing.estimates.campaigns import campaign
-from aerodb.tracing.estimates.per_flight import Campaign
-from aerodb.tracing.estimates.significance import paired_p
-from aerodb.tracing.evidence.flight_evidence import evidence_of
-from aerodb.tracing.evidence.normal_equations import gram
+from aerodb.tracing.estimates import Campaign, campaign, paired_p
+from aerodb.tracing.evidence import evidence_of, gram
 from aerodb.tracing.settings import Settings
 from aerodb.vehicle import Vehicle
 

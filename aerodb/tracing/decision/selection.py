@@ -9,10 +9,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.special import stdtrit
 
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 from aerodb.tracing.decision.findings import Vote, with_unit
-from aerodb.tracing.estimates.per_flight import Campaign, Votes
-from aerodb.tracing.estimates.significance import Tested, coherent_gain, over_flights
+from aerodb.tracing.estimates import Campaign, Tested, Votes, coherent_gain, over_flights
 from aerodb.tracing.settings import Settings
 
 #: Votes that a suspicion needs: with one, nothing can be said about another flight.

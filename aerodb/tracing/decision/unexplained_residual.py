@@ -16,11 +16,9 @@ from scipy import stats
 from scipy.linalg import cho_factor, cho_solve
 
 from aerodb.errors import InputError
-from aerodb.support.arrays import Array
-from aerodb.support.parallel import in_threads
-from aerodb.tracing.estimates.significance import holm
-from aerodb.tracing.evidence.evidence import Evidence
-from aerodb.tracing.evidence.low_pass import band_limited, stretches
+from aerodb.support import Array, in_threads
+from aerodb.tracing.estimates import holm
+from aerodb.tracing.evidence import Evidence, band_limited, stretches
 from aerodb.tracing.settings import Settings
 
 #: Knots of a variable's function: quantiles of its values over all flights.

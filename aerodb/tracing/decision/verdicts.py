@@ -4,15 +4,14 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from aerodb.effects.hypothesis import Hypothesis
+from aerodb.effects import Hypothesis
 from aerodb.errors import InputError
 from aerodb.tracing.decision.explanation_sets import Explanation, explain
 from aerodb.tracing.decision.findings import Finding, NotFound, Traced, Verdict, with_unit
 from aerodb.tracing.decision.next_flight import next_flights
 from aerodb.tracing.decision.selection import SUSPICION, Court, Decision, cast, decide, left_out_gains
-from aerodb.tracing.estimates.campaigns import campaign
-from aerodb.tracing.estimates.significance import Tested
-from aerodb.tracing.evidence.normal_equations import Gram
+from aerodb.tracing.estimates import Tested, campaign
+from aerodb.tracing.evidence import Gram
 from aerodb.tracing.settings import Settings
 
 

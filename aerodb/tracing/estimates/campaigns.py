@@ -5,12 +5,11 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from aerodb.effects.hypothesis import Hypothesis
+from aerodb.effects import Hypothesis
 from aerodb.errors import InputError
 from aerodb.tracing.estimates.per_flight import Campaign
 from aerodb.tracing.estimates.products import products_of
-from aerodb.tracing.evidence.normal_equations import Gram
-from aerodb.tracing.evidence.shape_misfit import companions, parent
+from aerodb.tracing.evidence import Gram, companions, parent
 
 #: The effect whose column is the axis' own constant.
 OFFSET = "zero_offset"

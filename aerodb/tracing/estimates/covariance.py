@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from aerodb.support.arrays import Array
-from aerodb.tracing.decision.findings import Finding
+from aerodb.support import Array
+from aerodb.tracing.decision import Finding
 
 
 def joint_covariance(findings: Sequence[Finding], prior_dof: float) -> Array:

@@ -10,8 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aerodb.support.arrays import Array, Mask
-from aerodb.support.parallel import Threads
+from aerodb.support import Array, Mask, Threads
 from aerodb.tracing.estimates.products import Places, Products
 
 #: A trace of ridge: a nuisance that a flight does not show must not stop the others.

@@ -3,7 +3,7 @@
 import numba
 import numpy as np
 
-from aerodb.support.arrays import Array, Integers
+from aerodb.support import Array, Integers
 
 
 @numba.njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})

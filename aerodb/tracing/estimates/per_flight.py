@@ -11,11 +11,11 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from aerodb.effects.hypothesis import Hypothesis
-from aerodb.support.arrays import Array, Mask
+from aerodb.effects import Hypothesis
+from aerodb.support import Array, Mask
 from aerodb.tracing.estimates.elimination import Reduced, Solved
 from aerodb.tracing.estimates.products import Products
-from aerodb.tracing.evidence.shape_misfit import TOLERANCE
+from aerodb.tracing.evidence import TOLERANCE
 
 #: Part of a column's own information below which what is left beside the nuisances is rounding.
 ROUNDING = 1e-9

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from aerodb.support.arrays import Array
-from aerodb.tracing.evidence.normal_equations import Gram
+from aerodb.support import Array
+from aerodb.tracing.evidence import Gram
 
 #: Part of a column's sum of squares below which what varies about its level is no excitation.
 _VARIES = 1e-8

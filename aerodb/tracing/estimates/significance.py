@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtr, stdtrit
 
-from aerodb.support.arrays import Array, Mask
+from aerodb.support import Array, Mask
 from aerodb.tracing.estimates.per_flight import Votes
 from aerodb.tracing.settings import Settings
 

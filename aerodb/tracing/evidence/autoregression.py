@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 
 
 def fit(records: Sequence[Array], most: int) -> tuple[Array, float]:

@@ -5,8 +5,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from aerodb.flight import Flight
-from aerodb.support.arrays import Array
-from aerodb.tables.database import AeroDatabase
+from aerodb.support import Array
+from aerodb.tables import AeroDatabase
 from aerodb.tracing.settings import short_period_frequency
 from aerodb.vehicle import Vehicle, mass_channels
 

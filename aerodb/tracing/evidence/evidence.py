@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from aerodb.errors import InputError
-from aerodb.support.arrays import Array, Mask
+from aerodb.support import Array, Mask
 
 Columns = Mapping[str, Mapping[str, Array]]
 

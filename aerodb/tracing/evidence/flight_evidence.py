@@ -4,13 +4,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from aerodb.coefficients.comparison import Comparison
-from aerodb.effects.flight_view import FlightView, view_of
-from aerodb.effects.hypothesis import Hypothesis
+from aerodb.coefficients import Comparison
+from aerodb.effects import FlightView, Hypothesis, view_of
 from aerodb.errors import InputError
 from aerodb.flight import Flight
 from aerodb.nomenclature import AXES
-from aerodb.tables.database import AeroDatabase
+from aerodb.tables import AeroDatabase
 from aerodb.tracing.evidence.evidence import Evidence
 from aerodb.vehicle import Vehicle
 

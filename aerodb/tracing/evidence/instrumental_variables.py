@@ -15,7 +15,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from aerodb.flight import Flight
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 from aerodb.tracing.evidence.evidence import Evidence
 
 #: Rate -> the commands that ask for it.

@@ -7,10 +7,9 @@ from functools import lru_cache
 import numpy as np
 from scipy.signal import firwin, kaiserord
 
-from aerodb.conditioning.resampling import PASS_EDGE, RIPPLE_DB, STOP_EDGE
-from aerodb.conditioning.responses import runs
+from aerodb.conditioning import PASS_EDGE, RIPPLE_DB, STOP_EDGE, runs
 from aerodb.errors import InputError
-from aerodb.support.arrays import Array, Mask
+from aerodb.support import Array, Mask
 from aerodb.tracing.evidence.evidence import Columns, Evidence
 from aerodb.tracing.settings import Settings
 

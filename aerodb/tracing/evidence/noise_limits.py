@@ -11,11 +11,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from aerodb.coefficients.comparison import Comparison
-from aerodb.consistency.smoother.state_error_spectrum import StateNoise
-from aerodb.effects.flight_view import FlightView
+from aerodb.coefficients import Comparison
+from aerodb.consistency import StateNoise
+from aerodb.effects import FlightView
 from aerodb.nomenclature import AXES
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 from aerodb.tracing.evidence.low_pass import band_limited, stretches
 from aerodb.tracing.settings import Settings
 

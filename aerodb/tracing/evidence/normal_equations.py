@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerodb.errors import InputError
-from aerodb.support.arrays import Array
+from aerodb.support import Array
 from aerodb.tracing.evidence.autoregression import correlation_time, fit, whiten
 from aerodb.tracing.evidence.evidence import Evidence
 from aerodb.tracing.evidence.low_pass import Band, Records, centred, in_band

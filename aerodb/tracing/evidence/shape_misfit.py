@@ -13,11 +13,10 @@ from typing import Final
 
 import numpy as np
 
-from aerodb.effects.hypothesis import Hypothesis
+from aerodb.effects import Hypothesis
 from aerodb.flight import Flight
-from aerodb.support.arrays import Array
-from aerodb.tables.expression import Expression
-from aerodb.tables.program import evaluate
+from aerodb.support import Array
+from aerodb.tables import Expression, evaluate
 from aerodb.tracing.evidence.evidence import Columns, Evidence
 
 #: One sigma of the change of an effect over one sigma of alpha or of its size, part of the effect.

@@ -5,12 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from aerodb.coefficients.comparison import Comparison, compare
-from aerodb.coefficients.total import total_coefficients
-from aerodb.consistency.smoother.state_error_spectrum import StateNoise
+from aerodb.coefficients import Comparison, compare, total_coefficients
+from aerodb.consistency import StateNoise
 from aerodb.flight import Flight
-from aerodb.support.arrays import Array
-from aerodb.tables.database import AeroDatabase
+from aerodb.support import Array
+from aerodb.tables import AeroDatabase
 from aerodb.vehicle import Vehicle
 
 

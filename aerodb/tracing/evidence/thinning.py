@@ -8,12 +8,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from aerodb.coefficients.comparison import Comparison
-from aerodb.conditioning.differentiation import bridge
-from aerodb.conditioning.responses import runs
+from aerodb.coefficients import Comparison
+from aerodb.conditioning import bridge, runs
 from aerodb.flight import Flight
 from aerodb.nomenclature import AXES
-from aerodb.support.arrays import Array, Mask
+from aerodb.support import Array, Mask
 from aerodb.tracing.evidence.low_pass import BRIDGED, slower
 
 #: The rate that stays, in bandwidths at least: products of three channels fold into the band only what lies above 3.6 of it.

@@ -3,7 +3,7 @@
 import sqlalchemy as sa
 from alembic import op
 
-from aerodb.storage.catalogue.schema import POSTGRESQL_REFUSAL, guards
+from aerodb.storage.catalogue import POSTGRESQL_REFUSAL, guards
 
 revision = "r0001"
 down_revision = None

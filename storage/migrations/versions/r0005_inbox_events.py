@@ -3,7 +3,7 @@
 import sqlalchemy as sa
 from alembic import op
 
-from aerodb.storage.catalogue.schema import guards
+from aerodb.storage.catalogue import guards
 
 revision = "r0005"
 down_revision = "r0004"

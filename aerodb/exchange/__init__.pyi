@@ -1,0 +1,29 @@
+from .arrays import export_csv, export_mat, export_netcdf, import_csv, import_mat, import_netcdf
+from .daveml import export_daveml, import_daveml, is_daveml
+from .jsbsim import check_in_jsbsim, export_jsbsim, import_jsbsim, input_properties, jsbsim_check_cases
+from .native import database_content_sha256, database_document_sha256, from_document, read_native, to_document
+from .state_terms import for_jsbsim, without_memory
+
+__all__ = [
+    "check_in_jsbsim",
+    "database_content_sha256",
+    "database_document_sha256",
+    "export_csv",
+    "export_daveml",
+    "export_jsbsim",
+    "export_mat",
+    "export_netcdf",
+    "for_jsbsim",
+    "from_document",
+    "import_csv",
+    "import_daveml",
+    "import_jsbsim",
+    "import_mat",
+    "import_netcdf",
+    "input_properties",
+    "is_daveml",
+    "jsbsim_check_cases",
+    "read_native",
+    "to_document",
+    "without_memory",
+]

@@ -1,0 +1,43 @@
+from . import page
+from .decimation import decimated, flagged_stretches
+from .diff_documents import diff_document
+from .diff_figures import diff_figure
+from .document import update_document
+from .flight_page import FlightStory, flight_report
+from .headlines import error_rows, headline
+from .lineage_figure import Relative, lineage_graph
+from .loop_documents import loop_document
+from .page import pdf, render
+from .style import FLAGGED, FLIGHT, MEASURED, UPDATED, channel_scale, for_people, visible
+from .update_page import MEANS, UpdateStory, update_report
+from .version_page import VersionStory, version_report
+
+__all__ = [
+    "FLAGGED",
+    "FLIGHT",
+    "MEANS",
+    "MEASURED",
+    "UPDATED",
+    "FlightStory",
+    "Relative",
+    "UpdateStory",
+    "VersionStory",
+    "channel_scale",
+    "decimated",
+    "diff_document",
+    "diff_figure",
+    "error_rows",
+    "flagged_stretches",
+    "flight_report",
+    "for_people",
+    "headline",
+    "lineage_graph",
+    "loop_document",
+    "page",
+    "pdf",
+    "render",
+    "update_document",
+    "update_report",
+    "version_report",
+    "visible",
+]

@@ -1,0 +1,30 @@
+from .arrays import Array, Integers, Mask
+from .identity import canonical_json, content_sha256, key_of, result_key, version_id
+from .parallel import Threads, in_threads
+from .signals import Signal, Triple, angle, arcsine, beyond, body_to_earth, cross, dot, root, sine
+from .strict import Strict, validated
+
+__all__ = [
+    "Array",
+    "Integers",
+    "Mask",
+    "Signal",
+    "Strict",
+    "Threads",
+    "Triple",
+    "angle",
+    "arcsine",
+    "beyond",
+    "body_to_earth",
+    "canonical_json",
+    "content_sha256",
+    "cross",
+    "dot",
+    "in_threads",
+    "key_of",
+    "result_key",
+    "root",
+    "sine",
+    "validated",
+    "version_id",
+]

@@ -1,0 +1,38 @@
+from .bandwidth import tracing_bandwidth
+from .evidence import Evidence, halves, units
+from .flight_evidence import evidence_of
+from .instrumental_variables import as_commanded, with_instruments
+from .low_pass import Band, Records, band_limited, in_band, stretches
+from .noise_limits import bounded_noise
+from .normal_equations import Gram, gram, gram_from_arrays, gram_of
+from .shape_misfit import TOLERANCE, companions, parent, with_shapes, without_shapes
+from .state_errors import noisy_copies
+from .thinning import LONG, thinned
+
+__all__ = [
+    "LONG",
+    "TOLERANCE",
+    "Band",
+    "Evidence",
+    "Gram",
+    "Records",
+    "as_commanded",
+    "band_limited",
+    "bounded_noise",
+    "companions",
+    "evidence_of",
+    "gram",
+    "gram_from_arrays",
+    "gram_of",
+    "halves",
+    "in_band",
+    "noisy_copies",
+    "parent",
+    "stretches",
+    "thinned",
+    "tracing_bandwidth",
+    "units",
+    "with_instruments",
+    "with_shapes",
+    "without_shapes",
+]

@@ -1,0 +1,56 @@
+from . import transfer
+from .aircraft_files import files_beside
+from .cache import is_kept, is_recording_kept, local, local_recording, put, put_recording, together
+from .documents import read_document, write_document
+from .flight_windows import StoredSeries
+from .flights import (
+    INDEX,
+    files_of,
+    open_recording,
+    read_flight,
+    read_recording,
+    read_results,
+    write_flight,
+    write_results,
+    write_topics,
+)
+from .normal_equations import read_gram, write_gram
+from .objects import DamagedObject, Objects, objects_of
+from .transfer import STORE, Moved, Part, is_sound, parts, push, require_unused, trim
+
+__all__ = [
+    "INDEX",
+    "STORE",
+    "DamagedObject",
+    "Moved",
+    "Objects",
+    "Part",
+    "StoredSeries",
+    "files_beside",
+    "files_of",
+    "is_kept",
+    "is_recording_kept",
+    "is_sound",
+    "local",
+    "local_recording",
+    "objects_of",
+    "open_recording",
+    "parts",
+    "push",
+    "put",
+    "put_recording",
+    "read_document",
+    "read_flight",
+    "read_gram",
+    "read_recording",
+    "read_results",
+    "require_unused",
+    "together",
+    "transfer",
+    "trim",
+    "write_document",
+    "write_flight",
+    "write_gram",
+    "write_results",
+    "write_topics",
+]

@@ -1,0 +1,78 @@
+from .advance import FLOWS, Due, due, parameters_of
+from .calibration import bind, calibrate
+from .close_loop import Accept, Loop, prove_loop, run_loop, what_is_left
+from .coefficients import load_coefficients, reconstruct
+from .compare import beside, compare_with_version, compared
+from .consistency import check_consistency, load_consistent, noise_of, reconstructed_angles
+from .counting import repeat_documents, repeating
+from .export import FORMS, export_version
+from .inbox import files_of_inbox, in_quarantine, note_failure, note_no_room, note_tries, set_aside, settle
+from .ingest import store_log
+from .inspect_log import look_over
+from .notify import deliver, tell
+from .publish import import_database, publish_candidate, publish_loop
+from .release import promote, roll_back
+from .report import flight_page, update_page, version_page, write_update_page
+from .runs import mark_ended
+from .segments import segments_of
+from .store import trim_cache
+from .trace import Library, evidence_beside, freeze_library, thinned_beside, trace_flight
+from .update import estimate, plan_update, validate
+
+__all__ = [
+    "FLOWS",
+    "FORMS",
+    "Accept",
+    "Due",
+    "Library",
+    "Loop",
+    "beside",
+    "bind",
+    "calibrate",
+    "check_consistency",
+    "compare_with_version",
+    "compared",
+    "deliver",
+    "due",
+    "estimate",
+    "evidence_beside",
+    "export_version",
+    "files_of_inbox",
+    "flight_page",
+    "freeze_library",
+    "import_database",
+    "in_quarantine",
+    "load_coefficients",
+    "load_consistent",
+    "look_over",
+    "mark_ended",
+    "noise_of",
+    "note_failure",
+    "note_no_room",
+    "note_tries",
+    "parameters_of",
+    "plan_update",
+    "promote",
+    "prove_loop",
+    "publish_candidate",
+    "publish_loop",
+    "reconstruct",
+    "reconstructed_angles",
+    "repeat_documents",
+    "repeating",
+    "roll_back",
+    "run_loop",
+    "segments_of",
+    "set_aside",
+    "settle",
+    "store_log",
+    "tell",
+    "thinned_beside",
+    "trace_flight",
+    "trim_cache",
+    "update_page",
+    "validate",
+    "version_page",
+    "what_is_left",
+    "write_update_page",
+]

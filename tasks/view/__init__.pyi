@@ -1,0 +1,41 @@
+from .channels import FEWEST_POINTS, MOST_POINTS, Series, envelopes_of, record_of, series_of
+from .evaluation import MOST_LINE_POINTS, database_of, evaluate_at, sweep
+from .finding_documents import finding_document, findings_page, labels_of, reference_of
+from .flight_documents import damage_document, flight_details, flights_document
+from .json_documents import as_json
+from .lineage_documents import compare_versions, impact_document, lineage_document, origins_document, prov_of, rebuilds
+from .status import status_of
+from .table_documents import table_document
+from .version_documents import history_document, version_details, versions_document
+
+__all__ = [
+    "FEWEST_POINTS",
+    "MOST_LINE_POINTS",
+    "MOST_POINTS",
+    "Series",
+    "as_json",
+    "compare_versions",
+    "damage_document",
+    "database_of",
+    "envelopes_of",
+    "evaluate_at",
+    "finding_document",
+    "findings_page",
+    "flight_details",
+    "flights_document",
+    "history_document",
+    "impact_document",
+    "labels_of",
+    "lineage_document",
+    "origins_document",
+    "prov_of",
+    "rebuilds",
+    "record_of",
+    "reference_of",
+    "series_of",
+    "status_of",
+    "sweep",
+    "table_document",
+    "version_details",
+    "versions_document",
+]
