@@ -14,10 +14,10 @@ from aerodb.flight import Flight
 from aerodb.vehicle import parse_vehicle
 from flows.cli.main import app
 from storage.flights import read_results
-from tasks.consistency import load_consistent, sigma_of
+from tasks.consistency import load_consistent
 from tasks.open import stores
 from tests.command import asked
-from tests.consistent_flights import NAME, PLANTED, VEHICLE, exact, log, table
+from tests.consistent_flights import NAME, PLANTED, VEHICLE, exact, log, stored_sigma, table
 
 TWIN_OTTER = Path(__file__).parent / "vehicles" / "twin_otter.toml"
 AP2_VEHICLE = """
@@ -109,7 +109,7 @@ def test_planted_errors_are_removed_and_the_flight_is_read_back(tmp_path: Path) 
     assert row.verdict == "good"
     flight, document, key = load_consistent(opened, row, "")
     assert key == found["key"]
-    true, sigma = exact(columns), sigma_of(opened, key)
+    true, sigma = exact(columns), stored_sigma(opened, key)
     for name in ("V", "alpha", "beta"):
         assert _error(flight[name], true[name]) < 0.2 * _error(columns[name], true[name]), name
         assert _error(flight[name], true[name]) < 3 * np.sqrt(np.mean(sigma[name] ** 2)), name

@@ -16,10 +16,10 @@ from aerodb.nomenclature import FLAGS
 from aerodb.probe import air_data_at_cg
 from aerodb.vehicle import parse_vehicle
 from storage.flights import read_results
-from tasks.consistency import load_consistent, sigma_of
+from tasks.consistency import load_consistent
 from tasks.open import stores
 from tests.command import asked
-from tests.consistent_flights import NAME, log
+from tests.consistent_flights import NAME, log, stored_sigma
 from tests.installed_flights import (
     BIASES,
     POINTS,
@@ -54,7 +54,7 @@ def _consistent(outcome: dict[str, Any], workspace: Path) -> tuple[Flight, dict[
     """The consistent flight as it is stored, and its standard errors."""
     opened = stores(str(workspace))
     flight, _, key = load_consistent(opened, opened.catalogue.flight(outcome["flight"]), "")
-    return flight, sigma_of(opened, key)
+    return flight, stored_sigma(opened, key)
 
 
 def _estimates(outcome: dict[str, Any]) -> dict[str, dict[str, Any]]:
