@@ -228,7 +228,7 @@ def test_records_know_where_things_are() -> None:
     place = {"latitude": np.full(1000, 0.9), "longitude": np.full(1000, 0.1)}
     flight = Flight("f", NAME, columns["time"], {**{n: x for n, x in columns.items() if n != "time"}, **place})
     moved = air_data_at_cg(flight, described)
-    (record,) = records_from_flight(moved, described, air_data="cg")
+    (record,) = records_from_flight(moved, described)
     assert record.installation.gps == GPS
     assert record.earth is None
     assert "qbar" not in record.outputs  # it is that of the airspeed at the probe

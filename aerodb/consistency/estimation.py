@@ -43,7 +43,7 @@ ASTRAY, _NO_WEIGHT = 0.5, 100.0
 
 def slow_records(flight: Flight, vehicle: Vehicle) -> tuple[Record, ...]:
     """The records of a mapped flight at the interval `SLOW`, over the earth that its rates are measured against."""
-    records = records_from_flight(flight, vehicle, air_data="cg", decimation=max(1, round(SLOW / flight.step)))
+    records = records_from_flight(flight, vehicle, decimation=max(1, round(SLOW / flight.step)))
     if records[0].earth is None:
         return records
     flat = tuple(replace(record, earth=None) for record in records)
