@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from aerodb.simulation.airframe import Airframe, MovingAir
-from aerodb.simulation.motion import Array, inertia_matrix, quaternion_from_euler, runge_kutta_step
+from aerodb.simulation.motion import Array, inertia_matrix, quaternion_from_euler
+from tests.runge_kutta import runge_kutta_step
 
 jsbsim = pytest.importorskip("jsbsim")
 
