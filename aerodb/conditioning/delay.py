@@ -1,4 +1,4 @@
-"""How late a channel is against what other sensors say it must be, and by how much two clocks differ.
+"""How late a channel is against what other sensors say it must be.
 
 A channel is compared with its own kinematics: the integral of the rate that accelerations, rates, attitude and
 gravity give for it. Both are band-passed alike, so that biases (which integrate to ramps) and noise stay out.
@@ -16,10 +16,8 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import correlate
 
 from aerodb.conditioning.channel_rates import KINEMATICS, with_accelerations
-from aerodb.conditioning.clock import interval
 from aerodb.conditioning.differentiation import bridge, low_passed
-from aerodb.conditioning.resampling import resampler, thinned, uniform_grid
-from aerodb.errors import InputError
+from aerodb.conditioning.resampling import thinned
 from aerodb.flight import Flight
 from aerodb.support import Array
 
@@ -138,28 +136,13 @@ def _coloured_error(regressors: Array, residual: Array, longest: int) -> float:
     return float(np.sqrt(max((inverse @ middle @ inverse)[1, 1], 0.0)))
 
 
-def channel_delay(
-    flight: Flight,
-    name: str,
-    band: tuple[float, float] = BAND,
-    largest: float = LARGEST,
-    during: tuple[float, float] | None = None,
-) -> Delay:
-    """The delay [s] of channel `name` (a key of KINEMATICS) of a flight against its own kinematics.
+def delays(flight: Flight, during: tuple[float, float] | None = None) -> tuple[Delay, ...]:
+    """The delay of every channel of the flight that has kinematics: alpha, beta, V, phi, theta, psi.
 
     alpha and beta are taken as they stand at the CG: correct a boom first, its lever arm times q or r looks like a delay.
-    They enter their own kinematics weakly; a second pass uses them with the delay taken out. Raises InputError for a
-    channel without kinematics; one whose inputs are missing is returned as not observable. `during`: only from..to [s], such
-    as the flying part of a whole flight.
+    They enter their own kinematics weakly; a second pass uses them with the delay taken out. A channel whose inputs are
+    missing is returned as not observable. `during`: only from..to [s], such as the flying part of a whole flight.
     """
-    if name not in KINEMATICS:
-        known = ", ".join(KINEMATICS)
-        raise InputError(f"no kinematics for channel '{name}'", f"flight {flight.id}", f"known: {known}")
-    return _channel_delay(name, *_prepared(flight, during, band[1]), band, largest)
-
-
-def delays(flight: Flight, during: tuple[float, float] | None = None) -> tuple[Delay, ...]:
-    """The delay of every channel of the flight that has kinematics: alpha, beta, V, phi, theta, psi."""
     channels, step = _prepared(flight, during, BAND[1])
     return tuple(_channel_delay(name, channels, step, BAND, LARGEST) for name in KINEMATICS if name in flight)
 
@@ -175,7 +158,7 @@ def _prepared(flight: Flight, during: tuple[float, float] | None, upper: float) 
 
 
 def _channel_delay(name: str, channels: Mapping[str, Array], step: float, band: tuple[float, float], largest: float) -> Delay:
-    """`channel_delay` of channels (n,) at `step` [s]."""
+    """The delay of channel `name` (a key of KINEMATICS) of channels (n,) at `step` [s], as `delays` gives it."""
     rate, needed = KINEMATICS[name]
     lacking = [need for need in needed if need not in channels]
     if lacking:
@@ -197,44 +180,3 @@ def _channel_delay(name: str, channels: Mapping[str, Array], step: float, band: 
         because = f"its motion is {found.scale:.2f} times that of the kinematics: something other than a delay is at work"
         return replace(found, standard_error=float("inf"), observable=False, because=because)
     return found
-
-
-@dataclass(frozen=True)
-class ClockOffset:
-    """Two clocks: ``time on a = time on b + seconds``; standard error [s]; share explained; whether it may be used."""
-
-    seconds: float
-    standard_error: float
-    explained: float
-    observable: bool
-    because: str
-
-
-def clock_offset(
-    time_a: Array, a: Array, time_b: Array, b: Array, largest: float | None = None, band: tuple[float, float] = BAND
-) -> ClockOffset:
-    """The offset between the clocks of two topics that measured the same quantity.
-
-    time_a (n,), time_b (m,) : s, increasing. a (n,), b (m,) : the quantity, up to scale and bias. largest : s, offset
-    to look for around equal clocks; None: around the first samples, over the length of the longer record.
-    Both are brought to the coarser grid; correlation finds the offset to a sample, `delay_between` to a fraction.
-    """
-    step = max(interval(time_a), interval(time_b))
-    grids = [uniform_grid(float(time[0]), float(time[-1]), step) for time in (time_a, time_b)]
-    records = [resampler(time, grid)(bridge(v)) for time, grid, v in zip((time_a, time_b), grids, (a, b), strict=True)]
-    upper = min(band[1], 0.45 / step)
-    passed = [_band_passed(record, step, (band[0], upper)) for record in records]
-    match = correlate(passed[0], passed[1], method="fft")
-    lags = (np.arange(len(match)) - (len(passed[1]) - 1)) * step + grids[0][0] - grids[1][0]
-    allowed = np.ones(len(lags), dtype=bool) if largest is None else np.abs(lags) <= largest
-    overlap = np.convolve(np.ones(len(passed[0])), np.ones(len(passed[1])))
-    allowed &= overlap >= 0.2 * min(len(passed[0]), len(passed[1]))
-    if not allowed.any():
-        return ClockOffset(0.0, np.inf, 0.0, False, f"the clocks differ by more than {largest:g} s")
-    coarse = float(lags[allowed][np.argmax((match / np.sqrt(overlap.clip(1.0)))[allowed])])
-    start = max(grids[0][0], grids[1][0] + coarse)
-    end = min(grids[0][-1], grids[1][-1] + coarse)
-    common = uniform_grid(start, end, step)
-    pair = [np.interp(common, grids[0], records[0]), np.interp(common, grids[1] + coarse, records[1])]
-    fine = delay_between(pair[0], pair[1], step, band, largest=5 * step)
-    return ClockOffset(coarse + fine.seconds, fine.standard_error, fine.explained, fine.observable, fine.because)

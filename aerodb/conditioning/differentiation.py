@@ -24,13 +24,12 @@ FEWEST_SAMPLES = 8
 @dataclass(frozen=True)
 class Smoothed:
     """A smoothed record: `value` (n,), `rate` (n,) its time derivative, `noise` one sigma of the white noise of the
-    input (same unit), `value_sigma` and `rate_sigma` what of it remains in value and rate."""
+    input (same unit), `rate_sigma` what of it remains in the rate."""
 
     value: Array
     rate: Array
     bandwidth: float
     noise: float
-    value_sigma: float
     rate_sigma: float
 
 
@@ -65,7 +64,6 @@ def smooth(values: Array, step: float, bandwidth: float, noise: float | None = N
         rate=rate,
         bandwidth=bandwidth,
         noise=noise,
-        value_sigma=share * float(np.sqrt(np.sum(gain**2))),
         rate_sigma=share * float(np.sqrt(np.sum((gain * omega) ** 2))),
     )
 

@@ -6,6 +6,7 @@ the smoother (`smoother`) weighs it against the inertial motion and the gusts th
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from enum import Enum
 from typing import Final
 
 import numpy as np
@@ -46,9 +47,6 @@ from aerodb.vehicle import Vehicle
 #: A channel without a sensor is given when its standard error stays within this many limits of the vehicle's accuracy.
 LIMITS = 2.0
 
-#: Where the values of a channel come from that nothing shows and the motion gives.
-WITHOUT_SENSOR = "smoothed: it has no sensor"
-
 #: Draws of the smoother's error, and stretches of one wind that they are made of, for the spectrum.
 DRAWS, MOST_DRAWN = 8, 3
 
@@ -57,16 +55,54 @@ _ATTITUDE: Final = ("phi", "theta", "psi")
 _OTHERS: Final = ("velocity_north", "velocity_east", "velocity_down")
 
 
+class Origin(Enum):
+    """Where the values of a channel come from: its sensor, the smoother (with the sensor beside the motion, or without one), or
+    nowhere. The values are the words that stored documents have for it."""
+
+    SENSOR = "corrected sensor"
+    SENSOR_AND_MOTION = "smoothed: sensor and motion together"
+    MOTION = "smoothed: it has no sensor"
+    NOT_GIVEN = "not given: it has no sensor"
+
+
+@dataclass(frozen=True)
+class ChannelSource:
+    """The `origin` of a channel's values; `because`: what more there is to say, why a channel is not given."""
+
+    origin: Origin
+    because: str = ""
+
+    @property
+    def smoothed(self) -> bool:
+        """Whether the values are the smoother's."""
+        return self.origin in (Origin.SENSOR_AND_MOTION, Origin.MOTION)
+
+    @property
+    def text(self) -> str:
+        """In plain words, as documents have it."""
+        return f"{self.origin.value}, and {self.because}" if self.because else self.origin.value
+
+    @classmethod
+    def from_text(cls, text: str) -> "ChannelSource":
+        """The source that has this `text`; ValueError for another.
+
+        >>> ChannelSource.from_text("not given: it has no sensor, and nothing determines it").origin
+        <Origin.NOT_GIVEN: 'not given: it has no sensor'>
+        """
+        words, _, because = text.partition(", and ")
+        return cls(Origin(words), because)
+
+
 @dataclass(frozen=True)
 class Corrected:
     """A corrected flight; `sigma`: channel -> (n,) one standard error; `changed`: channels that differ from the measured ones;
-    `used`: channel -> plain words on where its values come from; `noise`: spectrum of what is wrong in these channels, of the
+    `used`: channel -> where its values come from; `noise`: spectrum of what is wrong in these channels, of the
     source (smoother or sensor) that alpha has; `result`: the reconstruction, its winds as uncertain as gusts make them."""
 
     flight: Flight
     sigma: Mapping[str, Array]
     changed: tuple[str, ...]
-    used: Mapping[str, str]
+    used: Mapping[str, ChannelSource]
     noise: StateNoise
     result: Reconstruction
 
@@ -96,10 +132,10 @@ def corrected_flight(
         made, error = _at_full_rate(flight, smoothed, name)
         own = sensors.get(name)
         choice = _choice(flight, result, vehicle, name, values, made, error, own)
-        used[name] = choice.because
-        if name == "alpha" and own is not None and not choice.smoothed:
+        used[name] = choice.source
+        if name == "alpha" and own is not None and not choice.source.smoothed:
             source = "sensor"
-        if choice.smoothed:
+        if choice.source.smoothed:
             here = np.isfinite(made)
             channels[name] = made if own is None else np.where(here, made, own)
             sigma[name] = np.where(here, np.hypot(error, choice.beside), choice.sensor)
@@ -217,13 +253,12 @@ def _pressure(flight: Flight, moved: Inertial, channels: Mapping[str, Array], va
 
 @dataclass(frozen=True)
 class _Choice:
-    """Where a channel comes from: the smoother or its sensor. `sensor`: the latter's expected error (SI; nan: there is none);
+    """The `source` of a channel: the smoother or its sensor. `sensor`: the latter's expected error (SI; nan: there is none);
     `beside`: what the former's has beside its own standard error."""
 
-    smoothed: bool
+    source: ChannelSource
     sensor: float
     beside: float
-    because: str
 
 
 def _choice(
@@ -247,17 +282,16 @@ def _choice(
             size = float("nan")  # its first value was set, not found
         limit = LIMITS * (vehicle.accuracy.attitude if name in _ATTITUDE else vehicle.accuracy.flow_angle)
         known = f"its standard error would be {np.rad2deg(size):.2g} deg" if np.isfinite(size) else "nothing determines it"
-        given = bool(size <= limit)
-        because = WITHOUT_SENSOR if given else f"not given: it has no sensor, and {known}"
-        return _Choice(given, float("nan"), 0.0, because)
+        chosen = ChannelSource(Origin.MOTION) if size <= limit else ChannelSource(Origin.NOT_GIVEN, known)
+        return _Choice(chosen, float("nan"), 0.0)
     good = flight.usable((name,), despite=MOTION) & np.isfinite(made)
     white = _white(flight, vehicle, name, good)
     apart = float(np.var((own - made)[good])) if good.any() else np.inf
     beside = float(np.sqrt(max(apart - white**2 + size**2, 0.0)))  # the sensor's noise is in both: covariance size^2
     sensor = float(np.hypot(white, _uncertain(result, vehicle, name, values)))
     if np.hypot(size, beside) < sensor:
-        return _Choice(True, sensor, beside, "smoothed: sensor and motion together")
-    return _Choice(False, sensor, beside, "corrected sensor")
+        return _Choice(ChannelSource(Origin.SENSOR_AND_MOTION), sensor, beside)
+    return _Choice(ChannelSource(Origin.SENSOR), sensor, beside)
 
 
 def _white(flight: Flight, vehicle: Vehicle, name: str, good: NDArray[np.bool_]) -> float:

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Final, Literal
+from typing import Final
 
 import numpy as np
 
@@ -132,24 +132,22 @@ def records_from_flight(
     vehicle: Vehicle,
     *,
     seconds: float = 60.0,
-    air_data: Literal["probe", "cg"] = "probe",
     decimation: int = 1,
 ) -> tuple[Record, ...]:
     """Stretches of usable flight, each at most about `seconds` long, named ``<flight id>/<number>``.
 
     Inertial drift stays small over a minute, so every stretch has its own first state, while sensor errors are shared and the
     wind is steady over `STEADY_WIND`: stretches of another wind have ``#<number>`` after the flight id.
-    air_data : whether V, alpha, beta are those of the vehicle's air-data point or were moved to the CG by the mapping; then
-    they are moved back, for it is the probe that errs, and where they were made of the raw pressures of a five-hole probe, these
-    take their place. decimation : every so many samples are kept, after a low pass. Long flights whose latitude is logged are
-    taken over a rotating earth, as gyros see it.
+    V, alpha, beta were moved to the CG by the mapping; they are moved back, for it is the probe that errs, and where they were
+    made of the raw pressures of a five-hole probe, these take their place. decimation : every so many samples are kept, after a
+    low pass. Long flights whose latitude is logged are taken over a rotating earth, as gyros see it.
     Raises InputError when specific force, rates or attitude are not logged, or no stretch is long enough.
     """
     moved = inertial(flight, vehicle)
     runs = _runs(flight, moved.names)
     if not runs:
         raise InputError(f"no {SHORTEST:g} s without a gap", f"flight {flight.id[:12]}", "see its flags for what was lost")
-    outputs, raw = _outputs(flight, vehicle, moved, air_data)
+    outputs, raw = _outputs(flight, vehicle, moved)
     how, earth = installed(vehicle, moved.cg, raw), _earth(flight)
     noise = _input_noise(moved.values, decimation) if decimation > 1 else None
     records: list[Record] = []
@@ -188,18 +186,17 @@ def flight_of(record: Record) -> str:
     return record.flight.partition("#")[0]
 
 
-def _outputs(flight: Flight, vehicle: Vehicle, moved: Inertial, air_data: str) -> tuple[dict[str, Array], bool]:
+def _outputs(flight: Flight, vehicle: Vehicle, moved: Inertial) -> tuple[dict[str, Array], bool]:
     """Measured channels that the reconstruction may compare with, nan where they must not be used; and whether the flow angles
     among them are raw pressures."""
 
     def measured(name: str) -> Array:
         return np.where(flight.usable((name,), despite=MOTION), flight[name], np.nan)
 
-    outputs, raw = {name: measured(name) for name in OUTPUTS if name in flight}, False
-    shown = at_probe(flight, moved) if air_data == "cg" else outputs
-    if air_data == "cg":
-        outputs |= {name: np.where(np.isfinite(outputs[name]), values, np.nan) for name, values in shown.items()}
-        raw = made_by_holes(flight, vehicle, shown)
+    outputs = {name: measured(name) for name in OUTPUTS if name in flight}
+    shown = at_probe(flight, moved)
+    outputs |= {name: np.where(np.isfinite(outputs[name]), values, np.nan) for name, values in shown.items()}
+    raw = made_by_holes(flight, vehicle, shown)
     if raw:
         outputs = {name: values for name, values in outputs.items() if name not in HOLES.values()}
         outputs |= {name: measured(name) for name in HOLES}

@@ -118,7 +118,7 @@ def _document(
     return {
         **as_document(verdict),
         "checked": True,
-        "used": dict(corrected.used),
+        "used": {name: source.text for name, source in corrected.used.items()},
         "estimates": [_estimate(entry, values) for entry in shown],
         "not_estimated": list(plan.left_out),
         "converged": result.converged,

@@ -59,11 +59,6 @@ class Earth:
         turn = np.remainder(longitude - self.longitude + np.pi, 2.0 * np.pi) - np.pi
         return (latitude - self.latitude) * to_north, turn * to_east
 
-    def to_geodetic(self, north: Array, east: Array) -> tuple[Array, Array]:
-        """Latitude and longitude [rad] of north and east [m], each (n,)."""
-        to_north, to_east = self.metres
-        return self.latitude + north / to_north, self.longitude + east / to_east
-
 
 @njit(cache=True)
 def curvature(latitude: float) -> tuple[float, float, float, float]:

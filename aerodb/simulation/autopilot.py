@@ -25,7 +25,6 @@ class ControlDerivatives:
     Cl_beta: float
     Cl_p: float
     Cl_aileron: float
-    Cn_r: float
     Cn_rudder: float
     CZ: float
     CZ_alpha: float
@@ -67,7 +66,6 @@ def control_derivatives(
         Cl_beta=beta[3],
         Cl_p=slope(("p",), 0.02)[3] * v / span,
         Cl_aileron=slope(aileron, 0.02)[3],
-        Cn_r=slope(("r",), 0.02)[5] * v / span,
         Cn_rudder=slope((rudder,), 0.02)[5],
         CZ=base[2],
         CZ_alpha=alpha[2],

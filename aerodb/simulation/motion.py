@@ -102,11 +102,3 @@ def midpoint_step(rate: Derivative, time: float, state: Array, step: float, firs
     Two evaluations per step: at 100 Hz its error on a flight is far below the sensors' noise (tests/test_simulation).
     """
     return normalised(state + step * rate(time + step / 2, state + step / 2 * first))
-
-
-def runge_kutta_step(rate: Derivative, time: float, state: Array, step: float, first: Array) -> Array:
-    """One step of the classical fourth-order Runge-Kutta rule; arguments as in `midpoint_step`."""
-    second = rate(time + step / 2, state + step / 2 * first)
-    third = rate(time + step / 2, state + step / 2 * second)
-    fourth = rate(time + step, state + step * third)
-    return normalised(state + step / 6 * (first + 2 * second + 2 * third + fourth))

@@ -212,19 +212,6 @@ class AeroDatabase:
             return self._predict_block(values, n)
         return _joined([self._predict_block(block, min(BLOCK, n - start)) for start, block in _blocks(values, n)], n)
 
-    def evaluate_variables(self, channels: Mapping[str, Value]) -> dict[str, Array]:
-        """All variables by name, each (n,), in their own units; `channels` as for `predict`, and what only variables need.
-
-        Raises InputError that names missing channels.
-        """
-        program, n = self._variables_program, _length(channels)
-        run = program.run(self.resolved(program.inputs, channels))
-        return {name: np.zeros(n) + value for name, value in zip(self.variables, run.values, strict=True)}
-
-    @cached_property
-    def _variables_program(self) -> Program:
-        return self._compile(variable.expression for variable in self.variables.values())
-
     def _predict_block(self, values: Mapping[str, Value], n: int) -> Prediction:
         run = self._program.run(values)
         totals = {axis: np.zeros(n) for axis in (*AXES, *WIND_AXES)}
@@ -249,21 +236,6 @@ class AeroDatabase:
         from aerodb.tables.evaluation import evaluate  # which needs this module
 
         return evaluate(self, channels)
-
-    def contributions(self, channels: Mapping[str, Value]) -> dict[str, dict[str, Array]]:
-        """What each term adds, by term name and body axis, each (n,); only axes on which it acts. Increments are left out."""
-        values = self.resolved(self.needs, channels)
-        n = _length(channels)
-        shares: dict[str, dict[str, Array]] = {}
-        for term, value in zip(self.terms, self._program.run(values).values, strict=True):
-            share = np.zeros(n) + value
-            if term.axis in WIND_AXES:
-                drag, side, lift = (share if term.axis == axis else 0.0 for axis in WIND_AXES)
-                parts = wind_to_body(drag, side, lift, values["alpha"], values["beta"])
-                shares[term.name] = dict(zip(FORCE_AXES, parts, strict=True))
-            else:
-                shares[term.name] = {term.axis: share}
-        return shares
 
 
 def _length(channels: Mapping[str, Value]) -> int:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aerodb.errors import InputError, UnknownNameError, nearest
+from aerodb.errors import InputError
 from aerodb.support import Array
 from aerodb.tables.arguments import calls
 from aerodb.tables.database import AeroDatabase
@@ -54,17 +54,6 @@ def table_grids(database: AeroDatabase) -> dict[str, TableGrid]:
             if grid is not None:
                 grids[call.table] = grid
     return grids
-
-
-def table_grid(database: AeroDatabase, table: str) -> TableGrid:
-    """The nodes of one table; UnknownNameError for no such table, InputError where its arguments are no channels."""
-    if table not in database.tables:
-        raise UnknownNameError(f"no table '{table}'", f"database {database.name}", nearest(table, database.tables))
-    grid = table_grids(database).get(table)
-    if grid is None:
-        remedy = "name a point instead: --at alpha=5deg,..."
-        raise InputError("its arguments are no single channels, so that its nodes are no points", f"table {table}", remedy)
-    return grid
 
 
 def table_axes(database: AeroDatabase) -> dict[str, frozenset[str]]:

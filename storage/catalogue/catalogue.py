@@ -87,12 +87,6 @@ class Catalogue(FlightLedger, RepeatLedger, CalibrationLedger, VersionLedger, Fi
                 return row
         raise UnknownNameError(f"no text with sha256 {enc.shown(sha256)}", f"vehicle {name}", "leave it out for the newest")
 
-    def vehicle_history(self, name: str) -> tuple[VehicleRow, ...]:
-        """All texts of a vehicle, oldest first."""
-        with self._database.reading() as connection:
-            self._require_vehicle(connection, name)
-            return tuple(self._vehicle_texts(connection, name))
-
     def vehicles(self) -> tuple[VehicleRow, ...]:
         """All vehicles by name, each with its newest text."""
         with self._database.reading() as connection:

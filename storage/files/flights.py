@@ -95,18 +95,12 @@ def read_results(path: Path, columns: Iterable[str] | None = None) -> tuple[dict
     return table, document["metadata"]
 
 
-def write_recording(folder: Path, recording: Recording, keep: bool = False) -> None:
-    """Stores a log's topics as they are in `folder`: one Parquet file per topic, and an index that names them.
-
-    Topics are written one after another, dtypes preserved. A topic's name never becomes a file name. keep : what another
-    writer put at `folder` meanwhile stays.
-    """
-
-    write_atomically(folder, lambda temporary: write_topics(temporary, recording), keep)
-
-
 def write_topics(folder: Path, recording: Recording) -> None:
-    """Makes `folder` and writes what `write_recording` stores into it, as it comes: not atomic."""
+    """Makes `folder` and stores a log's topics in it as they are: one Parquet file per topic, and an index that names them.
+
+    Topics are written one after another, as they come: not atomic. dtypes are preserved. A topic's name never becomes a file
+    name.
+    """
     folder.mkdir()
     files = []
     for number, topic in enumerate(recording.topics.values()):

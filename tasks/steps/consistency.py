@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 
 from aerodb.consistency import (
-    WITHOUT_SENSOR,
     Calibration,
+    ChannelSource,
     Consistent,
+    Origin,
     StateNoise,
     from_document,
     make_consistent,
@@ -114,17 +115,10 @@ def _restored(flight: Flight, table: Mapping[str, np.ndarray], document: dict[st
     return replace(made, flags={**flight.flags, **flags}, notes=(*flight.notes, *document["notes"])), document
 
 
-def sigma_of(opened: Stores, key: str) -> dict[str, np.ndarray]:
-    """Channel -> (n,) one standard error, of the consistent flight stored under `key`."""
-    path = opened.path_of(key)
-    table = read_results(path)[0] if path is not None else {}
-    return {name.removeprefix("sigma_"): values for name, values in table.items() if name.startswith("sigma_")}
-
-
 def reconstructed_angles(document: Mapping[str, Any]) -> frozenset[str]:
     """The flow angles of a consistent flight that no sensor showed, from its stored document."""
-    used = document.get("used", {})
-    return frozenset(name for name in ("alpha", "beta") if used.get(name) == WITHOUT_SENSOR)
+    used = {name: ChannelSource.from_text(text) for name, text in document.get("used", {}).items()}
+    return frozenset(name for name in ("alpha", "beta") if name in used and used[name].origin is Origin.MOTION)
 
 
 def applied_errors(document: Mapping[str, Any]) -> dict[str, float]:

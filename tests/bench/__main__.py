@@ -181,7 +181,7 @@ from tests.support.consistency_records import ATTAS_BIASES, attas
 from tests.support.plain_reconstruction import plain_biases
 records = [attas(Path({folder!r}) / f"fAttas{{name}}.mat") for name in ("Elv1", "Ail1", "Rud1")]
 def ours():
-    result = reconstruct(records, ATTAS_BIASES, initial=(), hold=False)
+    result = reconstruct(records, ATTAS_BIASES, initial=())
     return [result[name].value for name in ATTAS_BIASES], [result[name].standard_error for name in ATTAS_BIASES]
 """
 

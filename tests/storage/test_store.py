@@ -20,7 +20,7 @@ from aerodb.errors import InputError, UnknownNameError
 from aerodb.flight import Flight
 from aerodb.nomenclature import FLAGS, channel
 from aerodb.recording import Damage, Recording, Topic
-from aerodb.storage.files.flights import read_flight, read_recording, read_results, write_flight, write_recording, write_results
+from aerodb.storage.files.flights import read_flight, read_recording, read_results, write_flight, write_results, write_topics
 from aerodb.storage.workspace import Workspace, write_atomically
 from tests.support.paths import ROOT
 
@@ -144,8 +144,12 @@ def test_a_stored_file_explains_itself_and_has_the_chosen_encodings(tmp_path: Pa
     assert json.loads(file.schema_arrow.metadata[b"aerodb"])["log_sha256"] == "ab" * 32
 
 
+def store_recording(folder: Path, recording: Recording) -> None:
+    write_atomically(folder, lambda temporary: write_topics(temporary, recording))
+
+
 def test_timestamps_are_stored_as_differences(tmp_path: Path) -> None:
-    write_recording(tmp_path / "r", a_recording())
+    store_recording(tmp_path / "r", a_recording())
     group = pq.ParquetFile(tmp_path / "r" / "0000.parquet").metadata.row_group(0)
     stored = {group.column(k).path_in_schema: group.column(k) for k in range(group.num_columns)}
     for name in ("time", "timestamp_sample"):
@@ -164,7 +168,7 @@ def test_the_same_flight_gives_the_same_bytes_in_another_process(tmp_path: Path)
 
 def test_a_recording_comes_back_with_types_order_and_hostile_names(tmp_path: Path) -> None:
     recording = a_recording()
-    write_recording(tmp_path / "r", recording)
+    store_recording(tmp_path / "r", recording)
     assert sorted(p.name for p in (tmp_path / "r").iterdir()) == [*(f"000{k}.parquet" for k in range(5)), "recording.json"]
     assert [p.name for p in tmp_path.iterdir()] == ["r"]
     read = read_recording(tmp_path / "r")
@@ -187,7 +191,7 @@ def test_topics_longer_than_a_row_group(tmp_path: Path) -> None:
     n = (1 << 17) + 3
     words = np.array(["A", "B", "C"])[np.arange(n) * 3 // n]
     topic = Topic("t", np.arange(n) / 1e6, {"word": words, "value": np.arange(n, dtype=np.float32)})
-    write_recording(tmp_path / "r", Recording("", "ulog", "00" * 32, 0, {"t": topic}))
+    store_recording(tmp_path / "r", Recording("", "ulog", "00" * 32, 0, {"t": topic}))
     read = read_recording(tmp_path / "r").topics["t"]
     assert pq.ParquetFile(tmp_path / "r" / "0000.parquet").num_row_groups == 2
     assert_same({"time": topic.time, **topic.fields}, {"time": read.time, **read.fields})
@@ -197,9 +201,9 @@ def test_a_recording_with_values_that_no_column_holds_is_refused(tmp_path: Path)
     for values in (np.zeros(1, complex), np.array([{}]), np.array(["\ud800"])):
         topic = Topic("t", np.zeros(1), {"x": values})
         with pytest.raises(InputError, match="x: "):
-            write_recording(tmp_path / "r", Recording("", "tabular", "00" * 32, 0, {"t": topic}))
+            store_recording(tmp_path / "r", Recording("", "tabular", "00" * 32, 0, {"t": topic}))
     with pytest.raises(ValueError, match="shape"):
-        write_recording(
+        store_recording(
             tmp_path / "r", Recording("", "ulog", "00" * 32, 0, {"t": Topic("t", np.zeros(2), {"x": np.zeros((2, 2))})})
         )
     assert list(tmp_path.iterdir()) == []
@@ -263,8 +267,8 @@ def test_an_error_or_an_interrupt_while_writing_leaves_nothing_and_the_old_file_
 
 
 def test_a_recording_replaces_the_one_before_it_as_a_whole(tmp_path: Path) -> None:
-    write_recording(tmp_path / "r", a_recording())
-    write_recording(tmp_path / "r", Recording("b", "ulog", "00" * 32, 0, {}))
+    store_recording(tmp_path / "r", a_recording())
+    store_recording(tmp_path / "r", Recording("b", "ulog", "00" * 32, 0, {}))
     assert [p.name for p in (tmp_path / "r").iterdir()] == ["recording.json"]
     assert [p.name for p in tmp_path.iterdir()] == ["r"]
 

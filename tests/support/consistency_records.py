@@ -7,12 +7,14 @@ from pathlib import Path
 import numpy as np
 from scipy.io import loadmat
 
-from aerodb.coefficients.total import specific_force_at_cg
-from aerodb.consistency.sensors.prediction import Record
+from aerodb.coefficients import specific_force_at_cg
+from aerodb.consistency.sensors import Record
+from aerodb.vehicle import parse_vehicle
 
 FOOT = 0.3048
 SENSOR = np.array([-1.010, 0.886, 0.103])  # accelerometers of ATTAS from the CG, m
 BOOM = (13.080, -0.010, -0.027)
+TWIN_OTTER = parse_vehicle((Path(__file__).parent / "vehicles" / "twin_otter.toml").read_text(encoding="utf-8"))
 ATTAS_BIASES = ("ax_bias", "ay_bias", "az_bias", "p_bias", "q_bias", "r_bias")
 
 

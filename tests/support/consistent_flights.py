@@ -5,6 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
+from aerodb.storage.files.flights import read_results
+from aerodb.tasks.workspace_access import Stores
 from tests.support.simulated_path import DENSITY, INERTIAL_NOISE, NOISE, truth
 from tests.support.small_glider import write_parquet
 
@@ -74,3 +76,10 @@ def exact(columns: Mapping[str, np.ndarray], start: float = 0.0) -> dict[str, np
 def log(folder: Path, name: str, columns: dict[str, np.ndarray]) -> Path:
     """The table as a log file."""
     return write_parquet(folder / f"{name}.parquet", columns)
+
+
+def stored_sigma(opened: Stores, key: str) -> dict[str, np.ndarray]:
+    """Channel -> (n,) one standard error, of the consistent flight stored under `key`."""
+    path = opened.path_of(key)
+    assert path is not None
+    return {name.removeprefix("sigma_"): x for name, x in read_results(path)[0].items() if name.startswith("sigma_")}

@@ -13,11 +13,11 @@ from aerodb.errors import InputError
 from aerodb.flight import Flight
 from aerodb.flows.cli.main import app
 from aerodb.storage.files.flights import read_results
-from aerodb.tasks.steps.consistency import load_consistent, sigma_of
+from aerodb.tasks.steps.consistency import load_consistent
 from aerodb.tasks.workspace_access import stores
 from aerodb.vehicle import parse_vehicle
 from tests.support.command import asked
-from tests.support.consistent_flights import NAME, PLANTED, VEHICLE, exact, log, table
+from tests.support.consistent_flights import NAME, PLANTED, VEHICLE, exact, log, stored_sigma, table
 from tests.support.paths import VEHICLES
 
 TWIN_OTTER = VEHICLES / "twin_otter.toml"
@@ -110,7 +110,7 @@ def test_planted_errors_are_removed_and_the_flight_is_read_back(tmp_path: Path) 
     assert row.verdict == "good"
     flight, document, key = load_consistent(opened, row, "")
     assert key == found["key"]
-    true, sigma = exact(columns), sigma_of(opened, key)
+    true, sigma = exact(columns), stored_sigma(opened, key)
     for name in ("V", "alpha", "beta"):
         assert _error(flight[name], true[name]) < 0.2 * _error(columns[name], true[name]), name
         assert _error(flight[name], true[name]) < 3 * np.sqrt(np.mean(sigma[name] ** 2)), name

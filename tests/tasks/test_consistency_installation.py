@@ -15,22 +15,12 @@ from aerodb.logs.probe import air_data_at_cg
 from aerodb.nomenclature import FLAGS
 from aerodb.physics.geodesy import RATE
 from aerodb.storage.files.flights import read_results
-from aerodb.tasks.steps.consistency import load_consistent, sigma_of
+from aerodb.tasks.steps.consistency import load_consistent
 from aerodb.tasks.workspace_access import stores
 from aerodb.vehicle import parse_vehicle
 from tests.support.command import asked
-from tests.support.consistent_flights import NAME, log
-from tests.support.installed_flights import (
-    BIASES,
-    POINTS,
-    PORT,
-    PRESSURES,
-    VANES,
-    around_the_earth,
-    exact_at_cg,
-    table,
-    vehicle,
-)
+from tests.support.consistent_flights import NAME, log, stored_sigma
+from tests.support.installed_flights import BIASES, POINTS, PORT, PRESSURES, VANES, around_the_earth, exact_at_cg, table, vehicle
 from tests.support.instrumented_path import GPS, NOISE, motion
 
 CALIBRATION = {
@@ -54,7 +44,7 @@ def _consistent(outcome: dict[str, Any], workspace: Path) -> tuple[Flight, dict[
     """The consistent flight as it is stored, and its standard errors."""
     opened = stores(str(workspace))
     flight, _, key = load_consistent(opened, opened.catalogue.flight(outcome["flight"]), "")
-    return flight, sigma_of(opened, key)
+    return flight, stored_sigma(opened, key)
 
 
 def _estimates(outcome: dict[str, Any]) -> dict[str, dict[str, Any]]:
@@ -228,7 +218,7 @@ def test_records_know_where_things_are() -> None:
     place = {"latitude": np.full(1000, 0.9), "longitude": np.full(1000, 0.1)}
     flight = Flight("f", NAME, columns["time"], {**{n: x for n, x in columns.items() if n != "time"}, **place})
     moved = air_data_at_cg(flight, described)
-    (record,) = records_from_flight(moved, described, air_data="cg")
+    (record,) = records_from_flight(moved, described)
     assert record.installation.gps == GPS
     assert record.earth is None
     assert "qbar" not in record.outputs  # it is that of the airspeed at the probe

@@ -12,7 +12,7 @@ from scipy.integrate import cumulative_simpson
 from typer.testing import CliRunner
 
 from aerodb.conditioning.channel_rates import KINEMATICS, with_accelerations
-from aerodb.conditioning.delay import BAND, channel_delay, delay_between
+from aerodb.conditioning.delay import BAND, delay_between, delays
 from aerodb.flight import Flight
 from aerodb.flows.cli.main import app
 from aerodb.recording import Topic
@@ -204,11 +204,11 @@ def test_thinning_before_the_delay_loses_nothing() -> None:
     differences, errors = [], []
     for seed in range(3):
         flight = kinematic_flight(seed, seconds=120.0, rate=100.0)
-        whole = with_accelerations(flight)
+        whole, thinned = with_accelerations(flight), {delay.channel: delay for delay in delays(flight)}
         for name in ("theta", "psi", "V"):
             path = cumulative_simpson(KINEMATICS[name][0](whole), dx=flight.step, initial=0.0)
             full = delay_between(whole[name], path, flight.step, BAND)
-            thin = channel_delay(flight, name)
+            thin = thinned[name]
             differences.append(abs(thin.seconds - full.seconds) / full.standard_error)
             errors.append(thin.standard_error / full.standard_error)
     assert max(differences) < 1.0

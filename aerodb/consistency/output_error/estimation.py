@@ -43,12 +43,12 @@ ASTRAY, _NO_WEIGHT = 0.5, 100.0
 
 def slow_records(flight: Flight, vehicle: Vehicle) -> tuple[Record, ...]:
     """The records of a mapped flight at the interval `SLOW`, over the earth that its rates are measured against."""
-    records = records_from_flight(flight, vehicle, air_data="cg", decimation=max(1, round(SLOW / flight.step)))
+    records = records_from_flight(flight, vehicle, decimation=max(1, round(SLOW / flight.step)))
     if records[0].earth is None:
         return records
     flat = tuple(replace(record, earth=None) for record in records)
     plan = make_plan(records, vehicle)
-    misfit = [_misfit(_solved(busiest(each), plan)) for each in (flat, records)]
+    misfit = [_misfit(solved(busiest(each), plan)) for each in (flat, records)]
     return records if misfit[0] - misfit[1] > TURNS else flat
 
 
@@ -72,20 +72,20 @@ def estimate(records: Sequence[Record], plan: Plan, accuracy: Accuracy) -> tuple
     as are independent in their residuals, and their delays and scales are not sought: the aircraft answers gusts at once, so that
     the vane's gusts and the inertial motion agree for another reason than the vane's delay.
     """
-    result = _solved(records, plan)
+    result = solved(records, plan)
     lost = _rms(result.paths, "psi")
     if lost > ASTRAY:
         sentence = f"heading has no weight: it is {np.rad2deg(lost):.0f} deg (rms) from the reconstructed motion"
         plan = plan.trusting({"psi": _NO_WEIGHT}, [sentence])
-        result = _solved(records, plan)
+        result = solved(records, plan)
     if moving_air(result.paths).matters:
         plan = plan.in_moving_air().trusting(independent_noise(result.paths))
-        result = _solved(records, plan)
+        result = solved(records, plan)
     for _ in range(_ROUNDS):
         kept = plan.only(significant(result, plan, accuracy))
         if kept.free == plan.free:
             break
-        plan, result = kept, _solved(records, kept)
+        plan, result = kept, solved(records, kept)
     return result, plan
 
 
@@ -104,7 +104,7 @@ def settled(
         logged = {name for record in records for name in record.outputs}
         plan = plan.knowing(calibration.names, logged)
         held = {n: v for n, (v, _) in calibration.by_name.items() if n not in plan.free and logged & set(channels_of(n))}
-        own = _solved(busiest(records), plan, fixed=held)
+        own = solved(busiest(records), plan, fixed=held)
         stated = {name: sigma for name, sigma in stated.items() if name not in calibration.names}
     found = with_stated(shared(own), stated)
     if calibration is not None:
@@ -113,7 +113,7 @@ def settled(
         found = replaced_by(found, calibration) if part_of_it else with_calibration(found, calibration)
     fixed = {**held, **{name: value for name, (value, _) in found.by_name.items()}}
     winds = [name for name in plan.free if parameter(name).kind in PER_FLIGHT]
-    parts = [_solved(list(group), plan, winds, fixed) for _, group in groupby(records, key=lambda record: record.flight)]
+    parts = [solved(list(group), plan, winds, fixed) for _, group in groupby(records, key=lambda record: record.flight)]
     return _joined(own, parts, found), found, held
 
 
@@ -123,9 +123,14 @@ def busiest(records: Sequence[Record], most: int = MOST_STRETCHES) -> list[Recor
     return sorted(chosen, key=lambda record: record.first)
 
 
-def _solved(
+def solved(
     records: Sequence[Record], plan: Plan, free: Sequence[str] | None = None, fixed: Mapping[str, float] | None = None
 ) -> Reconstruction:
+    """The reconstruction of records with the parameters of a plan (or only those in `free`), under its priors, bounds and least
+    noise; `fixed`: values (SI) of others. What the records cannot tell apart stays as uncertain as its prior.
+
+    Raises InputError as `reconstruct` does.
+    """
     return reconstruct(
         records,
         plan.free if free is None else free,
@@ -134,7 +139,6 @@ def _solved(
         bounds=plan.bounds,
         noise_floor=plan.floor,
         fixed=fixed,
-        hold=False,
     )
 
 
@@ -159,7 +163,7 @@ def _joined(own: Reconstruction, parts: Sequence[Reconstruction], found: Knowled
     others = [entry for part in parts for entry in part.estimates]
     converged = own.converged and sum(part.converged for part in parts) > 0.5 * len(parts)
     spread = block_diag(found.covariance, *(part.covariance for part in parts))
-    return replace(own, estimates=(*sensors, *others), covariance=spread, paths=tuple(paths), converged=converged, held=())
+    return replace(own, estimates=(*sensors, *others), covariance=spread, paths=tuple(paths), converged=converged)
 
 
 def _untouched(record: Record) -> dict[str, Array]:

@@ -1,7 +1,7 @@
 """The problem that a reconstruction solves, and its solution: Gauss-Newton with bounds and Levenberg damping."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -39,17 +39,6 @@ class Problem:
     lower: Array
     upper: Array
     floor: Mapping[str, float]
-
-    def only(self, keep: Sequence[int]) -> "Problem":
-        """The same with these unknowns; the others stay at zero."""
-        index = list(keep)
-        return replace(
-            self,
-            items=tuple(self.items[number] for number in index),
-            prior=self.prior[index],
-            lower=self.lower[index],
-            upper=self.upper[index],
-        )
 
     def sums(self, vector: Array) -> Sums:
         return accumulate(self.records, self.starts, self.items, vector, self.fixed)

@@ -1,32 +1,27 @@
 """Flight-path reconstruction by output error: sensor errors, winds and first states that make all channels one motion.
 
 Maximum likelihood with the measurement noise estimated (Jategaonkar 2015, chapters 4 and 10): Gauss-Newton with bounds and
-Levenberg damping, any number of records jointly. Unknowns that the manoeuvres cannot tell apart are held and named. The
+Levenberg damping, any number of records jointly. Priors keep unknowns within reason that the manoeuvres cannot tell apart. The
 covariance is corrected for coloured residuals (Morelli & Klein, JGCD 20(1), 1997).
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from aerodb.consistency.output_error.gauss_newton import Problem, gauss_newton, information, make_problem
 from aerodb.consistency.output_error.input_noise import drift_information
 from aerodb.consistency.output_error.normal_equations import Sums, belongs, first_state, residuals, split, usable
-from aerodb.consistency.output_error.observability import Held, held_back, widened
 from aerodb.consistency.sensors import Parameter, Record, Response, corrected_inputs, respond
 from aerodb.errors import InputError
 from aerodb.estimation import coloured_sum
 from aerodb.support import Array
 
-#: Where the noise is too small to matter, a channel is not trusted beyond this share of its parameter's natural size.
-_WEAK = 1e-2
-
 
 @dataclass(frozen=True)
 class Estimate:
-    """One estimated parameter in SI, its standard error (coloured residuals, and what was held for want of information) and that
-    for white residuals; `at_bound`."""
+    """One estimated parameter in SI, its standard error (coloured residuals) and that for white residuals; `at_bound`."""
 
     parameter: Parameter
     value: float
@@ -68,12 +63,11 @@ class Path:
 
 @dataclass(frozen=True)
 class Reconstruction:
-    """A joint reconstruction. `covariance` (k, k) of `estimates` in their order; `held` back parameters with reasons;
-    `noise` one sigma of each channel's residual; `converged` and `iterations` of Gauss-Newton; one `paths` per record."""
+    """A joint reconstruction. `covariance` (k, k) of `estimates` in their order; `noise` one sigma of each channel's residual;
+    `converged` and `iterations` of Gauss-Newton; one `paths` per record."""
 
     estimates: tuple[Estimate, ...]
     covariance: Array
-    held: tuple[Held, ...]
     noise: Mapping[str, float]
     paths: tuple[Path, ...]
     converged: bool
@@ -94,7 +88,6 @@ def reconstruct(
     bounds: Mapping[str, tuple[float, float]] | None = None,
     noise_floor: Mapping[str, float] | None = None,
     starts: Sequence[Array] | None = None,
-    hold: bool = True,
 ) -> Reconstruction:
     """Estimates sensor errors, winds and first states of all records together.
 
@@ -105,57 +98,33 @@ def reconstruct(
     priors : name -> standard deviation about zero of what a calibration sheet says. bounds : name -> (lower, upper);
     without, delays stay within LONGEST_DELAY and scales within LARGEST_SCALE.
     noise_floor : channel -> least noise (one sigma, SI) that it is believed to have.
-    starts : (9,) first states; None: `initial.first_states`. hold : hold what cannot be separated; otherwise a ValueError
-    of the solver may come.
+    starts : (9,) first states; None: `initial.first_states`.
+
+    Nothing is held for want of information: what the manoeuvres cannot tell apart needs a prior, which its standard error then
+    shows; without one a LinAlgError of the solver may come.
 
     Raises InputError when nothing can be estimated or the search leaves all bounds.
     """
     problem = make_problem(records, free, initial, fixed, priors, bounds, noise_floor, starts)
-    items = problem.items
-    vector, rough = np.zeros(len(items)), 0
-    begin = problem.sums(vector)
-    held: tuple[Held, ...] = ()
-    everything, keep = problem, list(range(len(items)))
-    if hold:
-        # a first solution under weak priors: noise is only known once the gross errors are out
-        sizes = np.array([item.size for item in items])
-        soft = replace(problem, prior=np.minimum(problem.prior, sizes / _WEAK))
-        vector, sums, _, rough = gauss_newton(soft, vector, begin)
-        keep, held = held_back(items, information(problem, sums))
-        problem, vector = problem.only(keep), vector[keep]
-        begin = problem.sums(vector)
     if not problem.items:
         raise InputError("these records determine none of the parameters", records[0].name, "fly manoeuvres that move more")
-    vector, sums, converged, iterations = gauss_newton(problem, vector, begin)
-    while hold:
-        # at the solution a parameter may say less than on the way there
-        again, more = held_back(problem.items, information(problem, sums))
-        if not more or not again:
-            break
-        keep, held = [keep[number] for number in again], (*held, *more)
-        problem, vector = problem.only(again), vector[again]
-        rough += iterations
-        vector, sums, converged, iterations = gauss_newton(problem, vector, problem.sums(vector))
+    vector = np.zeros(len(problem.items))
+    vector, sums, converged, iterations = gauss_newton(problem, vector, problem.sums(vector))
     covariance, white = _covariances(problem, vector, sums)
-    whole, values = covariance, vector
-    if len(keep) < len(items):
-        values = np.zeros(len(items))
-        values[keep] = vector
-        whole = widened(items, keep, information(everything, everything.sums(values)), covariance)
     estimates = tuple(
         Estimate(
             item,
             float(vector[number]),
-            float(np.sqrt(whole[keep[number], keep[number]])),
+            float(np.sqrt(covariance[number, number])),
             float(np.sqrt(white[number, number])),
             bool(vector[number] <= problem.lower[number] or vector[number] >= problem.upper[number]),
         )
         for number, item in enumerate(problem.items)
     )
     # responses are made again, one at a time: together they would not fit in memory for a long flight
-    paths = tuple(_path(everything, values, whole, number) for number in range(len(records)))
+    paths = tuple(_path(problem, vector, covariance, number) for number in range(len(records)))
     noise = {name: float(np.sqrt(value)) for name, value in sums.variance(problem.floor).items()}
-    return Reconstruction(estimates, whole[np.ix_(keep, keep)], held, noise, paths, converged, rough + iterations)
+    return Reconstruction(estimates, covariance, noise, paths, converged, iterations)
 
 
 def _covariances(problem: Problem, vector: Array, sums: Sums) -> tuple[Array, Array]:

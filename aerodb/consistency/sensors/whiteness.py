@@ -21,18 +21,12 @@ CALM = 0.2
 
 @dataclass(frozen=True)
 class Colour:
-    """A residual's rms, its white part (one sigma, from second differences), the part within `GUSTS` (rms; all in the channel's
-    unit) and its autocorrelation at one sampling interval."""
+    """A residual's rms, its white part (one sigma, from second differences) and the part within `GUSTS` (rms), all in the
+    channel's unit."""
 
     rms: float
     white: float
     gusts: float
-    first_lag: float
-
-    @property
-    def coloured_share(self) -> float:
-        """Share of the mean square that is not white noise, 0 to 1."""
-        return float(max(0.0, 1.0 - (self.white / self.rms) ** 2)) if self.rms > 0 else 0.0
 
 
 def colour(residual: Array, step: float) -> Colour:
@@ -41,8 +35,8 @@ def colour(residual: Array, step: float) -> Colour:
     White noise of sigma s has second differences of variance 6 s^2 (Morelli 1995 gives the idea; von Neumann 1941 the
     statistic). Raises ValueError without a finite sample.
 
-    >>> round(colour(np.random.default_rng(0).standard_normal(4000), 0.02).coloured_share, 1)
-    0.0
+    >>> round(colour(np.random.default_rng(0).standard_normal(4000), 0.02).white, 1)
+    1.0
     """
     good = np.isfinite(residual)
     values = bridge(residual)
@@ -53,8 +47,7 @@ def colour(residual: Array, step: float) -> Colour:
     frequency = np.fft.rfftfreq(len(values), step)
     inside = power[(frequency >= GUSTS[0]) & (frequency < GUSTS[1])].sum() / max(power.sum(), 1e-300)
     square = float(np.mean(centred**2))
-    first = float(np.mean(centred[1:] * centred[:-1])) / square if square > 0 else 0.0
-    return Colour(rms, white, float(np.sqrt(square * inside)), first)
+    return Colour(rms, white, float(np.sqrt(square * inside)))
 
 
 @dataclass(frozen=True)

@@ -175,13 +175,6 @@ def _parameters(
     return [entry.parameter for entry in chosen.values()], values, list(chosen)
 
 
-def with_smoothed(result: Reconstruction, smoothed: Sequence[Smoothed]) -> Reconstruction:
-    """The reconstruction with the paths of these flights smoothed, for all that takes a reconstruction."""
-    new = {entry.path.record.name: entry.path for flight in smoothed for entry in flight.paths}
-    paths = tuple(new.get(path.record.name, path) for path in result.paths)
-    return replace(result, paths=paths)
-
-
 def _twice(path: Path) -> tuple[str, ...]:
     """The dynamic pressure where its residual is the airspeed's over again."""
     if not {"V", "qbar"} <= set(path.residuals):

@@ -124,14 +124,13 @@ def _named(item: Finding | NotFound) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Traced:
-    """All that was found, all that was not, what to fly next, and under which settings."""
+    """All that was found, all that was not, and what to fly next."""
 
     flights: tuple[str, ...]
     findings: tuple[Finding, ...]
     not_found: tuple[NotFound, ...]
     next_flight: tuple[str, ...]
     notes: tuple[str, ...]
-    settings_sha256: str
 
     def named(self, *verdicts: Verdict) -> tuple[Finding, ...]:
         """The findings with one of these verdicts."""

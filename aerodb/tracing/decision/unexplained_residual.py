@@ -68,16 +68,6 @@ class Left:
     variables: Mapping[str, Array]
 
 
-def take_off(evidence: Evidence, values: Mapping[str, float]) -> Evidence:
-    """The evidence with ``value * column`` of each named hypothesis taken off the residual; what a flight lacks is nothing."""
-    residual = {axis: np.array(rest) for axis, rest in evidence.residual.items()}
-    for name, value in values.items():
-        for axis, column in evidence.columns.get(name, {}).items():
-            if axis in residual:
-                residual[axis] = residual[axis] - value * column
-    return Evidence(evidence.flight, evidence.step, residual, evidence.usable, {})
-
-
 def remainders(left: Sequence[Left], settings: Settings) -> tuple[Remainder, ...]:
     """What each axis has left, over at least `settings.fewest` flights.
 

@@ -47,7 +47,6 @@ def trace(
         not_found=tuple(_not_found(hypotheses[i], test, i, settings) for i in rest),
         next_flight=next_flights(court, decision, explanations, grams),
         notes=tuple(notes),
-        settings_sha256=settings.sha256,
     )
 
 

@@ -141,7 +141,6 @@ def test_smoothing_recovers_a_known_derivative_and_its_noise():
     error = result.rate - rate
     assert np.sqrt(np.mean(error**2)) == pytest.approx(result.rate_sigma, rel=0.25)
     assert np.abs(error).max() < 8 * result.rate_sigma  # the ends are no worse than a few sigma
-    assert np.std(result.value - signal) == pytest.approx(result.value_sigma, rel=0.3)
 
 
 def test_a_spinning_body_shows_no_moment_and_its_cg_no_force():

@@ -1,4 +1,4 @@
-"""Local polynomials against direct fits, noise from data, and wild points: found where planted, nowhere else."""
+"""Wild points: found where planted, nowhere else."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from aerodb.conditioning.local_polynomial import half_width, local_polynomial, noise_covariance
 from aerodb.conditioning.wild_points import flag_wild_points, physical_range, spikes, stuck, wild_points
 from aerodb.flight import Flight
 from aerodb.nomenclature import FLAGS
@@ -15,74 +14,6 @@ from tests.support.kinematic_flights import kinematic_flight
 from tests.support.measured_flights import RECORDS, as_flight
 
 STEP = 0.02
-
-
-@pytest.mark.parametrize("at", [0, 3, 40, 97, 120, 199])
-def test_local_polynomial_is_the_weighted_fit_of_its_window(at: int) -> None:
-    rng = np.random.default_rng(1)
-    values = np.cumsum(rng.standard_normal(200)) + 100.0
-    good = np.ones(200, dtype=bool)
-    good[95:99] = False
-    half = half_width(STEP, 2.0)
-    smoothed = local_polynomial(values, STEP, 2.0, good)
-    centre = int(np.clip(at, half, 199 - half))
-    window = np.arange(centre - half, centre + half + 1)
-    window = window[good[window]]
-    weight = 1.0 - ((window - centre) / (half + 1)) ** 2
-    fit = np.polyfit((window - at) * STEP, values[window], 2, w=np.sqrt(weight))
-    assert smoothed.value[at] == pytest.approx(fit[2], rel=1e-9)
-    assert smoothed.rate[at] == pytest.approx(fit[1], rel=1e-7, abs=1e-9)
-
-
-def test_local_polynomial_reproduces_a_parabola_to_its_ends() -> None:
-    time = STEP * np.arange(100)
-    smoothed = local_polynomial(1.0 - 2.0 * time + 3.0 * time**2, STEP, 1.5)
-    np.testing.assert_allclose(smoothed.value, 1.0 - 2.0 * time + 3.0 * time**2, atol=1e-9)
-    np.testing.assert_allclose(smoothed.rate, -2.0 + 6.0 * time, atol=1e-8)
-
-
-def test_stated_errors_are_the_scatter_everywhere_and_larger_at_the_ends() -> None:
-    rng = np.random.default_rng(2)
-    time = STEP * np.arange(600)
-    true, slope = np.sin(2 * np.pi * 0.1 * time), 0.2 * np.pi * np.cos(2 * np.pi * 0.1 * time)
-    trials = [local_polynomial(true + 0.1 * rng.standard_normal(600), STEP, 1.5) for _ in range(200)]
-    for at in (0, 5, 300, 599):
-        assert np.std([(s.value[at] - true[at]) / s.value_sigma[at] for s in trials]) == pytest.approx(1.0, abs=0.2)
-        assert np.std([(s.rate[at] - slope[at]) / s.rate_sigma[at] for s in trials]) == pytest.approx(1.0, abs=0.2)
-    assert trials[0].rate_sigma[0] > 3.0 * trials[0].rate_sigma[300]
-    assert np.mean([s.noise for s in trials]) == pytest.approx(0.1, rel=0.02)
-
-
-def test_bandwidth_is_where_a_sine_is_halved() -> None:
-    time = STEP * np.arange(2000)
-    for wanted in (0.5, 2.0, 6.0):
-        smoothed = local_polynomial(np.zeros(2000), STEP, wanted)
-        assert smoothed.bandwidth == pytest.approx(wanted, rel=0.15)
-        sine = local_polynomial(np.sin(2 * np.pi * smoothed.bandwidth * time), STEP, wanted).value
-        assert np.max(np.abs(sine[400:-400])) == pytest.approx(0.5, abs=0.02)
-
-
-def test_a_long_gap_has_no_value_and_a_short_record_is_refused() -> None:
-    values = np.ones(300)
-    values[100:200] = np.nan
-    smoothed = local_polynomial(values, STEP, 2.0)
-    assert np.isnan(smoothed.value[150])
-    assert smoothed.value[50] == pytest.approx(1.0)
-    with pytest.raises(ValueError, match="fewer than the window"):
-        local_polynomial(np.ones(10), STEP, 1.0)
-    with pytest.raises(ValueError, match="Nyquist"):
-        local_polynomial(np.ones(100), STEP, 30.0)
-
-
-def test_noise_covariance_of_correlated_channels() -> None:
-    rng = np.random.default_rng(3)
-    time = STEP * np.arange(6000)
-    true = np.array([[4.0, 1.5], [1.5, 1.0]])
-    noise = rng.multivariate_normal([0.0, 0.0], true, 6000).T
-    channels = {"p": 20 * np.sin(time) + noise[0], "q": 10 * np.cos(0.7 * time) + noise[1]}
-    found = noise_covariance(channels, STEP, 2.0)
-    np.testing.assert_allclose(found.covariance, true, rtol=0.08)
-    assert found.correlation[0, 1] == pytest.approx(0.75, abs=0.03)
 
 
 @pytest.mark.parametrize("colour", [0.0, 0.5, 0.9, 0.99])

@@ -29,7 +29,7 @@ def freed(three):
 
 def test_the_plain_loop_agrees(three):
     """The baseline of the bench, written without anything compiled, finds the same biases on the shortest record."""
-    result = reconstruct(three[:1], ATTAS_BIASES, initial=(), hold=False)
+    result = reconstruct(three[:1], ATTAS_BIASES, initial=())
     values = np.array([result[name].value for name in ATTAS_BIASES])
     np.testing.assert_allclose(plain_biases(three[:1], iterations=6), values, rtol=1e-3, atol=1e-6)
 
@@ -66,7 +66,7 @@ def test_harv_as_published(measured, name, free):
     """Every estimate within 0.1 of its published standard error, and the white standard errors to 0.1 %."""
     path = measured(f"f18_harv/dca_{name}_demo_data.mat")
     record, first = harv(path)
-    result = reconstruct([record], free, initial=(), starts=[first], hold=False)
+    result = reconstruct([record], free, initial=(), starts=[first])
     data = loadmat(path, squeeze_me=True)
     error = np.sqrt(np.diag(data["crbc"]))
     for estimate, published, sigma in zip(result.estimates, data["pc"], error, strict=True):
@@ -82,8 +82,7 @@ def test_harv_linear_inputs_are_no_fault_of_the_published(measured):
     record, first = harv(measured("f18_harv/dca_lon_demo_data.mat"))
     free = ("ax_bias", "az_bias", "q_bias", "alpha_scale", "theta_scale")
     held, linear = (
-        reconstruct([replace(record, held=how)], free, initial=(), starts=[first], hold=False).noise["theta"]
-        for how in (True, False)
+        reconstruct([replace(record, held=how)], free, initial=(), starts=[first]).noise["theta"] for how in (True, False)
     )
     assert held == pytest.approx(0.0014023, abs=1e-6)
     assert linear < 0.75 * held

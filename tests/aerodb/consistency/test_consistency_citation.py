@@ -43,7 +43,7 @@ def records(measured):
 def result(records):
     """The climb: six windows of a minute, in two winds (of its lower and its upper half)."""
     sizes = {f"initial_{name}": 10 * parameter(f"initial_{name}").size for name in STATES}
-    return reconstruct(records[2:8], FREE, initial=STATES, priors=sizes, hold=False)
+    return reconstruct(records[2:8], FREE, initial=STATES, priors=sizes)
 
 
 def test_the_whole_flight_in_the_air_is_taken_in_windows(records):

@@ -41,7 +41,7 @@ def vehicle():
 
 
 def _flight(planted, seconds=60.0):
-    """The simulated record as a Flight whose accelerometer sits off the CG."""
+    """The simulated record as a mapped Flight: its accelerometer sits off the CG, its air data were moved to the CG."""
     record: Record = simulated(np.random.default_rng(3), planted, seconds=seconds, arm=(3.0, 0.0, 0.2))
     time = 0.02 * np.arange(len(record.inputs))
     exact = truth(time)
@@ -51,7 +51,9 @@ def _flight(planted, seconds=60.0):
     moved = record.inputs[:, :3] + np.cross(turning, arm) + np.cross(rates, np.cross(rates, arm))
     channels = {f"a{axis}_imu": moved[:, k] for k, axis in enumerate("xyz")}
     channels |= {name: record.inputs[:, 3 + k] for k, name in enumerate("pqr")}
-    return Flight("f", "simulated", time, {**channels, **record.outputs, "rho": np.full(len(time), DENSITY)})
+    at_cg = from_probe({name: record.outputs[name] for name in ("V", "alpha", "beta")}, record.inputs[:, 3:], record.arm)
+    outputs = {**record.outputs, **at_cg}
+    return Flight("f", "simulated", time, {**channels, **outputs, "rho": np.full(len(time), DENSITY)})
 
 
 def test_a_flight_is_cut_into_records(vehicle):

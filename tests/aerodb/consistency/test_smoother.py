@@ -7,8 +7,8 @@ import pytest
 
 from aerodb.consistency.kinematics import INPUTS
 from aerodb.consistency.output_error.reconstruction import reconstruct
+from aerodb.consistency.smoother import smooth_flight
 from aerodb.consistency.smoother.path_error import path_error
-from aerodb.consistency.smoother.smoothing import smooth_flight, with_smoothed
 from aerodb.errors import InputError, UnknownNameError
 from tests.support.consistency_records import ATTAS_BIASES, attas, hfb320
 from tests.support.moving_air import CHANNELS, FIRST, FREE, moving_air, parts
@@ -182,12 +182,12 @@ def test_a_drifting_gyro_is_followed():
 
 
 def test_windows_of_one_flight():
-    """Shared intensities, one path per record, and a reconstruction with smoothed paths for all that takes one."""
+    """Shared intensities, and one path per record."""
     record, true = moving_air(9, MODERATE, seconds=60.0)
     records = [replace(part, name=part.name, flight="gusty") for part in parts(record, 3)]
-    result, smoothed = solve(records)
+    _, smoothed = solve(records)
     assert [entry.path.record.name for entry in smoothed.paths] == ["gusty/0", "gusty/1", "gusty/2"]
-    joined = np.concatenate([path.alpha for path in with_smoothed(result, [smoothed]).paths])
+    joined = np.concatenate([entry.path.alpha for entry in smoothed.paths])
     assert rms(joined - true["alpha"]) < 0.65 * NOISE["alpha"]
 
 

@@ -29,6 +29,7 @@ from tests.support.jsbsim_flights import (
     random_condition,
     simulator,
 )
+from tests.support.single_terms import of_term
 
 ROOT = Path(jsbsim.get_default_root_dir())
 AIRCRAFT = sorted(path.name for path in (ROOT / "aircraft").iterdir() if (path / f"{path.name}.xml").exists())
@@ -135,8 +136,8 @@ def test_a_shifting_reference_point() -> None:
         "height_above_ground": 1e3,
         "alpha": 0.15,
     }
-    shares, whole = database.contributions(inputs), database.predict(inputs).coefficients
-    assert shares["reference_point_shift_Cm"]["Cm"] == pytest.approx(0.58 * whole["CZ"], rel=1e-12)
+    share, whole = of_term(database, "reference_point_shift_Cm", inputs), database.predict(inputs).coefficients
+    assert share["Cm"] == pytest.approx(0.58 * whole["CZ"], rel=1e-12)
 
 
 def test_parts_are_found_beside_the_aircraft_and_nowhere_else(tmp_path: Path) -> None:

@@ -24,6 +24,7 @@ from tests.support.jsbsim_flights import (
     random_condition,
     simulator,
 )
+from tests.support.single_terms import of_term
 
 FREE = {
     "fcs_flap_pos_norm": "fcs/flap-pos-norm",
@@ -89,7 +90,7 @@ def test_twin_otter_in_flight_with_the_lift_of_the_step_before(twin_otter: AeroD
     columns = {name: np.array([row[name] for row in rows]) for name in rows[0]}
     errors = compare(database, columns, np.array(cgs), np.array(theirs))
     assert max(errors.values()) <= 1.0, errors
-    lift = twin_otter.contributions(columns)["CDi"]["CX"] - database.contributions(columns)["CDi"]["CX"]
+    lift = of_term(twin_otter, "CDi", columns)["CX"] - of_term(database, "CDi", columns)["CX"]
     assert np.max(np.abs(lift)) > 1e-9  # the two meanings do differ here
 
 

@@ -21,7 +21,6 @@ from aerodb.simulation.motion import (
     inertia_matrix,
     midpoint_step,
     quaternion_from_euler,
-    runge_kutta_step,
     to_body,
     to_earth,
 )
@@ -29,6 +28,7 @@ from aerodb.simulation.sensors import Instrument, Signal, at_instruments, measur
 from aerodb.simulation.turbulence import DrydenGusts, dryden_scales
 from aerodb.support.arrays import Array
 from aerodb.vehicle import Surface, parse_vehicle
+from tests.support.runge_kutta import runge_kutta_step
 
 PLAIN = """
 name = "body"
@@ -118,14 +118,13 @@ def test_a_thrown_body_in_vacuum_flies_the_parabola_whatever_its_rotation() -> N
     assert end[10:, 0] == pytest.approx([80.0, -40.0, -120.0 + 0.5 * GRAVITY * 16], abs=1e-6)
 
 
-@pytest.mark.parametrize(("rule", "order"), [(midpoint_step, 2), (runge_kutta_step, 4)])
-def test_integration_has_its_order(rule, order: int) -> None:
+def test_integration_has_its_order() -> None:
     inertia = inertia_matrix(10.0, 17.0, 30.0, 3.0)
     state = np.zeros((13, 1))
     state[3:6, 0], state[6] = [1.0, 0.5, 1.5], 1.0
     fine = integrate(runge_kutta_step, body(inertia), state, 0.0025, 800)
-    errors = [np.abs(integrate(rule, body(inertia), state, h, round(2.0 / h)) - fine).max() for h in (0.1, 0.05)]
-    assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.4)
+    errors = [np.abs(integrate(midpoint_step, body(inertia), state, h, round(2.0 / h)) - fine).max() for h in (0.1, 0.05)]
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(2, abs=0.4)
 
 
 def test_gravity_in_body_axes_is_that_of_the_attitude() -> None:

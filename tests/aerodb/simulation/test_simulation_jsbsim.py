@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 
 from aerodb.simulation.airframe_model import Airframe, MovingAir
-from aerodb.simulation.motion import inertia_matrix, quaternion_from_euler, runge_kutta_step
-from aerodb.support.arrays import Array
+from aerodb.simulation.motion import inertia_matrix, quaternion_from_euler
+from aerodb.support import Array
+from tests.support.runge_kutta import runge_kutta_step
 
 jsbsim = pytest.importorskip("jsbsim")
 

@@ -19,7 +19,6 @@ from aerodb.tables.database import AeroDatabase, Term, Variable
 from aerodb.tables.expression import parse
 from aerodb.tables.increment import Increment, Interval
 from aerodb.tables.multilinear import NotMultilinearError, breaks, merged
-from aerodb.tables.node_increment import on_nodes
 from aerodb.tables.reference import Reference
 from aerodb.tables.table import Table
 from aerodb.tables.uncertainty import Uncertainty
@@ -113,7 +112,6 @@ def test_arguments_in_the_unit_of_the_source() -> None:
     node = int(np.argmin(np.abs(folded.tables["CZ0"].breakpoints[0] - 0.2)))
     (share,) = node_lineage(folded, "CZ0", (node,))
     assert share.value == pytest.approx(2.0 * 0.1), "argument 0.2 is alpha 0.1"
-    assert set(np.round(on_nodes(SLOPE, database).table.breakpoints[0], 12)) >= {0.0, 0.1, 0.2, 0.3}
 
 
 def test_a_fade_in_another_variable_becomes_an_axis() -> None:
@@ -195,50 +193,6 @@ def test_added_uncertainty_per_node_follows_the_new_nodes() -> None:
     expected = layered.evaluate(alpha).standard_error["CZ"]
     assert folded.evaluate(alpha).standard_error["CZ"] == pytest.approx(expected, abs=1e-13)
     assert expected[0] == pytest.approx(np.hypot(0.1, 2.0 * 0.05), rel=1e-12), "far away: the source's, and what has faded"
-
-
-@settings(deadline=None, max_examples=60)
-@given(st.integers(0, 2**32 - 1))
-def test_an_increment_on_nodes_is_the_increment(seed: int) -> None:
-    database = generated(seed, 1)
-    (increment,) = database.increments
-    nodes = on_nodes(increment, database)
-    channels = points(database, seed)
-    channels["q_hat"] = np.random.default_rng(seed).uniform(-0.5, 0.5, 200)
-    one, other = increment.evaluate(channels), nodes.evaluate(channels)
-    scale = float(np.abs(increment.estimates).sum()) + float(np.sqrt(np.trace(increment.covariance)))
-    assert other.value == pytest.approx(one.value, abs=1e-12 * scale)
-    assert other.standard_error == pytest.approx(one.standard_error, abs=1e-9 * scale)
-    assert np.array_equal(other.inside, one.inside)
-    assert nodes.table.evaluate(*[channels[x] for x in nodes.table.arguments]) == pytest.approx(one.value, abs=1e-12 * scale)
-
-
-def test_node_covariance_is_that_of_drawn_estimates() -> None:
-    """20,000 draws of two correlated estimates; 4 % is 4 standard errors of a drawn variance."""
-    envelope = {"alpha": Interval(0.05, 0.25, 0.1)}
-    covariance = np.array([[0.04, -0.3], [-0.3, 4.0]])
-    increment = Increment("CZ", (parse("1"), parse("alpha")), np.array([0.1, 2.0]), covariance, envelope)
-    database = one_table(increment=increment)
-    nodes = on_nodes(increment, database)
-    assert set(ALPHA) < set(nodes.table.breakpoints[0])
-    drawn = np.random.default_rng(1).multivariate_normal([0.1, 2.0], covariance, 20_000)
-    values = np.array([Increment("CZ", increment.regressors, e, covariance, envelope).value({"alpha": ALPHA}) for e in drawn[:2]])
-    index = [int(np.flatnonzero(nodes.table.breakpoints[0] == x)[0]) for x in ALPHA]
-    assert values == pytest.approx(drawn[:2] @ nodes.jacobian[index].T, rel=1e-12)
-    sampled = np.cov((drawn @ nodes.jacobian[index].T).T)
-    assert nodes.covariance(index) == pytest.approx(sampled, abs=0.04 * np.max(np.diag(sampled)))
-    assert nodes.standard_error.ravel()[index] == pytest.approx(np.sqrt(np.diag(nodes.covariance(index))), rel=1e-12)
-    assert np.linalg.matrix_rank(nodes.covariance()) == 2
-
-
-def test_nodes_refuse_what_they_cannot_carry() -> None:
-    database = one_table(increment=replace(SLOPE, regressors=(parse("alpha^3"),)))
-    with pytest.raises(InputError, match="increment on CZ: 'alpha\\^3' is not piecewise linear"):
-        on_nodes(database.increments[0], database)
-    names = [f"delta_{x}" for x in "abcdefgh"]
-    many = Increment("CZ", tuple(map(parse, names)), np.zeros(8), np.eye(8), {name: Interval(-1.0, 1.0, 0.1) for name in names})
-    with pytest.raises(InputError, match="a grid of 1679616 nodes"):
-        on_nodes(many, replace(database, increments=()))
 
 
 def test_behind_a_node_stand_the_flights_that_changed_it() -> None:

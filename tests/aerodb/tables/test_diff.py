@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aerodb.errors import InputError, UnknownNameError
+from aerodb.errors import InputError
 from aerodb.exchange.native import read_native
 from aerodb.report.diff_documents import diff_document
 from aerodb.report.diff_figures import diff_figure
@@ -14,7 +14,7 @@ from aerodb.tables.database import AeroDatabase, Term, Variable
 from aerodb.tables.differences import diff
 from aerodb.tables.expression import parse
 from aerodb.tables.increment import Increment, Interval
-from aerodb.tables.nodes import neutral_point, table_axes, table_grid, table_grids
+from aerodb.tables.nodes import neutral_point, table_axes, table_grids
 from aerodb.tables.reference import Reference
 from aerodb.tables.table import Table
 from tests.support.small_glider import DATABASE
@@ -160,10 +160,6 @@ def test_nodes_over_scaled_channels_and_tables_that_have_none() -> None:
     assert found.not_addressable == {"M": 0.5}
     # T itself, turned by alpha into the body axes; and M, which alpha moves, on the axis of S.
     assert {(entry.axis, entry.grid.table) for entry in found.nodes if entry.axis != "CY"} == {("CX", "T"), ("CZ", "T")}
-    with pytest.raises(InputError, match="are no single channels"):
-        table_grid(database, "M")
-    with pytest.raises(UnknownNameError, match="no table 'TT'"):
-        table_grid(database, "TT")
     with pytest.raises(InputError, match=r"indices go from 0: \[0\.\.2, 0\.\.1\]"):
         grids["T"].node((3, 0))
 

@@ -134,14 +134,13 @@ def test_blocks_of_points_are_the_same_points() -> None:
 
 
 def test_variables_are_evaluated_by_name() -> None:
-    database = AeroDatabase(
-        "v", REFERENCE, {"x": Variable(parse("2*alpha")), "y": Variable(parse("x + p_hat"))}, terms=(Term("t", "CX", parse("x")),)
-    )
-    found = database.evaluate_variables({"alpha": np.array([0.1, 0.2]), "p": 1.0, "V": 10.0})
-    assert found["x"] == pytest.approx([0.2, 0.4])
-    assert found["y"] == pytest.approx([0.2 + 0.174, 0.4 + 0.174])
+    variables = {"x": Variable(parse("2*alpha")), "y": Variable(parse("x + p_hat"))}
+    database = AeroDatabase("v", REFERENCE, variables, terms=(Term("t", "CX", parse("x")), Term("s", "CY", parse("y"))))
+    found = database.predict({"alpha": np.array([0.1, 0.2]), "p": 1.0, "V": 10.0}).coefficients
+    assert found["CX"] == pytest.approx([0.2, 0.4])
+    assert found["CY"] == pytest.approx([0.2 + 0.174, 0.4 + 0.174])
     with pytest.raises(InputError, match="channels missing: V, p"):
-        database.evaluate_variables({"alpha": 0.1})
+        database.predict({"alpha": 0.1})
 
 
 @pytest.mark.parametrize(

@@ -208,16 +208,6 @@ def test_build_up_equals_the_formula() -> None:
     assert database.predict({**c, "q_hat": 0.02}).coefficients["Cm"] == pytest.approx(np.full(3, -0.03))
 
 
-def test_contributions_add_up_to_the_prediction() -> None:
-    database = phoenix_like()
-    shares, total = database.contributions(CHANNELS), database.predict(CHANNELS).coefficients
-    assert shares["body_flap"]["CZ"] == pytest.approx(-0.5 * CHANNELS["delta_body_flap"])
-    for axis in AXES:
-        assert sum(share[axis] for share in shares.values() if axis in share) + np.zeros(3) == pytest.approx(
-            total[axis], abs=1e-15
-        )
-
-
 def test_a_database_survives_pickling() -> None:
     database = phoenix_like()
     database.predict(CHANNELS)
