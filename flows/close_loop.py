@@ -2,8 +2,9 @@
 
 from typing import Any
 
+from aerodb.loop import Accept
 from flows.run import Steps
-from tasks.close_loop import Accept, prove_loop, run_loop, what_is_left
+from tasks.close_loop import prove_loop, run_loop, what_is_left
 from tasks.compare import compare_with_version
 from tasks.deltas import plan_update
 from tasks.open import stores

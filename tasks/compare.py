@@ -9,15 +9,13 @@ from aerodb.errors import InputError
 from aerodb.estimation.statistics import rms
 from aerodb.exchange.native import database_document_sha256
 from aerodb.flight import Flight
-from aerodb.identity import result_key
 from aerodb.nomenclature import AXES
 from aerodb.tables.database import AeroDatabase
 from storage.flights import write_results
 from tasks.coefficients import load_coefficients
 from tasks.kept import kept
 from tasks.open import Stores, stores
-from tasks.provenance import code_version
-from tasks.settings import RESULT_VERSION
+from tasks.stored_steps import StoredResult
 
 
 def compare_with_version(flight: str, *, workspace: str, run: str, version: str) -> dict[str, Any]:
@@ -40,22 +38,11 @@ def load_comparison(opened: Stores, flight: str, version: str, run: str) -> tupl
     row = opened.catalogue.flight(flight)
     channels, comparison, coefficients_key = beside(opened, flight, opened.database(version), run)
     inputs = {"coefficients": coefficients_key, "version": version}
-    key = result_key(inputs, {}, "compare", RESULT_VERSION["compare"])
-    if not opened.has(key):
-        path = opened.workspace.result_path(key)
-        write_results(path, _long(comparison), {"notes": list(comparison.notes), "version": version})
-        opened.keep_result(
-            key,
-            path,
-            step="compare",
-            kind="comparison",
-            flight=row.id,
-            result_version=RESULT_VERSION["compare"],
-            code_version=code_version(),
-            inputs=inputs.values(),
-            run=run,
-        )
-    return channels, comparison, key
+    result = StoredResult(opened, "compare", "comparison", inputs, flight=row.id)
+    if not result.is_stored():
+        metadata = {"notes": list(comparison.notes), "version": version}
+        result.keep(run, lambda path: write_results(path, _long(comparison), metadata))
+    return channels, comparison, result.key
 
 
 def compared(opened: Stores, flight: str, database: AeroDatabase, run: str) -> Comparison:

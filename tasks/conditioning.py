@@ -4,17 +4,14 @@ from aerodb.conditioning.condition import Conditioning, examine, from_document, 
 from aerodb.conditioning.plausibility import Suspicion, clock_suspicions
 from aerodb.errors import InputError
 from aerodb.flight import Flight
-from aerodb.identity import result_key
 from aerodb.layout import Mapping
 from aerodb.mapping import on_mapped_clock
 from aerodb.recording import Recording
-from storage.cache import put
 from storage.flights import read_recording, read_results, write_results
 from storage.rows import FlightRow
 from storage.stored_files import StoredFile
 from tasks.open import Stores
-from tasks.provenance import code_version
-from tasks.settings import RESULT_VERSION
+from tasks.stored_steps import StoredResult
 
 
 def mapping_of(opened: Stores, row: FlightRow) -> Mapping:
@@ -40,37 +37,25 @@ def examined(opened: Stores, flight: Flight, mapping: Mapping) -> Conditioning:
 
 def load_conditioning(opened: Stores, row: FlightRow, flight: Flight, flight_key: str, run: str) -> tuple[Conditioning, str]:
     """The findings on a flight (as `tasks.ingest.load_flight` gives it, with its key), and their key; stored when not yet."""
-    path = opened.path_of(_key(flight_key))
+    result = _result(opened, row.id, flight_key)
+    path = result.stored()
     if path is not None:
-        return from_document(read_results(path)[1]), _key(flight_key)
+        return from_document(read_results(path)[1]), result.key
     found = examined(opened, flight, mapping_of(opened, row))
-    return found, keep_conditioning(opened, row.id, flight_key, write_conditioning(opened, flight_key, found), run)
+    return found, keep_conditioning(opened, row.id, flight_key, write_conditioning(opened, row.id, flight_key, found), run)
 
 
-def write_conditioning(opened: Stores, flight_key: str, found: Conditioning) -> StoredFile | None:
-    """Writes the findings on a flight (the key of its channels); returns what is in the object store of them."""
-    path = opened.workspace.result_path(_key(flight_key))
-    write_results(path, {}, to_document(found))
-    return put(opened.workspace, path)
+def write_conditioning(opened: Stores, flight: str, flight_key: str, found: Conditioning) -> StoredFile | None:
+    """Writes the findings on a flight (its id, and the key of its channels); returns what is in the object store of them."""
+    return _result(opened, flight, flight_key).write(lambda path: write_results(path, {}, to_document(found)))
 
 
 def keep_conditioning(opened: Stores, flight: str, flight_key: str, stored: StoredFile | None, run: str) -> str:
     """Adds the findings on a flight (its id, and the key of its channels) that were written; returns their key."""
-    key = _key(flight_key)
-    opened.keep_result(
-        key,
-        opened.workspace.result_path(key),
-        stored,
-        step="conditioning",
-        kind="conditioning",
-        flight=flight,
-        result_version=RESULT_VERSION["conditioning"],
-        code_version=code_version(),
-        inputs=[flight_key],
-        run=run,
-    )
-    return key
+    result = _result(opened, flight, flight_key)
+    result.add(run, stored)
+    return result.key
 
 
-def _key(flight_key: str) -> str:
-    return result_key({"flight": flight_key}, {}, "conditioning", RESULT_VERSION["conditioning"])
+def _result(opened: Stores, flight: str, flight_key: str) -> StoredResult:
+    return StoredResult(opened, "conditioning", "conditioning", {"flight": flight_key}, flight=flight)

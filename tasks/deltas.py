@@ -9,6 +9,7 @@ from aerodb.comparison import Comparison
 from aerodb.effects.angle_errors import with_flattening
 from aerodb.errors import InputError
 from aerodb.flight import Flight
+from aerodb.loop import consider_parameters, noisier_flights
 from aerodb.model_file import ModelFile, parse_model_file
 from aerodb.proof import AxisProof, HoldOut, choose_hold_out, prove, prove_by_leaving_one_out
 from aerodb.tables.database import AeroDatabase
@@ -17,7 +18,7 @@ from aerodb.update import Update, estimate_increments, keep_slope_signs
 from storage.rows import FlightRow
 from tasks.compare import compared, load_comparison
 from tasks.counting import counted_out, sentence
-from tasks.doubts import once_more, sensor_doubts
+from tasks.loop_flights import StoredFlights
 from tasks.open import Stores, stores
 
 
@@ -95,9 +96,11 @@ def estimate(plan: Plan, *, workspace: str, run: str) -> Update:
     flights, comparisons = _loaded(opened, plan, plan.hold_out.identified, run)
     database = opened.database(plan.baseline)
     model, vehicle = parse_model_file(plan.model), opened.vehicle(plan.vehicle)[0]
-    doubtful = sensor_doubts(opened, vehicle, database, flights, comparisons, run)
+    source = StoredFlights(opened, plan.vehicle, run)
+    reconstructions = {flight.id: source.reconstruction(flight.id) for flight in flights}
+    doubtful = consider_parameters(reconstructions, vehicle, database, flights, comparisons)
     update = estimate_increments(flights, comparisons, model, database, doubtful)
-    again = once_more(opened, vehicle, database, flights, comparisons, run)
+    again = noisier_flights(reconstructions, vehicle, database, flights, comparisons)
     noisier = [estimate_increments([f for f, _ in each], [c for _, c in each], model, database) for each in again]
     return keep_slope_signs(with_flattening(update, noisier, Settings().shift_factor), database)
 

@@ -12,7 +12,6 @@ from aerodb.conditioning.duplicates import fingerprint
 from aerodb.conditioning.wild_points import without_wild_points
 from aerodb.errors import InputError, StoreError
 from aerodb.flight import Flight
-from aerodb.identity import result_key
 from aerodb.layout import Mapping
 from aerodb.mapping import choose_mapping, map_recording
 from aerodb.recording import Damage, Recording
@@ -25,14 +24,12 @@ from storage.mappings import builtin_mappings, load_mapping
 from storage.readers.isolated import parsed_log
 from storage.rows import FlightRow, RepeatRow
 from storage.settings import SettingsError, load_settings
-from storage.stored_files import StoredFile
 from tasks.conditioning import clocks_of, examined, keep_conditioning, load_conditioning, mapping_of, write_conditioning
 from tasks.counting import WHOLE, repeat_documents
 from tasks.kept import kept, of_file
 from tasks.open import Stores, stores
-from tasks.provenance import code_version
 from tasks.repeats import compare_with_stored, suspects_of
-from tasks.settings import RESULT_VERSION
+from tasks.stored_steps import StoredResult
 
 
 def store_log(
@@ -148,8 +145,8 @@ def load_flight(opened: Stores, row: FlightRow, run: str) -> tuple[Flight, str]:
     What is stored is as it was measured; here, wild points are bridged, so that no later step smears them over others.
     """
     mapping = mapping_of(opened, row)
-    key = _key(opened, row.log_sha256, row.vehicle, mapping)
-    path = opened.path_of(key)
+    result = _result(opened, row.log_sha256, row.vehicle, mapping)
+    key, path = result.key, result.stored()
     if path is not None:
         return kept(of_file(path), lambda: without_wild_points(read_flight(path))), key
     recording = open_recording(opened.topics_of(row.log_sha256))
@@ -173,9 +170,11 @@ def _mapped(opened: Stores, recording: Recording, mapping: Mapping, vehicle: str
     return conditioned(flight)
 
 
-def _key(opened: Stores, log_sha256: str, vehicle: str, mapping: Mapping) -> str:
+def _result(opened: Stores, log_sha256: str, vehicle: str, mapping: Mapping, flight: str | None = None) -> StoredResult:
+    """The channels of a log under a vehicle's present file and a mapping; flight : its id, for the row."""
     inputs = {"log": log_sha256, "vehicle": opened.catalogue.vehicle(vehicle).sha256}
-    return result_key(inputs, {"mapping": mapping.model_dump(mode="json")}, "ingest", RESULT_VERSION["ingest"])
+    settings = {"mapping": mapping.model_dump(mode="json")}
+    return StoredResult(opened, "ingest", "flight", inputs, settings, flight, folder="flights")
 
 
 def _known(opened: Stores, sha256: str, vehicle: str, chosen: Mapping | None) -> str | None:
@@ -185,7 +184,7 @@ def _known(opened: Stores, sha256: str, vehicle: str, chosen: Mapping | None) ->
     for row in opened.catalogue.flights(vehicle, log_sha256=sha256):
         mappings = [chosen] if chosen else builtin_mappings().values()
         candidates = [mapping for mapping in mappings if mapping.name == row.mapping]
-        if any(opened.catalogue.result(_key(opened, sha256, vehicle, mapping)) for mapping in candidates):
+        if any(opened.catalogue.result(_result(opened, sha256, vehicle, mapping).key) for mapping in candidates):
             return row.id
     return None
 
@@ -214,11 +213,11 @@ def _keep(
     name: str | None,
 ) -> None:
     """Files first (the topics stand), then all rows in one transaction: a crash between leaves nothing that anyone can see."""
-    key = _key(opened, recording.sha256, flight.vehicle, mapping)
-    path = opened.workspace.flight_path(key)
+    result = _result(opened, recording.sha256, flight.vehicle, mapping, flight.id)
+    key, path = result.key, result.path
     write_flight(path, flight)
     topics = put_recording(opened.workspace, opened.workspace.recording_path(recording.sha256))
-    channels, findings = put(opened.workspace, path), write_conditioning(opened, key, found)
+    channels, findings = put(opened.workspace, path), write_conditioning(opened, flight.id, key, found)
     marks = fingerprint(flight)
     compared: dict[str, RepeatRow | None] = {}
     # Two files of one flight may come at once: a flight enters only when it was compared with all that were there before.
@@ -228,7 +227,7 @@ def _keep(
             if not suspects:
                 _add_rows(opened, recording, flight, mapping, name)
                 opened.keep_file(_index_path(opened, recording.sha256), topics)
-                _add_result(opened, flight, key, mapping, channels, run)
+                result.add(run, channels)
                 opened.catalogue.add_marks(flight.id, marks)
                 for repeat in filter(None, compared.values()):
                     opened.catalogue.add_repeat(repeat)
@@ -257,20 +256,4 @@ def _add_rows(opened: Stores, recording: Recording, flight: Flight, mapping: Map
         duration=float(flight.time[-1] - flight.time[0]),
         samples=len(flight.time),
         step=flight.step,
-    )
-
-
-def _add_result(opened: Stores, flight: Flight, key: str, mapping: Mapping, stored: StoredFile | None, run: str) -> None:
-    opened.keep_result(
-        key,
-        opened.workspace.flight_path(key),
-        stored,
-        step="ingest",
-        kind="flight",
-        flight=flight.id,
-        settings={"mapping": mapping.model_dump(mode="json")},
-        result_version=RESULT_VERSION["ingest"],
-        code_version=code_version(),
-        inputs=[flight.log_sha256, opened.catalogue.vehicle(flight.vehicle).sha256],
-        run=run,
     )

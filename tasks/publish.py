@@ -15,7 +15,8 @@ from aerodb.exchange.mat import import_mat
 from aerodb.exchange.native import database_content_sha256, read_native, to_document
 from aerodb.exchange.netcdf import import_netcdf
 from aerodb.gate import sign_reasons
-from aerodb.identity import canonical_json, result_key, version_id
+from aerodb.identity import canonical_json, version_id
+from aerodb.loop import Accept, Library, Loop
 from aerodb.proof import AxisProof
 from aerodb.report.document import update_document
 from aerodb.report.loop_document import loop_document
@@ -26,12 +27,11 @@ from aerodb.update import Update
 from storage.aircraft_files import files_beside
 from storage.documents import write_document
 from storage.rows import FlightRole, VersionRow
-from tasks.close_loop import Accept, Loop
 from tasks.deltas import Plan
 from tasks.open import Stores, stores
-from tasks.provenance import code_version, user
+from tasks.provenance import user
 from tasks.settings import CANDIDATE, RELEASED, RESULT_VERSION
-from tasks.trace import Library
+from tasks.stored_steps import StoredResult
 
 #: Formats that mark their files: where, with which bytes, and what reads them.
 _BY_MARK: Final[tuple[tuple[int, bytes, Callable[[bytes, str], AeroDatabase]], ...]] = (
@@ -189,22 +189,10 @@ def _loop_remarks(plan: Plan, loop: Loop) -> list[str]:
 def _keep_report(opened: Stores, plan: Plan, document: Mapping[str, Any], settings: Mapping[str, Any], run: str) -> str:
     """The loop's document as a stored result, whether or not a version came of it; returns its key."""
     inputs = [plan.baseline, *plan.keys]
-    key = result_key({name: name for name in inputs}, dict(settings), "close_loop", RESULT_VERSION["close_loop"])
-    if not opened.has(key):
-        path = opened.workspace.result_path(key, ".json")
-        write_document(path, document)
-        opened.keep_result(
-            key,
-            path,
-            step="close_loop",
-            kind="findings",
-            settings=settings,
-            result_version=RESULT_VERSION["close_loop"],
-            code_version=code_version(),
-            inputs=inputs,
-            run=run,
-        )
-    return key
+    result = StoredResult(opened, "close_loop", "findings", {name: name for name in inputs}, settings, suffix=".json")
+    if not result.is_stored():
+        result.keep(run, lambda path: write_document(path, document))
+    return result.key
 
 
 def _roles(plan: Plan) -> list[FlightRole]:

@@ -15,6 +15,7 @@ import numpy as np
 from aerodb.effects.angle_errors import with_flattening
 from aerodb.exchange.native import read_native
 from aerodb.flight import Array, Flight
+from aerodb.loop import Library, consider_parameters, noisier_flights
 from aerodb.model_file import parse_model_file
 from aerodb.proof import HoldOut
 from aerodb.tracing.findings import Traced
@@ -30,9 +31,9 @@ from storage.workspace import Workspace
 from tasks.compare import load_comparison
 from tasks.consistency import load_consistent, noise_of
 from tasks.deltas import Plan
-from tasks.doubts import once_more, sensor_doubts
+from tasks.loop_flights import StoredFlights
 from tasks.open import Stores, stores
-from tasks.trace import Library, freeze_library, trace_flight
+from tasks.trace import freeze_library, trace_flight
 from tests.guide_flights import Flown, blocks, fly_glider, instruments, steeper, write_logs
 
 NAME = "my-glider"
@@ -81,8 +82,9 @@ class Fleet:
         database, vehicle = self.opened.database(self.versions[wrong]), self.opened.vehicle(NAME)[0]
         loaded = [load_comparison(self.opened, flight, self.versions[wrong], self.run) for flight in self.flights]
         flights, comparisons = [entry[0] for entry in loaded], [entry[1] for entry in loaded]
-        about = (self.opened, vehicle, database, flights, comparisons, self.run)
-        doubts, again = sensor_doubts(*about), once_more(*about)
+        source = StoredFlights(self.opened, NAME, self.run)
+        about = ({id: source.reconstruction(id) for id in self.flights}, vehicle, database, flights, comparisons)
+        doubts, again = consider_parameters(*about), noisier_flights(*about)
         model = parse_model_file(guide_files()["increments.toml"])
         for group in groups:
             chosen = [flights[i] for i in group], [comparisons[i] for i in group]

@@ -16,7 +16,7 @@ from aerodb.flight import Array
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.definitions import STATE_CHANNEL
 from aerodb.tables.envelope import flown_envelope
-from aerodb.tables.increment import Increment, Interval
+from aerodb.tables.increment import Increment, Interval, Refit
 
 
 def add_effects(
@@ -27,12 +27,13 @@ def add_effects(
     envelopes: Mapping[str, Mapping[str, Interval]],
     flights: Sequence[str],
     note: str = "",
+    refit: Refit | None = None,
 ) -> AeroDatabase:
     """`database` with the accepted hypotheses as increments, one per axis.
 
     values : (k,) in the hypotheses' units; covariance : (k, k). On each axis the estimates keep their joint covariance;
     between axes an increment has no place for one. envelopes : axis -> variable -> interval, as `envelopes_of` gives them.
-    flights : the ids of those that identified.
+    flights : the ids of those that identified. refit : how the values were fitted once more, where they were.
 
     Raises InputError for a sensor, for a hypothesis that no expression gives or whose state model the database lacks, and where
     values or covariance do not fit.
@@ -55,6 +56,7 @@ def add_effects(
                 envelope=envelopes[axis],
                 flights=tuple(flights),
                 note=note or "effects: " + ", ".join(accepted[number].id for number in index),
+                refit=refit,
             )
         )
     return replace(database, increments=(*database.increments, *increments))
