@@ -33,4 +33,4 @@ def decoded(text: str) -> tuple[str, Refit | None, int]:
 
 def _shape(hypothesis: str, variables: str, percent: str) -> RefinedShape:
     axis = hypothesis.partition("@")[2].partition(":")[0]  # an id is effect@axis:subject
-    return RefinedShape(hypothesis, axis, tuple(variables.split(", ")), float(percent) / 100.0)
+    return RefinedShape(hypothesis, axis, tuple(variables.split(", ")), round(float(percent) / 100.0, 3))
