@@ -122,7 +122,7 @@ def _error(source: FlightSource, flight: str, model: AeroDatabase, axis: str) ->
 
 def test_where_nothing_lacks_nothing_is_confirmed(source: FlightsInMemory) -> None:
     split = hold_out(source)
-    library, loop = closed(source, split.identified, database(-14.0 + DAMPING))
+    _, loop = closed(source, split.identified, database(-14.0 + DAMPING))
     assert loop.added == ()
     assert [finding.hypothesis for finding in loop.findings if finding.verdict == "confirmed"] == []
     assert loop.candidate is loop.baseline
