@@ -3,8 +3,8 @@
 from typing import Any
 
 from aerodb.flows.run import Steps
+from aerodb.loop import Accept
 from aerodb.tasks.steps import (
-    Accept,
     compare_with_version,
     freeze_library,
     plan_update,

@@ -13,7 +13,7 @@ from aerodb.effects.flight_view import FlightView
 from aerodb.effects.hypothesis import Hypothesis
 from aerodb.errors import InputError
 from aerodb.support import Array
-from aerodb.tables import STATE_CHANNEL, AeroDatabase, Increment, Interval, flown_envelope
+from aerodb.tables import STATE_CHANNEL, AeroDatabase, Increment, Interval, Refit, flown_envelope
 
 
 def add_effects(
@@ -24,12 +24,13 @@ def add_effects(
     envelopes: Mapping[str, Mapping[str, Interval]],
     flights: Sequence[str],
     note: str = "",
+    refit: Refit | None = None,
 ) -> AeroDatabase:
     """`database` with the accepted hypotheses as increments, one per axis.
 
     values : (k,) in the hypotheses' units; covariance : (k, k). On each axis the estimates keep their joint covariance;
     between axes an increment has no place for one. envelopes : axis -> variable -> interval, as `envelopes_of` gives them.
-    flights : the ids of those that identified.
+    flights : the ids of those that identified. refit : how the values were fitted once more, where they were.
 
     Raises InputError for a sensor, for a hypothesis that no expression gives or whose state model the database lacks, and where
     values or covariance do not fit.
@@ -52,6 +53,7 @@ def add_effects(
                 envelope=envelopes[axis],
                 flights=tuple(flights),
                 note=note or "effects: " + ", ".join(accepted[number].id for number in index),
+                refit=refit,
             )
         )
     return replace(database, increments=(*database.increments, *increments))

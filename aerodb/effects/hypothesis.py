@@ -55,9 +55,13 @@ class Hypothesis:
     @property
     def id(self) -> str:
         """``effect@axis`` or ``effect@axis:subject``; unique in a library. Sensors act on all axes: ``qbar_scale@all``."""
-        axes = [axis for axis, _ in self.increment] or self.axes
-        where = "all" if self.kind == "sensor" else "+".join(axes)
+        where = "all" if self.kind == "sensor" else "+".join(self.written_on)
         return f"{self.effect}@{where}" + (f":{self.subject}" if self.subject else "")
+
+    @property
+    def written_on(self) -> tuple[str, ...]:
+        """The axes on which its formula stands, along the body or the wind; `axes` are the body axes on which it is felt."""
+        return tuple(axis for axis, _ in self.increment) or self.axes
 
     @property
     def drivers(self) -> tuple[str, ...]:

@@ -48,7 +48,7 @@ def with_increments_as_terms(database: AeroDatabase) -> AeroDatabase:
         variables |= parts
         taken |= parts.keys()
         flights = f" from {len(increment.flights)} flights" if increment.flights else ""
-        note = f"increment{flights}{f': {increment.note}' if increment.note else ''}"
+        note = f"increment{flights}{f': {increment.full_note}' if increment.full_note else ''}"
         name = _unused(f"{stem}_{increment.axis}", term_names)
         term_names.add(name)
         terms.append(Term(name, increment.axis, expression, note))

@@ -10,7 +10,7 @@ import json
 import re
 import tomllib
 from collections.abc import Mapping
-from dataclasses import MISSING, asdict, fields
+from dataclasses import MISSING, asdict, fields, replace
 from itertools import starmap
 from typing import Any, Final
 from weakref import WeakKeyDictionary
@@ -18,7 +18,16 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from aerodb.errors import InputError, UnknownNameError, nearest
-from aerodb.exchange.native_schema import DatabaseFile, Document, IncrementFile, StateFile, TableFile, UncertaintyFile
+from aerodb.exchange.increment_notes import decoded, own_note
+from aerodb.exchange.native_schema import (
+    DatabaseFile,
+    Document,
+    IncrementFile,
+    RefitFile,
+    StateFile,
+    TableFile,
+    UncertaintyFile,
+)
 from aerodb.nomenclature import axis_description, channel
 from aerodb.support import content_sha256, validated
 from aerodb.tables import (
@@ -30,6 +39,8 @@ from aerodb.tables import (
     Number,
     Operation,
     Reference,
+    RefinedShape,
+    Refit,
     ScatteredTable,
     StateModel,
     Table,
@@ -251,15 +262,30 @@ def _increment_document(increment: Increment) -> dict[str, Any]:
         "covariance": increment.covariance.tolist(),
         "envelope": {name: {"low": i.low, "high": i.high, "cell": i.cell} for name, i in increment.envelope.items()},
         "flights": list(increment.flights),
-        "note": increment.note,
+        "note": increment.full_note,
         **({"folded": list(increment.folded)} if any(increment.folded) else {}),
+        **({"refit": _refit_document(increment.refit)} if increment.refit is not None else {}),
+        **({"lengthened_cells": increment.lengthened_cells} if increment.lengthened_cells else {}),
     }
 
 
+#: Keys of an increment whose contents the note says in words.
+_SAID_BY_NOTE: Final = frozenset({"refit", "lengthened_cells"})
+
+
+def _refit_document(refit: Refit) -> dict[str, Any]:
+    return {"shapes": [{**asdict(shape), "variables": list(shape.variables)} for shape in refit.shapes]}
+
+
 def database_document_sha256(database: AeroDatabase) -> str:
-    """sha256 over all that a database is, expressions included: what is computed with it belongs under this name."""
+    """sha256 over all that a database is, expressions included: what is computed with it belongs under this name.
+
+    What the notes of increments say already does not count once more: names stay those of documents with notes alone.
+    """
     if database not in _DOCUMENT_HASHES:
-        text = json.dumps(to_document(database), sort_keys=True)
+        document = to_document(database)
+        said = [{key: value for key, value in each.items() if key not in _SAID_BY_NOTE} for each in document["increments"]]
+        text = json.dumps({**document, "increments": said}, sort_keys=True)
         _DOCUMENT_HASHES[database] = hashlib.sha256(text.encode("utf-8")).hexdigest()
     return _DOCUMENT_HASHES[database]
 
@@ -277,16 +303,25 @@ def from_document(document: Mapping[str, Any], where: str = "stored database") -
 
 
 def _increment(file: IncrementFile, where: str) -> Increment:
-    return Increment(
+    bare = Increment(
         axis=file.axis,
         regressors=tuple(_parsed(text, f"{where}: increment on {file.axis}") for text in file.regressors),
         estimates=np.array(file.estimates),
         covariance=np.array(file.covariance),
         envelope={name: Interval(i.low, i.high, i.cell) for name, i in file.envelope.items()},
         flights=file.flights,
-        note=file.note,
         folded=file.folded,
+        refit=_refit(file.refit),
+        lengthened_cells=file.lengthened_cells,
     )
+    if bare.full_note:
+        return replace(bare, note=own_note(file.note, bare))
+    note, refit, cells = decoded(file.note)
+    return replace(bare, note=note, refit=refit, lengthened_cells=cells)
+
+
+def _refit(file: RefitFile | None) -> Refit | None:
+    return None if file is None else Refit(tuple(RefinedShape(**shape.model_dump()) for shape in file.shapes))
 
 
 def database_content_sha256(database: AeroDatabase) -> str:

@@ -87,7 +87,22 @@ class IntervalFile(Strict):
     cell: Annotated[float, Field(ge=0)]
 
 
+class RefinedShapeFile(Strict):
+    """`axis`: on which the hypothesis is written; `fall`: part by which the error of left-out flights fell."""
+
+    hypothesis: str
+    axis: str
+    variables: tuple[str, ...]
+    fall: float
+
+
+class RefitFile(Strict):
+    shapes: tuple[RefinedShapeFile, ...] = ()
+
+
 class IncrementFile(Strict):
+    """`note` says in words what `refit` and `lengthened_cells` say, too; documents of earlier releases have the words alone."""
+
     axis: str
     regressors: tuple[str, ...]
     estimates: tuple[float, ...]
@@ -96,6 +111,8 @@ class IncrementFile(Strict):
     flights: tuple[str, ...] = ()
     note: str = ""
     folded: tuple[str, ...] = ()
+    refit: RefitFile | None = None
+    lengthened_cells: Annotated[int, Field(ge=0)] = 0
 
     @model_validator(mode="after")
     def _square(self) -> Self:

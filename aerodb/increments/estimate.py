@@ -125,10 +125,7 @@ def _fading_slowly(increment: Increment, cells: int) -> Increment:
         return increment
     interval = increment.envelope["alpha"]
     longer = Interval(interval.low, interval.high, 2.0 * interval.cell)
-    note = f"held and faded over {cells} table cells of alpha each: over one, a slope would change sign outside the data"
-    said = increment.note.partition("; held and faded")[0]
-    note = f"{said}; {note}" if said and not said.startswith("held and faded") else note
-    return replace(increment, envelope={**increment.envelope, "alpha": longer}, note=note)
+    return replace(increment, envelope={**increment.envelope, "alpha": longer}, lengthened_cells=cells)
 
 
 def _axis(

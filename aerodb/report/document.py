@@ -95,7 +95,7 @@ def _remarks(update: Update, proof: Sequence[AxisProof], hold_out: HoldOut) -> l
     """What a reader must know before trusting the numbers, in plain sentences."""
     said, axes = [], update.axes
     added = update.candidate.increments[len(update.candidate.increments) - len(axes) :]
-    said += [f"{increment.axis}: the increment is {increment.note}." for increment in added if increment.note]
+    said += [f"{increment.axis}: the increment is {increment.full_note}." for increment in added if increment.full_note]
     if hold_out.kind == "cross-validated":
         said.append("Fewer than five flights: each was predicted from the others (cross-validated), none was held out.")
     if hold_out.kind == "not validated":

@@ -1,6 +1,5 @@
 """Figures of an update or a closed loop: error per axis, votes of the flights, and what is left over the variables."""
 
-import re
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
@@ -20,8 +19,7 @@ from aerodb.report.style import (
     plain_panel,
 )
 from aerodb.support import Array
-
-_SPAN: Final = re.compile(r"\d+(?:\.\d+)?")
+from aerodb.tracing import VotingUnit
 
 #: 95 % of a normal distribution lie within this many standard errors.
 _TWO_SIDED: Final = 1.96
@@ -106,10 +104,10 @@ def voter(name: str, labels: Mapping[str, str]) -> str:
     >>> voter("abc@0-5.65491", {"abc": "first.mat"})
     'first.mat 0-5.65 s'
     """
-    flight, _, part = name.partition("@")
+    unit = VotingUnit.parse(name)
+    flight, window = unit.flight, unit.window
     whole = in_figure(next((label for id, label in labels.items() if id == flight or id.startswith(flight)), flight[:12]))
-    ends = [float(end) for end in _SPAN.findall(part)]
-    return f"{whole} {ends[0]:.3g}-{ends[1]:.3g} s" if len(ends) == 2 else whole
+    return whole if window is None else f"{whole} {window[0]:.3g}-{window[1]:.3g} s"
 
 
 def moving_variables(channels: Mapping[str, Mapping[str, Array]], names: Sequence[str]) -> list[str]:

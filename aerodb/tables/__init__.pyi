@@ -9,7 +9,7 @@ from .envelope import flown_envelope
 from .evaluation import Place
 from .expression import MAX_DEPTH, MAX_LENGTH, Call, Expression, Name, Negation, Number, Operation, TableCall, number, parse
 from .functions import COMPARISONS, FUNCTIONS, Value
-from .increment import BASE_VARIABLES, Increment, Interval
+from .increment import BASE_VARIABLES, Increment, Interval, RefinedShape, Refit
 from .linear_terms import Site, sites
 from .nodes import neutral_point, spread, table_grids
 from .program import AnyTable, Program, compile_program, evaluate
@@ -54,6 +54,8 @@ __all__ = [
     "Place",
     "Program",
     "Reference",
+    "RefinedShape",
+    "Refit",
     "Relay",
     "ScatteredTable",
     "Site",

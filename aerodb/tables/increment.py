@@ -53,6 +53,35 @@ class IncrementValue(NamedTuple):
     inside: NDArray[np.bool_]
 
 
+@dataclass(frozen=True)
+class RefinedShape:
+    """A term whose shape is finer than its template's: the gain changes from node to node of `variables`.
+
+    hypothesis : its id. axis : the one on which it is written, along the body or the wind. fall : part by which the error that
+    the best gains leave falls on flights that were left out.
+    """
+
+    hypothesis: str
+    axis: str
+    variables: tuple[str, ...]
+    fall: float
+
+
+@dataclass(frozen=True)
+class Refit:
+    """The gains were fitted once more beside the candidate that has them; and the terms whose shapes were made finer then."""
+
+    shapes: tuple[RefinedShape, ...] = ()
+
+    def __str__(self) -> str:
+        """What a note says of it."""
+        finer = [
+            f"{shape.hypothesis} over {', '.join(shape.variables)} (left-out flights: {shape.fall:.1%} less error)"
+            for shape in self.shapes
+        ]
+        return "gain fitted once more beside the rest" + (f", shape refined of {'; '.join(finer)}" if finer else "")
+
+
 @dataclass(frozen=True, eq=False)
 class Increment:
     """``sum of estimates x regressors`` on one coefficient axis.
@@ -60,6 +89,9 @@ class Increment:
     estimates : (k,), covariance : (k, k) of them. envelope : per variable, where the flights behind it have been.
     flights : their ids. folded : (k,) names of the tables that contain a regressor's share already, empty where it acts as
     a layer (`consolidate`); covariance, envelope and flights stay with the increment in either form.
+
+    note : where it comes from. refit : how it was fitted once more, None where it was not. lengthened_cells : table cells of
+    alpha over which it is held and faded, 0 for the one of the envelope rule. `full_note` says all three.
 
     Raises InputError when shapes do not fit or a regressor calls a table.
     """
@@ -72,6 +104,8 @@ class Increment:
     flights: tuple[str, ...] = ()
     note: str = ""
     folded: tuple[str, ...] = ()
+    refit: Refit | None = None
+    lengthened_cells: int = 0
 
     def __post_init__(self) -> None:
         k, where = len(self.regressors), f"increment on {self.axis}"
@@ -92,6 +126,15 @@ class Increment:
         object.__setattr__(self, "_program", compile_program(self.regressors, {}))
 
     _program: Program = field(init=False, repr=False)
+
+    @property
+    def full_note(self) -> str:
+        """The note with what was done to the increment since, for people: what reports and exported files say of it."""
+        said = [self.note, "" if self.refit is None else str(self.refit)]
+        if self.lengthened_cells:
+            cells = f"held and faded over {self.lengthened_cells} table cells of alpha each"
+            said.append(f"{cells}: over one, a slope would change sign outside the data")
+        return "; ".join(filter(None, said))
 
     @cached_property
     def names(self) -> frozenset[str]:

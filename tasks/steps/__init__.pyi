@@ -1,9 +1,9 @@
 from .advance import FLOWS, Due, due, parameters_of
 from .calibration import bind, calibrate
-from .close_loop import Accept, Loop, prove_loop, run_loop, what_is_left
+from .close_loop import prove_loop, run_loop, what_is_left
 from .coefficients import load_coefficients, reconstruct
 from .compare import beside, compare_with_version, compared
-from .consistency import check_consistency, load_consistent, noise_of, reconstructed_angles
+from .consistency import applied_errors, check_consistency, load_consistent, noise_of, reconstructed_angles
 from .counting import repeat_documents, repeating
 from .export import FORMS, export_version
 from .inbox import files_of_inbox, in_quarantine, note_failure, note_no_room, note_tries, set_aside, settle
@@ -16,16 +16,14 @@ from .report import flight_page, update_page, version_page, write_update_page
 from .runs import mark_ended
 from .segments import segments_of
 from .store import trim_cache
-from .trace import Library, evidence_beside, freeze_library, thinned_beside, trace_flight
+from .trace import freeze_library, trace_flight
 from .update import estimate, plan_update, validate
 
 __all__ = [
     "FLOWS",
     "FORMS",
-    "Accept",
     "Due",
-    "Library",
-    "Loop",
+    "applied_errors",
     "beside",
     "bind",
     "calibrate",
@@ -35,7 +33,6 @@ __all__ = [
     "deliver",
     "due",
     "estimate",
-    "evidence_beside",
     "export_version",
     "files_of_inbox",
     "flight_page",
@@ -67,7 +64,6 @@ __all__ = [
     "settle",
     "store_log",
     "tell",
-    "thinned_beside",
     "trace_flight",
     "trim_cache",
     "update_page",

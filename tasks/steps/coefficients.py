@@ -11,11 +11,9 @@ from aerodb.errors import InputError
 from aerodb.flight import Flight
 from aerodb.storage.catalogue import FlightRow
 from aerodb.storage.files import read_results, write_results
-from aerodb.support import result_key
 from aerodb.tasks.memory_cache import kept, of_file
-from aerodb.tasks.provenance import code_version
-from aerodb.tasks.result_versions import RESULT_VERSION
 from aerodb.tasks.steps.consistency import load_consistent
+from aerodb.tasks.stored_steps import StoredResult
 from aerodb.tasks.workspace_access import Stores, stores
 from aerodb.vehicle import Vehicle, cg_positions
 
@@ -39,13 +37,13 @@ def load_coefficients(opened: Stores, row: FlightRow, run: str) -> tuple[Flight,
     flight, _, flight_key = load_consistent(opened, row, run)
     vehicle, _ = opened.vehicle(row.vehicle)
     settings = {"bandwidth": bandwidth_of(flight, vehicle), "angular_acceleration": "differentiated"}
-    key = result_key({"flight": flight_key}, settings, "coefficients", RESULT_VERSION["coefficients"])
-    path = opened.path_of(key)
+    result = StoredResult(opened, "coefficients", "coefficients", {"flight": flight_key}, settings, flight=row.id)
+    path = result.stored()
     if path is not None:
-        return flight, kept(of_file(path, flight_key), lambda: _stored(path, flight, vehicle)), key
+        return flight, kept(of_file(path, flight_key), lambda: _stored(path, flight, vehicle)), result.key
     coefficients = total_coefficients(flight, vehicle)
-    _keep(opened, row, coefficients, key, flight_key, settings, run)
-    return flight, coefficients, key
+    result.keep(run, lambda path: _write(path, coefficients, settings))
+    return flight, coefficients, result.key
 
 
 def _stored(path: Path, flight: Flight, vehicle: Vehicle) -> Coefficients:
@@ -58,15 +56,7 @@ def _stored(path: Path, flight: Flight, vehicle: Vehicle) -> Coefficients:
     return Coefficients(flight.id, flight.time, values, sigma, usable, np.asarray(reference, dtype=np.float64), limit, notes)
 
 
-def _keep(
-    opened: Stores,
-    row: FlightRow,
-    coefficients: Coefficients,
-    key: str,
-    flight_key: str,
-    settings: Mapping[str, object],
-    run: str,
-) -> None:
+def _write(path: Path, coefficients: Coefficients, settings: Mapping[str, object]) -> None:
     axes, n = list(coefficients.values), len(coefficients.time)
     table = {
         "time": np.tile(coefficients.time, len(axes)),
@@ -75,20 +65,7 @@ def _keep(
         "sigma": np.concatenate([coefficients.sigma[axis] for axis in axes]),
         "usable": np.concatenate([coefficients.usable[axis] for axis in axes]),
     }
-    path = opened.workspace.result_path(key)
     point = coefficients.moment_reference
     fixed = point[0].tolist() if np.ptp(point, axis=0).max() == 0.0 else "cg"
     metadata = {"axes": axes, "moment_reference": fixed, "notes": list(coefficients.notes), **settings}
     write_results(path, table, metadata)
-    opened.keep_result(
-        key,
-        path,
-        step="coefficients",
-        kind="coefficients",
-        flight=row.id,
-        settings=settings,
-        result_version=RESULT_VERSION["coefficients"],
-        code_version=code_version(),
-        inputs=[flight_key],
-        run=run,
-    )

@@ -11,12 +11,10 @@ from aerodb.exchange import database_document_sha256
 from aerodb.flight import Flight
 from aerodb.nomenclature import AXES
 from aerodb.storage.files import write_results
-from aerodb.support import result_key
 from aerodb.tables import AeroDatabase
 from aerodb.tasks.memory_cache import kept
-from aerodb.tasks.provenance import code_version
-from aerodb.tasks.result_versions import RESULT_VERSION
 from aerodb.tasks.steps.coefficients import load_coefficients
+from aerodb.tasks.stored_steps import StoredResult
 from aerodb.tasks.workspace_access import Stores, stores
 
 
@@ -40,22 +38,11 @@ def load_comparison(opened: Stores, flight: str, version: str, run: str) -> tupl
     row = opened.catalogue.flight(flight)
     channels, comparison, coefficients_key = beside(opened, flight, opened.database(version), run)
     inputs = {"coefficients": coefficients_key, "version": version}
-    key = result_key(inputs, {}, "compare", RESULT_VERSION["compare"])
-    if not opened.has(key):
-        path = opened.workspace.result_path(key)
-        write_results(path, _long(comparison), {"notes": list(comparison.notes), "version": version})
-        opened.keep_result(
-            key,
-            path,
-            step="compare",
-            kind="comparison",
-            flight=row.id,
-            result_version=RESULT_VERSION["compare"],
-            code_version=code_version(),
-            inputs=inputs.values(),
-            run=run,
-        )
-    return channels, comparison, key
+    result = StoredResult(opened, "compare", "comparison", inputs, flight=row.id)
+    if not result.is_stored():
+        metadata = {"notes": list(comparison.notes), "version": version}
+        result.keep(run, lambda path: write_results(path, _long(comparison), metadata))
+    return channels, comparison, result.key
 
 
 def compared(opened: Stores, flight: str, database: AeroDatabase, run: str) -> Comparison:

@@ -6,10 +6,8 @@ from aerodb.flight import Flight
 from aerodb.logs import Mapping, on_mapped_clock
 from aerodb.recording import Recording
 from aerodb.storage.catalogue import FlightRow, StoredFile
-from aerodb.storage.files import put, read_recording, read_results, write_results
-from aerodb.support import result_key
-from aerodb.tasks.provenance import code_version
-from aerodb.tasks.result_versions import RESULT_VERSION
+from aerodb.storage.files import read_recording, read_results, write_results
+from aerodb.tasks.stored_steps import StoredResult
 from aerodb.tasks.workspace_access import Stores
 
 
@@ -35,38 +33,26 @@ def examined(opened: Stores, flight: Flight, mapping: Mapping) -> Conditioning:
 
 
 def load_conditioning(opened: Stores, row: FlightRow, flight: Flight, flight_key: str, run: str) -> tuple[Conditioning, str]:
-    """The findings on a flight (as `aerodb.tasks.steps.ingest.load_flight` gives it, with its key), and their key; stored when not yet."""
-    path = opened.path_of(_key(flight_key))
+    """The findings on a flight (as `tasks.ingest.load_flight` gives it, with its key), and their key; stored when not yet."""
+    result = _result(opened, row.id, flight_key)
+    path = result.stored()
     if path is not None:
-        return from_document(read_results(path)[1]), _key(flight_key)
+        return from_document(read_results(path)[1]), result.key
     found = examined(opened, flight, mapping_of(opened, row))
-    return found, keep_conditioning(opened, row.id, flight_key, write_conditioning(opened, flight_key, found), run)
+    return found, keep_conditioning(opened, row.id, flight_key, write_conditioning(opened, row.id, flight_key, found), run)
 
 
-def write_conditioning(opened: Stores, flight_key: str, found: Conditioning) -> StoredFile | None:
-    """Writes the findings on a flight (the key of its channels); returns what is in the object store of them."""
-    path = opened.workspace.result_path(_key(flight_key))
-    write_results(path, {}, to_document(found))
-    return put(opened.workspace, path)
+def write_conditioning(opened: Stores, flight: str, flight_key: str, found: Conditioning) -> StoredFile | None:
+    """Writes the findings on a flight (its id, and the key of its channels); returns what is in the object store of them."""
+    return _result(opened, flight, flight_key).write(lambda path: write_results(path, {}, to_document(found)))
 
 
 def keep_conditioning(opened: Stores, flight: str, flight_key: str, stored: StoredFile | None, run: str) -> str:
     """Adds the findings on a flight (its id, and the key of its channels) that were written; returns their key."""
-    key = _key(flight_key)
-    opened.keep_result(
-        key,
-        opened.workspace.result_path(key),
-        stored,
-        step="conditioning",
-        kind="conditioning",
-        flight=flight,
-        result_version=RESULT_VERSION["conditioning"],
-        code_version=code_version(),
-        inputs=[flight_key],
-        run=run,
-    )
-    return key
+    result = _result(opened, flight, flight_key)
+    result.add(run, stored)
+    return result.key
 
 
-def _key(flight_key: str) -> str:
-    return result_key({"flight": flight_key}, {}, "conditioning", RESULT_VERSION["conditioning"])
+def _result(opened: Stores, flight: str, flight_key: str) -> StoredResult:
+    return StoredResult(opened, "conditioning", "conditioning", {"flight": flight_key}, flight=flight)

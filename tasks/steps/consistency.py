@@ -20,11 +20,9 @@ from aerodb.consistency import (
 from aerodb.flight import Flight
 from aerodb.storage.catalogue import FlightRow
 from aerodb.storage.files import read_results, write_results
-from aerodb.support import result_key
 from aerodb.tasks.memory_cache import kept, of_file
-from aerodb.tasks.provenance import code_version
-from aerodb.tasks.result_versions import RESULT_VERSION
 from aerodb.tasks.steps.ingest import load_flight
+from aerodb.tasks.stored_steps import StoredResult
 from aerodb.tasks.workspace_access import Stores, stores
 
 
@@ -50,15 +48,19 @@ def load_consistent(opened: Stores, row: FlightRow, run: str) -> tuple[Flight, d
     calibration = _bound(opened, row, run)
     inputs = {"flight": flight_key, "calibration": "none" if calibration is None else calibration.id}
     limits = opened.accuracy(row.vehicle)
-    key = result_key(inputs, {"accuracy": limits} if limits else {}, "consistency", RESULT_VERSION["consistency"])
-    path = opened.path_of(key)
+    settings = {"accuracy": limits} if limits else {}
+    result = StoredResult(opened, "consistency", "consistency", inputs, settings, flight=row.id)
+    path = result.stored()
     if path is not None:
         restored, document = kept(of_file(path, flight_key), lambda: _restored(flight, *read_results(path)))
-        return restored, document, key
+        return restored, document, result.key
     vehicle, _ = opened.vehicle(row.vehicle)
     found = make_consistent(flight, vehicle, calibration)
-    document = _keep(opened, row, found, key, flight_key, calibration, run)
-    return found.flight, document, key
+    # as it will be read back: a document does not depend on whether it was just made
+    document = json.loads(json.dumps({**found.document, "changed": list(found.changed)}))
+    origins = [flight_key] if calibration is None else [flight_key, calibration.id]
+    result.keep(run, lambda path: write_results(path, _table(found), document), inputs=origins, settings={})
+    return found.flight, document, result.key
 
 
 def _bound(opened: Stores, row: FlightRow, run: str) -> Calibration | None:
@@ -76,35 +78,13 @@ def _bound(opened: Stores, row: FlightRow, run: str) -> Calibration | None:
     return None
 
 
-def _keep(
-    opened: Stores,
-    row: FlightRow,
-    found: Consistent,
-    key: str,
-    flight_key: str,
-    calibration: Calibration | None,
-    run: str,
-) -> dict[str, Any]:
+def _table(found: Consistent) -> dict[str, np.ndarray]:
+    """What reconstruction changed, in columns; empty where it changed nothing."""
     flight = found.flight
     flags = {f"flags_{name}": flight.flags[name] for name in found.changed if name in flight.flags}
     sigma = {f"sigma_{name}": values for name, values in found.sigma.items()}
     table = {"time": flight.time, **{name: flight[name] for name in found.changed}, **flags, **sigma}
-    # as it will be read back: a document does not depend on whether it was just made
-    document: dict[str, Any] = json.loads(json.dumps({**found.document, "changed": list(found.changed)}))
-    path = opened.workspace.result_path(key)
-    write_results(path, table if found.changed or sigma else {}, document)
-    opened.keep_result(
-        key,
-        path,
-        step="consistency",
-        kind="consistency",
-        flight=row.id,
-        result_version=RESULT_VERSION["consistency"],
-        code_version=code_version(),
-        inputs=[flight_key] if calibration is None else [flight_key, calibration.id],
-        run=run,
-    )
-    return document
+    return table if found.changed or sigma else {}
 
 
 def _restored(flight: Flight, table: Mapping[str, np.ndarray], document: dict[str, Any]) -> tuple[Flight, dict[str, Any]]:

@@ -12,7 +12,7 @@ from aerodb.errors import InputError, StoreError
 from aerodb.flight import Flight
 from aerodb.logs import Mapping, choose_mapping, map_recording
 from aerodb.recording import Damage, Recording
-from aerodb.storage.catalogue import FlightRow, RepeatRow, StoredFile
+from aerodb.storage.catalogue import FlightRow, RepeatRow
 from aerodb.storage.disk_errors import require_space
 from aerodb.storage.encoding import FLIGHT_NAME, checked
 from aerodb.storage.files import INDEX, is_recording_kept, open_recording, put, put_recording, read_flight, write_flight
@@ -20,10 +20,7 @@ from aerodb.storage.inbox import open_log
 from aerodb.storage.mappings import builtin_mappings, load_mapping
 from aerodb.storage.readers import parsed_log
 from aerodb.storage.workspace_settings import SettingsError, load_settings
-from aerodb.support import result_key
 from aerodb.tasks.memory_cache import kept, of_file
-from aerodb.tasks.provenance import code_version
-from aerodb.tasks.result_versions import RESULT_VERSION
 from aerodb.tasks.steps.conditioning import (
     clocks_of,
     examined,
@@ -34,6 +31,7 @@ from aerodb.tasks.steps.conditioning import (
 )
 from aerodb.tasks.steps.counting import WHOLE, repeat_documents
 from aerodb.tasks.steps.repeats import compare_with_stored, suspects_of
+from aerodb.tasks.stored_steps import StoredResult
 from aerodb.tasks.workspace_access import Stores, stores
 
 
@@ -150,8 +148,8 @@ def load_flight(opened: Stores, row: FlightRow, run: str) -> tuple[Flight, str]:
     What is stored is as it was measured; here, wild points are bridged, so that no later step smears them over others.
     """
     mapping = mapping_of(opened, row)
-    key = _key(opened, row.log_sha256, row.vehicle, mapping)
-    path = opened.path_of(key)
+    result = _result(opened, row.log_sha256, row.vehicle, mapping)
+    key, path = result.key, result.stored()
     if path is not None:
         return kept(of_file(path), lambda: without_wild_points(read_flight(path))), key
     recording = open_recording(opened.topics_of(row.log_sha256))
@@ -175,9 +173,11 @@ def _mapped(opened: Stores, recording: Recording, mapping: Mapping, vehicle: str
     return conditioned(flight)
 
 
-def _key(opened: Stores, log_sha256: str, vehicle: str, mapping: Mapping) -> str:
+def _result(opened: Stores, log_sha256: str, vehicle: str, mapping: Mapping, flight: str | None = None) -> StoredResult:
+    """The channels of a log under a vehicle's present file and a mapping; flight : its id, for the row."""
     inputs = {"log": log_sha256, "vehicle": opened.catalogue.vehicle(vehicle).sha256}
-    return result_key(inputs, {"mapping": mapping.model_dump(mode="json")}, "ingest", RESULT_VERSION["ingest"])
+    settings = {"mapping": mapping.model_dump(mode="json")}
+    return StoredResult(opened, "ingest", "flight", inputs, settings, flight, folder="flights")
 
 
 def _known(opened: Stores, sha256: str, vehicle: str, chosen: Mapping | None) -> str | None:
@@ -187,7 +187,7 @@ def _known(opened: Stores, sha256: str, vehicle: str, chosen: Mapping | None) ->
     for row in opened.catalogue.flights(vehicle, log_sha256=sha256):
         mappings = [chosen] if chosen else builtin_mappings().values()
         candidates = [mapping for mapping in mappings if mapping.name == row.mapping]
-        if any(opened.catalogue.result(_key(opened, sha256, vehicle, mapping)) for mapping in candidates):
+        if any(opened.catalogue.result(_result(opened, sha256, vehicle, mapping).key) for mapping in candidates):
             return row.id
     return None
 
@@ -216,11 +216,11 @@ def _keep(
     name: str | None,
 ) -> None:
     """Files first (the topics stand), then all rows in one transaction: a crash between leaves nothing that anyone can see."""
-    key = _key(opened, recording.sha256, flight.vehicle, mapping)
-    path = opened.workspace.flight_path(key)
+    result = _result(opened, recording.sha256, flight.vehicle, mapping, flight.id)
+    key, path = result.key, result.path
     write_flight(path, flight)
     topics = put_recording(opened.workspace, opened.workspace.recording_path(recording.sha256))
-    channels, findings = put(opened.workspace, path), write_conditioning(opened, key, found)
+    channels, findings = put(opened.workspace, path), write_conditioning(opened, flight.id, key, found)
     marks = fingerprint(flight)
     compared: dict[str, RepeatRow | None] = {}
     # Two files of one flight may come at once: a flight enters only when it was compared with all that were there before.
@@ -230,7 +230,7 @@ def _keep(
             if not suspects:
                 _add_rows(opened, recording, flight, mapping, name)
                 opened.keep_file(_index_path(opened, recording.sha256), topics)
-                _add_result(opened, flight, key, mapping, channels, run)
+                result.add(run, channels)
                 opened.catalogue.add_marks(flight.id, marks)
                 for repeat in filter(None, compared.values()):
                     opened.catalogue.add_repeat(repeat)
@@ -259,20 +259,4 @@ def _add_rows(opened: Stores, recording: Recording, flight: Flight, mapping: Map
         duration=float(flight.time[-1] - flight.time[0]),
         samples=len(flight.time),
         step=flight.step,
-    )
-
-
-def _add_result(opened: Stores, flight: Flight, key: str, mapping: Mapping, stored: StoredFile | None, run: str) -> None:
-    opened.keep_result(
-        key,
-        opened.workspace.flight_path(key),
-        stored,
-        step="ingest",
-        kind="flight",
-        flight=flight.id,
-        settings={"mapping": mapping.model_dump(mode="json")},
-        result_version=RESULT_VERSION["ingest"],
-        code_version=code_version(),
-        inputs=[flight.log_sha256, opened.catalogue.vehicle(flight.vehicle).sha256],
-        run=run,
     )

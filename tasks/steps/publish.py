@@ -19,16 +19,16 @@ from aerodb.exchange import (
     to_document,
 )
 from aerodb.increments import AxisProof, Update, sign_reasons
+from aerodb.loop import Accept, Library, Loop
 from aerodb.report import loop_document, update_document
 from aerodb.storage.catalogue import FlightRole, VersionRow
 from aerodb.storage.files import files_beside, write_document
-from aerodb.support import canonical_json, result_key, version_id
+from aerodb.support import canonical_json, version_id
 from aerodb.tables import AeroDatabase, make_check_cases
-from aerodb.tasks.provenance import code_version, user
+from aerodb.tasks.provenance import user
 from aerodb.tasks.result_versions import CANDIDATE, RELEASED, RESULT_VERSION
-from aerodb.tasks.steps.close_loop import Accept, Loop
-from aerodb.tasks.steps.trace import Library
 from aerodb.tasks.steps.update import Plan
+from aerodb.tasks.stored_steps import StoredResult
 from aerodb.tasks.workspace_access import Stores, stores
 from aerodb.tracing import Remainder
 
@@ -188,22 +188,10 @@ def _loop_remarks(plan: Plan, loop: Loop) -> list[str]:
 def _keep_report(opened: Stores, plan: Plan, document: Mapping[str, Any], settings: Mapping[str, Any], run: str) -> str:
     """The loop's document as a stored result, whether or not a version came of it; returns its key."""
     inputs = [plan.baseline, *plan.keys]
-    key = result_key({name: name for name in inputs}, dict(settings), "close_loop", RESULT_VERSION["close_loop"])
-    if not opened.has(key):
-        path = opened.workspace.result_path(key, ".json")
-        write_document(path, document)
-        opened.keep_result(
-            key,
-            path,
-            step="close_loop",
-            kind="findings",
-            settings=settings,
-            result_version=RESULT_VERSION["close_loop"],
-            code_version=code_version(),
-            inputs=inputs,
-            run=run,
-        )
-    return key
+    result = StoredResult(opened, "close_loop", "findings", {name: name for name in inputs}, settings, suffix=".json")
+    if not result.is_stored():
+        result.keep(run, lambda path: write_document(path, document))
+    return result.key
 
 
 def _roles(plan: Plan) -> list[FlightRole]:

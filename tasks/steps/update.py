@@ -21,9 +21,10 @@ from aerodb.increments import (
     prove,
     prove_by_leaving_one_out,
 )
+from aerodb.loop import consider_parameters, noisier_flights
 from aerodb.storage.catalogue import FlightRow
 from aerodb.tables import AeroDatabase
-from aerodb.tasks.doubts import once_more, sensor_doubts
+from aerodb.tasks.loop_flights import StoredFlights
 from aerodb.tasks.steps.compare import compared, load_comparison
 from aerodb.tasks.steps.counting import counted_out, sentence
 from aerodb.tasks.workspace_access import Stores, stores
@@ -104,9 +105,11 @@ def estimate(plan: Plan, *, workspace: str, run: str) -> Update:
     flights, comparisons = _loaded(opened, plan, plan.hold_out.identified, run)
     database = opened.database(plan.baseline)
     model, vehicle = parse_model_file(plan.model), opened.vehicle(plan.vehicle)[0]
-    doubtful = sensor_doubts(opened, vehicle, database, flights, comparisons, run)
+    source = StoredFlights(opened, plan.vehicle, run)
+    reconstructions = {flight.id: source.reconstruction(flight.id) for flight in flights}
+    doubtful = consider_parameters(reconstructions, vehicle, database, flights, comparisons)
     update = estimate_increments(flights, comparisons, model, database, doubtful)
-    again = once_more(opened, vehicle, database, flights, comparisons, run)
+    again = noisier_flights(reconstructions, vehicle, database, flights, comparisons)
     noisier = [estimate_increments([f for f, _ in each], [c for _, c in each], model, database) for each in again]
     return keep_slope_signs(with_flattening(update, noisier, Settings().shift_factor), database)
 

@@ -21,13 +21,14 @@ from aerodb.flows.run import run_flow
 from aerodb.increments.estimate import Update, estimate_increments
 from aerodb.increments.model_file import parse_model_file
 from aerodb.increments.validation import HoldOut
+from aerodb.loop import Library, consider_parameters, noisier_flights
 from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.workspace import Workspace
-from aerodb.support.arrays import Array
-from aerodb.tasks.doubts import once_more, sensor_doubts
+from aerodb.support import Array
+from aerodb.tasks.loop_flights import StoredFlights
 from aerodb.tasks.steps.compare import load_comparison
 from aerodb.tasks.steps.consistency import load_consistent, noise_of
-from aerodb.tasks.steps.trace import Library, freeze_library, trace_flight
+from aerodb.tasks.steps.trace import freeze_library, trace_flight
 from aerodb.tasks.steps.update import Plan
 from aerodb.tasks.workspace_access import Stores, stores
 from aerodb.tracing.decision.findings import Traced
@@ -83,8 +84,9 @@ class Fleet:
         database, vehicle = self.opened.database(self.versions[wrong]), self.opened.vehicle(NAME)[0]
         loaded = [load_comparison(self.opened, flight, self.versions[wrong], self.run) for flight in self.flights]
         flights, comparisons = [entry[0] for entry in loaded], [entry[1] for entry in loaded]
-        about = (self.opened, vehicle, database, flights, comparisons, self.run)
-        doubts, again = sensor_doubts(*about), once_more(*about)
+        source = StoredFlights(self.opened, NAME, self.run)
+        about = ({id: source.reconstruction(id) for id in self.flights}, vehicle, database, flights, comparisons)
+        doubts, again = consider_parameters(*about), noisier_flights(*about)
         model = parse_model_file(guide_files()["increments.toml"])
         for group in groups:
             chosen = [flights[i] for i in group], [comparisons[i] for i in group]

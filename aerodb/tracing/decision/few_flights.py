@@ -20,7 +20,7 @@ from aerodb.tracing.decision.findings import Finding, Verdict, with_unit
 from aerodb.tracing.decision.joint_model import Joint, joint_bands, joint_fit, under
 from aerodb.tracing.decision.selection import SUSPICION, Decision, cast, cross_validated, left_out_gains
 from aerodb.tracing.estimates import OFFSET, Tested, Votes, campaign
-from aerodb.tracing.evidence import Evidence, halves
+from aerodb.tracing.evidence import Evidence, VotingUnit, halves
 from aerodb.tracing.settings import Settings
 
 #: The linear set: what every axis is given before anything else is looked for.
@@ -109,7 +109,7 @@ def _correlation_times(joint: Joint) -> dict[str, dict[str, float]]:
     """Flight -> axis -> correlation time [s]: the mean over the flight's units, weighted by their samples."""
     sums: dict[str, dict[str, tuple[float, float]]] = {}
     for gram in joint.grams:
-        of_flight = sums.setdefault(gram.flight.partition("@")[0], {})
+        of_flight = sums.setdefault(VotingUnit.parse(gram.flight).flight, {})
         for axis, time, samples in zip(gram.axes, gram.correlation, gram.samples, strict=True):
             total, weight = of_flight.get(axis, (0.0, 0.0))
             of_flight[axis] = (total + float(time) * float(samples), weight + float(samples))
@@ -250,14 +250,9 @@ def _twins(joint: Joint, place: int, rivals: Sequence[int], units: Sequence[int]
     for rival in rivals:
         alike = [g for g in units if matrix[g, place, rival] ** 2 > _TWIN**2 * matrix[g, place, place] * matrix[g, rival, rival]]
         if alike:
-            where = ", ".join(_short(joint.court.campaign.flights[g]) for g in alike)
+            where = ", ".join(VotingUnit.parse(joint.court.campaign.flights[g]).short for g in alike)
             said += f"; {names[rival].id} is its exact twin in {where}"
     return said
-
-
-def _short(unit: str) -> str:
-    flight, at, window = unit.partition("@")
-    return flight[:12] + at + window
 
 
 def believable_sensors(joint: Joint, places: Sequence[int]) -> dict[int, tuple[int, ...]]:

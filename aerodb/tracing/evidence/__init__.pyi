@@ -8,6 +8,7 @@ from .normal_equations import Gram, gram, gram_from_arrays, gram_of
 from .shape_misfit import TOLERANCE, companions, parent, with_shapes, without_shapes
 from .state_errors import noisy_copies
 from .thinning import LONG, thinned
+from .voting_unit import VotingUnit
 
 __all__ = [
     "LONG",
@@ -16,6 +17,7 @@ __all__ = [
     "Evidence",
     "Gram",
     "Records",
+    "VotingUnit",
     "as_commanded",
     "band_limited",
     "bounded_noise",

@@ -10,6 +10,7 @@ import numpy as np
 
 from aerodb.errors import InputError
 from aerodb.support import Array, Mask
+from aerodb.tracing.evidence.voting_unit import VotingUnit
 
 Columns = Mapping[str, Mapping[str, Array]]
 
@@ -76,15 +77,15 @@ def units(evidence: Evidence, windows: Sequence[tuple[float, float]], correlatio
 
     windows : (start, end) [s] from the first sample, in order. A window that begins less than five `correlation_time` [s] of the
     residual after the end of the last one taken is left out: neighbours would share noise. Each unit has its own trim.
-    Units are called ``flight@start-end``; say in the result that manoeuvres voted, not flights.
+    Units are called as `VotingUnit` says, ``flight@start-end``; say in the result that manoeuvres voted, not flights.
     """
     found: list[Evidence] = []
-    free_from = -np.inf
+    whole, free_from = VotingUnit.parse(evidence.flight), -np.inf
     for start, end in windows:
         if start < free_from or end <= start:
             continue
         first, last = max(0, round(start / evidence.step)), round(end / evidence.step) + 1
-        found.append(_cut(evidence, slice(first, last), f"{evidence.flight}@{start:g}-{end:g}"))
+        found.append(_cut(evidence, slice(first, last), str(whole.part(start, end))))
         free_from = end + 5.0 * correlation_time
     return tuple(found)
 

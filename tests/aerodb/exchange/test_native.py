@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from aerodb.nomenclature import AXES
 from aerodb.support.identity import canonical_json
 from aerodb.tables.database import AeroDatabase, Term, Variable
 from aerodb.tables.expression import number, parse
-from aerodb.tables.increment import Increment, Interval
+from aerodb.tables.increment import Increment, Interval, RefinedShape, Refit
 from aerodb.tables.reference import Reference
 from aerodb.tables.table import Table
 
@@ -210,3 +211,52 @@ def test_a_ragged_covariance_is_refused() -> None:
     document["increments"][0]["covariance"] = [[1.0, 0.0], [0.0]]
     with pytest.raises(InputError, match="covariance"):
         from_document(document)
+
+
+# Increments that say how they were fitted once more, and how far they fade
+
+LIFT = RefinedShape("alpha_slope@C_lift:flap", "C_lift", ("alpha", "mach"), 0.1234)
+RATE = RefinedShape("pitch_damping@Cm", "Cm", ("alpha",), 0.25)
+
+
+def with_increment(**fields: Any) -> AeroDatabase:
+    """A database whose one increment has these fields."""
+    database = full_database(3)
+    return replace(database, increments=(replace(database.increments[0], **fields),))
+
+
+@pytest.mark.parametrize("note", ["", "traced: pitch_damping@Cm (confirmed)"])
+@pytest.mark.parametrize("refit", [None, Refit(), Refit((LIFT, RATE))])
+@pytest.mark.parametrize("cells", [0, 4])
+def test_what_increments_say_of_themselves_comes_back(note: str, refit: Refit | None, cells: int) -> None:
+    database = with_increment(note=note, refit=refit, lengthened_cells=cells)
+    document = json.loads(canonical_json(to_document(database)))
+    (written,) = document["increments"]
+    assert ("refit" in written, "lengthened_cells" in written) == (refit is not None, cells > 0)
+    assert written["note"] == database.increments[0].full_note
+    (again,) = from_document(document).increments
+    assert (again.note, again.refit, again.lengthened_cells) == (note, refit, cells)
+    assert database_document_sha256(from_document(document)) == database_document_sha256(database)
+
+
+def test_documents_with_a_note_alone_are_decoded() -> None:
+    """As earlier releases wrote them: the note holds all, with the error of left-out flights to a tenth of a percent."""
+    refit = "gain fitted once more beside the rest"
+    finer = (
+        f"{refit}, shape refined of alpha_slope@C_lift:flap over alpha, mach (left-out flights: 12.3% less error); "
+        "pitch_damping@Cm over alpha (left-out flights: 25.0% less error)"
+    )
+    fade = "held and faded over 4 table cells of alpha each: over one, a slope would change sign outside the data"
+    cases: dict[str, tuple[str, Refit | None, int]] = {
+        "why; because": ("why; because", None, 0),
+        fade: ("", None, 4),
+        f"why; {fade}": ("why", None, 4),
+        f"traced: a@Cm (confirmed); {refit}": ("traced: a@Cm (confirmed)", Refit(), 0),
+        f"why; {finer}; {fade}": ("why", Refit((replace(LIFT, fall=0.123), RATE)), 4),
+    }
+    for text, expected in cases.items():
+        document = to_document(with_increment(note=text))
+        (again,) = from_document(document).increments
+        assert (again.note, again.refit, again.lengthened_cells) == expected
+        assert again.full_note == text
+        assert database_document_sha256(from_document(document)) == database_document_sha256(with_increment(note=text))

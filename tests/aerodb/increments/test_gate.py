@@ -208,7 +208,7 @@ def test_an_update_lengthens_a_fade_until_no_slope_changes_its_sign(baseline: Ae
     assert new_sign_changes(baseline, kept) == ()
     moment, force = kept.increments
     assert moment.envelope["alpha"].cell == pytest.approx(8 * DEG)
-    assert "2 table cells" in moment.note
+    assert "2 table cells" in moment.full_note
     assert force.envelope["alpha"].cell == pytest.approx(4 * DEG)
     flown = {**neutral(baseline), "alpha": np.array([4.0]) * DEG}
     assert kept.predict(flown).coefficients["Cm"] == made.candidate.predict(flown).coefficients["Cm"]

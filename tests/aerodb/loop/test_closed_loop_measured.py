@@ -14,10 +14,11 @@ import numpy as np
 import pytest
 
 from aerodb.coefficients.comparison import Comparison
+from aerodb.loop.manoeuvre_units import manoeuvre_spans
+from aerodb.loop.stall import added_stall, stall_flights
+from aerodb.loop.within_flight import estimated_without, parts_of
 from aerodb.tables.database import AeroDatabase
-from aerodb.tasks.manoeuvres import manoeuvre_spans
-from aerodb.tasks.parts import estimated_without, parts_of
-from aerodb.tasks.stall import added_stall, stall_flights
+from aerodb.tasks.loop_flights import StoredFlights
 from aerodb.tasks.steps.compare import compared
 from aerodb.tasks.steps.trace import freeze_library
 from aerodb.tasks.steps.update import plan_update
@@ -98,9 +99,10 @@ def test_the_first_manoeuvre_is_predicted_from_the_rest(otter) -> None:
     flights = [{"flight": row.id, "key": row.id} for row in opened.catalogue.flights("twin-otter")]
     plan = plan_update(flights, **where, vehicle="twin-otter", baseline=document["baseline"], model="", hold_out=None)
     comparison = compared(opened, flight, before, "test")
-    head = parts_of(comparison.time, manoeuvre_spans(opened, flight, "test"))["head"]
+    source = StoredFlights(opened, "twin-otter", "test")
+    head = parts_of(comparison.time, manoeuvre_spans(source, flight))["head"]
     library = freeze_library(plan, **where)
-    candidate = estimated_without(opened, library, before, document["added"], plan.flights, {flight: head}, "test")
+    candidate = estimated_without(source, library, before, document["added"], plan.flights, {flight: head})
     left = compared(opened, flight, candidate, "test")
     for axis, most in (("Cl", 0.0009), ("Cn", 0.0005)):
         good, residual = left.usable[axis], left.residual(axis)
@@ -193,9 +195,10 @@ def test_the_stall_is_predicted_on_the_other_record_through_the_flow(stalls) -> 
     opened = stores(str(workspace))
     database = opened.database(document["baseline"])
     flights = [row.id for row in sorted(opened.catalogue.flights("attas"), key=lambda row: -row.duration)]
-    seen = stall_flights(opened, flights, database, "test")
+    source = StoredFlights(opened, "attas", "test")
+    seen = stall_flights(source, flights, database)
     for (fitted, predicted), goal in zip(((0, 1), (1, 0)), (0.027, 0.037), strict=True):
-        candidate = added_stall(opened, database, (flights[fitted],), "test")
+        candidate = added_stall(source, database, (flights[fitted],))
         comparison = compared(opened, flights[predicted], candidate, "test")
         assert window_rms(comparison.residual("C_lift"), seen[predicted]) <= goal
         assert window_rms(without_stall(seen[fitted], seen[predicted])["C_lift"], seen[predicted]) > goal
@@ -209,9 +212,8 @@ def test_the_stall_is_predicted_on_the_other_record_through_the_flow(stalls) -> 
 def test_the_library_is_frozen_by_the_family_of_the_stall_not_by_its_numbers(stalls) -> None:
     workspace, document = stalls
     opened = stores(str(workspace))
-    seen = stall_flights(
-        opened, [row.id for row in opened.catalogue.flights("attas")], opened.database(document["baseline"]), "test"
-    )
+    flights = [row.id for row in opened.catalogue.flights("attas")]
+    seen = stall_flights(StoredFlights(opened, "attas", "test"), flights, opened.database(document["baseline"]))
     assert len(seen) == 2
     again = asked(workspace, "close-loop", "--vehicle", "attas", "--direct", "--library", document["library"]["sha256"])
     assert again["library"] == {**document["library"], "rounds": 1}

@@ -4,10 +4,11 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 from aerodb.conditioning import STATES
+from aerodb.loop.evidence import evidence_beside
+from aerodb.loop.flights import FlightSource
+from aerodb.loop.library import Library
 from aerodb.tables import AeroDatabase
-from aerodb.tasks.steps import Library, evidence_beside, segments_of
-from aerodb.tasks.workspace_access import Stores
-from aerodb.tracing import Evidence, Finding, Settings, Suspicion, Traced, suspect, units, windows
+from aerodb.tracing import Evidence, Settings, Suspicion, Traced, VotingUnit, suspect, units, windows
 
 #: Verdicts that more votes could change.
 _TOO_FEW = ("not_testable",)
@@ -21,7 +22,7 @@ def too_few_voted(traced: Traced, settings: Settings) -> bool:
     return few or (len(traced.flights) == settings.fewest and any(item.verdict in _TOO_FEW for item in traced.not_found))
 
 
-def by_manoeuvres(opened: Stores, traced: Traced, library: Library, database: AeroDatabase, run: str) -> tuple[Suspicion, ...]:
+def by_manoeuvres(source: FlightSource, traced: Traced, library: Library, database: AeroDatabase) -> tuple[Suspicion, ...]:
     """What the manoeuvres of the flights suspect together, beside what the flights have found, one plane of motion after the
     other; empty where flights are enough, or where there are no two manoeuvres.
 
@@ -31,9 +32,9 @@ def by_manoeuvres(opened: Stores, traced: Traced, library: Library, database: Ae
     if not too_few_voted(traced, settings):
         return ()
     known = [finding.hypothesis for finding in traced.findings]
-    evidence = [evidence_beside(opened, flight, database, library, run) for flight in traced.flights]
+    evidence = [evidence_beside(source, flight, database, library) for flight in traced.flights]
     # A stall and the way back are one event, whatever else is moved meanwhile.
-    spans = {each.flight: () if each.flight in library.stall else manoeuvre_spans(opened, each.flight, run) for each in evidence}
+    spans = {each.flight: () if each.flight in library.stall else manoeuvre_spans(source, each.flight) for each in evidence}
     chosen = _units(evidence, spans, {})
     if len(chosen) < 2:
         return ()
@@ -56,20 +57,19 @@ def _in_plane(said: Suspicion, axes: Collection[str]) -> Suspicion:
     """With the findings of one plane of motion only."""
     lateral = {"CY", "Cl", "Cn", "C_side"}
     wanted = bool(lateral & set(axes))
-    return replace(said, findings=tuple(f for f in said.findings if (_written_on(f) in lateral) == wanted))
-
-
-def _written_on(finding: Finding) -> str:
-    """The first axis on which a finding's hypothesis is written, along the body or the wind: ``effect@axis:subject``."""
-    return finding.hypothesis.partition("@")[2].partition(":")[0].partition("+")[0]
+    # A force along the wind is felt on more body axes than those of its plane: what counts is where the formula stands.
+    written = {hypothesis.id: hypothesis.written_on[0] for hypothesis in said.joint.court.campaign.hypotheses}
+    return replace(said, findings=tuple(f for f in said.findings if (written[f.hypothesis] in lateral) == wanted))
 
 
 def with_suspicion(traced: Traced, parts: Sequence[Suspicion]) -> Traced:
     """What flights found and bounded, and what their manoeuvres suspect."""
-    voters = list(dict.fromkeys(gram.flight for said in parts for gram in said.joint.grams))
+    names = dict.fromkeys(gram.flight for said in parts for gram in said.joint.grams)
+    voters = [VotingUnit.parse(name) for name in names]
     findings = [finding for said in parts for finding in said.findings]
-    short = ", ".join(name[:12] if "@" not in name else f"{name[:12]}@{name.partition('@')[2]} s" for name in voters)
-    what = "manoeuvres voted, not flights" if any("@" in name for name in voters) else "these flights voted beside the linear set"
+    short = ", ".join(unit.short if unit.window is None else f"{unit.short} s" for unit in voters)
+    by_window = any(unit.window is not None for unit in voters)
+    what = "manoeuvres voted, not flights" if by_window else "these flights voted beside the linear set"
     note = f"Too few flights for the error rate: {what} ({short}); what they found so is suspected at most."
     found = {finding.hypothesis for finding in findings}
     return replace(
@@ -80,10 +80,10 @@ def with_suspicion(traced: Traced, parts: Sequence[Suspicion]) -> Traced:
     )
 
 
-def manoeuvre_spans(opened: Stores, flight: str, run: str) -> tuple[tuple[float, float], ...]:
+def manoeuvre_spans(source: FlightSource, flight: str) -> tuple[tuple[float, float], ...]:
     """Start and end [s from the first sample] of the manoeuvres of a flight (its id), those that overlap as one."""
     spans: list[tuple[float, float]] = []
-    for segment in sorted(segments_of(opened, flight, run), key=lambda segment: segment.start):
+    for segment in sorted(source.segments(flight), key=lambda segment: segment.start):
         start, end = segment.start, segment.end
         if segment.kind in STATES:
             continue

@@ -24,10 +24,9 @@ from aerodb.effects import (
 from aerodb.effects import hypotheses as stall_hypotheses
 from aerodb.errors import InputError
 from aerodb.estimation import least_squares
+from aerodb.loop.flights import FlightSource
 from aerodb.support import Array
 from aerodb.tables import STATE_CHANNEL, AeroDatabase, Increment, Law, StateModel, evaluate, flown_envelope, parse
-from aerodb.tasks.steps import beside, compared, load_coefficients, segments_of
-from aerodb.tasks.workspace_access import Stores
 from aerodb.vehicle import Vehicle
 
 EFFECT: Final = "stall_hysteresis"
@@ -39,15 +38,15 @@ NEAR: Final = 0.9
 LEAST: Final = np.deg2rad(2.0)
 
 
-def stalled_flights(opened: Stores, flights: Sequence[str], run: str) -> tuple[str, ...]:
+def stalled_flights(source: FlightSource, flights: Sequence[str]) -> tuple[str, ...]:
     """Those of the flights (ids) that go where one of them stalls, near the angle of attack at which its lift gives way.
 
     Empty where fewer than two do: one cannot check a shape that it chose.
     """
-    spans = {flight: [each for each in segments_of(opened, flight, run) if each.kind == "stall"] for flight in flights}
+    spans = {flight: [each for each in source.segments(flight) if each.kind == "stall"] for flight in flights}
     if not any(spans.values()):
         return ()
-    alphas = {flight: _alpha(opened, flight, run) for flight in flights}
+    alphas = {flight: _alpha(source, flight) for flight in flights}
     onsets = [float(alphas[flight][0][_at(alphas[flight][1], each)]) for flight, found in spans.items() for each in found]
     reached = tuple(flight for flight, (alpha, _) in alphas.items() if float(np.nanmax(alpha)) >= NEAR * min(onsets))
     return reached if len(reached) > 1 else ()
@@ -57,9 +56,9 @@ def _at(time: Array, segment: Segment) -> int:
     return int(np.searchsorted(time, segment.start))
 
 
-def _alpha(opened: Stores, flight: str, run: str) -> tuple[Array, Array]:
+def _alpha(source: FlightSource, flight: str) -> tuple[Array, Array]:
     """Angle of attack (n,) rad, bridged where it is flagged (-inf without any), and time from the first sample."""
-    channels, _, _ = load_coefficients(opened, opened.catalogue.flight(flight), run)
+    channels = source.flight(flight)
     if "alpha" not in channels:
         return np.full(len(channels.time), -np.inf), channels.time - channels.time[0]
     alpha = bridge(np.where(channels.usable(["alpha"]), channels["alpha"], np.nan))
@@ -85,29 +84,29 @@ def with_laws(
     return tuple(replace(h, tangent=made[h.id].tangent) if h.id in made else h for h in hypotheses)
 
 
-def cross_fitted_laws(opened: Stores, flights: Sequence[str], database: AeroDatabase, run: str) -> dict[str, Law]:
+def cross_fitted_laws(source: FlightSource, flights: Sequence[str], database: AeroDatabase) -> dict[str, Law]:
     """Flight -> the law that the others agree with; empty where no shape separates their flow, or they lack what it needs."""
     try:
-        shapes = cross_fitted(stall_flights(opened, flights, database, run), FAMILY)
+        shapes = cross_fitted(stall_flights(source, flights, database), FAMILY)
     except InputError:
         return {}
     return {flight: shape.law for flight, shape in shapes.items() if shape.law is not None}
 
 
-def added_stall(opened: Stores, database: AeroDatabase, flights: Sequence[str], run: str) -> AeroDatabase:
+def added_stall(source: FlightSource, database: AeroDatabase, flights: Sequence[str]) -> AeroDatabase:
     """`database` with the stall that all these flights (ids) agree with: its state model, its gains on all axes, and what it was
     estimated beside, the corrections of the attached flow.
 
     One flow stalls, so that no axis takes it alone. Covariances are those of least squares with coloured residuals for the shape
     as it is: that the shape was searched is not in them. Raises InputError where no shape separates the flow of these flights.
     """
-    stalls = stall_flights(opened, flights, database, run)
+    stalls = stall_flights(source, flights, database)
     shape = profiled(stalls, FAMILY)
     law = shape.law
     assert law is not None  # the family has memory
     columns = [shape.columns(each) for each in stalls]
     made = replace(database, states=(*database.states, StateModel(STATE_CHANNEL, law, f"{FAMILY} of {len(stalls)} flights")))
-    views = [_view(opened, each.flight, database, run) for each in stalls]
+    views = [_view(source, each.flight, database) for each in stalls]
     flown = [({**view.channels, STATE_CHANNEL: f.attached(law)}, f.usable) for view, f in zip(views, stalls, strict=True)]
     increments = []
     for axis, gain in shape.gains.items():
@@ -123,9 +122,8 @@ def added_stall(opened: Stores, database: AeroDatabase, flights: Sequence[str], 
     return replace(made, increments=(*made.increments, *increments))
 
 
-def _view(opened: Stores, flight: str, database: AeroDatabase, run: str) -> FlightView:
-    channels, comparison, _ = beside(opened, flight, database, run)
-    return view_of(channels, comparison, database, opened.vehicle(channels.vehicle)[0])
+def _view(source: FlightSource, flight: str, database: AeroDatabase) -> FlightView:
+    return view_of(*source.comparison(flight, database), database, source.vehicle)
 
 
 def _free(views: Sequence[FlightView], axis: str) -> tuple[str, ...]:
@@ -139,17 +137,17 @@ def _free(views: Sequence[FlightView], axis: str) -> tuple[str, ...]:
     return (*linear, "alpha^2") if axis == "C_drag" else linear
 
 
-def stall_flights(opened: Stores, flights: Sequence[str], database: AeroDatabase, run: str) -> list[StallFlight]:
+def stall_flights(source: FlightSource, flights: Sequence[str], database: AeroDatabase) -> list[StallFlight]:
     """Flights (ids) as shapes see them, beside a database.
 
     Raises InputError where one lacks lift, drag and pitching moment, or angle of attack.
     """
-    views = [_view(opened, flight, database, run) for flight in flights]
-    return [_stall_flight(opened, view, views, database, run) for view in views]
+    views = [_view(source, flight, database) for flight in flights]
+    return [_stall_flight(source, view, views, database) for view in views]
 
 
-def _stall_flight(opened: Stores, view: FlightView, views: Sequence[FlightView], database: AeroDatabase, run: str) -> StallFlight:
-    comparison = compared(opened, view.flight, database, run)
+def _stall_flight(source: FlightSource, view: FlightView, views: Sequence[FlightView], database: AeroDatabase) -> StallFlight:
+    _, comparison = source.comparison(view.flight, database)
     axes = [axis for axis in GAINS if axis in comparison.usable]
     if not axes or not view.has(["alpha", "V"]):
         raise InputError("no lift, drag or pitching moment beside alpha and V", f"flight {view.flight}", "see its coefficients")

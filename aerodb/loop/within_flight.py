@@ -1,8 +1,7 @@
-"""Proof inside flights: where flights are too few to leave one out, a part of a flight is predicted from everything else."""
+"""Validation within flights: where flights are too few to leave one out, a part of a flight is predicted from everything else."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,15 +9,14 @@ from numpy.typing import NDArray
 from aerodb.coefficients import Comparison
 from aerodb.effects import add_effects, envelopes_of, view_of
 from aerodb.increments import AxisProof, Update, keep_slope_signs, prove_by_leaving_one_out
-from aerodb.support import Mask
+from aerodb.loop.flights import FlightSource
+from aerodb.loop.library import Library
+from aerodb.loop.manoeuvre_units import manoeuvre_spans
+from aerodb.loop.rounds import Loop
 from aerodb.tables import AeroDatabase
-from aerodb.tasks.manoeuvres import manoeuvre_spans
-from aerodb.tasks.steps import Library, beside, compared
-from aerodb.tasks.workspace_access import Stores
 from aerodb.tracing import LINEAR, evidence_of, joint_bands, joint_fit
 
-if TYPE_CHECKING:
-    from aerodb.tasks.steps import Loop
+Mask = NDArray[np.bool_]
 
 
 def parts_of(time: NDArray[np.float64], spans: tuple[tuple[float, float], ...]) -> dict[str, Mask]:
@@ -31,24 +29,25 @@ def parts_of(time: NDArray[np.float64], spans: tuple[tuple[float, float], ...]) 
     return {"head": since <= middles[0], "tail": since > middles[-1]}
 
 
-def prove_by_parts(
-    opened: Stores, library: Library, loop: "Loop", before: Mapping[str, Comparison], after: Mapping[str, Comparison], run: str
+def validated_within_flights(
+    source: FlightSource, library: Library, loop: Loop, before: Mapping[str, Comparison], after: Mapping[str, Comparison]
 ) -> tuple[AxisProof, ...]:
     """Error before and after on heads and tails of flights, each with the values that everything else gives the terms added.
 
-    Which terms is not chosen anew: two or three manoeuvres cannot be left without one of them.
+    Which terms is not chosen anew: two or three manoeuvres cannot be left without one of them. before, after : of whole flights,
+    by their ids.
     """
     masks = {
         f"{flight}@{name}": (flight, mask)
         for flight, comparison in before.items()
-        for name, mask in parts_of(comparison.time, manoeuvre_spans(opened, flight, run)).items()
+        for name, mask in parts_of(comparison.time, manoeuvre_spans(source, flight)).items()
     }
+    names = [finding.hypothesis for finding in loop.added]
 
     def without(part: str) -> Comparison:
         flight, mask = masks[part]
-        names = [finding.hypothesis for finding in loop.added]
-        candidate = estimated_without(opened, library, loop.baseline, names, tuple(before), {flight: mask}, run)
-        return _only(compared(opened, flight, candidate, run), mask)
+        candidate = estimated_without(source, library, loop.baseline, names, tuple(before), {flight: mask})
+        return _only(source.comparison(flight, candidate)[1], mask)
 
     return prove_by_leaving_one_out(
         {part: _only(before[flight], mask) for part, (flight, mask) in masks.items()},
@@ -62,21 +61,20 @@ def _only(comparison: Comparison, mask: Mask) -> Comparison:
 
 
 def estimated_without(
-    opened: Stores,
+    source: FlightSource,
     library: Library,
     baseline: AeroDatabase,
     names: Sequence[str],
     flights: tuple[str, ...],
     masks: Mapping[str, Mask],
-    run: str,
 ) -> AeroDatabase:
     """The baseline with the named hypotheses, estimated beside the linear set on all samples but the masked."""
     if not names:
         return baseline
     evidence, views = [], []
     for flight in flights:
-        channels, comparison, _ = beside(opened, flight, baseline, run)
-        vehicle, _ = opened.vehicle(channels.vehicle)
+        channels, comparison = source.comparison(flight, baseline)
+        vehicle = source.vehicle
         if flight in masks:
             comparison = _only(comparison, ~masks[flight])
         if any(good.any() for good in comparison.usable.values()):

@@ -1,6 +1,7 @@
 """The closed loop of a stall's lift as a rival of flow that separates smoothly: which it is, the flights' votes say.
 
-The two angles are each flight's from the others, as the shapes in `aerodb.tasks.stall` are; what is added has those of all together.
+The two angles are each flight's from the others, as the shapes in `aerodb.loop.stall` are; what is added has those of all
+together.
 """
 
 from collections.abc import Mapping, Sequence
@@ -11,9 +12,9 @@ import numpy as np
 
 from aerodb.effects import Columns, FlightView, Hypothesis, Scene, from_zero_lift, stall_loop
 from aerodb.errors import InputError
+from aerodb.loop.flights import FlightSource
+from aerodb.loop.stall import EFFECT, stall_flights
 from aerodb.tables import AeroDatabase, Relay
-from aerodb.tasks.stall import EFFECT, stall_flights
-from aerodb.tasks.workspace_access import Stores
 from aerodb.tracing import Finding
 from aerodb.vehicle import Vehicle
 
@@ -49,25 +50,24 @@ def with_loops(
     return tuple(replace(h, tangent=tangent) if is_loop(h) else h for h in hypotheses)
 
 
-def cross_fitted_loops(opened: Stores, flights: Sequence[str], database: AeroDatabase, run: str) -> dict[str, Relay]:
+def cross_fitted_loops(source: FlightSource, flights: Sequence[str], database: AeroDatabase) -> dict[str, Relay]:
     """Flight (its id) -> the angles that the others agree with; empty below FEWEST flights and where they show no loop."""
     if len(flights) < FEWEST:
         return {}
     try:
-        seen = stall_flights(opened, flights, database, run)
+        seen = stall_flights(source, flights, database)
         return {one.flight: stall_loop.fitted([other for other in seen if other is not one]) for one in seen}
     except InputError:
         return {}
 
 
-def added_loop(opened: Stores, database: AeroDatabase, flights: Sequence[str], run: str) -> tuple[AeroDatabase, Hypothesis]:
+def added_loop(source: FlightSource, database: AeroDatabase, flights: Sequence[str]) -> tuple[AeroDatabase, Hypothesis]:
     """`database` with the state of the loop that all these flights (ids) agree with, and the hypothesis that uses it.
 
     Raises InputError where they show none, and where the database has such a state already.
     """
-    law = stall_loop.fitted(stall_flights(opened, flights, database, run))
-    vehicle, _ = opened.vehicle(opened.catalogue.flight(flights[0]).vehicle)
-    return stall_loop.with_state(database, law), _with(law, {}, database, vehicle)
+    law = stall_loop.fitted(stall_flights(source, flights, database))
+    return stall_loop.with_state(database, law), _with(law, {}, database, source.vehicle)
 
 
 def with_unused_states(view: FlightView) -> FlightView:

@@ -1,15 +1,18 @@
-"""What the reconstruction of flights leaves uncertain, as doubt in the increments that are estimated from them."""
+"""Consider parameters: sensor errors that the reconstruction of flights leaves open.
 
-from collections.abc import Sequence
+Increments estimated from these flights do not estimate them, but carry their uncertainty (consider covariance: Bierman,
+*Factorization Methods*, 1977, chapter VIII).
+"""
+
+from collections.abc import Mapping, Sequence
 
 from aerodb.coefficients import Comparison
 from aerodb.consistency import StateNoise
 from aerodb.effects import FlightView, doubts, doubts_of_alpha, view_of
 from aerodb.flight import Flight
 from aerodb.increments import Doubt
+from aerodb.loop.flights import Reconstruction
 from aerodb.tables import AeroDatabase
-from aerodb.tasks.steps import load_consistent, noise_of, reconstructed_angles
-from aerodb.tasks.workspace_access import Stores
 from aerodb.tracing import Settings, bounded_noise, noisy_copies, tracing_bandwidth
 from aerodb.vehicle import Vehicle
 
@@ -19,50 +22,47 @@ _MOST = 10.0
 _COPIES = 4
 
 
-def sensor_doubts(
-    opened: Stores,
+def consider_parameters(
+    reconstructions: Mapping[str, Reconstruction],
     vehicle: Vehicle,
     database: AeroDatabase,
     flights: Sequence[Flight],
     comparisons: Sequence[Comparison],
-    run: str,
 ) -> dict[str, tuple[Doubt, ...]]:
     """Flight -> what its reconstruction leaves uncertain of its sensors. What a flight estimated for itself errs for itself; a
-    calibration, and what only the vehicle file knows, err alike in all."""
+    calibration, and what only the vehicle file knows, err alike in all. reconstructions : by flight (its id)."""
     found: dict[str, tuple[Doubt, ...]] = {}
     for flight, comparison in zip(flights, comparisons, strict=True):
-        _, document, _ = load_consistent(opened, opened.catalogue.flight(flight.id), run)
-        noise = noise_of(document)
+        reconstruction = reconstructions[flight.id]
+        noise, errors = reconstruction.noise, reconstruction.errors
         if noise is not None:
-            errors = {e["parameter"]: e["standard_error"] for e in document["estimates"]}
             late = {f"{name}_delay": s.delay_prior for name, s in vehicle.sensors.items() if f"{name}_delay" not in errors}
             sigma = {**errors, **late, **{f"{name}_bias": size for name, size in noise.offset.items()}}
-            own = [] if document["calibration"] else [e["parameter"] for e in document["estimates"] if e["applied"]]
+            own = [] if reconstruction.calibrated else list(reconstruction.applied)
             view = view_of(flight, comparison, database, vehicle)
             found[flight.id] = doubts(view, sigma, own)
-            if "alpha" in reconstructed_angles(document):
+            if "alpha" in reconstruction.angles:
                 found[flight.id] += doubts_of_alpha(view, _bounded(noise, view, comparison, flight))
     return found
 
 
-def once_more(
-    opened: Stores,
+def noisier_flights(
+    reconstructions: Mapping[str, Reconstruction],
     vehicle: Vehicle,
     database: AeroDatabase,
     flights: Sequence[Flight],
     comparisons: Sequence[Comparison],
-    run: str,
 ) -> list[list[tuple[Flight, Comparison]]]:
-    """The flights again and again, with their states' error once more where alpha was reconstructed; empty where none was."""
+    """The flights again and again, with their states' error once more where alpha was reconstructed; empty where none was.
+    reconstructions : by flight (its id)."""
     copies: list[list[tuple[Flight, Comparison]]] = []
     blind = False
     for flight, comparison in zip(flights, comparisons, strict=True):
-        _, document, _ = load_consistent(opened, opened.catalogue.flight(flight.id), run)
-        noise = noise_of(document)
-        if noise is not None and "alpha" in reconstructed_angles(document):
+        reconstruction = reconstructions[flight.id]
+        if reconstruction.noise is not None and "alpha" in reconstruction.angles:
             blind = True
             view = view_of(flight, comparison, database, vehicle)
-            bounded = _bounded(noise, view, comparison, flight)
+            bounded = _bounded(reconstruction.noise, view, comparison, flight)
             copies.append(noisy_copies(flight, bounded, database, vehicle, _COPIES))
         else:
             copies.append([(flight, comparison)] * _COPIES)

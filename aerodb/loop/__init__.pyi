@@ -1,0 +1,23 @@
+from .consider import consider_parameters, noisier_flights
+from .evidence import evidence_beside
+from .flights import FlightSource, Reconstruction
+from .freezing import freeze_library
+from .library import Library
+from .rounds import Accept, Loop, run_loop
+from .unexplained import unexplained_residuals
+from .validation import validate_loop
+
+__all__ = [
+    "Accept",
+    "FlightSource",
+    "Library",
+    "Loop",
+    "Reconstruction",
+    "consider_parameters",
+    "evidence_beside",
+    "freeze_library",
+    "noisier_flights",
+    "run_loop",
+    "unexplained_residuals",
+    "validate_loop",
+]

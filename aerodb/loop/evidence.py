@@ -1,0 +1,47 @@
+"""The evidence of a flight beside a database: residual and columns, copies with more state noise, companions, instruments."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from aerodb.effects import columns_of, view_of
+from aerodb.loop.flights import FlightSource
+from aerodb.loop.library import Library
+from aerodb.tables import AeroDatabase
+from aerodb.tracing import (
+    LONG,
+    Evidence,
+    as_commanded,
+    bounded_noise,
+    evidence_of,
+    noisy_copies,
+    thinned,
+    with_instruments,
+    with_shapes,
+)
+
+
+def evidence_beside(flights: FlightSource, flight: str, database: AeroDatabase, library: Library) -> Evidence:
+    """The evidence of a flight (its id) beside a database: with its copies of more state noise, the companions of its columns,
+    and what its commands say of them."""
+    vehicle = flights.vehicle
+    whole, beside_whole = flights.comparison(flight, database)
+    channels, comparison = thinned(whole, beside_whole, library.settings.bandwidth)
+    reconstruction = flights.reconstruction(flight)
+    noise = reconstruction.noise
+    view = view_of(channels, comparison, database, vehicle)
+    if "alpha" in reconstruction.angles:
+        view = replace(view, air_data_arm=np.zeros_like(view.cg))  # the angles are those at the CG, from the motion there
+        noise = None if noise is None else bounded_noise(noise, view, comparison, library.settings)
+    copies, near = library.settings.noisy_copies, None
+    if whole.duration >= LONG:
+        copies, near = min(copies, 1), comparison
+    noisy = [] if noise is None else noisy_copies(channels, noise, database, vehicle, copies, near)
+    hypotheses = columns_of(library.hypotheses, reconstruction.angles)
+    evidence = evidence_of(channels, comparison, database, vehicle, hypotheses, noisy, view)
+    evidence = with_shapes(evidence, channels, library.hypotheses)
+    commanded = as_commanded(channels, library.settings.bandwidth)
+    if commanded is not None:
+        asked = evidence_of(commanded, comparison, database, vehicle, hypotheses)
+        evidence = with_instruments(evidence, with_shapes(asked, commanded, library.hypotheses))
+    return evidence

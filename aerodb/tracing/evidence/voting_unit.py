@@ -1,0 +1,41 @@
+"""What votes: a flight, or a stretch of one; and the name by which evidence, Grams and findings carry it."""
+
+import re
+from dataclasses import dataclass
+from typing import Final
+
+_NUMBER: Final = r"\d+(?:\.\d+)?(?:e[+-]?\d+)?"
+_WINDOW: Final = re.compile(rf"(?P<flight>.*)@(?P<start>{_NUMBER})-(?P<end>{_NUMBER})")
+
+
+@dataclass(frozen=True)
+class VotingUnit:
+    """A flight (its id), and of a part of one its window: start and end [s] from the flight's first sample.
+
+    >>> str(VotingUnit("abc", (0.0, 5.654912)))
+    'abc@0-5.65491'
+    >>> VotingUnit.parse("abc@0-5.65491"), VotingUnit.parse("abc")
+    (VotingUnit(flight='abc', window=(0.0, 5.65491)), VotingUnit(flight='abc', window=None))
+    """
+
+    flight: str
+    window: tuple[float, float] | None = None
+
+    @classmethod
+    def parse(cls, name: str) -> "VotingUnit":
+        """The unit of this name; what names no window is a whole flight."""
+        found = _WINDOW.fullmatch(name)
+        return cls(name) if found is None else cls(found["flight"], (float(found["start"]), float(found["end"])))
+
+    def __str__(self) -> str:
+        return self.flight if self.window is None else f"{self.flight}@{self.window[0]:g}-{self.window[1]:g}"
+
+    @property
+    def short(self) -> str:
+        """Its name for people, with as much of the flight's id as tells flights apart."""
+        return str(VotingUnit(self.flight[:12], self.window))
+
+    def part(self, start: float, end: float) -> "VotingUnit":
+        """The stretch of it from `start` to `end` [s], from its own first sample."""
+        first = 0.0 if self.window is None else self.window[0]
+        return VotingUnit(self.flight, (first + start, first + end))

@@ -1,0 +1,100 @@
+"""The flights of the stores as the closed loop asks for them: what stands under their ids, made and kept where it is not yet."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from aerodb.coefficients import Comparison
+from aerodb.conditioning import Segment
+from aerodb.exchange import database_document_sha256
+from aerodb.flight import Flight
+from aerodb.loop import Library, Reconstruction, evidence_beside
+from aerodb.storage.files import read_gram, write_gram
+from aerodb.tables import AeroDatabase
+from aerodb.tasks.steps import (
+    applied_errors,
+    beside,
+    load_coefficients,
+    load_consistent,
+    noise_of,
+    reconstructed_angles,
+    segments_of,
+)
+from aerodb.tasks.stored_steps import StoredResult
+from aerodb.tasks.workspace_access import Stores, stores
+from aerodb.tracing import Gram, gram
+from aerodb.vehicle import Vehicle
+
+
+@dataclass(frozen=True)
+class StoredFlights:
+    """The flights of one vehicle (its name) in the stores; what is made for them is noted as made by `run`.
+
+    Implements `aerodb.loop.FlightSource`.
+    """
+
+    opened: Stores
+    vehicle_name: str
+    run: str
+
+    @property
+    def vehicle(self) -> Vehicle:
+        """The vehicle as its file and the settings describe it now."""
+        return self.opened.vehicle(self.vehicle_name)[0]
+
+    def flight(self, flight: str) -> Flight:
+        """The consistent flight that coefficients are computed from."""
+        return load_coefficients(self.opened, self.opened.catalogue.flight(flight), self.run)[0]
+
+    def reconstruction(self, flight: str) -> Reconstruction:
+        """From the stored document of the consistent flight."""
+        document = load_consistent(self.opened, self.opened.catalogue.flight(flight), self.run)[1]
+        errors = {entry["parameter"]: entry["standard_error"] for entry in document.get("estimates", ())}
+        return Reconstruction(
+            noise=noise_of(document),
+            angles=reconstructed_angles(document),
+            errors=errors,
+            applied=tuple(applied_errors(document)),
+            calibrated=bool(document.get("calibration")),
+        )
+
+    def segments(self, flight: str) -> tuple[Segment, ...]:
+        """As conditioning found them."""
+        return segments_of(self.opened, flight, self.run)
+
+    def comparison(self, flight: str, database: AeroDatabase) -> tuple[Flight, Comparison]:
+        """Kept in memory for a while, not in the store."""
+        channels, comparison, _ = beside(self.opened, flight, database, self.run)
+        return channels, comparison
+
+    def normal_equations(self, flight: str, database: AeroDatabase, library: Library) -> Gram:
+        """Read back when they are stored, else made and stored."""
+        row = self.opened.catalogue.flight(flight)
+        _, _, coefficients_key = load_coefficients(self.opened, row, self.run)
+        inputs = {"coefficients": coefficients_key, "database": database_document_sha256(database)}
+        settings = {"library": library.sha256, "tracing": library.settings.sha256}
+        if flight in library.stall:
+            settings["stall"] = str(library.stall[flight])
+        if flight in library.loops:
+            settings["loop"] = str(library.loops[flight])
+        result = StoredResult(self.opened, "gram", "gram", inputs, settings, flight=row.id)
+        path = result.stored()
+        if path is not None:
+            return read_gram(path)
+        made = gram(evidence_beside(self, flight, database, library), library.settings)
+        result.keep(self.run, lambda path: write_gram(path, made))
+        return made
+
+    def looked_before(self, flights: Sequence[str], library: Library) -> frozenset[str] | None:
+        """By the stored cross-products of these flights."""
+        known: frozenset[str] | None = None
+        for flight in flights:
+            for result in self.opened.catalogue.results_of(flight, "gram"):
+                if result.settings["library"] != library.sha256:
+                    ids = frozenset(read_gram(self.opened.file_of(result.path)).hypotheses)
+                    known = ids if known is None else known & ids
+        return known
+
+
+def flights_of(workspace: str, vehicle: str, run: str) -> StoredFlights:
+    """The flights of a vehicle (its name) in a workspace."""
+    return StoredFlights(stores(workspace), vehicle, run)

@@ -1,0 +1,151 @@
+"""The closed loop on flights that stand in no store: what is planted is found, added and validated; where nothing is, nothing."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from aerodb.coefficients import Coefficients, total_coefficients
+from aerodb.coefficients.comparison import Comparison, compare
+from aerodb.conditioning.segmentation import Segment, segments
+from aerodb.errors import InputError
+from aerodb.exchange.native import read_native
+from aerodb.flight import Flight
+from aerodb.increments.validation import HoldOut
+from aerodb.loop import (
+    Accept,
+    FlightSource,
+    Library,
+    Loop,
+    Reconstruction,
+    evidence_beside,
+    freeze_library,
+    run_loop,
+    validate_loop,
+)
+from aerodb.tables.database import AeroDatabase
+from aerodb.tracing.evidence.normal_equations import Gram, gram
+from aerodb.vehicle import Vehicle
+from tests.support import effect_flights
+from tests.support.tracing_flights import FLOOR, coloured
+
+#: Flights that identify, and flights that validate.
+IDENTIFY, VALIDATE = 5, 2
+#: What the flown aircraft has beyond the database: Cm_q is -14 there.
+DAMPING = -6.0
+
+
+@dataclass(frozen=True)
+class FlightsInMemory:
+    """Flights and their coefficients, by id; implements `FlightSource`. known : what earlier looks had, as `looked_before`."""
+
+    vehicle: Vehicle
+    flown: Mapping[str, tuple[Flight, Coefficients]]
+    known: frozenset[str] | None = None
+
+    def flight(self, flight: str) -> Flight:
+        return self.flown[flight][0]
+
+    def reconstruction(self, flight: str) -> Reconstruction:
+        return Reconstruction()
+
+    def segments(self, flight: str) -> tuple[Segment, ...]:
+        return segments(self.flown[flight][0])
+
+    def comparison(self, flight: str, database: AeroDatabase) -> tuple[Flight, Comparison]:
+        channels, coefficients = self.flown[flight]
+        return channels, compare(channels, coefficients, database, self.vehicle.reference)
+
+    def normal_equations(self, flight: str, database: AeroDatabase, library: Library) -> Gram:
+        return gram(evidence_beside(self, flight, database, library), library.settings)
+
+    def looked_before(self, flights: Sequence[str], library: Library) -> frozenset[str] | None:
+        return self.known
+
+
+@pytest.fixture(scope="module")
+def source() -> FlightsInMemory:
+    """Flights of an aircraft whose pitch damping is larger than in the database, with coloured noise on all coefficients."""
+    vehicle, rng, flown = effect_flights.vehicle(), np.random.default_rng(12), {}
+    for flight in effect_flights.flown_together(range(20, 20 + IDENTIFY + VALIDATE), database(-14.0 + DAMPING), vehicle):
+        made = total_coefficients(flight, vehicle, angular_acceleration="logged")
+        n = len(flight.time)
+        noise = {axis: size * (coloured(rng, n, step=flight.step) + rng.standard_normal(n)) for axis, size in FLOOR.items()}
+        noisy = {axis: values + noise[axis] for axis, values in made.values.items()}
+        flown[flight.id] = (flight, replace(made, values=noisy))
+    return FlightsInMemory(vehicle, flown)
+
+
+def database(damping: float = -14.0) -> AeroDatabase:
+    """That of the flights with this Cm_q."""
+    text = effect_flights.HEADER_ONLY + effect_flights._MOMENTS + effect_flights._BODY
+    assert text.count("q_hat = -14.0") == 1
+    return read_native(text.replace("q_hat = -14.0", f"q_hat = {damping}"))
+
+
+def hold_out(source: FlightsInMemory) -> HoldOut:
+    flights = tuple(source.flown)
+    return HoldOut(flights[:IDENTIFY], flights[IDENTIFY:], "held-out")
+
+
+def closed(source: FlightSource, identified: Sequence[str], baseline: AeroDatabase) -> tuple[Library, Loop]:
+    library = freeze_library(source, identified, baseline)
+    return library, run_loop(source, identified, baseline, library, Accept())
+
+
+def test_what_is_planted_is_found_added_and_lowers_the_error_of_flights_left_out(source: FlightsInMemory) -> None:
+    split = hold_out(source)
+    library, loop = closed(source, split.identified, database())
+    (finding,) = loop.added
+    assert (finding.hypothesis, finding.verdict) == ("pitch_damping@Cm", "confirmed")
+    assert finding.ci95[0] < DAMPING < finding.ci95[1]
+    assert finding.value == pytest.approx(DAMPING, rel=0.1)
+    (increment,) = loop.candidate.increments
+    assert (increment.axis, increment.flights) == ("Cm", split.identified)
+    assert float(increment.estimates[0]) == pytest.approx(DAMPING, rel=0.1)
+    assert loop.baseline.increments == ()
+    axes = {entry.axis: entry for entry in validate_loop(source, split, library, loop, Accept())}
+    before, after = axes["Cm"].held_out_rms_before, axes["Cm"].held_out_rms_after
+    truth = [_error(source, flight, database(-14.0 + DAMPING), "Cm") for flight in split.held_out]
+    assert before is not None
+    assert after is not None
+    assert before > 10.0 * max(truth)
+    assert after < 1.2 * max(truth)
+    assert axes["CX"].outcome == "unchanged"
+
+
+def _error(source: FlightSource, flight: str, model: AeroDatabase, axis: str) -> float:
+    _, beside = source.comparison(flight, model)
+    return float(np.sqrt(np.mean(beside.residual(axis)[beside.usable[axis]] ** 2)))
+
+
+def test_where_nothing_lacks_nothing_is_confirmed(source: FlightsInMemory) -> None:
+    split = hold_out(source)
+    _, loop = closed(source, split.identified, database(-14.0 + DAMPING))
+    assert loop.added == ()
+    assert [finding.hypothesis for finding in loop.findings if finding.verdict == "confirmed"] == []
+    assert loop.candidate is loop.baseline
+    assert loop.rounds == 1
+    bounds = {entry.hypothesis: entry.upper_bound for entry in loop.traced.not_found}
+    bound = bounds["pitch_damping@Cm"]
+    assert bound is not None
+    assert bound < abs(DAMPING)
+
+
+def test_what_joined_the_library_after_a_look_is_suspected_at_most(source: FlightsInMemory) -> None:
+    split = hold_out(source)
+    _, loop = closed(replace(source, known=frozenset({"alpha_slope@CZ"})), split.identified, database())
+    assert loop.added == ()
+    found = {finding.hypothesis: finding for finding in loop.findings}
+    assert found["pitch_damping@Cm"].verdict == "suspected"
+    assert "joined the library" in found["pitch_damping@Cm"].because
+
+
+def test_a_name_that_the_library_does_not_have_is_refused(source: FlightsInMemory) -> None:
+    split = hold_out(source)
+    library = freeze_library(source, split.identified, database())
+    with pytest.raises(InputError, match="no effect 'pitch_dampng' in the library"):
+        run_loop(source, split.identified, database(), library, Accept(suspected=("pitch_dampng",)))
+    with pytest.raises(InputError, match="it changed after it was frozen"):
+        freeze_library(source, split.identified, database(), expected="0" * 64)
