@@ -1,7 +1,8 @@
 """Errors that say what is wrong, where, and what to do about it.
 
-Each subclasses the builtin that it specialises, so that callers who know nothing of this package still catch the
-right thing. The command line maps them to exit codes; nothing here knows about that.
+Each subclasses the builtin that it specialises, so that callers who know nothing of this package
+still catch the right thing. The command line maps them to exit codes; nothing here knows about
+that.
 """
 
 import difflib
@@ -36,11 +37,13 @@ class UnknownNameError(AeroError, LookupError):
 
 
 class StoreError(AeroError, OSError):
-    """The disk or the catalogue cannot take what is written now: full, read-only, or held by another; nothing is half there."""
+    """The disk or the catalogue cannot take what is written now: full, read-only, or held by
+    another; nothing is half there."""
 
 
 class StoreBusyError(StoreError):
-    """The same for a reason that may pass by itself: it is held by another, or out of reach for a moment."""
+    """The same for a reason that may pass by itself: it is held by another, or out of reach for a
+    moment."""
 
 
 class GateRefusal(AeroError, RuntimeError):

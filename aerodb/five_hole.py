@@ -1,8 +1,10 @@
-"""Five-hole probes: flow angles from raw pressure differences, with corrections for nonlinearity and for the other angle.
+"""Five-hole probes: flow angles from raw pressure differences, with corrections for nonlinearity
+and for the other angle.
 
-The probe shows ``dp / q = K (x + offset + square x^2 + cross y^2 + bend beyond(x))`` with x the flow angle of that pair of
-holes, y the other, q the dynamic pressure and ``beyond`` what of x lies beyond +-`break`. K = `slope` alone is the usual
-``x = dp / (K q)``; 003, III (Phoenix) found it too coarse, and alpha to depend on the sideslip.
+The probe shows ``dp / q = K (x + offset + square x^2 + cross y^2 + bend beyond(x))`` with x the
+flow angle of that pair of holes, y the other, q the dynamic pressure and ``beyond`` what of x lies
+beyond +-`break`. K = `slope` alone is the usual ``x = dp / (K q)``; 003, III (Phoenix) found it too
+coarse, and alpha to depend on the sideslip.
 """
 
 import numpy as np
@@ -16,8 +18,8 @@ _STEPS, _LEFT = 20, 1e-9
 
 
 class Curve(Strict):
-    """Calibration of one pair of holes: `slope` K per rad, `offset` rad, `square` and `cross` per rad, relative `bend` of the
-    slope beyond +-`break_angle` rad."""
+    """Calibration of one pair of holes: `slope` K per rad, `offset` rad, `square` and `cross` per
+    rad, relative `bend` of the slope beyond +-`break_angle` rad."""
 
     slope: Number = Field(gt=0)
     offset: Radians = 0.0
@@ -35,12 +37,16 @@ class FiveHole(Strict):
 
 
 def flow_angles(dp_alpha: Array, dp_beta: Array, q: Array, probe: FiveHole) -> tuple[Array, Array]:
-    """Angles of attack and sideslip at the probe [rad], each (n,), from the pressure differences and dynamic pressure [Pa].
+    """Angles of attack and sideslip at the probe [rad], each (n,), from the pressure differences
+    and dynamic pressure [Pa].
 
     nan where q is not positive, or where no angle within 90 deg of the axis fits both differences.
     """
     with np.errstate(invalid="ignore", divide="ignore"):
-        wanted = [np.where(q > 0, dp / q, np.nan) / c.slope for dp, c in ((dp_alpha, probe.alpha), (dp_beta, probe.beta))]
+        wanted = [
+            np.where(q > 0, dp / q, np.nan) / c.slope
+            for dp, c in ((dp_alpha, probe.alpha), (dp_beta, probe.beta))
+        ]
     angles = [part - c.offset for part, c in zip(wanted, (probe.alpha, probe.beta), strict=True)]
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         for _ in range(_STEPS):
@@ -51,10 +57,18 @@ def flow_angles(dp_alpha: Array, dp_beta: Array, q: Array, probe: FiveHole) -> t
             determinant = a * d - b * c
             angles[0] = angles[0] - (d * off[0] - b * off[1]) / determinant
             angles[1] = angles[1] - (a * off[1] - c * off[0]) / determinant
-        found = (np.abs(off[0]) < _LEFT) & (np.abs(off[1]) < _LEFT) & (np.hypot(*angles) < np.pi / 2)
+        found = (
+            (np.abs(off[0]) < _LEFT) & (np.abs(off[1]) < _LEFT) & (np.hypot(*angles) < np.pi / 2)
+        )
     return np.where(found, angles[0], np.nan), np.where(found, angles[1], np.nan)
 
 
 def relative(x: Signal, y: Signal, curve: Curve) -> Signal:
     """``dp / (K q)`` that a pair of holes shows at its own angle x and the other one y."""
-    return x + curve.offset + x * x * curve.square + y * y * curve.cross + beyond(x, curve.break_angle) * curve.bend
+    return (
+        x
+        + curve.offset
+        + x * x * curve.square
+        + y * y * curve.cross
+        + beyond(x, curve.break_angle) * curve.bend
+    )

@@ -1,4 +1,5 @@
-"""A Flight: canonical channels (SI, body axes) on one time grid, with flags that say which samples not to use."""
+"""A Flight: canonical channels (SI, body axes) on one time grid, with flags that say which samples
+not to use."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
@@ -19,10 +20,10 @@ Bits = NDArray[np.unsignedinteger]
 class Flight:
     """Canonical channels on a uniform time grid.
 
-    time : (n,) s. channels : name -> (n,), SI, names as in `aerodb.nomenclature`. flags : channel name (or
-    ``flight`` for all of them) -> (n,) uint8 (uint16 where a flag needs it), bits as in `nomenclature.FLAGS`; a channel
-    without an entry is good everywhere. missing : channels that the mapping knows and the log lacks. notes : what was
-    assumed on the way.
+    time : (n,) s. channels : name -> (n,), SI, names as in `aerodb.nomenclature`. flags : channel
+    name (or ``flight`` for all of them) -> (n,) uint8 (uint16 where a flag needs it), bits as in
+    `nomenclature.FLAGS`; a channel without an entry is good everywhere. missing : channels that the
+    mapping knows and the log lacks. notes : what was assumed on the way.
     """
 
     id: str
@@ -42,15 +43,21 @@ class Flight:
         for name, values in self.channels.items():
             channel(name)
             if values.shape != (n,):
-                raise ValueError(f"{self.id}: channel {name} has shape {values.shape}, the time grid {(n,)}")
+                raise ValueError(
+                    f"{self.id}: channel {name} has shape {values.shape}, the time grid {(n,)}"
+                )
         for name, bits in self.flags.items():
             channel(f"flags_{name}")
             if bits.shape != (n,):
-                raise ValueError(f"{self.id}: flags of {name} have shape {bits.shape}, the time grid {(n,)}")
+                raise ValueError(
+                    f"{self.id}: flags of {name} have shape {bits.shape}, the time grid {(n,)}"
+                )
 
     def __getitem__(self, name: str) -> Array:
         if name not in self.channels:
-            raise UnknownNameError(f"no channel '{name}'", f"flight {self.id}", nearest(name, self.channels))
+            raise UnknownNameError(
+                f"no channel '{name}'", f"flight {self.id}", nearest(name, self.channels)
+            )
         return self.channels[name]
 
     def __contains__(self, name: object) -> bool:
@@ -67,9 +74,11 @@ class Flight:
         return float(self.time[-1] - self.time[0])
 
     def usable(self, names: Iterable[str] = (), despite: Iterable[str] = ()) -> NDArray[np.bool_]:
-        """(n,) true where neither the flight as a whole nor any of the named channels is flagged or not finite.
+        """(n,) true where neither the flight as a whole nor any of the named channels is flagged or
+        not finite.
 
-        despite : flags (keys of FLAGS) that do not matter here, such as ``captive`` where only the motion counts.
+        despite : flags (keys of FLAGS) that do not matter here, such as ``captive`` where only the
+        motion counts.
         """
         count = ~np.uint16(sum(FLAGS[reason] for reason in despite))
         good = np.ones(len(self.time), dtype=bool)
@@ -85,7 +94,10 @@ class Flight:
         return replace(self, channels={**self.channels, **channels})
 
     def with_flag(self, name: str, reason: str, where: NDArray[np.bool_]) -> "Flight":
-        """The same flight with `reason` (a key of FLAGS) set for channel `name` where `where` is true."""
+        """The same flight with `reason` (a key of FLAGS) set for channel `name` where `where` is
+        true."""
         flag = np.min_scalar_type(FLAGS[reason]).type(FLAGS[reason])
-        bits = self.flags.get(name, np.zeros(len(self.time), dtype=np.uint8)) | np.where(where, flag, flag.dtype.type(0))
+        bits = self.flags.get(name, np.zeros(len(self.time), dtype=np.uint8)) | np.where(
+            where, flag, flag.dtype.type(0)
+        )
         return replace(self, flags={**self.flags, name: bits})

@@ -1,7 +1,9 @@
-"""The one glossary: every channel, coefficient and flag that is stored, with unit, axis and positive direction.
+"""The one glossary: every channel, coefficient and flag that is stored, with unit, axis and
+positive direction.
 
-Axes and signs are those of flight mechanics: body x forward, y right, z down; earth north, east, down. Everything
-is SI and radians. What is not listed here is not stored: `channel` refuses it and offers the nearest name.
+Axes and signs are those of flight mechanics: body x forward, y right, z down; earth north, east,
+down. Everything is SI and radians. What is not listed here is not stored: `channel` refuses it and
+offers the nearest name.
 """
 
 import re
@@ -13,7 +15,8 @@ from aerodb.errors import UnknownNameError, nearest
 
 @dataclass(frozen=True)
 class Channel:
-    """One canonical channel: its name, SI unit, meaning with positive direction, and where the definition is from."""
+    """One canonical channel: its name, SI unit, meaning with positive direction, and where the
+    definition is from."""
 
     name: str
     unit: str
@@ -36,8 +39,18 @@ _TABLE: tuple[tuple[str, str, str, str], ...] = (
     ("temperature", "K", "static air temperature", _ISO),
     ("static_pressure", "Pa", "static air pressure", _ISO),
     ("calibrated_airspeed", "m/s", "calibrated airspeed", _ISO),
-    ("probe_dp_alpha", "Pa", "five-hole probe: pressure of the lower hole less that of the upper", ""),
-    ("probe_dp_beta", "Pa", "five-hole probe: pressure of the right hole less that of the left", ""),
+    (
+        "probe_dp_alpha",
+        "Pa",
+        "five-hole probe: pressure of the lower hole less that of the upper",
+        "",
+    ),
+    (
+        "probe_dp_beta",
+        "Pa",
+        "five-hole probe: pressure of the right hole less that of the left",
+        "",
+    ),
     # Inertial motion
     ("ax", "m/s^2", "specific force at the CG along body x (forward)", _ISO),
     ("ay", "m/s^2", "specific force at the CG along body y (right)", _ISO),
@@ -57,14 +70,34 @@ _TABLE: tuple[tuple[str, str, str, str], ...] = (
     ("velocity_north", "m/s", "velocity over the earth, north", _ISO),
     ("velocity_east", "m/s", "velocity over the earth, east", _ISO),
     ("velocity_down", "m/s", "velocity over the earth, down", _ISO),
-    ("wind_north", "m/s", "velocity of the air over the earth, north, as the on-board solution has it", ""),
-    ("wind_east", "m/s", "velocity of the air over the earth, east, as the on-board solution has it", ""),
-    ("wind_down", "m/s", "velocity of the air over the earth, down, as the on-board solution has it", ""),
+    (
+        "wind_north",
+        "m/s",
+        "velocity of the air over the earth, north, as the on-board solution has it",
+        "",
+    ),
+    (
+        "wind_east",
+        "m/s",
+        "velocity of the air over the earth, east, as the on-board solution has it",
+        "",
+    ),
+    (
+        "wind_down",
+        "m/s",
+        "velocity of the air over the earth, down, as the on-board solution has it",
+        "",
+    ),
     ("north", "m", "position north of the local origin", ""),
     ("east", "m", "position east of the local origin", ""),
     ("altitude", "m", "altitude above mean sea level, positive up", ""),
     ("height_above_ground", "m", "height above ground, positive up", ""),
-    ("pressure_altitude", "m", "altitude at which the standard atmosphere has the measured static pressure", "ICAO 7488"),
+    (
+        "pressure_altitude",
+        "m",
+        "altitude at which the standard atmosphere has the measured static pressure",
+        "ICAO 7488",
+    ),
     ("slant_range", "m", "distance to the ground along a beam fixed in the body, down", ""),
     ("latitude", "rad", "geodetic latitude, north positive", ""),
     ("longitude", "rad", "longitude, east positive", ""),
@@ -86,12 +119,18 @@ _TABLE: tuple[tuple[str, str, str, str], ...] = (
     ("q_hat", "1", "q c / (2 V)", "Klein & Morelli 2006"),
     ("r_hat", "1", "r b / (2 V)", "Klein & Morelli 2006"),
     ("alphadot_hat", "1", "alphadot c / (2 V)", "Klein & Morelli 2006"),
-    # What a pilot or a test programme asks for, before any controller adds to it: the whole way is 1, the sign that of the log
+    # What a pilot or a test programme asks for, before any controller adds to it: the whole way is
+    # 1, the sign that of the log
     ("command_roll", "1", "command in roll", ""),
     ("command_pitch", "1", "command in pitch", ""),
     ("command_yaw", "1", "command in yaw", ""),
     # States of the flow, which a state model makes of a flight
-    ("flow_attachment", "1", "how far the flow over the wing is attached, 1 attached, 0 separated", "Leishman & Beddoes 1989"),
+    (
+        "flow_attachment",
+        "1",
+        "how far the flow over the wing is attached, 1 attached, 0 separated",
+        "Leishman & Beddoes 1989",
+    ),
     # Positions that are not surfaces but are used like them
     ("captive", "1", "1 while a carrier holds the vehicle, 0 in free flight", ""),
     ("delta_landing_gear", "1", "landing gear position, 0 up to 1 down and locked", ""),
@@ -118,11 +157,17 @@ _AXIS_TEXT: Final[dict[str, str]] = {
     "C_side": "side force over qbar S, positive right, normal to lift and drag",
 }
 
-#: Free inputs of imported databases that a state model makes along a flight, where they then stand beside the channels.
+#: Free inputs of imported databases that a state model makes along a flight, where they then stand
+#: beside the channels.
 STATES: Final[dict[str, Channel]] = {
     c.name: c
     for c in (
-        Channel("stall_hyst_norm", "1", "1 from the stall until the flow attaches again, else 0", "JSBSim, aero/stall-hyst-norm"),
+        Channel(
+            "stall_hyst_norm",
+            "1",
+            "1 from the stall until the flow attaches again, else 0",
+            "JSBSim, aero/stall-hyst-norm",
+        ),
     )
 }
 
@@ -133,7 +178,11 @@ RESULT_COLUMNS: Final[dict[str, Channel]] = {
         Channel("axis", "", "which coefficient the row is about: CX CY CZ Cl Cm Cn"),
         Channel("measured", "1", "total coefficient reconstructed from flight"),
         Channel("sigma", "1", "one standard deviation of `measured` from sensor noise"),
-        Channel("predicted", "1", "coefficient that a database version gives for the same flight condition"),
+        Channel(
+            "predicted",
+            "1",
+            "coefficient that a database version gives for the same flight condition",
+        ),
         Channel("residual", "1", "measured - predicted"),
         Channel("usable", "", "true where the sample may identify or validate"),
         Channel("sigma_V", "m/s", "one standard error of the consistent true airspeed"),
@@ -142,13 +191,20 @@ RESULT_COLUMNS: Final[dict[str, Channel]] = {
         Channel("sigma_phi", "rad", "one standard error of the consistent bank angle"),
         Channel("sigma_theta", "rad", "one standard error of the consistent pitch attitude"),
         Channel("sigma_psi", "rad", "one standard error of the consistent heading"),
-        Channel("product", "1", "whitened cross-products of the columns and the residual of tracing, row by row"),
-        Channel("product_noisy", "1", "the same with the reconstruction's state noise added once more"),
+        Channel(
+            "product",
+            "1",
+            "whitened cross-products of the columns and the residual of tracing, row by row",
+        ),
+        Channel(
+            "product_noisy", "1", "the same with the reconstruction's state noise added once more"
+        ),
     )
 }
 
-#: Bits of a `flags_<channel>` column: why a sample of that channel must not be used. ``captive``: the carrier flies the vehicle,
-#: which says nothing of its aerodynamics; its kinematics are as good as ever.
+#: Bits of a `flags_<channel>` column: why a sample of that channel must not be used. ``captive``:
+#: the carrier flies the vehicle, which says nothing of its aerodynamics; its kinematics are as good
+#: as ever.
 FLAGS: Final[dict[str, int]] = {
     "gap": 1,
     "wild_point": 2,
@@ -190,7 +246,9 @@ def channel(name: str) -> Channel:
         return STATES[name]
     if is_surface(name):
         what = name.removeprefix("delta_").replace("_", " ")
-        return Channel(name, "rad", f"deflection of {what}, trailing edge down positive (rudder: left)", _ISO)
+        return Channel(
+            name, "rad", f"deflection of {what}, trailing edge down positive (rudder: left)", _ISO
+        )
     inner = name.removeprefix("flags_")
     if inner != name and (inner == "flight" or inner in CHANNELS or is_surface(inner)):
         return Channel(name, "", f"why samples of {inner} must not be used; bits as in FLAGS")

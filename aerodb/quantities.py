@@ -1,4 +1,5 @@
-"""Numbers as people write them in files: SI, or text with a unit that is converted when the file is read."""
+"""Numbers as people write them in files: SI, or text with a unit that is converted when the file is
+read."""
 
 from typing import Annotated
 
@@ -9,7 +10,9 @@ from aerodb.units import quantity
 
 def unit_of(unit: str) -> BeforeValidator:
     """A number in SI, or text such as "6.5 ft" that is converted to `unit`."""
-    return BeforeValidator(lambda value: quantity(value, unit) if isinstance(value, (str, int, float)) else value)
+    return BeforeValidator(
+        lambda value: quantity(value, unit) if isinstance(value, (str, int, float)) else value
+    )
 
 
 Metres = Annotated[float, unit_of("m")]

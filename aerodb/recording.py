@@ -1,4 +1,5 @@
-"""A Recording: a log as it is, topics at their own rates and clocks, before any meaning is given to them."""
+"""A Recording: a log as it is, topics at their own rates and clocks, before any meaning is given to
+them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -15,10 +16,10 @@ DamageKind = Literal["lost_tail", "framing", "dropout", "time", "values"]
 class Damage:
     """One thing that is wrong with a log.
 
-    `kind`: ``lost_tail`` (the file ends inside a record), ``framing`` (bytes inside that belong to no record),
-    ``dropout`` (the logger itself reported loss), ``time`` (a clock that runs backwards), ``values`` (fields that
-    cannot be decoded). `topic` is empty when the whole file is concerned; `start` and `end` are seconds on the log's
-    clock, None when unknown.
+    `kind`: ``lost_tail`` (the file ends inside a record), ``framing`` (bytes inside that belong to
+    no record), ``dropout`` (the logger itself reported loss), ``time`` (a clock that runs
+    backwards), ``values`` (fields that cannot be decoded). `topic` is empty when the whole file is
+    concerned; `start` and `end` are seconds on the log's clock, None when unknown.
     """
 
     kind: DamageKind
@@ -31,7 +32,8 @@ class Damage:
 
 @dataclass(frozen=True)
 class Topic:
-    """One topic (or instance of one): time (n,) in s on the log's monotonic clock, fields of shape (n,).
+    """One topic (or instance of one): time (n,) in s on the log's monotonic clock, fields of shape
+    (n,).
 
     `units` holds what the log itself declares; a field without an entry has no declared unit.
     """
@@ -44,10 +46,11 @@ class Topic:
 
 @dataclass(frozen=True)
 class Recording:
-    """What a reader gives: topics by name (instance ``i > 0`` as ``name.i``), metadata, damage, and the bytes' hash.
+    """What a reader gives: topics by name (instance ``i > 0`` as ``name.i``), metadata, damage, and
+    the bytes' hash.
 
-    `format` is one of ``ulog mcap tabular``; `layout` is what a mapping is chosen by (for example ``px4``,
-    ``ros2``, ``sidpac_fdata``), empty when the reader cannot tell.
+    `format` is one of ``ulog mcap tabular``; `layout` is what a mapping is chosen by (for example
+    ``px4``, ``ros2``, ``sidpac_fdata``), empty when the reader cannot tell.
     """
 
     source: str

@@ -1,4 +1,5 @@
-"""Units at the edges: what a log or a file declares becomes SI; inside the product nothing carries a unit."""
+"""Units at the edges: what a log or a file declares becomes SI; inside the product nothing carries
+a unit."""
 
 from functools import lru_cache
 from typing import Any
@@ -19,7 +20,13 @@ def _registry() -> Any:
     return registry
 
 
-_SPELLINGS = {"": "dimensionless", "-": "dimensionless", "1": "dimensionless", "g": "g0", "lbs": "lbf"}
+_SPELLINGS = {
+    "": "dimensionless",
+    "-": "dimensionless",
+    "1": "dimensionless",
+    "g": "g0",
+    "lbs": "lbf",
+}
 
 
 @lru_cache(maxsize=256)
@@ -38,11 +45,17 @@ def conversion(unit: str, to: str) -> tuple[float, float]:
     try:
         source = _registry().Unit(_SPELLINGS.get(unit, unit))
         target = _registry().Unit(_SPELLINGS.get(to, to))
-        zero, one = (float(_registry().Quantity(x, source).to(target).magnitude) for x in (0.0, 1.0))
-    except Exception as error:  # pint's parser raises many types, down to TokenError, on malformed text
+        zero, one = (
+            float(_registry().Quantity(x, source).to(target).magnitude) for x in (0.0, 1.0)
+        )
+    except (
+        Exception
+    ) as error:  # pint's parser raises many types, down to TokenError, on malformed text
         if type(error).__name__ == "DimensionalityError":
             raise InputError(f"unit '{unit}' cannot become '{to}': {error}") from error
-        raise InputError(f"unknown unit '{unit}'", remedy="use a name that pint knows, such as deg, ft/s, slug") from error
+        raise InputError(
+            f"unknown unit '{unit}'", remedy="use a name that pint knows, such as deg, ft/s, slug"
+        ) from error
     return one - zero, zero
 
 
@@ -54,7 +67,8 @@ def convert(values: NDArray[np.floating[Any]] | float, unit: str, to: str) -> ND
 
 
 def quantity(value: float | int | str, unit: str) -> float:
-    """A number in SI: a bare number is taken as SI, text such as ``"6.5 ft"`` is converted to `unit`.
+    """A number in SI: a bare number is taken as SI, text such as ``"6.5 ft"`` is converted to
+    `unit`.
 
     >>> quantity("90 deg", "rad") == quantity(1.5707963267948966, "rad")
     True
@@ -70,4 +84,7 @@ def quantity(value: float | int | str, unit: str) -> float:
         except ValueError:
             continue
         return float(convert(number, text[end:].strip() or unit, unit))
-    raise InputError(f"'{value}' is not a quantity", remedy=f"write a number (in {unit or 'no unit'}) or a number with a unit")
+    raise InputError(
+        f"'{value}' is not a quantity",
+        remedy=f"write a number (in {unit or 'no unit'}) or a number with a unit",
+    )

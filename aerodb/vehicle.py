@@ -1,7 +1,9 @@
-"""The vehicle file: reference geometry, points, mass properties, surfaces, thrust, sensors and accuracy limits.
+"""The vehicle file: reference geometry, points, mass properties, surfaces, thrust, sensors and
+accuracy limits.
 
-Positions are metres in body axes (x forward, y right, z down) from the vehicle's datum. Numbers are SI; text with a
-unit ("6.5 ft", "-25 deg") is converted when the file is read. Unknown keys are errors with the nearest known key.
+Positions are metres in body axes (x forward, y right, z down) from the vehicle's datum. Numbers are
+SI; text with a unit ("6.5 ft", "-25 deg") is converted when the file is read. Unknown keys are
+errors with the nearest known key.
 """
 
 import tomllib
@@ -23,7 +25,8 @@ from aerodb.units import quantity
 
 
 class Reference(Strict):
-    """Reference area [m2], chord [m] (for Cm and q_hat) and full span [m] (for Cl, Cn, p_hat, r_hat)."""
+    """Reference area [m2], chord [m] (for Cm and q_hat) and full span [m] (for Cl, Cn, p_hat,
+    r_hat)."""
 
     area: Annotated[float, unit_of("m^2"), Field(gt=0)]
     chord: Annotated[float, unit_of("m"), Field(gt=0)]
@@ -31,9 +34,9 @@ class Reference(Strict):
 
 
 class Points(Strict):
-    """Named points in body axes from the datum. `moment_reference` may be ``"cg"``: moments about the moving CG. `gps`: the point
-    whose position and velocity over the earth the log holds: a receiver's antenna, or what a navigation filter refers them to
-    (PX4: the IMU); None: the CG."""
+    """Named points in body axes from the datum. `moment_reference` may be ``"cg"``: moments about
+    the moving CG. `gps`: the point whose position and velocity over the earth the log holds: a
+    receiver's antenna, or what a navigation filter refers them to (PX4: the IMU); None: the CG."""
 
     moment_reference: Point | Literal["cg"]
     datum_note: str = ""
@@ -45,9 +48,10 @@ class Points(Strict):
 class AirData(Strict):
     """How the air-data probe is mounted and read.
 
-    `orientation`: roll, pitch, yaw of the boom against the body axes (3-2-1, pitch nose up). `upwash` (alpha, beta): share by
-    which the flow angle at the probe exceeds that of the free stream. `beta`: ``sideslip`` asin(v/V), or ``flank`` angle
-    atan2(v, u), which a free vane shows. `five_hole`: calibration of a five-hole probe's raw pressures.
+    `orientation`: roll, pitch, yaw of the boom against the body axes (3-2-1, pitch nose up).
+    `upwash` (alpha, beta): share by which the flow angle at the probe exceeds that of the free
+    stream. `beta`: ``sideslip`` asin(v/V), or ``flank`` angle atan2(v, u), which a free vane shows.
+    `five_hole`: calibration of a five-hole probe's raw pressures.
     """
 
     orientation: tuple[Radians, Radians, Radians] = (0.0, 0.0, 0.0)
@@ -57,8 +61,8 @@ class AirData(Strict):
 
 
 class MassProperties(Strict):
-    """Mass, CG and inertia: constant; or over fuel mass (`fuel_mass` increasing, all others lists of that length);
-    or named channels of the log (`source = "channels"`)."""
+    """Mass, CG and inertia: constant; or over fuel mass (`fuel_mass` increasing, all others lists
+    of that length); or named channels of the log (`source = "channels"`)."""
 
     source: Literal["constant", "fuel_table", "channels"] = "constant"
     fuel_mass: tuple[Annotated[float, unit_of("kg"), Field(ge=0)], ...] = ()
@@ -90,7 +94,8 @@ class MassProperties(Strict):
 
 
 class LogSource(Strict):
-    """Where a surface stands in the log, when the built-in mapping cannot know: topic, field, unit."""
+    """Where a surface stands in the log, when the built-in mapping cannot know: topic, field,
+    unit."""
 
     topic: str
     field: str
@@ -100,8 +105,8 @@ class LogSource(Strict):
 class Surface(Strict):
     """A control surface: deflection limits, and how a logged command becomes a deflection.
 
-    ``deflection = offset + scale * command``, then a first-order lag with time constant `lag` [s]. `log` names the
-    place in the log; without it the mapping's own channel ``delta_<name>`` is used.
+    ``deflection = offset + scale * command``, then a first-order lag with time constant `lag` [s].
+    `log` names the place in the log; without it the mapping's own channel ``delta_<name>`` is used.
     """
 
     limits: tuple[Radians, Radians]
@@ -119,7 +124,8 @@ class Surface(Strict):
 
 
 class Combination(Strict):
-    """A deflection made of a right and a left surface: symmetric (R + L)/2 or asymmetric (R - L)/2 (003, eq. 6)."""
+    """A deflection made of a right and a left surface: symmetric (R + L)/2 or asymmetric (R - L)/2
+    (003, eq. 6)."""
 
     kind: Literal["symmetric", "asymmetric"]
     right: str
@@ -127,7 +133,8 @@ class Combination(Strict):
 
 
 class Thrust(Strict):
-    """Thrust: none; unknown (flagged); a channel of the log in N along `direction` through `point`."""
+    """Thrust: none; unknown (flagged); a channel of the log in N along `direction` through
+    `point`."""
 
     source: Literal["none", "unknown", "channel"] = "none"
     direction: tuple[Number, Number, Number] = (1.0, 0.0, 0.0)
@@ -135,7 +142,8 @@ class Thrust(Strict):
 
 
 class Sensor(Strict):
-    """White noise (one sigma, SI of the channel), and what is known beforehand of bias and delay (one sigma)."""
+    """White noise (one sigma, SI of the channel), and what is known beforehand of bias and delay
+    (one sigma)."""
 
     noise: Number = Field(default=0.0, ge=0)
     bias_prior: Number = Field(default=0.0, ge=0)
@@ -153,7 +161,8 @@ class Accuracy(Strict):
 
 
 class Processing(Strict):
-    """Uniform grid rate [Hz] (None: the fastest inertial topic's own) and smoothing bandwidth [Hz] of the rates."""
+    """Uniform grid rate [Hz] (None: the fastest inertial topic's own) and smoothing bandwidth [Hz]
+    of the rates."""
 
     rate: Annotated[float, unit_of("Hz"), Field(gt=0)] | None = None
     bandwidth: Annotated[float, unit_of("Hz"), Field(gt=0)] | None = None
@@ -179,12 +188,16 @@ class Vehicle(Strict):
     @model_validator(mode="before")
     @classmethod
     def _channel_units(cls, data: Any) -> Any:
-        """Noise, priors and fixed channels are stated in units of their channel: here alone it is known which that is."""
+        """Noise, priors and fixed channels are stated in units of their channel: here alone it is
+        known which that is."""
         if not isinstance(data, dict):
             return data
         sensors = data.get("sensors", {})
         if isinstance(sensors, dict):
-            sensors = {name: _in_unit_of(name, entry) if isinstance(entry, dict) else entry for name, entry in sensors.items()}
+            sensors = {
+                name: _in_unit_of(name, entry) if isinstance(entry, dict) else entry
+                for name, entry in sensors.items()
+            }
         configuration = data.get("configuration", {})
         if isinstance(configuration, dict):
             configuration = {name: _converted(name, value) for name, value in configuration.items()}
@@ -195,7 +208,10 @@ class Vehicle(Strict):
         for combination in self.combinations.values():
             for side in (combination.right, combination.left):
                 if side not in self.surfaces:
-                    raise ValueError(f"combination uses surface '{side}' which is not declared; {nearest(side, self.surfaces)}")
+                    raise ValueError(
+                        f"combination uses surface '{side}' which is not declared;"
+                        f" {nearest(side, self.surfaces)}"
+                    )
         for name in (*self.configuration, *self.sensors):
             try:
                 channel(name)
@@ -212,11 +228,15 @@ def _converted(name: str, value: Any) -> Any:
 
 
 def _in_unit_of(name: str, entry: dict[str, Any]) -> dict[str, Any]:
-    return {key: _converted(name, value) if key in ("noise", "bias_prior") else value for key, value in entry.items()}
+    return {
+        key: _converted(name, value) if key in ("noise", "bias_prior") else value
+        for key, value in entry.items()
+    }
 
 
 def parse_vehicle(text: str, where: str = "vehicle file") -> Vehicle:
-    """A Vehicle from the text of its TOML file; InputError names the key, the reason and the nearest known key."""
+    """A Vehicle from the text of its TOML file; InputError names the key, the reason and the
+    nearest known key."""
     try:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
@@ -225,7 +245,8 @@ def parse_vehicle(text: str, where: str = "vehicle file") -> Vehicle:
 
 
 def add_combinations(flight: Flight, vehicle: Vehicle) -> Flight:
-    """Adds ``delta_<combination>`` (003, below eq. 6) for every combination whose two surfaces the flight has.
+    """Adds ``delta_<combination>`` (003, below eq. 6) for every combination whose two surfaces the
+    flight has.
 
     Where either surface is flagged, so is the combination.
     """
@@ -243,7 +264,8 @@ def add_combinations(flight: Flight, vehicle: Vehicle) -> Flight:
 
 
 def mass_channels(flight: Flight, vehicle: Vehicle) -> Mapping[str, Array]:
-    """Mass [kg], CG [m, from the datum] and inertia [kg m2] at each sample: channels mass, cg_*, I**; each (n,).
+    """Mass [kg], CG [m, from the datum] and inertia [kg m2] at each sample: channels mass, cg_*,
+    I**; each (n,).
 
     Raises InputError where the vehicle says that the log holds them and it does not.
     """
@@ -256,18 +278,29 @@ def mass_channels(flight: Flight, vehicle: Vehicle) -> Mapping[str, Array]:
             raise InputError(what, f"flight {flight.id}", "give constants in [mass]")
         return {name: flight[name] for name in names}
     columns = np.column_stack(
-        [np.atleast_1d(np.asarray(properties.mass, float)), np.atleast_2d(np.asarray(properties.cg, float))]
+        [
+            np.atleast_1d(np.asarray(properties.mass, float)),
+            np.atleast_2d(np.asarray(properties.cg, float)),
+        ]
         + [np.atleast_1d(np.asarray(getattr(properties, name), float)) for name in names[4:]]
     )
     if properties.source == "constant":
         return {name: np.full(n, columns[0, k]) for k, name in enumerate(names)}
     if "fuel_mass" not in flight:
-        raise InputError("no channel fuel_mass for the fuel table", f"flight {flight.id}", "log it, or give constants in [mass]")
-    return {name: np.interp(flight["fuel_mass"], properties.fuel_mass, columns[:, k]) for k, name in enumerate(names)}
+        raise InputError(
+            "no channel fuel_mass for the fuel table",
+            f"flight {flight.id}",
+            "log it, or give constants in [mass]",
+        )
+    return {
+        name: np.interp(flight["fuel_mass"], properties.fuel_mass, columns[:, k])
+        for k, name in enumerate(names)
+    }
 
 
 def cg_positions(flight: Flight, vehicle: Vehicle) -> Array:
-    """Position of the CG at each sample, (n, 3) m in body axes from the datum; errors as in `mass_channels`."""
+    """Position of the CG at each sample, (n, 3) m in body axes from the datum; errors as in
+    `mass_channels`."""
     properties = mass_channels(flight, vehicle)
     return np.column_stack([properties[name] for name in ("cg_x", "cg_y", "cg_z")])
 

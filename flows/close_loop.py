@@ -1,4 +1,5 @@
-"""The closed loop as a flow: residuals traced to the effects that the database lacks, those added, and the candidate proved."""
+"""The closed loop as a flow: residuals traced to the effects that the database lacks, those added,
+and the candidate proved."""
 
 from typing import Any
 
@@ -32,20 +33,35 @@ def close_loop_flow(
     effects: str = "",
     library: str = "",
 ) -> dict[str, Any]:
-    """Traces the residuals of `flights` beside version `baseline` (full ids) and adds what is proved.
+    """Traces the residuals of `flights` beside version `baseline` (full ids) and adds what is
+    proved.
 
-    hold_out : as in the update. accept_* : effects that enter although their verdict alone would not let them. effects : the
-    text of a file of user templates. library : the hash that the library must have, or its beginning.
-    Returns the loop's document with ``label`` and ``page``, the file of its report; ``candidate`` is None where nothing was
-    added.
+    hold_out : as in the update. accept_* : effects that enter although their verdict alone would
+    not let them. effects : the text of a file of user templates. library : the hash that the
+    library must have, or its beginning. Returns the loop's document with ``label`` and ``page``,
+    the file of its report; ``candidate`` is None where nothing was added.
     """
     where = {"workspace": workspace, "run": run}
     accept = Accept(tuple(accept_lumped or ()), tuple(accept_suspected or ()))
     compared = steps.map(compare_with_version, flights, **where, version=baseline)
-    plan = steps(plan_update, compared, **where, vehicle=vehicle, baseline=baseline, model="", hold_out=hold_out)
+    plan = steps(
+        plan_update,
+        compared,
+        **where,
+        vehicle=vehicle,
+        baseline=baseline,
+        model="",
+        hold_out=hold_out,
+    )
     frozen = steps(freeze_library, plan, **where, effects=effects, expected=library)
     # The first round's Grams are the bulk of the work, and do not depend on each other.
-    steps.map(trace_flight, plan.hold_out.identified, **where, library=frozen, database=stores(workspace).database(baseline))
+    steps.map(
+        trace_flight,
+        plan.hold_out.identified,
+        **where,
+        library=frozen,
+        database=stores(workspace).database(baseline),
+    )
     loop = steps(run_loop, plan, frozen, **where, accept=accept)
     proof = steps(prove_loop, plan, frozen, loop, **where, accept=accept)
     left = steps(what_is_left, plan, frozen, loop, **where)

@@ -1,7 +1,9 @@
-"""The demo: the built-in example through the whole product, from real log files to a proof on flights not used.
+"""The demo: the built-in example through the whole product, from real log files to a proof on
+flights not used.
 
-The flights are simulated on a sealed truth; what they leave are ``.ulg`` files and a closed envelope. The flows that run are the
-product's own and see nothing but the logs. Only when all results are stored is the envelope opened.
+The flights are simulated on a sealed truth; what they leave are ``.ulg`` files and a closed
+envelope. The flows that run are the product's own and see nothing but the logs. Only when all
+results are stored is the envelope opened.
 """
 
 import json
@@ -38,8 +40,8 @@ Agreement = Literal["named", "in_set", "missed"]
 class Demo:
     """What the demo shows: the closed loop's document, and the opened envelope beside it.
 
-    floors : axis -> rms on the held-out flights ``before``, ``after`` and ``floor``, the last that of the true model.
-    truth : the effects that flew, each with ``agreement``.
+    floors : axis -> rms on the held-out flights ``before``, ``after`` and ``floor``, the last that
+    of the true model. truth : the effects that flew, each with ``agreement``.
     """
 
     document: dict[str, Any]
@@ -53,50 +55,78 @@ def run_demo(workspace: Workspace, logs: list[Path], run: Run, say: Say) -> Demo
     database.write_text(text("preflight.toml"), encoding="utf-8")
     opened = stores(str(workspace.root))
     opened.catalogue.add_vehicle(VEHICLE, text("vehicle.toml"))
-    baseline = run(import_flow, {"file": str(database), "vehicle": VEHICLE, "bindings": {}})["version"]
+    baseline = run(import_flow, {"file": str(database), "vehicle": VEHICLE, "bindings": {}})[
+        "version"
+    ]
     outcomes = run(flight_flow, {"logs": [str(log) for log in logs], "vehicle": VEHICLE})
     ids = [outcome["flight"] for outcome in outcomes]
-    say(f"took in {len(ids)} logs: {', '.join(sorted({outcome['status'] for outcome in outcomes}))}")
+    say(
+        f"took in {len(ids)} logs: {', '.join(sorted({outcome['status'] for outcome in outcomes}))}"
+    )
     document = run(close_loop_flow, {"vehicle": VEHICLE, "baseline": baseline, "flights": ids})
     effects = open_envelope(logs[0].parent)
-    told = [{**asdict(effect), "agreement": agreement(effect, document["findings"])} for effect in effects]
+    told = [
+        {**asdict(effect), "agreement": agreement(effect, document["findings"])}
+        for effect in effects
+    ]
     return Demo(document, floors(workspace, document, effects), told)
 
 
 def write_logs(folder: Path, flights: int, seed: int | None) -> list[Path]:
-    """Flies the campaign, writes one ``.ulg`` file per flight and closes the truth in an envelope; returns the logs as flown.
+    """Flies the campaign, writes one ``.ulg`` file per flight and closes the truth in an envelope;
+    returns the logs as flown.
 
     seed : draws the undeclared effects and all else that is random; None: the Phoenix case of 003.
     """
     folder.mkdir(parents=True, exist_ok=True)
     effects = EFFECTS if seed is None else drawn(seed)
-    (folder / ENVELOPE).write_text(json.dumps([asdict(effect) for effect in effects], indent=1) + "\n", encoding="utf-8")
+    (folder / ENVELOPE).write_text(
+        json.dumps([asdict(effect) for effect in effects], indent=1) + "\n", encoding="utf-8"
+    )
     paths = []
     for log in fly(seed or 0, flights, effects):
         path = folder / f"{log.name}.ulg"
-        write_ulog(path, log.topics, metadata={"sys_name": "PX4", "ver_hw": "AERODB_EXAMPLE"}, start_utc=log.start_utc)
+        write_ulog(
+            path,
+            log.topics,
+            metadata={"sys_name": "PX4", "ver_hw": "AERODB_EXAMPLE"},
+            start_utc=log.start_utc,
+        )
         paths.append(path)
     return paths
 
 
 def open_envelope(folder: Path) -> tuple[Effect, ...]:
     """The effects that flew."""
-    return tuple(Effect(**entry) for entry in json.loads((folder / ENVELOPE).read_text(encoding="utf-8")))
+    return tuple(
+        Effect(**entry) for entry in json.loads((folder / ENVELOPE).read_text(encoding="utf-8"))
+    )
 
 
 def agreement(effect: Effect, findings: list[dict[str, Any]]) -> Agreement:
-    """Whether a true effect was named, stands in the explanation set of a finding, or was missed."""
-    heads = {f["parameter"] for f in findings if f["effect"] == effect.effect and effect.axis in f["axis"]}
+    """Whether a true effect was named, stands in the explanation set of a finding, or was
+    missed."""
+    heads = {
+        f["parameter"]
+        for f in findings
+        if f["effect"] == effect.effect and effect.axis in f["axis"]
+    }
     plain = effect.parameter.partition(" ")[0]
     if any(head == effect.parameter or head.partition(" ")[0] == plain for head in heads):
         return "named"
     within = {member for finding in findings for member in finding["explanation_set"]}
-    own = {f"{effect.effect}@{effect.axis}", f"{effect.effect}@{effect.axis}:{effect.regressor.removeprefix('delta_')}"}
+    own = {
+        f"{effect.effect}@{effect.axis}",
+        f"{effect.effect}@{effect.axis}:{effect.regressor.removeprefix('delta_')}",
+    }
     return "in_set" if own & within else "missed"
 
 
-def floors(workspace: Workspace, document: dict[str, Any], effects: tuple[Effect, ...]) -> dict[str, dict[str, float]]:
-    """Residual of the baseline, the candidate and the true model on the same reconstructed held-out coefficients."""
+def floors(
+    workspace: Workspace, document: dict[str, Any], effects: tuple[Effect, ...]
+) -> dict[str, dict[str, float]]:
+    """Residual of the baseline, the candidate and the true model on the same reconstructed held-out
+    coefficients."""
     opened = stores(str(workspace.root))
     baseline = opened.database(document["baseline"])
     models = {
@@ -104,10 +134,15 @@ def floors(workspace: Workspace, document: dict[str, Any], effects: tuple[Effect
         "after": opened.database(document["candidate"]) if document["candidate"] else baseline,
         "floor": truth(baseline, effects)[0],
     }
-    residuals: dict[str, dict[str, list[np.ndarray]]] = {axis: {name: [] for name in models} for axis in AXES}
+    residuals: dict[str, dict[str, list[np.ndarray]]] = {
+        axis: {name: [] for name in models} for axis in AXES
+    }
     for id in document["flights"]["held_out"]:
         for name, database in models.items():
             comparison = compared(opened, id, database, "")
             for axis in AXES:
                 residuals[axis][name].append(comparison.residual(axis)[comparison.usable[axis]])
-    return {axis: {name: rms(np.concatenate(parts)) for name, parts in sides.items()} for axis, sides in residuals.items()}
+    return {
+        axis: {name: rms(np.concatenate(parts)) for name, parts in sides.items()}
+        for axis, sides in residuals.items()
+    }

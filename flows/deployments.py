@@ -1,4 +1,5 @@
-"""What runs when, as Prefect deployments, and the runner that starts their runs: a process of `aerodb serve`.
+"""What runs when, as Prefect deployments, and the runner that starts their runs: a process of
+`aerodb serve`.
 
 Beside `flows/run.py` the only module that imports Prefect. Each run is a process of its own.
 """
@@ -31,7 +32,10 @@ _THREADS: Any = ThreadPoolTaskRunner(max_workers=os.cpu_count() or 1)
 @flow(name="nightly", persist_result=False, validate_parameters=False, task_runner=_THREADS)
 def nightly(workspace: str, vehicle: str | None = None) -> None:
     """One night; where the night before it still lasts, that one does it all."""
-    from aerodb.flows.nightly import night_lock, nightly_flow  # here and below: a run does not wait for the science of the other
+    from aerodb.flows.nightly import (
+        night_lock,
+        nightly_flow,
+    )  # here and below: a run does not wait for the science of the other
 
     opened = Workspace.open(Path(workspace), create=False)
     lock = take(night_lock(opened, vehicle))
@@ -62,17 +66,29 @@ def schedules(settings: Settings, workspace: str) -> list[PrefectSchedule]:
 
 def _schedule(asked: Schedule, parameters: dict[str, Any]) -> PrefectSchedule:
     if asked.every is not None:
-        return Interval(timedelta(seconds=asked.every), timezone=asked.timezone, parameters=parameters)
+        return Interval(
+            timedelta(seconds=asked.every), timezone=asked.timezone, parameters=parameters
+        )
     return Cron(asked.cron, timezone=asked.timezone, parameters=parameters)
 
 
 def main() -> None:
-    """Registers the deployments of the workspace that the first argument names, and starts their runs until it is stopped."""
+    """Registers the deployments of the workspace that the first argument names, and starts their
+    runs until it is stopped."""
     workspace = sys.argv[1]
     settings = load_settings(Path(workspace))
-    kind: dict[str, Any] = {"entrypoint_type": EntrypointType.MODULE_PATH, "enforce_parameter_schema": False}
-    every_night: Any = nightly.to_deployment("nightly", schedules=schedules(settings, workspace), **kind)
-    trigger = DeploymentEventTrigger(name="logs wait in the inbox", expect={ARRIVED}, parameters={"workspace": workspace})
-    on_arrival: Any = arrival.to_deployment(ARRIVAL, triggers=[trigger], parameters={"workspace": workspace}, **kind)
+    kind: dict[str, Any] = {
+        "entrypoint_type": EntrypointType.MODULE_PATH,
+        "enforce_parameter_schema": False,
+    }
+    every_night: Any = nightly.to_deployment(
+        "nightly", schedules=schedules(settings, workspace), **kind
+    )
+    trigger = DeploymentEventTrigger(
+        name="logs wait in the inbox", expect={ARRIVED}, parameters={"workspace": workspace}
+    )
+    on_arrival: Any = arrival.to_deployment(
+        ARRIVAL, triggers=[trigger], parameters={"workspace": workspace}, **kind
+    )
     options: dict[str, Any] = {"pause_on_shutdown": False, "print_starting_message": False}
     serve(every_night, on_arrival, limit=_AT_ONCE, query_seconds=_POLL_SECONDS, **options)

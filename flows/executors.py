@@ -1,7 +1,9 @@
-"""Where the steps of flights are done: here, or by the workers of a Dask cluster (section ``[work]`` of the settings).
+"""Where the steps of flights are done: here, or by the workers of a Dask cluster (section
+``[work]`` of the settings).
 
-A worker gets a step and its arguments, and nothing of the orchestrator: the run, its record, its retries and its time limits stay
-in the run's own process. Steps are keyed by what goes into them, so that one done twice, because a worker was lost, is done once.
+A worker gets a step and its arguments, and nothing of the orchestrator: the run, its record, its
+retries and its time limits stay in the run's own process. Steps are keyed by what goes into them,
+so that one done twice, because a worker was lost, is done once.
 """
 
 import json
@@ -24,7 +26,8 @@ from aerodb.tasks.provenance import code_version
 from aerodb.tasks.result_versions import RESULT_VERSION
 
 Step = Callable[..., Any]
-#: A step with its arguments; done, or waited for, when it is called. It may be called again after it has failed.
+#: A step with its arguments; done, or waited for, when it is called. It may be called again after
+#: it has failed.
 Call = Callable[[], Any]
 
 #: A scheduler that does not answer, or has no worker, after so long [s] is not there.
@@ -36,29 +39,44 @@ _PAGE: Final = "see flows/deploy/many-machines.md"
 class Work(Protocol):
     """Where steps are done."""
 
-    def calls(self, step: Step, items: Iterable[Any], *args: Any, **keywords: Any) -> Sequence[Call]:
+    def calls(
+        self, step: Step, items: Iterable[Any], *args: Any, **keywords: Any
+    ) -> Sequence[Call]:
         """One call for each item, the step's first argument."""
 
     def __enter__(self) -> Self: ...
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None: ...
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None: ...
 
 
 class Here:
     """Steps done by whoever calls them."""
 
-    def calls(self, step: Step, items: Iterable[Any], *args: Any, **keywords: Any) -> Sequence[Call]:
+    def calls(
+        self, step: Step, items: Iterable[Any], *args: Any, **keywords: Any
+    ) -> Sequence[Call]:
         return [partial(step, item, *args, **keywords) for item in items]
 
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
         """Nothing to give back."""
 
 
 class Cluster:
-    """Steps done by the workers of the Dask cluster at `address`; connected to when the first of them comes.
+    """Steps done by the workers of the Dask cluster at `address`; connected to when the first of
+    them comes.
 
     far : whether workers may be on other machines, because those share the catalogue.
     """
@@ -68,7 +86,9 @@ class Cluster:
         self._client: Any = None
         self._connecting = threading.Lock()
 
-    def calls(self, step: Step, items: Iterable[Any], *args: Any, **keywords: Any) -> Sequence[Call]:
+    def calls(
+        self, step: Step, items: Iterable[Any], *args: Any, **keywords: Any
+    ) -> Sequence[Call]:
         todo = list(items)
         if not todo:
             return []
@@ -87,27 +107,42 @@ class Cluster:
         try:
             import distributed
         except ImportError as error:
-            raise SettingsError("Dask is not installed", _WHERE, "install aerodb[dask], or engine = 'threads'") from error
+            raise SettingsError(
+                "Dask is not installed", _WHERE, "install aerodb[dask], or engine = 'threads'"
+            ) from error
         try:
-            for name in ("distributed", "distributed.client", "distributed.core"):  # what matters is raised
+            for name in (
+                "distributed",
+                "distributed.client",
+                "distributed.core",
+            ):  # what matters is raised
                 logging.getLogger(name).setLevel(logging.CRITICAL)
             connect: Any = distributed.Client
             client = connect(self._address, timeout=_ANSWERS, set_as_default=False)
         except OSError as error:
             what = f"no scheduler of a Dask cluster answers at {self._address}"
-            raise StoreBusyError(what, _WHERE, 'start it (dask scheduler), or engine = "threads"') from error
+            raise StoreBusyError(
+                what, _WHERE, 'start it (dask scheduler), or engine = "threads"'
+            ) from error
         try:
             client.wait_for_workers(1, timeout=_ANSWERS)
         except TimeoutError as error:
             client.close()
             remedy = f"start some: dask worker {self._address} --nworkers auto --nthreads 1"
-            raise StoreBusyError(f"the Dask cluster at {self._address} has no worker", _WHERE, remedy) from error
+            raise StoreBusyError(
+                f"the Dask cluster at {self._address} has no worker", _WHERE, remedy
+            ) from error
         return client
 
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
         if self._client is not None:
             self._client.close()
 
@@ -128,19 +163,25 @@ class _Remote:
             return future.result()
         except KilledWorker as error:
             what = "one worker process after the other ended while it did this"
-            raise InputError(what, str(self._item)[:200], "see what the workers wrote; they may need more memory") from error
+            raise InputError(
+                what, str(self._item)[:200], "see what the workers wrote; they may need more memory"
+            ) from error
         except (CancelledError, CommClosedError) as error:
             what = "the Dask cluster was lost while it worked"
-            raise StoreBusyError(what, _WHERE, "see whether its scheduler runs; the same run again goes on from here") from error
+            raise StoreBusyError(
+                what, _WHERE, "see whether its scheduler runs; the same run again goes on from here"
+            ) from error
         finally:
-            future.cancel()  # what ended is let go of: it is not done again when the worker that holds it ends
+            # what ended is let go of: it is not done again when the worker that holds it ends
+            future.cancel()
             self._future = None
 
 
 @dataclass(frozen=True)
 class Home:
-    """What a worker must have in common with the run: its machine (unless it is `far`), the versions of the steps, and the
-    workspace folder, in which the file of the run's lock stands while it lasts."""
+    """What a worker must have in common with the run: its machine (unless it is `far`), the
+    versions of the steps, and the workspace folder, in which the file of the run's lock stands
+    while it lasts."""
 
     machine: str
     code: str
@@ -149,21 +190,38 @@ class Home:
 
     @classmethod
     def of(cls, keywords: Mapping[str, Any], far: bool) -> Self:
-        """Where a step is asked for: `keywords` are what it is given, its ``workspace`` and ``run`` among them."""
+        """Where a step is asked for: `keywords` are what it is given, its ``workspace`` and ``run``
+        among them."""
         lock = Workspace(Path(keywords["workspace"])).lock(f"run-{keywords['run']}")
         return cls(_machine(), _code(), str(lock), far)
 
 
-def perform(home: Home, step: Step, item: Any, args: tuple[Any, ...], keywords: dict[str, Any]) -> Any:
-    """What a worker does: the step, and whatever that raises; SettingsError where this is not the place for it."""
+def perform(
+    home: Home, step: Step, item: Any, args: tuple[Any, ...], keywords: dict[str, Any]
+) -> Any:
+    """What a worker does: the step, and whatever that raises; SettingsError where this is not the
+    place for it."""
     here = socket.gethostname()
     if home.machine != _machine() and not home.far:
-        what = f"the worker on {here} is another machine than the run's, and the catalogue is a file of that one"
-        raise SettingsError(what, _WHERE, f'[catalogue] url = "postgresql://..." and a shared workspace folder; {_PAGE}')
+        what = (
+            f"the worker on {here} is another machine than the run's, and the catalogue is a file"
+            " of that one"
+        )
+        raise SettingsError(
+            what,
+            _WHERE,
+            f'[catalogue] url = "postgresql://..." and a shared workspace folder; {_PAGE}',
+        )
     if home.code != _code():
-        raise SettingsError(f"the worker on {here} has another version of aerodb", _WHERE, f"install {home.code} there")
+        raise SettingsError(
+            f"the worker on {here} has another version of aerodb",
+            _WHERE,
+            f"install {home.code} there",
+        )
     if not os.path.exists(home.lock):
-        what = f"the worker on {here} does not see the workspace folder {Path(home.lock).parents[1]}"
+        what = (
+            f"the worker on {here} does not see the workspace folder {Path(home.lock).parents[1]}"
+        )
         raise SettingsError(what, _WHERE, f"share the folder under the same path; {_PAGE}")
     return step(item, *args, **keywords)
 
@@ -183,7 +241,8 @@ def _code() -> str:
 
 
 def work_of(root: Path) -> Work:
-    """Where the workspace's settings want the steps of flights done. SettingsError where they cannot be used."""
+    """Where the workspace's settings want the steps of flights done. SettingsError where they
+    cannot be used."""
     settings = load_settings(root)
     if settings.work.engine == "threads":
         return Here()
@@ -192,5 +251,7 @@ def work_of(root: Path) -> Work:
         try:
             address = settings.work.checked(os.environ.get(address[1:], ""))
         except ValueError as error:
-            raise SettingsError(f"{settings.work.address} holds no address: {error}", _WHERE, "set the variable") from error
+            raise SettingsError(
+                f"{settings.work.address} holds no address: {error}", _WHERE, "set the variable"
+            ) from error
     return Cluster(address, far=bool(settings.catalogue.url))

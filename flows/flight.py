@@ -1,4 +1,5 @@
-"""The per-flight flow: read, store, make consistent, compute coefficients, compare with the released database."""
+"""The per-flight flow: read, store, make consistent, compute coefficients, compare with the
+released database."""
 
 from typing import Any
 
@@ -18,33 +19,49 @@ def flight_flow(
     name: str | None = None,
     strict: bool = False,
 ) -> list[dict[str, Any]]:
-    """Each log into the store, and each new flight beside the released database. One bad log stops no other.
+    """Each log into the store, and each new flight beside the released database. One bad log stops
+    no other.
 
-    Returns one document per log: that of `aerodb.tasks.steps.ingest.store_log` and, where it became a flight, ``consistency``,
-    ``coefficients`` and ``comparison``, the documents of these steps. A rejected flight is compared all the same: it says why.
+    Returns one document per log: that of `aerodb.tasks.steps.ingest.store_log` and, where it became
+    a flight, ``consistency``, ``coefficients`` and ``comparison``, the documents of these steps. A
+    rejected flight is compared all the same: it says why.
     """
     where = {"workspace": workspace, "run": run}
-    outcomes = steps.map(store_log, logs, **where, vehicle=vehicle, mapping=mapping, name=name, strict=strict)
+    outcomes = steps.map(
+        store_log, logs, **where, vehicle=vehicle, mapping=mapping, name=name, strict=strict
+    )
     flights = list(dict.fromkeys(outcome["flight"] for outcome in outcomes if outcome["flight"]))
     made = _beside_released(steps, flights, vehicle, workspace, run)
-    return [{**outcome, **{name: step.get(outcome["flight"]) for name, step in made.items()}} for outcome in outcomes]
+    return [
+        {**outcome, **{name: step.get(outcome["flight"]) for name, step in made.items()}}
+        for outcome in outcomes
+    ]
 
 
 def again_flow(steps: Steps, *, workspace: str, run: str, flight: str) -> dict[str, Any]:
-    """The steps of the per-flight run once more on a stored flight (its id): what is missing of it is made, all else is read."""
+    """The steps of the per-flight run once more on a stored flight (its id): what is missing of it
+    is made, all else is read."""
     vehicle = stores(workspace).catalogue.flight(flight).vehicle
     made = _beside_released(steps, [flight], vehicle, workspace, run)
     return {"flight": flight, **{name: step.get(flight) for name, step in made.items()}}
 
 
-def _beside_released(steps: Steps, flights: list[str], vehicle: str, workspace: str, run: str) -> dict[str, dict[str, Any]]:
-    """Consistency, coefficients and comparison with the released database of stored flights (ids), each by flight."""
+def _beside_released(
+    steps: Steps, flights: list[str], vehicle: str, workspace: str, run: str
+) -> dict[str, dict[str, Any]]:
+    """Consistency, coefficients and comparison with the released database of stored flights (ids),
+    each by flight."""
     where = {"workspace": workspace, "run": run}
-    consistency = {entry["flight"]: entry for entry in steps.map(check_consistency, flights, **where)}
+    consistency = {
+        entry["flight"]: entry for entry in steps.map(check_consistency, flights, **where)
+    }
     coefficients = {entry["flight"]: entry for entry in steps.map(reconstruct, flights, **where)}
     known = [flight for flight in flights if coefficients[flight]["key"] is not None]
     released = stores(workspace).named(vehicle, "released")
     compared: dict[str, Any] = {}
     if released is not None:
-        compared = {entry["flight"]: entry for entry in steps.map(compare_with_version, known, **where, version=released)}
+        compared = {
+            entry["flight"]: entry
+            for entry in steps.map(compare_with_version, known, **where, version=released)
+        }
     return {"consistency": consistency, "coefficients": coefficients, "comparison": compared}

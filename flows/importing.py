@@ -6,7 +6,11 @@ from aerodb.flows.run import Steps
 from aerodb.tasks.steps import import_database
 
 
-def import_flow(steps: Steps, *, workspace: str, run: str, file: str, vehicle: str, bindings: dict[str, str]) -> dict[str, Any]:
+def import_flow(
+    steps: Steps, *, workspace: str, run: str, file: str, vehicle: str, bindings: dict[str, str]
+) -> dict[str, Any]:
     """Imports a database file; see `aerodb.tasks.steps.publish.import_database`."""
-    result: dict[str, Any] = steps(import_database, file, workspace=workspace, run=run, vehicle=vehicle, bindings=bindings)
+    result: dict[str, Any] = steps(
+        import_database, file, workspace=workspace, run=run, vehicle=vehicle, bindings=bindings
+    )
     return result

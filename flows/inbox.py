@@ -1,6 +1,8 @@
-"""The sweep of the inbox: each file that is wholly there ends as stored, duplicate or quarantined; one stops no other.
+"""The sweep of the inbox: each file that is wholly there ends as stored, duplicate or quarantined;
+one stops no other.
 
-It looks at what is in the inbox and never at what told it to: a trigger that was lost costs nothing but time.
+It looks at what is in the inbox and never at what told it to: a trigger that was lost costs nothing
+but time.
 """
 
 from collections.abc import Iterator, Sequence
@@ -14,23 +16,36 @@ from aerodb.flows.run import Steps
 from aerodb.storage.inbox import Waiting
 from aerodb.storage.locks import holding
 from aerodb.storage.workspace_settings import Settings, SettingsError, load_settings
-from aerodb.tasks.steps import deliver, files_of_inbox, note_failure, note_no_room, note_tries, set_aside, settle, tell
+from aerodb.tasks.steps import (
+    deliver,
+    files_of_inbox,
+    note_failure,
+    note_no_room,
+    note_tries,
+    set_aside,
+    settle,
+    tell,
+)
 from aerodb.tasks.workspace_access import Stores, stores
 
-#: Files of one vehicle that go through the per-flight run together: what is done is done, whatever comes after it.
+#: Files of one vehicle that go through the per-flight run together: what is done is done, whatever
+#: comes after it.
 BATCH: Final = 32
 #: So many files are named in one notification.
 _NAMED: Final = 20
 
 
-def sweep_flow(steps: Steps, *, workspace: str, run: str, vehicle: str | None = None) -> dict[str, Any]:
-    """Takes in what waits in the inbox, of one `vehicle` or of all. One sweep at a time; a second one waits for the first.
+def sweep_flow(
+    steps: Steps, *, workspace: str, run: str, vehicle: str | None = None
+) -> dict[str, Any]:
+    """Takes in what waits in the inbox, of one `vehicle` or of all. One sweep at a time; a second
+    one waits for the first.
 
-    Returns a document: ``files``, one ending each (`aerodb.tasks.steps.inbox.settle`, or ``no_room``), ``waiting``, what stays and why,
-    and ``undelivered`` notifications.
+    Returns a document: ``files``, one ending each (`aerodb.tasks.steps.inbox.settle`, or
+    ``no_room``), ``waiting``, what stays and why, and ``undelivered`` notifications.
 
-    Raises StoreError when there was no room for any of the files, and, once all else is done, SettingsError when settings
-    or what they name cannot be used: no try counts then.
+    Raises StoreError when there was no room for any of the files, and, once all else is done,
+    SettingsError when settings or what they name cannot be used: no try counts then.
     """
     opened = stores(workspace)
     settings = load_settings(opened.workspace.root)
@@ -48,7 +63,10 @@ def sweep_flow(steps: Steps, *, workspace: str, run: str, vehicle: str | None = 
             _tell(opened, files)
     _check_progress(files, faults)
     left = [entry for entry in seen if entry.state in ("copying", "blocked")]
-    waiting = [{"file": e.file[0], "vehicle": e.vehicle, "state": e.state, "reason": e.reason} for e in left]
+    waiting = [
+        {"file": e.file[0], "vehicle": e.vehicle, "state": e.state, "reason": e.reason}
+        for e in left
+    ]
     undelivered = steps(deliver, workspace, workspace=workspace, run=run)
     return {"files": files, "waiting": waiting, "undelivered": undelivered}
 
@@ -62,8 +80,11 @@ def _check_progress(files: Sequence[dict[str, Any]], faults: Sequence[SettingsEr
         raise StoreError(f"{files[0]['reason']}{others}", files[0]["file"])
 
 
-def _batches(opened: Stores, settings: Settings, seen: Sequence[Waiting]) -> Iterator[list[tuple[Waiting, str]]]:
-    """Files to deal with together, each with the reason for which it is set aside, if it is. What was tried before goes alone."""
+def _batches(
+    opened: Stores, settings: Settings, seen: Sequence[Waiting]
+) -> Iterator[list[tuple[Waiting, str]]]:
+    """Files to deal with together, each with the reason for which it is set aside, if it is. What
+    was tried before goes alone."""
     attempts = opened.catalogue.attempts(entry.relative for entry in seen)
     fresh: dict[str, list[tuple[Waiting, str]]] = {}
     alone: list[list[tuple[Waiting, str]]] = []
@@ -74,7 +95,17 @@ def _batches(opened: Stores, settings: Settings, seen: Sequence[Waiting]) -> Ite
         elif entry.state != "ready":
             continue
         elif times >= settings.inbox.attempts:
-            alone.append([(entry, f"tried {times} times: {error or 'each time, the process that read it was ended'}")])
+            alone.append(
+                [
+                    (
+                        entry,
+                        (
+                            f"tried {times} times:"
+                            f" {error or 'each time, the process that read it was ended'}"
+                        ),
+                    )
+                ]
+            )
         elif times:
             alone.append([(entry, "")])
         else:
@@ -97,34 +128,55 @@ def _dealt(
     own = settings.of(entries[0].vehicle)
     logs, vehicle = [str(entry.path) for entry in entries], entries[0].vehicle
     try:
-        outcomes = flight_flow(steps, **where, logs=logs, vehicle=vehicle, mapping=own.mapping, strict=own.strict)
+        outcomes = flight_flow(
+            steps, **where, logs=logs, vehicle=vehicle, mapping=own.mapping, strict=own.strict
+        )
     except BaseException as error:
         if len(entries) == 1 and _is_its_fault(error):
             return [note_failure(opened, entries[0], run, f"{type(error).__name__}: {error}")]
         if len(entries) == 1 and _is_no_room(error):
             return [note_no_room(opened, entries[0], run, str(error))]
-        for entry in entries:  # not their fault, or one of them did it: the tries of all are taken back
+        for (
+            entry
+        ) in entries:  # not their fault, or one of them did it: the tries of all are taken back
             note_failure(opened, entry, run, "")
         if not (_is_its_fault(error) or _is_no_room(error)):
             raise
         # Alone, it hurts nobody else.
-        return [ending for entry in entries for ending in _dealt(steps, opened, settings, [(entry, "")], run)]
-    endings: list[dict[str, Any]] = steps(settle, list(zip(entries, outcomes, strict=True)), **where)
+        return [
+            ending
+            for entry in entries
+            for ending in _dealt(steps, opened, settings, [(entry, "")], run)
+        ]
+    endings: list[dict[str, Any]] = steps(
+        settle, list(zip(entries, outcomes, strict=True)), **where
+    )
     return endings
 
 
 def _is_its_fault(error: BaseException) -> bool:
-    """Whether what was read may have caused an error; else it was who stopped the run, the disk, the settings, or the
-    orchestrator."""
-    if type(error).__name__ == "TaskRunTimeoutError":  # the orchestrator's: the file took longer than a step may
+    """Whether what was read may have caused an error; else it was who stopped the run, the disk,
+    the settings, or the orchestrator."""
+    if (
+        type(error).__name__ == "TaskRunTimeoutError"
+    ):  # the orchestrator's: the file took longer than a step may
         return True
-    if not isinstance(error, Exception) or isinstance(error, (OSError, OperationalError, SettingsError)):
+    if not isinstance(error, Exception) or isinstance(
+        error, (OSError, OperationalError, SettingsError)
+    ):
         return False
-    return type(error).__module__.partition(".")[0] not in ("prefect", "httpx", "httpcore", "anyio", "websockets")
+    return type(error).__module__.partition(".")[0] not in (
+        "prefect",
+        "httpx",
+        "httpcore",
+        "anyio",
+        "websockets",
+    )
 
 
 def _is_no_room(error: BaseException) -> bool:
-    """Whether the machine could not take one log: it is too large for the disk, say, and the next one may not be."""
+    """Whether the machine could not take one log: it is too large for the disk, say, and the next
+    one may not be."""
     return isinstance(error, StoreError) and not isinstance(error, StoreBusyError)
 
 
@@ -134,10 +186,22 @@ def _tell(opened: Stores, files: Sequence[dict[str, Any]]) -> None:
         mine = [ending for ending in files if ending["vehicle"] == vehicle]
         refused = [e for e in mine if e["kind"] == "quarantined" or e["verdict"] == "rejected"]
         failed = [e for e in mine if e["kind"] == "failed"]
-        named = [{"file": e["file"], "reason": e["reason"] or "; ".join(e["verdict_reasons"])} for e in refused or failed]
+        named = [
+            {"file": e["file"], "reason": e["reason"] or "; ".join(e["verdict_reasons"])}
+            for e in refused or failed
+        ]
         details = {"count": len(named), "files": named[:_NAMED]}
         if refused:
-            text = f"{len(refused)} of {len(mine)} logs of {vehicle or 'no vehicle'} were refused or rejected"
+            text = (
+                f"{len(refused)} of {len(mine)} logs of {vehicle or 'no vehicle'} were refused or"
+                " rejected"
+            )
             tell(opened.workspace, "refused", vehicle, text, details)
         elif failed:
-            tell(opened.workspace, "failed", vehicle, f"{len(failed)} logs of {vehicle} could not be processed", details)
+            tell(
+                opened.workspace,
+                "failed",
+                vehicle,
+                f"{len(failed)} logs of {vehicle} could not be processed",
+                details,
+            )

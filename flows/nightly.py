@@ -1,4 +1,5 @@
-"""The nightly flow: what crashed is noted, the inbox swept, and databases taken further where enough flights are new.
+"""The nightly flow: what crashed is noted, the inbox swept, and databases taken further where
+enough flights are new.
 
 What a night costs depends on what is new, not on what is stored.
 """
@@ -17,22 +18,28 @@ from aerodb.storage.workspace_settings import SettingsError, load_settings
 from aerodb.tasks.steps import deliver, due, mark_ended, parameters_of, tell, trim_cache
 from aerodb.tasks.workspace_access import Stores, stores
 
-_BODIES: Final[dict[str, Callable[..., Any]]] = {"close-loop": close_loop_flow, "update": update_flow}
+_BODIES: Final[dict[str, Callable[..., Any]]] = {
+    "close-loop": close_loop_flow,
+    "update": update_flow,
+}
 
 
 def night_lock(workspace: Workspace, vehicle: str | None) -> Path:
-    """The lock that a night holds, of one vehicle or of all: who cannot have it leaves the work to that one."""
+    """The lock that a night holds, of one vehicle or of all: who cannot have it leaves the work to
+    that one."""
     return workspace.lock(f"nightly-{vehicle}" if vehicle else "nightly")
 
 
 def nightly_flow(
     steps: Steps, *, workspace: str, run: str, vehicle: str | None = None, scheduled: bool = False
 ) -> dict[str, Any]:
-    """One night, for one `vehicle` or for all; `scheduled` leaves databases alone that have a schedule of their own.
+    """One night, for one `vehicle` or for all; `scheduled` leaves databases alone that have a
+    schedule of their own.
 
-    Returns the sweep's document with ``crashed`` runs and ``loops``: per vehicle and way, whether it was due, how many
-    flights were new, the candidate (None where nothing was added) and the error of one that failed. One stops no other.
-    ``trimmed`` says what left the cache of an object store.
+    Returns the sweep's document with ``crashed`` runs and ``loops``: per vehicle and way, whether
+    it was due, how many flights were new, the candidate (None where nothing was added) and the
+    error of one that failed. One stops no other. ``trimmed`` says what left the cache of an object
+    store.
     """
     opened = stores(workspace)
     names = [row.name for row in opened.catalogue.vehicles()]
@@ -47,12 +54,22 @@ def nightly_flow(
     ]
     undelivered = steps(deliver, workspace, workspace=workspace, run=run)
     trimmed = steps(trim_cache, workspace, workspace=workspace, run=run)
-    if fault is not None:  # said once all else is done: a log that waits for room keeps no database from going on
+    if (
+        fault is not None
+    ):  # said once all else is done: a log that waits for room keeps no database from going on
         raise fault
-    return {**swept, "crashed": crashed, "loops": loops, "undelivered": undelivered, "trimmed": trimmed}
+    return {
+        **swept,
+        "crashed": crashed,
+        "loops": loops,
+        "undelivered": undelivered,
+        "trimmed": trimmed,
+    }
 
 
-def _swept(steps: Steps, workspace: str, run: str, vehicle: str | None) -> tuple[dict[str, Any], AeroError | None]:
+def _swept(
+    steps: Steps, workspace: str, run: str, vehicle: str | None
+) -> tuple[dict[str, Any], AeroError | None]:
     """The sweep's document, or what kept it from its end."""
     try:
         return sweep_flow(steps, workspace=workspace, run=run, vehicle=vehicle), None
@@ -64,7 +81,13 @@ def _advanced(steps: Steps, opened: Stores, vehicle: str, way: str, run: str) ->
     """Takes one database further in one way, where that is due; says what came of it."""
     loop = load_settings(opened.workspace.root).loop_of(vehicle)
     asked = due(opened, vehicle, loop, way)
-    said: dict[str, Any] = {"vehicle": vehicle, "way": way, "due": asked.is_due, "new": asked.new, "after": asked.after}
+    said: dict[str, Any] = {
+        "vehicle": vehicle,
+        "way": way,
+        "due": asked.is_due,
+        "new": asked.new,
+        "after": asked.after,
+    }
     said |= {"candidate": None, "label": None, "error": ""}
     if not asked.is_due:
         return said
@@ -74,13 +97,23 @@ def _advanced(steps: Steps, opened: Stores, vehicle: str, way: str, run: str) ->
         document = run_part(steps, _BODIES[way], parameters, str(opened.workspace.root), run)
     except Exception as error:
         text = f"{way} of {vehicle} failed: {error}"
-        tell(opened.workspace, "failed", vehicle, text, {"way": way, "error": f"{type(error).__name__}: {error}"})
+        tell(
+            opened.workspace,
+            "failed",
+            vehicle,
+            text,
+            {"way": way, "error": f"{type(error).__name__}: {error}"},
+        )
         return {**said, "error": str(error)}
     said |= {"candidate": document["candidate"], "label": document["label"]}
     if document["candidate"] and document["candidate"] != before:
-        text = f"new candidate {document['label']} of {vehicle}: look at it, then promote it or leave it"
+        text = (
+            f"new candidate {document['label']} of {vehicle}: look at it, then promote it or"
+            " leave it"
+        )
         axes = {
-            axis: {k: entry.get(k) for k in ("rms_before", "rms_after", "outcome")} for axis, entry in document["axes"].items()
+            axis: {k: entry.get(k) for k in ("rms_before", "rms_after", "outcome")}
+            for axis, entry in document["axes"].items()
         }
         details = {"version": document["candidate"], "label": document["label"], "axes": axes}
         tell(opened.workspace, "candidate", vehicle, text, details)

@@ -1,4 +1,5 @@
-"""What `aerodb serve` asks of the Prefect server, over HTTP: whether it is there, an event, and the states of runs.
+"""What `aerodb serve` asks of the Prefect server, over HTTP: whether it is there, an event, and the
+states of runs.
 
 Prefect itself is not imported: these are four requests.
 """
@@ -15,7 +16,8 @@ from aerodb.storage.locks import is_held
 from aerodb.storage.workspace import Workspace
 from aerodb.storage.workspace_settings import authorization
 
-#: The event that says that logs wait in the inbox. Nothing depends on it: it only spares them the wait for the night.
+#: The event that says that logs wait in the inbox. Nothing depends on it: it only spares them the
+#: wait for the night.
 ARRIVED: Final = "aerodb.inbox.arrived"
 #: The deployment that the event starts.
 ARRIVAL: Final = "arrival"
@@ -26,13 +28,16 @@ _MOST: Final = 200
 
 
 class Client:
-    """Requests to the server at `url`; every method raises OSError (of which an HTTP error is one) when it cannot be had."""
+    """Requests to the server at `url`; every method raises OSError (of which an HTTP error is one)
+    when it cannot be had."""
 
     def __init__(self, url: str, token: str) -> None:
         self.url = url
         self._headers = {"Content-Type": "application/json"}
         if token:
-            self._headers["Authorization"] = "Basic " + base64.b64encode(authorization(token).encode()).decode("ascii")
+            self._headers["Authorization"] = "Basic " + base64.b64encode(
+                authorization(token).encode()
+            ).decode("ascii")
 
     def healthy(self) -> bool:
         """Whether it answers."""
@@ -51,7 +56,9 @@ class Client:
                 text = response.read()
             return json.loads(text) if text else None
         except (HTTPException, ValueError) as error:
-            raise OSError(f"{self.url}{path} gave no answer that is one: {type(error).__name__}") from error
+            raise OSError(
+                f"{self.url}{path} gave no answer that is one: {type(error).__name__}"
+            ) from error
 
 
 def emit_arrival(client: Client, vehicles: dict[str, int]) -> None:
@@ -69,34 +76,52 @@ def emit_arrival(client: Client, vehicles: dict[str, int]) -> None:
 def is_awaited(client: Client) -> bool:
     """Whether a run that will look at the inbox is about to begin."""
     waiting = {"state": {"type": {"any_": ["SCHEDULED", "PENDING", "RUNNING"]}}}
-    return bool(client.post("/flow_runs/count", {"flow_runs": waiting, "deployments": {"name": {"any_": [ARRIVAL]}}}))
+    return bool(
+        client.post(
+            "/flow_runs/count", {"flow_runs": waiting, "deployments": {"name": {"any_": [ARRIVAL]}}}
+        )
+    )
 
 
 def clear_up(client: Client, workspace: Workspace, at_start: bool) -> int:
-    """Marks runs as crashed whose process is gone, and at the start those as cancelled that were missed; how many.
+    """Marks runs as crashed whose process is gone, and at the start those as cancelled that were
+    missed; how many.
 
-    A run that lives holds its lock (`aerodb.storage.locks`). Missed ones need no run: the next one does what they would have done.
+    A run that lives holds its lock (`aerodb.storage.locks`). Missed ones need no run: the next one
+    does what they would have done.
     """
     wanted = {"state": {"type": {"any_": ["RUNNING", "PENDING", "CANCELLING"]}}}
     count = 0
     for run in client.post("/flow_runs/filter", {"flow_runs": wanted, "limit": _MOST}):
         since = datetime.fromisoformat(run["state"]["timestamp"])
-        age = datetime.now(UTC) - since  # below zero: the clock was set back, and the run is from before that
+        age = (
+            datetime.now(UTC) - since
+        )  # below zero: the clock was set back, and the run is from before that
         begun = at_start or not -_TO_BEGIN < age <= _TO_BEGIN
         if begun and not is_held(workspace.lock(f"run-{_catalogue_id(run)}")):
             _set_state(client, run["id"], "CRASHED", "Crashed", "its process ended without a word")
             count += 1
     if at_start:
         now = datetime.now(UTC).isoformat()
-        missed = {"state": {"type": {"any_": ["SCHEDULED"]}}, "expected_start_time": {"before_": now}}
+        missed = {
+            "state": {"type": {"any_": ["SCHEDULED"]}},
+            "expected_start_time": {"before_": now},
+        }
         for run in client.post("/flow_runs/filter", {"flow_runs": missed, "limit": _MOST}):
-            _set_state(client, run["id"], "CANCELLED", "Missed", "nobody was there to run it; a later run does its work")
+            _set_state(
+                client,
+                run["id"],
+                "CANCELLED",
+                "Missed",
+                "nobody was there to run it; a later run does its work",
+            )
             count += 1
     return count
 
 
 def _catalogue_id(run: dict[str, Any]) -> str:
-    """The id under which the catalogue knows a flow run: its own for a deployment's, else it is its name."""
+    """The id under which the catalogue knows a flow run: its own for a deployment's, else it is its
+    name."""
     return str(run["id"] if run["deployment_id"] else run["name"])
 
 

@@ -1,4 +1,5 @@
-"""Processes that `aerodb serve` keeps going: their environment, their port, and how they start, end and start again."""
+"""Processes that `aerodb serve` keeps going: their environment, their port, and how they start, end
+and start again."""
 
 import ctypes
 import os
@@ -17,9 +18,16 @@ from aerodb.errors import InputError
 from aerodb.storage.catalogue import place_of
 from aerodb.storage.urls import resolved, shown
 from aerodb.storage.workspace import Workspace
-from aerodb.storage.workspace_settings import FILE, TOKEN_VARIABLE, Serve, authorization, load_settings
+from aerodb.storage.workspace_settings import (
+    FILE,
+    TOKEN_VARIABLE,
+    Serve,
+    authorization,
+    load_settings,
+)
 
-#: The wait [s] before a process that died is started again doubles from the first to the last of these.
+#: The wait [s] before a process that died is started again doubles from the first to the last of
+#: these.
 _FIRST_WAIT, _LONGEST_WAIT = 1.0, 60.0
 #: One that lived this long [s] had started well.
 _WELL: Final = 120.0
@@ -28,7 +36,8 @@ _PR_SET_PDEATHSIG: Final = 1
 
 
 def environment_of(workspace: Workspace, url: str, token: str) -> dict[str, str]:
-    """Environment of the server and the runner: everything of Prefect in the workspace, nothing of the user's own profile."""
+    """Environment of the server and the runner: everything of Prefect in the workspace, nothing of
+    the user's own profile."""
     kept = {name: value for name, value in os.environ.items() if not name.startswith("PREFECT_")}
     settings = {
         "PREFECT_HOME": str(workspace.prefect),
@@ -42,19 +51,26 @@ def environment_of(workspace: Workspace, url: str, token: str) -> dict[str, str]
         "PREFECT_LOGGING_TO_API_ENABLED": "false",
         # A year of runs every few minutes must not grow without end.
         "PREFECT_SERVER_SERVICES_DB_VACUUM_ENABLED": "events,flow_runs,orphans",
-        "PREFECT_API_DATABASE_TIMEOUT": "60",  # its services write side by side, and SQLite lets one after the other
+        # its services write side by side, and SQLite lets one after the other
+        "PREFECT_API_DATABASE_TIMEOUT": "60",
         "PREFECT_CLI_COLORS": "false",
     }
     if token:
         secret = authorization(token)
-        settings |= {"PREFECT_SERVER_API_AUTH_STRING": secret, "PREFECT_API_AUTH_STRING": secret, TOKEN_VARIABLE: token}
+        settings |= {
+            "PREFECT_SERVER_API_AUTH_STRING": secret,
+            "PREFECT_API_AUTH_STRING": secret,
+            TOKEN_VARIABLE: token,
+        }
     return {**kept, **settings, "PYTHONUTF8": "1"}
 
 
 def database_of(workspace: Workspace) -> str:
-    """Address of Prefect's own database as Prefect wants it: a file in the workspace, or what ``serve.database`` names.
+    """Address of Prefect's own database as Prefect wants it: a file in the workspace, or what
+    ``serve.database`` names.
 
-    Raises InputError, without the address, for one that Prefect cannot use or that is the catalogue's.
+    Raises InputError, without the address, for one that Prefect cannot use or that is the
+    catalogue's.
     """
     where = f"{workspace.root / FILE}: serve.database"
     url = resolved(load_settings(workspace.root).serve.database, where)
@@ -62,11 +78,17 @@ def database_of(workspace: Workspace) -> str:
         return f"sqlite+aiosqlite:///{workspace.prefect / 'prefect.db'}"
     catalogue = place_of(workspace.catalogue).url
     if catalogue and shown(catalogue) == shown(url):
-        raise InputError("is the catalogue's own", where, "make another database for Prefect: createdb prefect")
+        raise InputError(
+            "is the catalogue's own", where, "make another database for Prefect: createdb prefect"
+        )
     parts = urlsplit(url)
     options = dict(parse_qsl(parts.query))
     if unknown := sorted(set(options) - set(_OPTIONS)):
-        raise InputError(f"Prefect's driver knows no option '{unknown[0]}'", where, f"known are {', '.join(_OPTIONS)}")
+        raise InputError(
+            f"Prefect's driver knows no option '{unknown[0]}'",
+            where,
+            f"known are {', '.join(_OPTIONS)}",
+        )
     query = urlencode({_OPTIONS[name]: value for name, value in options.items()})
     return urlunsplit(parts._replace(scheme="postgresql+asyncpg", query=query))
 
@@ -76,7 +98,8 @@ _OPTIONS: Final = {"host": "host", "port": "port", "sslmode": "ssl"}
 
 
 def free_port(serve: Serve) -> int:
-    """The port that the settings ask for, or a free one where they leave it open; InputError when it is taken."""
+    """The port that the settings ask for, or a free one where they leave it open; InputError when
+    it is taken."""
     family = socket.AF_INET6 if ":" in serve.host else socket.AF_INET
     with socket.socket(family) as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -84,14 +107,19 @@ def free_port(serve: Serve) -> int:
             probe.bind((serve.host, serve.port))
         except OSError as error:
             what = f"cannot listen on {serve.host}, port {serve.port}: {error.strerror or error}"
-            raise InputError(what, f"{FILE}: serve", "set another port, or 0 for any free one") from error
+            raise InputError(
+                what, f"{FILE}: serve", "set another port, or 0 for any free one"
+            ) from error
         return int(probe.getsockname()[1])
 
 
 class Child:
-    """A process that is started again, after a growing wait, whenever it ends. What it says goes to a file of its own."""
+    """A process that is started again, after a growing wait, whenever it ends. What it says goes to
+    a file of its own."""
 
-    def __init__(self, name: str, command: Sequence[str], environment: Mapping[str, str], folder: Path) -> None:
+    def __init__(
+        self, name: str, command: Sequence[str], environment: Mapping[str, str], folder: Path
+    ) -> None:
         self.name, self._command, self._environment = name, list(command), dict(environment)
         self._log = folder / f"{name}.log"
         self._process: subprocess.Popen[bytes] | None = None
@@ -126,12 +154,16 @@ class Child:
             self._wait = _FIRST_WAIT
         if lived < self._wait:
             return
-        say(f"{self.name} ended with {self._process.returncode} and is started again; see {self._log}")
+        say(
+            f"{self.name} ended with {self._process.returncode} and is started again; see"
+            f" {self._log}"
+        )
         self._wait = min(2 * self._wait, _LONGEST_WAIT)
         self.start()
 
     def stop(self, seconds: float) -> None:
-        """Asks it to end, and ends it with all that it started when it does not within `seconds`."""
+        """Asks it to end, and ends it with all that it started when it does not within
+        `seconds`."""
         if self._process is None:
             return
         if self.alive:
@@ -144,5 +176,6 @@ class Child:
 
 
 def end_with_parent() -> None:
-    """In a new process: the system ends it when the one that started it was killed, so that none is left behind."""
+    """In a new process: the system ends it when the one that started it was killed, so that none is
+    left behind."""
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)

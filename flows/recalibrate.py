@@ -1,4 +1,5 @@
-"""The recalibration flow, an explicit event: sensors calibrated from flights jointly, and what hangs on them computed anew."""
+"""The recalibration flow, an explicit event: sensors calibrated from flights jointly, and what
+hangs on them computed anew."""
 
 from typing import Any
 
@@ -18,17 +19,31 @@ def recalibrate_flow(
     valid_from: str | None = None,
     valid_until: str | None = None,
 ) -> dict[str, Any]:
-    """Calibrates a vehicle from `flights` (ids), binds them to the result, and recomputes their consistency, coefficients and
-    comparison with the released database. Flights processed afterwards are bound to it as well; versions stay as they are.
+    """Calibrates a vehicle from `flights` (ids), binds them to the result, and recomputes their
+    consistency, coefficients and comparison with the released database. Flights processed
+    afterwards are bound to it as well; versions stay as they are.
 
-    Returns the document of `aerodb.tasks.steps.calibration.calibrate` with ``consistency`` and ``comparison`` by flight.
+    Returns the document of `aerodb.tasks.steps.calibration.calibrate` with ``consistency`` and
+    ``comparison`` by flight.
     """
     where = {"workspace": workspace, "run": run}
     span = {"valid_from": valid_from, "valid_until": valid_until}
     made = steps(calibrate, flights, **where, vehicle=vehicle, reason=reason, **span)
     bound = steps.map(bind, made["flights"], **where, calibration=made["calibration"])
     consistency = {entry["flight"]: entry for entry in steps.map(check_consistency, bound, **where)}
-    known = [entry["flight"] for entry in steps.map(reconstruct, bound, **where) if entry["key"] is not None]
+    known = [
+        entry["flight"]
+        for entry in steps.map(reconstruct, bound, **where)
+        if entry["key"] is not None
+    ]
     released = stores(workspace).named(vehicle, "released")
-    compared = [] if released is None else steps.map(compare_with_version, known, **where, version=released)
-    return {**made, "consistency": consistency, "comparison": {entry["flight"]: entry for entry in compared}}
+    compared = (
+        []
+        if released is None
+        else steps.map(compare_with_version, known, **where, version=released)
+    )
+    return {
+        **made,
+        "consistency": consistency,
+        "comparison": {entry["flight"]: entry for entry in compared},
+    }

@@ -1,4 +1,5 @@
-"""The flows that move names of versions. Each attempt, also a refused one, is a run in the catalogue with its reasons."""
+"""The flows that move names of versions. Each attempt, also a refused one, is a run in the
+catalogue with its reasons."""
 
 from typing import Any
 
@@ -6,13 +7,21 @@ from aerodb.flows.run import Steps
 from aerodb.tasks.steps import promote, roll_back
 
 
-def promote_flow(steps: Steps, *, workspace: str, run: str, version: str, name: str, reason: str) -> dict[str, Any]:
+def promote_flow(
+    steps: Steps, *, workspace: str, run: str, version: str, name: str, reason: str
+) -> dict[str, Any]:
     """Points a name at a version (its id); see `aerodb.tasks.steps.release.promote`."""
-    result: dict[str, Any] = steps(promote, version, workspace=workspace, run=run, name=name, reason=reason)
+    result: dict[str, Any] = steps(
+        promote, version, workspace=workspace, run=run, name=name, reason=reason
+    )
     return result
 
 
-def roll_back_flow(steps: Steps, *, workspace: str, run: str, vehicle: str, name: str, reason: str) -> dict[str, Any]:
+def roll_back_flow(
+    steps: Steps, *, workspace: str, run: str, vehicle: str, name: str, reason: str
+) -> dict[str, Any]:
     """Takes the last standing move of a name back; see `aerodb.tasks.steps.release.roll_back`."""
-    result: dict[str, Any] = steps(roll_back, vehicle, workspace=workspace, run=run, name=name, reason=reason)
+    result: dict[str, Any] = steps(
+        roll_back, vehicle, workspace=workspace, run=run, name=name, reason=reason
+    )
     return result

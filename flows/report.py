@@ -6,10 +6,17 @@ from typing import Any, Final
 from aerodb.flows.run import Steps
 from aerodb.tasks.steps import flight_page, update_page, version_page
 
-_PAGES: Final[dict[str, Callable[..., str]]] = {"flight": flight_page, "update": update_page, "version": version_page}
+_PAGES: Final[dict[str, Callable[..., str]]] = {
+    "flight": flight_page,
+    "update": update_page,
+    "version": version_page,
+}
 
 
-def report_flow(steps: Steps, *, workspace: str, run: str, kind: str, about: str, **options: Any) -> str:
-    """The page of `kind` (``flight``, ``update``, ``version``) about a full id, as HTML; `options` are those of its step."""
+def report_flow(
+    steps: Steps, *, workspace: str, run: str, kind: str, about: str, **options: Any
+) -> str:
+    """The page of `kind` (``flight``, ``update``, ``version``) about a full id, as HTML; `options`
+    are those of its step."""
     page: str = steps(_PAGES[kind], about, workspace=workspace, run=run, **options)
     return page

@@ -1,4 +1,5 @@
-"""Doing again what did not work: a log in quarantine, a run that failed, the steps of a flight. Again costs nothing twice."""
+"""Doing again what did not work: a log in quarantine, a run that failed, the steps of a flight.
+Again costs nothing twice."""
 
 from collections.abc import Callable
 from typing import Any, Final
@@ -37,17 +38,20 @@ _SHORTEST: Final = 4
 
 
 def retry(opened: Stores, reference: str, vehicle: str | None, run: Run) -> list[dict[str, Any]]:
-    """Does again what `reference` means: ``all``, a log in quarantine (key or name), a failed run, or a flight.
+    """Does again what `reference` means: ``all``, a log in quarantine (key or name), a failed run,
+    or a flight.
 
-    vehicle : for whom a log came, where it is not known. Returns what was done: ``what``, ``kind``, ``outcome``, ``reason``.
-    Raises UnknownNameError where nothing answers.
+    vehicle : for whom a log came, where it is not known. Returns what was done: ``what``, ``kind``,
+    ``outcome``, ``reason``. Raises UnknownNameError where nothing answers.
     """
     entries = in_quarantine(opened)
     failed = opened.catalogue.unresolved_runs()
     if reference == "all":
         chosen, runs = [entry for entry in entries if entry.can_return], list(failed)
     else:
-        chosen = [entry for entry in entries if _means(reference, entry.key) or reference == entry.name]
+        chosen = [
+            entry for entry in entries if _means(reference, entry.key) or reference == entry.name
+        ]
         runs = [] if chosen else [each for each in failed if _means(reference, each.id)]
     if reference != "all" and not chosen and not runs:
         return [_flight_again(opened, reference, vehicle, run)]
@@ -59,23 +63,38 @@ def _means(reference: str, id: str) -> bool:
     return len(reference) >= _SHORTEST and id.startswith(reference)
 
 
-def _logs_again(opened: Stores, entries: list[Quarantined], vehicle: str | None, run: Run) -> list[dict[str, Any]]:
-    """Back into the inbox, and the inbox swept. Of several, what cannot go back yet keeps none of the others."""
+def _logs_again(
+    opened: Stores, entries: list[Quarantined], vehicle: str | None, run: Run
+) -> list[dict[str, Any]]:
+    """Back into the inbox, and the inbox swept. Of several, what cannot go back yet keeps none of
+    the others."""
     names = [row.name for row in opened.catalogue.vehicles()]
-    whose = {entry.key: entry.vehicle or vehicle or (names[0] if len(names) == 1 else "") for entry in entries}
+    whose = {
+        entry.key: entry.vehicle or vehicle or (names[0] if len(names) == 1 else "")
+        for entry in entries
+    }
     stay = []
     for entry in entries:
         try:
             if whose[entry.key] not in names:
-                raise InputError("it is not known which vehicle flew it", entry.name, f"--vehicle {' or '.join(names[:6])}")
+                raise InputError(
+                    "it is not known which vehicle flew it",
+                    entry.name,
+                    f"--vehicle {' or '.join(names[:6])}",
+                )
             put_back(opened.workspace, entry, whose[entry.key])
         except InputError as error:
             if len(entries) == 1:
                 raise
             reason = f"{error.what}: {error.remedy}"
-            stay.append({"what": entry.name, "kind": "log", "outcome": "quarantined", "reason": reason})
+            stay.append(
+                {"what": entry.name, "kind": "log", "outcome": "quarantined", "reason": reason}
+            )
     files = run(sweep_flow, {})["files"]
-    return stay + [{"what": e["file"], "kind": "log", "outcome": e["kind"], "reason": e["reason"]} for e in files]
+    return stay + [
+        {"what": e["file"], "kind": "log", "outcome": e["kind"], "reason": e["reason"]}
+        for e in files
+    ]
 
 
 def _run_again(row: RunRow, run: Run) -> dict[str, Any]:
@@ -94,7 +113,9 @@ def _flight_again(opened: Stores, reference: str, vehicle: str | None, run: Run)
         flight = opened.catalogue.flight(reference, vehicle)
     except UnknownNameError as error:
         what = f"neither a log in quarantine, nor a failed run, nor a flight: '{reference[:80]}'"
-        raise UnknownNameError(what, remedy="aerodb status lists what can be tried again") from error
+        raise UnknownNameError(
+            what, remedy="aerodb status lists what can be tried again"
+        ) from error
     document = run(again_flow, {"flight": flight.id})
     verdict = document["consistency"]["verdict"] if document["consistency"] else ""
     return {"what": flight.id, "kind": "flight", "outcome": "completed", "reason": verdict}

@@ -1,8 +1,10 @@
-"""How a flow runs: under Prefect (a server, or Prefect's own ephemeral mode) or directly. Decided here and nowhere else.
+"""How a flow runs: under Prefect (a server, or Prefect's own ephemeral mode) or directly. Decided
+here and nowhere else.
 
-A flow is a plain function ``body(steps, **parameters)``; a step is a plain function of ``tasks/``. Under Prefect each
-becomes a flow or a task; directly the same bodies are called. So every way stores the same keys, and Prefect, which
-takes seconds to import, is imported only where it runs something.
+A flow is a plain function ``body(steps, **parameters)``; a step is a plain function of ``tasks/``.
+Under Prefect each becomes a flow or a task; directly the same bodies are called. So every way
+stores the same keys, and Prefect, which takes seconds to import, is imported only where it runs
+something.
 """
 
 import gc
@@ -39,8 +41,11 @@ class Steps(Protocol):
     def __call__(self, step: Callable[..., Any], *args: Any, **keywords: Any) -> Any:
         """Runs one step and returns its result; its exception is raised here."""
 
-    def map(self, step: Callable[..., Any], items: Iterable[Any], *args: Any, **keywords: Any) -> list[Any]:
-        """Runs a step for each item (its first argument), in parallel where the runner can; results in order."""
+    def map(
+        self, step: Callable[..., Any], items: Iterable[Any], *args: Any, **keywords: Any
+    ) -> list[Any]:
+        """Runs a step for each item (its first argument), in parallel where the runner can; results
+        in order."""
 
 
 #: Told of progress: which step, how many items are done, of how many.
@@ -60,7 +65,9 @@ class DirectSteps:
     def __call__(self, step: Callable[..., Any], *args: Any, **keywords: Any) -> Any:
         return self._told(step, Here().calls(step, args[:1], *args[1:], **keywords))[0]
 
-    def map(self, step: Callable[..., Any], items: Iterable[Any], *args: Any, **keywords: Any) -> list[Any]:
+    def map(
+        self, step: Callable[..., Any], items: Iterable[Any], *args: Any, **keywords: Any
+    ) -> list[Any]:
         calls = self._work.calls(step, items, *args, **keywords)
         workers = min(len(calls), os.cpu_count() or 1)
         if workers < 2:
@@ -82,23 +89,31 @@ class DirectSteps:
 
 
 class PrefectSteps:
-    """Steps as Prefect tasks of the flow run that is under way; what they do is done where `work` says."""
+    """Steps as Prefect tasks of the flow run that is under way; what they do is done where `work`
+    says."""
 
     def __init__(self, progress: Progress = silent, work: Work | None = None) -> None:
         self._progress, self._work = progress, work or Here()
 
     def __call__(self, step: Callable[..., Any], *args: Any, **keywords: Any) -> Any:
-        return self._done(step, Here().calls(step, args[:1], *args[1:], **keywords), keywords["workspace"])[0]
+        return self._done(
+            step, Here().calls(step, args[:1], *args[1:], **keywords), keywords["workspace"]
+        )[0]
 
-    def map(self, step: Callable[..., Any], items: Iterable[Any], *args: Any, **keywords: Any) -> list[Any]:
-        return self._done(step, self._work.calls(step, items, *args, **keywords), keywords["workspace"])
+    def map(
+        self, step: Callable[..., Any], items: Iterable[Any], *args: Any, **keywords: Any
+    ) -> list[Any]:
+        return self._done(
+            step, self._work.calls(step, items, *args, **keywords), keywords["workspace"]
+        )
 
     def _done(self, step: Callable[..., Any], calls: Sequence[Call], workspace: str) -> list[Any]:
         from prefect import task
         from prefect.cache_policies import NO_CACHE
 
-        # The catalogue's keys decide what is done already: a second cache beside it could only disagree. A task is given its
-        # call alone: the orchestrator looks through whatever it is given, and databases are large.
+        # The catalogue's keys decide what is done already: a second cache beside it could only
+        # disagree. A task is given its call alone: the orchestrator looks through whatever it is
+        # given, and databases are large.
         prefect_task: Any = task(
             name=name_of(step),
             persist_result=False,
@@ -136,7 +151,8 @@ _AGAIN_AFTER: Final = (2.0, 15.0, 60.0)
 
 
 def _may_pass(_task: Any, _run: Any, state: Any) -> bool:
-    """Whether a failure may pass by itself: a lock, a disk out of reach. What is wrong with a log stays wrong."""
+    """Whether a failure may pass by itself: a lock, a disk out of reach. What is wrong with a log
+    stays wrong."""
     return isinstance(state.result(raise_on_failure=False), StoreBusyError)
 
 
@@ -152,14 +168,21 @@ def run_flow(
     how: How = "auto",
     progress: Progress = silent,
 ) -> Any:
-    """Runs a flow body with `parameters`, records the run in the catalogue, and returns the body's result.
+    """Runs a flow body with `parameters`, records the run in the catalogue, and returns the body's
+    result.
 
     The body is called as ``body(steps, workspace=<folder as text>, run=<run id>, **parameters)``.
     """
     _check_text(parameters)
     _settle()
     orchestrated = "" if how == "direct" else _present_flow_run()
-    way: Way = "direct" if how == "direct" else "server" if orchestrated else configure_prefect(workspace.root)
+    way: Way = (
+        "direct"
+        if how == "direct"
+        else "server"
+        if orchestrated
+        else configure_prefect(workspace.root)
+    )
     given = {"workspace": str(workspace.root), **parameters}
 
     def call(run: str) -> Any:
@@ -176,13 +199,17 @@ def run_flow(
 
 @lru_cache(maxsize=1)
 def _settle() -> None:
-    """Once in a process: no collection of garbage looks again at what was imported; that costs a long run a tenth of its time."""
+    """Once in a process: no collection of garbage looks again at what was imported; that costs a
+    long run a tenth of its time."""
     gc.collect()
     gc.freeze()
 
 
-def run_part(steps: Steps, body: Callable[..., Any], parameters: dict[str, Any], workspace: str, within: str) -> Any:
-    """Runs a flow body through the steps of the run `within` (its id) that is under way, with a record of its own."""
+def run_part(
+    steps: Steps, body: Callable[..., Any], parameters: dict[str, Any], workspace: str, within: str
+) -> Any:
+    """Runs a flow body through the steps of the run `within` (its id) that is under way, with a
+    record of its own."""
     opened = Workspace.open(Path(workspace))
     way: Way = Catalogue.open(opened.catalogue).run(within).how
     given = {"workspace": workspace, **parameters}
@@ -197,16 +224,24 @@ def _recorded(
     way: Way,
     id: str = "",
 ) -> Any:
-    """Notes in the catalogue that a run begins and how it ends; its lock says for as long as it lasts that it lives."""
+    """Notes in the catalogue that a run begins and how it ends; its lock says for as long as it
+    lasts that it lives."""
     run = id or secrets.token_hex(16)
-    with Catalogue.open(workspace.catalogue) as catalogue, holding(workspace.lock(f"run-{run}"), remove=True):
-        catalogue.start_run(body.__name__, how=way, parameters=parameters, code_version=code_version(), id=run)
+    with (
+        Catalogue.open(workspace.catalogue) as catalogue,
+        holding(workspace.lock(f"run-{run}"), remove=True),
+    ):
+        catalogue.start_run(
+            body.__name__, how=way, parameters=parameters, code_version=code_version(), id=run
+        )
         try:
             result = call(run)
         except BaseException as error:
             # Whoever stops a run (an interrupt, the end of the server) has not made it fail.
             state: RunState = "failed" if isinstance(error, Exception) else "cancelled"
-            with suppress(StoreError):  # the same disk, perhaps: a run whose lock is free and that has no end has crashed
+            with suppress(
+                StoreError
+            ):  # the same disk, perhaps: a run whose lock is free and that has no end has crashed
                 catalogue.end_run(run, state, error=str(error) or type(error).__name__)
             raise
         catalogue.end_run(run, "completed")
@@ -224,10 +259,15 @@ def _present_flow_run() -> str:
 
 
 def _check_text(parameters: dict[str, Any]) -> None:
-    """Refuses names of files that are no text: neither the record of runs nor Prefect could hold them."""
+    """Refuses names of files that are no text: neither the record of runs nor Prefect could hold
+    them."""
     for value in parameters.values():
         for text in value if isinstance(value, list) else [value]:
-            if isinstance(text, str) and not text.isascii() and text.encode("utf-8", "ignore").decode() != text:
+            if (
+                isinstance(text, str)
+                and not text.isascii()
+                and text.encode("utf-8", "ignore").decode() != text
+            ):
                 raise InputError("its name is not valid UTF-8", text, "rename the file")
 
 
@@ -249,16 +289,18 @@ def _under_prefect(body: Callable[..., Any], given: dict[str, Any], steps: Steps
         validate_parameters=False,
         persist_result=False,
     )(run)
-    # Our locks say who lives; Prefect's heartbeat would tell nobody, and its thread keeps the end of a run waiting for a second.
+    # Our locks say who lives; Prefect's heartbeat would tell nobody, and its thread keeps the end
+    # of a run waiting for a second.
     with temporary_settings({PREFECT_FLOWS_HEARTBEAT_FREQUENCY: None}):
         return prefect_flow(**given)
 
 
 def configure_prefect(root: Path) -> Literal["server", "ephemeral"]:
-    """Sets Prefect's environment before its first import: quiet, no telemetry, its database in the workspace.
+    """Sets Prefect's environment before its first import: quiet, no telemetry, its database in the
+    workspace.
 
-    Returns ``server`` when PREFECT_API_URL, or the note of the workspace's own ``aerodb serve``, names one that answers, else
-    ``ephemeral``.
+    Returns ``server`` when PREFECT_API_URL, or the note of the workspace's own ``aerodb serve``,
+    names one that answers, else ``ephemeral``.
     """
     home = root / "prefect"
     home.mkdir(parents=True, exist_ok=True)

@@ -1,6 +1,8 @@
-"""``aerodb serve``: keeps a Prefect server and a runner going, tells the server of logs that wait, and clears up after crashes.
+"""``aerodb serve``: keeps a Prefect server and a runner going, tells the server of logs that wait,
+and clears up after crashes.
 
-It imports no Prefect: what fails in there fails in processes that are started again. Only one runs on a workspace.
+It imports no Prefect: what fails in there fails in processes that are started again. Only one runs
+on a workspace.
 """
 
 import os
@@ -26,10 +28,11 @@ from aerodb.tasks.workspace_access import Stores, stores
 
 _BEAT: Final = 1.0
 _CLEAR_UP_EVERY: Final = 30.0
-#: Files are told of again only after this when they are the same, and after a shorter pause when more have come: the server
-#: needs a moment to make a run of an event.
+#: Files are told of again only after this when they are the same, and after a shorter pause when
+#: more have come: the server needs a moment to make a run of an event.
 _REMIND, _PAUSE = 20.0, 5.0
-#: After a sweep that failed (a full disk, say), the next one waits this long, and after many at most so long.
+#: After a sweep that failed (a full disk, say), the next one waits this long, and after many at
+#: most so long.
 _AFTER_FAILURE: Final = 60.0
 _AT_MOST: Final = 3600.0
 _START_SECONDS: Final = 120.0
@@ -47,7 +50,8 @@ class Server:
         self._opened: Stores = stores(str(workspace.root))
         self._settings = load_settings(workspace.root, self._vehicles())
         given = checked_token(self._settings.serve, dict(os.environ))
-        # Without one of the user's, the next best: others on this machine do not know it, and it ends with this service.
+        # Without one of the user's, the next best: others on this machine do not know it, and it
+        # ends with this service.
         token = given or secrets.token_urlsafe(32)
         self._secret = {} if given else {"token": token}
         host, port = self._settings.serve.host, free_port(self._settings.serve)
@@ -55,9 +59,16 @@ class Server:
         self.client = Client(f"http://{reached}:{port}/api", token)
         environment = environment_of(workspace, self.client.url, token)
         start = ["server", "start", "--host", host, "--port", str(port), "--no-ui"]
-        self._server = Child("server", [sys.executable, "-m", "prefect", *start], environment, workspace.prefect)
+        self._server = Child(
+            "server", [sys.executable, "-m", "prefect", *start], environment, workspace.prefect
+        )
         run = "from aerodb.flows.deployments import main; main()"
-        self._runner = Child("runner", [sys.executable, "-c", run, str(workspace.root)], environment, workspace.prefect)
+        self._runner = Child(
+            "runner",
+            [sys.executable, "-c", run, str(workspace.root)],
+            environment,
+            workspace.prefect,
+        )
         self._told: tuple[float, frozenset[Any]] = (0.0, frozenset())
         self._cleared = 0.0
         self._delivering = threading.Thread()
@@ -94,15 +105,25 @@ class Server:
                 return
             if not self._server.alive or time.monotonic() > until:
                 where = str(self._workspace.prefect / "server.log")
-                raise StoreError("the Prefect server did not start", where, "its last lines say why")
+                raise StoreError(
+                    "the Prefect server did not start", where, "its last lines say why"
+                )
         clear_up(self.client, self._workspace, at_start=True)
         self._runner.start()
-        note = {"pid": os.getpid(), "url": self.client.url, "since_utc": datetime.now(UTC).isoformat(timespec="seconds")}
+        note = {
+            "pid": os.getpid(),
+            "url": self.client.url,
+            "since_utc": datetime.now(UTC).isoformat(timespec="seconds"),
+        }
         self._lock.note(note | self._secret)
-        self._say(f"serving {self._workspace.root} at {self.client.url}; logs go to {self._workspace.inbox}/<vehicle>/")
+        self._say(
+            f"serving {self._workspace.root} at {self.client.url}; logs go to"
+            f" {self._workspace.inbox}/<vehicle>/"
+        )
 
     def _beat(self, stopping: threading.Event) -> None:
-        """Once a second: dead processes are started again, settings read again, the inbox looked at, crashes cleared up."""
+        """Once a second: dead processes are started again, settings read again, the inbox looked
+        at, crashes cleared up."""
         try:
             self._follow_clock(stopping)
             for child in (self._server, self._runner):
@@ -115,17 +136,22 @@ class Server:
                 clear_up(self.client, self._workspace, at_start=False)
                 self._deliver()
         except (AeroError, OSError) as error:
-            self._say(f"not now: {error}")  # the next beat tries again: nothing here may end the service
+            self._say(
+                f"not now: {error}"
+            )  # the next beat tries again: nothing here may end the service
         except Exception as error:  # nor may what nobody thought of
             self._say(f"not now: {type(error).__name__}: {error}")
 
     def _follow_clock(self, stopping: threading.Event) -> None:
-        """Starts all again when the clock was set back: the services of Prefect's server would sleep until it is where it was,
-        and no run of the schedule be made for the time between."""
+        """Starts all again when the clock was set back: the services of Prefect's server would
+        sleep until it is where it was, and no run of the schedule be made for the time between."""
         before, self._clock = self._clock, _clock()
         if self._clock > before - _SET_BACK:
             return
-        self._say(f"the clock was set back by {before - self._clock:.0f} s: server and runner are started again")
+        self._say(
+            f"the clock was set back by {before - self._clock:.0f} s: server and runner are started"
+            " again"
+        )
         self._runner.stop(4.0)
         self._server.stop(4.0)
         self._start(stopping)
@@ -134,11 +160,14 @@ class Server:
         """Delivers what waits, beside the beat: who is told may take his time to answer."""
         if not self._delivering.is_alive():
             root = str(self._workspace.root)
-            self._delivering = threading.Thread(target=_delivered, args=(root, self._say), daemon=True)
+            self._delivering = threading.Thread(
+                target=_delivered, args=(root, self._say), daemon=True
+            )
             self._delivering.start()
 
     def _read_settings(self) -> None:
-        """Takes settings that were written meanwhile, when they are valid: the runner is started again with them."""
+        """Takes settings that were written meanwhile, when they are valid: the runner is started
+        again with them."""
         written = self._settings_written()
         if written == self._written:
             return
@@ -155,7 +184,9 @@ class Server:
         if not ready or is_held(self._workspace.lock("inbox")):
             return
         at, told = self._told
-        if time.monotonic() - at < (_REMIND if files <= told else _PAUSE) or self._failed_just_now(files <= told):
+        if time.monotonic() - at < (_REMIND if files <= told else _PAUSE) or self._failed_just_now(
+            files <= told
+        ):
             return
         if is_awaited(self.client):
             return
@@ -163,26 +194,36 @@ class Server:
         self._told = (time.monotonic(), files)
 
     def _look(self) -> list[Waiting]:
-        """What is in the inbox; what has been there unchanged for long enough is ready, whatever the clock says of its times."""
+        """What is in the inbox; what has been there unchanged for long enough is ready, whatever
+        the clock says of its times."""
         seen, now = files_of_inbox(self._opened, self._settings, wait=False), time.monotonic()
         self._since = {entry.file: self._since.get(entry.file, now) for entry in seen}
         settle = self._settings.inbox.settle
-        return [again for entry in seen for again in look_again([entry], now - self._since[entry.file], settle)]
+        return [
+            again
+            for entry in seen
+            for again in look_again([entry], now - self._since[entry.file], settle)
+        ]
 
     def _failed_just_now(self, nothing_new: bool) -> bool:
-        """Whether the last sweep failed (for want of room, say) and the next one is to wait: twice as long after each failure,
-        but not so long where something has come since."""
+        """Whether the last sweep failed (for want of room, say) and the next one is to wait: twice
+        as long after each failure, but not so long where something has come since."""
         last = self._opened.catalogue.newest_run(["sweep_flow", "nightly_flow"])
         if last is None or last.state != "failed" or last.ended_utc is None:
             self._failures = []
             return False
         if last.id not in self._failures:
             self._failures.append(last.id)
-        wait = min(_AFTER_FAILURE * 2 ** (len(self._failures) - 1), _AT_MOST) if nothing_new else _AFTER_FAILURE
+        wait = (
+            min(_AFTER_FAILURE * 2 ** (len(self._failures) - 1), _AT_MOST)
+            if nothing_new
+            else _AFTER_FAILURE
+        )
         return 0.0 <= (datetime.now(UTC) - last.ended_utc).total_seconds() < wait
 
     def _stop(self) -> None:
-        """Ends the runner and its runs, says of these that they were stopped, and ends the server."""
+        """Ends the runner and its runs, says of these that they were stopped, and ends the
+        server."""
         self._runner.stop(4.0)
         mark_ended(self._opened, "cancelled", "aerodb serve was stopped")
         if self.client.healthy():
@@ -194,7 +235,8 @@ class Server:
 
 
 def _clock() -> float:
-    """The time of day less what has passed since the machine began: steady until somebody sets the clock."""
+    """The time of day less what has passed since the machine began: steady until somebody sets the
+    clock."""
     return time.time() - time.monotonic()
 
 
@@ -206,14 +248,26 @@ def _delivered(root: str, say: Say) -> None:
 
 
 def serve(workspace: Workspace, say: Say) -> None:
-    """Serves a workspace until SIGTERM or SIGINT. StoreError when another ``aerodb serve`` does so already."""
+    """Serves a workspace until SIGTERM or SIGINT. StoreError when another ``aerodb serve`` does so
+    already."""
     lock = take(workspace.lock("serve"))
     if lock is None:
         other = note_of(workspace.lock("serve"))
-        who = f"process {other['pid']} at {other['url']}" if "pid" in other else "a process that is just starting"
-        raise StoreError(f"another aerodb serve is at this workspace: {who}", str(workspace.root), "stop that one first")
+        who = (
+            f"process {other['pid']} at {other['url']}"
+            if "pid" in other
+            else "a process that is just starting"
+        )
+        raise StoreError(
+            f"another aerodb serve is at this workspace: {who}",
+            str(workspace.root),
+            "stop that one first",
+        )
     stopping = threading.Event()
-    before = {number: signal.signal(number, lambda *_: stopping.set()) for number in (signal.SIGTERM, signal.SIGINT)}
+    before = {
+        number: signal.signal(number, lambda *_: stopping.set())
+        for number in (signal.SIGTERM, signal.SIGINT)
+    }
     try:
         lock.note({})
         Server(workspace, lock, say).run(stopping)

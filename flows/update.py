@@ -1,9 +1,17 @@
-"""The update flow: declared increments from flights, a candidate version, and its error before and after."""
+"""The update flow: declared increments from flights, a candidate version, and its error before and
+after."""
 
 from typing import Any
 
 from aerodb.flows.run import Steps
-from aerodb.tasks.steps import compare_with_version, estimate, plan_update, publish_candidate, validate, write_update_page
+from aerodb.tasks.steps import (
+    compare_with_version,
+    estimate,
+    plan_update,
+    publish_candidate,
+    validate,
+    write_update_page,
+)
 
 
 def update_flow(
@@ -17,14 +25,24 @@ def update_flow(
     model: str,
     hold_out: list[str] | None = None,
 ) -> dict[str, Any]:
-    """Estimates the increments that `model` (the text of a model file) declares, on top of version `baseline` (its id).
+    """Estimates the increments that `model` (the text of a model file) declares, on top of version
+    `baseline` (its id).
 
-    flights : their full ids. hold_out : references of flights to hold out, an empty list for none, None for the rule.
-    Returns the update's document with ``label`` and ``page``, the file of its report.
+    flights : their full ids. hold_out : references of flights to hold out, an empty list for none,
+    None for the rule. Returns the update's document with ``label`` and ``page``, the file of its
+    report.
     """
     where = {"workspace": workspace, "run": run}
     compared = steps.map(compare_with_version, flights, **where, version=baseline)
-    plan = steps(plan_update, compared, **where, vehicle=vehicle, baseline=baseline, model=model, hold_out=hold_out)
+    plan = steps(
+        plan_update,
+        compared,
+        **where,
+        vehicle=vehicle,
+        baseline=baseline,
+        model=model,
+        hold_out=hold_out,
+    )
     update = steps(estimate, plan, **where)
     proof = steps(validate, plan, update, **where)
     document = steps(publish_candidate, plan, update, proof, **where)

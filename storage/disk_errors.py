@@ -1,4 +1,5 @@
-"""What the disk may do to a run: be full, read-only or out of reach. Said in plain words, and asked before a run begins."""
+"""What the disk may do to a run: be full, read-only or out of reach. Said in plain words, and asked
+before a run begins."""
 
 import errno
 import glob
@@ -28,8 +29,8 @@ _FAULTS: Final = {
 }
 #: Those that may pass by themselves.
 _PASSING: Final = (errno.EIO, errno.ESTALE)
-#: Bytes in the store per byte of a log, for its topics, its flight and what is computed from it: 0.8 of a ULog of an hour, 0.9 of
-#: one of a minute, 1.9 of a CSV table were measured.
+#: Bytes in the store per byte of a log, for its topics, its flight and what is computed from it:
+#: 0.8 of a ULog of an hour, 0.9 of one of a minute, 1.9 of a CSV table were measured.
 GROWTH: Final = 2.5
 #: A temporary file that is older [s] was left behind, whoever wrote it.
 _ABANDONED: Final = 86_400.0
@@ -37,7 +38,8 @@ _ABANDONED: Final = 86_400.0
 
 @contextmanager
 def disk_faults(where: Path | str) -> Iterator[None]:
-    """Turns what the system says of a disk that cannot take what is written into a StoreError that says what to do."""
+    """Turns what the system says of a disk that cannot take what is written into a StoreError that
+    says what to do."""
     try:
         yield
     except OSError as error:
@@ -49,16 +51,23 @@ def disk_faults(where: Path | str) -> Iterator[None]:
 
 
 def require_space(root: Path, size: int, reserve: int) -> None:
-    """StoreError when the disk of `root` has no room for what logs of `size` bytes become, and `reserve` bytes beside it."""
+    """StoreError when the disk of `root` has no room for what logs of `size` bytes become, and
+    `reserve` bytes beside it."""
     need = int(GROWTH * size) + reserve
     free = shutil.disk_usage(root).free
     if free < need:
-        what = f"{free / 1e6:.0f} MB are free, this log needs about {need / 1e6:.0f} MB with the reserve"
-        raise StoreError(what, str(root), "make room, or set [limits] reserve lower in the workspace's settings")
+        what = (
+            f"{free / 1e6:.0f} MB are free, this log needs about {need / 1e6:.0f} MB with the"
+            " reserve"
+        )
+        raise StoreError(
+            what, str(root), "make room, or set [limits] reserve lower in the workspace's settings"
+        )
 
 
 def temporary_beside(path: Path) -> Path:
-    """A name beside `path` that nobody else uses; what writers of the same that have died left there is removed."""
+    """A name beside `path` that nobody else uses; what writers of the same that have died left
+    there is removed."""
     name = path.name[:80]
     for left in path.parent.glob(f".{glob.escape(name)}.*.tmp"):
         if is_abandoned(left):
@@ -73,7 +82,8 @@ def is_temporary(path: Path) -> bool:
 
 
 def is_abandoned(path: Path) -> bool:
-    """Whether the writer of a temporary file is dead: a process of this machine that has ended, or anyone after a day."""
+    """Whether the writer of a temporary file is dead: a process of this machine that has ended, or
+    anyone after a day."""
     try:
         age = time.time() - path.stat().st_mtime
     except FileNotFoundError:

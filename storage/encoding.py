@@ -1,4 +1,5 @@
-"""How values become columns of the catalogue and come back: times, JSON, damage, names. No SQL here."""
+"""How values become columns of the catalogue and come back: times, JSON, damage, names. No SQL
+here."""
 
 import json
 import re
@@ -27,14 +28,18 @@ _MOMENT: Final = timedelta(microseconds=1)
 def checked(name: str, pattern: re.Pattern[str], what: str) -> str:
     """`name` when it has the form that `what` must have; InputError otherwise."""
     if not pattern.fullmatch(name):
-        raise InputError(f"{shown(name)} cannot be {what}", remedy="use letters, digits, '-' and '_'")
+        raise InputError(
+            f"{shown(name)} cannot be {what}", remedy="use letters, digits, '-' and '_'"
+        )
     return name
 
 
 def checked_key(key: str, what: str) -> str:
     """`key` when it is a sha256 in hexadecimal digits; InputError otherwise."""
     if not KEY.fullmatch(key):
-        raise InputError(f"{shown(key)} is not {what}", remedy="it must be a sha256: 64 hexadecimal digits")
+        raise InputError(
+            f"{shown(key)} is not {what}", remedy="it must be a sha256: 64 hexadecimal digits"
+        )
     return key
 
 
@@ -44,7 +49,8 @@ def shown(text: str) -> str:
 
 
 def plain_text(text: str) -> str:
-    """`text` as any database can hold it: what UTF-8 cannot write, and NUL, becomes a visible escape."""
+    """`text` as any database can hold it: what UTF-8 cannot write, and NUL, becomes a visible
+    escape."""
     return text.encode("utf-8", "backslashreplace").decode("utf-8").replace("\0", "\\x00")
 
 
@@ -60,7 +66,9 @@ def from_json(text: str) -> Any:
 
 def damage_to_json(damage: Iterable[Damage]) -> str:
     """Damage reports as canonical JSON."""
-    return to_json([{**asdict(d), "what": plain_text(d.what), "topic": plain_text(d.topic)} for d in damage])
+    return to_json(
+        [{**asdict(d), "what": plain_text(d.what), "topic": plain_text(d.topic)} for d in damage]
+    )
 
 
 def damage_from_json(text: str) -> tuple[Damage, ...]:
@@ -74,8 +82,8 @@ def now() -> datetime:
 
 
 def after(*times: datetime | None) -> datetime:
-    """The current time, or the moment after the latest of `times` where the clock was set back since: what is listed by its time
-    is listed in the order in which it happened.
+    """The current time, or the moment after the latest of `times` where the clock was set back
+    since: what is listed by its time is listed in the order in which it happened.
 
     >>> after(datetime(9999, 1, 2, tzinfo=UTC)).isoformat()
     '9999-01-02T00:00:00.000001+00:00'
@@ -84,13 +92,16 @@ def after(*times: datetime | None) -> datetime:
 
 
 def time_text(time: datetime) -> str:
-    """UTC with microseconds, in a form whose alphabetical order is the order in time; InputError for a naive time.
+    """UTC with microseconds, in a form whose alphabetical order is the order in time; InputError
+    for a naive time.
 
     >>> time_text(datetime(2026, 1, 2, 3, 4, 5, tzinfo=UTC))
     '2026-01-02T03:04:05.000000Z'
     """
     if time.tzinfo is None:
-        raise InputError(f"time {time.isoformat()} has no zone", remedy="give it with an offset, or Z for UTC")
+        raise InputError(
+            f"time {time.isoformat()} has no zone", remedy="give it with an offset, or Z for UTC"
+        )
     return time.astimezone(UTC).strftime("%Y-%m-%dT%H:%M:%S.%fZ").zfill(27)
 
 

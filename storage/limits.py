@@ -11,9 +11,10 @@ from aerodb.support import Strict
 
 
 class Limits(Strict):
-    """Of the parsing of one log: its `size` [bytes], the `memory` that its reader takes beside its own code [bytes], `processor`
-    time and time on the `wall` clock [s]. Of a run: bytes of the disk that it leaves free (`reserve`), how long a `step` may
-    take [s] when Prefect runs it, and how long all of the `run` [s]."""
+    """Of the parsing of one log: its `size` [bytes], the `memory` that its reader takes beside its
+    own code [bytes], `processor` time and time on the `wall` clock [s]. Of a run: bytes of the disk
+    that it leaves free (`reserve`), how long a `step` may take [s] when Prefect runs it, and how
+    long all of the `run` [s]."""
 
     size: int = Field(default=20_000_000_000, gt=0)
     memory: int = Field(default=4_000_000_000, gt=0)
@@ -27,4 +28,6 @@ class Limits(Strict):
         """InputError when a log of `size` [bytes] is not to be read."""
         if size > self.size:
             what = f"{size / 1e6:.0f} MB, and at most {self.size / 1e6:.0f} MB are read"
-            raise InputError(what, log, "split the log, or set [limits] size in the workspace's settings")
+            raise InputError(
+                what, log, "split the log, or set [limits] size in the workspace's settings"
+            )

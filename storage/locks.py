@@ -1,6 +1,8 @@
-"""Locks that the system takes back when their holder ends, however it ends: who runs is known without trusting a process id.
+"""Locks that the system takes back when their holder ends, however it ends: who runs is known
+without trusting a process id.
 
-A lock is a file that somebody holds locked (flock); what stands in it is a note for people and other processes.
+A lock is a file that somebody holds locked (flock); what stands in it is a note for people and
+other processes.
 """
 
 import json
@@ -40,7 +42,9 @@ class Lock:
     def release(self, remove: bool = False) -> None:
         """Gives it back. remove : nobody else ever asks for this one, so that its file can go."""
         if remove:
-            with suppress(OSError):  # on a disk that is read-only meanwhile it stays: nobody holds it
+            with suppress(
+                OSError
+            ):  # on a disk that is read-only meanwhile it stays: nobody holds it
                 self._path.unlink(missing_ok=True)
         os.close(self._descriptor)
 
@@ -48,7 +52,8 @@ class Lock:
 def take(path: Path, wait: bool = False) -> Lock | None:
     """The lock at `path`, or None where somebody else holds it; `wait` waits for it instead.
 
-    Who only looks whether it is held (`is_held`) has it for an instant, too: None means that it was held for a second.
+    Who only looks whether it is held (`is_held`) has it for an instant, too: None means that it was
+    held for a second.
     """
     with disk_faults(path):
         descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o600)

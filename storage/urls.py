@@ -1,4 +1,5 @@
-"""Addresses of PostgreSQL databases: what settings may say of them, and how they are shown. Passwords stay in the environment."""
+"""Addresses of PostgreSQL databases: what settings may say of them, and how they are shown.
+Passwords stay in the environment."""
 
 import os
 from collections.abc import Mapping
@@ -9,36 +10,50 @@ from aerodb.errors import InputError
 
 _SCHEMES: Final = ("postgresql", "postgres")
 _SECRETS: Final = ("password", "passfile", "sslpassword")
-_FORM: Final = 'write postgresql://USER@HOST:PORT/DATABASE, or "$NAME" of the environment variable that holds it'
+_FORM: Final = (
+    'write postgresql://USER@HOST:PORT/DATABASE, or "$NAME" of the environment variable that'
+    " holds it"
+)
 
 
 def checked_url(text: Any) -> str:
-    """`text` when it may stand in a file: empty, ``$NAME``, or an address without a password. InputError, which shows none of
-    it, otherwise."""
+    """`text` when it may stand in a file: empty, ``$NAME``, or an address without a password.
+    InputError, which shows none of it, otherwise."""
     if not isinstance(text, str):
         raise InputError("is not text", remedy=_FORM)
     if not text or (text.startswith("$") and text[1:].isidentifier()):
         return text
     parts = _parts(text)
-    if parts.password is not None or any(name in _SECRETS for name, _ in parse_qsl(parts.query, keep_blank_values=True)):
-        remedy = 'put the whole address into an environment variable and write its name, "$NAME"; or use ~/.pgpass'
+    if parts.password is not None or any(
+        name in _SECRETS for name, _ in parse_qsl(parts.query, keep_blank_values=True)
+    ):
+        remedy = (
+            'put the whole address into an environment variable and write its name, "$NAME"; or use'
+            " ~/.pgpass"
+        )
         raise InputError("holds a password, which does not belong in a file", remedy=remedy)
     return text
 
 
 def resolved(text: str, where: str, environment: Mapping[str, str] = os.environ) -> str:
-    """The address that a checked setting means, with its password if it has one; empty for none. InputError, which shows no
-    part of it, when the variable is not set or holds no address."""
+    """The address that a checked setting means, with its password if it has one; empty for none.
+    InputError, which shows no part of it, when the variable is not set or holds no address."""
     if not text.startswith("$"):
         return text
     found = environment.get(text[1:], "")
     if not found:
-        raise InputError(f"the environment variable {text[1:]} is not set", where, "set it to the address of the database")
+        raise InputError(
+            f"the environment variable {text[1:]} is not set",
+            where,
+            "set it to the address of the database",
+        )
     try:
         _parts(found)
     except InputError as error:
         what = f"the environment variable {text[1:]} holds no address of a PostgreSQL database"
-        raise InputError(what, where, "it must be like postgresql://USER:PASSWORD@HOST:PORT/DATABASE") from error
+        raise InputError(
+            what, where, "it must be like postgresql://USER:PASSWORD@HOST:PORT/DATABASE"
+        ) from error
     return found
 
 
@@ -51,10 +66,16 @@ def shown(url: str) -> str:
 
 
 def _parts(text: str) -> SplitResult:
-    """The parts of an address; InputError, without the text and what the parser says of it, for what is none."""
+    """The parts of an address; InputError, without the text and what the parser says of it, for
+    what is none."""
     try:
         parts = urlsplit(text)
-        good = parts.scheme in _SCHEMES and (parts.port or 1) > 0 and len(parts.path) > 1 and "@" not in parts.path
+        good = (
+            parts.scheme in _SCHEMES
+            and (parts.port or 1) > 0
+            and len(parts.path) > 1
+            and "@" not in parts.path
+        )
     except ValueError:
         good = False
     if not good:

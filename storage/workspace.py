@@ -1,6 +1,8 @@
-"""The workspace: one folder with the catalogue, the flight store, the inbox, the quarantine and the reports.
+"""The workspace: one folder with the catalogue, the flight store, the inbox, the quarantine and the
+reports.
 
-Names that come from logs never become paths here: files are called by the sha256 of their content or by a result's key.
+Names that come from logs never become paths here: files are called by the sha256 of their content
+or by a result's key.
 """
 
 import hashlib
@@ -17,20 +19,31 @@ from aerodb.errors import InputError, StoreError
 from aerodb.storage.catalogue import place_of
 from aerodb.storage.disk_errors import disk_faults, remove, temporary_beside
 
-_FOLDERS = ("flights", "results", "inbox", "logs", "quarantine", "reports", "outbox", "locks", "prefect")
+_FOLDERS = (
+    "flights",
+    "results",
+    "inbox",
+    "logs",
+    "quarantine",
+    "reports",
+    "outbox",
+    "locks",
+    "prefect",
+)
 _HEX = re.compile(r"[0-9a-f]{64}")
 _SUFFIX = re.compile(r"\.[a-z0-9]{1,8}")
 _CHUNK = 1 << 20
 
 
 def write_atomically(path: Path, write: Callable[[Path], None], keep: bool = False) -> None:
-    """Lets `write` make a file or a folder under a temporary name beside `path`, then puts it at `path` in one step.
+    """Lets `write` make a file or a folder under a temporary name beside `path`, then puts it at
+    `path` in one step.
 
-    The bytes are on the disk (fsync) before the name appears, so that neither an exception nor a power cut ever shows
-    half a file. What stood at `path` is replaced. When `write` raises, `path` is as before and nothing is left behind; what a
-    process that was killed left behind goes with the next attempt.
-    keep : a folder that stands at `path` by then stays instead: another writer of the same was quicker.
-    StoreError when the disk is full, read-only or refuses otherwise.
+    The bytes are on the disk (fsync) before the name appears, so that neither an exception nor a
+    power cut ever shows half a file. What stood at `path` is replaced. When `write` raises, `path`
+    is as before and nothing is left behind; what a process that was killed left behind goes with
+    the next attempt. keep : a folder that stands at `path` by then stays instead: another writer of
+    the same was quicker. StoreError when the disk is full, read-only or refuses otherwise.
     """
     with disk_faults(path):
         temporary = temporary_beside(path)
@@ -95,7 +108,8 @@ def checked_sha256(text: str) -> str:
 
 @dataclass(frozen=True)
 class Workspace:
-    """One folder that holds everything; paths inside it are stored relative to `root`, so that it can be moved."""
+    """One folder that holds everything; paths inside it are stored relative to `root`, so that it
+    can be moved."""
 
     root: Path
 
@@ -111,13 +125,16 @@ class Workspace:
                 (workspace.root / name).mkdir(parents=True, exist_ok=True)
         except (FileExistsError, NotADirectoryError, PermissionError) as error:
             raise InputError(
-                f"cannot be a workspace: {error.strerror}", str(root), "choose a folder that you may write to"
+                f"cannot be a workspace: {error.strerror}",
+                str(root),
+                "choose a folder that you may write to",
             ) from error
         return workspace
 
     @property
     def catalogue(self) -> Path:
-        """The SQLite file of the catalogue, unless the settings name a database (`aerodb.storage.catalogue.places`)."""
+        """The SQLite file of the catalogue, unless the settings name a database
+        (`aerodb.storage.catalogue.places`)."""
         return self.root / "catalogue.sqlite"
 
     @property
@@ -153,7 +170,8 @@ class Workspace:
         return self._place("flights", key, ".topics")
 
     def log_path(self, sha256: str, suffix: str) -> Path:
-        """Where the bytes of a log that came through the inbox stand, as they came; the folder is made."""
+        """Where the bytes of a log that came through the inbox stand, as they came; the folder is
+        made."""
         return self._place("logs", sha256, suffix if _SUFFIX.fullmatch(suffix) else "")
 
     def result_path(self, key: str, suffix: str = ".parquet") -> Path:
@@ -183,10 +201,11 @@ class Workspace:
     def quarantine(self, path: Path, sha256: str, reason: str, vehicle: str = "") -> Path:
         """Puts the log into quarantine with its reason beside it; returns the quarantined file.
 
-        The bytes are copied to ``quarantine/<sha256>/log<suffix>``, the reason (with the log's own name, size and time, and
-        the `vehicle` that it came for) to ``reason.json`` there. The user's file stays where it is, unless it lies in the
-        inbox; there a file that is not, or no longer, the one whose bytes are held stays, too. Doing it again keeps the bytes
-        and renews the reason. InputError when none are held and those at `path` no longer have this sha256.
+        The bytes are copied to ``quarantine/<sha256>/log<suffix>``, the reason (with the log's own
+        name, size and time, and the `vehicle` that it came for) to ``reason.json`` there. The
+        user's file stays where it is, unless it lies in the inbox; there a file that is not, or no
+        longer, the one whose bytes are held stays, too. Doing it again keeps the bytes and renews
+        the reason. InputError when none are held and those at `path` no longer have this sha256.
         """
         seen = _identity(path)
         folder = self.root / "quarantine" / checked_sha256(sha256)
@@ -204,15 +223,26 @@ class Workspace:
             path.unlink(missing_ok=True)
         return target
 
-    def write_reason(self, folder: Path, name: str, size: int, reason: str, vehicle: str, sha256: str = "") -> None:
-        """Says beside what lies in quarantine what it was called, whose it was, and why it is there."""
+    def write_reason(
+        self, folder: Path, name: str, size: int, reason: str, vehicle: str, sha256: str = ""
+    ) -> None:
+        """Says beside what lies in quarantine what it was called, whose it was, and why it is
+        there."""
         at = datetime.now(UTC).isoformat(timespec="seconds")
-        note = {"name": name, "sha256": sha256, "size": size, "reason": reason, "vehicle": vehicle, "at_utc": at}
+        note = {
+            "name": name,
+            "sha256": sha256,
+            "size": size,
+            "reason": reason,
+            "vehicle": vehicle,
+            "at_utc": at,
+        }
         write_atomically(folder / "reason.json", lambda temporary: _write_json(temporary, note))
 
 
 def _identity(path: Path) -> tuple[int, int, int] | None:
-    """Inode, size and time of what stands at `path`, links not followed: a file put there since has others."""
+    """Inode, size and time of what stands at `path`, links not followed: a file put there since has
+    others."""
     try:
         found = path.lstat()
     except FileNotFoundError:
@@ -236,7 +266,11 @@ def _copy_checked(source: Path, target: Path, sha256: str) -> None:
             digest.update(block)
             outgoing.write(block)
     if digest.hexdigest() != sha256:
-        raise InputError("the file changed while it was read", str(source), "wait until it is completely written, then try again")
+        raise InputError(
+            "the file changed while it was read",
+            str(source),
+            "wait until it is completely written, then try again",
+        )
 
 
 def _write_json(path: Path, value: Any) -> None:
@@ -247,14 +281,21 @@ def _write_json(path: Path, value: Any) -> None:
 def write_for_user(workspace: Workspace, target: Path, data: bytes) -> Path:
     """Writes a file where a user asked for it, atomically; returns its path.
 
-    Raises InputError for a folder, a folder that is not there, and any place inside the workspace but its reports: what
-    stands there is the catalogue's, and links are followed before that is judged.
+    Raises InputError for a folder, a folder that is not there, and any place inside the workspace
+    but its reports: what stands there is the catalogue's, and links are followed before that is
+    judged.
     """
     try:
         path = target.resolve()
-        inside = path.is_relative_to(workspace.root.resolve()) and not path.is_relative_to(workspace.reports.resolve())
+        inside = path.is_relative_to(workspace.root.resolve()) and not path.is_relative_to(
+            workspace.reports.resolve()
+        )
         if inside:
-            raise InputError("inside the workspace only its own files stand", str(target), "choose another folder")
+            raise InputError(
+                "inside the workspace only its own files stand",
+                str(target),
+                "choose another folder",
+            )
         if path.is_dir() or not path.parent.is_dir():
             what = "is a folder" if path.is_dir() else "its folder does not exist"
             raise InputError(what, str(target), "name a file in a folder that is there")
@@ -263,7 +304,9 @@ def write_for_user(workspace: Workspace, target: Path, data: bytes) -> Path:
         if isinstance(error, InputError):
             raise
         what = error.what if isinstance(error, StoreError) else str(error)
-        raise InputError(f"cannot be written: {what}", str(target)[:200], "choose another place") from error
+        raise InputError(
+            f"cannot be written: {what}", str(target)[:200], "choose another place"
+        ) from error
     return path
 
 

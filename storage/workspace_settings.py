@@ -1,7 +1,9 @@
-"""The workspace's settings: ``settings.toml`` in its folder, closed to unknown keys; without the file everything has its default.
+"""The workspace's settings: ``settings.toml`` in its folder, closed to unknown keys; without the
+file everything has its default.
 
-What a vehicle's section leaves out is taken from the sections of the workspace. Secrets do not belong in the file: a webhook
-is named by the environment variable that holds its address (``"$NAME"``), the token of the server is read from one, too.
+What a vehicle's section leaves out is taken from the sections of the workspace. Secrets do not
+belong in the file: a webhook is named by the environment variable that holds its address
+(``"$NAME"``), the token of the server is read from one, too.
 """
 
 import ipaddress
@@ -32,7 +34,9 @@ _CRON_NAMES: Final = {
     4: ("sun", "mon", "tue", "wed", "thu", "fri", "sat"),
 }
 _CRON_PART: Final = re.compile(r"(?:\*|([0-9]+|[a-z]{3})(?:-([0-9]+|[a-z]{3}))?)(?:/[1-9][0-9]*)?")
-_OBJECTS: Final = re.compile(r"s3://[a-z0-9][a-z0-9.-]{1,61}[a-z0-9](?:/(?!\.{1,2}(?:/|$))[A-Za-z0-9_.-]+)*/?")
+_OBJECTS: Final = re.compile(
+    r"s3://[a-z0-9][a-z0-9.-]{1,61}[a-z0-9](?:/(?!\.{1,2}(?:/|$))[A-Za-z0-9_.-]+)*/?"
+)
 _YEAR: Final = 366 * 86_400.0
 #: A span of time [s]: what reckons with it must not come to the end of its numbers.
 Duration = Annotated[Seconds, Field(le=_YEAR, allow_inf_nan=False)]
@@ -44,12 +48,18 @@ def _check_cron(text: str) -> None:
     """ValueError for what is not minute, hour, day, month, weekday and, if given, second."""
     fields = text.lower().split()
     if len(fields) not in (5, 6):
-        raise ValueError(f"cron '{text[:60]}' has {len(fields)} fields, not 5 (or 6, with the seconds last)")
+        raise ValueError(
+            f"cron '{text[:60]}' has {len(fields)} fields, not 5 (or 6, with the seconds last)"
+        )
     for place, field in enumerate(fields):
         for part in field.split(","):
             found = _CRON_PART.fullmatch(part)
-            if found is None or not all(_in_range(place, value) for value in found.groups() if value is not None):
-                raise ValueError(f"cron '{text[:60]}': '{part[:20]}' cannot stand at place {place + 1}")
+            if found is None or not all(
+                _in_range(place, value) for value in found.groups() if value is not None
+            ):
+                raise ValueError(
+                    f"cron '{text[:60]}': '{part[:20]}' cannot stand at place {place + 1}"
+                )
 
 
 def _in_range(place: int, value: str) -> bool:
@@ -58,24 +68,29 @@ def _in_range(place: int, value: str) -> bool:
 
 
 class SettingsError(InputError):
-    """The settings, or a file that they name, cannot be used as they are now: no log is at fault."""
+    """The settings, or a file that they name, cannot be used as they are now: no log is at
+    fault."""
 
 
-#: ``postgresql://...`` without its password, or ``$NAME`` of the environment variable that holds all of it; empty: a file.
+#: ``postgresql://...`` without its password, or ``$NAME`` of the environment variable that holds
+#: all of it; empty: a file.
 DatabaseUrl = Annotated[str, BeforeValidator(checked_url)]
 
 
 class CatalogueSettings(Strict):
-    """Which database holds the catalogue: PostgreSQL at `url`; empty: the file in the workspace. See `aerodb.storage.catalogue.places`."""
+    """Which database holds the catalogue: PostgreSQL at `url`; empty: the file in the workspace.
+    See `aerodb.storage.catalogue.places`."""
 
     url: DatabaseUrl = ""
 
 
 class Store(Strict):
-    """Where the files of the store are: the objects below `url` (``s3://bucket/prefix``); empty: the workspace's folder.
+    """Where the files of the store are: the objects below `url` (``s3://bucket/prefix``); empty:
+    the workspace's folder.
 
-    With objects, the folder is their cache: `cache` bytes are left in it by `aerodb store trim` and every night; 0: no limit.
-    Endpoint and credentials stand in the environment variables of AWS alone.
+    With objects, the folder is their cache: `cache` bytes are left in it by `aerodb store trim` and
+    every night; 0: no limit. Endpoint and credentials stand in the environment variables of AWS
+    alone.
     """
 
     url: str = ""
@@ -85,12 +100,17 @@ class Store(Strict):
     @classmethod
     def _address(cls, text: str) -> str:
         if text and not _OBJECTS.fullmatch(text):
-            raise InputError("is no address like s3://BUCKET/PREFIX", "", "who we are there, and where, stands in $AWS_... alone")
+            raise InputError(
+                "is no address like s3://BUCKET/PREFIX",
+                "",
+                "who we are there, and where, stands in $AWS_... alone",
+            )
         return text.rstrip("/")
 
 
 class Serve(Strict):
-    """Where the server listens: `host` is this machine's own loopback unless said otherwise; `port` 0 takes a free one.
+    """Where the server listens: `host` is this machine's own loopback unless said otherwise; `port`
+    0 takes a free one.
 
     database : of Prefect itself; empty: a file in the workspace.
     """
@@ -114,10 +134,12 @@ def is_loopback(host: str) -> bool:
 
 
 class Work(Strict):
-    """Where the steps of flights run: on the `threads` of the run's own process, or on the workers of the Dask cluster whose
-    scheduler listens at `address` (or ``"$NAME"`` of the environment variable that holds it).
+    """Where the steps of flights run: on the `threads` of the run's own process, or on the workers
+    of the Dask cluster whose scheduler listens at `address` (or ``"$NAME"`` of the environment
+    variable that holds it).
 
-    A scheduler of Dask asks nobody who they are, unless it speaks TLS: beyond this machine, ``tcp://`` needs a `trusted_network`.
+    A scheduler of Dask asks nobody who they are, unless it speaks TLS: beyond this machine,
+    ``tcp://`` needs a `trusted_network`.
     """
 
     engine: Literal["threads", "dask"] = "threads"
@@ -127,7 +149,9 @@ class Work(Strict):
     @model_validator(mode="after")
     def _addressed(self) -> Self:
         if self.engine == "dask" and not self.address:
-            raise ValueError('dask needs the address of its scheduler: address = "tcp://127.0.0.1:8786"')
+            raise ValueError(
+                'dask needs the address of its scheduler: address = "tcp://127.0.0.1:8786"'
+            )
         if self.address and not self.address.startswith("$"):
             self.checked(self.address)
         return self
@@ -136,7 +160,9 @@ class Work(Strict):
         """`address` where it may be spoken to; ValueError otherwise."""
         parts = urlsplit(address)
         if parts.scheme not in ("tcp", "tls") or not parts.hostname or not parts.port:
-            raise ValueError("the address of a scheduler is like tcp://127.0.0.1:8786, tls://HOST:PORT, or $NAME")
+            raise ValueError(
+                "the address of a scheduler is like tcp://127.0.0.1:8786, tls://HOST:PORT, or $NAME"
+            )
         if parts.scheme == "tcp" and not is_loopback(parts.hostname) and not self.trusted_network:
             said = "whoever reaches a scheduler over tcp:// runs what they like on its workers"
             raise ValueError(f"{said}: use tls://, or say trusted_network = true")
@@ -144,14 +170,16 @@ class Work(Strict):
 
 
 class Inbox(Strict):
-    """When a file counts as wholly copied: its size and times stood still for `settle` [s]; and how often one is tried."""
+    """When a file counts as wholly copied: its size and times stood still for `settle` [s]; and how
+    often one is tried."""
 
     settle: Duration = 10.0
     attempts: int = Field(default=3, ge=1)
 
 
 class Schedule(Strict):
-    """When the nightly flow runs: `cron` (five fields, or six with the seconds last) in `timezone`, or `every` so often [s]."""
+    """When the nightly flow runs: `cron` (five fields, or six with the seconds last) in `timezone`,
+    or `every` so often [s]."""
 
     cron: str = ""
     every: Duration | None = None
@@ -178,7 +206,8 @@ class Schedule(Strict):
 
 
 class Notification(Strict):
-    """Who is told, and of what: a `webhook` gets a JSON document by POST, a `command` the same on its standard input."""
+    """Who is told, and of what: a `webhook` gets a JSON document by POST, a `command` the same on
+    its standard input."""
 
     webhook: str = ""
     command: tuple[str, ...] = ()
@@ -188,15 +217,19 @@ class Notification(Strict):
     @classmethod
     def _address(cls, text: str) -> str:
         if text and not text.startswith(("https://", "http://", "$")):
-            raise ValueError("a webhook is an http(s) address, or $NAME of the environment variable that holds it")
+            raise ValueError(
+                "a webhook is an http(s) address, or $NAME of the environment variable that"
+                " holds it"
+            )
         return text
 
 
 class Loop(Strict):
     """When and how a vehicle's database is taken further by itself.
 
-    after : so many flights must be new since the last time. newest : at most so many flights are used, the newest ones.
-    run : ``close-loop``, ``update``, both or neither. model : the model file of the update, relative to the workspace.
+    after : so many flights must be new since the last time. newest : at most so many flights are
+    used, the newest ones. run : ``close-loop``, ``update``, both or neither. model : the model file
+    of the update, relative to the workspace.
     """
 
     after: int = Field(default=5, ge=1)
@@ -214,14 +247,16 @@ class Loop(Strict):
 
 
 class Gate(Strict):
-    """What the gate asks for beyond its own checks: the fewest flights that identified a version, and that validated it."""
+    """What the gate asks for beyond its own checks: the fewest flights that identified a version,
+    and that validated it."""
 
     identified: int = Field(default=0, ge=0)
     held_out: int = Field(default=0, ge=0)
 
 
 class Accuracy(Strict):
-    """Limits of the consistency verdict in place of those of the vehicle's file; see `aerodb.vehicle.Accuracy`."""
+    """Limits of the consistency verdict in place of those of the vehicle's file; see
+    `aerodb.vehicle.Accuracy`."""
 
     attitude: Radians | None = None
     flow_angle: Radians | None = None
@@ -291,9 +326,11 @@ class Settings(Strict):
 
 
 def load_settings(root: Path, vehicles: tuple[str, ...] | None = None) -> Settings:
-    """The settings of the workspace folder `root`; defaults without a file. Sections must be of `vehicles`, where given.
+    """The settings of the workspace folder `root`; defaults without a file. Sections must be of
+    `vehicles`, where given.
 
-    Raises SettingsError that names the key, the reason and the nearest known key; UnknownNameError for no such vehicle.
+    Raises SettingsError that names the key, the reason and the nearest known key; UnknownNameError
+    for no such vehicle.
     """
     path = root / FILE
     try:
@@ -301,7 +338,9 @@ def load_settings(root: Path, vehicles: tuple[str, ...] | None = None) -> Settin
     except FileNotFoundError:
         return Settings()
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise SettingsError(f"not valid TOML: {error}", str(path), "mend it, or move it away for the defaults") from error
+        raise SettingsError(
+            f"not valid TOML: {error}", str(path), "mend it, or move it away for the defaults"
+        ) from error
     try:
         settings = validated(Settings, data, str(path))
     except InputError as error:
@@ -309,21 +348,36 @@ def load_settings(root: Path, vehicles: tuple[str, ...] | None = None) -> Settin
     for name in settings.vehicles:
         if vehicles is not None and name not in vehicles:
             known = ", ".join(vehicles[:12]) or "none yet"
-            raise UnknownNameError(f"vehicles.{name}: no such vehicle", str(path), f"known vehicles: {known}")
+            raise UnknownNameError(
+                f"vehicles.{name}: no such vehicle", str(path), f"known vehicles: {known}"
+            )
     return settings
 
 
 def checked_token(serve: Serve, environment: dict[str, str]) -> str:
-    """The token that the server asks of its clients, empty for none; InputError where it must have one and does not."""
+    """The token that the server asks of its clients, empty for none; InputError where it must have
+    one and does not."""
     token = environment.get(TOKEN_VARIABLE, "")
     if token and len(token) < _SHORTEST_TOKEN:
-        raise InputError(f"the token has less than {_SHORTEST_TOKEN} characters", f"${TOKEN_VARIABLE}", "take a longer one")
+        raise InputError(
+            f"the token has less than {_SHORTEST_TOKEN} characters",
+            f"${TOKEN_VARIABLE}",
+            "take a longer one",
+        )
     if not serve.loopback and not token:
-        what = f"would listen on {serve.host}, where others than this machine can reach it, without a token"
-        raise InputError(what, f"{FILE}: serve.host", f"set ${TOKEN_VARIABLE}, or leave serve.host out for 127.0.0.1")
+        what = (
+            f"would listen on {serve.host}, where others than this machine can reach it, without a"
+            " token"
+        )
+        raise InputError(
+            what,
+            f"{FILE}: serve.host",
+            f"set ${TOKEN_VARIABLE}, or leave serve.host out for 127.0.0.1",
+        )
     return token
 
 
 def authorization(token: str) -> str:
-    """How a client of the server presents its token: name and password of HTTP's basic authentication."""
+    """How a client of the server presents its token: name and password of HTTP's basic
+    authentication."""
     return f"aerodb:{token}"

@@ -1,4 +1,5 @@
-"""The flights of the stores as the closed loop asks for them: what stands under their ids, made and kept where it is not yet."""
+"""The flights of the stores as the closed loop asks for them: what stands under their ids, made and
+kept where it is not yet."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -27,7 +28,8 @@ from aerodb.vehicle import Vehicle
 
 @dataclass(frozen=True)
 class StoredFlights:
-    """The flights of one vehicle (its name) in the stores; what is made for them is noted as made by `run`.
+    """The flights of one vehicle (its name) in the stores; what is made for them is noted as made
+    by `run`.
 
     Implements `aerodb.loop.FlightSource`.
     """
@@ -48,7 +50,9 @@ class StoredFlights:
     def reconstruction(self, flight: str) -> Reconstruction:
         """From the stored document of the consistent flight."""
         document = load_consistent(self.opened, self.opened.catalogue.flight(flight), self.run)[1]
-        errors = {entry["parameter"]: entry["standard_error"] for entry in document.get("estimates", ())}
+        errors = {
+            entry["parameter"]: entry["standard_error"] for entry in document.get("estimates", ())
+        }
         return Reconstruction(
             noise=noise_of(document),
             angles=reconstructed_angles(document),

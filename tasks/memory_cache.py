@@ -1,6 +1,8 @@
-"""What was read or computed stays at hand for a while, by what it is made of: flights, coefficients, comparisons.
+"""What was read or computed stays at hand for a while, by what it is made of: flights,
+coefficients, comparisons.
 
-Within a bound of memory, the least recently used go first. Arrays that are kept cannot be written to.
+Within a bound of memory, the least recently used go first. Arrays that are kept cannot be written
+to.
 """
 
 from collections.abc import Callable, Hashable, Mapping
@@ -16,12 +18,15 @@ Value = TypeVar("Value")
 
 #: Bytes that all kept values may take together: some 30 flights of ten minutes at 50 Hz.
 _ROOM: Final = 512 * 2**20
-_kept: Final[LRUCache[Hashable, tuple[Any, int]]] = LRUCache(_ROOM, getsizeof=lambda entry: entry[1])
+_kept: Final[LRUCache[Hashable, tuple[Any, int]]] = LRUCache(
+    _ROOM, getsizeof=lambda entry: entry[1]
+)
 _lock: Final = Lock()
 
 
 def kept(key: Hashable, make: Callable[[], Value]) -> Value:
-    """The value of `key`, as it was made before or as `make` makes it now; what is larger than a quarter of the room is not kept.
+    """The value of `key`, as it was made before or as `make` makes it now; what is larger than a
+    quarter of the room is not kept.
 
     Two threads that ask at once may both make it: they make the same.
     """
@@ -39,7 +44,8 @@ def kept(key: Hashable, make: Callable[[], Value]) -> Value:
 
 
 def of_file(path: Path, *more: Hashable) -> Hashable:
-    """A key for what is made of a file as it is now: one that is written anew, or damaged, has another."""
+    """A key for what is made of a file as it is now: one that is written anew, or damaged, has
+    another."""
     found = path.stat()
     return (str(path), found.st_ino, found.st_size, found.st_mtime_ns, *more)
 

@@ -9,7 +9,8 @@ from pathlib import Path
 
 @lru_cache(maxsize=1)
 def code_version() -> str:
-    """Package version and, where the code stands in a git checkout, its commit: ``0.1.0+1a2b3c4``."""
+    """Package version and, where the code stands in a git checkout, its commit:
+    ``0.1.0+1a2b3c4``."""
     try:
         number = version("aerodb")
     except PackageNotFoundError:
@@ -19,7 +20,9 @@ def code_version() -> str:
         return number
     command = ["git", "-C", str(folder), "rev-parse", "--short", "HEAD"]
     try:
-        commit = subprocess.run(command, capture_output=True, text=True, timeout=5, check=True).stdout.strip()
+        commit = subprocess.run(
+            command, capture_output=True, text=True, timeout=5, check=True
+        ).stdout.strip()
     except (OSError, subprocess.SubprocessError):
         return number
     return f"{number}+{commit}"

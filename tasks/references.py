@@ -1,4 +1,5 @@
-"""What a user means: which vehicle, version, point or table node. The command line and the console ask here alike."""
+"""What a user means: which vehicle, version, point or table node. The command line and the console
+ask here alike."""
 
 import math
 import re
@@ -10,7 +11,8 @@ from aerodb.nomenclature import channel
 from aerodb.storage.catalogue import Catalogue, VersionRow
 from aerodb.units import quantity
 
-#: What no unit needs, and what lets a text ask for a number of any length: brackets, and powers of numbers.
+#: What no unit needs, and what lets a text ask for a number of any length: brackets, and powers of
+#: numbers.
 _LABORIOUS: Final = re.compile(r"[()\[\]]|\d\s*(\*\*|\^)")
 _LONGEST_VALUE: Final = 60
 _NODE: Final = re.compile(r"\s*([A-Za-z_]\w*)\s*\[\s*(\d{1,9}(?:\s*,\s*\d{1,9})*)\s*\]\s*")
@@ -23,12 +25,15 @@ def vehicle_of(catalogue: Catalogue, vehicle: str | None) -> str:
     names = [row.name for row in catalogue.vehicles()]
     if len(names) != 1:
         raise UnknownNameError(
-            "which vehicle?", remedy=f"--vehicle {' or '.join(names)}" if names else "add one: aerodb vehicle add"
+            "which vehicle?",
+            remedy=f"--vehicle {' or '.join(names)}" if names else "add one: aerodb vehicle add",
         )
     return names[0]
 
 
-def version_of(catalogue: Catalogue, reference: str, vehicle: str | None, as_of: str | None = None) -> VersionRow:
+def version_of(
+    catalogue: Catalogue, reference: str, vehicle: str | None, as_of: str | None = None
+) -> VersionRow:
     """The version that is meant, now or as of a date in ISO 8601."""
     when = None
     if as_of is not None:
@@ -36,12 +41,15 @@ def version_of(catalogue: Catalogue, reference: str, vehicle: str | None, as_of:
             when = datetime.fromisoformat(as_of)
             when = when.replace(tzinfo=UTC) if when.tzinfo is None else when.astimezone(UTC)
         except (ValueError, OverflowError) as error:
-            raise InputError(f"'{as_of}' is not a date", "--as-of", "for example 2026-05-31 or 2026-05-31T12:00") from error
+            raise InputError(
+                f"'{as_of}' is not a date", "--as-of", "for example 2026-05-31 or 2026-05-31T12:00"
+            ) from error
     return catalogue.version(vehicle_of(catalogue, vehicle), reference, when)
 
 
 def point_of(text: str, inputs: tuple[str, ...]) -> dict[str, float]:
-    """Channel -> value in SI of ``NAME=VALUE,...``; InputError for a name that is none of `inputs` and for no number."""
+    """Channel -> value in SI of ``NAME=VALUE,...``; InputError for a name that is none of `inputs`
+    and for no number."""
     point = {}
     for part in filter(None, (part.strip() for part in text.split(","))):
         name, sign, value = (piece.strip() for piece in part.partition("="))
@@ -52,7 +60,8 @@ def point_of(text: str, inputs: tuple[str, ...]) -> dict[str, float]:
 
 
 def value_of(name: str, text: str) -> float:
-    """`text`, with a unit or in SI, as a finite value in SI of an input; InputError where it is none.
+    """`text`, with a unit or in SI, as a finite value in SI of an input; InputError where it is
+    none.
 
     >>> value_of("V", "36 km/h")
     10.0
@@ -62,10 +71,16 @@ def value_of(name: str, text: str) -> float:
     except UnknownNameError:
         unit = "1"  # a free input of an imported file: a bare number
     if len(text) > _LONGEST_VALUE or _LABORIOUS.search(text):
-        raise InputError(f"'{text[:_LONGEST_VALUE]}' is not a quantity", "--at", "write a number, or a number with a unit: 5deg")
+        raise InputError(
+            f"'{text[:_LONGEST_VALUE]}' is not a quantity",
+            "--at",
+            "write a number, or a number with a unit: 5deg",
+        )
     value = quantity(text, unit)
     if not math.isfinite(value):
-        raise InputError(f"'{name}={text}' is not a finite number", "--at", "give a number, with a unit or in SI")
+        raise InputError(
+            f"'{name}={text}' is not a finite number", "--at", "give a number, with a unit or in SI"
+        )
     return value
 
 
@@ -77,5 +92,7 @@ def node_of(text: str) -> tuple[str, tuple[int, ...]]:
     """
     match = _NODE.fullmatch(text)
     if match is None:
-        raise InputError(f"'{text}' is no node", "--node", "write TABLE[i,j], counted from 0, for example CZ0[2]")
+        raise InputError(
+            f"'{text}' is no node", "--node", "write TABLE[i,j], counted from 0, for example CZ0[2]"
+        )
     return match[1], tuple(int(k) for k in match[2].split(","))

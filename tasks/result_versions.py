@@ -1,5 +1,6 @@
-"""Versions of what each step returns. Bump one when its step returns something else for the same input; the golden
-test in tests/tasks/test_golden_keys.py reminds. The number is part of every key that the step makes."""
+"""Versions of what each step returns. Bump one when its step returns something else for the same
+input; the golden test in tests/tasks/test_golden_keys.py reminds. The number is part of every key
+that the step makes."""
 
 from typing import Final
 

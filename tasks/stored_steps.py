@@ -1,4 +1,5 @@
-"""Steps whose result is one file of the store: under which key it stands, and how file and row come to be there."""
+"""Steps whose result is one file of the store: under which key it stands, and how file and row come
+to be there."""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
@@ -18,8 +19,9 @@ from aerodb.tasks.workspace_access import Stores
 class StoredResult:
     """What a step makes of its inputs under settings: one file, found by the hash of all of them.
 
-    step : name of the step in `RESULT_VERSION`. kind : of what is in the file. inputs : name -> hash or id. flight : id of the
-    flight that it is about, None where it is about several. suffix : of the file. folder : of the store where the file stands.
+    step : name of the step in `RESULT_VERSION`. kind : of what is in the file. inputs : name ->
+    hash or id. flight : id of the flight that it is about, None where it is about several. suffix :
+    of the file. folder : of the store where the file stands.
     """
 
     opened: Stores
@@ -34,16 +36,23 @@ class StoredResult:
     @cached_property
     def key(self) -> str:
         """The hash under which it is kept."""
-        return result_key(dict(self.inputs), dict(self.settings), self.step, RESULT_VERSION[self.step])
+        return result_key(
+            dict(self.inputs), dict(self.settings), self.step, RESULT_VERSION[self.step]
+        )
 
     @property
     def path(self) -> Path:
         """Where its file belongs."""
         workspace = self.opened.workspace
-        return workspace.flight_path(self.key) if self.folder == "flights" else workspace.result_path(self.key, self.suffix)
+        return (
+            workspace.flight_path(self.key)
+            if self.folder == "flights"
+            else workspace.result_path(self.key, self.suffix)
+        )
 
     def stored(self) -> Path | None:
-        """Its file, fetched from the object store where it is not here; None where there is none, or it was lost."""
+        """Its file, fetched from the object store where it is not here; None where there is none,
+        or it was lost."""
         return self.opened.path_of(self.key)
 
     def is_stored(self) -> bool:
@@ -51,7 +60,8 @@ class StoredResult:
         return self.opened.has(self.key)
 
     def write(self, write: Callable[[Path], object]) -> StoredFile | None:
-        """Writes the file; returns what is in the object store of it. Nobody can see it until its row is added."""
+        """Writes the file; returns what is in the object store of it. Nobody can see it until its
+        row is added."""
         write(self.path)
         return put(self.opened.workspace, self.path)
 
@@ -63,8 +73,8 @@ class StoredResult:
         inputs: Iterable[str] | None = None,
         settings: Mapping[str, Any] | None = None,
     ) -> None:
-        """Adds the row of the result whose file was written. inputs, settings : as the row names them, where that differs from
-        what the key is made of."""
+        """Adds the row of the result whose file was written. inputs, settings : as the row names
+        them, where that differs from what the key is made of."""
         self.opened.keep_result(
             self.key,
             self.path,

@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 
 @pytest.fixture(scope="session")
 def measured() -> Callable[[str], Path]:
-    """Path of a measured data file below $AERODB_TEST_DATA (default ../shared/data beside the project); skips when absent."""
+    """Path of a measured data file below $AERODB_TEST_DATA (default ../shared/data beside the
+    project); skips when absent."""
     default = Path(__file__).resolve().parents[1].parent / "shared" / "data"
     root = Path(os.environ.get("AERODB_TEST_DATA", default))
 
@@ -32,13 +33,22 @@ def measured() -> Callable[[str], Path]:
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     """`make campaign` runs the heavy tests with their full numbers of trials."""
-    parser.addoption("--full-campaign", action="store_true", help="full numbers of trials in tests marked heavy")
+    parser.addoption(
+        "--full-campaign", action="store_true", help="full numbers of trials in tests marked heavy"
+    )
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Drawn examples are the same in every run of the suite, and others in every campaign; how long one takes is no fault."""
-    same = {"derandomize": True, "database": None} if not config.getoption("--full-campaign") else {"print_blob": True}
-    settings.register_profile("aerodb", deadline=None, suppress_health_check=[HealthCheck.too_slow], **same)
+    """Drawn examples are the same in every run of the suite, and others in every campaign; how long
+    one takes is no fault."""
+    same = (
+        {"derandomize": True, "database": None}
+        if not config.getoption("--full-campaign")
+        else {"print_blob": True}
+    )
+    settings.register_profile(
+        "aerodb", deadline=None, suppress_health_check=[HealthCheck.too_slow], **same
+    )
     settings.load_profile("aerodb")
 
 
@@ -55,7 +65,8 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> ByFiles | No
 
 @pytest.fixture(scope="session")
 def trials(request: pytest.FixtureRequest) -> Callable[[int, int], int]:
-    """How many seeded trials a heavy test does: `reduced` in the suite, `full` under --full-campaign."""
+    """How many seeded trials a heavy test does: `reduced` in the suite, `full` under
+    --full-campaign."""
     full_campaign = request.config.getoption("--full-campaign")
     return lambda reduced, full: full if full_campaign else reduced
 
@@ -64,7 +75,10 @@ def trials(request: pytest.FixtureRequest) -> Callable[[int, int], int]:
 def postgresql_server() -> Iterator[postgresql.Server]:
     """A PostgreSQL server of this machine; skips where there is none."""
     if postgresql.binaries() is None:
-        pytest.skip("no PostgreSQL server on this machine (initdb and postgres in PATH or /usr/lib/postgresql)")
+        pytest.skip(
+            "no PostgreSQL server on this machine (initdb and postgres in PATH or"
+            " /usr/lib/postgresql)"
+        )
     server = postgresql.Server()
     yield server
     server.remove()
@@ -73,7 +87,9 @@ def postgresql_server() -> Iterator[postgresql.Server]:
 @pytest.fixture(scope="module")
 def service() -> Iterator["ObjectService"]:
     """A real S3 service for the tests of one file."""
-    from tests.support.object_service import object_service  # half a second that other tests need not wait for
+    from tests.support.object_service import (
+        object_service,
+    )  # half a second that other tests need not wait for
 
     with object_service() as running:
         yield running
@@ -81,7 +97,8 @@ def service() -> Iterator["ObjectService"]:
 
 @pytest.fixture(params=["sqlite", "postgresql"])
 def kept_in(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[str]:
-    """What holds the catalogue of the folder `tmp_path`: its file, or a database that the settings there name."""
+    """What holds the catalogue of the folder `tmp_path`: its file, or a database that the settings
+    there name."""
     if request.param == "sqlite":
         yield "sqlite"
         return

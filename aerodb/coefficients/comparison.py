@@ -1,4 +1,5 @@
-"""One flight beside one database: measured and predicted coefficients on the same axes about the same point."""
+"""One flight beside one database: measured and predicted coefficients on the same axes about the
+same point."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -18,13 +19,15 @@ from aerodb.vehicle import Reference
 
 @dataclass(frozen=True)
 class Comparison:
-    """Measured against predicted, axis by axis, in the database's reference geometry and moment reference.
+    """Measured against predicted, axis by axis, in the database's reference geometry and moment
+    reference.
 
-    time (n,) s; measured, sigma, predicted and usable: axis -> (n,); axes are the body axes that the flight gives, and
-    C_lift, C_drag, C_side where all three forces are there. Moments are band-limited on both sides to `bandwidth` [Hz]
-    (None: not limited): a differentiated rate is, and beside an unlimited prediction every slope would come out too
-    small (f1_017, Cl_p: -.49 at 2 Hz and -.57 at 8 Hz one-sided; -.571 and -.572 two-sided). `outside` (n,): some table
-    argument lies outside its breakpoints, where the table's edge value is held.
+    time (n,) s; measured, sigma, predicted and usable: axis -> (n,); axes are the body axes that
+    the flight gives, and C_lift, C_drag, C_side where all three forces are there. Moments are
+    band-limited on both sides to `bandwidth` [Hz] (None: not limited): a differentiated rate is,
+    and beside an unlimited prediction every slope would come out too small (f1_017, Cl_p: -.49 at 2
+    Hz and -.57 at 8 Hz one-sided; -.571 and -.572 two-sided). `outside` (n,): some table argument
+    lies outside its breakpoints, where the table's edge value is held.
     """
 
     flight: str
@@ -42,20 +45,30 @@ class Comparison:
         return self.measured[axis] - self.predicted[axis]
 
 
-def compare(flight: Flight, coefficients: Coefficients, database: AeroDatabase, reference: Reference) -> Comparison:
+def compare(
+    flight: Flight, coefficients: Coefficients, database: AeroDatabase, reference: Reference
+) -> Comparison:
     """The flight's total coefficients beside the database's prediction for the same condition.
 
-    `reference` is the geometry that `coefficients` were made with. Measured values are rescaled to the database's
-    reference geometry and their moments moved to its moment reference; the database is never changed to suit a flight.
+    `reference` is the geometry that `coefficients` were made with. Measured values are rescaled to
+    the database's reference geometry and their moments moved to its moment reference; the database
+    is never changed to suit a flight.
 
     Raises InputError naming the inputs of the database that the flight lacks.
     """
     bandwidth = coefficients.bandwidth
-    flight, notes = _with_flow_rates(flight, database, bandwidth or min(DEFAULT_BANDWIDTH, 0.25 / flight.step))
+    flight, notes = _with_flow_rates(
+        flight, database, bandwidth or min(DEFAULT_BANDWIDTH, 0.25 / flight.step)
+    )
     lacking = [name for name in database.flight_inputs if name not in flight]
     if lacking:
-        what = f"database {database.name} needs {', '.join(lacking)}, which the flight does not have"
-        remedy = f"{nearest(lacking[0], flight.channels)} Or fix it in the vehicle's [configuration], or bind it at import"
+        what = (
+            f"database {database.name} needs {', '.join(lacking)}, which the flight does not have"
+        )
+        remedy = (
+            f"{nearest(lacking[0], flight.channels)} Or fix it in the vehicle's [configuration], or"
+            " bind it at import"
+        )
         raise InputError(what, f"flight {flight.id}", remedy)
     flight = with_states(flight, database)
     prediction = database.predict({name: flight[name] for name in flight.channels})
@@ -73,7 +86,11 @@ def compare(flight: Flight, coefficients: Coefficients, database: AeroDatabase, 
         sigma.update({"C_lift": spread, "C_drag": spread, "C_side": sigma["CY"]})
         usable.update(dict.fromkeys(("C_lift", "C_drag", "C_side"), all_forces))
     state = flight.usable(name for name in database.inputs if name in flight)
-    usable = {axis: good & state & np.isfinite(predicted[axis]) for axis, good in usable.items() if axis in predicted}
+    usable = {
+        axis: good & state & np.isfinite(predicted[axis])
+        for axis, good in usable.items()
+        if axis in predicted
+    }
     for axis in MOMENT_AXES:
         if axis in predicted and bandwidth is not None:
             measured[axis] = band_limited(measured[axis], flight.step, bandwidth)
@@ -81,39 +98,69 @@ def compare(flight: Flight, coefficients: Coefficients, database: AeroDatabase, 
     share = float(np.mean(prediction.outside))
     if share > 0:
         tables = ", ".join(sorted(prediction.outside_tables))
-        notes.append(f"{share:.0%} of the samples lie outside tables ({tables}), where edge values are held")
-    return Comparison(flight.id, flight.time, measured, sigma, predicted, usable, prediction.outside, bandwidth, tuple(notes))
+        notes.append(
+            f"{share:.0%} of the samples lie outside tables ({tables}), where edge values are held"
+        )
+    return Comparison(
+        flight.id,
+        flight.time,
+        measured,
+        sigma,
+        predicted,
+        usable,
+        prediction.outside,
+        bandwidth,
+        tuple(notes),
+    )
 
 
 def with_states(flight: Flight, database: AeroDatabase) -> Flight:
-    """The flight with the channels that the database's state models make of it (`flow_attachment`), where it lacks them.
+    """The flight with the channels that the database's state models make of it (`flow_attachment`),
+    where it lacks them.
 
-    Samples that may not be used are bridged for the memory; what they would give is not a number. Raises InputError naming
-    channels that the flight lacks.
+    Samples that may not be used are bridged for the memory; what they would give is not a number.
+    Raises InputError naming channels that the flight lacks.
     """
     if not database.states:
         return flight
-    needed = {name for state in database.states for name in (*state.needs, state.name) if name in flight}
+    needed = {
+        name for state in database.states for name in (*state.needs, state.name) if name in flight
+    }
     channels = {name: np.where(flight.usable([name]), flight[name], np.nan) for name in needed}
     return flight.with_channels(database.states_along(flight.time, channels))
 
 
 def band_limited(values: Array, step: float, bandwidth: float) -> Array:
-    """`values` (n,) low-passed with zero phase; unchanged where there is nothing finite to limit."""
+    """`values` (n,) low-passed with zero phase; unchanged where there is nothing finite to
+    limit."""
     return low_passed(values, step, bandwidth) if np.isfinite(values).any() else values
 
 
-def _with_flow_rates(flight: Flight, database: AeroDatabase, bandwidth: float) -> tuple[Flight, list[str]]:
-    """The flight with alphadot and betadot from alpha and beta, where the database needs them and the log lacks them."""
-    wanted = [(f"{angle}dot", angle) for angle in ("alpha", "beta") if angle in flight and f"{angle}dot" not in flight]
-    made = {rate: smooth(flight[angle], flight.step, bandwidth).rate for rate, angle in wanted if rate in database.flight_inputs}
-    return flight.with_channels(made), [f"{rate} from its angle, at a bandwidth of {bandwidth:g} Hz" for rate in made]
+def _with_flow_rates(
+    flight: Flight, database: AeroDatabase, bandwidth: float
+) -> tuple[Flight, list[str]]:
+    """The flight with alphadot and betadot from alpha and beta, where the database needs them and
+    the log lacks them."""
+    wanted = [
+        (f"{angle}dot", angle)
+        for angle in ("alpha", "beta")
+        if angle in flight and f"{angle}dot" not in flight
+    ]
+    made = {
+        rate: smooth(flight[angle], flight.step, bandwidth).rate
+        for rate, angle in wanted
+        if rate in database.flight_inputs
+    }
+    return flight.with_channels(made), [
+        f"{rate} from its angle, at a bandwidth of {bandwidth:g} Hz" for rate in made
+    ]
 
 
 def _in_geometry_of(
     database: AeroDatabase, coefficients: Coefficients, reference: Reference
 ) -> tuple[dict[str, Array], dict[str, Array]]:
-    """Measured values and sigmas over the database's area and lengths, moments about its reference point."""
+    """Measured values and sigmas over the database's area and lengths, moments about its reference
+    point."""
     ratio = reference.area / database.reference.area
     span = ratio * reference.span / database.reference.span
     chord = ratio * reference.chord / database.reference.chord
@@ -122,7 +169,9 @@ def _in_geometry_of(
     sigma = {axis: values * factor[axis] for axis, values in coefficients.sigma.items()}
     target = np.asarray(database.reference.moment_reference)
     if all(axis in measured for axis in AXES):
-        measured = dict(transfer_moments(measured, coefficients.moment_reference, target, database.reference))
+        measured = dict(
+            transfer_moments(measured, coefficients.moment_reference, target, database.reference)
+        )
     elif not np.allclose(coefficients.moment_reference, target):
         measured = {axis: values for axis, values in measured.items() if axis in AXES[:3]}
     return measured, sigma

@@ -1,7 +1,9 @@
-"""Total aerodynamic force and moment coefficients from a flight, with their uncertainty (003, eqs. 1-4).
+"""Total aerodynamic force and moment coefficients from a flight, with their uncertainty (003, eqs.
+1-4).
 
-Newton and Euler for a rigid body, solved for the aerodynamic part. 003's printed equations carry two faults (a square
-on z in eq. 1, a missing division in eq. 4); those below are derived anew from ``a_P = a_CG + wdot x r + w x (w x r)``.
+Newton and Euler for a rigid body, solved for the aerodynamic part. 003's printed equations carry
+two faults (a square on z in eq. 1, a missing division in eq. 4); those below are derived anew from
+``a_P = a_CG + wdot x r + w x (w x r)``.
 """
 
 from collections.abc import Mapping
@@ -19,8 +21,9 @@ from aerodb.support import Array
 from aerodb.tables import Reference, transfer_moments
 from aerodb.vehicle import Thrust, Vehicle, cg_positions, mass_channels
 
-#: Bandwidth of the differentiated rates, Hz, when the vehicle file states none: above the rigid-body modes of manned
-#: and larger unmanned aircraft. It is capped at a quarter of the sampling rate.
+#: Bandwidth of the differentiated rates, Hz, when the vehicle file states none: above the
+#: rigid-body modes of manned and larger unmanned aircraft. It is capped at a quarter of the
+#: sampling rate.
 DEFAULT_BANDWIDTH = 5.0
 
 #: A dynamic pressure below this (Pa) is none: the aircraft stands.
@@ -31,12 +34,14 @@ RateSource = Literal["differentiated", "logged"]
 
 @dataclass(frozen=True)
 class Coefficients:
-    """Total coefficients of one flight, positive along the body axes, moments about `moment_reference`.
+    """Total coefficients of one flight, positive along the body axes, moments about
+    `moment_reference`.
 
-    time (n,) s; `values`, `sigma` (one standard deviation from sensor noise) and `usable`: axis -> (n,). An axis that
-    the flight cannot give is absent, with the reason in `notes`. `moment_reference` (n, 3) m in body axes from the
-    datum. `bandwidth` of the moments, Hz, when their angular accelerations were differentiated from rates; None when
-    they were logged. What is set beside band-limited moments must be limited alike, or slopes come out too small.
+    time (n,) s; `values`, `sigma` (one standard deviation from sensor noise) and `usable`: axis ->
+    (n,). An axis that the flight cannot give is absent, with the reason in `notes`.
+    `moment_reference` (n, 3) m in body axes from the datum. `bandwidth` of the moments, Hz, when
+    their angular accelerations were differentiated from rates; None when they were logged. What is
+    set beside band-limited moments must be limited alike, or slopes come out too small.
     """
 
     flight: str
@@ -49,10 +54,14 @@ class Coefficients:
     notes: tuple[str, ...]
 
 
-def specific_force_at_cg(force: Array, rates: Array, angular_acceleration: Array, arm: Array) -> Array:
-    """Specific force at the CG from that at a sensor: ``a_CG = a_P - wdot x r - w x (w x r)`` (003, eq. 1, re-derived).
+def specific_force_at_cg(
+    force: Array, rates: Array, angular_acceleration: Array, arm: Array
+) -> Array:
+    """Specific force at the CG from that at a sensor: ``a_CG = a_P - wdot x r - w x (w x r)`` (003,
+    eq. 1, re-derived).
 
-    All (n, 3): force m/s2, rates rad/s, angular acceleration rad/s2, arm r from the CG to the sensor, m, body axes.
+    All (n, 3): force m/s2, rates rad/s, angular acceleration rad/s2, arm r from the CG to the
+    sensor, m, body axes.
 
     >>> import numpy as np
     >>> spin = np.array([[0.0, 0.0, 2.0]])  # 2 rad/s of yaw, sensor 1 m ahead: it shows -4 m/s2 that the CG does not
@@ -62,10 +71,14 @@ def specific_force_at_cg(force: Array, rates: Array, angular_acceleration: Array
     return force - np.cross(angular_acceleration, arm) - np.cross(rates, np.cross(rates, arm))
 
 
-def inertial_moment(rates: Array, angular_acceleration: Array, inertia: Mapping[str, Array]) -> Array:
-    """Moment about the CG that the motion shows, ``I wdot + w x (I w)`` with the xz plane of symmetry; (n, 3) N m.
+def inertial_moment(
+    rates: Array, angular_acceleration: Array, inertia: Mapping[str, Array]
+) -> Array:
+    """Moment about the CG that the motion shows, ``I wdot + w x (I w)`` with the xz plane of
+    symmetry; (n, 3) N m.
 
-    `inertia` holds Ixx Iyy Izz Ixz [kg m2], Ixz the integral of x z dm (Klein & Morelli 2006, eqs. 3.22-3.24).
+    `inertia` holds Ixx Iyy Izz Ixz [kg m2], Ixz the integral of x z dm (Klein & Morelli 2006, eqs.
+    3.22-3.24).
     """
     p, q, r = rates.T
     pdot, qdot, rdot = angular_acceleration.T
@@ -80,8 +93,8 @@ def inertial_moment(rates: Array, angular_acceleration: Array, inertia: Mapping[
 
 
 def bandwidth_of(flight: Flight, vehicle: Vehicle, asked: float | None = None) -> float:
-    """Bandwidth [Hz] of a flight's differentiated rates: `asked`, else the vehicle's, else DEFAULT_BANDWIDTH; at most a
-    quarter of the sampling rate."""
+    """Bandwidth [Hz] of a flight's differentiated rates: `asked`, else the vehicle's, else
+    DEFAULT_BANDWIDTH; at most a quarter of the sampling rate."""
     return min(asked or vehicle.processing.bandwidth or DEFAULT_BANDWIDTH, 0.25 / flight.step)
 
 
@@ -103,20 +116,34 @@ def total_coefficients(
     """
     notes: list[str] = []
     if len(flight.time) < FEWEST_SAMPLES:
-        raise InputError(f"{len(flight.time)} samples are too few", f"flight {flight.id}", f"{FEWEST_SAMPLES} are needed")
+        raise InputError(
+            f"{len(flight.time)} samples are too few",
+            f"flight {flight.id}",
+            f"{FEWEST_SAMPLES} are needed",
+        )
     band = bandwidth_of(flight, vehicle, bandwidth)
     if "qbar" not in flight:
         what = "no dynamic pressure: no coefficient can be computed"
         raise InputError(what, f"flight {flight.id}", "log qbar, or airspeed and density")
     qbar = bridge(flight["qbar"])
     if np.median(qbar) <= 0:
-        raise InputError("dynamic pressure is not positive", f"flight {flight.id}", "check the mapping of qbar")
-    qbar = np.where(np.abs(qbar) > STILL, qbar, 0.0)  # coefficients of next to nothing would overflow
+        raise InputError(
+            "dynamic pressure is not positive", f"flight {flight.id}", "check the mapping of qbar"
+        )
+    qbar = np.where(
+        np.abs(qbar) > STILL, qbar, 0.0
+    )  # coefficients of next to nothing would overflow
     area, chord, span = vehicle.reference.area, vehicle.reference.chord, vehicle.reference.span
-    geometry = Reference(area, chord, span, (0.0, 0.0, 0.0))  # lengths only: the point moves with the CG
+    geometry = Reference(
+        area, chord, span, (0.0, 0.0, 0.0)
+    )  # lengths only: the point moves with the CG
     properties = mass_channels(flight, vehicle)
     cg = cg_positions(flight, vehicle)
-    reference = cg if vehicle.points.moment_reference == "cg" else np.broadcast_to(vehicle.points.moment_reference, cg.shape)
+    reference = (
+        cg
+        if vehicle.points.moment_reference == "cg"
+        else np.broadcast_to(vehicle.points.moment_reference, cg.shape)
+    )
     rates = _rates(flight, vehicle, band, angular_acceleration, notes)
     force = _force_at_cg(flight, vehicle, rates, cg, notes)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -130,23 +157,38 @@ def total_coefficients(
         aerodynamic = properties["mass"][:, None] * forces - thrust_force
         for k, axis in enumerate(FORCE_AXES):
             values[axis] = aerodynamic[:, k] * scale
-            sigma[axis] = np.hypot(properties["mass"] * force_sigma[k] * scale, values[axis] * qbar_fraction)
+            sigma[axis] = np.hypot(
+                properties["mass"] * force_sigma[k] * scale, values[axis] * qbar_fraction
+            )
     if rates is not None:
         moment = inertial_moment(rates.omega, rates.acceleration, properties) - thrust_moment
         for k, (axis, length) in enumerate(zip(MOMENT_AXES, (span, chord, span), strict=True)):
             values[axis] = moment[:, k] * scale / length
             inertia = properties[("Ixx", "Iyy", "Izz")[k]]
-            sigma[axis] = np.hypot(inertia * rates.acceleration_sigma[k] * scale / length, values[axis] * qbar_fraction)
+            sigma[axis] = np.hypot(
+                inertia * rates.acceleration_sigma[k] * scale / length, values[axis] * qbar_fraction
+            )
         if force is not None:
             values = dict(transfer_moments(values, cg, reference, geometry))
         elif vehicle.points.moment_reference != "cg":
-            notes.append("moments are about the CG: without specific force they cannot be moved to the moment reference")
+            notes.append(
+                "moments are about the CG: without specific force they cannot be moved to the"
+                " moment reference"
+            )
             reference = cg
     if not values:
-        raise InputError("no axis can be computed", f"flight {flight.id}", "specific force or body rates are needed")
-    usable = {axis: _usable(flight, axis) & np.isfinite(values[axis]) for axis in AXES if axis in values}
+        raise InputError(
+            "no axis can be computed",
+            f"flight {flight.id}",
+            "specific force or body rates are needed",
+        )
+    usable = {
+        axis: _usable(flight, axis) & np.isfinite(values[axis]) for axis in AXES if axis in values
+    }
     limited = band if angular_acceleration == "differentiated" else None
-    return Coefficients(flight.id, flight.time, values, sigma, usable, np.asarray(reference), limited, tuple(notes))
+    return Coefficients(
+        flight.id, flight.time, values, sigma, usable, np.asarray(reference), limited, tuple(notes)
+    )
 
 
 @dataclass(frozen=True)
@@ -156,21 +198,33 @@ class _Rates:
     acceleration_sigma: Array
 
 
-def _rates(flight: Flight, vehicle: Vehicle, band: float, source: RateSource, notes: list[str]) -> _Rates | None:
-    """Body rates and angular accelerations (n, 3) with the latter's one sigma; None when a rate is not logged."""
+def _rates(
+    flight: Flight, vehicle: Vehicle, band: float, source: RateSource, notes: list[str]
+) -> _Rates | None:
+    """Body rates and angular accelerations (n, 3) with the latter's one sigma; None when a rate is
+    not logged."""
     absent = [name for name in "pqr" if name not in flight]
     if absent:
         notes.append(f"no moments: {', '.join(absent)} not logged")
         return None
-    smoothed = [smooth(flight[name], flight.step, band, _declared_noise(vehicle, name)) for name in "pqr"]
+    smoothed = [
+        smooth(flight[name], flight.step, band, _declared_noise(vehicle, name)) for name in "pqr"
+    ]
     omega = np.column_stack([bridge(flight[name]) for name in "pqr"])
     logged = [f"{name}dot" for name in "pqr"]
     if source == "logged":
         lacking = [name for name in logged if name not in flight]
         if lacking:
-            raise InputError(f"{', '.join(lacking)} not logged", f"flight {flight.id}", "use differentiated rates")
+            raise InputError(
+                f"{', '.join(lacking)} not logged",
+                f"flight {flight.id}",
+                "use differentiated rates",
+            )
         acceleration = np.column_stack([bridge(flight[name]) for name in logged])
-        notes.append("angular accelerations taken from the log; their noise taken as that of differentiated rates")
+        notes.append(
+            "angular accelerations taken from the log; their noise taken as that of differentiated"
+            " rates"
+        )
     else:
         acceleration = np.column_stack([s.rate for s in smoothed])
         notes.append(f"angular accelerations: rates differentiated at a bandwidth of {band:g} Hz")
@@ -197,7 +251,10 @@ def _force_at_cg(
     if vehicle.points.imu == "cg":
         return force, noise
     if rates is None:
-        notes.append("no forces: the accelerometer is off the CG and the body rates that move it there are not logged")
+        notes.append(
+            "no forces: the accelerometer is off the CG and the body rates that move it there are"
+            " not logged"
+        )
         return None
     arm = np.asarray(vehicle.points.imu) - cg
     moved = specific_force_at_cg(force, rates.omega, rates.acceleration, arm)
@@ -207,8 +264,11 @@ def _force_at_cg(
     return moved, np.hypot(noise, lever)
 
 
-def thrust_loads(flight: Flight, thrust: Thrust, cg: Array, notes: list[str]) -> tuple[Array, Array]:
-    """Thrust force (n, 3) N and its moment about the CG (n, 3) N m; zero where it is not known, which is added to `notes`.
+def thrust_loads(
+    flight: Flight, thrust: Thrust, cg: Array, notes: list[str]
+) -> tuple[Array, Array]:
+    """Thrust force (n, 3) N and its moment about the CG (n, 3) N m; zero where it is not known,
+    which is added to `notes`.
 
     cg : (n, 3) m in body axes from the datum.
     """
@@ -241,6 +301,7 @@ def _declared_noise(vehicle: Vehicle, name: str) -> float | None:
 
 
 def _noise(flight: Flight, vehicle: Vehicle, name: str, band: float) -> float:
-    """One sigma of a channel's noise: declared in the vehicle file, else measured above the bandwidth."""
+    """One sigma of a channel's noise: declared in the vehicle file, else measured above the
+    bandwidth."""
     declared = _declared_noise(vehicle, name)
     return declared if declared is not None else smooth(flight[name], flight.step, band).noise

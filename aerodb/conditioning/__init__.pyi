@@ -1,9 +1,25 @@
 from .clock import clean_clock, interval, is_uniform
-from .condition import Conditioning, conditioned, examine, from_document, suspicion_documents, to_document
+from .condition import (
+    Conditioning,
+    conditioned,
+    examine,
+    from_document,
+    suspicion_documents,
+    to_document,
+)
 from .differentiation import FEWEST_SAMPLES, bridge, low_passed, smooth
 from .duplicates import FEWEST_MARKS, Shared, fingerprint, shared_samples
 from .plausibility import Suspicion, clock_suspicions
-from .resampling import PASS_EDGE, RIPPLE_DB, STOP_EDGE, Resampler, first_order_lag, hold, resampler, uniform_grid
+from .resampling import (
+    PASS_EDGE,
+    RIPPLE_DB,
+    STOP_EDGE,
+    Resampler,
+    first_order_lag,
+    hold,
+    resampler,
+    uniform_grid,
+)
 from .responses import runs
 from .segmentation import STATES, Segment
 from .wild_points import without_wild_points

@@ -1,6 +1,8 @@
-"""What accelerations, rates, attitude and gravity say of the rate of change of other channels, over a flat earth in steady air.
+"""What accelerations, rates, attitude and gravity say of the rate of change of other channels, over
+a flat earth in steady air.
 
-Stevens, Lewis & Johnson, *Aircraft Control and Simulation*, 3rd ed., sections 1.3 and 2.5. Channels come by name, SI, each (n,).
+Stevens, Lewis & Johnson, *Aircraft Control and Simulation*, 3rd ed., sections 1.3 and 2.5. Channels
+come by name, SI, each (n,).
 """
 
 from collections.abc import Callable, Mapping
@@ -16,17 +18,20 @@ GRAVITY: Final = 9.80665
 
 
 def alpha_rate(f: Mapping[str, Array]) -> Array:
-    """alphadot [rad/s] (n,) from channels alpha, V, q, ax, az, theta and, where present, beta, p, r, phi.
+    """alphadot [rad/s] (n,) from channels alpha, V, q, ax, az, theta and, where present, beta, p,
+    r, phi.
 
-    ``q - tan(beta)(p cos(alpha) + r sin(alpha)) + (az cos(alpha) - ax sin(alpha) + g(cos(alpha) cos(theta) cos(phi) +
-    sin(alpha) sin(theta))) / (V cos(beta))``.
+    ``q - tan(beta)(p cos(alpha) + r sin(alpha)) + (az cos(alpha) - ax sin(alpha) + g(cos(alpha)
+    cos(theta) cos(phi) + sin(alpha) sin(theta))) / (V cos(beta))``.
     """
     sin, cos = np.sin(f["alpha"]), np.cos(f["alpha"])
     zero = np.zeros_like(sin)
     beta, phi = f.get("beta", zero), f.get("phi", zero)
     turn = np.tan(beta) * (f.get("p", zero) * cos + f.get("r", zero) * sin)
     weight = GRAVITY * (cos * np.cos(f["theta"]) * np.cos(phi) + sin * np.sin(f["theta"]))
-    result: Array = f["q"] - turn + (f["az"] * cos - f["ax"] * sin + weight) / (f["V"] * np.cos(beta))
+    result: Array = (
+        f["q"] - turn + (f["az"] * cos - f["ax"] * sin + weight) / (f["V"] * np.cos(beta))
+    )
     return result
 
 
@@ -44,19 +49,24 @@ def beta_rate(f: Mapping[str, Array]) -> Array:
 
 
 def airspeed_rate(f: Mapping[str, Array]) -> Array:
-    """Vdot [m/s^2] (n,) in steady air from channels alpha, ax, az, theta and, where present, beta, ay, phi."""
+    """Vdot [m/s^2] (n,) in steady air from channels alpha, ax, az, theta and, where present, beta,
+    ay, phi."""
     zero = np.zeros_like(f["alpha"])
     beta, phi, ay = f.get("beta", zero), f.get("phi", zero), f.get("ay", zero)
     fx = f["ax"] - GRAVITY * np.sin(f["theta"])
     fy = ay + GRAVITY * np.cos(f["theta"]) * np.sin(phi)
     fz = f["az"] + GRAVITY * np.cos(f["theta"]) * np.cos(phi)
-    result: Array = np.cos(beta) * (fx * np.cos(f["alpha"]) + fz * np.sin(f["alpha"])) + fy * np.sin(beta)
+    result: Array = np.cos(beta) * (
+        fx * np.cos(f["alpha"]) + fz * np.sin(f["alpha"])
+    ) + fy * np.sin(beta)
     return result
 
 
 def bank_rate(f: Mapping[str, Array]) -> Array:
     """phidot = p + tan(theta) (q sin(phi) + r cos(phi)), rad/s (n,)."""
-    result: Array = f["p"] + np.tan(f["theta"]) * (f["q"] * np.sin(f["phi"]) + f["r"] * np.cos(f["phi"]))
+    result: Array = f["p"] + np.tan(f["theta"]) * (
+        f["q"] * np.sin(f["phi"]) + f["r"] * np.cos(f["phi"])
+    )
     return result
 
 
@@ -72,7 +82,8 @@ def heading_rate(f: Mapping[str, Array]) -> Array:
     return np.asarray((f["q"] * np.sin(f["phi"]) + f["r"] * np.cos(f["phi"])) / np.cos(f["theta"]))
 
 
-#: Channel -> its kinematic rate and the channels without which there is none (accelerations: at the CG, else at the IMU).
+#: Channel -> its kinematic rate and the channels without which there is none (accelerations: at the
+#: CG, else at the IMU).
 KINEMATICS: Final[dict[str, tuple[Callable[[Mapping[str, Array]], Array], tuple[str, ...]]]] = {
     "alpha": (alpha_rate, ("alpha", "V", "q", "ax", "az", "theta")),
     "beta": (beta_rate, ("beta", "alpha", "V", "p", "r", "ax", "ay", "az", "theta", "phi")),
@@ -91,7 +102,8 @@ OPTIONAL: Final[dict[str, tuple[str, ...]]] = {
 
 
 def with_accelerations(flight: Flight) -> dict[str, Array]:
-    """The flight's channels, bridged where they may not be used, with ax, ay, az from the IMU where those at the CG lack."""
+    """The flight's channels, bridged where they may not be used, with ax, ay, az from the IMU where
+    those at the CG lack."""
     channels = {}
     for name in flight.channels:
         good = flight.usable([name])

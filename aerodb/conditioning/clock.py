@@ -11,15 +11,18 @@ from numpy.typing import NDArray
 from aerodb.errors import InputError
 from aerodb.support import Array
 
-#: Share of samples that may be dropped for a clock that steps back; beyond it the clock is not a clock.
+#: Share of samples that may be dropped for a clock that steps back; beyond it the clock is not a
+#: clock.
 TOLERATED_LOSS = 0.05
-#: Deviation from equal steps, in steps, up to which a time base counts as uniform (written with few decimals).
+#: Deviation from equal steps, in steps, up to which a time base counts as uniform (written with few
+#: decimals).
 UNIFORM_TOLERANCE = 1e-3
 
 
 @dataclass(frozen=True)
 class CleanClock:
-    """Samples to keep (n,) so that time strictly increases, and the first and last time [s] at which some were dropped."""
+    """Samples to keep (n,) so that time strictly increases, and the first and last time [s] at
+    which some were dropped."""
 
     keep: NDArray[np.bool_]
     dropped: int
@@ -30,9 +33,10 @@ class CleanClock:
 def clean_clock(time: Array, where: str = "") -> CleanClock:
     """Finds the samples of `time` (n,) [s] to drop so that the rest strictly increases.
 
-    A stamp that is not finite goes. Where a stamp does not exceed the one before it, the odd one of the two goes: the
-    earlier one if it jumped ahead of its neighbours, else the later one. Raises InputError when more than 5 % (and
-    more than one) would have to go: such a clock runs backwards or stands still, and no choice of samples is right.
+    A stamp that is not finite goes. Where a stamp does not exceed the one before it, the odd one of
+    the two goes: the earlier one if it jumped ahead of its neighbours, else the later one. Raises
+    InputError when more than 5 % (and more than one) would have to go: such a clock runs backwards
+    or stands still, and no choice of samples is right.
 
     >>> clean_clock(np.array([0.0, 1.0, 1.0, 2.0, 3.0])).keep
     array([ True,  True, False,  True,  True])
@@ -45,7 +49,11 @@ def clean_clock(time: Array, where: str = "") -> CleanClock:
         if not late.size:
             break
         before = np.where(late >= 2, stamps[np.maximum(late - 2, 0)], -np.inf)
-        odd = np.where((stamps[late] > before) & (stamps[late] < stamps[late - 1]) & (late >= 2), late - 1, late)
+        odd = np.where(
+            (stamps[late] > before) & (stamps[late] < stamps[late - 1]) & (late >= 2),
+            late - 1,
+            late,
+        )
         index = np.delete(index, np.unique(odd))
     index = _without_lone_ends(time, index)
     dropped = len(time) - len(index)
@@ -53,16 +61,21 @@ def clean_clock(time: Array, where: str = "") -> CleanClock:
         lost = np.setdiff1d(np.arange(len(time)), index)
         at = f" (first at sample {lost[0] + 1}, {time[lost[0]]:.6g} s)" if lost.size else ""
         what = f"time does not increase: {dropped} of {len(time)} samples would have to go{at}"
-        raise InputError(what, where, "repair the time base, or name another time field in the mapping")
+        raise InputError(
+            what, where, "repair the time base, or name another time field in the mapping"
+        )
     keep = np.zeros(len(time), dtype=bool)
     keep[index] = True
     gone = time[~keep]
     gone = gone[np.isfinite(gone)]
-    return CleanClock(keep, dropped, *((float(gone.min()), float(gone.max())) if gone.size else (None, None)))
+    return CleanClock(
+        keep, dropped, *((float(gone.min()), float(gone.max())) if gone.size else (None, None))
+    )
 
 
 def _without_lone_ends(time: Array, index: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Drops a first or last stamp that is 1000 times further away than all others are long: a damaged stamp."""
+    """Drops a first or last stamp that is 1000 times further away than all others are long: a
+    damaged stamp."""
     if len(index) > 10:
         span = time[index[-2]] - time[index[1]]
         if time[index[-1]] - time[index[-2]] > 1000.0 * span:
@@ -73,7 +86,8 @@ def _without_lone_ends(time: Array, index: NDArray[np.intp]) -> NDArray[np.intp]
 
 
 def interval(time: Array) -> float:
-    """Sampling interval [s] of increasing stamps `time` (n >= 2,): the median step, so that gaps do not count."""
+    """Sampling interval [s] of increasing stamps `time` (n >= 2,): the median step, so that gaps do
+    not count."""
     return float(np.median(np.diff(time)))
 
 
@@ -82,4 +96,6 @@ def is_uniform(time: Array) -> bool:
     if len(time) < 2:
         return False
     step = (time[-1] - time[0]) / (len(time) - 1)
-    return bool(np.max(np.abs(time - (time[0] + step * np.arange(len(time))))) <= UNIFORM_TOLERANCE * step)
+    return bool(
+        np.max(np.abs(time - (time[0] + step * np.arange(len(time))))) <= UNIFORM_TOLERANCE * step
+    )

@@ -1,6 +1,8 @@
-"""All of conditioning on one flight: flags for what must not be used, and what is to be said of the rest.
+"""All of conditioning on one flight: flags for what must not be used, and what is to be said of the
+rest.
 
-What each part does is for its own module; here is only their order, and the findings as one document.
+What each part does is for its own module; here is only their order, and the findings as one
+document.
 """
 
 from collections.abc import Iterable, Mapping
@@ -18,7 +20,8 @@ from aerodb.flight import Flight
 
 @dataclass(frozen=True)
 class Conditioning:
-    """What conditioning found in a flight: likely faults, segments, and how late each channel is."""
+    """What conditioning found in a flight: likely faults, segments, and how late each channel
+    is."""
 
     suspicions: tuple[Suspicion, ...]
     segments: tuple[Segment, ...]
@@ -33,15 +36,18 @@ def conditioned(flight: Flight) -> Flight:
 def examine(flight: Flight, clocks: tuple[Suspicion, ...] = ()) -> Conditioning:
     """What there is to say of a conditioned flight.
 
-    clocks : what is suspicious about the time stamps of its recording (`plausibility.clock_suspicions`). Delays are taken
-    over the longest time in the air.
+    clocks : what is suspicious about the time stamps of its recording
+    (`plausibility.clock_suspicions`). Delays are taken over the longest time in the air.
     """
     found = segments(flight)
-    return Conditioning((*clocks, *suspicions(flight)), found, delays(flight, during=_longest_in_the_air(flight)))
+    return Conditioning(
+        (*clocks, *suspicions(flight)), found, delays(flight, during=_longest_in_the_air(flight))
+    )
 
 
 def _longest_in_the_air(flight: Flight) -> tuple[float, float] | None:
-    """Start and end [s] of the longest airborne stretch; None where nothing is known of the ground."""
+    """Start and end [s] of the longest airborne stretch; None where nothing is known of the
+    ground."""
     flown = [segment for segment in ground_and_air(flight) if segment.kind == "airborne"]
     longest = max(flown, key=lambda segment: segment.end - segment.start, default=None)
     return None if longest is None else (longest.start, longest.end)
@@ -49,14 +55,18 @@ def _longest_in_the_air(flight: Flight) -> tuple[float, float] | None:
 
 def suspicion_documents(suspicions: Iterable[Suspicion]) -> list[dict[str, Any]]:
     """Suspicions as JSON."""
-    return [{**asdict(suspicion), "evidence": _finite(suspicion.evidence)} for suspicion in suspicions]
+    return [
+        {**asdict(suspicion), "evidence": _finite(suspicion.evidence)} for suspicion in suspicions
+    ]
 
 
 def to_document(conditioning: Conditioning) -> dict[str, Any]:
     """The findings as JSON; an error that is infinite is None there."""
     delays = [asdict(delay) for delay in conditioning.delays]
     for delay in delays:
-        delay["standard_error"] = delay["standard_error"] if np.isfinite(delay["standard_error"]) else None
+        delay["standard_error"] = (
+            delay["standard_error"] if np.isfinite(delay["standard_error"]) else None
+        )
     return {
         "suspicions": suspicion_documents(conditioning.suspicions),
         "segments": [asdict(segment) for segment in conditioning.segments],
@@ -70,7 +80,14 @@ def from_document(document: Mapping[str, Any]) -> Conditioning:
         tuple(Suspicion(**entry) for entry in document["suspicions"]),
         tuple(Segment(**entry) for entry in document["segments"]),
         tuple(
-            Delay(**{**d, "standard_error": np.inf if d["standard_error"] is None else d["standard_error"]})
+            Delay(
+                **{
+                    **d,
+                    "standard_error": np.inf
+                    if d["standard_error"] is None
+                    else d["standard_error"],
+                }
+            )
             for d in document["delays"]
         ),
     )

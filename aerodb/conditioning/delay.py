@@ -1,8 +1,8 @@
 """How late a channel is against what other sensors say it must be.
 
-A channel is compared with its own kinematics: the integral of the rate that accelerations, rates, attitude and
-gravity give for it. Both are band-passed alike, so that biases (which integrate to ramps) and noise stay out.
-Errors for coloured residuals: Morelli & Klein, J. Aircraft 34(2), 1997.
+A channel is compared with its own kinematics: the integral of the rate that accelerations, rates,
+attitude and gravity give for it. Both are band-passed alike, so that biases (which integrate to
+ramps) and noise stay out. Errors for coloured residuals: Morelli & Klein, J. Aircraft 34(2), 1997.
 """
 
 from collections.abc import Mapping
@@ -25,9 +25,11 @@ from aerodb.support import Array
 BAND, LARGEST = (0.1, 2.0), 0.5
 #: Samples of a period of the band's upper end that are kept of a flight; more only cost time.
 SAMPLES_PER_PERIOD = 10.0
-#: Share of a channel's motion in the band that its kinematics must explain before a delay is believed.
+#: Share of a channel's motion in the band that its kinematics must explain before a delay is
+#: believed.
 LEAST_EXPLAINED = 0.95
-#: How far the scale against the own kinematics may be from one before something other than a delay must be at work.
+#: How far the scale against the own kinematics may be from one before something other than a delay
+#: must be at work.
 SCALE_TOLERANCE = 0.15
 
 
@@ -35,9 +37,9 @@ SCALE_TOLERANCE = 0.15
 class Delay:
     """How late a channel is.
 
-    seconds : positive: the channel shows late. standard_error : s, for coloured residuals. scale : measured over
-    kinematic motion. explained : share (0..1) of the motion in the band. observable : whether `seconds` may be used;
-    `because` says in words why not.
+    seconds : positive: the channel shows late. standard_error : s, for coloured residuals. scale :
+    measured over kinematic motion. explained : share (0..1) of the motion in the band. observable :
+    whether `seconds` may be used; `because` says in words why not.
     """
 
     channel: str
@@ -50,29 +52,46 @@ class Delay:
 
 
 def delay_between(
-    measured: Array, reference: Array, step: float, band: tuple[float, float] = BAND, largest: float = LARGEST, name: str = ""
+    measured: Array,
+    reference: Array,
+    step: float,
+    band: tuple[float, float] = BAND,
+    largest: float = LARGEST,
+    name: str = "",
 ) -> Delay:
-    """The delay of `measured` (n,) behind `reference` (n,) at uniform `step` [s], to a fraction of a sample.
+    """The delay of `measured` (n,) behind `reference` (n,) at uniform `step` [s], to a fraction of
+    a sample.
 
-    Model: ``measured(t) = scale reference(t - delay) + slow drift + noise``, least squares within `band` [Hz], from the
-    best whole sample within `largest` [s] by Gauss-Newton. Units of the two may differ; samples that are not finite are bridged.
+    Model: ``measured(t) = scale reference(t - delay) + slow drift + noise``, least squares within
+    `band` [Hz], from the best whole sample within `largest` [s] by Gauss-Newton. Units of the two
+    may differ; samples that are not finite are bridged.
     """
     upper = min(band[1], 0.45 / step)
     n = len(measured)
     if n * step < 2.0 / upper + 2 * largest:
         return _unobservable(name, f"the record of {n * step:.3g} s is too short for a delay")
-    ours, theirs = (_band_passed(values, step, (band[0], upper)) for values in (measured, reference))
+    ours, theirs = (
+        _band_passed(values, step, (band[0], upper)) for values in (measured, reference)
+    )
     time = step * np.arange(n)
     edge = int(np.ceil((largest + 0.25 / upper) / step))
     inner = slice(edge, n - edge)
-    if min(np.ptp(ours[inner]) / (np.ptp(measured) or 1.0), np.ptp(theirs[inner]) / (np.ptp(reference) or 1.0)) < 1e-9:
+    if (
+        min(
+            np.ptp(ours[inner]) / (np.ptp(measured) or 1.0),
+            np.ptp(theirs[inner]) / (np.ptp(reference) or 1.0),
+        )
+        < 1e-9
+    ):
         return _unobservable(name, "nothing moves")
     spline = CubicSpline(time, theirs)
     reach = round(largest / step)
     match = correlate(ours, theirs, method="fft")[n - 1 - reach : n + reach]
     delay = (int(np.argmax(match)) - reach) * step
     for _ in range(8):
-        regressors = np.stack([spline(time[inner] - delay), -spline(time[inner] - delay, 1)], axis=1)
+        regressors = np.stack(
+            [spline(time[inner] - delay), -spline(time[inner] - delay, 1)], axis=1
+        )
         solution = np.linalg.lstsq(regressors, ours[inner])[0]
         change = float(solution[1] / solution[0]) if solution[0] else 0.0
         delay = float(np.clip(delay + np.clip(change, -step, step), -largest, largest))
@@ -104,7 +123,8 @@ def _unobservable(name: str, because: str) -> Delay:
 
 
 def _band_passed(values: Array, step: float, band: tuple[float, float]) -> Array:
-    """Between the two frequencies [Hz], zero phase; what is slower than half a period per record always goes."""
+    """Between the two frequencies [Hz], zero phase; what is slower than half a period per record
+    always goes."""
     record = bridge(values)
     slow = max(band[0], 1.0 / (len(record) * step))
     upper = low_passed(record, step, band[1])
@@ -114,16 +134,21 @@ def _band_passed(values: Array, step: float, band: tuple[float, float]) -> Array
 
 def _explained(measured: Array, reference: Array) -> float:
     total = float(measured @ measured) * float(reference @ reference)
-    return float(measured @ reference) * abs(float(measured @ reference)) / total if total > 0 else 0.0
+    return (
+        float(measured @ reference) * abs(float(measured @ reference)) / total if total > 0 else 0.0
+    )
 
 
 def _coloured_error(regressors: Array, residual: Array, longest: int) -> float:
-    """Standard error of the last parameter, from the residual's own autocorrelation up to `longest` samples."""
+    """Standard error of the last parameter, from the residual's own autocorrelation up to `longest`
+    samples."""
     n = len(residual)
     inverse = np.linalg.pinv(regressors.T @ regressors)
     lags = min(n - 1, max(10, min(n // 5, longest)))
     size = next_fast_len(n + lags, real=True)
-    one, two, rest = (rfft(values, size) for values in (regressors[:, 0], regressors[:, 1], residual))
+    one, two, rest = (
+        rfft(values, size) for values in (regressors[:, 0], regressors[:, 1], residual)
+    )
 
     def together(a: NDArray[np.complex128], b: NDArray[np.complex128]) -> Array:
         """Sum over k of ``a[k + lag] b[k]`` for lags from zero on."""
@@ -137,28 +162,46 @@ def _coloured_error(regressors: Array, residual: Array, longest: int) -> float:
 
 
 def delays(flight: Flight, during: tuple[float, float] | None = None) -> tuple[Delay, ...]:
-    """The delay of every channel of the flight that has kinematics: alpha, beta, V, phi, theta, psi.
+    """The delay of every channel of the flight that has kinematics: alpha, beta, V, phi, theta,
+    psi.
 
-    alpha and beta are taken as they stand at the CG: correct a boom first, its lever arm times q or r looks like a delay.
-    They enter their own kinematics weakly; a second pass uses them with the delay taken out. A channel whose inputs are
-    missing is returned as not observable. `during`: only from..to [s], such as the flying part of a whole flight.
+    alpha and beta are taken as they stand at the CG: correct a boom first, its lever arm times q or
+    r looks like a delay. They enter their own kinematics weakly; a second pass uses them with the
+    delay taken out. A channel whose inputs are missing is returned as not observable. `during`:
+    only from..to [s], such as the flying part of a whole flight.
     """
     channels, step = _prepared(flight, during, BAND[1])
-    return tuple(_channel_delay(name, channels, step, BAND, LARGEST) for name in KINEMATICS if name in flight)
+    return tuple(
+        _channel_delay(name, channels, step, BAND, LARGEST) for name in KINEMATICS if name in flight
+    )
 
 
-def _prepared(flight: Flight, during: tuple[float, float] | None, upper: float) -> tuple[dict[str, Array], float]:
-    """What kinematics need of a flight, in a part of it, no finer than a band up to `upper` [Hz] asks for; and the step [s]."""
-    part = slice(None) if during is None else slice(*(int(i) for i in np.searchsorted(flight.time, during)))
+def _prepared(
+    flight: Flight, during: tuple[float, float] | None, upper: float
+) -> tuple[dict[str, Array], float]:
+    """What kinematics need of a flight, in a part of it, no finer than a band up to `upper` [Hz]
+    asks for; and the step [s]."""
+    part = (
+        slice(None)
+        if during is None
+        else slice(*(int(i) for i in np.searchsorted(flight.time, during)))
+    )
     needed = {name for _, names in KINEMATICS.values() for name in names} | set(KINEMATICS) | {"ay"}
-    channels = {name: values[part] for name, values in with_accelerations(flight).items() if name in needed}
+    channels = {
+        name: values[part] for name, values in with_accelerations(flight).items() if name in needed
+    }
     if "V" in channels:
-        channels["V"] = np.maximum(channels["V"], 0.2 * np.max(channels["V"], initial=0.0))  # at rest nothing divides by zero
+        channels["V"] = np.maximum(
+            channels["V"], 0.2 * np.max(channels["V"], initial=0.0)
+        )  # at rest nothing divides by zero
     return thinned(channels, flight.step, SAMPLES_PER_PERIOD * upper)
 
 
-def _channel_delay(name: str, channels: Mapping[str, Array], step: float, band: tuple[float, float], largest: float) -> Delay:
-    """The delay of channel `name` (a key of KINEMATICS) of channels (n,) at `step` [s], as `delays` gives it."""
+def _channel_delay(
+    name: str, channels: Mapping[str, Array], step: float, band: tuple[float, float], largest: float
+) -> Delay:
+    """The delay of channel `name` (a key of KINEMATICS) of channels (n,) at `step` [s], as `delays`
+    gives it."""
     rate, needed = KINEMATICS[name]
     lacking = [need for need in needed if need not in channels]
     if lacking:
@@ -175,8 +218,13 @@ def _channel_delay(name: str, channels: Mapping[str, Array], step: float, band: 
         found = delay_between(channels[name], path, step, band, largest, name)
         if not found.observable:
             break
-        inputs[name] = CubicSpline(clock, channels[name])(np.clip(clock + found.seconds, clock[0], clock[-1]))
+        inputs[name] = CubicSpline(clock, channels[name])(
+            np.clip(clock + found.seconds, clock[0], clock[-1])
+        )
     if found.observable and abs(found.scale - 1.0) > SCALE_TOLERANCE:
-        because = f"its motion is {found.scale:.2f} times that of the kinematics: something other than a delay is at work"
+        because = (
+            f"its motion is {found.scale:.2f} times that of the kinematics: something other than a"
+            " delay is at work"
+        )
         return replace(found, standard_error=float("inf"), observable=False, because=because)
     return found

@@ -1,9 +1,10 @@
 """Smoothing and differentiation with a stated bandwidth, and the noise that they leave.
 
-A record between its two end points is a straight line plus a sine series (odd extension): no step at the ends, hence
-no ringing. Cutting the series at the bandwidth smooths with zero phase; its term-by-term derivative is exact. What
-lies above the bandwidth measures the noise. Method: Lanczos, *Applied Analysis*, 1956; Morelli, "Estimating Noise
-Characteristics from Flight Test Data Using Optimal Fourier Smoothing", J. Aircraft 32(4), 1995.
+A record between its two end points is a straight line plus a sine series (odd extension): no step
+at the ends, hence no ringing. Cutting the series at the bandwidth smooths with zero phase; its
+term-by-term derivative is exact. What lies above the bandwidth measures the noise. Method: Lanczos,
+*Applied Analysis*, 1956; Morelli, "Estimating Noise Characteristics from Flight Test Data Using
+Optimal Fourier Smoothing", J. Aircraft 32(4), 1995.
 """
 
 from dataclasses import dataclass
@@ -14,7 +15,8 @@ from scipy.fft import dct, dst
 
 from aerodb.support import Array
 
-#: Width of the roll-off relative to the bandwidth: a cosine step from 1 to 0, short and yet without ripple.
+#: Width of the roll-off relative to the bandwidth: a cosine step from 1 to 0, short and yet without
+#: ripple.
 ROLL_OFF = 0.1
 
 #: A record shorter than this has no spectrum to cut.
@@ -23,8 +25,8 @@ FEWEST_SAMPLES = 8
 
 @dataclass(frozen=True)
 class Smoothed:
-    """A smoothed record: `value` (n,), `rate` (n,) its time derivative, `noise` one sigma of the white noise of the
-    input (same unit), `rate_sigma` what of it remains in the rate."""
+    """A smoothed record: `value` (n,), `rate` (n,) its time derivative, `noise` one sigma of the
+    white noise of the input (same unit), `rate_sigma` what of it remains in the rate."""
 
     value: Array
     rate: Array
@@ -37,11 +39,10 @@ def smooth(values: Array, step: float, bandwidth: float, noise: float | None = N
     """Low-passes and differentiates a uniformly sampled record with zero phase.
 
     Parameters
-    ----------
-    values : (n,) any unit, n >= FEWEST_SAMPLES; not finite samples are bridged linearly (the caller flags them).
-    step : sampling interval, s.
-    bandwidth : Hz, where the gain is one half; at most the Nyquist frequency.
-    noise : one sigma of the white noise of `values`; None: measured above the bandwidth.
+    ---------- values : (n,) any unit, n >= FEWEST_SAMPLES; not finite samples are bridged linearly
+    (the caller flags them). step : sampling interval, s. bandwidth : Hz, where the gain is one
+    half; at most the Nyquist frequency. noise : one sigma of the white noise of `values`; None:
+    measured above the bandwidth.
 
     Returns
     -------
@@ -76,14 +77,17 @@ def low_passed(values: Array, step: float, bandwidth: float) -> Array:
 
 
 def _spectrum(values: Array, step: float, bandwidth: float) -> tuple[Array, Array, Array, Array]:
-    """The straight line (n,) through the end points, the sine series (n - 2,) of the rest, its frequencies [Hz] and the gain
-    of each. Raises ValueError for a record that is too short and a bandwidth beyond the Nyquist frequency."""
+    """The straight line (n,) through the end points, the sine series (n - 2,) of the rest, its
+    frequencies [Hz] and the gain of each. Raises ValueError for a record that is too short and a
+    bandwidth beyond the Nyquist frequency."""
     n = len(values)
     if n < FEWEST_SAMPLES:
         raise ValueError(f"{n} samples are too few to differentiate; {FEWEST_SAMPLES} are needed")
     nyquist = 0.5 / step
     if not 0.0 < bandwidth <= nyquist:
-        raise ValueError(f"bandwidth {bandwidth:g} Hz is not between 0 and the Nyquist frequency {nyquist:g} Hz")
+        raise ValueError(
+            f"bandwidth {bandwidth:g} Hz is not between 0 and the Nyquist frequency {nyquist:g} Hz"
+        )
     record = bridge(values)
     line = np.linspace(*_end_points(record, step, bandwidth), n)
     frequency = np.arange(1.0, n - 1.0) * (nyquist / (n - 1))
@@ -93,7 +97,8 @@ def _spectrum(values: Array, step: float, bandwidth: float) -> tuple[Array, Arra
 
 
 def bridge(values: Array) -> Array:
-    """`values` (n,) with samples that are not finite replaced by linear interpolation between their neighbours."""
+    """`values` (n,) with samples that are not finite replaced by linear interpolation between their
+    neighbours."""
     good = np.isfinite(values)
     if good.all():
         return np.asarray(values, dtype=np.float64)
@@ -104,7 +109,8 @@ def bridge(values: Array) -> Array:
 
 
 def _end_points(record: Array, step: float, bandwidth: float) -> tuple[float, float]:
-    """End values from a local quadratic over half a period of the bandwidth: a noisy first sample must not tilt all."""
+    """End values from a local quadratic over half a period of the bandwidth: a noisy first sample
+    must not tilt all."""
     width = int(np.clip(round(0.5 / (bandwidth * step)), 3, len(record) // 2))
     weights = _end_weights(width)
     return float(weights @ record[:width]), float(weights @ record[::-1][:width])
@@ -113,4 +119,6 @@ def _end_points(record: Array, step: float, bandwidth: float) -> tuple[float, fl
 @lru_cache(maxsize=64)
 def _end_weights(width: int) -> Array:
     """What makes the first value of a least-squares quadratic of `width` samples."""
-    return np.asarray(np.linalg.pinv(np.vander(np.linspace(0.0, 1.0, width), min(3, width), increasing=True))[0])
+    return np.asarray(
+        np.linalg.pinv(np.vander(np.linspace(0.0, 1.0, width), min(3, width), increasing=True))[0]
+    )

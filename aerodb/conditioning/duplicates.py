@@ -1,12 +1,14 @@
-"""Records that share samples: the same flight, whole or in part, whatever the file and however it was resampled.
+"""Records that share samples: the same flight, whole or in part, whatever the file and however it
+was resampled.
 
-Landmarks are the turning points of low-passed channels. Six in a row give a mark of five differences of height and
-five of time, coarsely rounded: where the record begins, a constant bias and the sampling make no difference to it. Six, so
-that two flights of an hour have none in common by chance (four had a hundred), however many flights are stored. Marks
-find candidates cheaply (they are whole numbers that a catalogue can look up); `shared_samples` then compares the channels
-themselves: the motion of all rates and accelerations, and the flight condition, for a programme of inputs that is flown twice
-answers alike at another speed or height. The idea of landmark marks is that of A. Wang, "An Industrial-Strength Audio Search
-Algorithm", ISMIR 2003.
+Landmarks are the turning points of low-passed channels. Six in a row give a mark of five
+differences of height and five of time, coarsely rounded: where the record begins, a constant bias
+and the sampling make no difference to it. Six, so that two flights of an hour have none in common
+by chance (four had a hundred), however many flights are stored. Marks find candidates cheaply (they
+are whole numbers that a catalogue can look up); `shared_samples` then compares the channels
+themselves: the motion of all rates and accelerations, and the flight condition, for a programme of
+inputs that is flown twice answers alike at another speed or height. The idea of landmark marks is
+that of A. Wang, "An Industrial-Strength Audio Search Algorithm", ISMIR 2003.
 """
 
 from dataclasses import dataclass
@@ -21,26 +23,41 @@ from aerodb.conditioning.differentiation import bridge
 from aerodb.flight import Flight
 from aerodb.support import Array
 
-#: Channels that a fingerprint is taken from, each with the least difference [SI] between turning points that counts.
-LANDMARK_CHANNELS = {"p": 2e-3, "q": 2e-3, "r": 2e-3, "az_imu": 0.05, "ay_imu": 0.02, "az": 0.05, "ay": 0.02}
-#: Channels of the flight condition: those that a repeat has in common as they are, and those that may be counted from elsewhere.
+#: Channels that a fingerprint is taken from, each with the least difference [SI] between turning
+#: points that counts.
+LANDMARK_CHANNELS = {
+    "p": 2e-3,
+    "q": 2e-3,
+    "r": 2e-3,
+    "az_imu": 0.05,
+    "ay_imu": 0.02,
+    "az": 0.05,
+    "ay": 0.02,
+}
+#: Channels of the flight condition: those that a repeat has in common as they are, and those that
+#: may be counted from elsewhere.
 ABSOLUTE_CHANNELS = ("V", "qbar", "altitude", "phi", "theta", "psi", "latitude", "longitude")
 RELATIVE_CHANNELS = ("ax", "ax_imu", "north", "east")
 #: What storing numbers in single precision costs, relative to the largest.
 _SINGLE_PRECISION = 1e-6
-#: Time constant [s] of the low pass before turning points are looked for, and how far [s] from ends and flags they count.
+#: Time constant [s] of the low pass before turning points are looked for, and how far [s] from ends
+#: and flags they count.
 BLUR, MARGIN = 0.15, 0.6
-#: Differences of height and of time in a mark; their rounding: natural logarithm of a height, time [s]; longest time [s].
+#: Differences of height and of time in a mark; their rounding: natural logarithm of a height, time
+#: [s]; longest time [s].
 LENGTH, HEIGHT_STEP, TIME_STEP, LONGEST_WAIT = 5, 0.15, 0.1, 9.9
 #: Marks in common, at one offset in time, from which two records are compared sample by sample.
 FEWEST_MARKS = 2
-#: Two records agree where the difference of each channel stays below this part of the channel's own motion.
+#: Two records agree where the difference of each channel stays below this part of the channel's own
+#: motion.
 AGREEMENT = 0.05
 #: Shortest stretch [s] that counts as shared.
 SHORTEST_SHARED = 2.0
-#: Pairs of equal marks that are looked at for offsets, rare marks first: a periodic motion repeats its own endlessly.
+#: Pairs of equal marks that are looked at for offsets, rare marks first: a periodic motion repeats
+#: its own endlessly.
 MOST_PAIRS = 20_000
-#: Offsets in time, best supported first, at which two records are compared: each costs a pass over the samples.
+#: Offsets in time, best supported first, at which two records are compared: each costs a pass over
+#: the samples.
 MOST_OFFSETS = 20
 #: Knuth's multiplier and increment (MMIX) that mix the parts of a mark into 64 bits.
 _MULTIPLIER, _INCREMENT = np.uint64(6364136223846793005), np.uint64(1442695040888963407)
@@ -48,8 +65,9 @@ _MULTIPLIER, _INCREMENT = np.uint64(6364136223846793005), np.uint64(144269504088
 
 @dataclass(frozen=True)
 class Shared:
-    """A stretch that two records share: ``start_a..end_a`` [s] of the one are ``start_b..end_b`` of the other; samples of
-    the first; the channels compared, and their largest rms difference relative to their motion."""
+    """A stretch that two records share: ``start_a..end_a`` [s] of the one are ``start_b..end_b`` of
+    the other; samples of the first; the channels compared, and their largest rms difference
+    relative to their motion."""
 
     start_a: float
     end_a: float
@@ -61,26 +79,36 @@ class Shared:
 
 
 def fingerprint(flight: Flight) -> frozenset[int]:
-    """Marks (whole numbers below 2^63) of a flight. Two flights that have marks in common may share samples.
+    """Marks (whole numbers below 2^63) of a flight. Two flights that have marks in common may share
+    samples.
 
-    Of the rates and accelerations that the flight has. A record without motion, or shorter than six turning points, has
-    none. The same samples give mostly, not always, the same marks when they were resampled: look for several, not for all.
+    Of the rates and accelerations that the flight has. A record without motion, or shorter than six
+    turning points, has none. The same samples give mostly, not always, the same marks when they
+    were resampled: look for several, not for all.
     """
     return frozenset(_marks(flight))
 
 
 def suspects(marks: frozenset[int], stored: dict[str, frozenset[int]]) -> tuple[str, ...]:
-    """Names of stored fingerprints with enough marks in common to be worth `shared_samples`, most first."""
+    """Names of stored fingerprints with enough marks in common to be worth `shared_samples`, most
+    first."""
     common = {name: len(marks & others) for name, others in stored.items()}
-    return tuple(sorted((name for name, count in common.items() if count >= FEWEST_MARKS), key=lambda name: -common[name]))
+    return tuple(
+        sorted(
+            (name for name, count in common.items() if count >= FEWEST_MARKS),
+            key=lambda name: -common[name],
+        )
+    )
 
 
 def shared_samples(a: Flight, b: Flight) -> tuple[Shared, ...]:
-    """Stretches of `a` that are also in `b`, each with its own offset in time; empty when the records differ.
+    """Stretches of `a` that are also in `b`, each with its own offset in time; empty when the
+    records differ.
 
-    Offsets come from marks in common; then all rates and accelerations of both, low-passed alike, must agree within 5 % of
-    their motion, biases apart, for two seconds or more, and the channels of the flight condition, as far as both have them,
-    within that and their noise: a copy with another altitude datum or another airspeed calibration is not recognised.
+    Offsets come from marks in common; then all rates and accelerations of both, low-passed alike,
+    must agree within 5 % of their motion, biases apart, for two seconds or more, and the channels
+    of the flight condition, as far as both have them, within that and their noise: a copy with
+    another altitude datum or another airspeed calibration is not recognised.
     """
     offsets = _offsets(_marks(a), _marks(b))
     names = tuple(name for name in LANDMARK_CHANNELS if name in a and name in b)
@@ -97,14 +125,26 @@ def shared_samples(a: Flight, b: Flight) -> tuple[Shared, ...]:
             if a.time[last] - a.time[first] >= SHORTEST_SHARED:
                 taken[first : last + 1] = True
                 start, end = float(a.time[first]), float(a.time[last])
-                found.append(Shared(start, end, start + offset, end + offset, last - first + 1, names, difference))
+                found.append(
+                    Shared(
+                        start,
+                        end,
+                        start + offset,
+                        end + offset,
+                        last - first + 1,
+                        names,
+                        difference,
+                    )
+                )
     return tuple(sorted(found, key=lambda shared: shared.start_a))
 
 
 def _offsets(ours: dict[int, list[float]], theirs: dict[int, list[float]]) -> Array:
     """Differences in time [s] between equal marks of two records, at most about MOST_PAIRS."""
     found: list[float] = []
-    for mark in sorted(ours.keys() & theirs.keys(), key=lambda mark: (len(ours[mark]) * len(theirs[mark]), mark)):
+    for mark in sorted(
+        ours.keys() & theirs.keys(), key=lambda mark: (len(ours[mark]) * len(theirs[mark]), mark)
+    ):
         there = theirs[mark][:MOST_PAIRS]
         pairs = np.subtract.outer(there, ours[mark][: max(1, MOST_PAIRS // len(there))]).ravel()
         if found and len(found) + len(pairs) > MOST_PAIRS:
@@ -125,46 +165,64 @@ def _marks(flight: Flight) -> dict[int, list[float]]:
         if count < 1:
             continue
         whole = np.isfinite(rise) & (wait < LONGEST_WAIT)
-        size = np.round(np.log(np.maximum(np.where(whole, np.abs(rise), least) / least, 1.0)) / HEIGHT_STEP)
+        size = np.round(
+            np.log(np.maximum(np.where(whole, np.abs(rise), least) / least, 1.0)) / HEIGHT_STEP
+        )
         late = np.round(np.where(whole, wait, 0.0) / TIME_STEP)
         mark = np.full(count, 2 * number, dtype=np.uint64) + (rise[:count] > 0)
         for part in (size, late):
             for k in range(LENGTH):
                 mark = mark * _MULTIPLIER + (part[k : k + count].astype(np.uint64) + _INCREMENT)
         unbroken = np.all([whole[k : k + count] for k in range(LENGTH)], axis=0)
-        for value, at in zip((mark[unbroken] >> np.uint64(1)).tolist(), time[:count][unbroken].tolist(), strict=True):
+        for value, at in zip(
+            (mark[unbroken] >> np.uint64(1)).tolist(), time[:count][unbroken].tolist(), strict=True
+        ):
             marks.setdefault(value, []).append(at)
     return marks
 
 
 def _turning_points(flight: Flight, name: str, least: float) -> tuple[Array, Array]:
-    """Times [s] and heights of turning points of the low-passed channel, sub-sample; a NaN height where the chain breaks."""
+    """Times [s] and heights of turning points of the low-passed channel, sub-sample; a NaN height
+    where the chain breaks."""
     low, usable = _low_passed(flight, name)
     step = flight.step
     k = np.flatnonzero((np.diff(low[:-1]) * np.diff(low[1:]) <= 0) & (np.diff(low[:-1]) != 0)) + 1
     curvature = low[k - 1] - 2 * low[k] + low[k + 1]
-    shift = np.where(curvature != 0, 0.5 * (low[k - 1] - low[k + 1]) / np.where(curvature == 0, 1.0, curvature), 0.0)
+    shift = np.where(
+        curvature != 0,
+        0.5 * (low[k - 1] - low[k + 1]) / np.where(curvature == 0, 1.0, curvature),
+        0.0,
+    )
     time = flight.time[k] + step * shift
     height = np.where(usable[k], low[k] - 0.25 * (low[k - 1] - low[k + 1]) * shift, np.nan)
     return _without_ripple(time, height, least)
 
 
 def _without_ripple(time: Array, height: Array, least: float) -> tuple[Array, Array]:
-    """Turning points whose neighbours differ by `least` or more: of smaller waves only the outermost points stay."""
+    """Turning points whose neighbours differ by `least` or more: of smaller waves only the
+    outermost points stay."""
     kept_time: list[float] = []
     kept: list[float] = []
     for at, value in zip(time.tolist(), height.tolist(), strict=True):
-        while len(kept) > 1 and np.isfinite(value) and (kept[-1] - kept[-2]) * (value - kept[-1]) > 0:
+        while (
+            len(kept) > 1 and np.isfinite(value) and (kept[-1] - kept[-2]) * (value - kept[-1]) > 0
+        ):
             kept.pop()
             kept_time.pop()
-        if not kept or not np.isfinite(value) or not np.isfinite(kept[-1]) or abs(value - kept[-1]) >= least:
+        if (
+            not kept
+            or not np.isfinite(value)
+            or not np.isfinite(kept[-1])
+            or abs(value - kept[-1]) >= least
+        ):
             kept.append(value)
             kept_time.append(at)
     return np.array(kept_time), np.array(kept)
 
 
 def _low_passed(flight: Flight, name: str) -> tuple[Array, NDArray[np.bool_]]:
-    """The channel through a Gaussian of BLUR seconds, and where that is free of ends and of unusable samples."""
+    """The channel through a Gaussian of BLUR seconds, and where that is free of ends and of
+    unusable samples."""
     good = flight.usable([name])
     values = bridge(np.where(good, flight[name], np.nan)) if good.any() else np.zeros(len(good))
     reach = int(np.ceil(MARGIN / flight.step))
@@ -175,7 +233,8 @@ def _low_passed(flight: Flight, name: str) -> tuple[Array, NDArray[np.bool_]]:
 
 
 def _common_offsets(offsets: Array) -> list[float]:
-    """Offsets in time [s] that at least FEWEST_MARKS pairs of marks agree on, best supported first."""
+    """Offsets in time [s] that at least FEWEST_MARKS pairs of marks agree on, best supported
+    first."""
     if len(offsets) < FEWEST_MARKS:
         return []
     ordered = np.sort(offsets)
@@ -184,9 +243,11 @@ def _common_offsets(offsets: Array) -> list[float]:
     return [float(np.median(group)) for group in sorted(groups, key=len, reverse=True)]
 
 
-def _agreement(a: Flight, b: Flight, offset: float, names: tuple[str, ...]) -> tuple[NDArray[np.bool_], float, float] | None:
-    """Where all channels of `a` equal those of `b` at ``time + offset``, the offset refined, and the largest relative rms
-    difference there; None when they do nowhere."""
+def _agreement(
+    a: Flight, b: Flight, offset: float, names: tuple[str, ...]
+) -> tuple[NDArray[np.bool_], float, float] | None:
+    """Where all channels of `a` equal those of `b` at ``time + offset``, the offset refined, and
+    the largest relative rms difference there; None when they do nowhere."""
     pairs = [_Pair.of(a, b, name) for name in names]
     for near in (1.0, 4 * AGREEMENT, 2 * AGREEMENT, 2 * AGREEMENT):
         steps = [pair.step_of_offset(a.time + offset, near) for pair in pairs]
@@ -208,13 +269,16 @@ def _agreement(a: Flight, b: Flight, offset: float, names: tuple[str, ...]) -> t
 
 
 def _one_condition(a: Flight, b: Flight, part: slice, offset: float) -> bool:
-    """Whether the channels of the flight condition of a stretch of `a` are those of `b` at ``time + offset``: half of the
-    samples or more within AGREEMENT of the stretch's motion and the noise of both records."""
+    """Whether the channels of the flight condition of a stretch of `a` are those of `b` at ``time +
+    offset``: half of the samples or more within AGREEMENT of the stretch's motion and the noise of
+    both records."""
     at = a.time[part] + offset
     for name in (*ABSOLUTE_CHANNELS, *RELATIVE_CHANNELS):
         if name not in a or name not in b:
             continue
-        good = a.usable((name,))[part] & (np.interp(at, b.time, b.usable((name,)).astype(np.float64)) > 0.99)
+        good = a.usable((name,))[part] & (
+            np.interp(at, b.time, b.usable((name,)).astype(np.float64)) > 0.99
+        )
         if not good.any():
             continue
         ours, theirs = a[name][part][good], np.interp(at[good], b.time, b[name])
@@ -231,9 +295,14 @@ def _one_condition(a: Flight, b: Flight, part: slice, offset: float) -> bool:
 
 
 def _noise(values: Array) -> float:
-    """One sigma of white noise, from second differences (variance 6 s^2), and half of the last digit that is stored."""
+    """One sigma of white noise, from second differences (variance 6 s^2), and half of the last
+    digit that is stored."""
     white = float(np.sqrt(np.mean(np.diff(values, 2) ** 2) / 6.0)) if len(values) > 2 else 0.0
-    return white + 0.5 * float(np.diff(np.unique(values)).min(initial=np.inf)) if np.ptp(values) > 0 else white
+    return (
+        white + 0.5 * float(np.diff(np.unique(values)).min(initial=np.inf))
+        if np.ptp(values) > 0
+        else white
+    )
 
 
 @dataclass(frozen=True)
@@ -252,7 +321,8 @@ class _Pair:
         return cls(ours, fine, CubicSpline(b.time, theirs), fine_there, LANDMARK_CHANNELS[name])
 
     def difference(self, at: Array) -> tuple[Array, NDArray[np.bool_]]:
-        """Ours - theirs at their times `at`, without its median and relative to our motion; and where both are known."""
+        """Ours - theirs at their times `at`, without its median and relative to our motion; and
+        where both are known."""
         clock = self.theirs.x
         there = np.interp(at, clock, self.fine_there.astype(np.float64), left=0.0, right=0.0) > 0.99
         known = self.fine & there
@@ -263,8 +333,8 @@ class _Pair:
         return (difference - np.median(difference[known])) / motion, known
 
     def step_of_offset(self, at: Array, below: float) -> tuple[float, float]:
-        """Numerator and denominator of the Gauss-Newton step of the offset in time that this channel asks for, from where
-        the difference is small already."""
+        """Numerator and denominator of the Gauss-Newton step of the offset in time that this
+        channel asks for, from where the difference is small already."""
         difference, known = self.difference(at)
         near = known & (np.abs(difference) < below)
         motion = max(float(np.std(self.ours[known])), self.least) if known.any() else 1.0
@@ -272,8 +342,11 @@ class _Pair:
         return float(slope @ difference[near]), float(slope @ slope)
 
 
-def _to_the_ends(a: Flight, b: Flight, where: NDArray[np.bool_], offset: float, names: tuple[str, ...]) -> NDArray[np.bool_]:
-    """The stretches drawn out over the margin that the low pass needs, as far as the samples themselves agree."""
+def _to_the_ends(
+    a: Flight, b: Flight, where: NDArray[np.bool_], offset: float, names: tuple[str, ...]
+) -> NDArray[np.bool_]:
+    """The stretches drawn out over the margin that the low pass needs, as far as the samples
+    themselves agree."""
     at = a.time + offset
     agree = a.usable(names) & (at >= b.time[0] - 1e-6) & (at <= b.time[-1] + 1e-6)
     agree &= np.interp(at, b.time, b.usable(names).astype(np.float64)) > 0.99

@@ -1,7 +1,9 @@
-"""Which single fault of sign, unit or wiring would make the channels of a record agree with their kinematics.
+"""Which single fault of sign, unit or wiring would make the channels of a record agree with their
+kinematics.
 
-Every attitude, air angle, airspeed and altitude is compared with the integral of its own kinematic rate. Where one
-disagrees, single faults are undone one after the other; the one that brings agreement everywhere is the likely cause.
+Every attitude, air angle, airspeed and altitude is compared with the integral of its own kinematic
+rate. Where one disagrees, single faults are undone one after the other; the one that brings
+agreement everywhere is the likely cause.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -20,10 +22,11 @@ Channels = Mapping[str, Array]
 
 #: Hz, where manoeuvres are; longest stretch [s] looked at, the liveliest of the record.
 BAND, LONGEST = (0.05, 1.0), 600.0
-#: Agreement at most before and at least after a fault is undone, and how much any other that held before may lose.
+#: Agreement at most before and at least after a fault is undone, and how much any other that held
+#: before may lose.
 DISAGREES, AGREES, HELD, MAY_LOSE = 0.3, 0.85, 0.5, 0.2
-#: Faults whose total agreement differs by less than this cannot be told apart; radians taken for degrees are rarer than
-#: the reverse by this much agreement.
+#: Faults whose total agreement differs by less than this cannot be told apart; radians taken for
+#: degrees are rarer than the reverse by this much agreement.
 ALIKE, RARE = 0.35, 0.3
 #: Least motion (rms in the band, rad; V m/s; altitude m) that can tell anything.
 LEAST_MOTION: Final = {"V": 0.5, "altitude": 1.0}
@@ -32,9 +35,9 @@ DEGREE = np.pi / 180
 
 #: Channels that can be compared with their kinematics, and what takes part in each comparison.
 ALL: Final = (*KINEMATICS, "altitude")
-_INVOLVED: Final = {name: {name, *needed, *OPTIONAL.get(name, ())} for name, (_, needed) in KINEMATICS.items()} | {
-    "altitude": {"altitude", "V", "theta", "alpha", "phi"}
-}
+_INVOLVED: Final = {
+    name: {name, *needed, *OPTIONAL.get(name, ())} for name, (_, needed) in KINEMATICS.items()
+} | {"altitude": {"altitude", "V", "theta", "alpha", "phi"}}
 _ANGLES = ("p", "q", "r", "phi", "theta", "psi", "alpha", "beta")
 _SIGNED = (*_ANGLES, "ax", "ay", "az")
 _PAIRS = (("q", "r"), ("p", "q"), ("p", "r"), ("alpha", "beta"), ("ay", "az"), ("ax", "az"))
@@ -42,7 +45,8 @@ _PAIRS = (("q", "r"), ("p", "q"), ("p", "r"), ("alpha", "beta"), ("ay", "az"), (
 
 @dataclass(frozen=True)
 class Fault:
-    """A single fault: kind (``sign degrees radians swapped unit``), the channels it concerns, and what it does in words."""
+    """A single fault: kind (``sign degrees radians swapped unit``), the channels it concerns, and
+    what it does in words."""
 
     kind: str
     channels: tuple[str, ...]
@@ -52,8 +56,8 @@ class Fault:
 
 @dataclass(frozen=True)
 class Explanation:
-    """A fault that explains a disagreement, those that would explain it as well, the channels that disagreed, and their
-    agreement before and after (1: equal, 0: unrelated, -1: opposite)."""
+    """A fault that explains a disagreement, those that would explain it as well, the channels that
+    disagreed, and their agreement before and after (1: equal, 0: unrelated, -1: opposite)."""
 
     fault: Fault
     alike: tuple[Fault, ...]
@@ -63,10 +67,12 @@ class Explanation:
 
 
 def agreement(channels: Channels, step: float, names: Iterable[str] = ALL) -> dict[str, float]:
-    """Agreement of each channel with its kinematics: ``2 y.Y / (y.y + Y.Y)`` of measured y and kinematic Y in the band.
+    """Agreement of each channel with its kinematics: ``2 y.Y / (y.y + Y.Y)`` of measured y and
+    kinematic Y in the band.
 
-    channels : name -> (n,), SI, all finite; accelerations as ``ax ay az``. step : s. Channels that hardly move are left
-    out. 1: equal, 0: unrelated or of another size, -1: opposite. names : those of the channels to compare.
+    channels : name -> (n,), SI, all finite; accelerations as ``ax ay az``. step : s. Channels that
+    hardly move are left out. 1: equal, 0: unrelated or of another size, -1: opposite. names : those
+    of the channels to compare.
     """
     found = {}
     for name in names:
@@ -82,7 +88,8 @@ def agreement(channels: Channels, step: float, names: Iterable[str] = ALL) -> di
 
 
 def explain(channels: Channels, step: float) -> Explanation | None:
-    """The single fault that makes disagreeing channels (n,) at `step` [s] agree; None when all agree, or none does."""
+    """The single fault that makes disagreeing channels (n,) at `step` [s] agree; None when all
+    agree, or none does."""
     channels, step = _liveliest(channels, step)
     before = agreement(channels, step)
     bad = tuple(name for name, value in before.items() if value < DISAGREES)
@@ -91,8 +98,15 @@ def explain(channels: Channels, step: float) -> Explanation | None:
     tried: list[tuple[float, float, Fault]] = []
     for fault in _faults(channels):
         after = _undone(channels, fault, before, step)
-        mended = [name for name in bad if after.get(name, -1.0) > AGREES and after[name] - before[name] > 0.5]
-        lost = max((value - after.get(name, value) for name, value in before.items() if value > HELD), default=0.0)
+        mended = [
+            name
+            for name in bad
+            if after.get(name, -1.0) > AGREES and after[name] - before[name] > 0.5
+        ]
+        lost = max(
+            (value - after.get(name, value) for name, value in before.items() if value > HELD),
+            default=0.0,
+        )
         if mended and lost < MAY_LOSE:
             total = sum(after.get(name, 0.0) for name in before) - RARE * (fault.kind == "radians")
             tried.append((total, max(after[name] for name in mended), fault))
@@ -103,7 +117,9 @@ def explain(channels: Channels, step: float) -> Explanation | None:
     return Explanation(tried[0][2], alike, bad, min(before[name] for name in bad), tried[0][1])
 
 
-def _undone(channels: Channels, fault: Fault, before: dict[str, float], step: float) -> dict[str, float]:
+def _undone(
+    channels: Channels, fault: Fault, before: dict[str, float], step: float
+) -> dict[str, float]:
     """Agreement with a fault undone; computed anew only for channels that it has to do with."""
     changed = fault.undo(channels)
     concerned = [name for name in ALL if not changed.keys().isdisjoint(_INVOLVED[name])]
@@ -116,7 +132,9 @@ def _faults(channels: Channels) -> list[Fault]:
     found = []
     for name in _SIGNED:
         if name in channels:
-            found.append(Fault("sign", (name,), f"the sign of {name} is flipped", _scaled(name, -1.0)))
+            found.append(
+                Fault("sign", (name,), f"the sign of {name} is flipped", _scaled(name, -1.0))
+            )
     for name in _ANGLES:
         if name in channels:
             per = " per second" if name in "pqr" else ""
@@ -133,10 +151,19 @@ def _faults(channels: Channels) -> list[Fault]:
         found.append(Fault("degrees", names, words, _all_scaled(names, DEGREE)))
     for name in ("ax", "ay"):
         if name in channels:
-            found.append(Fault("unit", (name,), f"{name} is in g, declared as m/s^2", _scaled(name, GRAVITY)))
+            found.append(
+                Fault("unit", (name,), f"{name} is in g, declared as m/s^2", _scaled(name, GRAVITY))
+            )
     for one, other in _PAIRS:
         if one in channels and other in channels:
-            found.append(Fault("swapped", (one, other), f"{one} and {other} are swapped", _exchanged(one, other)))
+            found.append(
+                Fault(
+                    "swapped",
+                    (one, other),
+                    f"{one} and {other} are swapped",
+                    _exchanged(one, other),
+                )
+            )
     return found
 
 
@@ -157,7 +184,9 @@ def _path(name: str, channels: Channels, step: float) -> Array | None:
     if name == "altitude":
         if not {"altitude", "V", "theta"} <= channels.keys():
             return None
-        climb = channels["theta"] - channels.get("alpha", np.zeros_like(channels["theta"])) * np.cos(channels.get("phi", 0.0))
+        climb = channels["theta"] - channels.get(
+            "alpha", np.zeros_like(channels["theta"])
+        ) * np.cos(channels.get("phi", 0.0))
         rate = channels["V"] * np.sin(climb)
     else:
         rate_of, needed = KINEMATICS[name]

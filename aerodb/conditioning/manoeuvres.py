@@ -1,8 +1,10 @@
-"""Manoeuvres by their shape on a control surface: pulse, step, doublet, 2-1-1, 1-2-1, 3-2-1-1, sweep, multistep.
+"""Manoeuvres by their shape on a control surface: pulse, step, doublet, 2-1-1, 1-2-1, 3-2-1-1,
+sweep, multistep.
 
-An input departs from a quiet trim position and returns to it. Its pulses to alternating sides, each between two crossings
-of 0.45 of the largest deflection, give the name by their durations. Definitions: Hamel & Jategaonkar,
-"Evolution of Flight Vehicle System Identification", J. Aircraft 33(1), 1996; Marchand's 3-2-1-1.
+An input departs from a quiet trim position and returns to it. Its pulses to alternating sides, each
+between two crossings of 0.45 of the largest deflection, give the name by their durations.
+Definitions: Hamel & Jategaonkar, "Evolution of Flight Vehicle System Identification", J. Aircraft
+33(1), 1996; Marchand's 3-2-1-1.
 """
 
 from dataclasses import dataclass
@@ -16,14 +18,16 @@ from aerodb.conditioning.differentiation import bridge
 from aerodb.support import Array
 
 DEGREE = np.pi / 180
-#: Least deflection [rad] from trim that is an input, and how many times the motion around it it must be.
+#: Least deflection [rad] from trim that is an input, and how many times the motion around it it
+#: must be.
 LEAST_INPUT, ABOVE_ACTIVITY = 0.45 * DEGREE, 4.0
 #: The same for a pulse, a step or an irregular sequence, which pilots make all the time.
 LEAST_PLAIN = 1.0 * DEGREE
-#: Time [s] over which a quiet surface is looked for; the time it must stay back at trim; the rest elsewhere that is a new
-#: trim; the longest input.
+#: Time [s] over which a quiet surface is looked for; the time it must stay back at trim; the rest
+#: elsewhere that is a new trim; the longest input.
 QUIET, BACK, NEW_TRIM, LONGEST = 0.8, 1.0, 5.0, 120.0
-#: Part of the largest deflection that bounds a pulse, and the part within which a surface counts as back at trim.
+#: Part of the largest deflection that bounds a pulse, and the part within which a surface counts as
+#: back at trim.
 PULSE_LEVEL, HOME_LEVEL = 0.45, 0.3
 #: Stretch [s] before and after an input that says how restless the surface is anyway.
 SURROUNDINGS = 30.0
@@ -31,7 +35,13 @@ SURROUNDINGS = 30.0
 LONGEST_PULSE = 3.0
 #: How far (rms of the logarithm) durations may be from a pattern's.
 PATTERN_TOLERANCE = 0.33
-PATTERNS = {(1, 1): "doublet", (2, 1, 1): "2-1-1", (1, 2, 1): "1-2-1", (3, 2, 1, 1): "3-2-1-1", (1, 1, 1, 1): "doublet"}
+PATTERNS = {
+    (1, 1): "doublet",
+    (2, 1, 1): "2-1-1",
+    (1, 2, 1): "1-2-1",
+    (3, 2, 1, 1): "3-2-1-1",
+    (1, 1, 1, 1): "doublet",
+}
 PLAIN = ("pulse", "step", "multistep")
 #: Fewest pulses of a sweep, and how much its first must outlast its last (or the reverse).
 FEWEST_OF_SWEEP, SWEEP_RATIO = 6, 1.8
@@ -39,8 +49,8 @@ FEWEST_OF_SWEEP, SWEEP_RATIO = 6, 1.8
 
 @dataclass(frozen=True)
 class Input:
-    """One input on one surface: samples first..last, `durations` [s] of its pulses, `deflection` [rad]: the largest from
-    trim, with the sign of the first pulse; `name` as above."""
+    """One input on one surface: samples first..last, `durations` [s] of its pulses, `deflection`
+    [rad]: the largest from trim, with the sign of the first pulse; `name` as above."""
 
     name: str
     first: int
@@ -52,15 +62,18 @@ class Input:
 def rolling_range(values: Array, samples: int) -> Array:
     """Highest minus lowest of `samples` values around each (n,)."""
     size = max(samples, 2)
-    result: Array = maximum_filter1d(values, size, mode="nearest") - minimum_filter1d(values, size, mode="nearest")
+    result: Array = maximum_filter1d(values, size, mode="nearest") - minimum_filter1d(
+        values, size, mode="nearest"
+    )
     return result
 
 
 def inputs(deflection: Array, step: float) -> tuple[Input, ...]:
     """Inputs on a surface with `deflection` (n,) [rad] at uniform `step` [s], in order.
 
-    A surface that never rests before or after (turbulence, a busy autopilot) gives none, nor does one whose deflection is less
-    than 0.45 deg or four times its usual motion around it. A change of trim that is held is a step.
+    A surface that never rests before or after (turbulence, a busy autopilot) gives none, nor does
+    one whose deflection is less than 0.45 deg or four times its usual motion around it. A change of
+    trim that is held is a step.
     """
     values = median_filter(bridge(deflection), 3, mode="nearest")
     width = max(4, round(QUIET / step))
@@ -78,20 +91,27 @@ def inputs(deflection: Array, step: float) -> tuple[Input, ...]:
         if end is None:
             break
         shape = _shape(values[start : end + 1] - trim, step, start)
-        if shape is not None and abs(shape.deflection) > ABOVE_ACTIVITY * _restlessness(activity, start, end, step):
+        if shape is not None and abs(shape.deflection) > ABOVE_ACTIVITY * _restlessness(
+            activity, start, end, step
+        ):
             found.append(shape)
         at = end
     return tuple(found)
 
 
-def _back(values: Array, quiet: NDArray[np.bool_], start: int, trim: float, step: float) -> int | None:
-    """Sample at which the surface is back at trim to stay, or rests for long elsewhere; None when the record ends first."""
+def _back(
+    values: Array, quiet: NDArray[np.bool_], start: int, trim: float, step: float
+) -> int | None:
+    """Sample at which the surface is back at trim to stay, or rests for long elsewhere; None when
+    the record ends first."""
     stay, rest = max(2, round(BACK / step)), round(NEW_TRIM / step)
     longest = round(LONGEST / step)
     for reach in (longest // 8, longest):  # most are back soon
         stop = min(len(values), start + reach)
         departure = np.abs(values[start:stop] - trim)
-        home = departure <= np.maximum(0.5 * LEAST_INPUT, HOME_LEVEL * np.maximum.accumulate(departure))
+        home = departure <= np.maximum(
+            0.5 * LEAST_INPUT, HOME_LEVEL * np.maximum.accumulate(departure)
+        )
         still = quiet[start:stop]
         back = still & _lasts(home, stay, partly=stay // 2 + 1) | _lasts(still, rest, partly=rest)
         if back.any() and (reach == longest or int(np.argmax(back)) + rest < stop - start):
@@ -100,17 +120,22 @@ def _back(values: Array, quiet: NDArray[np.bool_], start: int, trim: float, step
 
 
 def _lasts(mask: NDArray[np.bool_], samples: int, partly: int) -> NDArray[np.bool_]:
-    """(n,) whether `mask` stays true for `samples` from here on, or to the end of the record if that is `partly` or more."""
+    """(n,) whether `mask` stays true for `samples` from here on, or to the end of the record if
+    that is `partly` or more."""
     here = np.arange(len(mask))
     broken = np.minimum.accumulate(np.where(mask, len(mask), here)[::-1])[::-1]
     length = broken - here
-    return np.asarray((length >= samples) | ((length == len(mask) - here) & (length >= partly)), dtype=bool)
+    return np.asarray(
+        (length >= samples) | ((length == len(mask) - here) & (length >= partly)), dtype=bool
+    )
 
 
 def _restlessness(activity: Array, start: int, end: int, step: float) -> float:
     """Usual range of motion around an input, itself left out."""
     reach = round(SURROUNDINGS / step)
-    around = np.concatenate([activity[max(0, start - reach) : start], activity[end + 1 : end + 1 + reach]])
+    around = np.concatenate(
+        [activity[max(0, start - reach) : start], activity[end + 1 : end + 1 + reach]]
+    )
     return float(np.quantile(around, 0.75)) if around.size else 0.0
 
 

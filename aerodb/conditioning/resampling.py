@@ -1,7 +1,7 @@
 """Resampling onto one uniform grid without aliasing, and the first-order lag of actuators.
 
-Going down, a zero-phase low-pass comes first; going up, values are joined by straight lines; on the same time base
-nothing is touched.
+Going down, a zero-phase low-pass comes first; going up, values are joined by straight lines; on the
+same time base nothing is touched.
 """
 
 from collections.abc import Mapping
@@ -15,11 +15,13 @@ from scipy.signal import firwin, kaiserord, lfilter, oaconvolve
 from aerodb.conditioning.clock import interval, is_uniform
 from aerodb.support import Array
 
-#: Edges of the anti-aliasing filter in parts of the grid's rate, and its ripple. Above the upper edge nothing may pass.
+#: Edges of the anti-aliasing filter in parts of the grid's rate, and its ripple. Above the upper
+#: edge nothing may pass.
 PASS_EDGE, STOP_EDGE, RIPPLE_DB = 0.35, 0.5, 60.0
 #: Source intervals between two samples beyond which the samples of the grid between them are a gap.
 GAP_INTERVALS = 3.0
-#: Grid and source stamps closer than this part of a step are the same instant: the value passes unchanged.
+#: Grid and source stamps closer than this part of a step are the same instant: the value passes
+#: unchanged.
 SAME_INSTANT = 1e-3
 
 
@@ -30,10 +32,12 @@ def uniform_grid(start: float, end: float, step: float) -> Array:
 
 
 def low_pass(values: Array, step: float, new_step: float) -> Array:
-    """`values` (n,) at uniform `step` [s] without what a grid of `new_step` [s] cannot hold; zero phase.
+    """`values` (n,) at uniform `step` [s] without what a grid of `new_step` [s] cannot hold; zero
+    phase.
 
-    A Kaiser-window linear-phase FIR filter (Oppenheim & Schafer, *Discrete-Time Signal Processing*, sec. 7.5): flat
-    to 0.35, 60 dB down from 0.5 of the new rate. The ends are continued by point reflection, which keeps level and slope.
+    A Kaiser-window linear-phase FIR filter (Oppenheim & Schafer, *Discrete-Time Signal Processing*,
+    sec. 7.5): flat to 0.35, 60 dB down from 0.5 of the new rate. The ends are continued by point
+    reflection, which keeps level and slope.
     """
     ratio = new_step / step
     taps, beta = kaiserord(RIPPLE_DB, 2.0 * (STOP_EDGE - PASS_EDGE) / ratio)
@@ -44,26 +48,34 @@ def low_pass(values: Array, step: float, new_step: float) -> Array:
     return result
 
 
-def thinned(channels: Mapping[str, Array], step: float, rate: float) -> tuple[dict[str, Array], float]:
-    """Channels (n,), finite, at uniform `step` [s] with every k-th sample kept, low-passed before, and the new step [s].
+def thinned(
+    channels: Mapping[str, Array], step: float, rate: float
+) -> tuple[dict[str, Array], float]:
+    """Channels (n,), finite, at uniform `step` [s] with every k-th sample kept, low-passed before,
+    and the new step [s].
 
-    k is as large as leaves `rate` [Hz] or more, and 64 samples. What is below 0.35 of `rate` stays as it was. Of a record
-    that is thinned the last few samples (less than one in a hundred) go, so that its length is one that transforms like.
+    k is as large as leaves `rate` [Hz] or more, and 64 samples. What is below 0.35 of `rate` stays
+    as it was. Of a record that is thinned the last few samples (less than one in a hundred) go, so
+    that its length is one that transforms like.
     """
     n = len(next(iter(channels.values()), ()))
     every = min(int(1.0 / (rate * step) + 1e-6), n // 64)
     if every < 2:
         return dict(channels), step
     kept = slice(0, every * prev_fast_len((n - 1) // every) + 1, every)
-    return {name: low_pass(values, step, every * step)[kept] for name, values in channels.items()}, every * step
+    return {
+        name: low_pass(values, step, every * step)[kept] for name, values in channels.items()
+    }, every * step
 
 
 @dataclass(frozen=True)
 class Resampler:
-    """Brings values from one time base to a grid; made by `resampler` once per time base, used for all of its fields.
+    """Brings values from one time base to a grid; made by `resampler` once per time base, used for
+    all of its fields.
 
-    time : (n,) s, of the source. grid : (m,) s. gap : (m,) true where the source was silent. places : (m,) the grid with
-    each instant that is one of the source replaced by exactly that. step, grid_step : intervals, s.
+    time : (n,) s, of the source. grid : (m,) s. gap : (m,) true where the source was silent. places
+    : (m,) the grid with each instant that is one of the source replaced by exactly that. step,
+    grid_step : intervals, s.
     """
 
     time: Array
@@ -82,14 +94,16 @@ class Resampler:
         even = uniform_grid(float(self.time[0]), float(self.time[-1]), self.step)
         if is_uniform(self.time):
             return np.interp(self.places, self.time, low_pass(values, self.step, self.grid_step))
-        return np.interp(self.grid, even, low_pass(np.interp(even, self.time, values), self.step, self.grid_step))
+        return np.interp(
+            self.grid, even, low_pass(np.interp(even, self.time, values), self.step, self.grid_step)
+        )
 
 
 def resampler(time: Array, grid: Array) -> Resampler:
     """A Resampler from strictly increasing `time` (n,) [s] to uniform `grid` (m,) [s].
 
-    A grid sample is in a gap when its two neighbours in `time` are more than three source intervals apart (and it
-    coincides with neither), or when it lies more than one source interval outside.
+    A grid sample is in a gap when its two neighbours in `time` are more than three source intervals
+    apart (and it coincides with neither), or when it lies more than one source interval outside.
     """
     step = interval(time) if len(time) > 1 else 0.0
     grid_step = interval(grid) if len(grid) > 1 else step
@@ -104,7 +118,8 @@ def resampler(time: Array, grid: Array) -> Resampler:
 
 
 def hold(time: Array, values: Array, grid: Array) -> Array:
-    """`values` (n,) as a stair: at each grid time the last one that was sent; the first one before that.
+    """`values` (n,) as a stair: at each grid time the last one that was sent; the first one before
+    that.
 
     So commands are to be read: a command stands until the next.
     """
@@ -114,9 +129,11 @@ def hold(time: Array, values: Array, grid: Array) -> Array:
 
 
 def first_order_lag(command: Array, step: float, time_constant: float) -> Array:
-    """Response (n,) of ``T y' + y = u`` to a stair `command` (n,) at uniform `step` [s], at rest at the start.
+    """Response (n,) of ``T y' + y = u`` to a stair `command` (n,) at uniform `step` [s], at rest at
+    the start.
 
-    Exact for a command that is held between samples: ``y[k+1] = a y[k] + (1 - a) u[k]``, ``a = exp(-step / T)``.
+    Exact for a command that is held between samples: ``y[k+1] = a y[k] + (1 - a) u[k]``, ``a =
+    exp(-step / T)``.
     """
     if time_constant <= 0.0:
         return command

@@ -1,6 +1,8 @@
-"""What a flight does, whatever its surfaces do: stall, pull-up, low g, slow oscillation (phugoid), spiral, steady flight.
+"""What a flight does, whatever its surfaces do: stall, pull-up, low g, slow oscillation (phugoid),
+spiral, steady flight.
 
-Functions give first and last sample and a plain reason; whether the aircraft flies at all is for `segmentation`.
+Functions give first and last sample and a plain reason; whether the aircraft flies at all is for
+`segmentation`.
 """
 
 from collections.abc import Sequence
@@ -15,23 +17,33 @@ from aerodb.support import Array, Mask
 
 Found = tuple[int, int, str]
 
-#: Lift short of its straight line, as a part of it, for this long [s], is a stall; the line needs this range of alpha.
+#: Lift short of its straight line, as a part of it, for this long [s], is a stall; the line needs
+#: this range of alpha.
 LIFT_LOST, STALL_TIME, LINE_RANGE = 0.10, 0.3, 4.0 * DEGREE
-#: Load factors, compensated for bank above and as measured below, that are a pull-up and a push-over, and their least time [s].
+#: Load factors, compensated for bank above and as measured below, that are a pull-up and a
+#: push-over, and their least time [s].
 PULL_UP, LOW_G, LOAD_TIME = 1.5, 0.5, 1.0
-#: Steady flight: greatest range within STEADY_WINDOW [s] of speed (relative), pitch and bank [rad], and its least time [s].
-STEADY_SPEED, STEADY_PITCH, STEADY_BANK, STEADY_WINDOW, STEADY_TIME = 0.01, 1.0 * DEGREE, 2.0 * DEGREE, 5.0, 10.0
+#: Steady flight: greatest range within STEADY_WINDOW [s] of speed (relative), pitch and bank [rad],
+#: and its least time [s].
+STEADY_SPEED, STEADY_PITCH, STEADY_BANK, STEADY_WINDOW, STEADY_TIME = (
+    0.01,
+    1.0 * DEGREE,
+    2.0 * DEGREE,
+    5.0,
+    10.0,
+)
 #: A surface left alone moves by less than this [rad] within two seconds.
 ALONE = 0.25 * DEGREE
-#: Least amplitude [m/s] of a slow oscillation, share of the motion it must explain, periods that must be seen, and least
-#: correlation of height with loss of speed.
+#: Least amplitude [m/s] of a slow oscillation, share of the motion it must explain, periods that
+#: must be seen, and least correlation of height with loss of speed.
 PHUGOID_SPEED, PHUGOID_SHARE, PHUGOID_PERIODS, EXCHANGE = 1.5, 0.8, 1.25, 0.8
 #: Least change of bank [rad] of a spiral, its least time [s] and its greatest rate [rad/s].
 SPIRAL_BANK, SPIRAL_TIME, SPIRAL_RATE = 15 * DEGREE, 20.0, 3 * DEGREE
 
 
 def runs(mask: Mask, shortest: int = 1, bridge: int = 0) -> list[tuple[int, int]]:
-    """First and last index of every run of true of at least `shortest` samples; breaks up to `bridge` samples are closed.
+    """First and last index of every run of true of at least `shortest` samples; breaks up to
+    `bridge` samples are closed.
 
     >>> runs(np.array([True, True, False, True, False, False, True]), shortest=2, bridge=1)
     [(0, 3)]
@@ -47,10 +59,12 @@ def runs(mask: Mask, shortest: int = 1, bridge: int = 0) -> list[tuple[int, int]
 
 
 def stalls(alpha: Array, az: Array, qbar: Array, step: float, flying: Mask) -> list[Found]:
-    """Where lift (-az over qbar) falls short of the straight line through its lower three fifths by a tenth or more.
+    """Where lift (-az over qbar) falls short of the straight line through its lower three fifths by
+    a tenth or more.
 
-    alpha [rad], az [m/s^2], qbar [Pa], flying : (n,). None when alpha covers less than four degrees. No aircraft data
-    are needed: the line is the record's own. Only above the alpha range of the line, that is where alpha is high.
+    alpha [rad], az [m/s^2], qbar [Pa], flying : (n,). None when alpha covers less than four
+    degrees. No aircraft data are needed: the line is the record's own. Only above the alpha range
+    of the line, that is where alpha is high.
     """
     if flying.sum() * step < 5.0:
         return []
@@ -67,14 +81,22 @@ def stalls(alpha: Array, az: Array, qbar: Array, step: float, flying: Mask) -> l
     for first, last in runs(lost, max(2, round(STALL_TIME / step)), round(2.0 / step)):
         worst = 100 * float(np.max(deficit[first : last + 1]))
         peak = float(np.max(angle[first : last + 1])) / DEGREE
-        found.append((first, last, f"lift up to {worst:.0f} % below its straight line, alpha to {peak:.1f} deg"))
+        found.append(
+            (
+                first,
+                last,
+                f"lift up to {worst:.0f} % below its straight line, alpha to {peak:.1f} deg",
+            )
+        )
     return found
 
 
 def _short_of_line(angle: Array, lift: Array, attached: Mask) -> tuple[Array, float]:
-    """Part of the lift (n,) that lacks to the straight line through the attached samples, and what it usually is there.
+    """Part of the lift (n,) that lacks to the straight line through the attached samples, and what
+    it usually is there.
 
-    Fitted twice, the second time without samples three sigma off: take-off and flaps are not the line's.
+    Fitted twice, the second time without samples three sigma off: take-off and flaps are not the
+    line's.
     """
     kept, deficit, normal = attached, np.zeros_like(lift), 0.0
     for _ in range(2):
@@ -88,8 +110,11 @@ def _short_of_line(angle: Array, lift: Array, attached: Mask) -> tuple[Array, fl
     return deficit, normal
 
 
-def load_factors(az: Array, phi: Array, step: float, flying: Mask) -> list[tuple[str, int, int, str]]:
-    """Pull-ups (``pull_up``) and push-overs (``low_g``) from az [m/s^2] and phi [rad] (n,): kind, first, last, reason."""
+def load_factors(
+    az: Array, phi: Array, step: float, flying: Mask
+) -> list[tuple[str, int, int, str]]:
+    """Pull-ups (``pull_up``) and push-overs (``low_g``) from az [m/s^2] and phi [rad] (n,): kind,
+    first, last, reason."""
     load = gaussian_filter1d(-az, 0.3 / step) / GRAVITY
     shortest = max(2, round(LOAD_TIME / step))
     found = []
@@ -97,16 +122,27 @@ def load_factors(az: Array, phi: Array, step: float, flying: Mask) -> list[tuple
         for first, last in runs(mask & flying, shortest, shortest):
             part = load[first : last + 1]
             extreme = float(part.max() if kind == "pull_up" else part.min())
-            found.append((kind, first, last, f"load factor {'up' if kind == 'pull_up' else 'down'} to {extreme:.2f}"))
+            found.append(
+                (
+                    kind,
+                    first,
+                    last,
+                    f"load factor {'up' if kind == 'pull_up' else 'down'} to {extreme:.2f}",
+                )
+            )
     return found
 
 
-def slow_oscillations(speed: Array, altitude: Array | None, elevator: Array, step: float, flying: Mask) -> list[Found]:
-    """Phugoid-like motion: airspeed V [m/s] (n,) swings near Lanchester's period while the elevator [rad] is left alone.
+def slow_oscillations(
+    speed: Array, altitude: Array | None, elevator: Array, step: float, flying: Mask
+) -> list[Found]:
+    """Phugoid-like motion: airspeed V [m/s] (n,) swings near Lanchester's period while the elevator
+    [rad] is left alone.
 
-    The period sought is 0.7 to 1.4 times ``sqrt(2) pi V / g`` (Lanchester 1908); a damped sine beside a straight line
-    must explain four fifths of the motion over one and a quarter periods or more. Where `altitude` [m] is known, it must
-    rise as airspeed falls: the motion exchanges height for speed.
+    The period sought is 0.7 to 1.4 times ``sqrt(2) pi V / g`` (Lanchester 1908); a damped sine
+    beside a straight line must explain four fifths of the motion over one and a quarter periods or
+    more. Where `altitude` [m] is known, it must rise as airspeed falls: the motion exchanges height
+    for speed.
     """
     alone = flying & (rolling_range(median_filter(elevator, 3), round(2.0 / step)) < ALONE)
     found = []
@@ -119,17 +155,21 @@ def slow_oscillations(speed: Array, altitude: Array | None, elevator: Array, ste
         best = _best_oscillation(speed[first : last + 1], step, expected)
         if best is not None:
             begin, end, period, amplitude = best
-            if altitude is not None and not _exchanged(speed, altitude, first + begin, first + end, step):
+            if altitude is not None and not _exchanged(
+                speed, altitude, first + begin, first + end, step
+            ):
                 continue
             reason = (
-                f"airspeed swings by +-{amplitude:.1f} m/s in {period:.0f} s (phugoid: {expected:.0f} s), elevator left alone"
+                f"airspeed swings by +-{amplitude:.1f} m/s in {period:.0f} s (phugoid:"
+                f" {expected:.0f} s), elevator left alone"
             )
             found.append((first + begin, first + end, reason))
     return found
 
 
 def _left_alone(surface: Array, first: int, last: int) -> tuple[int, int]:
-    """The longest part of samples first..last in which a surface stays near its usual position there."""
+    """The longest part of samples first..last in which a surface stays near its usual position
+    there."""
     part = surface[first : last + 1]
     near = runs(np.abs(part - np.median(part)) < ALONE, 2)
     begin, end = max(near, key=lambda run: run[1] - run[0], default=(0, len(part) - 1))
@@ -140,12 +180,18 @@ def _exchanged(speed: Array, altitude: Array, first: int, last: int, step: float
     """Whether speed and height, each beside its straight line, swing against each other."""
     part = slice(first, last + 1, max(1, round(0.5 / step)))
     time = np.arange(len(speed[part]))
-    swing = [values[part] - np.polyval(np.polyfit(time, values[part], 1), time) for values in (speed, altitude)]
+    swing = [
+        values[part] - np.polyval(np.polyfit(time, values[part], 1), time)
+        for values in (speed, altitude)
+    ]
     return bool(np.corrcoef(swing[0], swing[1])[0, 1] < -EXCHANGE)
 
 
-def _best_oscillation(speed: Array, step: float, expected: float) -> tuple[int, int, float, float] | None:
-    """First and last sample, period [s] and amplitude [m/s] of the longest part with a slow oscillation."""
+def _best_oscillation(
+    speed: Array, step: float, expected: float
+) -> tuple[int, int, float, float] | None:
+    """First and last sample, period [s] and amplitude [m/s] of the longest part with a slow
+    oscillation."""
     coarse = max(1, round(expected / 80 / step))
     thin = speed[::coarse]
     dt = step * coarse
@@ -154,8 +200,17 @@ def _best_oscillation(speed: Array, step: float, expected: float) -> tuple[int, 
         for begin in range(0, len(thin) - size + 1, max(1, (len(thin) - size) // 6 or 1)):
             part = thin[begin : begin + size]
             share, period, amplitude = _sine(part, dt, expected)
-            if share > PHUGOID_SHARE and amplitude > PHUGOID_SPEED and size * dt > PHUGOID_PERIODS * period:
-                return begin * coarse, min((begin + size) * coarse, len(speed)) - 1, period, amplitude
+            if (
+                share > PHUGOID_SHARE
+                and amplitude > PHUGOID_SPEED
+                and size * dt > PHUGOID_PERIODS * period
+            ):
+                return (
+                    begin * coarse,
+                    min((begin + size) * coarse, len(speed)) - 1,
+                    period,
+                    amplitude,
+                )
     return None
 
 
@@ -172,14 +227,17 @@ def _sine(values: Array, step: float, expected: float) -> tuple[float, float, fl
             turn = 2 * np.pi * time / period
             basis = np.column_stack([line, wave * np.sin(turn), wave * np.cos(turn)])
             solution = np.linalg.lstsq(basis, values)[0]
-            share = 1.0 - float(np.sum((values - basis @ solution) ** 2)) / total if total > 0 else 0.0
+            share = (
+                1.0 - float(np.sum((values - basis @ solution) ** 2)) / total if total > 0 else 0.0
+            )
             if share > best[0]:
                 best = (share, float(period), float(np.hypot(*solution[2:])))
     return best
 
 
 def spirals(phi: Array, surfaces: Sequence[Array], step: float, flying: Mask) -> list[Found]:
-    """Bank [rad] (n,) that grows or fades slowly and steadily by 15 deg or more while every surface [rad] is left alone."""
+    """Bank [rad] (n,) that grows or fades slowly and steadily by 15 deg or more while every surface
+    [rad] is left alone."""
     alone = flying.copy()
     for surface in surfaces:
         alone &= rolling_range(median_filter(surface, 3), round(2.0 / step)) < ALONE
@@ -188,8 +246,15 @@ def spirals(phi: Array, surfaces: Sequence[Array], step: float, flying: Mask) ->
         part = phi[first : last + 1 : max(1, round(0.5 / step))]
         change = float(part[-1] - part[0])
         rate = abs(change) / ((last - first) * step)
-        if abs(change) > SPIRAL_BANK and rate < SPIRAL_RATE and abs(spearmanr(np.arange(len(part)), part).statistic) > 0.95:
-            reason = f"bank from {part[0] / DEGREE:.0f} to {part[-1] / DEGREE:.0f} deg with all surfaces left alone"
+        if (
+            abs(change) > SPIRAL_BANK
+            and rate < SPIRAL_RATE
+            and abs(spearmanr(np.arange(len(part)), part).statistic) > 0.95
+        ):
+            reason = (
+                f"bank from {part[0] / DEGREE:.0f} to {part[-1] / DEGREE:.0f} deg with all surfaces"
+                " left alone"
+            )
             found.append((first, last, reason))
     return found
 
@@ -200,12 +265,24 @@ def steady(speed: Array, theta: Array, phi: Array, step: float, flying: Mask) ->
     if len(speed) < window:
         return []
     blur = 0.5 / step
-    calm = rolling_range(gaussian_filter1d(speed, blur), window) < STEADY_SPEED * np.maximum(speed, 1.0)
+    calm = rolling_range(gaussian_filter1d(speed, blur), window) < STEADY_SPEED * np.maximum(
+        speed, 1.0
+    )
     calm &= rolling_range(gaussian_filter1d(theta, blur), window) < STEADY_PITCH
     calm &= rolling_range(gaussian_filter1d(phi, blur), window) < STEADY_BANK
     found = []
     for first, last in runs(calm & flying, round(STEADY_TIME / step)):
         bank = float(np.mean(phi[first : last + 1])) / DEGREE
         at = f"V {np.mean(speed[first : last + 1]):.1f} m/s"
-        found.append((first, last, f"steady {'turn, bank ' + format(bank, '.0f') + ' deg' if abs(bank) > 5 else 'flight'}, {at}"))
+        found.append(
+            (
+                first,
+                last,
+                (
+                    "steady"
+                    f" {'turn, bank ' + format(bank, '.0f') + ' deg' if abs(bank) > 5 else 'flight'},"
+                    f" {at}"
+                ),
+            )
+        )
     return found

@@ -1,4 +1,5 @@
-"""A flight in segments: on the ground or airborne, configuration, and manoeuvres, each with start, end and reason.
+"""A flight in segments: on the ground or airborne, configuration, and manoeuvres, each with start,
+end and reason.
 
 What a manoeuvre looks like is for `manoeuvres` (on the surfaces) and `responses` (in the motion).
 """
@@ -12,33 +13,46 @@ from scipy.ndimage import median_filter
 
 from aerodb.conditioning.differentiation import bridge
 from aerodb.conditioning.manoeuvres import DEGREE, PLAIN, Input, inputs
-from aerodb.conditioning.responses import load_factors, runs, slow_oscillations, spirals, stalls, steady
+from aerodb.conditioning.responses import (
+    load_factors,
+    runs,
+    slow_oscillations,
+    spirals,
+    stalls,
+    steady,
+)
 from aerodb.flight import Flight
 from aerodb.nomenclature import FLAGS
 from aerodb.support import Array, Mask
 
-#: Part of the record's high airspeed below which an aircraft is taken to stand or taxi; height [m] up to which it still rolls.
+#: Part of the record's high airspeed below which an aircraft is taken to stand or taxi; height [m]
+#: up to which it still rolls.
 SLOW, ROLLING_HEIGHT = 0.3, 4.0
 #: Airspeed [m/s] that nothing with wings stays below in flight.
 LEAST_AIRSPEED = 6.0
 #: Shortest time [s] on the ground or in the air that is believed.
 SHORTEST_STAY = 5.0
-#: What is moved now and then rather than flown with, and by how much a new position differs (rad; gear: 1).
-_MOVED = r"landing_gear|(wing_|inboard_|outboard_)?flaps?|slats?|speed_?brakes?|air_?brakes?|spoilers?"
+#: What is moved now and then rather than flown with, and by how much a new position differs (rad;
+#: gear: 1).
+_MOVED = (
+    r"landing_gear|(wing_|inboard_|outboard_)?flaps?|slats?|speed_?brakes?|air_?brakes?|spoilers?"
+)
 CONFIGURATION: Final = re.compile(rf"delta_({_MOVED})(_left|_right)?")
 POSITION_STEP, GEAR_STEP, SHORTEST_POSITION = 1.0 * DEGREE, 0.05, 1.0
 #: Surfaces that aircraft are flown with.
 PRIMARY: Final = ("elevator", "aileron", "rudder", "elevon", "stabilator", "ruddervator", "canard")
-#: An irregular input is a companion of a simultaneous one this many times as large: dampers and crossfeeds, not a manoeuvre.
+#: An irregular input is a companion of a simultaneous one this many times as large: dampers and
+#: crossfeeds, not a manoeuvre.
 COMPANION = 4.0
 
 
 @dataclass(frozen=True)
 class Segment:
-    """A stretch of a flight: what it is, `start` and `end` [s], why; `channel`: the surface it is about, if any.
+    """A stretch of a flight: what it is, `start` and `end` [s], why; `channel`: the surface it is
+    about, if any.
 
-    Kinds: ``on_ground airborne``; ``configuration``; ``pulse step doublet 2-1-1 1-2-1 3-2-1-1 sweep multistep``;
-    ``stall pull_up low_g slow_oscillation spiral``; ``steady``.
+    Kinds: ``on_ground airborne``; ``configuration``; ``pulse step doublet 2-1-1 1-2-1 3-2-1-1 sweep
+    multistep``; ``stall pull_up low_g slow_oscillation spiral``; ``steady``.
     """
 
     kind: str
@@ -55,8 +69,8 @@ STATES: Final = ("on_ground", "airborne", "configuration", "steady")
 def segments(flight: Flight) -> tuple[Segment, ...]:
     """All segments of a flight, in order of their start; they may overlap.
 
-    What lacks its channels is left out: no airspeed, no ground; no attitude, no steady flight. Manoeuvres are looked for in
-    the air only. Samples flagged as unusable are bridged.
+    What lacks its channels is left out: no airspeed, no ground; no attitude, no steady flight.
+    Manoeuvres are looked for in the air only. Samples flagged as unusable are bridged.
     """
     flight = _with_ground(flight)
     view = _View(flight)
@@ -96,13 +110,22 @@ class _View:
 
 
 def ground_and_air(flight: Flight) -> tuple[Segment, ...]:
-    """On the ground: slow, or still within 4 m of the height at which it was slow, before or after; else airborne.
+    """On the ground: slow, or still within 4 m of the height at which it was slow, before or after;
+    else airborne.
 
-    Needs V (or calibrated airspeed); altitude (or height above ground) draws take-off and landing to the moment of lift-off
-    and touch-down. A record that is never slow is airborne throughout, as far as airspeed can tell.
+    Needs V (or calibrated airspeed); altitude (or height above ground) draws take-off and landing
+    to the moment of lift-off and touch-down. A record that is never slow is airborne throughout, as
+    far as airspeed can tell.
     """
     flight = _with_ground(flight)
-    name = next((name for name in ("V", "calibrated_airspeed") if name in flight and flight.usable([name]).any()), "")
+    name = next(
+        (
+            name
+            for name in ("V", "calibrated_airspeed")
+            if name in flight and flight.usable([name]).any()
+        ),
+        "",
+    )
     if not name:
         return ()
     good = flight.usable([name])
@@ -117,13 +140,24 @@ def ground_and_air(flight: Flight) -> tuple[Segment, ...]:
     for first, last in runs(speed < SLOW * high, stay, stay):
         on_ground[slice(*_rolling(flight, first, last))] = True
     down = runs(on_ground, 1, stay)
-    reason = f"slower than {SLOW * high:.0f} m/s, or not yet {ROLLING_HEIGHT:g} m above where it was"
-    found = [Segment("on_ground", float(flight.time[a]), float(flight.time[b]), reason) for a, b in down]
+    reason = (
+        f"slower than {SLOW * high:.0f} m/s, or not yet {ROLLING_HEIGHT:g} m above where it was"
+    )
+    found = [
+        Segment("on_ground", float(flight.time[a]), float(flight.time[b]), reason) for a, b in down
+    ]
     up = ~on_ground
     for first, last in down:
         up[first : last + 1] = False
-    reason = "above the ground and fast enough to fly" if down else "never slow: no ground in this record"
-    found += [Segment("airborne", float(flight.time[a]), float(flight.time[b]), reason) for a, b in runs(up)]
+    reason = (
+        "above the ground and fast enough to fly"
+        if down
+        else "never slow: no ground in this record"
+    )
+    found += [
+        Segment("airborne", float(flight.time[a]), float(flight.time[b]), reason)
+        for a, b in runs(up)
+    ]
     return tuple(sorted(found, key=lambda segment: segment.start))
 
 
@@ -131,11 +165,15 @@ def _with_ground(flight: Flight) -> Flight:
     """The flight without the flag that would hide its time on the ground."""
     if "flight" not in flight.flags:
         return flight
-    return replace(flight, flags={**flight.flags, "flight": flight.flags["flight"] & ~np.uint8(FLAGS["on_ground"])})
+    return replace(
+        flight,
+        flags={**flight.flags, "flight": flight.flags["flight"] & ~np.uint8(FLAGS["on_ground"])},
+    )
 
 
 def flag_on_ground(flight: Flight) -> Flight:
-    """The flight with ``on_ground`` flagged for all channels where `ground_and_air` finds it there."""
+    """The flight with ``on_ground`` flagged for all channels where `ground_and_air` finds it
+    there."""
     down = np.zeros(len(flight.time), dtype=bool)
     for segment in ground_and_air(flight):
         if segment.kind == "on_ground":
@@ -145,18 +183,31 @@ def flag_on_ground(flight: Flight) -> Flight:
 
 def _rolling(flight: Flight, first: int, last: int) -> tuple[int, int]:
     """Start and stop of the ground run around slow samples first..last."""
-    name = next((name for name in ("altitude", "height_above_ground") if name in flight and flight.usable([name]).any()), "")
+    name = next(
+        (
+            name
+            for name in ("altitude", "height_above_ground")
+            if name in flight and flight.usable([name]).any()
+        ),
+        "",
+    )
     if not name:
         return first, last + 1
     height = bridge(np.where(flight.usable([name]), flight[name], np.nan))
-    begin_level, end_level = float(np.median(height[first : last + 1][:50])), float(np.median(height[first : last + 1][-50:]))
+    begin_level, end_level = (
+        float(np.median(height[first : last + 1][:50])),
+        float(np.median(height[first : last + 1][-50:])),
+    )
     before = np.flatnonzero(np.abs(height[:first] - begin_level) > ROLLING_HEIGHT)
     after = np.flatnonzero(np.abs(height[last + 1 :] - end_level) > ROLLING_HEIGHT)
-    return (int(before[-1]) + 1 if before.size else 0), (last + 1 + int(after[0]) if after.size else len(height))
+    return (int(before[-1]) + 1 if before.size else 0), (
+        last + 1 + int(after[0]) if after.size else len(height)
+    )
 
 
 def configurations(flight: Flight) -> tuple[Segment, ...]:
-    """Positions of gear, flaps, slats, speed brakes and spoilers, and the times at which they move."""
+    """Positions of gear, flaps, slats, speed brakes and spoilers, and the times at which they
+    move."""
     found: list[Segment] = []
     for name in sorted(flight.channels):
         if CONFIGURATION.fullmatch(name) and flight.usable([name]).any():
@@ -167,9 +218,16 @@ def configurations(flight: Flight) -> tuple[Segment, ...]:
 def _positions(flight: Flight, name: str) -> list[Segment]:
     """One channel's plateaus and the moves between them; plateaus of one position are one."""
     gear = name == "delta_landing_gear"
-    least, what = (GEAR_STEP if gear else POSITION_STEP), name.removeprefix("delta_").replace("_", " ")
+    least, what = (
+        (GEAR_STEP if gear else POSITION_STEP),
+        name.removeprefix("delta_").replace("_", " "),
+    )
     usable = flight.usable([name])
-    values = median_filter(bridge(np.where(usable, flight[name], np.nan)), max(3, round(0.2 / flight.step)), mode="nearest")
+    values = median_filter(
+        bridge(np.where(usable, flight[name], np.nan)),
+        max(3, round(0.2 / flight.step)),
+        mode="nearest",
+    )
     shortest = max(2, round(SHORTEST_POSITION / flight.step))
     found: list[Segment] = []
     level: float | None = None
@@ -196,7 +254,8 @@ def _change(values: Array, samples: int) -> Array:
 
 
 def _surfaces(view: _View) -> dict[str, Array]:
-    """Primary surfaces: each name itself, else the asymmetric part of a left and a right one (ailerons) or the mean."""
+    """Primary surfaces: each name itself, else the asymmetric part of a left and a right one
+    (ailerons) or the mean."""
     found: dict[str, Array] = {}
     for name in PRIMARY:
         whole = view.get(f"delta_{name}")
@@ -204,7 +263,9 @@ def _surfaces(view: _View) -> dict[str, Array]:
         if whole is not None:
             found[f"delta_{name}"] = whole
         elif right is not None and left is not None:
-            found[f"delta_{name}"] = 0.5 * (right - left) if name == "aileron" else 0.5 * (right + left)
+            found[f"delta_{name}"] = (
+                0.5 * (right - left) if name == "aileron" else 0.5 * (right + left)
+            )
             if name in ("elevon", "ruddervator"):
                 found[f"delta_{name}_asymmetric"] = 0.5 * (right - left)
     return found
@@ -212,21 +273,34 @@ def _surfaces(view: _View) -> dict[str, Array]:
 
 def _inputs(view: _View, surfaces: dict[str, Array]) -> list[Segment]:
     """Inputs on all surfaces in the air, without the irregular companions of larger ones."""
-    made = [(name, shape) for name, values in surfaces.items() for shape in inputs(values, view.step)]
-    made = [(name, shape) for name, shape in made if view.flying[shape.first : shape.last + 1].all()]
+    made = [
+        (name, shape) for name, values in surfaces.items() for shape in inputs(values, view.step)
+    ]
+    made = [
+        (name, shape) for name, shape in made if view.flying[shape.first : shape.last + 1].all()
+    ]
     found = []
     for name, shape in made:
-        others = [other for owner, other in made if owner != name and other.first <= shape.last and shape.first <= other.last]
+        others = [
+            other
+            for owner, other in made
+            if owner != name and other.first <= shape.last and shape.first <= other.last
+        ]
         largest = max((abs(other.deflection) for other in others), default=0.0)
         if shape.name not in PLAIN or largest < COMPANION * abs(shape.deflection):
-            found.append(view.segment(shape.name, shape.first, shape.last, _described(shape, name), name))
+            found.append(
+                view.segment(shape.name, shape.first, shape.last, _described(shape, name), name)
+            )
     return found
 
 
 def _described(shape: Input, name: str) -> str:
     pulses = ", ".join(f"{duration:.1f}" for duration in shape.durations[:8])
     what = name.removeprefix("delta_").replace("_", " ")
-    return f"{what} {shape.deflection / DEGREE:+.1f} deg from trim, to alternating sides for {pulses} s"
+    return (
+        f"{what} {shape.deflection / DEGREE:+.1f} deg from trim, to alternating sides for"
+        f" {pulses} s"
+    )
 
 
 def _responses(view: _View, surfaces: dict[str, Array]) -> list[Segment]:
@@ -246,10 +320,19 @@ def _responses(view: _View, surfaces: dict[str, Array]) -> list[Segment]:
     if speed is not None and "delta_elevator" in surfaces:
         add(
             "slow_oscillation",
-            slow_oscillations(speed, view.get("altitude"), surfaces["delta_elevator"], view.step, view.flying & view.known("V")),
+            slow_oscillations(
+                speed,
+                view.get("altitude"),
+                surfaces["delta_elevator"],
+                view.step,
+                view.flying & view.known("V"),
+            ),
         )
     if phi is not None and surfaces:
-        add("spiral", spirals(phi, list(surfaces.values()), view.step, view.flying & view.known("phi")))
+        add(
+            "spiral",
+            spirals(phi, list(surfaces.values()), view.step, view.flying & view.known("phi")),
+        )
     return found
 
 

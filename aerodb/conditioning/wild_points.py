@@ -1,4 +1,5 @@
-"""Wild points: spikes, stuck values and values that cannot be, kept as flags with their reason. No value is changed."""
+"""Wild points: spikes, stuck values and values that cannot be, kept as flags with their reason. No
+value is changed."""
 
 from dataclasses import dataclass, replace
 from typing import Final
@@ -11,18 +12,22 @@ from aerodb.flight import Flight
 from aerodb.nomenclature import FLAGS, is_surface
 from aerodb.support import Array, Mask
 
-#: A spike stands out of its neighbours by this many times what samples usually do, nearby and overall.
+#: A spike stands out of its neighbours by this many times what samples usually do, nearby and
+#: overall.
 SPIKE_FACTOR = 8.0
-#: Spikes are rarer than this; what more samples do is the way of the channel (a coarse converter that toggles).
+#: Spikes are rarer than this; what more samples do is the way of the channel (a coarse converter
+#: that toggles).
 RAREST = 0.02
 #: Longest run of samples that can be a spike; longer departures are motion.
 LONGEST_SPIKE = 3
 #: Half width [samples] of the stretch whose usual change a spike is measured against.
 NEARBY = 12
-#: Shortest time [s] over which an unchanging value is a stuck one, and its length in runs that are usual there.
+#: Shortest time [s] over which an unchanging value is a stuck one, and its length in runs that are
+#: usual there.
 SHORTEST_STUCK, STUCK_FACTOR = 0.5, 6.0
 
-#: What a channel can show at all, in its unit, for anything that flies: winged re-entry and small models included.
+#: What a channel can show at all, in its unit, for anything that flies: winged re-entry and small
+#: models included.
 PHYSICAL: Final[dict[str, tuple[float, float]]] = {
     "V": (-5.0, 9000.0),
     "calibrated_airspeed": (-5.0, 1500.0),
@@ -41,11 +46,30 @@ PHYSICAL: Final[dict[str, tuple[float, float]]] = {
     "delta_landing_gear": (-0.1, 1.1),
 }
 _SURFACE_RANGE = (-np.pi / 2, np.pi / 2)
-#: Sensors that move as long as anything flies; surfaces, gear and computed channels may rightly stand still.
-_MOVING = ("V", "alpha", "beta", "qbar", "ax", "ay", "az", "ax_imu", "ay_imu", "az_imu", "p", "q", "r", "phi", "theta", "psi")
+#: Sensors that move as long as anything flies; surfaces, gear and computed channels may rightly
+#: stand still.
+_MOVING = (
+    "V",
+    "alpha",
+    "beta",
+    "qbar",
+    "ax",
+    "ay",
+    "az",
+    "ax_imu",
+    "ay_imu",
+    "az_imu",
+    "p",
+    "q",
+    "r",
+    "phi",
+    "theta",
+    "psi",
+)
 #: Air data that stand still at rest, near zero: part of their largest value below which they may.
 _STILL_AT_REST, _AT_REST = ("V", "qbar"), 0.05
-#: Part of a channel's physical range below which no change counts, for channels that hardly ever change.
+#: Part of a channel's physical range below which no change counts, for channels that hardly ever
+#: change.
 _FINEST = 2e-6
 
 
@@ -64,20 +88,26 @@ def physical_range(name: str) -> tuple[float, float] | None:
 
 
 def spikes(values: Array, floor: float = 0.0) -> Mask:
-    """(n,) true for isolated samples, up to three in a row, that stand out of their neighbours to one side.
+    """(n,) true for isolated samples, up to three in a row, that stand out of their neighbours to
+    one side.
 
     values : (n,); NaN never counts. floor : departures below this never count, same unit.
 
-    The measure of a run is its least departure from the samples before and after it: zero on the flank of a step and in a
-    ramp however steep, so that sharp inputs stay. It is compared with the usual change between samples that far apart
-    (1.48 times the median, of the 25 around and of the whole record, whichever is larger), with the quantum of the
-    recording, and with what the record does anyway in its most restless 2 %. What is smaller is not told from motion.
-    A Hampel identifier (Davies & Gather, J. Am. Stat. Assoc. 88, 1993) on two-sided differences.
+    The measure of a run is its least departure from the samples before and after it: zero on the
+    flank of a step and in a ramp however steep, so that sharp inputs stay. It is compared with the
+    usual change between samples that far apart (1.48 times the median, of the 25 around and of the
+    whole record, whichever is larger), with the quantum of the recording, and with what the record
+    does anyway in its most restless 2 %. What is smaller is not told from motion. A Hampel
+    identifier (Davies & Gather, J. Am. Stat. Assoc. 88, 1993) on two-sided differences.
     """
     result = np.zeros(len(values), dtype=bool)
     for _ in range(2):  # a second round, without what the first found, sees what stood beside it
         index = np.flatnonzero(np.isfinite(values) & ~result)
-        found = _spikes(values[index], floor) if len(index) > 2 * NEARBY else np.zeros(len(index), dtype=bool)
+        found = (
+            _spikes(values[index], floor)
+            if len(index) > 2 * NEARBY
+            else np.zeros(len(index), dtype=bool)
+        )
         if not found.any():
             break
         result[index[found]] = True
@@ -85,7 +115,8 @@ def spikes(values: Array, floor: float = 0.0) -> Mask:
 
 
 def _spikes(values: Array, floor: float) -> Mask:
-    """One round of `spikes` over finite values. Most channels have no candidate; what is costly is done for candidates only."""
+    """One round of `spikes` over finite values. Most channels have no candidate; what is costly is
+    done for candidates only."""
     n = len(values)
     found = np.zeros(n, dtype=bool)
     least = floor
@@ -94,7 +125,9 @@ def _spikes(values: Array, floor: float) -> Mask:
         departure = _departure(values, length, before, after)
         change = np.abs(values[length:] - values[:-length])
         largest = float(np.max(departure))
-        if largest <= SPIKE_FACTOR * least or _median_reaches(change, largest / (1.4826 * SPIKE_FACTOR)):
+        if largest <= SPIKE_FACTOR * least or _median_reaches(
+            change, largest / (1.4826 * SPIKE_FACTOR)
+        ):
             continue
         least = max(least, _quantum(values))
         usual = max(1.4826 * float(np.median(change)), least)
@@ -109,7 +142,8 @@ def _spikes(values: Array, floor: float) -> Mask:
 
 
 def _departure(values: Array, length: int, before: Array, after: Array) -> Array:
-    """(n - length - 1,) least departure of the `length` samples between `before` and `after` to one side; 0 for none."""
+    """(n - length - 1,) least departure of the `length` samples between `before` and `after` to one
+    side; 0 for none."""
     n = len(values)
     lowest = highest = values[1 : n - length]
     for k in range(1, length):
@@ -127,7 +161,8 @@ def _median_reaches(change: Array, level: float) -> bool:
 
 
 def _usual_nearby(change: Array, at: NDArray[np.intp]) -> Array:
-    """(k,) the larger of the medians of the 25 changes around `at` and around the next; mirrored at the ends."""
+    """(k,) the larger of the medians of the 25 changes around `at` and around the next; mirrored at
+    the ends."""
     padded = np.pad(change, NEARBY, mode="reflect")
     window = np.arange(2 * NEARBY + 1)
     here, there = (np.median(padded[(at + shift)[:, None] + window], axis=1) for shift in (0, 1))
@@ -145,13 +180,18 @@ def _quantum(values: Array) -> float:
 def stuck(values: Array, step: float, jump: bool = True) -> Mask:
     """(n,) true where a channel repeats one value for longer than it otherwise ever would.
 
-    values : (n,).  step : s. A run of equal samples is stuck when it lasts half a second or more, and six times as long
-    as the runs in which nine tenths of the rest of the record lie (a quantised channel repeats itself in
-    calm air); a quantised channel must also jump by more than its quantum where the run begins or ends, else it only
-    passed a turning point (`jump` false drops this: for who knows that the aircraft moved). A channel that never changes
-    is not judged here: see `plausibility`.
+    values : (n,).  step : s. A run of equal samples is stuck when it lasts half a second or more,
+    and six times as long as the runs in which nine tenths of the rest of the record lie (a
+    quantised channel repeats itself in calm air); a quantised channel must also jump by more than
+    its quantum where the run begins or ends, else it only passed a turning point (`jump` false
+    drops this: for who knows that the aircraft moved). A channel that never changes is not judged
+    here: see `plausibility`.
     """
-    starts = np.flatnonzero(np.concatenate([[True], values[1:] != values[:-1]])) if len(values) else np.zeros(0, dtype=int)
+    starts = (
+        np.flatnonzero(np.concatenate([[True], values[1:] != values[:-1]]))
+        if len(values)
+        else np.zeros(0, dtype=int)
+    )
     lengths = np.diff(np.append(starts, len(values)))
     result = np.zeros(len(values), dtype=bool)
     if len(starts) < 10:
@@ -165,7 +205,11 @@ def stuck(values: Array, step: float, jump: bool = True) -> Mask:
     for run in long:
         usual = ordered[np.searchsorted(summed, 0.9 * (len(values) - lengths[run]))]
         ends = [k for k in (starts[run], starts[run] + lengths[run]) if 0 < k < len(values)]
-        jumped = not jump or usual == 1 or any(abs(values[k] - values[k - 1]) > 3.0 * quantum for k in ends)
+        jumped = (
+            not jump
+            or usual == 1
+            or any(abs(values[k] - values[k - 1]) > 3.0 * quantum for k in ends)
+        )
         if lengths[run] >= STUCK_FACTOR * usual and lengths[run] >= 5 and jumped:
             result[starts[run] : starts[run] + lengths[run]] = True
     return result
@@ -185,9 +229,11 @@ def wild_points(name: str, values: Array, step: float) -> WildPoints:
 
 
 def flag_wild_points(flight: Flight) -> Flight:
-    """The flight with spikes flagged ``wild_point``, stuck values ``stuck`` and impossible ones ``implausible``.
+    """The flight with spikes flagged ``wild_point``, stuck values ``stuck`` and impossible ones
+    ``implausible``.
 
-    Every channel is judged on its samples that carry no flag yet; values stay as they are. A note counts what was found.
+    Every channel is judged on its samples that carry no flag yet; values stay as they are. A note
+    counts what was found.
     """
     notes: list[str] = []
     result = flight
@@ -209,7 +255,8 @@ def flag_wild_points(flight: Flight) -> Flight:
 def without_wild_points(flight: Flight) -> Flight:
     """The flight with straight lines in place of spikes and impossible values, whose flags stay.
 
-    For whoever smooths or differentiates: a flag keeps a sample out, but not what it does to its neighbours.
+    For whoever smooths or differentiates: a flag keeps a sample out, but not what it does to its
+    neighbours.
     """
     wild = np.uint8(FLAGS["wild_point"] | FLAGS["implausible"])
     mended = {}

@@ -1,7 +1,7 @@
 """A calibration: sensor parameters with their covariance, from flights, as an immutable version.
 
-Flights that are processed later take it as what is known of their sensors beforehand. Whether a flight's own estimate still
-agrees with it is `drift`.
+Flights that are processed later take it as what is known of their sensors beforehand. Whether a
+flight's own estimate still agrees with it is `drift`.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -14,7 +14,8 @@ import numpy as np
 from aerodb.errors import InputError
 from aerodb.support import Array, key_of
 
-#: A flight's own estimate beyond this many standard errors from its calibration is a reason to calibrate anew.
+#: A flight's own estimate beyond this many standard errors from its calibration is a reason to
+#: calibrate anew.
 DRIFT = 3.0
 
 
@@ -22,8 +23,9 @@ DRIFT = 3.0
 class Calibration:
     """Sensor parameters of a vehicle.
 
-    names : as in `parameters.known_names`, without scope. values (k,) and covariance (k, k), SI. flights : ids of those that
-    it was estimated from. valid_from, valid_until : UTC of the start of flights that it is for; None: without limit.
+    names : as in `parameters.known_names`, without scope. values (k,) and covariance (k, k), SI.
+    flights : ids of those that it was estimated from. valid_from, valid_until : UTC of the start of
+    flights that it is for; None: without limit.
     """
 
     vehicle: str
@@ -36,14 +38,26 @@ class Calibration:
 
     def __post_init__(self) -> None:
         k = len(self.names)
-        if self.values.shape != (k,) or self.covariance.shape != (k, k) or len(set(self.names)) != k:
-            raise InputError(f"{k} names, values {self.values.shape}, covariance {self.covariance.shape}", "calibration")
-        if not np.isfinite(self.values).all() or (k and np.linalg.eigvalsh(self.covariance)[0] <= 0):
-            raise InputError("values are not finite, or the covariance is not positive", "calibration")
+        if (
+            self.values.shape != (k,)
+            or self.covariance.shape != (k, k)
+            or len(set(self.names)) != k
+        ):
+            raise InputError(
+                f"{k} names, values {self.values.shape}, covariance {self.covariance.shape}",
+                "calibration",
+            )
+        if not np.isfinite(self.values).all() or (
+            k and np.linalg.eigvalsh(self.covariance)[0] <= 0
+        ):
+            raise InputError(
+                "values are not finite, or the covariance is not positive", "calibration"
+            )
 
     @property
     def id(self) -> str:
-        """sha256 of the canonical JSON of its content: the same calibration has the same id on every machine."""
+        """sha256 of the canonical JSON of its content: the same calibration has the same id on
+        every machine."""
         return key_of(self.document())
 
     @property
@@ -63,19 +77,32 @@ class Calibration:
         index = [number for number, name in enumerate(self.names) if name in wanted]
         part = tuple(self.names[number] for number in index)
         spread = self.covariance[np.ix_(index, index)]
-        return Calibration(self.vehicle, part, self.values[index], spread, self.flights, self.valid_from, self.valid_until)
+        return Calibration(
+            self.vehicle,
+            part,
+            self.values[index],
+            spread,
+            self.flights,
+            self.valid_from,
+            self.valid_until,
+        )
 
     def valid_at(self, start: datetime | None) -> bool:
-        """Whether it is for a flight that started at `start`; a flight of unknown start needs one without limits."""
+        """Whether it is for a flight that started at `start`; a flight of unknown start needs one
+        without limits."""
         if start is None:
             return self.valid_from is None and self.valid_until is None
-        return (self.valid_from is None or start >= self.valid_from) and (self.valid_until is None or start < self.valid_until)
+        return (self.valid_from is None or start >= self.valid_from) and (
+            self.valid_until is None or start < self.valid_until
+        )
 
     def document(self) -> dict[str, Any]:
         """As a JSON document, from which `from_document` makes it again."""
         return {
             "vehicle": self.vehicle,
-            "parameters": {name: float(value) for name, value in zip(self.names, self.values, strict=True)},
+            "parameters": {
+                name: float(value) for name, value in zip(self.names, self.values, strict=True)
+            },
             "order": list(self.names),
             "covariance": self.covariance.tolist(),
             "flights": sorted(self.flights),
@@ -100,12 +127,15 @@ def from_document(document: Mapping[str, Any]) -> Calibration:
     except (KeyError, TypeError, ValueError) as error:
         if isinstance(error, InputError):
             raise
-        raise InputError(f"not a calibration: {error}", "stored calibration", "restore it from a backup") from error
+        raise InputError(
+            f"not a calibration: {error}", "stored calibration", "restore it from a backup"
+        ) from error
 
 
 @dataclass(frozen=True)
 class Drift:
-    """A parameter whose estimate from one flight alone is far from its calibration; `distance` in standard errors of both."""
+    """A parameter whose estimate from one flight alone is far from its calibration; `distance` in
+    standard errors of both."""
 
     name: str
     own: float
@@ -116,11 +146,17 @@ class Drift:
     def because(self) -> str:
         """One plain sentence."""
         figures = f"{self.own:.3g} in this flight, {self.calibrated:.3g} in its calibration"
-        return f"recalibrate: {self.name} has drifted by {self.distance:.1f} standard errors ({figures})"
+        return (
+            f"recalibrate: {self.name} has drifted by {self.distance:.1f} standard errors"
+            f" ({figures})"
+        )
 
 
-def drift(calibration: Calibration, names: Sequence[str], values: Array, standard_errors: Array) -> tuple[Drift, ...]:
-    """Parameters of a flight's own estimate (made without the calibration) that differ by more than `DRIFT` sigma from it."""
+def drift(
+    calibration: Calibration, names: Sequence[str], values: Array, standard_errors: Array
+) -> tuple[Drift, ...]:
+    """Parameters of a flight's own estimate (made without the calibration) that differ by more than
+    `DRIFT` sigma from it."""
     known, found = calibration.by_name, []
     for name, value, error in zip(names, values, standard_errors, strict=True):
         if name in known:

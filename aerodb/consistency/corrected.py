@@ -1,7 +1,9 @@
-"""What a reconstruction makes of a flight: every sample corrected, and where that is better, taken from the smoothed motion.
+"""What a reconstruction makes of a flight: every sample corrected, and where that is better, taken
+from the smoothed motion.
 
-What a channel becomes is decided by the error to expect. A corrected sensor has its own noise and what is uncertain of its bias;
-the smoother (`smoother`) weighs it against the inertial motion and the gusts that it finds, and says how sure it is.
+What a channel becomes is decided by the error to expect. A corrected sensor has its own noise and
+what is uncertain of its bias; the smoother (`smoother`) weighs it against the inertial motion and
+the gusts that it finds, and says how sure it is.
 """
 
 from collections.abc import Mapping, Sequence
@@ -44,7 +46,8 @@ from aerodb.logs import angles_from_pressures
 from aerodb.support import Array
 from aerodb.vehicle import Vehicle
 
-#: A channel without a sensor is given when its standard error stays within this many limits of the vehicle's accuracy.
+#: A channel without a sensor is given when its standard error stays within this many limits of the
+#: vehicle's accuracy.
 LIMITS = 2.0
 
 #: Draws of the smoother's error, and stretches of one wind that they are made of, for the spectrum.
@@ -56,8 +59,9 @@ _OTHERS: Final = ("velocity_north", "velocity_east", "velocity_down")
 
 
 class Origin(Enum):
-    """Where the values of a channel come from: its sensor, the smoother (with the sensor beside the motion, or without one), or
-    nowhere. The values are the words that stored documents have for it."""
+    """Where the values of a channel come from: its sensor, the smoother (with the sensor beside the
+    motion, or without one), or nowhere. The values are the words that stored documents have for
+    it."""
 
     SENSOR = "corrected sensor"
     SENSOR_AND_MOTION = "smoothed: sensor and motion together"
@@ -67,7 +71,8 @@ class Origin(Enum):
 
 @dataclass(frozen=True)
 class ChannelSource:
-    """The `origin` of a channel's values; `because`: what more there is to say, why a channel is not given."""
+    """The `origin` of a channel's values; `because`: what more there is to say, why a channel is
+    not given."""
 
     origin: Origin
     because: str = ""
@@ -95,9 +100,10 @@ class ChannelSource:
 
 @dataclass(frozen=True)
 class Corrected:
-    """A corrected flight; `sigma`: channel -> (n,) one standard error; `changed`: channels that differ from the measured ones;
-    `used`: channel -> where its values come from; `noise`: spectrum of what is wrong in these channels, of the
-    source (smoother or sensor) that alpha has; `result`: the reconstruction, its winds as uncertain as gusts make them."""
+    """A corrected flight; `sigma`: channel -> (n,) one standard error; `changed`: channels that
+    differ from the measured ones; `used`: channel -> where its values come from; `noise`: spectrum
+    of what is wrong in these channels, of the source (smoother or sensor) that alpha has; `result`:
+    the reconstruction, its winds as uncertain as gusts make them."""
 
     flight: Flight
     sigma: Mapping[str, Array]
@@ -108,14 +114,19 @@ class Corrected:
 
 
 def corrected_flight(
-    flight: Flight, vehicle: Vehicle, result: Reconstruction, values: Mapping[str, float], held: Mapping[str, float]
+    flight: Flight,
+    vehicle: Vehicle,
+    result: Reconstruction,
+    values: Mapping[str, float],
+    held: Mapping[str, float],
 ) -> Corrected:
-    """Applies the sensor corrections `values` (name -> value, SI) to every sample of a mapped flight, at full rate.
+    """Applies the sensor corrections `values` (name -> value, SI) to every sample of a mapped
+    flight, at full rate.
 
-    V, alpha, beta and attitude are those of the smoother where this is nearer the truth (see `_choice`), or where no sensor
-    shows them and their standard error is within `LIMITS`; dynamic pressure follows the airspeed that it was made with. Velocity
-    over the earth stays that of its own point.
-    held : parameters of the reconstruction that were not estimated in it, name -> value.
+    V, alpha, beta and attitude are those of the smoother where this is nearer the truth (see
+    `_choice`), or where no sensor shows them and their standard error is within `LIMITS`; dynamic
+    pressure follows the airspeed that it was made with. Velocity over the earth stays that of its
+    own point. held : parameters of the reconstruction that were not estimated in it, name -> value.
     """
     moved = inertial(flight, vehicle)
     sensors = _sensors(flight, vehicle, moved, values)
@@ -144,69 +155,111 @@ def corrected_flight(
         elif own is not None:
             sigma[name] = np.where(np.isfinite(own), choice.sensor, np.nan)
     channels |= _pressure(flight, moved, channels, values)
-    changed = tuple(name for name, made in channels.items() if not _same(made, flight.channels.get(name)))
-    note = f"{', '.join(changed)} are those of the flight-path reconstruction" if changed else "no channel needed a correction"
-    made_flight = replace(flight, channels={**flight.channels, **channels}, flags=flags, notes=(*flight.notes, note))
+    changed = tuple(
+        name for name, made in channels.items() if not _same(made, flight.channels.get(name))
+    )
+    note = (
+        f"{', '.join(changed)} are those of the flight-path reconstruction"
+        if changed
+        else "no channel needed a correction"
+    )
+    made_flight = replace(
+        flight, channels={**flight.channels, **channels}, flags=flags, notes=(*flight.notes, note)
+    )
     return Corrected(made_flight, sigma, changed, used, _noise(stretches, source), result)
 
 
-def _smoothed(result: Reconstruction, scopes: Sequence[str], by: Intensities, held: Mapping[str, float]) -> list[Smoothed]:
-    """Every stretch of one wind smoothed, with intensities in common; some of them, spread over the flight, with draws."""
+def _smoothed(
+    result: Reconstruction, scopes: Sequence[str], by: Intensities, held: Mapping[str, float]
+) -> list[Smoothed]:
+    """Every stretch of one wind smoothed, with intensities in common; some of them, spread over the
+    flight, with draws."""
     drawn = set(np.linspace(0, len(scopes) - 1, MOST_DRAWN).round().astype(int).tolist())
     return [
-        smooth_flight(result, scope, fixed=held, intensities=by, draws=DRAWS if number in drawn else 0)
+        smooth_flight(
+            result, scope, fixed=held, intensities=by, draws=DRAWS if number in drawn else 0
+        )
         for number, scope in enumerate(scopes)
     ]
 
 
 def with_gusty_winds(result: Reconstruction, gusts: Gusts) -> Reconstruction:
-    """The reconstruction with winds as uncertain as the mean of gusts over their stretch makes them.
+    """The reconstruction with winds as uncertain as the mean of gusts over their stretch makes
+    them.
 
-    A process of one sigma s and correlation time tau has a mean over T of variance ``2 s^2 tau / T`` (Bartlett 1946), which white
-    or short residuals do not show: the estimate has taken it. Without beta only the component along the path is seen, each for
-    half of the time.
+    A process of one sigma s and correlation time tau has a mean over T of variance ``2 s^2 tau /
+    T`` (Bartlett 1946), which white or short residuals do not show: the estimate has taken it.
+    Without beta only the component along the path is seen, each for half of the time.
     """
     spread, estimates = result.covariance.copy(), list(result.estimates)
     for number, entry in enumerate(result.estimates):
         if entry.parameter.kind == "wind":
-            records = [path.record for path in result.paths if path.record.flight == entry.parameter.scope]
+            records = [
+                path.record for path in result.paths if path.record.flight == entry.parameter.scope
+            ]
             blind = not any({"beta", "probe_dp_beta"} & set(record.outputs) for record in records)
             down = entry.parameter.subject == "down"
-            size, time = (gusts.vertical, gusts.vertical_time) if down else (gusts.horizontal, gusts.horizontal_time)
-            seen = sum(len(record.inputs) * record.step for record in records) * (0.5 if blind else 1.0)
+            size, time = (
+                (gusts.vertical, gusts.vertical_time)
+                if down
+                else (gusts.horizontal, gusts.horizontal_time)
+            )
+            seen = sum(len(record.inputs) * record.step for record in records) * (
+                0.5 if blind else 1.0
+            )
             more = 2.0 * size**2 * min(time / seen, 0.5)
             spread[number, number] += more
-            estimates[number] = replace(entry, standard_error=float(np.hypot(entry.standard_error, np.sqrt(more))))
+            estimates[number] = replace(
+                entry, standard_error=float(np.hypot(entry.standard_error, np.sqrt(more)))
+            )
     return replace(result, covariance=spread, estimates=tuple(estimates))
 
 
 def _noise(stretches: Sequence[Smoothed], source: Source) -> StateNoise:
     drawn = [stretch for stretch in stretches if stretch.drawn]
-    paths = tuple(replace(entry, path=as_angles(entry.path)) for stretch in drawn for entry in stretch.paths)
+    paths = tuple(
+        replace(entry, path=as_angles(entry.path)) for stretch in drawn for entry in stretch.paths
+    )
     return state_noise(replace(drawn[0], paths=paths), source)
 
 
-def _sensors(flight: Flight, vehicle: Vehicle, moved: Inertial, values: Mapping[str, float]) -> dict[str, Array]:
-    """The measured channels less their errors; V, alpha, beta are corrected at the probe, then moved to the CG."""
-    made = {raw: _mended(flight[raw], name, values, flight.step) for name, raw in zip(INPUTS, moved.names, strict=True)}
+def _sensors(
+    flight: Flight, vehicle: Vehicle, moved: Inertial, values: Mapping[str, float]
+) -> dict[str, Array]:
+    """The measured channels less their errors; V, alpha, beta are corrected at the probe, then
+    moved to the CG."""
+    made = {
+        raw: _mended(flight[raw], name, values, flight.step)
+        for name, raw in zip(INPUTS, moved.names, strict=True)
+    }
     for name in (*_ATTITUDE, *_OTHERS):
         if name in flight:
             made[name] = _mended(flight[name], name, values, flight.step)
     rates = np.column_stack([bridge(made[name]) for name in moved.names[3:]])
-    arm = [known + values.get(f"air_data_{axis}", 0.0) for known, axis in zip(moved.arm, "xyz", strict=True)]
+    arm = [
+        known + values.get(f"air_data_{axis}", 0.0)
+        for known, axis in zip(moved.arm, "xyz", strict=True)
+    ]
     at_point = at_probe(flight, moved)
     shown = {name: _mended(air, name, values, flight.step) for name, air in at_point.items()}
     ports = _behind(flight, shown, values)
     shown |= {name: ports[name] for name in ("V",) if name in ports}
-    if any(values.get(name, 0.0) for name in values if name.startswith("probe_")) and made_by_holes(flight, vehicle, at_point):
+    if any(values.get(name, 0.0) for name in values if name.startswith("probe_")) and made_by_holes(
+        flight, vehicle, at_point
+    ):
         shown |= _angles(flight, vehicle, shown["V"], ports.get("rho", flight["rho"]), values)
-    if any(arm) or any(not np.array_equal(shown[name], air, equal_nan=True) for name, air in at_point.items()):
+    if any(arm) or any(
+        not np.array_equal(shown[name], air, equal_nan=True) for name, air in at_point.items()
+    ):
         return made | ports | from_probe(shown, rates, arm)
     return made | {name: flight[name] for name in shown}
 
 
-def _behind(flight: Flight, shown: Mapping[str, Array], values: Mapping[str, float]) -> dict[str, Array]:
-    """What rests on ports in error, without that: V at the air-data point, density, static pressure and pressure altitude."""
+def _behind(
+    flight: Flight, shown: Mapping[str, Array], values: Mapping[str, float]
+) -> dict[str, Array]:
+    """What rests on ports in error, without that: V at the air-data point, density, static pressure
+    and pressure altitude."""
     if not any(values.get(name, 0.0) for name in PORTS) or "V" not in shown or "rho" not in flight:
         return {}
     pressure = static_pressure(flight)
@@ -219,9 +272,11 @@ def _behind(flight: Flight, shown: Mapping[str, Array], values: Mapping[str, flo
     return found
 
 
-def _angles(flight: Flight, vehicle: Vehicle, speed: Array, rho: Array, values: Mapping[str, float]) -> dict[str, Array]:
-    """Alpha and beta at the air-data point from the raw pressures, at the true dynamic pressure and with what was estimated of
-    the calibration."""
+def _angles(
+    flight: Flight, vehicle: Vehicle, speed: Array, rho: Array, values: Mapping[str, float]
+) -> dict[str, Array]:
+    """Alpha and beta at the air-data point from the raw pressures, at the true dynamic pressure and
+    with what was estimated of the calibration."""
     holes = {name: _mended(flight[name], name, values, flight.step) for name in HOLES}
     raw = flight.with_channels({**holes, "qbar": 0.5 * rho * speed**2})
     return angles_from_pressures(raw, recalibrated(vehicle.air_data, values))
@@ -232,11 +287,16 @@ def _mended(shown: Array, name: str, values: Mapping[str, float], step: float) -
     delay = sum(values.get(each, 0.0) for each in delays_of(name))
     if delay and np.isfinite(shown).any():
         shown = np.where(np.isfinite(shown), delayed(bridge(shown), -delay / step), np.nan)
-    return np.asarray((shown - values.get(f"{name}_bias", 0.0)) / (1.0 + values.get(f"{name}_scale", 0.0)))
+    return np.asarray(
+        (shown - values.get(f"{name}_bias", 0.0)) / (1.0 + values.get(f"{name}_scale", 0.0))
+    )
 
 
-def _pressure(flight: Flight, moved: Inertial, channels: Mapping[str, Array], values: Mapping[str, float]) -> dict[str, Array]:
-    """Dynamic pressure: with the airspeed that it was made with, or less its own sensor's errors."""
+def _pressure(
+    flight: Flight, moved: Inertial, channels: Mapping[str, Array], values: Mapping[str, float]
+) -> dict[str, Array]:
+    """Dynamic pressure: with the airspeed that it was made with, or less its own sensor's
+    errors."""
     if "qbar" not in flight:
         return {}
     if not one_sensor(flight, at_probe(flight, moved)):
@@ -253,8 +313,8 @@ def _pressure(flight: Flight, moved: Inertial, channels: Mapping[str, Array], va
 
 @dataclass(frozen=True)
 class _Choice:
-    """The `source` of a channel: the smoother or its sensor. `sensor`: the latter's expected error (SI; nan: there is none);
-    `beside`: what the former's has beside its own standard error."""
+    """The `source` of a channel: the smoother or its sensor. `sensor`: the latter's expected error
+    (SI; nan: there is none); `beside`: what the former's has beside its own standard error."""
 
     source: ChannelSource
     sensor: float
@@ -271,23 +331,38 @@ def _choice(
     error: Array,
     own: Array | None,
 ) -> _Choice:
-    """The source with the smaller expected error, of a channel of which `made` is smoothed with standard error `error`.
+    """The source with the smaller expected error, of a channel of which `made` is smoothed with
+    standard error `error`.
 
-    Sensor: its white noise and what is uncertain of its bias. Smoother: its standard error, and what its difference from the
-    sensor shows beyond the sensor's noise: gusts too quick for it.
+    Sensor: its white noise and what is uncertain of its bias. Smoother: its standard error, and
+    what its difference from the sensor shows beyond the sensor's noise: gusts too quick for it.
     """
     size = float(np.sqrt(np.nanmean(error**2)))
     if own is None:
-        if name == "psi" and not any(entry.parameter.name == "initial_psi" for entry in result.estimates):
+        if name == "psi" and not any(
+            entry.parameter.name == "initial_psi" for entry in result.estimates
+        ):
             size = float("nan")  # its first value was set, not found
-        limit = LIMITS * (vehicle.accuracy.attitude if name in _ATTITUDE else vehicle.accuracy.flow_angle)
-        known = f"its standard error would be {np.rad2deg(size):.2g} deg" if np.isfinite(size) else "nothing determines it"
-        chosen = ChannelSource(Origin.MOTION) if size <= limit else ChannelSource(Origin.NOT_GIVEN, known)
+        limit = LIMITS * (
+            vehicle.accuracy.attitude if name in _ATTITUDE else vehicle.accuracy.flow_angle
+        )
+        known = (
+            f"its standard error would be {np.rad2deg(size):.2g} deg"
+            if np.isfinite(size)
+            else "nothing determines it"
+        )
+        chosen = (
+            ChannelSource(Origin.MOTION)
+            if size <= limit
+            else ChannelSource(Origin.NOT_GIVEN, known)
+        )
         return _Choice(chosen, float("nan"), 0.0)
     good = flight.usable((name,), despite=MOTION) & np.isfinite(made)
     white = _white(flight, vehicle, name, good)
     apart = float(np.var((own - made)[good])) if good.any() else np.inf
-    beside = float(np.sqrt(max(apart - white**2 + size**2, 0.0)))  # the sensor's noise is in both: covariance size^2
+    beside = float(
+        np.sqrt(max(apart - white**2 + size**2, 0.0))
+    )  # the sensor's noise is in both: covariance size^2
     sensor = float(np.hypot(white, _uncertain(result, vehicle, name, values)))
     if np.hypot(size, beside) < sensor:
         return _Choice(ChannelSource(Origin.SENSOR_AND_MOTION), sensor, beside)
@@ -295,7 +370,8 @@ def _choice(
 
 
 def _white(flight: Flight, vehicle: Vehicle, name: str, good: NDArray[np.bool_]) -> float:
-    """One sigma of a sensor's white noise: declared, else from second differences (variance 6 s^2) of usable samples."""
+    """One sigma of a sensor's white noise: declared, else from second differences (variance 6 s^2)
+    of usable samples."""
     declared = vehicle.sensors[name].noise if name in vehicle.sensors else 0.0
     if declared > 0:
         return declared
@@ -303,16 +379,23 @@ def _white(flight: Flight, vehicle: Vehicle, name: str, good: NDArray[np.bool_])
     return float(np.sqrt(np.mean(second**2) / 6.0)) if len(second) else float("nan")
 
 
-def _uncertain(result: Reconstruction, vehicle: Vehicle, name: str, values: Mapping[str, float]) -> float:
-    """One sigma of what remains of a sensor's bias: the estimate's, or what the vehicle file says of one not applied."""
-    estimates = {entry.parameter.name: entry for entry in result.estimates if not entry.parameter.scope}
+def _uncertain(
+    result: Reconstruction, vehicle: Vehicle, name: str, values: Mapping[str, float]
+) -> float:
+    """One sigma of what remains of a sensor's bias: the estimate's, or what the vehicle file says
+    of one not applied."""
+    estimates = {
+        entry.parameter.name: entry for entry in result.estimates if not entry.parameter.scope
+    }
     for known in (f"{name}_bias", f"probe_{name}_offset"):
         if known in estimates and known in values:
             return estimates[known].standard_error
     return vehicle.sensors[name].bias_prior if name in vehicle.sensors else 0.0
 
 
-def _at_full_rate(flight: Flight, smoothed: Sequence[SmoothedPath], name: str) -> tuple[Array, Array]:
+def _at_full_rate(
+    flight: Flight, smoothed: Sequence[SmoothedPath], name: str
+) -> tuple[Array, Array]:
     """A smoothed channel and its standard error at every sample of the stretches; nan elsewhere."""
     values, sigma = np.full(len(flight.time), np.nan), np.full(len(flight.time), np.nan)
     for entry in smoothed:

@@ -1,11 +1,13 @@
-"""Motion from accelerometers and gyros alone: no aerodynamics, so what disagrees with it is a sensor (or the wind).
+"""Motion from accelerometers and gyros alone: no aerodynamics, so what disagrees with it is a
+sensor (or the wind).
 
-Flat earth, or a rotating oblate one for long records (`geodesy.Earth`). States, in this order (`STATES`): u v w [m/s]
-velocity over the earth in body axes, phi theta psi [rad], north east altitude [m]. Inputs (`INPUTS`): specific force ax ay az
-[m/s2] at the CG and rates p q r [rad/s]. The fourth-order Runge-Kutta rule takes inputs as linear between samples; the
-sensitivities are the exact derivatives of that discrete rule, integrated in the same pass. Attitude is a quaternion inside
-(`motion`), so that any manoeuvre may be flown; only where states are taken from measurement it is Euler angles throughout
-(here), and pitch attitude must stay away from +-90 deg.
+Flat earth, or a rotating oblate one for long records (`geodesy.Earth`). States, in this order
+(`STATES`): u v w [m/s] velocity over the earth in body axes, phi theta psi [rad], north east
+altitude [m]. Inputs (`INPUTS`): specific force ax ay az [m/s2] at the CG and rates p q r [rad/s].
+The fourth-order Runge-Kutta rule takes inputs as linear between samples; the sensitivities are the
+exact derivatives of that discrete rule, integrated in the same pass. Attitude is a quaternion
+inside (`motion`), so that any manoeuvre may be flown; only where states are taken from measurement
+it is Euler angles throughout (here), and pitch attitude must stay away from +-90 deg.
 """
 
 from typing import Final
@@ -31,8 +33,16 @@ _FASTEST: Final = 1e5
 
 @njit(cache=True)
 def _slope(x: Array, u: Array, gravity: float, out: Array) -> None:
-    """Time derivative of the states (9,) under inputs (6,): Klein & Morelli (2006), eqs. 10.1-10.3."""
-    cf, sf, ct, st, cp, sp = np.cos(x[3]), np.sin(x[3]), np.cos(x[4]), np.sin(x[4]), np.cos(x[5]), np.sin(x[5])
+    """Time derivative of the states (9,) under inputs (6,): Klein & Morelli (2006), eqs.
+    10.1-10.3."""
+    cf, sf, ct, st, cp, sp = (
+        np.cos(x[3]),
+        np.sin(x[3]),
+        np.cos(x[4]),
+        np.sin(x[4]),
+        np.cos(x[5]),
+        np.sin(x[5]),
+    )
     out[0] = u[5] * x[1] - u[4] * x[2] - gravity * st + u[0]
     out[1] = u[3] * x[2] - u[5] * x[0] + gravity * ct * sf + u[1]
     out[2] = u[4] * x[0] - u[3] * x[1] + gravity * ct * cf + u[2]
@@ -50,16 +60,39 @@ def _slope(x: Array, u: Array, gravity: float, out: Array) -> None:
 @njit(cache=True)
 def _slope_along(x: Array, u: Array, gravity: float, dx: Array, du: Array, out: Array) -> None:
     """Derivative of `_slope` in the directions dx (9, k), du (6, k), written to out (9, k)."""
-    cf, sf, ct, st, cp, sp = np.cos(x[3]), np.sin(x[3]), np.cos(x[4]), np.sin(x[4]), np.cos(x[5]), np.sin(x[5])
+    cf, sf, ct, st, cp, sp = (
+        np.cos(x[3]),
+        np.sin(x[3]),
+        np.cos(x[4]),
+        np.sin(x[4]),
+        np.cos(x[5]),
+        np.sin(x[5]),
+    )
     turn, lift = u[4] * sf + u[5] * cf, x[1] * sf + x[2] * cf
     pitching, across = u[4] * cf - u[5] * sf, x[1] * cf - x[2] * sf
     ahead = x[0] * ct + lift * st
     rise = x[0] * st - lift * ct
     for k in range(dx.shape[1]):
         d0, d1, d2, df, dt, dp = dx[0, k], dx[1, k], dx[2, k], dx[3, k], dx[4, k], dx[5, k]
-        out[0, k] = u[5] * d1 - u[4] * d2 + x[1] * du[5, k] - x[2] * du[4, k] - gravity * ct * dt + du[0, k]
-        out[1, k] = u[3] * d2 - u[5] * d0 + x[2] * du[3, k] - x[0] * du[5, k] + gravity * (ct * cf * df - st * sf * dt) + du[1, k]
-        out[2, k] = u[4] * d0 - u[3] * d1 + x[0] * du[4, k] - x[1] * du[3, k] - gravity * (ct * sf * df + st * cf * dt) + du[2, k]
+        out[0, k] = (
+            u[5] * d1 - u[4] * d2 + x[1] * du[5, k] - x[2] * du[4, k] - gravity * ct * dt + du[0, k]
+        )
+        out[1, k] = (
+            u[3] * d2
+            - u[5] * d0
+            + x[2] * du[3, k]
+            - x[0] * du[5, k]
+            + gravity * (ct * cf * df - st * sf * dt)
+            + du[1, k]
+        )
+        out[2, k] = (
+            u[4] * d0
+            - u[3] * d1
+            + x[0] * du[4, k]
+            - x[1] * du[3, k]
+            - gravity * (ct * sf * df + st * cf * dt)
+            + du[2, k]
+        )
         dturn = du[4, k] * sf + du[5, k] * cf + pitching * df
         out[3, k] = du[3, k] + dturn * st / ct + turn * dt / (ct * ct)
         out[4, k] = du[4, k] * cf - du[5, k] * sf - turn * df
@@ -74,7 +107,8 @@ def _slope_along(x: Array, u: Array, gravity: float, dx: Array, du: Array, out: 
 
 @njit(cache=True)
 def _input_directions(u: Array, kind: NDArray[np.int64], gain: Array, du: Array) -> None:
-    """du (6, k): kind -1 none, 0-5 bias and 6-11 scale of that input, where ``true = gain (measured - bias)``."""
+    """du (6, k): kind -1 none, 0-5 bias and 6-11 scale of that input, where ``true = gain (measured
+    - bias)``."""
     for k in range(kind.shape[0]):
         for j in range(6):
             du[j, k] = 0.0
@@ -92,7 +126,12 @@ def _march(
     """The Runge-Kutta march; fills states (9, n) and sensitivity (9, n, k)."""
     n, columns = inputs.shape[0], kind.shape[0]
     slope, stage, total = np.empty(9), np.empty(9), np.empty(9)
-    dslope, dstage, dtotal, du = np.empty((9, columns)), np.empty((9, columns)), np.empty((9, columns)), np.empty((6, columns))
+    dslope, dstage, dtotal, du = (
+        np.empty((9, columns)),
+        np.empty((9, columns)),
+        np.empty((9, columns)),
+        np.empty((6, columns)),
+    )
     u = np.empty(6)
     for j in range(9):
         states[j, 0] = x[j]
@@ -116,7 +155,9 @@ def _march(
             if columns > 0:
                 for j in range(9):
                     for k in range(columns):
-                        dstage[j, k] = 0.0 if is_given[j] else dx[j, k] + ahead * step * dslope[j, k]
+                        dstage[j, k] = (
+                            0.0 if is_given[j] else dx[j, k] + ahead * step * dslope[j, k]
+                        )
                 _input_directions(u, kind, gain, du)
                 _slope_along(stage, u, gravity, dstage, du, dslope)
                 for j in range(9):
@@ -148,24 +189,28 @@ def integrate(
     """States and their sensitivities along a record.
 
     Parameters
-    ----------
-    inputs : (n, 6) corrected specific force [m/s2] at the CG and rates [rad/s], order of INPUTS. step : s.
-    initial : (9,) first state. gravity : m/s2.
-    given : (n, 9) states taken from measurement instead of integrated, nan columns are integrated; None: none.
-    initial_directions : (9, k) derivative of the first state by each of k parameters; None: no sensitivities.
-    input_kind : (k,) which input each parameter corrects: 0-5 its bias, 6-11 its scale, -1 none.
-    gain : (6,) of ``true = gain (measured - bias)``; None: ones. held : inputs hold until the next
-    sample instead of being linear between samples. earth : rotating oblate earth with its local origin, its own gravity
-    instead of `gravity`, rates those that gyros show (against inertial space); None: flat.
+    ---------- inputs : (n, 6) corrected specific force [m/s2] at the CG and rates [rad/s], order of
+    INPUTS. step : s. initial : (9,) first state. gravity : m/s2. given : (n, 9) states taken from
+    measurement instead of integrated, nan columns are integrated; None: none. initial_directions :
+    (9, k) derivative of the first state by each of k parameters; None: no sensitivities. input_kind
+    : (k,) which input each parameter corrects: 0-5 its bias, 6-11 its scale, -1 none. gain : (6,)
+    of ``true = gain (measured - bias)``; None: ones. held : inputs hold until the next sample
+    instead of being linear between samples. earth : rotating oblate earth with its local origin,
+    its own gravity instead of `gravity`, rates those that gyros show (against inertial space);
+    None: flat.
 
     Returns
-    -------
-    (9, n) states and (9, n, k) sensitivities; bank and heading are continuous but where the path passes the vertical (there
-    both jump by 180 deg, as Euler angles do). Raises InputError when the states leave all bounds, and where states are
-    given: on a rotating earth, or when the pitch attitude comes too near to +-90 deg.
+    ------- (9, n) states and (9, n, k) sensitivities; bank and heading are continuous but where the
+    path passes the vertical (there both jump by 180 deg, as Euler angles do). Raises InputError
+    when the states leave all bounds, and where states are given: on a rotating earth, or when the
+    pitch attitude comes too near to +-90 deg.
     """
     n = len(inputs)
-    start = np.zeros((9, 0)) if initial_directions is None else np.ascontiguousarray(initial_directions, dtype=np.float64)
+    start = (
+        np.zeros((9, 0))
+        if initial_directions is None
+        else np.ascontiguousarray(initial_directions, dtype=np.float64)
+    )
     kind = np.full(start.shape[1], -1, dtype=np.int64) if input_kind is None else input_kind
     scale = np.ones(6) if gain is None else gain
     states, sensitivity = np.empty((9, n)), np.empty((9, n, start.shape[1]))
@@ -174,20 +219,58 @@ def integrate(
         place = None if earth is None else np.array((earth.latitude, earth.height, *earth.metres))
         states[:, 0] = initial
         x, dx = quaternion_start(np.asarray(initial, dtype=np.float64), start)
-        march(np.ascontiguousarray(inputs), x, dx, kind, scale, step, gravity, place, held, states, sensitivity)
+        march(
+            np.ascontiguousarray(inputs),
+            x,
+            dx,
+            kind,
+            scale,
+            step,
+            gravity,
+            place,
+            held,
+            states,
+            sensitivity,
+        )
     else:
         if earth is not None:
-            raise InputError("states given on a rotating earth", "flight-path reconstruction", "leave earth or given states out")
+            raise InputError(
+                "states given on a rotating earth",
+                "flight-path reconstruction",
+                "leave earth or given states out",
+            )
         x, dx = np.array(initial, dtype=np.float64), start.copy()
         table = np.nan_to_num(given)
         x[taken], dx[taken] = table[0][taken], 0.0
-        _march(np.ascontiguousarray(inputs), table, taken, x, dx, kind, scale, step, gravity, held, states, sensitivity)
+        _march(
+            np.ascontiguousarray(inputs),
+            table,
+            taken,
+            x,
+            dx,
+            kind,
+            scale,
+            step,
+            gravity,
+            held,
+            states,
+            sensitivity,
+        )
         steep = ~(np.abs(states[4]) < STEEPEST)
         if steep.any():
-            what = f"the integrated pitch attitude leaves +-{np.rad2deg(STEEPEST):.0f} deg at sample {int(np.argmax(steep))}"
-            raise InputError(what, "flight-path reconstruction", "check units and signs of the rates, or leave that part out")
+            what = (
+                f"the integrated pitch attitude leaves +-{np.rad2deg(STEEPEST):.0f} deg at sample"
+                f" {int(np.argmax(steep))}"
+            )
+            raise InputError(
+                what,
+                "flight-path reconstruction",
+                "check units and signs of the rates, or leave that part out",
+            )
     lost = ~(np.abs(states[:3]).max(axis=0) < _FASTEST)
     if lost.any():
         what = f"the integrated velocity leaves all bounds at sample {int(np.argmax(lost))}"
-        raise InputError(what, "flight-path reconstruction", "check units and signs of specific force and rates")
+        raise InputError(
+            what, "flight-path reconstruction", "check units and signs of specific force and rates"
+        )
     return states, sensitivity

@@ -1,9 +1,11 @@
-"""The compiled march of position, velocity and attitude: quaternions inside, flat or rotating oblate earth.
+"""The compiled march of position, velocity and attitude: quaternions inside, flat or rotating
+oblate earth.
 
-With v the velocity over the earth in body axes, q the attitude (body to earth axes, R its matrix), w and f the measured rates
-and specific force, W_e the earth's rate and W_t the transport rate, g the gravity in local north, east, down axes:
-``v' = f + R'g - (w + R'W_e) x v``, ``q' = (q w - (W_e + W_t) q) / 2``, position by the radii of curvature (Groves 2013,
-sections 5.3 and 5.4, with the velocity turned into body axes). On the flat earth W_e = W_t = 0 and g is constant.
+With v the velocity over the earth in body axes, q the attitude (body to earth axes, R its matrix),
+w and f the measured rates and specific force, W_e the earth's rate and W_t the transport rate, g
+the gravity in local north, east, down axes: ``v' = f + R'g - (w + R'W_e) x v``, ``q' = (q w - (W_e
++ W_t) q) / 2``, position by the radii of curvature (Groves 2013, sections 5.3 and 5.4, with the
+velocity turned into body axes). On the flat earth W_e = W_t = 0 and g is constant.
 """
 
 import numpy as np
@@ -13,14 +15,16 @@ from numpy.typing import NDArray
 from aerodb.physics import PLUMB, RATE, curvature, normal_gravity
 from aerodb.support import Array
 
-#: Nearer to the vertical than this cosine of the pitch attitude, derivatives of Euler angles are those at this cosine.
+#: Nearer to the vertical than this cosine of the pitch attitude, derivatives of Euler angles are
+#: those at this cosine.
 _LEAST_COSINE = 1e-7
 
 
 @njit(cache=True)
 def _slope(x: Array, u: Array, gravity: float, out: Array, jacobian: Array) -> None:
-    """Over the flat earth: time derivative out (10,) of v, q, north, east, altitude under inputs u (6,), and its Jacobian
-    (10, 16) by states and inputs; what is zero in it is left alone. Written out, for it is what the time goes to."""
+    """Over the flat earth: time derivative out (10,) of v, q, north, east, altitude under inputs u
+    (6,), and its Jacobian (10, 16) by states and inputs; what is zero in it is left alone. Written
+    out, for it is what the time goes to."""
     v0, v1, v2, p, q, r = x[0], x[1], x[2], u[3], u[4], u[5]
     a, b, c, d = x[3], x[4], x[5], x[6]
     aa, bb, cc, dd = a * a, b * b, c * c, d * d
@@ -53,8 +57,19 @@ def _slope(x: Array, u: Array, gravity: float, out: Array, jacobian: Array) -> N
 
 
 @njit(cache=True)
-def _attitude(p: float, q: float, r: float, a: float, b: float, c: float, d: float, out: Array, jacobian: Array) -> None:
-    """Time derivative of the quaternion and its derivatives, from half the rates and half the quaternion."""
+def _attitude(
+    p: float,
+    q: float,
+    r: float,
+    a: float,
+    b: float,
+    c: float,
+    d: float,
+    out: Array,
+    jacobian: Array,
+) -> None:
+    """Time derivative of the quaternion and its derivatives, from half the rates and half the
+    quaternion."""
     out[3], out[4] = -2.0 * (b * p + c * q + d * r), 2.0 * (a * p + c * r - d * q)
     out[5], out[6] = 2.0 * (a * q + d * p - b * r), 2.0 * (a * r + b * q - c * p)
     jacobian[3, 4], jacobian[3, 5], jacobian[3, 6] = -p, -q, -r
@@ -84,17 +99,24 @@ def _back(q: Array, y: Array, out: Array, by: Array) -> None:
 
 @njit(cache=True)
 def _slope_rotating(x: Array, u: Array, earth: Array, out: Array, jacobian: Array) -> None:
-    """As `_slope`, over the rotating earth. earth: latitude, height, metres per radian of latitude and longitude, all of the
-    local origin."""
+    """As `_slope`, over the rotating earth. earth: latitude, height, metres per radian of latitude
+    and longitude, all of the local origin."""
     latitude, height = earth[0] + x[7] / earth[2], earth[1] + x[9]
     down, by_latitude, by_height, bend = normal_gravity(latitude, height)
     jacobian[:, :] = 0.0
     _slope(x, u, down, out, jacobian)
     s, c = np.sin(latitude), np.cos(latitude)
-    spin, dspin = np.array([RATE * c, 0.0, -RATE * s]), np.array([-RATE * s, 0.0, -RATE * c]) / earth[2]
+    spin, dspin = (
+        np.array([RATE * c, 0.0, -RATE * s]),
+        np.array([-RATE * s, 0.0, -RATE * c]) / earth[2],
+    )
     north = np.array([bend * height, 0.0, 0.0])
-    north_by = np.array([2.0 * PLUMB * np.cos(2.0 * latitude) * height, 0.0, by_latitude]) / earth[2]
-    _velocity_by_earth(x, spin, dspin, north, north_by, np.array([bend, 0.0, by_height]), out, jacobian)
+    north_by = (
+        np.array([2.0 * PLUMB * np.cos(2.0 * latitude) * height, 0.0, by_latitude]) / earth[2]
+    )
+    _velocity_by_earth(
+        x, spin, dspin, north, north_by, np.array([bend, 0.0, by_height]), out, jacobian
+    )
     _attitude_by_earth(x, spin, dspin, latitude, height, earth, out, jacobian)
     meridian, normal, dmeridian, dnormal = curvature(latitude)
     to_north, to_east = earth[2] / (meridian + height), earth[3] / ((normal + height) * c)
@@ -103,19 +125,29 @@ def _slope_rotating(x: Array, u: Array, earth: Array, out: Array, jacobian: Arra
         jacobian[8, number] *= to_east
     out[7] *= to_north
     out[8] *= to_east
-    jacobian[7, 7], jacobian[7, 9] = -out[7] * dmeridian / (meridian + height) / earth[2], -out[7] / (meridian + height)
+    jacobian[7, 7], jacobian[7, 9] = (
+        -out[7] * dmeridian / (meridian + height) / earth[2],
+        -out[7] / (meridian + height),
+    )
     jacobian[8, 7] = out[8] * (s / c - dnormal / (normal + height)) / earth[2]
     jacobian[8, 9] = -out[8] / (normal + height)
 
 
 @njit(cache=True)
 def _velocity_by_earth(
-    x: Array, spin: Array, dspin: Array, north: Array, north_by: Array, rise: Array, out: Array, jacobian: Array
+    x: Array,
+    spin: Array,
+    dspin: Array,
+    north: Array,
+    north_by: Array,
+    rise: Array,
+    out: Array,
+    jacobian: Array,
 ) -> None:
     """Adds ``R'g_north - R'W_e x v`` to v' and its derivatives, with those of gravity by place.
 
-    north (3,) gravity but for its part along the normal; north_by, dspin: derivatives of gravity and W_e by the state north,
-    rise: of gravity by altitude.
+    north (3,) gravity but for its part along the normal; north_by, dspin: derivatives of gravity
+    and W_e by the state north, rise: of gravity by altitude.
     """
     v, q = x[0:3], x[3:7]
     part, around, daround, none = np.empty(3), np.empty(3), np.empty((3, 4)), np.empty((3, 4))
@@ -138,18 +170,35 @@ def _velocity_by_earth(
 
 @njit(cache=True)
 def _attitude_by_earth(
-    x: Array, spin: Array, dspin: Array, latitude: float, height: float, earth: Array, out: Array, jacobian: Array
+    x: Array,
+    spin: Array,
+    dspin: Array,
+    latitude: float,
+    height: float,
+    earth: Array,
+    out: Array,
+    jacobian: Array,
 ) -> None:
-    """Adds ``-(W_e + W_t) q / 2`` to q' and its derivatives; rows 7 and 8 still hold the velocity over the earth."""
+    """Adds ``-(W_e + W_t) q / 2`` to q' and its derivatives; rows 7 and 8 still hold the velocity
+    over the earth."""
     q = x[3:7]
     north, east = out[7], out[8]
     meridian, normal, dmeridian, dnormal = curvature(latitude)
-    a, b, slant, c = 1.0 / (meridian + height), 1.0 / (normal + height), np.tan(latitude), np.cos(latitude)
+    a, b, slant, c = (
+        1.0 / (meridian + height),
+        1.0 / (normal + height),
+        np.tan(latitude),
+        np.cos(latitude),
+    )
     total = spin + np.array([east * b, -north * a, -east * slant * b])
     change = np.zeros((3, 10))  # of the total by the states
     for number in range(7):
         along, across = jacobian[7, number], jacobian[8, number]
-        change[0, number], change[1, number], change[2, number] = across * b, -along * a, -across * slant * b
+        change[0, number], change[1, number], change[2, number] = (
+            across * b,
+            -along * a,
+            -across * slant * b,
+        )
     change[0, 7], change[1, 7] = -east * dnormal * b * b, north * dmeridian * a * a
     change[2, 7] = -east * (b / (c * c) - slant * dnormal * b * b)
     change[0, 9], change[1, 9], change[2, 9] = -east * b * b, north * a * a, east * slant * b * b
@@ -170,8 +219,17 @@ def _attitude_by_earth(
 
 
 @njit(cache=True)
-def _along(jacobian: Array, rotating: bool, dx: Array, kind: NDArray[np.int64], gain: Array, u: Array, out: Array) -> None:
-    """out (10, k): the Jacobian applied to dx (10, k) and to the inputs' corrections (kinds as in `kinematics.integrate`)."""
+def _along(
+    jacobian: Array,
+    rotating: bool,
+    dx: Array,
+    kind: NDArray[np.int64],
+    gain: Array,
+    u: Array,
+    out: Array,
+) -> None:
+    """out (10, k): the Jacobian applied to dx (10, k) and to the inputs' corrections (kinds as in
+    `kinematics.integrate`)."""
     for k in range(kind.shape[0]):
         if rotating:
             for i in range(10):
@@ -203,8 +261,9 @@ def _along(jacobian: Array, rotating: bool, dx: Array, kind: NDArray[np.int64], 
 
 @njit(cache=True)
 def _keep(x: Array, dx: Array, number: int, states: Array, sensitivity: Array) -> None:
-    """Writes the states with Euler angles, and their sensitivities, at sample `number`; bank and heading are those nearest to
-    the sample before, the first nearest to what `states` holds there."""
+    """Writes the states with Euler angles, and their sensitivities, at sample `number`; bank and
+    heading are those nearest to the sample before, the first nearest to what `states` holds
+    there."""
     q0, q1, q2, q3 = x[3], x[4], x[5], x[6]
     aside, below = 2.0 * (q0 * q1 + q2 * q3), 1.0 - 2.0 * (q1 * q1 + q2 * q2)
     steep = min(1.0, max(-1.0, 2.0 * (q0 * q2 - q3 * q1)))
@@ -215,7 +274,11 @@ def _keep(x: Array, dx: Array, number: int, states: Array, sensitivity: Array) -
     psi += 2.0 * np.pi * np.floor((states[5, before] - psi) / (2.0 * np.pi) + 0.5)
     states[3, number], states[4, number], states[5, number] = phi, theta, psi
     upright = np.sqrt(aside * aside + below * below)
-    sine, cosine = (aside / upright, below / upright) if upright > _LEAST_COSINE else (np.sin(phi), np.cos(phi))
+    sine, cosine = (
+        (aside / upright, below / upright)
+        if upright > _LEAST_COSINE
+        else (np.sin(phi), np.cos(phi))
+    )
     upright = max(upright, _LEAST_COSINE)
     slant = steep / upright
     for j in range(3):
@@ -250,16 +313,32 @@ def march(
     inputs: Array, x: Array, dx: Array, kind: NDArray[np.int64], gain: Array, step: float, gravity: float, earth: Array | None,
     held: bool, states: Array, sensitivity: Array,
 ) -> None:  # fmt: skip
-    """Fourth-order Runge-Kutta from x (10,), dx (10, k); fills states (9, n) and sensitivity (9, n, k), Euler angles outside.
+    """Fourth-order Runge-Kutta from x (10,), dx (10, k); fills states (9, n) and sensitivity (9, n,
+    k), Euler angles outside.
 
-    states[3, 0] and states[5, 0] say in which turn bank and heading are counted. Without an earth its equations are not even
-    compiled: the branch on None is decided by type.
+    states[3, 0] and states[5, 0] say in which turn bank and heading are counted. Without an earth
+    its equations are not even compiled: the branch on None is decided by type.
     """
     n, columns = inputs.shape[0], kind.shape[0]
-    u, stage, slope, total, jacobian = np.empty(6), np.empty(10), np.zeros(10), np.empty(10), np.zeros((10, 16))
-    dstage, dslope, dtotal = np.empty((10, columns)), np.zeros((10, columns)), np.empty((10, columns))
+    u, stage, slope, total, jacobian = (
+        np.empty(6),
+        np.empty(10),
+        np.zeros(10),
+        np.empty(10),
+        np.zeros((10, 16)),
+    )
+    dstage, dslope, dtotal = (
+        np.empty((10, columns)),
+        np.zeros((10, columns)),
+        np.empty((10, columns)),
+    )
     # one long loop instead of ten short ones
-    all_stage, all_slope, all_total, all_x = dstage.ravel(), dslope.ravel(), dtotal.ravel(), dx.ravel()
+    all_stage, all_slope, all_total, all_x = (
+        dstage.ravel(),
+        dslope.ravel(),
+        dtotal.ravel(),
+        dx.ravel(),
+    )
     for i in range(n):
         _keep(x, dx, i, states, sensitivity)
         if i == n - 1:
@@ -293,7 +372,8 @@ def march(
 
 
 def quaternion_start(initial: Array, directions: Array) -> tuple[Array, Array]:
-    """States (10,) and their directions (10, k) with a quaternion, from those with Euler angles, (9,) and (9, k)."""
+    """States (10,) and their directions (10, k) with a quaternion, from those with Euler angles,
+    (9,) and (9, k)."""
     cosine, sine = np.cos(0.5 * initial[3:6]), np.sin(0.5 * initial[3:6])
     attitude = _half_angles(cosine, sine)
     by = np.empty((4, 3))

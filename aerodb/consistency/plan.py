@@ -1,4 +1,5 @@
-"""Which parameters a flight's reconstruction frees, given what it logs and what the vehicle file says."""
+"""Which parameters a flight's reconstruction frees, given what it logs and what the vehicle file
+says."""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -28,10 +29,12 @@ _EARTH: Final = ("velocity_north", "velocity_east", "velocity_down", "north", "e
 
 @dataclass(frozen=True)
 class Plan:
-    """What is estimated: names of `free` sensor parameters and winds, and `initial` states. `stated`: one sigma about zero of
-    those whose prior the vehicle file states, and of the biases that every inertial sensor and vane has: these are estimated
-    whatever comes out, all others only where they are significant. `left_out` says in plain sentences what could not be estimated
-    here; `moving`: because the air moved. `floor`: channel -> least noise (one sigma) that it is believed to have."""
+    """What is estimated: names of `free` sensor parameters and winds, and `initial` states.
+    `stated`: one sigma about zero of those whose prior the vehicle file states, and of the biases
+    that every inertial sensor and vane has: these are estimated whatever comes out, all others only
+    where they are significant. `left_out` says in plain sentences what could not be estimated here;
+    `moving`: because the air moved. `floor`: channel -> least noise (one sigma) that it is believed
+    to have."""
 
     free: tuple[str, ...]
     initial: tuple[str, ...]
@@ -42,38 +45,66 @@ class Plan:
 
     @property
     def weak(self) -> dict[str, float]:
-        """One sigma about zero that keeps any parameter within reason: several natural sizes of first states and winds, one of
-        sensors."""
-        sizes = {name: parameter(name).size * (_WINDY if parameter(name).kind in PER_FLIGHT else 1.0) for name in self.free}
-        return sizes | {f"initial_{name}": _START * parameter(f"initial_{name}").size for name in self.initial}
+        """One sigma about zero that keeps any parameter within reason: several natural sizes of
+        first states and winds, one of sensors."""
+        sizes = {
+            name: parameter(name).size * (_WINDY if parameter(name).kind in PER_FLIGHT else 1.0)
+            for name in self.free
+        }
+        return sizes | {
+            f"initial_{name}": _START * parameter(f"initial_{name}").size for name in self.initial
+        }
 
     @property
     def bounds(self) -> dict[str, tuple[float, float]]:
         """Beyond these a scale or a delay explains something else."""
-        found = [parameter(name) for name in self.free if parameter(name).kind in ("scale", "delay")]
+        found = [
+            parameter(name) for name in self.free if parameter(name).kind in ("scale", "delay")
+        ]
         return {item.name: (-item.size, item.size) for item in found}
 
     def only(self, names: Collection[str]) -> "Plan":
         """With these parameters alone, and those of the air that day."""
-        return replace(self, free=tuple(name for name in self.free if name in names or parameter(name).kind in PER_FLIGHT))
+        return replace(
+            self,
+            free=tuple(
+                name for name in self.free if name in names or parameter(name).kind in PER_FLIGHT
+            ),
+        )
 
     def trusting(self, floor: Mapping[str, float], because: Sequence[str] = ()) -> "Plan":
         """With channels believed to have at least so much noise, and why."""
         return replace(self, floor={**self.floor, **floor}, left_out=(*self.left_out, *because))
 
     def in_moving_air(self) -> "Plan":
-        """Without delays and scales of the air data. Errors of the ports stay: they are seen in turns and in the height."""
+        """Without delays and scales of the air data. Errors of the ports stay: they are seen in
+        turns and in the height."""
         shape = ("scale", "delay", "probe")
-        late = [name for name in self.free if set(channels_of(name)) & set(AIR_DATA) and parameter(name).kind in shape]
+        late = [
+            name
+            for name in self.free
+            if set(channels_of(name)) & set(AIR_DATA) and parameter(name).kind in shape
+        ]
         late = [name for name in late if not name.endswith("_offset")]
-        sentence = "the air moved: delays and scales of the air data are not sought, the aircraft answers gusts too soon for that"
+        sentence = (
+            "the air moved: delays and scales of the air data are not sought, the aircraft answers"
+            " gusts too soon for that"
+        )
         rest = tuple(name for name in self.free if name not in late)
-        return replace(self, free=rest, moving=True, left_out=(*self.left_out, sentence) if late else self.left_out)
+        return replace(
+            self,
+            free=rest,
+            moving=True,
+            left_out=(*self.left_out, sentence) if late else self.left_out,
+        )
 
     def knowing(self, names: Sequence[str], logged: Collection[str]) -> "Plan":
-        """With the parameters that a calibration names, as far as their channels are logged, and what the vehicle file states."""
+        """With the parameters that a calibration names, as far as their channels are logged, and
+        what the vehicle file states."""
         known = [name for name in names if set(channels_of(name)) & {*INPUTS, *logged}]
-        own = [name for name in self.free if parameter(name).kind in PER_FLIGHT or name in self.stated]
+        own = [
+            name for name in self.free if parameter(name).kind in PER_FLIGHT or name in self.stated
+        ]
         made = replace(self, free=tuple(dict.fromkeys([*known, *own])))
         return made.in_moving_air() if self.moving else made
 
@@ -84,7 +115,12 @@ def make_plan(records: Sequence[Record], vehicle: Vehicle) -> Plan:
     earth = any(name in logged for name in _EARTH)
     turned = earth and any(_turned(record) for record in records)
     wanted = [f"{name}_bias" for name in INPUTS]
-    wanted += [f"{name}_{kind}" for name in ("alpha", "beta") if name in logged for kind in ("bias", "scale", "delay")]
+    wanted += [
+        f"{name}_{kind}"
+        for name in ("alpha", "beta")
+        if name in logged
+        for kind in ("bias", "scale", "delay")
+    ]
     for pair in (pair for pair in HOLES if pair in logged):
         wanted += [*_calibration(HOLES[pair], records), f"{pair}_delay"]
     wanted += _airspeed(logged, turned)
@@ -92,20 +128,31 @@ def make_plan(records: Sequence[Record], vehicle: Vehicle) -> Plan:
     stated = {}
     for name in (*INPUTS, *sorted(logged)):
         sensor = _sensor(vehicle, name)
-        if sensor.bias_prior > 0 and not (name in ("north", "east", "altitude") or (name == "psi" and not earth)):
+        if sensor.bias_prior > 0 and not (
+            name in ("north", "east", "altitude") or (name == "psi" and not earth)
+        ):
             stated[f"{name}_bias"] = sensor.bias_prior
         if sensor.delay_prior > 0 and name in logged:
             stated[f"{name}_delay"] = sensor.delay_prior
     winds = ("wind_north", "wind_east") if earth and "V" in logged else ()
-    weather = ("pressure_altitude_bias", "pressure_altitude_scale") if "pressure_altitude" in logged else ()
+    weather = (
+        ("pressure_altitude_bias", "pressure_altitude_scale")
+        if "pressure_altitude" in logged
+        else ()
+    )
     initial = ["u", "v", "w", "phi", "theta"]
     initial += ["psi"] if earth or "psi" in logged else []
     initial += [name for name in ("north", "east", "altitude") if name in logged]
-    for name in (*INPUTS, *(angle for angle in ("alpha", "beta") if angle in logged)):  # each of these has a bias
+    for name in (
+        *INPUTS,
+        *(angle for angle in ("alpha", "beta") if angle in logged),
+    ):  # each of these has a bias
         stated.setdefault(f"{name}_bias", parameter(f"{name}_bias").size)
     for pair, angle in HOLES.items():  # and so has each pair of holes
         if pair in logged:
-            stated[f"probe_{angle}_offset"] = _sensor(vehicle, angle).bias_prior or parameter(f"probe_{angle}_offset").size
+            stated[f"probe_{angle}_offset"] = (
+                _sensor(vehicle, angle).bias_prior or parameter(f"probe_{angle}_offset").size
+            )
     least = _least_noise(vehicle.accuracy) | _least_pressures(records, vehicle.accuracy)
     floor = {name: value for name, value in least.items() if _sensor(vehicle, name).noise == 0.0}
     free = tuple(dict.fromkeys([*wanted, *stated, *winds, *weather]))
@@ -113,15 +160,20 @@ def make_plan(records: Sequence[Record], vehicle: Vehicle) -> Plan:
 
 
 def _calibration(angle: str, records: Sequence[Record]) -> list[str]:
-    """What may be wrong with the calibration of a pair of holes; a bend only where one is declared."""
+    """What may be wrong with the calibration of a pair of holes; a bend only where one is
+    declared."""
     probes = [record.installation.five_hole for record in records]
     bent = any(probe is not None and getattr(probe, angle).break_angle > 0 for probe in probes)
-    return [f"probe_{angle}_{part}" for part in ("offset", "slope", "square", "cross", *(("bend",) if bent else ()))]
+    return [
+        f"probe_{angle}_{part}"
+        for part in ("offset", "slope", "square", "cross", *(("bend",) if bent else ()))
+    ]
 
 
 def _airspeed(logged: Collection[str], turned: bool) -> list[str]:
-    """Errors of airspeed and dynamic pressure: of the ports behind both where a pressure altitude shows the static one beside
-    an altitude of another source, else a scale of each. All need a turn, to be told from the wind."""
+    """Errors of airspeed and dynamic pressure: of the ports behind both where a pressure altitude
+    shows the static one beside an altitude of another source, else a scale of each. All need a
+    turn, to be told from the wind."""
     if not turned:
         return []
     if "pressure_altitude" in logged and "V" in logged:
@@ -130,8 +182,8 @@ def _airspeed(logged: Collection[str], turned: bool) -> list[str]:
 
 
 def _late(logged: Collection[str], vehicle: Vehicle) -> list[str]:
-    """Delays of velocity over the earth and position: one of all that comes from a declared antenna, where an altitude may be
-    another sensor's; else one of each velocity."""
+    """Delays of velocity over the earth and position: one of all that comes from a declared
+    antenna, where an altitude may be another sensor's; else one of each velocity."""
     if vehicle.points.gps is None or not any(name in logged for name in _EARTH):
         return [f"{name}_delay" for name in _EARTH[:3] if name in logged]
     return ["gps_delay", *(["altitude_delay"] if "altitude" in logged else [])]
@@ -144,17 +196,24 @@ def _least_pressures(records: Sequence[Record], accuracy: Accuracy) -> dict[str,
         probe, speed = record.installation.five_hole, record.outputs.get("V")
         if probe is not None and speed is not None and record.density is not None:
             q = float(np.nanmean(0.5 * record.density * speed**2))
-            sizes = {pair: TRUST * accuracy.flow_angle * q * getattr(probe, angle).slope for pair, angle in HOLES.items()}
+            sizes = {
+                pair: TRUST * accuracy.flow_angle * q * getattr(probe, angle).slope
+                for pair, angle in HOLES.items()
+            }
             found |= {pair: min(size, found.get(pair, size)) for pair, size in sizes.items()}
     return found
 
 
 def _least_noise(accuracy: Accuracy) -> dict[str, float]:
-    """Noise below which no channel is trusted that has not its noise stated: smooth residuals are no proof of accuracy."""
+    """Noise below which no channel is trusted that has not its noise stated: smooth residuals are
+    no proof of accuracy."""
     return {
         **dict.fromkeys(("phi", "theta", "psi"), TRUST * accuracy.attitude),
         **dict.fromkeys(("alpha", "beta"), TRUST * accuracy.flow_angle),
-        **dict.fromkeys(("velocity_north", "velocity_east", "velocity_down"), TRUST * accuracy.horizontal_velocity),
+        **dict.fromkeys(
+            ("velocity_north", "velocity_east", "velocity_down"),
+            TRUST * accuracy.horizontal_velocity,
+        ),
     }
 
 
@@ -164,7 +223,8 @@ def _sensor(vehicle: Vehicle, name: str) -> Sensor:
 
 
 def _turned(record: Record) -> bool:
-    """Whether the track turns far enough within a record to tell the wind from an error of the airspeed."""
+    """Whether the track turns far enough within a record to tell the wind from an error of the
+    airspeed."""
     if {"velocity_north", "velocity_east"} <= set(record.outputs):
         track = np.arctan2(record.outputs["velocity_east"], record.outputs["velocity_north"])
     elif "psi" in record.outputs:

@@ -1,5 +1,6 @@
-"""Air data that are pressures: which flow angles a five-hole probe's holes made, and what errors of its calibration and of the
-static and total ports leave to correct. The models are those of `models`, turned round."""
+"""Air data that are pressures: which flow angles a five-hole probe's holes made, and what errors of
+its calibration and of the static and total ports leave to correct. The models are those of
+`models`, turned round."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -28,14 +29,24 @@ _SAME = 1e-6
 
 
 def made_by_holes(flight: Flight, vehicle: Vehicle, shown: Mapping[str, Array]) -> bool:
-    """Whether alpha and beta of a flight, `shown` at the air-data point, follow from the raw pressures of a five-hole probe
-    whose calibration the vehicle file gives."""
+    """Whether alpha and beta of a flight, `shown` at the air-data point, follow from the raw
+    pressures of a five-hole probe whose calibration the vehicle file gives."""
     known = all(name in flight for name in (*HOLES, "qbar", "rho", "V"))
     if vehicle.air_data.five_hole is None or not known or not {"alpha", "beta"} <= set(shown):
         return False
     some = slice(None, None, max(1, len(flight.time) // _ENOUGH))
-    thin = Flight(flight.id, flight.vehicle, flight.time[some], {name: flight[name][some] for name in (*HOLES, "qbar")})
-    off = np.abs([made - shown[name][some] for name, made in angles_from_pressures(thin, vehicle.air_data).items()])
+    thin = Flight(
+        flight.id,
+        flight.vehicle,
+        flight.time[some],
+        {name: flight[name][some] for name in (*HOLES, "qbar")},
+    )
+    off = np.abs(
+        [
+            made - shown[name][some]
+            for name, made in angles_from_pressures(thin, vehicle.air_data).items()
+        ]
+    )
     off = off[:, np.isfinite(off).all(axis=0)]
     return off.size > 0 and bool(np.median(off) < _ALIKE)
 
@@ -44,19 +55,25 @@ def recalibrated(probe: AirData, values: Mapping[str, float]) -> AirData:
     """The probe with what was estimated of its calibration (parameter name -> value)."""
     if probe.five_hole is None:
         return probe
-    pairs = {name: _curve(getattr(probe.five_hole, name), f"probe_{name}", values) for name in ("alpha", "beta")}
+    pairs = {
+        name: _curve(getattr(probe.five_hole, name), f"probe_{name}", values)
+        for name in ("alpha", "beta")
+    }
     return probe.model_copy(update={"five_hole": FiveHole(**pairs)})
 
 
 def _curve(declared: Curve, name: str, values: Mapping[str, float]) -> Curve:
     gain = 1.0 + values.get(f"{name}_slope", 0.0)
     parts = ("offset", "square", "cross", "bend")
-    shape = {part: (getattr(declared, part) + values.get(f"{name}_{part}", 0.0)) / gain for part in parts}
+    shape = {
+        part: (getattr(declared, part) + values.get(f"{name}_{part}", 0.0)) / gain for part in parts
+    }
     return declared.model_copy(update={"slope": declared.slope * gain, **shape})
 
 
 def static_pressure(flight: Flight) -> Array | None:
-    """(n,) measured static pressure where the density of the air was computed from it; else None."""
+    """(n,) measured static pressure where the density of the air was computed from it; else
+    None."""
     if not all(name in flight for name in ("rho", "static_pressure", "temperature")):
         return None
     made = density(flight["static_pressure"], flight["temperature"])
@@ -67,8 +84,9 @@ def static_pressure(flight: Flight) -> Array | None:
 
 @dataclass(frozen=True)
 class BehindPorts:
-    """What ports in error would show without it, each (n,), SI: airspeed `V` at the air-data point, `q` dynamic pressure there,
-    `rho`, and the `excess` of the static port over the static pressure, Pa."""
+    """What ports in error would show without it, each (n,), SI: airspeed `V` at the air-data point,
+    `q` dynamic pressure there, `rho`, and the `excess` of the static port over the static pressure,
+    Pa."""
 
     V: Array
     q: Array
@@ -76,8 +94,11 @@ class BehindPorts:
     excess: Array
 
 
-def behind_ports(speed: Array, rho: Array, pressure: Array | None, values: Mapping[str, float]) -> BehindPorts:
-    """The air data behind a shown airspeed (n,), 003, eq. 5: ``q = (q_m + o_s) / (1 + e_t - e_s)``, ``p = p_m - e_s q - o_s``.
+def behind_ports(
+    speed: Array, rho: Array, pressure: Array | None, values: Mapping[str, float]
+) -> BehindPorts:
+    """The air data behind a shown airspeed (n,), 003, eq. 5: ``q = (q_m + o_s) / (1 + e_t - e_s)``,
+    ``p = p_m - e_s q - o_s``.
 
     rho : as it is shown. pressure : (n,) that it rests on; None: it is right.
 
@@ -93,12 +114,14 @@ def behind_ports(speed: Array, rho: Array, pressure: Array | None, values: Mappi
 
 
 def altitude_behind(shown: Array, air: BehindPorts) -> Array:
-    """(n,) pressure altitude [m] without the error of the static port, which takes ``excess / (rho g)`` off it."""
+    """(n,) pressure altitude [m] without the error of the static port, which takes ``excess / (rho
+    g)`` off it."""
     return np.asarray(shown + air.excess / (air.rho * GRAVITY))
 
 
 def as_angles(path: Path) -> Path:
-    """The path with the residuals of a five-hole probe's pressures as those of alpha and beta, rad."""
+    """The path with the residuals of a five-hole probe's pressures as those of alpha and beta,
+    rad."""
     record, probe = path.record, path.record.installation.five_hole
     if probe is None or record.density is None or not set(HOLES) & set(path.residuals):
         return path
@@ -106,6 +129,9 @@ def as_angles(path: Path) -> Path:
     sizes = {name: q * getattr(probe, angle).slope for name, angle in HOLES.items()}
 
     def turned(residuals: Mapping[str, Array]) -> dict[str, Array]:
-        return {HOLES.get(name, name): values / sizes[name] if name in HOLES else values for name, values in residuals.items()}
+        return {
+            HOLES.get(name, name): values / sizes[name] if name in HOLES else values
+            for name, values in residuals.items()
+        }
 
     return replace(path, residuals=turned(path.residuals), before=turned(path.before))

@@ -1,4 +1,5 @@
-"""From a flight to the records that are reconstructed: stretches without gaps, at the probe, as slow as the motion allows."""
+"""From a flight to the records that are reconstructed: stretches without gaps, at the probe, as
+slow as the motion allows."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -24,17 +25,19 @@ SHORT_GAP = 0.2
 #: Stretches shorter than this (s) say too little for their own first state.
 SHORTEST = 5.0
 
-#: Below this share of the flight's high airspeeds nothing is compared: the aircraft rolls or stands.
+#: Below this share of the flight's high airspeeds nothing is compared: the aircraft rolls or
+#: stands.
 SLOWEST = 0.25
 
 #: The wind is taken as steady over so much time (s) and altitude (m) of one flight.
 STEADY_WIND: Final = (300.0, 300.0)
 
-#: Flights longer than this (s) are taken over a rotating earth: a bias, constant in body axes, takes up no more of its 15 deg an
-#: hour than the headings flown have in common.
+#: Flights longer than this (s) are taken over a rotating earth: a bias, constant in body axes,
+#: takes up no more of its 15 deg an hour than the headings flown have in common.
 LONG = 600.0
 
-#: What the carrier does not take from the motion: held by it, the vehicle moves as consistently as in free flight.
+#: What the carrier does not take from the motion: held by it, the vehicle moves as consistently as
+#: in free flight.
 MOTION: Final = ("captive",)
 
 #: Two altitudes that differ by a constant to this (m) are one sensor.
@@ -46,8 +49,9 @@ _SAME = 1e-6
 
 @dataclass(frozen=True)
 class Inertial:
-    """What is integrated: `names` of the six channels; `values` (n, 6) at the CG, gaps bridged, rates and specific force as
-    measured otherwise; `arm` (3,) of the air-data point from the mean CG, m; `cg` (3,) the latter, m from the datum."""
+    """What is integrated: `names` of the six channels; `values` (n, 6) at the CG, gaps bridged,
+    rates and specific force as measured otherwise; `arm` (3,) of the air-data point from the mean
+    CG, m; `cg` (3,) the latter, m from the datum."""
 
     names: tuple[str, ...]
     values: Array
@@ -66,25 +70,39 @@ def inertial(flight: Flight, vehicle: Vehicle) -> Inertial:
     names = (*force_names, "p", "q", "r")
     absent = [name for name in (*names, "phi", "theta") if name not in flight]
     if absent:
-        raise InputError(f"{', '.join(absent)} not logged", f"flight {flight.id[:12]}", "kinematics need them all")
+        raise InputError(
+            f"{', '.join(absent)} not logged",
+            f"flight {flight.id[:12]}",
+            "kinematics need them all",
+        )
     empty = [name for name in names if np.isfinite(flight[name]).sum() < FEWEST_SAMPLES]
     if empty:
-        raise InputError(f"{', '.join(empty)} hold no {SHORTEST:g} s without a gap", f"flight {flight.id[:12]}")
+        raise InputError(
+            f"{', '.join(empty)} hold no {SHORTEST:g} s without a gap", f"flight {flight.id[:12]}"
+        )
     properties = mass_channels(flight, vehicle)
     cg = np.column_stack([properties[f"cg_{axis}"] for axis in "xyz"])
     values = np.column_stack([bridge(flight[name]) for name in names])
     if force_names[0] == "ax_imu" and vehicle.points.imu != "cg":
         band = min(5.0, 0.25 / flight.step)
         turning = np.column_stack([smooth(values[:, k], flight.step, band).rate for k in (3, 4, 5)])
-        values[:, :3] = specific_force_at_cg(values[:, :3], values[:, 3:], turning, np.asarray(vehicle.points.imu) - cg)
-    arm = np.zeros(3) if vehicle.points.air_data is None else np.asarray(vehicle.points.air_data) - cg.mean(0)
+        values[:, :3] = specific_force_at_cg(
+            values[:, :3], values[:, 3:], turning, np.asarray(vehicle.points.imu) - cg
+        )
+    arm = (
+        np.zeros(3)
+        if vehicle.points.air_data is None
+        else np.asarray(vehicle.points.air_data) - cg.mean(0)
+    )
     return Inertial(names, values, (float(arm[0]), float(arm[1]), float(arm[2])), cg.mean(0))
 
 
 def at_probe(flight: Flight, moved: Inertial) -> dict[str, Array]:
-    """V, alpha, beta (those that are logged) as the probe shows them: the mapping moved them to the CG by the measured rates.
+    """V, alpha, beta (those that are logged) as the probe shows them: the mapping moved them to the
+    CG by the measured rates.
 
-    The probe is what may be late, biased or scaled; without beta the mapping took the probe's sideslip as zero.
+    The probe is what may be late, biased or scaled; without beta the mapping took the probe's
+    sideslip as zero.
     """
     logged = {name: flight[name] for name in ("V", "alpha", "beta") if name in flight}
     if not any(moved.arm) or not {"V", "alpha"} <= set(logged):
@@ -101,12 +119,15 @@ def at_probe(flight: Flight, moved: Inertial) -> dict[str, Array]:
 
 
 def from_probe(shown: dict[str, Array], rates: Array, arm: Sequence[float]) -> dict[str, Array]:
-    """V, alpha, beta at the CG from those at the probe (beta zero where absent); rates (n, 3) rad/s, arm (3,) m from the CG."""
+    """V, alpha, beta at the CG from those at the probe (beta zero where absent); rates (n, 3)
+    rad/s, arm (3,) m from the CG."""
     if not any(arm) or not {"V", "alpha"} <= set(shown):
         return shown
     beta = shown.get("beta", np.zeros_like(shown["alpha"]))
     part = np.cos(beta)
-    velocity = shown["V"] * np.stack([part * np.cos(shown["alpha"]), np.sin(beta), part * np.sin(shown["alpha"])])
+    velocity = shown["V"] * np.stack(
+        [part * np.cos(shown["alpha"]), np.sin(beta), part * np.sin(shown["alpha"])]
+    )
     u, v, w = velocity_at_cg(velocity.T, rates, np.broadcast_to(arm, rates.shape)).T
     total = np.sqrt(u * u + v * v + w * w)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -115,15 +136,17 @@ def from_probe(shown: dict[str, Array], rates: Array, arm: Sequence[float]) -> d
 
 
 def one_sensor(flight: Flight, shown: Mapping[str, Array]) -> bool:
-    """Whether qbar and V of a flight are one measurement: qbar = rho V^2 / 2 to the last digits, with V at the CG or, as `shown`,
-    at the air-data point."""
+    """Whether qbar and V of a flight are one measurement: qbar = rho V^2 / 2 to the last digits,
+    with V at the CG or, as `shown`, at the air-data point."""
     if not all(name in flight for name in ("qbar", "V", "rho")):
         return "qbar" not in flight
     apart = []
     for speed in (flight["V"], shown["V"]):
         made = 0.5 * flight["rho"] * speed**2
         good = np.isfinite(made) & np.isfinite(flight["qbar"]) & (made > 0)
-        apart.append(float(np.median(np.abs(flight["qbar"][good] / made[good] - 1.0))) if good.any() else 0.0)
+        apart.append(
+            float(np.median(np.abs(flight["qbar"][good] / made[good] - 1.0))) if good.any() else 0.0
+        )
     return min(apart) < _SAME
 
 
@@ -134,27 +157,39 @@ def records_from_flight(
     seconds: float = 60.0,
     decimation: int = 1,
 ) -> tuple[Record, ...]:
-    """Stretches of usable flight, each at most about `seconds` long, named ``<flight id>/<number>``.
+    """Stretches of usable flight, each at most about `seconds` long, named ``<flight
+    id>/<number>``.
 
-    Inertial drift stays small over a minute, so every stretch has its own first state, while sensor errors are shared and the
-    wind is steady over `STEADY_WIND`: stretches of another wind have ``#<number>`` after the flight id.
-    V, alpha, beta were moved to the CG by the mapping; they are moved back, for it is the probe that errs, and where they were
-    made of the raw pressures of a five-hole probe, these take their place. decimation : every so many samples are kept, after a
-    low pass. Long flights whose latitude is logged are taken over a rotating earth, as gyros see it.
-    Raises InputError when specific force, rates or attitude are not logged, or no stretch is long enough.
+    Inertial drift stays small over a minute, so every stretch has its own first state, while sensor
+    errors are shared and the wind is steady over `STEADY_WIND`: stretches of another wind have
+    ``#<number>`` after the flight id. V, alpha, beta were moved to the CG by the mapping; they are
+    moved back, for it is the probe that errs, and where they were made of the raw pressures of a
+    five-hole probe, these take their place. decimation : every so many samples are kept, after a
+    low pass. Long flights whose latitude is logged are taken over a rotating earth, as gyros see
+    it. Raises InputError when specific force, rates or attitude are not logged, or no stretch is
+    long enough.
     """
     moved = inertial(flight, vehicle)
     runs = _runs(flight, moved.names)
     if not runs:
-        raise InputError(f"no {SHORTEST:g} s without a gap", f"flight {flight.id[:12]}", "see its flags for what was lost")
+        raise InputError(
+            f"no {SHORTEST:g} s without a gap",
+            f"flight {flight.id[:12]}",
+            "see its flags for what was lost",
+        )
     outputs, raw = _outputs(flight, vehicle, moved)
     how, earth = installed(vehicle, moved.cg, raw), _earth(flight)
     noise = _input_noise(moved.values, decimation) if decimation > 1 else None
     records: list[Record] = []
     for start, stop in runs:
         whole = slice(start, stop)
-        inputs = np.column_stack([_slowed(moved.values[whole, k], flight.step, decimation) for k in range(6)])
-        shown = {name: _slowed(values[whole], flight.step, decimation) for name, values in outputs.items()}
+        inputs = np.column_stack(
+            [_slowed(moved.values[whole, k], flight.step, decimation) for k in range(6)]
+        )
+        shown = {
+            name: _slowed(values[whole], flight.step, decimation)
+            for name, values in outputs.items()
+        }
         density, pressure = (
             None if values is None else _slowed(bridge(values)[whole], flight.step, decimation)
             for values in (flight.channels.get("rho"), static_pressure(flight))
@@ -166,7 +201,11 @@ def records_from_flight(
                     f"{flight.id}/{len(records)}",
                     flight.step * decimation,
                     inputs[part],
-                    {name: values[part] for name, values in shown.items() if np.isfinite(values[part]).any()},
+                    {
+                        name: values[part]
+                        for name, values in shown.items()
+                        if np.isfinite(values[part]).any()
+                    },
                     flight.id,
                     moved.arm,
                     density=None if density is None else density[part],
@@ -187,15 +226,17 @@ def flight_of(record: Record) -> str:
 
 
 def _outputs(flight: Flight, vehicle: Vehicle, moved: Inertial) -> tuple[dict[str, Array], bool]:
-    """Measured channels that the reconstruction may compare with, nan where they must not be used; and whether the flow angles
-    among them are raw pressures."""
+    """Measured channels that the reconstruction may compare with, nan where they must not be used;
+    and whether the flow angles among them are raw pressures."""
 
     def measured(name: str) -> Array:
         return np.where(flight.usable((name,), despite=MOTION), flight[name], np.nan)
 
     outputs = {name: measured(name) for name in OUTPUTS if name in flight}
     shown = at_probe(flight, moved)
-    outputs |= {name: np.where(np.isfinite(outputs[name]), values, np.nan) for name, values in shown.items()}
+    outputs |= {
+        name: np.where(np.isfinite(outputs[name]), values, np.nan) for name, values in shown.items()
+    }
     raw = made_by_holes(flight, vehicle, shown)
     if raw:
         outputs = {name: values for name, values in outputs.items() if name not in HOLES.values()}
@@ -216,11 +257,16 @@ def _middle(flight: Flight) -> Earth | None:
     if "latitude" not in flight or "longitude" not in flight:
         return None
     good = flight.usable(("latitude", "longitude"), despite=MOTION)
-    return Earth(*(float(np.median(flight[name][good])) for name in ("latitude", "longitude"))) if good.any() else None
+    return (
+        Earth(*(float(np.median(flight[name][good])) for name in ("latitude", "longitude")))
+        if good.any()
+        else None
+    )
 
 
 def _earth(flight: Flight) -> Earth | None:
-    """The rotating earth that a long flight is taken over; None: a short one, or one of unknown latitude."""
+    """The rotating earth that a long flight is taken over; None: a short one, or one of unknown
+    latitude."""
     return _middle(flight) if flight.time[-1] - flight.time[0] > LONG else None
 
 
@@ -235,7 +281,8 @@ def _over_ground(flight: Flight) -> dict[str, Array]:
 
 
 def _slowed(values: Array, step: float, decimation: int) -> Array:
-    """Every `decimation`-th sample (n,) after a low pass; a sample near one that is not finite is nan."""
+    """Every `decimation`-th sample (n,) after a low pass; a sample near one that is not finite is
+    nan."""
     if decimation == 1:
         return values
     good = np.isfinite(values)
@@ -248,7 +295,8 @@ def _slowed(values: Array, step: float, decimation: int) -> Array:
 
 
 def _input_noise(inputs: Array, decimation: int) -> tuple[float, ...]:
-    """One sigma of the white noise that the low pass leaves: at the slower rate, motion would pass for noise."""
+    """One sigma of the white noise that the low pass leaves: at the slower rate, motion would pass
+    for noise."""
     sigma = np.sqrt(np.mean(np.diff(inputs, 2, axis=0) ** 2, axis=0) / 6.0 / decimation)
     return tuple(float(value) for value in sigma)
 
@@ -257,7 +305,8 @@ def _runs(flight: Flight, names: Sequence[str]) -> list[tuple[int, int]]:
     """(start, stop) of stretches without a long gap and long enough."""
     good = flight.usable(names, despite=MOTION)
     if "V" in flight and np.isfinite(flight["V"]).any():
-        # at rest there are no flow angles; where the airspeed is lost for a moment the motion goes on
+        # at rest there are no flow angles; where the airspeed is lost for a moment the motion goes
+        # on
         speed = bridge(flight["V"])
         good = good & (speed > SLOWEST * np.percentile(speed, 90))
     edges = np.flatnonzero(np.diff(np.r_[False, good, False].astype(np.int8)))
@@ -278,7 +327,8 @@ def _windows(n: int, longest: float) -> list[tuple[int, int]]:
 
 
 def _with_winds(records: Sequence[Record], step: float) -> tuple[Record, ...]:
-    """The records of one flight, those of another wind marked: every so much time or altitude the wind may be another."""
+    """The records of one flight, those of another wind marked: every so much time or altitude the
+    wind may be another."""
     found, number = [], 0
     began, height = records[0].first, _height(records[0])
     for record in records:

@@ -1,7 +1,9 @@
-"""Verdict on a flight: how far its channels are from agreement, before and after, and what that forbids.
+"""Verdict on a flight: how far its channels are from agreement, before and after, and what that
+forbids.
 
-Limits are the vehicle's (`vehicle.Accuracy`). Rejected: accelerations, rates or qbar fail, so nothing may be identified from
-it. Limited: a channel fails that only some uses need; which, is said.
+Limits are the vehicle's (`vehicle.Accuracy`). Rejected: accelerations, rates or qbar fail, so
+nothing may be identified from it. Limited: a channel fails that only some uses need; which, is
+said.
 """
 
 from collections.abc import Iterable, Sequence
@@ -14,13 +16,23 @@ from aerodb.consistency.kinematics import INPUTS
 from aerodb.consistency.output_error import Path, Reconstruction
 from aerodb.consistency.pressures import as_angles
 from aerodb.consistency.records import flight_of
-from aerodb.consistency.sensors import AIR_DATA, CALM, Fault, FlowCheck, ProcessNoise, VelocityCheck, colour, process_noise
+from aerodb.consistency.sensors import (
+    AIR_DATA,
+    CALM,
+    Fault,
+    FlowCheck,
+    ProcessNoise,
+    VelocityCheck,
+    colour,
+    process_noise,
+)
 from aerodb.vehicle import Accuracy
 
 Word = Literal["good", "limited", "rejected"]
 _RANK: tuple[Word, ...] = ("good", "limited", "rejected")
 
-#: Velocity over the earth, or two attitude angles, that miss their limits by this factor take accelerations or rates with them.
+#: Velocity over the earth, or two attitude angles, that miss their limits by this factor take
+#: accelerations or rates with them.
 GROSS = 3.0
 
 #: Air that moves in fewer than this share of a flight's stretches limits them, not the flight.
@@ -29,7 +41,8 @@ LEAST_MOVING = 0.25
 
 @dataclass(frozen=True)
 class ChannelCheck:
-    """One channel: rms mismatch before and after the reconstruction, its limit (SI; nan: none), and the verdict."""
+    """One channel: rms mismatch before and after the reconstruction, its limit (SI; nan: none), and
+    the verdict."""
 
     channel: str
     before: float
@@ -40,7 +53,8 @@ class ChannelCheck:
 
 @dataclass(frozen=True)
 class Verdict:
-    """The word for a flight, with reasons (empty when good), the table per channel, and what is known of gusts."""
+    """The word for a flight, with reasons (empty when good), the table per channel, and what is
+    known of gusts."""
 
     word: Word
     reasons: tuple[str, ...]
@@ -48,17 +62,24 @@ class Verdict:
     process_noise: ProcessNoise | None = None
 
 
-def judge(result: Reconstruction, flight: str, accuracy: Accuracy, found: Sequence[Fault] = ()) -> Verdict:
-    """The verdict on one flight of a joint reconstruction; `found` are the blunt faults of `expected.faults`.
+def judge(
+    result: Reconstruction, flight: str, accuracy: Accuracy, found: Sequence[Fault] = ()
+) -> Verdict:
+    """The verdict on one flight of a joint reconstruction; `found` are the blunt faults of
+    `expected.faults`.
 
-    Where the air moved, what gusts make of the residuals of the air data is no fault of a sensor: the rest is judged.
+    Where the air moved, what gusts make of the residuals of the air data is no fault of a sensor:
+    the rest is judged.
     """
     paths = [as_angles(path) for path in result.paths if flight_of(path.record) == flight]
     speed = float(np.mean(np.concatenate([path.V for path in paths])))
     noise = moving_air(paths)
     checks, words, reasons = [], [], []
     for name in dict.fromkeys(name for path in paths for name in path.residuals):
-        before, after = _rms(path.before.get(name) for path in paths), _rms(path.residuals.get(name) for path in paths)
+        before, after = (
+            _rms(path.before.get(name) for path in paths),
+            _rms(path.residuals.get(name) for path in paths),
+        )
         limit = _limit(name, accuracy, speed, _mean_pressure(paths))
         rest = [_rest(path, name, noise.matters) for path in _with(name, paths)]
         check = ChannelCheck(name, before, after, limit, _word(name, rest, limit))
@@ -66,29 +87,48 @@ def judge(result: Reconstruction, flight: str, accuracy: Accuracy, found: Sequen
         if check.verdict != "good":
             words.append(check.verdict)
             reasons.append(_reason(check))
-    gross = [check.channel for check in checks if check.channel in ("phi", "theta", "psi") and check.after > GROSS * check.limit]
+    gross = [
+        check.channel
+        for check in checks
+        if check.channel in ("phi", "theta", "psi") and check.after > GROSS * check.limit
+    ]
     if len(gross) > 1:  # one angle alone is its own sensor: a compass, a vertical gyro
         words.append("rejected")
-        reasons.append(f"the rates do not belong to the attitude: {' and '.join(gross)} disagree with them together")
+        reasons.append(
+            f"the rates do not belong to the attitude: {' and '.join(gross)} disagree with them"
+            " together"
+        )
     bound = [estimate.parameter.name for estimate in result.estimates if estimate.at_bound]
     for estimate in result.estimates:
         item = estimate.parameter
         if (
             item.kind in ("bias", "scale", "delay", "port")
-            and not (item.scope or estimate.at_bound)  # a value at its bound is the bound's, and its error is not known
+            and not (
+                item.scope or estimate.at_bound
+            )  # a value at its bound is the bound's, and its error is not known
             and abs(estimate.value) - 2 * estimate.standard_error > item.size
         ):
-            gross_bias = item.kind == "bias" and item.subject in (*INPUTS, "qbar") and abs(estimate.value) > GROSS * item.size
-            # what a value at its bound leaves unexplained, others take up: that is no proof of a broken sensor
+            gross_bias = (
+                item.kind == "bias"
+                and item.subject in (*INPUTS, "qbar")
+                and abs(estimate.value) > GROSS * item.size
+            )
+            # what a value at its bound leaves unexplained, others take up: that is no proof of a
+            # broken sensor
             words.append("rejected" if gross_bias and not bound else "limited")
             beside = f", with {' and '.join(bound)} at a bound" if bound else ""
-            reasons.append(f"{item.label} of {estimate.value:.3g} is beyond any serviceable sensor ({item.size:g}){beside}")
+            reasons.append(
+                f"{item.label} of {estimate.value:.3g} is beyond any serviceable sensor"
+                f" ({item.size:g}){beside}"
+            )
     for fault in found:
         words.append("rejected")
         reasons.append(fault.sentence)
     if not result.converged:
         words.append("limited")
-        reasons.append("the reconstruction did not converge: the channels do not quite belong to one motion")
+        reasons.append(
+            "the reconstruction did not converge: the channels do not quite belong to one motion"
+        )
     if noise.matters:
         words.append("limited")
         reasons.append(noise.because)
@@ -96,7 +136,8 @@ def judge(result: Reconstruction, flight: str, accuracy: Accuracy, found: Sequen
 
 
 def moving_air(paths: Sequence[Path]) -> ProcessNoise:
-    """Whether the air moved in at least a quarter of these stretches; the figures are those of the worst of them."""
+    """Whether the air moved in at least a quarter of these stretches; the figures are those of the
+    worst of them."""
     found = [_moving(as_angles(path)) for path in paths]
     worst = max(found, key=lambda entry: (entry.matters, max(entry.gusts.values(), default=0.0)))
     share = float(np.mean([entry.matters for entry in found]))
@@ -104,22 +145,30 @@ def moving_air(paths: Sequence[Path]) -> ProcessNoise:
 
 
 def _moving(path: Path) -> ProcessNoise:
-    """Whether the air moved along one stretch; where the airspeed is the only air data, the velocity over the earth is its
-    witness."""
+    """Whether the air moved along one stretch; where the airspeed is the only air data, the
+    velocity over the earth is its witness."""
     noise = process_noise(path.residuals, float(np.mean(path.V)), path.record.step)
     felt = noise.gusts.get("V", 0.0)
     if noise.matters or set(noise.gusts) != {"V"} or felt <= CALM:
         return noise
     over_earth = [name for name in ("velocity_north", "velocity_east") if name in path.residuals]
-    wobble = [colour(path.residuals[name], path.record.step).gusts for name in over_earth if _with(name, [path])]
+    wobble = [
+        colour(path.residuals[name], path.record.step).gusts
+        for name in over_earth
+        if _with(name, [path])
+    ]
     if not wobble or felt <= 2.0 * max(wobble):
         return noise
-    because = f"the air moved: the airspeed holds gusts ({felt:.2f} m/s rms) that the velocity over the earth does not share"
+    because = (
+        f"the air moved: the airspeed holds gusts ({felt:.2f} m/s rms) that the velocity over the"
+        " earth does not share"
+    )
     return replace(noise, matters=True, because=because)
 
 
 def unchecked(because: str) -> Verdict:
-    """The verdict on a flight whose kinematics cannot be checked: its channels are used as they were measured."""
+    """The verdict on a flight whose kinematics cannot be checked: its channels are used as they
+    were measured."""
     return Verdict("limited", (f"kinematics not checked: {because}",), ())
 
 
@@ -127,11 +176,19 @@ def as_document(verdict: Verdict) -> dict[str, Any]:
     """As JSON: verdict, reasons, channels, process_noise."""
     noise = None if verdict.process_noise is None else asdict(verdict.process_noise)
     channels = [asdict(check) for check in verdict.channels]
-    return {"verdict": verdict.word, "reasons": list(verdict.reasons), "channels": channels, "process_noise": noise}
+    return {
+        "verdict": verdict.word,
+        "reasons": list(verdict.reasons),
+        "channels": channels,
+        "process_noise": noise,
+    }
 
 
-def judge_navigation(velocity: VelocityCheck | None, flow: FlowCheck | None, accuracy: Accuracy) -> Verdict:
-    """The verdict where no accelerations are logged and only the navigation solution can be checked against itself."""
+def judge_navigation(
+    velocity: VelocityCheck | None, flow: FlowCheck | None, accuracy: Accuracy
+) -> Verdict:
+    """The verdict where no accelerations are logged and only the navigation solution can be checked
+    against itself."""
     words: list[Word] = []
     reasons, checks = [], []
     if velocity is not None:
@@ -142,18 +199,25 @@ def judge_navigation(velocity: VelocityCheck | None, flow: FlowCheck | None, acc
             words.append(word)
             figures = ", ".join(f"{size:.1f}" for size in velocity.rms.values())
             reasons.append(
-                f"position is not the integral of velocity: off by {figures} m/s rms (north, east, down),"
-                f" jumps to {velocity.jump:.0f} m/s; limit {accuracy.horizontal_velocity:g} m/s"
+                f"position is not the integral of velocity: off by {figures} m/s rms (north, east,"
+                f" down), jumps to {velocity.jump:.0f} m/s; limit"
+                f" {accuracy.horizontal_velocity:g} m/s"
             )
     if flow is not None:
-        word = "good" if flow.rms <= accuracy.flow_angle else "rejected" if flow.rms > GROSS * accuracy.flow_angle else "limited"
+        word = (
+            "good"
+            if flow.rms <= accuracy.flow_angle
+            else "rejected"
+            if flow.rms > GROSS * accuracy.flow_angle
+            else "limited"
+        )
         checks.append(ChannelCheck("alpha", flow.rms, flow.rms, accuracy.flow_angle, word))
         if word != "good":
             words.append(word)
             mean, deviation, limit = np.rad2deg([flow.mean, flow.deviation, accuracy.flow_angle])
             reasons.append(
-                f"alpha of velocity less wind differs from the probe by {mean:.1f} deg mean, {deviation:.1f} deg std;"
-                f" limit {limit:.1f} deg"
+                f"alpha of velocity less wind differs from the probe by {mean:.1f} deg mean,"
+                f" {deviation:.1f} deg std; limit {limit:.1f} deg"
             )
     return Verdict(_worst(words), tuple(reasons), tuple(checks))
 
@@ -173,7 +237,8 @@ def _mean_pressure(paths: Sequence[Path]) -> float:
 
 
 def _rest(path: Path, name: str, moving: bool) -> float:
-    """Rms of a channel's residual along one stretch; of air data in moving air only its mean and trend, the rest is gusts."""
+    """Rms of a channel's residual along one stretch; of air data in moving air only its mean and
+    trend, the rest is gusts."""
     residual = path.residuals[name]
     if not (moving and name in AIR_DATA):
         return float(np.sqrt(np.nanmean(residual**2)))
@@ -183,7 +248,9 @@ def _rest(path: Path, name: str, moving: bool) -> float:
 
 
 def _with(name: str, paths: Sequence[Path]) -> list[Path]:
-    return [path for path in paths if name in path.residuals and np.isfinite(path.residuals[name]).any()]
+    return [
+        path for path in paths if name in path.residuals and np.isfinite(path.residuals[name]).any()
+    ]
 
 
 def _limit(name: str, accuracy: Accuracy, speed: float, pressure: float) -> float:
@@ -199,7 +266,8 @@ def _limit(name: str, accuracy: Accuracy, speed: float, pressure: float) -> floa
 
 
 def _word(name: str, rest: Sequence[float], limit: float) -> Word:
-    """The verdict on a channel from its mismatch along each stretch: one that fails in most of them takes the flight with it."""
+    """The verdict on a channel from its mismatch along each stretch: one that fails in most of them
+    takes the flight with it."""
     if not rest or not np.sqrt(np.mean(np.square(rest))) > limit:
         return "good"
     worst = GROSS * limit if name.startswith("velocity_") else limit
@@ -209,6 +277,11 @@ def _word(name: str, rest: Sequence[float], limit: float) -> Word:
 
 def _reason(check: ChannelCheck) -> str:
     angle = check.channel in ("phi", "theta", "psi", "alpha", "beta")
-    after, limit = (np.rad2deg(check.after), np.rad2deg(check.limit)) if angle else (check.after, check.limit)
+    after, limit = (
+        (np.rad2deg(check.after), np.rad2deg(check.limit)) if angle else (check.after, check.limit)
+    )
     unit = "deg" if angle else {"qbar": "Pa", "north": "m", "east": "m"}.get(check.channel, "m/s")
-    return f"{check.channel} remains {after:.2g} {unit} from the reconstructed motion; limit {limit:.2g} {unit}"
+    return (
+        f"{check.channel} remains {after:.2g} {unit} from the reconstructed motion; limit"
+        f" {limit:.2g} {unit}"
+    )

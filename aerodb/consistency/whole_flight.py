@@ -1,4 +1,5 @@
-"""The consistency step of one flight: its sensor errors, what is applied of them, the verdict, and the consistent flight."""
+"""The consistency step of one flight: its sensor errors, what is applied of them, the verdict, and
+the consistent flight."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -23,7 +24,14 @@ from aerodb.consistency.output_error import (
 )
 from aerodb.consistency.plan import Plan, make_plan
 from aerodb.consistency.records import MOTION
-from aerodb.consistency.sensors import Fault, FlowCheck, Record, faults, flow_against_velocity, position_against_velocity
+from aerodb.consistency.sensors import (
+    Fault,
+    FlowCheck,
+    Record,
+    faults,
+    flow_against_velocity,
+    position_against_velocity,
+)
 from aerodb.consistency.verdict import Verdict, as_document, judge, judge_navigation, unchecked
 from aerodb.errors import InputError
 from aerodb.flight import Flight
@@ -33,9 +41,10 @@ from aerodb.vehicle import Vehicle
 
 @dataclass(frozen=True)
 class Consistent:
-    """A flight after its consistency step: `flight` with the corrected channels, `sigma` channel -> (n,) one standard error of
-    V, alpha, beta and attitude, `changed` names of the channels that differ from the measured ones, the `document` (JSON), and
-    what drifted from the calibration. An unchecked flight is as it was."""
+    """A flight after its consistency step: `flight` with the corrected channels, `sigma` channel ->
+    (n,) one standard error of V, alpha, beta and attitude, `changed` names of the channels that
+    differ from the measured ones, the `document` (JSON), and what drifted from the calibration. An
+    unchecked flight is as it was."""
 
     flight: Flight
     sigma: Mapping[str, Array]
@@ -45,8 +54,11 @@ class Consistent:
     drifted: tuple[Drift, ...] = ()
 
 
-def make_consistent(flight: Flight, vehicle: Vehicle, calibration: Calibration | None = None) -> Consistent:
-    """Reconstructs one flight as the mapping gives it, V, alpha and beta at the CG; never raises for what the flight lacks.
+def make_consistent(
+    flight: Flight, vehicle: Vehicle, calibration: Calibration | None = None
+) -> Consistent:
+    """Reconstructs one flight as the mapping gives it, V, alpha and beta at the CG; never raises
+    for what the flight lacks.
 
     calibration : what is known of the sensors beforehand; None: what the vehicle file states.
     """
@@ -56,12 +68,16 @@ def make_consistent(flight: Flight, vehicle: Vehicle, calibration: Calibration |
         result, found, held = settled(records, own, plan, calibration)
     except InputError as error:
         return _unchecked(flight, vehicle, str(error))
-    drifted = () if calibration is None else _drifted(with_stated(shared(own), plan.stated), calibration)
+    drifted = (
+        () if calibration is None else _drifted(with_stated(shared(own), plan.stated), calibration)
+    )
     verdict = judge(result, flight.id, vehicle.accuracy, blunt(records))
     values = applied(found, plan, calibration)
     corrected = corrected_flight(flight, vehicle, result, values, held)
     document = _document(verdict, corrected.result, plan, corrected, values, drifted, calibration)
-    return Consistent(corrected.flight, corrected.sigma, corrected.changed, document, verdict, drifted)
+    return Consistent(
+        corrected.flight, corrected.sigma, corrected.changed, document, verdict, drifted
+    )
 
 
 def blunt(records: Sequence[Record]) -> tuple[Fault, ...]:
@@ -78,7 +94,8 @@ def _drifted(own: Knowledge, calibration: Calibration) -> tuple[Drift, ...]:
 
 
 def _unchecked(flight: Flight, vehicle: Vehicle, because: str) -> Consistent:
-    """A flight without the channels that kinematics need: its navigation solution against itself, where it is logged."""
+    """A flight without the channels that kinematics need: its navigation solution against itself,
+    where it is logged."""
     verdict = _navigation(flight, vehicle) or unchecked(because)
     document = {**as_document(verdict), "checked": False, "because": because, "notes": []}
     return Consistent(flight, {}, (), document, verdict)
@@ -86,23 +103,40 @@ def _unchecked(flight: Flight, vehicle: Vehicle, because: str) -> Consistent:
 
 def _navigation(flight: Flight, vehicle: Vehicle) -> Verdict | None:
     names = ("north", "east", "altitude", "velocity_north", "velocity_east", "velocity_down")
-    if any(name in flight for name in ("ax", "ay", "az", "ax_imu", "ay_imu", "az_imu")) or not all(n in flight for n in names):
+    if any(name in flight for name in ("ax", "ay", "az", "ax_imu", "ay_imu", "az_imu")) or not all(
+        n in flight for n in names
+    ):
         return None
     good = flight.usable(names, despite=MOTION)
     if good.sum() < 3:
         return None
     north, east, up, *velocity = (flight[name][good] for name in names)
-    check = position_against_velocity(flight.time[good], np.column_stack([north, east, -up]), np.column_stack(velocity))
+    check = position_against_velocity(
+        flight.time[good], np.column_stack([north, east, -up]), np.column_stack(velocity)
+    )
     return judge_navigation(check, _flow(flight, good), vehicle.accuracy)
 
 
 def _flow(flight: Flight, good: NDArray[np.bool_]) -> FlowCheck | None:
-    """Angle of attack of the logged velocity less the logged wind beside the probe's; None where one is not logged."""
-    names = ("phi", "theta", "psi", "velocity_north", "velocity_east", "velocity_down", "wind_north", "wind_east", "wind_down")
+    """Angle of attack of the logged velocity less the logged wind beside the probe's; None where
+    one is not logged."""
+    names = (
+        "phi",
+        "theta",
+        "psi",
+        "velocity_north",
+        "velocity_east",
+        "velocity_down",
+        "wind_north",
+        "wind_east",
+        "wind_down",
+    )
     if "alpha" not in flight or not all(name in flight for name in names):
         return None
     columns = np.column_stack([flight[name][good] for name in names])
-    return flow_against_velocity(columns[:, :3], columns[:, 3:6], columns[:, 6:], flight["alpha"][good])
+    return flow_against_velocity(
+        columns[:, :3], columns[:, 3:6], columns[:, 6:], flight["alpha"][good]
+    )
 
 
 def _document(

@@ -3,7 +3,14 @@ from .aerodynamic import from_zero_lift, zero_lift_alpha
 from .flight_view import FlightView, view_of
 from .hypothesis import Columns, Hypothesis
 from .library import hypotheses_for, library_sha256
-from .measurement import columns_of, doubts, doubts_of_alpha, of_flow_angles, with_flattening, within_what_is_known
+from .measurement import (
+    columns_of,
+    doubts,
+    doubts_of_alpha,
+    of_flow_angles,
+    with_flattening,
+    within_what_is_known,
+)
 from .spline import ramp_terms, spline_over, variables_of
 from .stall import GAINS, StallFlight, cross_fitted, hypotheses, profiled, regressors, stall_loop
 from .surfaces import surfaces_of

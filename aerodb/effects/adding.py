@@ -1,7 +1,9 @@
-"""What is accepted goes into the database: increments with joint covariance, envelope and the flights behind them.
+"""What is accepted goes into the database: increments with joint covariance, envelope and the
+flights behind them.
 
-The regressors are those of the columns that were tested, so that inside the envelope the candidate is the baseline plus
-value times column. Sensors and vehicle data are not added to a database: they belong to its measurement.
+The regressors are those of the columns that were tested, so that inside the envelope the candidate
+is the baseline plus value times column. Sensors and vehicle data are not added to a database: they
+belong to its measurement.
 """
 
 from collections.abc import Mapping, Sequence
@@ -28,17 +30,24 @@ def add_effects(
 ) -> AeroDatabase:
     """`database` with the accepted hypotheses as increments, one per axis.
 
-    values : (k,) in the hypotheses' units; covariance : (k, k). On each axis the estimates keep their joint covariance;
-    between axes an increment has no place for one. envelopes : axis -> variable -> interval, as `envelopes_of` gives them.
-    flights : the ids of those that identified. refit : how the values were fitted once more, where they were.
+    values : (k,) in the hypotheses' units; covariance : (k, k). On each axis the estimates keep
+    their joint covariance; between axes an increment has no place for one. envelopes : axis ->
+    variable -> interval, as `envelopes_of` gives them. flights : the ids of those that identified.
+    refit : how the values were fitted once more, where they were.
 
-    Raises InputError for a sensor, for a hypothesis that no expression gives or whose state model the database lacks, and where
-    values or covariance do not fit.
+    Raises InputError for a sensor, for a hypothesis that no expression gives or whose state model
+    the database lacks, and where values or covariance do not fit.
     """
-    values, covariance = np.asarray(values, dtype=np.float64), np.asarray(covariance, dtype=np.float64)
+    values, covariance = (
+        np.asarray(values, dtype=np.float64),
+        np.asarray(covariance, dtype=np.float64),
+    )
     k = len(accepted)
     if values.shape != (k,) or covariance.shape != (k, k):
-        raise InputError(f"{k} effects with values {values.shape} and covariance {covariance.shape}", "adding effects")
+        raise InputError(
+            f"{k} effects with values {values.shape} and covariance {covariance.shape}",
+            "adding effects",
+        )
     by_axis = _by_axis(accepted)
     _check_states(accepted, database)
     increments = []
@@ -62,19 +71,27 @@ def add_effects(
 def envelopes_of(
     accepted: Sequence[Hypothesis], views: Sequence[FlightView], database: AeroDatabase
 ) -> dict[str, dict[str, Interval]]:
-    """Axis -> variable -> where these flights have been, over the usable samples of the axes concerned.
+    """Axis -> variable -> where these flights have been, over the usable samples of the axes
+    concerned.
 
-    Raises InputError where a flight lacks a channel of an accepted hypothesis, or none has a usable sample.
+    Raises InputError where a flight lacks a channel of an accepted hypothesis, or none has a usable
+    sample.
     """
     found = {}
     for axis, members in _by_axis(accepted).items():
-        names = frozenset[str]().union(*(accepted[number].increment[part][1].names for number, part in members))
+        names = frozenset[str]().union(
+            *(accepted[number].increment[part][1].names for number, part in members)
+        )
         bodies = {body for number, _ in members for body in accepted[number].axes}
         flown = []
         for view in views:
             lacking = sorted(names - view.channels.keys())
             if lacking:
-                raise InputError(f"no channel {', '.join(lacking)}", f"flight {view.flight}", "leave the flight out")
+                raise InputError(
+                    f"no channel {', '.join(lacking)}",
+                    f"flight {view.flight}",
+                    "leave the flight out",
+                )
             if bodies <= view.usable.keys():
                 good = np.logical_and.reduce([view.usable[body] for body in sorted(bodies)])
                 flown += [(view.channels, good)] if good.any() else []
@@ -89,7 +106,9 @@ def _check_states(accepted: Sequence[Hypothesis], database: AeroDatabase) -> Non
     for hypothesis in accepted:
         if STATE_CHANNEL in hypothesis.drivers and STATE_CHANNEL not in made:
             what = f"the database has no state model that makes {STATE_CHANNEL}"
-            raise InputError(what, hypothesis.id, "add it with its law: stall_hysteresis.with_stall")
+            raise InputError(
+                what, hypothesis.id, "add it with its law: stall_hysteresis.with_stall"
+            )
 
 
 def _by_axis(accepted: Sequence[Hypothesis]) -> dict[str, list[tuple[int, int]]]:
@@ -98,9 +117,15 @@ def _by_axis(accepted: Sequence[Hypothesis]) -> dict[str, list[tuple[int, int]]]
     for number, hypothesis in enumerate(accepted):
         if hypothesis.kind == "sensor":
             remedy = "correct the sensor or the vehicle file, and process the flights again"
-            raise InputError("an error of a sensor or of the vehicle data is not added to a database", hypothesis.id, remedy)
+            raise InputError(
+                "an error of a sensor or of the vehicle data is not added to a database",
+                hypothesis.id,
+                remedy,
+            )
         if not hypothesis.increment:
-            raise InputError("it is no expression over channels", hypothesis.id, "give its template a regressor")
+            raise InputError(
+                "it is no expression over channels", hypothesis.id, "give its template a regressor"
+            )
         for part, (axis, _) in enumerate(hypothesis.increment):
             found.setdefault(axis, []).append((number, part))
     return found

@@ -1,7 +1,8 @@
-"""What hypotheses see of one flight: its channels, what the current model predicts for it, and how that depends on each input.
+"""What hypotheses see of one flight: its channels, what the current model predicts for it, and how
+that depends on each input.
 
-Everything here comes from the flight's state and the model, never from the measured coefficients: a sensor column that is
-made of the measurement explains any residual.
+Everything here comes from the flight's state and the model, never from the measured coefficients: a
+sensor column that is made of the measurement explains any residual.
 """
 
 from collections.abc import Iterable, Mapping
@@ -11,7 +12,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from aerodb.coefficients import DEFAULT_BANDWIDTH, Comparison, inertial_moment, thrust_loads, with_states
+from aerodb.coefficients import (
+    DEFAULT_BANDWIDTH,
+    Comparison,
+    inertial_moment,
+    thrust_loads,
+    with_states,
+)
 from aerodb.conditioning import bridge, smooth
 from aerodb.effects.sensitivity import slopes_by
 from aerodb.flight import Flight
@@ -20,7 +27,8 @@ from aerodb.support import Array
 from aerodb.tables import HAT_RATES, AeroDatabase, Reference, hat_rate, transfer_moments
 from aerodb.vehicle import Vehicle, cg_positions, mass_channels
 
-#: Share of the samples that are used on any axis which a channel must have for a hypothesis that needs it.
+#: Share of the samples that are used on any axis which a channel must have for a hypothesis that
+#: needs it.
 _ENOUGH = 0.95
 
 
@@ -28,11 +36,12 @@ _ENOUGH = 0.95
 class FlightView:
     """One flight beside the current model.
 
-    time (n,) s; channels : name -> (n,), SI, bridged over gaps: the flight's own, hat rates over the database's lengths,
-    alphadot and betadot, mass, CG, inertia. predicted : body axis -> (n,), by the current model, not band-limited. usable :
-    the axes that the flight gives. thrust : (n, 3) N, and thrust_moment : (n, 3) N m about the CG, zero where not known.
-    imu_arm, air_data_arm : (n, 3) m from the CG, zero where nothing was moved. derived : alphadot, betadot where they
-    were made from the angle, whose errors they then share. poor : channels with too few good samples.
+    time (n,) s; channels : name -> (n,), SI, bridged over gaps: the flight's own, hat rates over
+    the database's lengths, alphadot and betadot, mass, CG, inertia. predicted : body axis -> (n,),
+    by the current model, not band-limited. usable : the axes that the flight gives. thrust : (n, 3)
+    N, and thrust_moment : (n, 3) N m about the CG, zero where not known. imu_arm, air_data_arm :
+    (n, 3) m from the CG, zero where nothing was moved. derived : alphadot, betadot where they were
+    made from the angle, whose errors they then share. poor : channels with too few good samples.
     """
 
     flight: str
@@ -62,11 +71,13 @@ class FlightView:
 
     @property
     def reference(self) -> Reference:
-        """The database's reference geometry: columns are coefficients over it, moments about its point."""
+        """The database's reference geometry: columns are coefficients over it, moments about its
+        point."""
         return self.database.reference
 
     def slope(self, variable: str) -> Mapping[str, Array]:
-        """Body axis -> dC/d`variable` (n,) of the current model; empty where it does not depend on it."""
+        """Body axis -> dC/d`variable` (n,) of the current model; empty where it does not depend on
+        it."""
         if variable not in self._slopes:
             self._slopes[variable] = slopes_by(self.database, variable, self.channels)
         return self._slopes[variable]
@@ -80,14 +91,22 @@ class FlightView:
     @cached_property
     def angular_acceleration(self) -> Array:
         """(n, 3) rad/s2 that the current model's moments give: ``I wdot = M - w x (I w)``."""
-        forces_about_cg = transfer_moments(self.predicted, self.reference.moment_reference, self.cg, self.reference)
+        forces_about_cg = transfer_moments(
+            self.predicted, self.reference.moment_reference, self.cg, self.reference
+        )
         moment = self.moments(forces_about_cg) + self.thrust_moment
         inertia = {name: self.channels[name] for name in ("Ixx", "Iyy", "Izz", "Ixz")}
         gyroscopic = inertial_moment(self.rates, np.zeros_like(moment), inertia)
         roll, pitch, yaw = (moment - gyroscopic).T
         ixx, iyy, izz, ixz = (inertia[name] for name in ("Ixx", "Iyy", "Izz", "Ixz"))
         determinant = ixx * izz - ixz**2
-        return np.column_stack([(izz * roll + ixz * yaw) / determinant, pitch / iyy, (ixz * roll + ixx * yaw) / determinant])
+        return np.column_stack(
+            [
+                (izz * roll + ixz * yaw) / determinant,
+                pitch / iyy,
+                (ixz * roll + ixx * yaw) / determinant,
+            ]
+        )
 
     @cached_property
     def inverse_qbar(self) -> Array:
@@ -102,9 +121,13 @@ class FlightView:
         return np.column_stack([coefficients[axis] for axis in MOMENT_AXES]) * scale
 
     def as_coefficients(self, force: Array, moment: Array) -> dict[str, Array]:
-        """Force (n, 3) N and moment about the CG (n, 3) N m as the six coefficients about the database's moment reference."""
+        """Force (n, 3) N and moment about the CG (n, 3) N m as the six coefficients about the
+        database's moment reference."""
         lengths = np.array([self.reference.span, self.reference.chord, self.reference.span])
-        scaled = np.column_stack([force, moment / lengths]) * (self.inverse_qbar / self.reference.area)[:, None]
+        scaled = (
+            np.column_stack([force, moment / lengths])
+            * (self.inverse_qbar / self.reference.area)[:, None]
+        )
         about_cg = dict(zip(AXES, scaled.T, strict=True))
         return transfer_moments(about_cg, self.cg, self.reference.moment_reference, self.reference)
 
@@ -116,30 +139,47 @@ class FlightView:
 
 
 def view_of(
-    flight: Flight, comparison: Comparison, database: AeroDatabase, vehicle: Vehicle, near: FlightView | None = None
+    flight: Flight,
+    comparison: Comparison,
+    database: AeroDatabase,
+    vehicle: Vehicle,
+    near: FlightView | None = None,
 ) -> FlightView:
     """The view of one flight for one database; `comparison` says which samples are usable.
 
-    near : a view of the same flight in hardly another state, whose slopes hold here too: they cost most of what a view is asked;
-    its arm of the air data holds as well.
+    near : a view of the same flight in hardly another state, whose slopes hold here too: they cost
+    most of what a view is asked; its arm of the air data holds as well.
 
     Raises InputError naming inputs of the database that the flight lacks.
     """
     bandwidth = comparison.bandwidth or min(DEFAULT_BANDWIDTH, 0.25 / flight.step)
-    flight, derived = _with_flow_rates(flight.with_channels(mass_channels(flight, vehicle)), bandwidth)
+    flight, derived = _with_flow_rates(
+        flight.with_channels(mass_channels(flight, vehicle)), bandwidth
+    )
     flight = with_states(flight, database)
-    good = {name: np.isfinite(values) & _unflagged(flight, name) for name, values in flight.channels.items()}
-    channels = {name: bridge(values) for name, values in flight.channels.items() if np.isfinite(values).any()}
+    good = {
+        name: np.isfinite(values) & _unflagged(flight, name)
+        for name, values in flight.channels.items()
+    }
+    channels = {
+        name: bridge(values)
+        for name, values in flight.channels.items()
+        if np.isfinite(values).any()
+    }
     channels.setdefault("beta", np.zeros(len(flight.time)))
     for name, (rate, _) in HAT_RATES.items():
         if {rate, "V"} <= channels.keys():
             channels[name] = hat_rate(name, channels, database.reference)
-    used = np.logical_or.reduce([np.zeros(len(flight.time), dtype=np.bool_), *comparison.usable.values()])
+    used = np.logical_or.reduce(
+        [np.zeros(len(flight.time), dtype=np.bool_), *comparison.usable.values()]
+    )
     cg = cg_positions(flight, vehicle)
     thrust, thrust_moment = thrust_loads(flight, vehicle.thrust, cg, [])
     imu, probe = vehicle.points.imu, vehicle.points.air_data
     moved = imu != "cg" and "ax" not in flight
-    brought = probe is not None and all(name in flight for name in ("V", "alpha", "p", "q", "r"))  # see `air_data_at_cg`
+    brought = probe is not None and all(
+        name in flight for name in ("V", "alpha", "p", "q", "r")
+    )  # see `air_data_at_cg`
     return FlightView(
         flight=flight.id,
         time=flight.time,
@@ -153,20 +193,36 @@ def view_of(
         thrust=thrust,
         thrust_moment=thrust_moment,
         imu_arm=np.asarray(imu) - cg if moved else np.zeros_like(cg),
-        air_data_arm=near.air_data_arm if near else np.asarray(probe) - cg if brought else np.zeros_like(cg),
+        air_data_arm=near.air_data_arm
+        if near
+        else np.asarray(probe) - cg
+        if brought
+        else np.zeros_like(cg),
         bandwidth=bandwidth,
         _slopes={} if near is None else near._slopes,
         derived=derived,
-        poor=frozenset(name for name in channels if name in good and good[name][used].sum() < _ENOUGH * max(used.sum(), 1)),
+        poor=frozenset(
+            name
+            for name in channels
+            if name in good and good[name][used].sum() < _ENOUGH * max(used.sum(), 1)
+        ),
     )
 
 
 def _with_flow_rates(flight: Flight, bandwidth: float) -> tuple[Flight, frozenset[str]]:
     """The flight with alphadot and betadot, and which of them were made from the angle."""
     angles = [name for name in ("alpha", "beta") if name in flight and f"{name}dot" not in flight]
-    made = {f"{name}dot": smooth(flight[name], flight.step, bandwidth).rate for name in angles if np.isfinite(flight[name]).any()}
+    made = {
+        f"{name}dot": smooth(flight[name], flight.step, bandwidth).rate
+        for name in angles
+        if np.isfinite(flight[name]).any()
+    }
     return flight.with_channels(made), frozenset(made)
 
 
 def _unflagged(flight: Flight, name: str) -> NDArray[np.bool_]:
-    return flight.flags[name] == 0 if name in flight.flags else np.ones(len(flight.time), dtype=np.bool_)
+    return (
+        flight.flags[name] == 0
+        if name in flight.flags
+        else np.ones(len(flight.time), dtype=np.bool_)
+    )

@@ -1,8 +1,10 @@
-"""A hypothesis: one parameter that the database, a sensor or the vehicle file may have wrong, and the column that it leaves.
+"""A hypothesis: one parameter that the database, a sensor or the vehicle file may have wrong, and
+the column that it leaves.
 
-The column is the derivative of the residual, measured minus predicted, by the parameter: for an aerodynamic hypothesis
-what the database lacks, for a sensor the tangent of the whole chain from the sensor to the coefficients. How hypotheses
-are tested belongs in `aerodb.tracing`; which there are in `library`.
+The column is the derivative of the residual, measured minus predicted, by the parameter: for an
+aerodynamic hypothesis what the database lacks, for a sensor the tangent of the whole chain from the
+sensor to the coefficients. How hypotheses are tested belongs in `aerodb.tracing`; which there are
+in `library`.
 """
 
 from collections.abc import Callable, Mapping
@@ -26,13 +28,15 @@ Columns = Mapping[str, Array]
 class Hypothesis:
     """One parameter and what it does.
 
-    effect : name of the contract. axes : body axes on which its one parameter acts. subject : surface, table or channel that
-    it is about, or empty. parameter : "CX_q", "alpha_bias". unit, plausible : SI; the believable range. prior_sigma : sensors and
-    vehicle data: one sigma of what is known beforehand; aerodynamic: None. because : one plain clause for people.
-    increment : aerodynamic: (axis, regressor over channels), wind axes allowed; `adding` puts just these into a database.
-    tangent : sensors, and shapes that no expression gives: the columns of a flight. formula : its text, part of the library's
-    hash. needs : channels without which a flight says nothing about it. version : raised when formula or tangent change.
-    known_by : what knows the believable range from these very flights, or empty: beyond it such a sensor is never blamed.
+    effect : name of the contract. axes : body axes on which its one parameter acts. subject :
+    surface, table or channel that it is about, or empty. parameter : "CX_q", "alpha_bias". unit,
+    plausible : SI; the believable range. prior_sigma : sensors and vehicle data: one sigma of what
+    is known beforehand; aerodynamic: None. because : one plain clause for people. increment :
+    aerodynamic: (axis, regressor over channels), wind axes allowed; `adding` puts just these into a
+    database. tangent : sensors, and shapes that no expression gives: the columns of a flight.
+    formula : its text, part of the library's hash. needs : channels without which a flight says
+    nothing about it. version : raised when formula or tangent change. known_by : what knows the
+    believable range from these very flights, or empty: beyond it such a sensor is never blamed.
     """
 
     effect: str
@@ -54,13 +58,15 @@ class Hypothesis:
 
     @property
     def id(self) -> str:
-        """``effect@axis`` or ``effect@axis:subject``; unique in a library. Sensors act on all axes: ``qbar_scale@all``."""
+        """``effect@axis`` or ``effect@axis:subject``; unique in a library. Sensors act on all axes:
+        ``qbar_scale@all``."""
         where = "all" if self.kind == "sensor" else "+".join(self.written_on)
         return f"{self.effect}@{where}" + (f":{self.subject}" if self.subject else "")
 
     @property
     def written_on(self) -> tuple[str, ...]:
-        """The axes on which its formula stands, along the body or the wind; `axes` are the body axes on which it is felt."""
+        """The axes on which its formula stands, along the body or the wind; `axes` are the body
+        axes on which it is felt."""
         return tuple(axis for axis, _ in self.increment) or self.axes
 
     @property
@@ -70,7 +76,8 @@ class Hypothesis:
         return tuple(sorted(names)) or self.needs
 
     def columns(self, view: FlightView) -> Columns:
-        """Body axis -> (n,), finite; only axes that the flight gives. Empty where the flight lacks a channel that it needs."""
+        """Body axis -> (n,), finite; only axes that the flight gives. Empty where the flight lacks
+        a channel that it needs."""
         if not view.has(self.needs):
             return {}
         found = self.tangent(view) if self.tangent is not None else _evaluated(self.increment, view)
@@ -79,7 +86,11 @@ class Hypothesis:
 
 def _finite(values: Array) -> Array:
     """The values (n,), zero where they are not finite."""
-    return values if np.isfinite(values).all() else np.nan_to_num(values, nan=0.0, posinf=0.0, neginf=0.0)
+    return (
+        values
+        if np.isfinite(values).all()
+        else np.nan_to_num(values, nan=0.0, posinf=0.0, neginf=0.0)
+    )
 
 
 def _evaluated(increment: tuple[tuple[str, Expression], ...], view: FlightView) -> dict[str, Array]:
@@ -87,7 +98,9 @@ def _evaluated(increment: tuple[tuple[str, Expression], ...], view: FlightView) 
     n = len(view.time)
     total: dict[str, Array] = {}
     for axis, regressor in increment:
-        values = np.broadcast_to(evaluate(regressor, {name: view[name] for name in regressor.names}), (n,))
+        values = np.broadcast_to(
+            evaluate(regressor, {name: view[name] for name in regressor.names}), (n,)
+        )
         parts = {axis: values}
         if axis in WIND_AXES:
             drag, side, lift = (values if axis == wind else 0.0 for wind in WIND_AXES)
@@ -99,11 +112,16 @@ def _evaluated(increment: tuple[tuple[str, Expression], ...], view: FlightView) 
 
 
 def needed_channels(regressor: Expression) -> tuple[str, ...]:
-    """Channels of a flight that a regressor rests on: for a hat rate the rate and V that it is made of.
+    """Channels of a flight that a regressor rests on: for a hat rate the rate and V that it is made
+    of.
 
     >>> from aerodb.tables.expression import parse
     >>> needed_channels(parse("alpha*q_hat"))
     ('V', 'alpha', 'q')
     """
-    names = {part for name in regressor.names for part in ((HAT_RATES[name][0], "V") if name in HAT_RATES else (name,))}
+    names = {
+        part
+        for name in regressor.names
+        for part in ((HAT_RATES[name][0], "V") if name in HAT_RATES else (name,))
+    }
     return tuple(sorted(names))

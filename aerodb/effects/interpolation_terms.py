@@ -1,8 +1,9 @@
-"""A table as an expression: exact between its breakpoints and held outside them, for increments, which call no tables.
+"""A table as an expression: exact between its breakpoints and held outside them, for increments,
+which call no tables.
 
-Along each axis ``f(x) = f(x_0) + sum_j clip(x - x_j, 0, d_j)/d_j (f(x_{j+1}) - f(x_j))``, where the f's are functions of
-the other axes in turn. Only abs, clip and products appear, so that `multilinear.breaks` finds the breakpoints again and a
-table can carry it.
+Along each axis ``f(x) = f(x_0) + sum_j clip(x - x_j, 0, d_j)/d_j (f(x_{j+1}) - f(x_j))``, where the
+f's are functions of the other axes in turn. Only abs, clip and products appear, so that
+`multilinear.breaks` finds the breakpoints again and a table can carry it.
 """
 
 from collections.abc import Sequence
@@ -13,8 +14,11 @@ from aerodb.support import Array
 from aerodb.tables import Call, Expression, Number, Operation, number
 
 
-def as_expression(arguments: Sequence[Expression], breakpoints: Sequence[Array], values: Array) -> Expression:
-    """`values` over `breakpoints` (increasing, one array per argument) as an expression of `arguments`.
+def as_expression(
+    arguments: Sequence[Expression], breakpoints: Sequence[Array], values: Array
+) -> Expression:
+    """`values` over `breakpoints` (increasing, one array per argument) as an expression of
+    `arguments`.
 
     >>> import numpy as np
     >>> from aerodb.tables.expression import Name
@@ -26,7 +30,9 @@ def as_expression(arguments: Sequence[Expression], breakpoints: Sequence[Array],
     parts: list[Expression] = []
     if np.any(values[0]):
         parts.append(as_expression(arguments[1:], breakpoints[1:], values[0]))
-    for j, (low, high) in enumerate(zip(breakpoints[0][:-1].tolist(), breakpoints[0][1:].tolist(), strict=True)):
+    for j, (low, high) in enumerate(
+        zip(breakpoints[0][:-1].tolist(), breakpoints[0][1:].tolist(), strict=True)
+    ):
         rise = (values[j + 1] - values[j]) / (high - low)
         if np.any(rise):
             ramp = Call("clip", (_less(arguments[0], low), Number(0.0), Number(high - low)))

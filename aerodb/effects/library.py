@@ -1,6 +1,7 @@
 """The library: every template, and the hypotheses that they give for one database and one vehicle.
 
-It is fixed and hashed before a residual is looked at; a finding holds for the library under whose hash it was made.
+It is fixed and hashed before a residual is looked at; a finding holds for the library under whose
+hash it was made.
 """
 
 import math
@@ -106,50 +107,79 @@ def hypotheses_for(
     user: Sequence[Template] = (),
     instead: Sequence[Template] = (),
 ) -> tuple[Hypothesis, ...]:
-    """Every hypothesis that makes sense for this database, this vehicle and flights with these channels, in the library's order.
+    """Every hypothesis that makes sense for this database, this vehicle and flights with these
+    channels, in the library's order.
 
-    channels : names; never their values, so that one more flight leaves the library as it is. priors : sensor parameter -> one
-    sigma (SI) from reconstruction or calibration. user : templates of the user, from `parse_effects` and `registered_templates`.
-    instead : templates that take the place of the library's of the same effect (a stall with fitted shapes).
+    channels : names; never their values, so that one more flight leaves the library as it is.
+    priors : sensor parameter -> one sigma (SI) from reconstruction or calibration. user : templates
+    of the user, from `parse_effects` and `registered_templates`. instead : templates that take the
+    place of the library's of the same effect (a stall with fitted shapes).
 
-    Raises UnknownNameError for an effect in `settings` that no template has and for a prior that no sensor hypothesis asks for;
-    InputError where two hypotheses have one id or a prior is not positive.
+    Raises UnknownNameError for an effect in `settings` that no template has and for a prior that no
+    sensor hypothesis asks for; InputError where two hypotheses have one id or a prior is not
+    positive.
     """
     settings = settings or LibrarySettings()
     replaced = {(template.effect, template.kind) for template in instead}
-    kept = tuple(template for template in TEMPLATES if (template.effect, template.kind) not in replaced)
+    kept = tuple(
+        template for template in TEMPLATES if (template.effect, template.kind) not in replaced
+    )
     templates = (*kept, *instead, *user)
     known = {template.effect for template in templates}
     for effect in settings.effects:
         if effect not in known:
-            raise UnknownNameError(f"no effect '{effect}'", "library settings", nearest(effect, known))
+            raise UnknownNameError(
+                f"no effect '{effect}'", "library settings", nearest(effect, known)
+            )
     scene = Scene(database, vehicle, frozenset(channels), dict(priors or {}), settings)
-    possible = [replace(item, version=template.version) for template in templates for item in template.hypotheses(scene)]
+    possible = [
+        replace(item, version=template.version)
+        for template in templates
+        for item in template.hypotheses(scene)
+    ]
     _check_priors(scene.priors, possible)
     found: dict[str, Hypothesis] = {}
     for hypothesis in possible:
         if hypothesis.id in found:
-            raise InputError(f"hypothesis '{hypothesis.id}' stands twice", "effect library", "give one a subject of its own")
+            raise InputError(
+                f"hypothesis '{hypothesis.id}' stands twice",
+                "effect library",
+                "give one a subject of its own",
+            )
         found[hypothesis.id] = hypothesis
     wanted = settings.effects or known
-    return tuple(item for item in found.values() if item.effect in wanted and scene.knows(item.needs))
+    return tuple(
+        item for item in found.values() if item.effect in wanted and scene.knows(item.needs)
+    )
 
 
 def _check_priors(priors: Mapping[str, float], possible: Iterable[Hypothesis]) -> None:
-    """A prior that no hypothesis asks for would be lost without a word; one that is no size would stop everything later."""
+    """A prior that no hypothesis asks for would be lost without a word; one that is no size would
+    stop everything later."""
     sensors = {hypothesis.parameter for hypothesis in possible if hypothesis.kind == "sensor"}
     for name, sigma in priors.items():
         if name not in sensors:
             raise UnknownNameError(
-                f"a prior for '{name}', which is no sensor parameter", "effect library", nearest(name, sensors)
+                f"a prior for '{name}', which is no sensor parameter",
+                "effect library",
+                nearest(name, sensors),
             )
         if not (math.isfinite(sigma) and sigma > 0):
-            raise InputError(f"the prior of '{name}' is {sigma:g}", "effect library", "give one sigma, positive, in SI units")
+            raise InputError(
+                f"the prior of '{name}' is {sigma:g}",
+                "effect library",
+                "give one sigma, positive, in SI units",
+            )
 
 
-def library_sha256(hypotheses: Iterable[Hypothesis], settings: LibrarySettings | None = None) -> str:
-    """Hash of all that decides what can be found: ids, formulas and their versions, plausible ranges, priors, settings."""
-    entries = sorted((_described(hypothesis) for hypothesis in hypotheses), key=lambda entry: str(entry["id"]))
+def library_sha256(
+    hypotheses: Iterable[Hypothesis], settings: LibrarySettings | None = None
+) -> str:
+    """Hash of all that decides what can be found: ids, formulas and their versions, plausible
+    ranges, priors, settings."""
+    entries = sorted(
+        (_described(hypothesis) for hypothesis in hypotheses), key=lambda entry: str(entry["id"])
+    )
     return key_of({"hypotheses": entries, "settings": asdict(settings or LibrarySettings())})
 
 

@@ -1,7 +1,8 @@
 """How the current model's coefficients depend on one input along a flight.
 
-A slope is taken over the range in which a sensor may be wrong, not at a point: a table's slope jumps at every breakpoint,
-and what a biased sensor does to the prediction is the mean slope over its error.
+A slope is taken over the range in which a sensor may be wrong, not at a point: a table's slope
+jumps at every breakpoint, and what a biased sensor does to the prediction is the mean slope over
+its error.
 """
 
 from collections.abc import Mapping
@@ -13,14 +14,24 @@ import numpy as np
 from aerodb.support import Array
 from aerodb.tables import HAT_RATES, AeroDatabase, Expression
 
-#: Half the range over which a slope is taken, in the variable's unit: a quarter of a degree, of a degree per second, ...
-_STEPS: Mapping[str, float] = {"alpha": 0.0044, "beta": 0.0044, "p": 0.0044, "q": 0.0044, "r": 0.0044}
+#: Half the range over which a slope is taken, in the variable's unit: a quarter of a degree, of a
+#: degree per second, ...
+_STEPS: Mapping[str, float] = {
+    "alpha": 0.0044,
+    "beta": 0.0044,
+    "p": 0.0044,
+    "q": 0.0044,
+    "r": 0.0044,
+}
 _SURFACE_STEP = 0.0044
 _RELATIVE_STEP = 1e-4
 
 
-def slopes_by(database: AeroDatabase, variable: str, channels: Mapping[str, Array]) -> dict[str, Array]:
-    """Body axis -> dC/d`variable` (n,) along `channels`, by central differences; empty where the model does not depend on it.
+def slopes_by(
+    database: AeroDatabase, variable: str, channels: Mapping[str, Array]
+) -> dict[str, Array]:
+    """Body axis -> dC/d`variable` (n,) along `channels`, by central differences; empty where the
+    model does not depend on it.
 
     Rates act through hat rates and literal factors alike; V acts through hat rates.
 
@@ -34,7 +45,11 @@ def slopes_by(database: AeroDatabase, variable: str, channels: Mapping[str, Arra
     half = step_of(variable, x)
     above = part.predict({**base, variable: x + half}).coefficients
     below = part.predict({**base, variable: x - half}).coefficients
-    return {axis: (above[axis] - below[axis]) / (2.0 * half) for axis in above if np.any(above[axis] != below[axis])}
+    return {
+        axis: (above[axis] - below[axis]) / (2.0 * half)
+        for axis in above
+        if np.any(above[axis] != below[axis])
+    }
 
 
 def step_of(variable: str, values: Array) -> float:
@@ -49,18 +64,25 @@ def step_of(variable: str, values: Array) -> float:
 def uses(database: AeroDatabase, expression: Expression) -> frozenset[str]:
     """Channels on which the value of `expression` depends, through variables and hat rates too."""
     definitions = {name: variable.expression for name, variable in database.variables.items()}
-    inputs = database.compiled([expression], definitions, {**database.tables, **database.scattered}).inputs
-    return frozenset(inputs).union(*({HAT_RATES[name][0], "V"} for name in inputs if name in HAT_RATES))
+    inputs = database.compiled(
+        [expression], definitions, {**database.tables, **database.scattered}
+    ).inputs
+    return frozenset(inputs).union(
+        *({HAT_RATES[name][0], "V"} for name in inputs if name in HAT_RATES)
+    )
 
 
 @lru_cache(maxsize=128)
 def _dependent(database: AeroDatabase, variable: str) -> AeroDatabase | None:
-    """The terms and increments whose value changes with `variable`; all of them where the wind axes themselves turn with it."""
+    """The terms and increments whose value changes with `variable`; all of them where the wind axes
+    themselves turn with it."""
     if database.on_wind_axes and variable in ("alpha", "beta"):
         return database
     terms = tuple(term for term in database.terms if variable in uses(database, term.expression))
     increments = tuple(
-        item for item in database.increments if variable in item.names or any(_made_of(name, variable) for name in item.names)
+        item
+        for item in database.increments
+        if variable in item.names or any(_made_of(name, variable) for name in item.names)
     )
     return replace(database, terms=terms, increments=increments) if terms or increments else None
 

@@ -1,8 +1,10 @@
-"""A template's shape made finer: its regressor times a function, linear between nodes, of a variable that it may depend on.
+"""A template's shape made finer: its regressor times a function, linear between nodes, of a
+variable that it may depend on.
 
-``R (g + d_1 s_1(u) + d_2 s_2(u) + ...)`` with ramps ``s_j``, 0 below node j, 1 above node j + 1: g is the gain at the lowest
-node, d_j how much it changes over interval j. All d = 0 is the template. Linear B-splines (de Boor, 1978) in the basis in which a
-penalty on the differences of neighbours (Eilers & Marx, Stat. Sci. 11(2), 1996) is a penalty on each coefficient.
+``R (g + d_1 s_1(u) + d_2 s_2(u) + ...)`` with ramps ``s_j``, 0 below node j, 1 above node j + 1: g
+is the gain at the lowest node, d_j how much it changes over interval j. All d = 0 is the template.
+Linear B-splines (de Boor, 1978) in the basis in which a penalty on the differences of neighbours
+(Eilers & Marx, Stat. Sci. 11(2), 1996) is a penalty on each coefficient.
 """
 
 from collections.abc import Sequence
@@ -19,7 +21,8 @@ from aerodb.tables import Expression, number, parse
 
 #: Intervals of a spline.
 INTERVALS: Final = 6
-#: Part of a term's sum of squares that may lie beyond the outer nodes, on each side: there the gain is held.
+#: Part of a term's sum of squares that may lie beyond the outer nodes, on each side: there the gain
+#: is held.
 _BEYOND: Final = 0.005
 #: Variables whose functions a coefficient is known to be, beside the deflections.
 _VARIABLES: Final = frozenset({"alpha", "beta", "mach", "height_above_ground"})
@@ -44,19 +47,28 @@ class Spline:
     def expressions(self, regressor: Expression) -> tuple[Expression, ...]:
         """``regressor * s_j`` for every interval."""
         return tuple(
-            parse(f"({regressor})*(clip({self.variable}, {number(a)}, {number(b)}) - ({number(a)}))/{number(b - a)}")
+            parse(
+                f"({regressor})*(clip({self.variable}, {number(a)}, {number(b)}) -"
+                f" ({number(a)}))/{number(b - a)}"
+            )
             for a, b in zip(self.nodes[:-1], self.nodes[1:], strict=True)
         )
 
 
 def variables_of(hypothesis: Hypothesis) -> tuple[str, ...]:
-    """Variables over which the shape of a term may be made finer: alpha, and those of its own that are no rates."""
+    """Variables over which the shape of a term may be made finer: alpha, and those of its own that
+    are no rates."""
     names = frozenset[str]().union(*(regressor.names for _, regressor in hypothesis.increment))
-    return tuple(sorted({"alpha", *(n for n in names if n in _VARIABLES or n.startswith("delta_"))}))
+    return tuple(
+        sorted({"alpha", *(n for n in names if n in _VARIABLES or n.startswith("delta_"))})
+    )
 
 
-def spline_over(variable: str, hypothesis: Hypothesis, views: Sequence[FlightView]) -> Spline | None:
-    """Nodes where the term itself acts: each interval holds the same part of its sum of squares over the flights.
+def spline_over(
+    variable: str, hypothesis: Hypothesis, views: Sequence[FlightView]
+) -> Spline | None:
+    """Nodes where the term itself acts: each interval holds the same part of its sum of squares
+    over the flights.
 
     None where the flights lack the variable or it does not move while the term acts.
     """
@@ -84,7 +96,8 @@ def spline_over(variable: str, hypothesis: Hypothesis, views: Sequence[FlightVie
 
 
 def ramp_terms(hypothesis: Hypothesis, spline: Spline) -> tuple[Hypothesis, ...]:
-    """The hypotheses that stand beside `hypothesis` for its shape: one per interval, of one increment each."""
+    """The hypotheses that stand beside `hypothesis` for its shape: one per interval, of one
+    increment each."""
     ((axis, regressor),) = hypothesis.increment
     found = []
     for place, expression in enumerate(spline.expressions(regressor)):

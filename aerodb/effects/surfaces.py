@@ -1,4 +1,5 @@
-"""Which deflections a vehicle has and what each is for: it decides on which axes an error of its effect is looked for."""
+"""Which deflections a vehicle has and what each is for: it decides on which axes an error of its
+effect is looked for."""
 
 import re
 from collections.abc import Iterable
@@ -24,7 +25,8 @@ _ROLES: Final[tuple[tuple[str, Role], ...]] = (
 
 @dataclass(frozen=True)
 class Surface:
-    """A deflection ``delta_<name>``, what it is for, and the right and left surface that it is made of, if it is."""
+    """A deflection ``delta_<name>``, what it is for, and the right and left surface that it is made
+    of, if it is."""
 
     name: str
     role: Role
@@ -51,19 +53,29 @@ def role_of(name: str) -> Role:
 
 
 def surfaces_of(vehicle: Vehicle, channels: Iterable[str]) -> tuple[Surface, ...]:
-    """Deflections among `channels`, by name: combinations instead of the surfaces that they are made of, and none that the
-    vehicle's [configuration] holds fixed.
+    """Deflections among `channels`, by name: combinations instead of the surfaces that they are
+    made of, and none that the vehicle's [configuration] holds fixed.
 
     A symmetric combination is for pitch unless its name says otherwise, an asymmetric one for roll.
     """
-    names = {name.removeprefix("delta_") for name in channels if is_surface(name) and name not in vehicle.configuration}
+    names = {
+        name.removeprefix("delta_")
+        for name in channels
+        if is_surface(name) and name not in vehicle.configuration
+    }
     found, members = [], set[str]()
     for name, combination in vehicle.combinations.items():
         if name not in names:
             continue
         members |= {combination.right, combination.left}
         by_name = role_of(name)
-        usual: Role = "roll" if combination.kind == "asymmetric" else "pitch" if by_name in ("roll", "other") else by_name
+        usual: Role = (
+            "roll"
+            if combination.kind == "asymmetric"
+            else "pitch"
+            if by_name in ("roll", "other")
+            else by_name
+        )
         role = by_name if combination.kind == "asymmetric" and by_name == "yaw" else usual
         found.append(Surface(name, role, combination.right, combination.left))
     single = names - members - {surface.name for surface in found}

@@ -1,4 +1,5 @@
-"""Templates: how an effect becomes hypotheses for one database and one vehicle, before any flight has been looked at."""
+"""Templates: how an effect becomes hypotheses for one database and one vehicle, before any flight
+has been looked at."""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
@@ -23,10 +24,15 @@ AXIS_WORDS: Final[Mapping[str, str]] = {
     "C_lift": "lift",
 }
 
-#: Body axis -> the wind axis that takes its place in a database whose forces are written along the wind axes.
+#: Body axis -> the wind axis that takes its place in a database whose forces are written along the
+#: wind axes.
 _ON_WIND: Final = {"CX": "C_drag", "CY": "C_side", "CZ": "C_lift"}
 #: Body axes on which one parameter along a wind axis is felt.
-FELT_ON: Final = {"C_drag": ("CX", "CY", "CZ"), "C_side": ("CX", "CY", "CZ"), "C_lift": ("CX", "CZ")}
+FELT_ON: Final = {
+    "C_drag": ("CX", "CY", "CZ"),
+    "C_side": ("CX", "CY", "CZ"),
+    "C_lift": ("CX", "CZ"),
+}
 
 #: Channels that a view makes of others.
 _MADE_OF: Final = {"alphadot": "alpha", "betadot": "beta"}
@@ -36,8 +42,8 @@ _MADE_OF: Final = {"alphadot": "alpha", "betadot": "beta"}
 class LibrarySettings:
     """What may be chosen about a library, fixed and hashed before residuals are looked at.
 
-    effects : names to expand; empty: all. alpha_breaks : rad, where slopes may change beside the database's own kinks (0.175
-    is 10 deg, the break of 003, eq. 7).
+    effects : names to expand; empty: all. alpha_breaks : rad, where slopes may change beside the
+    database's own kinks (0.175 is 10 deg, the break of 003, eq. 7).
     """
 
     effects: tuple[str, ...] = ()
@@ -46,9 +52,11 @@ class LibrarySettings:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """What templates may know: database, vehicle, names of the channels that flights have, priors, settings.
+    """What templates may know: database, vehicle, names of the channels that flights have, priors,
+    settings.
 
-    priors : sensor parameter -> one sigma, from flight-path reconstruction or a calibration; it overrides the vehicle file.
+    priors : sensor parameter -> one sigma, from flight-path reconstruction or a calibration; it
+    overrides the vehicle file.
     """
 
     database: AeroDatabase
@@ -64,7 +72,8 @@ class Scene:
 
     @cached_property
     def on_wind_axes(self) -> bool:
-        """Whether the database's own terms give forces along the wind axes: hypotheses then stand there too."""
+        """Whether the database's own terms give forces along the wind axes: hypotheses then stand
+        there too."""
         return any(term.axis in WIND_AXES for term in self.database.terms)
 
     def axis(self, body: str) -> str:
@@ -73,16 +82,20 @@ class Scene:
 
     def knows(self, needs: Iterable[str]) -> bool:
         """Whether flights have all of these channels, or what a view makes them of."""
-        return all(_MADE_OF.get(name, name) in self.channels or name in self.channels for name in needs)
+        return all(
+            _MADE_OF.get(name, name) in self.channels or name in self.channels for name in needs
+        )
 
     def sigma(self, parameter: str, declared: float, natural: float) -> float:
-        """One sigma of a sensor parameter: a prior that was handed in, else what the vehicle file declares, else natural."""
+        """One sigma of a sensor parameter: a prior that was handed in, else what the vehicle file
+        declares, else natural."""
         return self.priors.get(parameter) or declared or natural
 
 
 @dataclass(frozen=True)
 class Template:
-    """An effect: `hypotheses` expands it for a scene. formula, source : for people; version : raised when it changes."""
+    """An effect: `hypotheses` expands it for a scene. formula, source : for people; version :
+    raised when it changes."""
 
     effect: str
     kind: Kind
@@ -105,10 +118,11 @@ def additive(
     subject: str = "",
     source: str = "",
 ) -> Hypothesis:
-    """An aerodynamic hypothesis ``C_axis += parameter * regressor``, on the axis on which the database writes it.
+    """An aerodynamic hypothesis ``C_axis += parameter * regressor``, on the axis on which the
+    database writes it.
 
-    axis : body axis. size : the largest believable correction, of either sign. name : what follows the axis in the parameter's
-    name. grows : how the clause for reports goes on after the axis.
+    axis : body axis. size : the largest believable correction, of either sign. name : what follows
+    the axis in the parameter's name. grows : how the clause for reports goes on after the axis.
     """
     own = scene.axis(axis)
     return on_axis(
@@ -156,17 +170,37 @@ def on_axis(
 
 
 def per_axis(
-    effect: str, regressor: str, sizes: Mapping[str, float], *, unit: str, grows: str, name: str, source: str
+    effect: str,
+    regressor: str,
+    sizes: Mapping[str, float],
+    *,
+    unit: str,
+    grows: str,
+    name: str,
+    source: str,
 ) -> Template:
-    """The template ``C_axis += k * regressor`` on each axis of `sizes` (body axis -> largest believable k)."""
+    """The template ``C_axis += k * regressor`` on each axis of `sizes` (body axis -> largest
+    believable k)."""
 
     def hypotheses(scene: Scene) -> list[Hypothesis]:
         return [
-            additive(scene, effect, axis, regressor, size=size, unit=unit, grows=grows, name=name, source=source)
+            additive(
+                scene,
+                effect,
+                axis,
+                regressor,
+                size=size,
+                unit=unit,
+                grows=grows,
+                name=name,
+                source=source,
+            )
             for axis, size in sizes.items()
         ]
 
-    return Template(effect, "aerodynamic", f"{', '.join(sizes)} += k*({regressor})", source, hypotheses)
+    return Template(
+        effect, "aerodynamic", f"{', '.join(sizes)} += k*({regressor})", source, hypotheses
+    )
 
 
 def value(regressor: str, **channels: float) -> float:

@@ -1,17 +1,12 @@
 """Templates of the user: effects in a TOML file, or Python packages that register some.
 
-```toml
-[[effect]]
-name = "wing_rock"                       # or the name of an effect of the library, with a subject of its own
-axes = ["Cl"]
-expression = "alpha*p_hat*abs(beta)"     # over channels; parsed, never run
-plausible = [-5.0, 5.0]
-because = "rolling moment that grows with roll rate, angle of attack and sideslip"
-source = "Elzebda, Nayfeh, Mook, J. Aircraft 26(8), 1989"
-```
+```toml [[effect]] name = "wing_rock"                       # or the name of an effect of the
+library, with a subject of its own axes = ["Cl"] expression = "alpha*p_hat*abs(beta)"     # over
+channels; parsed, never run plausible = [-5.0, 5.0] because = "rolling moment that grows with roll
+rate, angle of attack and sideslip" source = "Elzebda, Nayfeh, Mook, J. Aircraft 26(8), 1989" ```
 
-A package registers under the entry point group ``aerodb.effects`` a `Template`, or a function without arguments that
-gives some.
+A package registers under the entry point group ``aerodb.effects`` a `Template`, or a function
+without arguments that gives some.
 """
 
 import re
@@ -50,7 +45,9 @@ class UserEffect(Strict):
     def _consistent(self) -> "UserEffect":
         for label, word in (("name", self.name), ("subject", self.subject or "none")):
             if not _NAME.fullmatch(word):
-                raise ValueError(f"{label} '{word}' is not lower case letters, digits and underscores")
+                raise ValueError(
+                    f"{label} '{word}' is not lower case letters, digits and underscores"
+                )
         for axis in self.axes:
             if axis not in INCREMENT_AXES:
                 raise ValueError(f"unknown axis '{axis}'; {nearest(axis, INCREMENT_AXES)}")
@@ -71,7 +68,8 @@ class UserEffects(Strict):
 def parse_effects(text: str, where: str = "effect file") -> tuple[Template, ...]:
     """Templates from the text of a TOML file.
 
-    Raises InputError that names the key, the position in an expression or the unknown channel, with the nearest known one.
+    Raises InputError that names the key, the position in an expression or the unknown channel, with
+    the nearest known one.
     """
     try:
         data = tomllib.loads(text)
@@ -87,15 +85,24 @@ def registered_templates() -> tuple[Template, ...]:
     """
     found: list[Template] = []
     for point in sorted(entry_points(group=GROUP), key=lambda point: (point.name, point.value)):
-        where, remedy = f"entry point {GROUP}: {point.name} = {point.value}", "mend or uninstall the package that registers it"
+        where, remedy = (
+            f"entry point {GROUP}: {point.name} = {point.value}",
+            "mend or uninstall the package that registers it",
+        )
         try:
             given = point.load()
             templates = list(given()) if callable(given) else [given]
-        except Exception as error:  # whatever a foreign package does wrong, the reader must learn which it was
-            raise InputError(f"cannot be loaded: {type(error).__name__}: {error}", where, remedy) from error
+        except (
+            Exception
+        ) as error:  # whatever a foreign package does wrong, the reader must learn which it was
+            raise InputError(
+                f"cannot be loaded: {type(error).__name__}: {error}", where, remedy
+            ) from error
         for template in templates:
             if not isinstance(template, Template):
-                raise InputError(f"gives a {type(template).__name__}, not a Template", where, remedy)
+                raise InputError(
+                    f"gives a {type(template).__name__}, not a Template", where, remedy
+                )
             found.append(template)
     return tuple(found)
 
@@ -104,7 +111,9 @@ def _parsed(text: str) -> Expression:
     expression = parse(text)
     if expression.tables:
         known = "an increment is made of channels and functions only"
-        raise InputError(f"no function '{sorted(expression.tables)[0]}'", f"expression '{text}'", known)
+        raise InputError(
+            f"no function '{sorted(expression.tables)[0]}'", f"expression '{text}'", known
+        )
     for name in sorted(expression.names):
         try:
             channel(name)

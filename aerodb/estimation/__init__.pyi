@@ -1,4 +1,13 @@
 from .regression import Regression, coloured_sum, least_squares, own_constants, with_mean_constant
 from .statistics import Theil, rms, theil
 
-__all__ = ["Regression", "Theil", "coloured_sum", "least_squares", "own_constants", "rms", "theil", "with_mean_constant"]
+__all__ = [
+    "Regression",
+    "Theil",
+    "coloured_sum",
+    "least_squares",
+    "own_constants",
+    "rms",
+    "theil",
+    "with_mean_constant",
+]

@@ -1,4 +1,5 @@
-"""Least squares on stacked records, with standard errors that stay true when residuals are correlated in time."""
+"""Least squares on stacked records, with standard errors that stay true when residuals are
+correlated in time."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,9 +17,10 @@ _SINGLE_THREAD = 200_000
 class Regression:
     """A least-squares fit.
 
-    estimates (k,); `covariance` (k, k) corrected for coloured residuals; `white_covariance` (k, k) as if they were
-    white; residual (n,); r_squared; `vif` (k,) variance inflation of each regressor by the others (1 for a constant
-    alone); `names` of the regressors; `excited` (k,) false where the regressor does not vary enough to be estimated.
+    estimates (k,); `covariance` (k, k) corrected for coloured residuals; `white_covariance` (k, k)
+    as if they were white; residual (n,); r_squared; `vif` (k,) variance inflation of each regressor
+    by the others (1 for a constant alone); `names` of the regressors; `excited` (k,) false where
+    the regressor does not vary enough to be estimated.
     """
 
     names: tuple[str, ...]
@@ -43,18 +45,22 @@ class Regression:
         return np.where(np.isfinite(ratio), ratio, np.eye(len(deviation)))
 
 
-def least_squares(regressors: Array, response: Array, names: Sequence[str], lengths: Sequence[int] | None = None) -> Regression:
-    """Ordinary least squares; covariance for coloured residuals after Morelli & Klein, JGCD 20(1), 1997, eq. 31.
+def least_squares(
+    regressors: Array, response: Array, names: Sequence[str], lengths: Sequence[int] | None = None
+) -> Regression:
+    """Ordinary least squares; covariance for coloured residuals after Morelli & Klein, JGCD 20(1),
+    1997, eq. 31.
 
-    ``cov = (X'X)^-1 [sum_ij x_i R(i-j) x_j'] (X'X)^-1`` with ``R(k) = (1/N) sum v_i v_(i+k)``, the double sum within
-    each record only: records are independent.
+    ``cov = (X'X)^-1 [sum_ij x_i R(i-j) x_j'] (X'X)^-1`` with ``R(k) = (1/N) sum v_i v_(i+k)``, the
+    double sum within each record only: records are independent.
 
     Parameters
     ----------
     regressors : (n, k), with a column of ones if a constant is wanted. response : (n,).
     names : k names. lengths : samples of each record in order, summing to n; None: one record.
 
-    Raises ValueError when regressors are linearly dependent (which ones is said) or samples are too few.
+    Raises ValueError when regressors are linearly dependent (which ones is said) or samples are too
+    few.
     """
     n, k = regressors.shape
     if n <= k:
@@ -66,7 +72,11 @@ def least_squares(regressors: Array, response: Array, names: Sequence[str], leng
     scaled = regressors / scale
     _, singular, right = np.linalg.svd(scaled, full_matrices=False)
     if singular[-1] < singular[0] * n * np.finfo(float).eps:
-        tied = [name for name, weight in zip(names, np.abs(right[-1]), strict=True) if weight > 0.1 * np.abs(right[-1]).max()]
+        tied = [
+            name
+            for name, weight in zip(names, np.abs(right[-1]), strict=True)
+            if weight > 0.1 * np.abs(right[-1]).max()
+        ]
         raise ValueError(f"linearly dependent: {', '.join(tied)}")
     estimates = np.linalg.lstsq(scaled, response, rcond=None)[0]
     residual = response - scaled @ estimates
@@ -94,23 +104,28 @@ def least_squares(regressors: Array, response: Array, names: Sequence[str], leng
 
 
 def own_constants(regressors: Array, lengths: Sequence[int], constant: int) -> tuple[Array, Array]:
-    """A constant of each of the g records in place of the one in column `constant`: regressors (n, k - 1 + g), those constants
-    last, and the mix (k, k - 1 + g) that makes of their estimates those of the k columns: the constant is the mean of the g.
+    """A constant of each of the g records in place of the one in column `constant`: regressors (n,
+    k - 1 + g), those constants last, and the mix (k, k - 1 + g) that makes of their estimates those
+    of the k columns: the constant is the mean of the g.
 
     >>> own_constants(np.array([[1.0, 2.0], [1.0, 3.0]]), [1, 1], 0)[0].tolist()
     [[2.0, 1.0, 0.0], [3.0, 0.0, 1.0]]
     """
     k, g = regressors.shape[1], len(lengths)
-    wide = np.column_stack([np.delete(regressors, constant, axis=1), np.repeat(np.eye(g), lengths, axis=0)])
+    wide = np.column_stack(
+        [np.delete(regressors, constant, axis=1), np.repeat(np.eye(g), lengths, axis=0)]
+    )
     mix = np.zeros((k, k - 1 + g))
     mix[np.delete(np.arange(k), constant), np.arange(k - 1)] = 1.0
     mix[constant, k - 1 :] = 1.0 / g
     return wide, mix
 
 
-def with_mean_constant(fit: Regression, mix: Array, names: Sequence[str], constant: int) -> Regression:
-    """A fit with `own_constants` as one of the k columns `names`. The variance of the mean constant holds their scatter as well;
-    residual and r_squared stay those beside each record's own.
+def with_mean_constant(
+    fit: Regression, mix: Array, names: Sequence[str], constant: int
+) -> Regression:
+    """A fit with `own_constants` as one of the k columns `names`. The variance of the mean constant
+    holds their scatter as well; residual and r_squared stay those beside each record's own.
     """
     k = len(mix)
     levels = fit.estimates[k - 1 :]
@@ -129,10 +144,12 @@ def with_mean_constant(fit: Regression, mix: Array, names: Sequence[str], consta
 
 
 def coloured_sum(regressors: Array, residual: Array) -> Array:
-    """sum_ij x_i R(i-j) x_j' for one record, by FFT: R is even, so its transform weights the cross spectra of x.
+    """sum_ij x_i R(i-j) x_j' for one record, by FFT: R is even, so its transform weights the cross
+    spectra of x.
 
-    The residual is padded to twice its length, so the transform of R is that of the residual, squared. Block by block:
-    products of this size do not wake BLAS threads, whose contention costs more than the product.
+    The residual is padded to twice its length, so the transform of R is that of the residual,
+    squared. Block by block: products of this size do not wake BLAS threads, whose contention costs
+    more than the product.
     """
     n, k = regressors.shape
     size = next_fast_len(2 * n)
@@ -149,7 +166,8 @@ def coloured_sum(regressors: Array, residual: Array) -> Array:
 
 
 def _variance_inflation(regressors: Array) -> Array:
-    """VIF (k,): how much the other regressors and the constant inflate each estimate's variance; 1 for a constant."""
+    """VIF (k,): how much the other regressors and the constant inflate each estimate's variance; 1
+    for a constant."""
     spread = regressors.std(axis=0)
     varying = spread > 1e-12 * np.abs(regressors).max(axis=0)
     vif = np.ones(regressors.shape[1])

@@ -9,7 +9,8 @@ from aerodb.support import Array
 
 @dataclass(frozen=True)
 class Theil:
-    """Theil's inequality statistics: fit in percent, and the error's parts from bias, variance and covariance (sum 1)."""
+    """Theil's inequality statistics: fit in percent, and the error's parts from bias, variance and
+    covariance (sum 1)."""
 
     fit_percent: float
     bias: float
@@ -23,10 +24,11 @@ def rms(values: Array) -> float:
 
 
 def theil(predicted: Array, measured: Array) -> Theil:
-    """Theil's statistics of a prediction (n,) against a measurement (n,) (Jategaonkar 2015, section 11.2).
+    """Theil's statistics of a prediction (n,) against a measurement (n,) (Jategaonkar 2015, section
+    11.2).
 
-    ``U = rms(yhat - y) / (rms(yhat) + rms(y))``, fit ``100 (1 - U)``; parts ``(mean yhat - mean y)^2 / MSE``,
-    ``(s_yhat - s_y)^2 / MSE``, ``2 (1 - rho) s_yhat s_y / MSE``.
+    ``U = rms(yhat - y) / (rms(yhat) + rms(y))``, fit ``100 (1 - U)``; parts ``(mean yhat - mean
+    y)^2 / MSE``, ``(s_yhat - s_y)^2 / MSE``, ``2 (1 - rho) s_yhat s_y / MSE``.
 
     >>> import numpy as np
     >>> theil(np.array([1.0, 2.0, 3.0]), np.array([0.0, 1.0, 2.0])).bias
@@ -39,4 +41,6 @@ def theil(predicted: Array, measured: Array) -> Theil:
         return Theil(100.0, 0.0, 0.0, 0.0)
     bias = float(np.mean(error)) ** 2 / mse
     variance = float(predicted.std() - measured.std()) ** 2 / mse
-    return Theil(100.0 * (1.0 - np.sqrt(mse) / size), bias, variance, max(0.0, 1.0 - bias - variance))
+    return Theil(
+        100.0 * (1.0 - np.sqrt(mse) / size), bias, variance, max(0.0, 1.0 - bias - variance)
+    )

@@ -1,7 +1,19 @@
 from .arrays import export_csv, export_mat, export_netcdf, import_csv, import_mat, import_netcdf
 from .daveml import export_daveml, import_daveml, is_daveml
-from .jsbsim import check_in_jsbsim, export_jsbsim, import_jsbsim, input_properties, jsbsim_check_cases
-from .native import database_content_sha256, database_document_sha256, from_document, read_native, to_document
+from .jsbsim import (
+    check_in_jsbsim,
+    export_jsbsim,
+    import_jsbsim,
+    input_properties,
+    jsbsim_check_cases,
+)
+from .native import (
+    database_content_sha256,
+    database_document_sha256,
+    from_document,
+    read_native,
+    to_document,
+)
 from .state_terms import for_jsbsim, without_memory
 
 __all__ = [

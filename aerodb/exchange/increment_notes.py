@@ -1,7 +1,8 @@
-"""The note of an increment in a stored document: one text, which says also what the increment's structured fields hold.
+"""The note of an increment in a stored document: one text, which says also what the increment's
+structured fields hold.
 
-Documents carry that structure in keys of its own (``refit``, ``lengthened_cells``). Documents of earlier releases have the text
-alone; it is decoded here, and nowhere else.
+Documents carry that structure in keys of its own (``refit``, ``lengthened_cells``). Documents of
+earlier releases have the text alone; it is decoded here, and nowhere else.
 """
 
 import re
@@ -9,28 +10,38 @@ from typing import Final
 
 from aerodb.tables import Increment, RefinedShape, Refit
 
-_REFIT: Final = re.compile(r"(?:^|; )gain fitted once more beside the rest(?:, shape refined of (?P<shapes>.*))?$")
+_REFIT: Final = re.compile(
+    r"(?:^|; )gain fitted once more beside the rest(?:, shape refined of (?P<shapes>.*))?$"
+)
 _SHAPE: Final = re.compile(r"(?:^|; )(.+?) over (.+?) \(left-out flights: (-?[\d.]+)% less error\)")
 _LENGTHENED: Final = re.compile(r"(?:^|; )held and faded over (\d+) table cells of alpha each: .*$")
 
 
 def own_note(text: str, bare: Increment) -> str:
-    """The note without what the other fields say: `text` is the whole of it, `bare` the increment without any note."""
+    """The note without what the other fields say: `text` is the whole of it, `bare` the increment
+    without any note."""
     said = bare.full_note
     return "" if text == said else text.removesuffix(f"; {said}") if said else text
 
 
 def decoded(text: str) -> tuple[str, Refit | None, int]:
-    """Own note, refit and lengthened cells of a text from a document that holds nothing else about them."""
+    """Own note, refit and lengthened cells of a text from a document that holds nothing else about
+    them."""
     lengthened = _LENGTHENED.search(text)
     text = text[: lengthened.start()] if lengthened else text
     refit = _REFIT.search(text)
     cells = int(lengthened[1]) if lengthened else 0
     if refit is None:
         return text, None, cells
-    return text[: refit.start()], Refit(tuple(_shape(*found) for found in _SHAPE.findall(refit["shapes"] or ""))), cells
+    return (
+        text[: refit.start()],
+        Refit(tuple(_shape(*found) for found in _SHAPE.findall(refit["shapes"] or ""))),
+        cells,
+    )
 
 
 def _shape(hypothesis: str, variables: str, percent: str) -> RefinedShape:
     axis = hypothesis.partition("@")[2].partition(":")[0]  # an id is effect@axis:subject
-    return RefinedShape(hypothesis, axis, tuple(variables.split(", ")), round(float(percent) / 100.0, 3))
+    return RefinedShape(
+        hypothesis, axis, tuple(variables.split(", ")), round(float(percent) / 100.0, 3)
+    )

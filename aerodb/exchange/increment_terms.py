@@ -1,7 +1,8 @@
 """Increments as plain terms: what a format without increments can carry.
 
-Estimates, envelope and envelope rule become expressions, so that the numbers stay the same everywhere, inside the envelope
-and beyond. What such a format cannot carry, covariance and flights, stays with the version in the catalogue.
+Estimates, envelope and envelope rule become expressions, so that the numbers stay the same
+everywhere, inside the envelope and beyond. What such a format cannot carry, covariance and flights,
+stays with the version in the catalogue.
 """
 
 from collections.abc import Mapping
@@ -36,10 +37,18 @@ _RULE: Final = "1 inside and one cell beyond, then to 0 over one further cell"
 
 
 def with_increments_as_terms(database: AeroDatabase) -> AeroDatabase:
-    """`database` with a term (and some variables) in place of each increment; `predict` gives the same values."""
+    """`database` with a term (and some variables) in place of each increment; `predict` gives the
+    same values."""
     if not database.increments:
         return database
-    taken = {*CHANNELS, *CONSTANTS, *FUNCTIONS, *database.variables, *database.tables, *database.free_inputs}
+    taken = {
+        *CHANNELS,
+        *CONSTANTS,
+        *FUNCTIONS,
+        *database.variables,
+        *database.tables,
+        *database.free_inputs,
+    }
     terms, variables = list(database.terms), dict(database.variables)
     term_names = {term.name for term in terms}
     for k, increment in enumerate(database.increments, start=1):
@@ -62,12 +71,19 @@ def substitute(expression: Expression, replacements: Mapping[str, Expression]) -
     if isinstance(expression, Negation):
         return Negation(substitute(expression.operand, replacements))
     if isinstance(expression, Operation):
-        left, right = (substitute(side, replacements) for side in (expression.left, expression.right))
+        left, right = (
+            substitute(side, replacements) for side in (expression.left, expression.right)
+        )
         return Operation(expression.operator, left, right)
     if isinstance(expression, Call):
-        return Call(expression.function, tuple(substitute(each, replacements) for each in expression.arguments))
+        return Call(
+            expression.function,
+            tuple(substitute(each, replacements) for each in expression.arguments),
+        )
     if isinstance(expression, TableCall):
-        return TableCall(expression.table, tuple(substitute(each, replacements) for each in expression.arguments))
+        return TableCall(
+            expression.table, tuple(substitute(each, replacements) for each in expression.arguments)
+        )
     return expression
 
 
@@ -79,7 +95,8 @@ def _unused(stem: str, taken: set[str]) -> str:
 
 
 def _rewritten(increment: Increment, stem: str) -> tuple[dict[str, Variable], Expression]:
-    """Variables for held arguments and weights, and the sum of estimate times weight times regressor over them."""
+    """Variables for held arguments and weights, and the sum of estimate times weight times
+    regressor over them."""
     variables: dict[str, Variable] = {}
     held: dict[str, Expression] = {}
     weights: dict[str, Expression] = {}
@@ -87,22 +104,32 @@ def _rewritten(increment: Increment, stem: str) -> tuple[dict[str, Variable], Ex
     for name, interval in increment.envelope.items():
         if name in used:
             clipped = Call("clip", (Name(name), number(interval.low), number(interval.high)))
-            variables[f"{stem}_held_{name}"] = Variable(clipped, "", f"{name}, held where flights have been")
+            variables[f"{stem}_held_{name}"] = Variable(
+                clipped, "", f"{name}, held where flights have been"
+            )
             held[name] = Name(f"{stem}_held_{name}")
         if name in used.union(BASE_VARIABLES):
-            variables[f"{stem}_weight_{name}"] = Variable(_weight(name, interval), "1", f"envelope of {name}: {_RULE}")
+            variables[f"{stem}_weight_{name}"] = Variable(
+                _weight(name, interval), "1", f"envelope of {name}: {_RULE}"
+            )
             weights[name] = Name(f"{stem}_weight_{name}")
     shares = []
     for estimate, regressor in zip(increment.layered, increment.regressors, strict=True):
-        acting = [weights[name] for name in weights if name in regressor.names.union(BASE_VARIABLES)]
+        acting = [
+            weights[name] for name in weights if name in regressor.names.union(BASE_VARIABLES)
+        ]
         if estimate == 0.0:
             continue
-        shares.append(reduce(times, [substitute(regressor, held), *acting, number(float(estimate))]))
+        shares.append(
+            reduce(times, [substitute(regressor, held), *acting, number(float(estimate))])
+        )
     return variables, reduce(plus, shares) if shares else Number(0)
 
 
 def _weight(name: str, interval: Interval) -> Expression:
-    low, high, cell = (f"({number(value)})" for value in (interval.low, interval.high, interval.cell))
+    low, high, cell = (
+        f"({number(value)})" for value in (interval.low, interval.high, interval.cell)
+    )
     if interval.cell == 0.0:
         return parse(f"(1 - step({low} - {name}))*(1 - step({name} - {high}))")
     return parse(f"clip(2 - max({low} - {name}, {name} - {high})/{cell}, 0, 1)")

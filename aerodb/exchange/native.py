@@ -1,8 +1,9 @@
-"""The product's own forms of a database: a TOML file that people write, and the document that is stored.
+"""The product's own forms of a database: a TOML file that people write, and the document that is
+stored.
 
-The TOML holds either plain handbook derivatives (``[derivatives.CZ]`` with ``alpha = -6.6``), or variables, tables and
-terms, or all of them; numbers are SI and rad, text with a unit is converted. The document is JSON-able and exact: floats
-survive as they are, expressions as text.
+The TOML holds either plain handbook derivatives (``[derivatives.CZ]`` with ``alpha = -6.6``), or
+variables, tables and terms, or all of them; numbers are SI and rad, text with a unit is converted.
+The document is JSON-able and exact: floats survive as they are, expressions as text.
 """
 
 import hashlib
@@ -60,8 +61,8 @@ MAX_TEXT: Final = 50_000_000
 def read_native(text: str, where: str = "database file") -> AeroDatabase:
     """A database from the text of its TOML file.
 
-    Raises InputError that names the key and, for a mistyped name, the nearest valid one; breakpoints that do not
-    increase and shapes that do not fit are refused.
+    Raises InputError that names the key and, for a mistyped name, the nearest valid one;
+    breakpoints that do not increase and shapes that do not fit are refused.
     """
     if len(text) > MAX_TEXT:
         raise InputError(f"{len(text)} characters", where, f"at most {MAX_TEXT}")
@@ -71,26 +72,45 @@ def read_native(text: str, where: str = "database file") -> AeroDatabase:
         raise InputError(f"not valid TOML: {error}", where) from error
     file = validated(DatabaseFile, data, where)
     if not file.terms and not file.derivatives:
-        raise InputError("neither terms nor derivatives", where, "write [[terms]] or [derivatives.<axis>]")
+        raise InputError(
+            "neither terms nor derivatives", where, "write [[terms]] or [derivatives.<axis>]"
+        )
     return _database(file, (), where)
 
 
 def _database(file: DatabaseFile, increments: tuple[Increment, ...], where: str) -> AeroDatabase:
     try:
-        terms = [Term(t.name, t.axis, _parsed(t.expression, f"term {t.name}"), t.description) for t in file.terms]
-        terms += [term for axis, entries in file.derivatives.items() for term in _derivative_terms(axis, entries)]
+        terms = [
+            Term(t.name, t.axis, _parsed(t.expression, f"term {t.name}"), t.description)
+            for t in file.terms
+        ]
+        terms += [
+            term
+            for axis, entries in file.derivatives.items()
+            for term in _derivative_terms(axis, entries)
+        ]
         return AeroDatabase(
             name=file.name,
             reference=Reference(**dict(file.reference)),
             variables={
                 name: Variable(
-                    _parsed(v.expression, f"variable {name}"), v.unit, v.description, v.declared, _uncertainty(v.uncertainty)
+                    _parsed(v.expression, f"variable {name}"),
+                    v.unit,
+                    v.description,
+                    v.declared,
+                    _uncertainty(v.uncertainty),
                 )
                 for name, v in file.variables.items()
             },
             tables=dict(zip(file.tables, starmap(_table, file.tables.items()), strict=True)),
             scattered={
-                name: ScatteredTable(name, t.arguments, np.array(t.points), np.array(t.values), _uncertainty(t.uncertainty))
+                name: ScatteredTable(
+                    name,
+                    t.arguments,
+                    np.array(t.points),
+                    np.array(t.values),
+                    _uncertainty(t.uncertainty),
+                )
                 for name, t in file.scattered.items()
             },
             terms=tuple(terms),
@@ -142,7 +162,8 @@ def _uncertainty(file: UncertaintyFile | None) -> Uncertainty | None:
 
 
 def _si(argument: str) -> str:
-    """SI unit of a table argument: that of the channel of this name; anything else with a unit is taken as an angle."""
+    """SI unit of a table argument: that of the channel of this name; anything else with a unit is
+    taken as an angle."""
     try:
         return channel(argument).unit
     except UnknownNameError:
@@ -157,21 +178,35 @@ def _state(file: StateFile) -> StateModel:
         if name not in known:
             raise InputError(f"{file.law} has no parameter '{name}'", where, nearest(name, known))
         if isinstance(value, tuple) != (name in ("breakpoints", "attached")):
-            raise InputError(f"{name} is {value}", where, "breakpoints and attached are lists, all others numbers")
+            raise InputError(
+                f"{name} is {value}",
+                where,
+                "breakpoints and attached are lists, all others numbers",
+            )
     absent = [i.name for i in fields(law) if i.default is MISSING and i.name not in file.parameters]
     if absent:
-        raise InputError(f"{file.law} lacks {', '.join(absent)}", where, "give them in its parameters")
+        raise InputError(
+            f"{file.law} lacks {', '.join(absent)}", where, "give them in its parameters"
+        )
     return StateModel(file.name, law(**file.parameters), file.description)  # type: ignore[arg-type]
 
 
 def _state_document(state: StateModel) -> dict[str, Any]:
-    parameters = {name: list(x) if isinstance(x, tuple) else float(x) for name, x in asdict(state.law).items()}
+    parameters = {
+        name: list(x) if isinstance(x, tuple) else float(x) for name, x in asdict(state.law).items()
+    }
     law = next(name for name, kind in LAWS.items() if isinstance(state.law, kind))
-    return {"name": state.name, "law": law, "parameters": parameters, "description": state.description}
+    return {
+        "name": state.name,
+        "law": law,
+        "parameters": parameters,
+        "description": state.description,
+    }
 
 
 def _derivative_terms(axis: str, entries: Mapping[str, float]) -> list[Term]:
-    """Terms ``value * regressor`` of handbook derivatives; the regressor ``1`` is the constant, named ``<axis>_0``."""
+    """Terms ``value * regressor`` of handbook derivatives; the regressor ``1`` is the constant,
+    named ``<axis>_0``."""
     try:
         axis_description(axis)
     except UnknownNameError as error:
@@ -188,7 +223,8 @@ def _derivative_terms(axis: str, entries: Mapping[str, float]) -> list[Term]:
 
 
 def to_document(database: AeroDatabase) -> dict[str, Any]:
-    """`database` as plain JSON-able values, increments included; `from_document` gives back an equal one."""
+    """`database` as plain JSON-able values, increments included; `from_document` gives back an
+    equal one."""
     reference = database.reference
     return {
         "format": DOCUMENT_FORMAT,
@@ -217,25 +253,46 @@ def to_document(database: AeroDatabase) -> dict[str, Any]:
                 "arguments": list(table.arguments),
                 "breakpoints": [axis.tolist() for axis in table.breakpoints],
                 "values": table.values.tolist(),
-                **({"extent": [bounds and list(bounds) for bounds in table.extent]} if table.extent else {}),
+                **(
+                    {"extent": [bounds and list(bounds) for bounds in table.extent]}
+                    if table.extent
+                    else {}
+                ),
                 **({"interpolation": list(table.interpolation)} if table.interpolation else {}),
                 **({"extrapolation": list(table.extrapolation)} if table.extrapolation else {}),
                 **_uncertainty_document(table.uncertainty),
             }
             for name, table in database.tables.items()
         },
-        **({"scattered": {n: _scattered_document(t) for n, t in database.scattered.items()}} if database.scattered else {}),
+        **(
+            {"scattered": {n: _scattered_document(t) for n, t in database.scattered.items()}}
+            if database.scattered
+            else {}
+        ),
         "terms": [
-            {"name": t.name, "axis": t.axis, "expression": str(t.expression), "description": t.description}
+            {
+                "name": t.name,
+                "axis": t.axis,
+                "expression": str(t.expression),
+                "description": t.description,
+            }
             for t in database.terms
         ],
         "increments": [_increment_document(increment) for increment in database.increments],
-        **({"states": [_state_document(state) for state in database.states]} if database.states else {}),
+        **(
+            {"states": [_state_document(state) for state in database.states]}
+            if database.states
+            else {}
+        ),
     }
 
 
 def _scattered_document(table: ScatteredTable) -> dict[str, Any]:
-    document = {"arguments": list(table.arguments), "points": table.points.tolist(), "values": table.values.tolist()}
+    document = {
+        "arguments": list(table.arguments),
+        "points": table.points.tolist(),
+        "values": table.values.tolist(),
+    }
     return {**document, **_uncertainty_document(table.uncertainty)}
 
 
@@ -246,7 +303,9 @@ def _uncertainty_document(uncertainty: Uncertainty | None) -> dict[str, Any]:
     document = {
         "effect": uncertainty.effect,
         "distribution": uncertainty.distribution,
-        "bounds": [list(bound) if isinstance(bound, tuple) else bound for bound in uncertainty.bounds],
+        "bounds": [
+            list(bound) if isinstance(bound, tuple) else bound for bound in uncertainty.bounds
+        ],
         "sigmas": uncertainty.sigmas,
         "correlates_with": list(uncertainty.correlates_with),
         "correlations": [list(pair) for pair in uncertainty.correlations],
@@ -260,7 +319,10 @@ def _increment_document(increment: Increment) -> dict[str, Any]:
         "regressors": [str(regressor) for regressor in increment.regressors],
         "estimates": increment.estimates.tolist(),
         "covariance": increment.covariance.tolist(),
-        "envelope": {name: {"low": i.low, "high": i.high, "cell": i.cell} for name, i in increment.envelope.items()},
+        "envelope": {
+            name: {"low": i.low, "high": i.high, "cell": i.cell}
+            for name, i in increment.envelope.items()
+        },
         "flights": list(increment.flights),
         "note": increment.full_note,
         **({"folded": list(increment.folded)} if any(increment.folded) else {}),
@@ -274,17 +336,24 @@ _SAID_BY_NOTE: Final = frozenset({"refit", "lengthened_cells"})
 
 
 def _refit_document(refit: Refit) -> dict[str, Any]:
-    return {"shapes": [{**asdict(shape), "variables": list(shape.variables)} for shape in refit.shapes]}
+    return {
+        "shapes": [{**asdict(shape), "variables": list(shape.variables)} for shape in refit.shapes]
+    }
 
 
 def database_document_sha256(database: AeroDatabase) -> str:
-    """sha256 over all that a database is, expressions included: what is computed with it belongs under this name.
+    """sha256 over all that a database is, expressions included: what is computed with it belongs
+    under this name.
 
-    What the notes of increments say already does not count once more: names stay those of documents with notes alone.
+    What the notes of increments say already does not count once more: names stay those of documents
+    with notes alone.
     """
     if database not in _DOCUMENT_HASHES:
         document = to_document(database)
-        said = [{key: value for key, value in each.items() if key not in _SAID_BY_NOTE} for each in document["increments"]]
+        said = [
+            {key: value for key, value in each.items() if key not in _SAID_BY_NOTE}
+            for each in document["increments"]
+        ]
         text = json.dumps({**document, "increments": said}, sort_keys=True)
         _DOCUMENT_HASHES[database] = hashlib.sha256(text.encode("utf-8")).hexdigest()
     return _DOCUMENT_HASHES[database]
@@ -298,14 +367,18 @@ def from_document(document: Mapping[str, Any], where: str = "stored database") -
     """The database that `to_document` wrote. Raises InputError for anything else."""
     file = validated(Document, dict(document), where)
     if file.format != DOCUMENT_FORMAT:
-        raise InputError(f"format {file.format}", where, f"this version reads format {DOCUMENT_FORMAT}")
+        raise InputError(
+            f"format {file.format}", where, f"this version reads format {DOCUMENT_FORMAT}"
+        )
     return _database(file, tuple(_increment(item, where) for item in file.increments), where)
 
 
 def _increment(file: IncrementFile, where: str) -> Increment:
     bare = Increment(
         axis=file.axis,
-        regressors=tuple(_parsed(text, f"{where}: increment on {file.axis}") for text in file.regressors),
+        regressors=tuple(
+            _parsed(text, f"{where}: increment on {file.axis}") for text in file.regressors
+        ),
         estimates=np.array(file.estimates),
         covariance=np.array(file.covariance),
         envelope={name: Interval(i.low, i.high, i.cell) for name, i in file.envelope.items()},
@@ -321,26 +394,43 @@ def _increment(file: IncrementFile, where: str) -> Increment:
 
 
 def _refit(file: RefitFile | None) -> Refit | None:
-    return None if file is None else Refit(tuple(RefinedShape(**shape.model_dump()) for shape in file.shapes))
+    return (
+        None
+        if file is None
+        else Refit(tuple(RefinedShape(**shape.model_dump()) for shape in file.shapes))
+    )
 
 
 def database_content_sha256(database: AeroDatabase) -> str:
-    """sha256 over the numbers of a database (float64 little-endian): reference, tables by name, increments and states in order.
+    """sha256 over the numbers of a database (float64 little-endian): reference, tables by name,
+    increments and states in order.
 
-    It guards the stored numbers; expressions and texts are guarded by the key of the version's document.
+    It guards the stored numbers; expressions and texts are guarded by the key of the version's
+    document.
     """
     reference = database.reference
-    arrays = [np.array([reference.area, reference.chord, reference.span, *reference.moment_reference])]
+    arrays = [
+        np.array([reference.area, reference.chord, reference.span, *reference.moment_reference])
+    ]
     for name in sorted(database.tables):
         arrays += [*database.tables[name].breakpoints, database.tables[name].values]
     for name in sorted(database.scattered):
         arrays += [database.scattered[name].points, database.scattered[name].values]
     carriers: dict[str, Any] = {**database.tables, **database.scattered, **database.variables}
-    arrays += [bounds for name in sorted(carriers) for bounds in bound_arrays(carriers[name].uncertainty)]
+    arrays += [
+        bounds for name in sorted(carriers) for bounds in bound_arrays(carriers[name].uncertainty)
+    ]
     for increment in database.increments:
         bounds = [[i.low, i.high, i.cell] for _, i in sorted(increment.envelope.items())]
-        arrays += [increment.estimates, increment.covariance, np.array(bounds, dtype=np.float64).reshape(-1, 3)]
+        arrays += [
+            increment.estimates,
+            increment.covariance,
+            np.array(bounds, dtype=np.float64).reshape(-1, 3),
+        ]
     for state in database.states:
         parameters = _state_document(state)["parameters"]
-        arrays += [np.atleast_1d(np.array(parameters[name], dtype=np.float64)) for name in sorted(parameters)]
+        arrays += [
+            np.atleast_1d(np.array(parameters[name], dtype=np.float64))
+            for name in sorted(parameters)
+        ]
     return content_sha256(arrays)

@@ -1,4 +1,5 @@
-"""What the product's own forms of a database may say: keys and types of the TOML file and of the stored document."""
+"""What the product's own forms of a database may say: keys and types of the TOML file and of the
+stored document."""
 
 from typing import Annotated, Any, Literal, Self
 
@@ -59,7 +60,8 @@ class TermFile(Strict):
 
 
 class StateFile(Strict):
-    """A state model: which law makes the channel `name`, with its parameters (`aerodb.tables.state_model`)."""
+    """A state model: which law makes the channel `name`, with its parameters
+    (`aerodb.tables.state_model`)."""
 
     name: str
     law: Literal["kirchhoff", "goman_khrabrov", "relay"]
@@ -88,7 +90,8 @@ class IntervalFile(Strict):
 
 
 class RefinedShapeFile(Strict):
-    """`axis`: on which the hypothesis is written; `fall`: part by which the error of left-out flights fell."""
+    """`axis`: on which the hypothesis is written; `fall`: part by which the error of left-out
+    flights fell."""
 
     hypothesis: str
     axis: str
@@ -101,7 +104,8 @@ class RefitFile(Strict):
 
 
 class IncrementFile(Strict):
-    """`note` says in words what `refit` and `lengthened_cells` say, too; documents of earlier releases have the words alone."""
+    """`note` says in words what `refit` and `lengthened_cells` say, too; documents of earlier
+    releases have the words alone."""
 
     axis: str
     regressors: tuple[str, ...]

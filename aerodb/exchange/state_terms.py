@@ -1,4 +1,5 @@
-"""State models for formats without memory: what they settle at, as a variable; a relay, as an input that the receiver gives.
+"""State models for formats without memory: what they settle at, as a variable; a relay, as an input
+that the receiver gives.
 
 JSBSim has one relay of its own (``hysteresis_limits``), which then runs there.
 """
@@ -16,11 +17,13 @@ _RELAY_INPUT: Final = own_name(HYSTERESIS)
 
 
 def without_memory(database: AeroDatabase) -> AeroDatabase:
-    """`database` without state models, for a file that cannot carry them; `predict` gives the same values.
+    """`database` without state models, for a file that cannot carry them; `predict` gives the same
+    values.
 
-    A state without relaxation becomes a variable that is exact along every flight too. One with relaxation becomes the value
-    that it settles at, and its variable says so. A relay's channel stays an input. Increments become terms, where there are
-    states: their envelopes may rest on them.
+    A state without relaxation becomes a variable that is exact along every flight too. One with
+    relaxation becomes the value that it settles at, and its variable says so. A relay's channel
+    stays an input. Increments become terms, where there are states: their envelopes may rest on
+    them.
     """
     if not database.states:
         return database
@@ -30,8 +33,17 @@ def without_memory(database: AeroDatabase) -> AeroDatabase:
             name = state.name if state.name in flat.free_inputs else f"settled_{state.name}"
             free = {key: text for key, text in flat.free_inputs.items() if key != name}
             variables = {name: Variable(state.expression(), "1", _note(state)), **flat.variables}
-            if name != state.name and name in {*flat.variables, *flat.tables, *flat.scattered, *flat.free_inputs}:
-                raise InputError(f"the name '{name}' is taken", f"database {database.name}", "rename it in the database")
+            if name != state.name and name in {
+                *flat.variables,
+                *flat.tables,
+                *flat.scattered,
+                *flat.free_inputs,
+            }:
+                raise InputError(
+                    f"the name '{name}' is taken",
+                    f"database {database.name}",
+                    "rename it in the database",
+                )
             flat = replace(flat, variables=variables, free_inputs=free, states=_others(flat, state))
             flat = _substituted(flat, state.name, Name(name))
     return replace(flat, states=())
@@ -40,23 +52,34 @@ def without_memory(database: AeroDatabase) -> AeroDatabase:
 def for_jsbsim(database: AeroDatabase) -> AeroDatabase:
     """`without_memory` with a relay as the one that JSBSim runs itself.
 
-    Raises InputError for a second relay, and for one with a limit of zero, at which JSBSim's does not move.
+    Raises InputError for a second relay, and for one with a limit of zero, at which JSBSim's does
+    not move.
     """
     relays = [state for state in database.states if isinstance(state.law, Relay)]
     flat = without_memory(database)
     if len(relays) > 1:
         names = ", ".join(state.name for state in relays)
-        raise InputError(f"relays {names}: JSBSim has one", f"database {database.name}", "another format takes them as inputs")
+        raise InputError(
+            f"relays {names}: JSBSim has one",
+            f"database {database.name}",
+            "another format takes them as inputs",
+        )
     for state in relays:
         assert isinstance(state.law, Relay)
         if state.law.low == 0.0 or state.law.high == 0.0:
             what = f"relay {state.name} has a limit of 0, at which JSBSim's does not move"
-            raise InputError(what, f"database {database.name}", "another format may carry it as an input")
+            raise InputError(
+                what, f"database {database.name}", "another format may carry it as an input"
+            )
         free = {key: text for key, text in flat.free_inputs.items() if key != state.name}
         free[_RELAY_INPUT] = hysteresis_text(state.law.low, state.law.high)
         if state.name != _RELAY_INPUT:
             flat = replace(flat, free_inputs={**flat.free_inputs, **free})
-            flat = _substituted(flat, state.name, parse(_RELAY_INPUT if state.law.separated else f"(1 - {_RELAY_INPUT})"))
+            flat = _substituted(
+                flat,
+                state.name,
+                parse(_RELAY_INPUT if state.law.separated else f"(1 - {_RELAY_INPUT})"),
+            )
         flat = replace(flat, free_inputs=free)
     return flat
 
@@ -70,14 +93,19 @@ def _note(state: StateModel) -> str:
     assert not isinstance(state.law, Relay)
     if state.exact_steady:
         return what
-    return f"{what}; the value that it settles at: its relaxation over {state.law.relaxation:g} chords is not in this file"
+    return (
+        f"{what}; the value that it settles at: its relaxation over {state.law.relaxation:g} chords"
+        " is not in this file"
+    )
 
 
 def _substituted(database: AeroDatabase, name: str, by: Expression) -> AeroDatabase:
     """The database with `by` wherever terms and variables use `name`."""
     if by == Name(name):
         return database
-    terms = tuple(replace(term, expression=substitute(term.expression, {name: by})) for term in database.terms)
+    terms = tuple(
+        replace(term, expression=substitute(term.expression, {name: by})) for term in database.terms
+    )
     variables = {
         key: replace(variable, expression=substitute(variable.expression, {name: by}))
         for key, variable in database.variables.items()

@@ -1,7 +1,15 @@
 from .estimate import AxisUpdate, Doubt, Update, estimate_increments, keep_slope_signs
 from .gate import Check, Standing, Verdict, judge, sign_reasons
 from .model_file import INCREMENT_AXES, ModelFile, parse_model_file
-from .validation import UNCHANGED, AxisProof, HoldOut, choose_hold_out, prove, prove_by_leaving_one_out, worse_axes
+from .validation import (
+    UNCHANGED,
+    AxisProof,
+    HoldOut,
+    choose_hold_out,
+    prove,
+    prove_by_leaving_one_out,
+    worse_axes,
+)
 
 __all__ = [
     "INCREMENT_AXES",

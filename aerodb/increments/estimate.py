@@ -1,4 +1,5 @@
-"""Declared increments from the residuals of several flights (003, eq. 7): estimate, doubt, and fence them in."""
+"""Declared increments from the residuals of several flights (003, eq. 7): estimate, doubt, and
+fence them in."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -8,9 +9,23 @@ from scipy.optimize import lsq_linear
 
 from aerodb.coefficients import Comparison, band_limited
 from aerodb.errors import InputError
-from aerodb.estimation import Regression, Theil, least_squares, own_constants, theil, with_mean_constant
+from aerodb.estimation import (
+    Regression,
+    Theil,
+    least_squares,
+    own_constants,
+    theil,
+    with_mean_constant,
+)
 from aerodb.flight import Flight
-from aerodb.increments.model_file import CONSTANT, DeclaredIncrement, ModelFile, Regressor, check_channels, expand
+from aerodb.increments.model_file import (
+    CONSTANT,
+    DeclaredIncrement,
+    ModelFile,
+    Regressor,
+    check_channels,
+    expand,
+)
 from aerodb.nomenclature import MOMENT_AXES
 from aerodb.support import Array
 from aerodb.tables import (
@@ -25,7 +40,8 @@ from aerodb.tables import (
     new_sign_changes,
 )
 
-#: Two estimates correlated beyond this cannot be told apart by these flights: reported as an alias group.
+#: Two estimates correlated beyond this cannot be told apart by these flights: reported as an alias
+#: group.
 ALIAS_CORRELATION = 0.95
 
 #: What one flight gives to an axis: its channels, its samples that are used, its comparison.
@@ -39,9 +55,10 @@ LENGTHENINGS = 4
 class AxisUpdate:
     """What was estimated on one axis.
 
-    names, estimates, standard_errors, vif: (k,); covariance (k, k), coloured. `at_bound` names estimates that ended
-    on a bound; `not_excited` names declared terms that these flights do not move, which were left out; `aliases` are
-    groups of estimates that these flights cannot separate. theil compares database + increment with measurement.
+    names, estimates, standard_errors, vif: (k,); covariance (k, k), coloured. `at_bound` names
+    estimates that ended on a bound; `not_excited` names declared terms that these flights do not
+    move, which were left out; `aliases` are groups of estimates that these flights cannot separate.
+    theil compares database + increment with measurement.
     """
 
     axis: str
@@ -60,8 +77,9 @@ class AxisUpdate:
 
 @dataclass(frozen=True)
 class Doubt:
-    """A constant error that one flight's channels may still have, invisible in its residual: `sigma`, one standard error; axis ->
-    (n,) `columns`, by how much it moves the residual per unit; `shared`: the same error, by `name`, in all flights."""
+    """A constant error that one flight's channels may still have, invisible in its residual:
+    `sigma`, one standard error; axis -> (n,) `columns`, by how much it moves the residual per unit;
+    `shared`: the same error, by `name`, in all flights."""
 
     name: str
     sigma: float
@@ -85,27 +103,35 @@ def estimate_increments(
     database: AeroDatabase,
     doubts: Mapping[str, Sequence[Doubt]] | None = None,
 ) -> Update:
-    """Estimates the declared increments on top of `database` from flights and their comparisons (same order).
+    """Estimates the declared increments on top of `database` from flights and their comparisons
+    (same order).
 
-    doubts : flight -> what its sensors may have left wrong, which the standard errors then hold as well.
-    Raises InputError for a term that names an unknown channel, and where a declared axis cannot be estimated at all.
+    doubts : flight -> what its sensors may have left wrong, which the standard errors then hold as
+    well. Raises InputError for a term that names an unknown channel, and where a declared axis
+    cannot be estimated at all.
     """
     channels = [_with_hat_rates(flight.channels, database) for flight in flights]
     shared = set.intersection(*(set(c) for c in channels)) if channels else set()
     check_channels(model, shared)
-    results = [_axis(declared, flights, channels, comparisons, database, doubts or {}) for declared in model.increment]
+    results = [
+        _axis(declared, flights, channels, comparisons, database, doubts or {})
+        for declared in model.increment
+    ]
     increments = tuple(increment for _, increment in results)
     candidate = replace(database, increments=(*database.increments, *increments))
-    return Update(candidate, tuple(axis for axis, _ in results), tuple(flight.id for flight in flights))
+    return Update(
+        candidate, tuple(axis for axis, _ in results), tuple(flight.id for flight in flights)
+    )
 
 
 def keep_slope_signs(update: Update, database: AeroDatabase) -> Update:
-    """The update with fades lengthened where, over one table cell, dC_lift/dalpha or dCm/dalpha would change sign outside
-    the data.
+    """The update with fades lengthened where, over one table cell, dC_lift/dalpha or dCm/dalpha
+    would change sign outside the data.
 
-    An increment of either sign fades to the baseline somewhere, and where the baseline's slope is small its own fade can
-    outweigh it. The cell of alpha of the increments concerned is doubled until no new sign change is left; where
-    LENGTHENINGS doublings do not reach that, the update is returned as it came, and the gate will say so.
+    An increment of either sign fades to the baseline somewhere, and where the baseline's slope is
+    small its own fade can outweigh it. The cell of alpha of the increments concerned is doubled
+    until no new sign change is left; where LENGTHENINGS doublings do not reach that, the update is
+    returned as it came, and the gate will say so.
     """
     candidate, first = update.candidate, len(database.increments)
     for doublings in range(LENGTHENINGS + 1):
@@ -114,7 +140,9 @@ def keep_slope_signs(update: Update, database: AeroDatabase) -> Update:
             return replace(update, candidate=candidate)
         axes = frozenset[str]().union(*(QUANTITIES[change.quantity] for change in changes))
         kept, added = candidate.increments[:first], candidate.increments[first:]
-        longer = tuple(_fading_slowly(i, 2 ** (doublings + 1)) if i.axis in axes else i for i in added)
+        longer = tuple(
+            _fading_slowly(i, 2 ** (doublings + 1)) if i.axis in axes else i for i in added
+        )
         candidate = replace(candidate, increments=(*kept, *longer))
     return update
 
@@ -125,7 +153,9 @@ def _fading_slowly(increment: Increment, cells: int) -> Increment:
         return increment
     interval = increment.envelope["alpha"]
     longer = Interval(interval.low, interval.high, 2.0 * interval.cell)
-    return replace(increment, envelope={**increment.envelope, "alpha": longer}, lengthened_cells=cells)
+    return replace(
+        increment, envelope={**increment.envelope, "alpha": longer}, lengthened_cells=cells
+    )
 
 
 def _axis(
@@ -138,17 +168,27 @@ def _axis(
 ) -> tuple[AxisUpdate, Increment]:
     axis, regressors = declared.axis, expand(declared)
     records = zip(flights, channels, comparisons, strict=True)
-    used = [(c, k.usable[axis] & _clean(f, regressors), k) for f, c, k in records if axis in k.usable]
+    used = [
+        (c, k.usable[axis] & _clean(f, regressors), k) for f, c, k in records if axis in k.usable
+    ]
     used = [entry for entry in used if entry[1].any()]
     if not used:
-        raise InputError(f"no flight gives a usable sample on {axis}", "update", "remove the axis from the model file")
+        raise InputError(
+            f"no flight gives a usable sample on {axis}",
+            "update",
+            "remove the axis from the model file",
+        )
     matrix = np.concatenate([_columns(axis, regressors, c, k)[good] for c, good, k in used])
     response = np.concatenate([k.residual(axis)[good] for _, good, k in used])
     moving = _excited(matrix, regressors)
     kept = [regressor for regressor, moves in zip(regressors, moving, strict=True) if moves]
     names = [regressor.name for regressor in kept]
     if not kept:
-        raise InputError(f"no declared term on {axis} is excited by these flights", "update", "fly a manoeuvre that moves one")
+        raise InputError(
+            f"no declared term on {axis} is excited by these flights",
+            "update",
+            "fly a manoeuvre that moves one",
+        )
     fit = _fitted(declared, matrix[:, moving], response, names, used, doubts)
     estimates, covariance, at_bound = _constrained(fit, declared)
     measured = np.concatenate([k.measured[axis][good] for _, good, k in used])
@@ -190,12 +230,20 @@ def _fitted(
     used: Sequence[_Used],
     doubts: Mapping[str, Sequence[Doubt]],
 ) -> Regression:
-    """Least squares on the samples of the flights `used`, in order, with one constant or one for each of them."""
-    axis, lengths, columns, named = declared.axis, [int(good.sum()) for _, good, _ in used], matrix, list(names)
+    """Least squares on the samples of the flights `used`, in order, with one constant or one for
+    each of them."""
+    axis, lengths, columns, named = (
+        declared.axis,
+        [int(good.sum()) for _, good, _ in used],
+        matrix,
+        list(names),
+    )
     constant = names.index(CONSTANT) if declared.own_constants else None
     if constant is not None:
         columns, mix = own_constants(matrix, lengths, constant)
-        named = [name for name in names if name != CONSTANT] + [f"{CONSTANT} of {k.flight}" for _, _, k in used]
+        named = [name for name in names if name != CONSTANT] + [
+            f"{CONSTANT} of {k.flight}" for _, _, k in used
+        ]
     try:
         fit = least_squares(columns, response, named, lengths)
     except ValueError as error:
@@ -211,11 +259,12 @@ def _doubted(
     used: Sequence[_Used],
     doubts: Mapping[str, Sequence[Doubt]],
 ) -> Array:
-    """Covariance (k, k) of least-squares estimates that constant errors of the sensors cause; matrix (n, k), samples of the
-    flights `used` in order.
+    """Covariance (k, k) of least-squares estimates that constant errors of the sensors cause;
+    matrix (n, k), samples of the flights `used` in order.
 
-    Estimates move by ``(X'X)^-1 X' d`` with what an error of one sigma adds to the residual, d: consider covariance (Bierman,
-    *Factorization Methods*, 1977, chapter VIII). One error in all flights moves them together, others each on its own.
+    Estimates move by ``(X'X)^-1 X' d`` with what an error of one sigma adds to the residual, d:
+    consider covariance (Bierman, *Factorization Methods*, 1977, chapter VIII). One error in all
+    flights moves them together, others each on its own.
     """
     gain, start = np.linalg.pinv(matrix), 0
     total = np.zeros((matrix.shape[1], matrix.shape[1]))
@@ -234,18 +283,23 @@ def _doubted(
                 together[doubt.name] = together.get(doubt.name, 0.0) + moved
             else:
                 total += np.outer(moved, moved)
-    return total + sum((np.outer(moved, moved) for moved in together.values()), np.zeros_like(total))
+    return total + sum(
+        (np.outer(moved, moved) for moved in together.values()), np.zeros_like(total)
+    )
 
 
 def _correlation(covariance: Array) -> Array:
     """Correlation (k, k); an estimate that was fixed has none with the others."""
     deviation = np.sqrt(np.diag(covariance))
     scale = np.where(deviation > 0, deviation, 1.0)
-    return np.asarray(covariance / np.outer(scale, scale) + np.diag(np.where(deviation > 0, 0.0, 1.0)))
+    return np.asarray(
+        covariance / np.outer(scale, scale) + np.diag(np.where(deviation > 0, 0.0, 1.0))
+    )
 
 
 def _with_hat_rates(channels: Mapping[str, Array], database: AeroDatabase) -> dict[str, Array]:
-    """The channels and the rates without dimension that can be made of them, over the database's own lengths."""
+    """The channels and the rates without dimension that can be made of them, over the database's
+    own lengths."""
     hats = {
         name: hat_rate(name, channels, database.reference)
         for name, (rate, _) in HAT_RATES.items()
@@ -255,16 +309,28 @@ def _with_hat_rates(channels: Mapping[str, Array], database: AeroDatabase) -> di
 
 
 def _clean(flight: Flight, regressors: Sequence[Regressor]) -> np.ndarray:
-    """Where all channels of the declared terms are good: a comparison knows only those that the database needs."""
+    """Where all channels of the declared terms are good: a comparison knows only those that the
+    database needs."""
     names = {name for regressor in regressors for name in regressor.expression.names}
-    logged = {part for name in names for part in ((HAT_RATES[name][0], "V") if name in HAT_RATES else (name,))}
+    logged = {
+        part
+        for name in names
+        for part in ((HAT_RATES[name][0], "V") if name in HAT_RATES else (name,))
+    }
     return flight.usable(sorted(name for name in logged | names if name in flight))
 
 
-def _columns(axis: str, regressors: Sequence[Regressor], channels: Mapping[str, Array], comparison: Comparison) -> Array:
+def _columns(
+    axis: str,
+    regressors: Sequence[Regressor],
+    channels: Mapping[str, Array],
+    comparison: Comparison,
+) -> Array:
     """Regressors (n, k) of one flight, band-limited like the residual that they are to explain."""
     n = len(comparison.time)
-    columns = [np.broadcast_to(evaluate(regressor.expression, channels), (n,)) for regressor in regressors]
+    columns = [
+        np.broadcast_to(evaluate(regressor.expression, channels), (n,)) for regressor in regressors
+    ]
     if axis in MOMENT_AXES and comparison.bandwidth is not None:
         step = float(comparison.time[-1] - comparison.time[0]) / (n - 1)
         columns = [band_limited(column, step, comparison.bandwidth) for column in columns]
@@ -272,15 +338,18 @@ def _columns(axis: str, regressors: Sequence[Regressor], channels: Mapping[str, 
 
 
 def _excited(matrix: Array, regressors: Sequence[Regressor]) -> np.ndarray:
-    """Which columns move: a constant always does; others must vary beyond rounding about their mean."""
+    """Which columns move: a constant always does; others must vary beyond rounding about their
+    mean."""
     constant = np.array([not regressor.expression.names for regressor in regressors])
     spread = matrix.std(axis=0)
     return constant | (spread > 1e-9 * np.maximum(np.abs(matrix).max(axis=0), 1e-12))
 
 
-def _constrained(fit: Regression, declared: DeclaredIncrement) -> tuple[Array, Array, tuple[str, ...]]:
-    """Estimates and covariance with priors combined, bounds and fixed values kept, all in the metric of the coloured
-    covariance: minimise ``(x - x0)' C^-1 (x - x0)`` over what is allowed."""
+def _constrained(
+    fit: Regression, declared: DeclaredIncrement
+) -> tuple[Array, Array, tuple[str, ...]]:
+    """Estimates and covariance with priors combined, bounds and fixed values kept, all in the
+    metric of the coloured covariance: minimise ``(x - x0)' C^-1 (x - x0)`` over what is allowed."""
     names, estimates, covariance = fit.names, fit.estimates, fit.covariance
     information = np.linalg.inv(covariance)
     right = information @ estimates
@@ -313,11 +382,16 @@ def _constrained(fit: Regression, declared: DeclaredIncrement) -> tuple[Array, A
     estimates = estimates.copy()
     estimates[free] = bounded
     touching = (np.isclose(estimates, low) | np.isclose(estimates, high)) & np.isfinite(low)
-    return estimates, covariance, tuple(name for name, touches in zip(names, touching, strict=True) if touches)
+    return (
+        estimates,
+        covariance,
+        tuple(name for name, touches in zip(names, touching, strict=True) if touches),
+    )
 
 
 def _aliases(names: Sequence[str], correlation: Array) -> tuple[tuple[str, ...], ...]:
-    """Groups of estimates linked by correlations beyond ALIAS_CORRELATION; the constant is nobody's rival."""
+    """Groups of estimates linked by correlations beyond ALIAS_CORRELATION; the constant is nobody's
+    rival."""
     groups: list[set[str]] = []
     for i, one in enumerate(names):
         for j in range(i + 1, len(names)):

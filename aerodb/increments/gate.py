@@ -1,7 +1,8 @@
-"""The gate: whether a version may become ``released``. Pure judgement on what it is handed; who moves names asks it first.
+"""The gate: whether a version may become ``released``. Pure judgement on what it is handed; who
+moves names asks it first.
 
-Every check is made, so that a refusal says all that is wrong at once. What is read from stores, and how the verdict is
-recorded, does not belong here.
+Every check is made, so that a refusal says all that is wrong at once. What is read from stores, and
+how the verdict is recorded, does not belong here.
 """
 
 from collections.abc import Mapping, Sequence
@@ -23,9 +24,10 @@ _LISTED: Final = 4
 class Standing:
     """A version as the gate meets it, and where it stands in its line.
 
-    label, parent : labels of the version and of its parent (empty: none). released : label of the released version, empty
-    while there is none. below_released : whether the released version is among the ancestors. stale : why it no longer
-    stands. stored_sha256, content_sha256 : hash stored with it, and that of the content as it is read now.
+    label, parent : labels of the version and of its parent (empty: none). released : label of the
+    released version, empty while there is none. below_released : whether the released version is
+    among the ancestors. stale : why it no longer stands. stored_sha256, content_sha256 : hash
+    stored with it, and that of the content as it is read now.
     """
 
     label: str
@@ -93,28 +95,50 @@ def _parent(standing: Standing) -> tuple[str, ...]:
         return ()
     if standing.below_released:
         first = standing.parent
-        return (f"its parent {first} is not released: nothing proves it against {standing.released}; promote {first} first",)
+        return (
+            (
+                f"its parent {first} is not released: nothing proves it against"
+                f" {standing.released}; promote {first} first"
+            ),
+        )
     made_on = f"was made on {standing.parent}" if standing.parent else "has no parent"
-    return (f"{standing.label} {made_on}, released is {standing.released}: promoting it would silently undo that release",)
+    return (
+        (
+            f"{standing.label} {made_on}, released is {standing.released}: promoting it would"
+            " silently undo that release"
+        ),
+    )
 
 
 def _content(standing: Standing) -> tuple[str, ...]:
     if standing.stored_sha256 == standing.content_sha256:
         return ()
-    return (f"its numbers have the hash {standing.content_sha256[:12]}, stored with it is {standing.stored_sha256[:12]}",)
+    return (
+        (
+            f"its numbers have the hash {standing.content_sha256[:12]}, stored with it is"
+            f" {standing.stored_sha256[:12]}"
+        ),
+    )
 
 
 def _check_cases(candidate: AeroDatabase, cases: Sequence[CheckCase]) -> tuple[str, ...]:
     if not cases:
         return ("it carries no check cases: make it again, they are written with it",)
     failed = failures(candidate, cases)
-    more = (f"and {len(failed) - _LISTED} more check values differ",) if len(failed) > _LISTED else ()
+    more = (
+        (f"and {len(failed) - _LISTED} more check values differ",) if len(failed) > _LISTED else ()
+    )
     return (*failed[:_LISTED], *more)
 
 
 def _excess(axes: Mapping[str, Mapping[str, Any]]) -> tuple[str, ...]:
-    """The error beyond the noise floor, pooled over the body axes in units of each axis' floor, must fall."""
-    proved = {axis: axes[axis] for axis in AXES if axis in axes and axes[axis].get("excess_before") is not None}
+    """The error beyond the noise floor, pooled over the body axes in units of each axis' floor,
+    must fall."""
+    proved = {
+        axis: axes[axis]
+        for axis in AXES
+        if axis in axes and axes[axis].get("excess_before") is not None
+    }
     if not proved:
         return ("no flight was held out: nothing proves that the error falls",)
     before = _pooled(proved, "excess_before")
@@ -126,13 +150,25 @@ def _excess(axes: Mapping[str, Mapping[str, Any]]) -> tuple[str, ...]:
         for axis, entry in proved.items()
         if entry["excess_after"] >= entry["excess_before"]
     )
-    return (f"the excess error on held-out flights goes from {before:.4g} to {after:.4g} noise floors ({grown})",)
+    return (
+        (
+            f"the excess error on held-out flights goes from {before:.4g} to {after:.4g} noise"
+            f" floors ({grown})"
+        ),
+    )
 
 
 def _pooled(axes: Mapping[str, Mapping[str, Any]], key: str) -> float:
-    """Root mean square over axes, each in units of its noise floor (of its error before, where no floor is known)."""
+    """Root mean square over axes, each in units of its noise floor (of its error before, where no
+    floor is known)."""
     units = [entry["noise_floor"] or entry["held_out_rms_before"] or 1.0 for entry in axes.values()]
-    return float(np.sqrt(np.mean([(entry[key] / unit) ** 2 for entry, unit in zip(axes.values(), units, strict=True)])))
+    return float(
+        np.sqrt(
+            np.mean(
+                [(entry[key] / unit) ** 2 for entry, unit in zip(axes.values(), units, strict=True)]
+            )
+        )
+    )
 
 
 def _repeatability(axes: Mapping[str, Mapping[str, Any]]) -> tuple[str, ...]:
@@ -144,21 +180,31 @@ def _repeatability(axes: Mapping[str, Mapping[str, Any]]) -> tuple[str, ...]:
         if before is None or after is None:
             continue
         if "repeatability" not in entry:
-            said.append(f"{axis}: its report does not say how flights differ among themselves: make the version again")
+            said.append(
+                f"{axis}: its report does not say how flights differ among themselves: make the"
+                " version again"
+            )
         elif after - before > max(entry["repeatability"], _ROUNDING * before):
             allowed = f"flights differ by {entry['repeatability']:.3g} among themselves"
-            said.append(f"{axis} is worse on held-out flights: {before:.4g} to {after:.4g} rms, {allowed}")
+            said.append(
+                f"{axis} is worse on held-out flights: {before:.4g} to {after:.4g} rms, {allowed}"
+            )
     return tuple(said)
 
 
 def sign_reasons(baseline: AeroDatabase, candidate: AeroDatabase) -> tuple[str, ...]:
-    """Per quantity whose slope changes sign anew outside the data, one sentence that says where; empty where none does."""
+    """Per quantity whose slope changes sign anew outside the data, one sentence that says where;
+    empty where none does."""
     changes = new_sign_changes(baseline, candidate)
     said = []
     for quantity in dict.fromkeys(change.quantity for change in changes):
         found = [change for change in changes if change.quantity == quantity]
         alphas = sorted({round(float(np.rad2deg(change.alpha)), 1) for change in found})
-        shown = ", ".join(f"{alpha:.1f}" for alpha in alphas[:_LISTED]) + (", ..." if len(alphas) > _LISTED else "")
+        shown = ", ".join(f"{alpha:.1f}" for alpha in alphas[:_LISTED]) + (
+            ", ..." if len(alphas) > _LISTED else ""
+        )
         first = "".join(f", {name} = {value:.4g}" for name, value in found[0].at.items())
-        said.append(f"new sign change of d{quantity}/dalpha outside the data at alpha = {shown} deg{first}")
+        said.append(
+            f"new sign change of d{quantity}/dalpha outside the data at alpha = {shown} deg{first}"
+        )
     return tuple(said)

@@ -11,8 +11,9 @@ fixed = {delta_body_flap = 0.0}
 own_constants = true                # every flight has its own; the 1 that enters is their mean
 ```
 
-A term is any expression over canonical channels. Slopes after a break are named ``alpha > 0.175``. With one constant for all
-flights, what differs between them from flight to flight (trim, CG, loading) pulls at the slopes; `own_constants` keeps it out.
+A term is any expression over canonical channels. Slopes after a break are named ``alpha > 0.175``.
+With one constant for all flights, what differs between them from flight to flight (trim, CG,
+loading) pulls at the slopes; `own_constants` keeps it out.
 """
 
 import tomllib
@@ -56,14 +57,22 @@ class DeclaredIncrement(Strict):
             raise ValueError("own_constants without the term '1', whose value they are")
         for name, points in self.breaks.items():
             if name not in self.terms:
-                raise ValueError(f"breaks of '{name}', which is no term; {nearest(name, self.terms)}")
+                raise ValueError(
+                    f"breaks of '{name}', which is no term; {nearest(name, self.terms)}"
+                )
             if any(b <= a for a, b in pairwise(points)):
                 raise ValueError(f"breaks of '{name}' must increase")
         names = [regressor.name for regressor in expand(self)]
-        for label, entries in (("prior", self.prior), ("bounds", self.bounds), ("fixed", self.fixed)):
+        for label, entries in (
+            ("prior", self.prior),
+            ("bounds", self.bounds),
+            ("fixed", self.fixed),
+        ):
             for name in entries:
                 if name not in names:
-                    raise ValueError(f"{label} of '{name}', which is no term; {nearest(name, names)}")
+                    raise ValueError(
+                        f"{label} of '{name}', which is no term; {nearest(name, names)}"
+                    )
         for name, (low, high) in self.bounds.items():
             if low >= high:
                 raise ValueError(f"bounds of '{name}' must be (lower, upper)")
@@ -95,7 +104,8 @@ class Regressor:
 
 
 def expand(declared: DeclaredIncrement) -> tuple[Regressor, ...]:
-    """Regressors of a declared increment: each term, split into one slope per interval where breaks are given.
+    """Regressors of a declared increment: each term, split into one slope per interval where breaks
+    are given.
 
     >>> [str(r.name) for r in expand(DeclaredIncrement(axis="CZ", terms=("1", "alpha"), breaks={"alpha": (0.175,)}))]
     ['1', 'alpha', 'alpha > 0.175']
@@ -108,15 +118,22 @@ def expand(declared: DeclaredIncrement) -> tuple[Regressor, ...]:
             continue
         regressors.append(Regressor(term, parse(f"min({term}, {edges[0]!r})")))
         for low, high in zip(edges, (*edges[1:], None), strict=True):
-            part = f"max({term} - {low!r}, 0)" if high is None else f"clip({term} - {low!r}, 0, {high - low!r})"
+            part = (
+                f"max({term} - {low!r}, 0)"
+                if high is None
+                else f"clip({term} - {low!r}, 0, {high - low!r})"
+            )
             regressors.append(Regressor(f"{term} > {low:g}", parse(part)))
             if declared.jump:
-                regressors.append(Regressor(f"{term} jump at {low:g}", parse(f"step({term} - {low!r})")))
+                regressors.append(
+                    Regressor(f"{term} jump at {low:g}", parse(f"step({term} - {low!r})"))
+                )
     return tuple(regressors)
 
 
 def parse_model_file(text: str, where: str = "model file") -> ModelFile:
-    """A ModelFile from TOML text; InputError says which key is wrong and offers the nearest known one."""
+    """A ModelFile from TOML text; InputError says which key is wrong and offers the nearest known
+    one."""
     try:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
@@ -125,7 +142,8 @@ def parse_model_file(text: str, where: str = "model file") -> ModelFile:
 
 
 def check_channels(model: ModelFile, known: Iterable[str], where: str = "model file") -> None:
-    """Raises InputError, with the nearest known name, for a term that uses a channel the flights do not have."""
+    """Raises InputError, with the nearest known name, for a term that uses a channel the flights do
+    not have."""
     names = set(known)
     for declared in model.increment:
         for regressor in expand(declared):

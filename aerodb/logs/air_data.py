@@ -1,4 +1,5 @@
-"""Air data that a log lacks but that follows from what it holds: density, airspeed, dynamic pressure, Mach number."""
+"""Air data that a log lacks but that follows from what it holds: density, airspeed, dynamic
+pressure, Mach number."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -30,25 +31,61 @@ def _root(square: Array) -> Array:
     return np.asarray(np.sqrt(np.maximum(square, 0.0)))
 
 
-# In order: a rule may use what an earlier one gave. Relations: `aerodb.physics.atmosphere`; qbar = rho V^2 / 2 = 0.7 p M^2.
+# In order: a rule may use what an earlier one gave. Relations: `aerodb.physics.atmosphere`; qbar =
+# rho V^2 / 2 = 0.7 p M^2.
 _RULES: Sequence[_Rule] = (
-    _Rule("rho", ("static_pressure", "temperature"), density, "from static pressure and temperature"),
-    _Rule("rho", ("qbar", "V"), lambda qbar, v: _ratio(2.0 * qbar, v * v), "from dynamic pressure and airspeed"),
     _Rule(
-        "mach", ("calibrated_airspeed", "static_pressure"), mach_from_calibrated, "from calibrated airspeed and static pressure"
+        "rho", ("static_pressure", "temperature"), density, "from static pressure and temperature"
     ),
-    _Rule("V", ("mach", "temperature"), lambda mach, t: mach * speed_of_sound(t), "from Mach number and temperature"),
+    _Rule(
+        "rho",
+        ("qbar", "V"),
+        lambda qbar, v: _ratio(2.0 * qbar, v * v),
+        "from dynamic pressure and airspeed",
+    ),
+    _Rule(
+        "mach",
+        ("calibrated_airspeed", "static_pressure"),
+        mach_from_calibrated,
+        "from calibrated airspeed and static pressure",
+    ),
+    _Rule(
+        "V",
+        ("mach", "temperature"),
+        lambda mach, t: mach * speed_of_sound(t),
+        "from Mach number and temperature",
+    ),
     _Rule(
         "rho",
         ("altitude", "temperature"),
         lambda h, t: density(standard_atmosphere(h).pressure, t),
         "from the standard atmosphere's pressure at the altitude and the measured temperature",
     ),
-    _Rule("rho", ("altitude",), lambda h: standard_atmosphere(h).density, "of the standard atmosphere at the altitude"),
-    _Rule("V", ("qbar", "rho"), lambda qbar, rho: _root(_ratio(2.0 * qbar, rho)), "from dynamic pressure and density"),
+    _Rule(
+        "rho",
+        ("altitude",),
+        lambda h: standard_atmosphere(h).density,
+        "of the standard atmosphere at the altitude",
+    ),
+    _Rule(
+        "V",
+        ("qbar", "rho"),
+        lambda qbar, rho: _root(_ratio(2.0 * qbar, rho)),
+        "from dynamic pressure and density",
+    ),
     _Rule("qbar", ("rho", "V"), lambda rho, v: 0.5 * rho * v * v, "from density and airspeed"),
-    _Rule("qbar", ("mach", "static_pressure"), lambda mach, p: 0.7 * p * mach**2, "from Mach number and static pressure"),
-    _Rule("mach", ("V", "temperature"), lambda v, t: _ratio(v, speed_of_sound(t)), "from airspeed and temperature"),
+    _Rule(
+        "qbar",
+        ("mach", "static_pressure"),
+        lambda mach, p: 0.7 * p * mach**2,
+        "from Mach number and static pressure",
+    ),
+    _Rule(
+        "mach",
+        ("V", "temperature"),
+        lambda v, t: _ratio(v, speed_of_sound(t)),
+        "from airspeed and temperature",
+    ),
     _Rule(
         "mach",
         ("V", "altitude"),
@@ -59,8 +96,8 @@ _RULES: Sequence[_Rule] = (
 
 
 def complete_air_data(flight: Flight) -> Flight:
-    """The flight with rho, V, qbar and mach added where missing and possible; each with a note, and flagged where its
-    sources are."""
+    """The flight with rho, V, qbar and mach added where missing and possible; each with a note, and
+    flagged where its sources are."""
     for rule in _RULES:
         if rule.gives in flight or not all(name in flight for name in rule.of):
             continue
@@ -70,6 +107,8 @@ def complete_air_data(flight: Flight) -> Flight:
         bits = [flight.flags[name] for name in rule.of if name in flight.flags]
         flags = {**flight.flags, rule.gives: np.bitwise_or.reduce(bits)} if bits else flight.flags
         flight = replace(
-            flight.with_channels({rule.gives: values}), flags=flags, notes=(*flight.notes, f"{rule.gives} {rule.note}")
+            flight.with_channels({rule.gives: values}),
+            flags=flags,
+            notes=(*flight.notes, f"{rule.gives} {rule.note}"),
         )
     return flight

@@ -1,4 +1,5 @@
-"""What the lack of channels prevents, in plain words, for `log inspect` and the notes of a flight."""
+"""What the lack of channels prevents, in plain words, for `log inspect` and the notes of a
+flight."""
 
 from collections.abc import Sequence
 
@@ -14,10 +15,19 @@ _PREVENTED: tuple[tuple[tuple[str, ...], str], ...] = (
     (("alpha",), "no angle of attack: no comparison against tables over alpha, no lift and drag"),
     (("beta",), "no angle of sideslip: no comparison of CY, Cl and Cn against tables over beta"),
     (("V",), "no true airspeed: no non-dimensional rates, so no damping derivatives"),
-    (("mach",), "no Mach number: tables over Mach are read at a Mach number from the standard atmosphere, or not at all"),
+    (
+        ("mach",),
+        (
+            "no Mach number: tables over Mach are read at a Mach number from the standard"
+            " atmosphere, or not at all"
+        ),
+    ),
     (("phi",), "no bank angle: no flight-path reconstruction"),
     (("theta",), "no pitch attitude: no flight-path reconstruction"),
-    (("velocity_north",), "no velocity over the earth: wind cannot be estimated, airspeed not be checked against it"),
+    (
+        ("velocity_north",),
+        "no velocity over the earth: wind cannot be estimated, airspeed not be checked against it",
+    ),
     (("altitude",), "no altitude: no check of the vertical motion, no standard atmosphere"),
     (("thrust", "thrust_left"), "no thrust: a powered vehicle's CX holds thrust as well as drag"),
     (("height_above_ground",), "no height above ground: ground effect cannot be examined"),
@@ -25,13 +35,16 @@ _PREVENTED: tuple[tuple[tuple[str, ...], str], ...] = (
 
 
 def prevents(missing: Sequence[str]) -> list[str]:
-    """What the channels that a log lacks (`Flight.missing`) prevent, in plain words, the gravest first.
+    """What the channels that a log lacks (`Flight.missing`) prevent, in plain words, the gravest
+    first.
 
     >>> prevents(["beta"])
     ['no angle of sideslip: no comparison of CY, Cl and Cn against tables over beta']
     """
     lacking = set(missing)
-    sentences = [sentence for alternatives, sentence in _PREVENTED if lacking.issuperset(alternatives)]
+    sentences = [
+        sentence for alternatives, sentence in _PREVENTED if lacking.issuperset(alternatives)
+    ]
     surfaces = sorted(name.removeprefix("delta_") for name in lacking if name.startswith("delta_"))
     if surfaces:
         sentences.append(f"no position of {', '.join(surfaces)}: no control effectiveness of these")

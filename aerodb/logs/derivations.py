@@ -1,4 +1,5 @@
-"""Derivations: channels that a log does not hold as such but that follow from the fields of one topic, by name."""
+"""Derivations: channels that a log does not hold as such but that follow from the fields of one
+topic, by name."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -14,7 +15,8 @@ from aerodb.support import Array
 class Method:
     """A computation on fields: SI units of its arguments and results.
 
-    Empty `inputs_unit` or `outputs`: any number of arguments, all in the unit of the one channel that results.
+    Empty `inputs_unit` or `outputs`: any number of arguments, all in the unit of the one channel
+    that results.
     """
 
     compute: Callable[..., tuple[Array, ...]]

@@ -1,4 +1,5 @@
-"""What is in a recording: rates, gaps, damage per topic, before any meaning is given to the fields."""
+"""What is in a recording: rates, gaps, damage per topic, before any meaning is given to the
+fields."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -14,8 +15,8 @@ GAP_RATIO = 3.0
 
 @dataclass(frozen=True)
 class Gap:
-    """An interval without samples: its ends [s] (the samples beside it), and how many samples the median interval
-    makes one expect there."""
+    """An interval without samples: its ends [s] (the samples beside it), and how many samples the
+    median interval makes one expect there."""
 
     start: float
     end: float
@@ -29,7 +30,8 @@ class Gap:
 
 @dataclass(frozen=True)
 class TopicSummary:
-    """One topic: median rate [Hz] (nan below two samples), first and last time [s], gaps, fields, its damage."""
+    """One topic: median rate [Hz] (nan below two samples), first and last time [s], gaps, fields,
+    its damage."""
 
     name: str
     samples: int
@@ -53,7 +55,8 @@ class TopicSummary:
 
 @dataclass(frozen=True)
 class RecordingSummary:
-    """A recording: its topics in the order of their names, and the damage that concerns the whole file."""
+    """A recording: its topics in the order of their names, and the damage that concerns the whole
+    file."""
 
     source: str
     format: str
@@ -91,8 +94,9 @@ def gaps(time: NDArray[np.float64], ratio: float = GAP_RATIO) -> tuple[Gap, ...]
 def missing_samples(time: NDArray[np.float64], start: float, end: float) -> Gap | None:
     """The gap of a topic around a damaged interval: `time` (n,), `start` and `end` in s.
 
-    The longest interval of `time` that touches [start, end], when it is longer than 1.5 median intervals; None when no
-    sample is missing there, or fewer than four samples leave the usual interval unknown.
+    The longest interval of `time` that touches [start, end], when it is longer than 1.5 median
+    intervals; None when no sample is missing there, or fewer than four samples leave the usual
+    interval unknown.
     """
     if len(time) < 4:
         return None
@@ -106,11 +110,15 @@ def missing_samples(time: NDArray[np.float64], start: float, end: float) -> Gap 
 
 
 def missing_by_topic(topics: Mapping[str, Topic], damage: Iterable[Damage]) -> tuple[Damage, ...]:
-    """Per topic, the samples that are missing where the file as a whole is damaged (framing, dropouts)."""
+    """Per topic, the samples that are missing where the file as a whole is damaged (framing,
+    dropouts)."""
     places = [
         (place.kind, place.start, place.end)
         for place in damage
-        if not place.topic and place.kind in ("framing", "dropout") and place.start is not None and place.end is not None
+        if not place.topic
+        and place.kind in ("framing", "dropout")
+        and place.start is not None
+        and place.end is not None
     ]
     found = []
     for name in topics if places else ():
@@ -119,7 +127,9 @@ def missing_by_topic(topics: Mapping[str, Topic], damage: Iterable[Damage]) -> t
             gap = missing_samples(time, start, end)
             if gap is not None:
                 plural = "sample" if gap.samples == 1 else "samples"
-                found.append(Damage(kind, f"about {gap.samples} {plural} missing", name, gap.start, gap.end))
+                found.append(
+                    Damage(kind, f"about {gap.samples} {plural} missing", name, gap.start, gap.end)
+                )
     return tuple(dict.fromkeys(found))  # one long gap may hold several dropouts of the file
 
 
@@ -129,8 +139,11 @@ def _gap(time: NDArray[np.float64], k: int, usual: float) -> Gap:
 
 
 def describe(recording: Recording) -> RecordingSummary:
-    """What `aerodb log inspect` shows of a recording: per topic rate, samples, duration, gaps, fields and damage."""
-    topics = tuple(_describe_topic(recording, topic) for _, topic in sorted(recording.topics.items()))
+    """What `aerodb log inspect` shows of a recording: per topic rate, samples, duration, gaps,
+    fields and damage."""
+    topics = tuple(
+        _describe_topic(recording, topic) for _, topic in sorted(recording.topics.items())
+    )
     filled = [topic for topic in topics if topic.samples]
     return RecordingSummary(
         source=recording.source,

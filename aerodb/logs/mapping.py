@@ -1,4 +1,5 @@
-"""From a Recording to a Flight: which mapping fits, what it gives, and what the lack of a channel prevents."""
+"""From a Recording to a Flight: which mapping fits, what it gives, and what the lack of a channel
+prevents."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
@@ -6,14 +7,30 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from aerodb.conditioning import Resampler, clean_clock, first_order_lag, hold, interval, is_uniform, resampler, uniform_grid
+from aerodb.conditioning import (
+    Resampler,
+    clean_clock,
+    first_order_lag,
+    hold,
+    interval,
+    is_uniform,
+    resampler,
+    uniform_grid,
+)
 from aerodb.errors import InputError
 from aerodb.flight import Flight
 from aerodb.logs.air_data import complete_air_data
 from aerodb.logs.captive import flag_captive
 from aerodb.logs.completeness import prevents
 from aerodb.logs.derivations import METHODS
-from aerodb.logs.mapping_file import ChannelMapping, Derived, Mapping, Source, matching_topics, parse_mapping
+from aerodb.logs.mapping_file import (
+    ChannelMapping,
+    Derived,
+    Mapping,
+    Source,
+    matching_topics,
+    parse_mapping,
+)
 from aerodb.logs.probe import air_data_at_cg
 from aerodb.nomenclature import FLAGS, channel
 from aerodb.recording import Damage, Recording
@@ -27,7 +44,19 @@ __all__ = ["Mapping", "choose_mapping", "map_recording", "parse_mapping", "preve
 _RATES = ("p", "q", "r")
 _ACCELERATIONS = ("ax", "ay", "az", "ax_imu", "ay_imu", "az_imu")
 #: What every flight should have; named as missing even where the mapping does not know it.
-_EXPECTED = (*_ACCELERATIONS, *_RATES, "V", "qbar", "rho", "mach", "alpha", "beta", "phi", "theta", "altitude")
+_EXPECTED = (
+    *_ACCELERATIONS,
+    *_RATES,
+    "V",
+    "qbar",
+    "rho",
+    "mach",
+    "alpha",
+    "beta",
+    "phi",
+    "theta",
+    "altitude",
+)
 _WRAPPING = ("phi", "psi", "longitude")
 #: Time constants after which a first-order lag has forgotten its start to less than a hundredth.
 SETTLED = 5.0
@@ -38,8 +67,9 @@ _MOST_FILL = 20
 def choose_mapping(recording: Recording, mappings: Iterable[Mapping]) -> Mapping:
     """The one mapping that fits the recording.
 
-    A layout that the reader is sure of (`Recording.layout`) decides at once; of several that fit, the one that names
-    most topics does. InputError names the candidates when none fits or two fit equally.
+    A layout that the reader is sure of (`Recording.layout`) decides at once; of several that fit,
+    the one that names most topics does. InputError names the candidates when none fits or two fit
+    equally.
     """
     known = {mapping.name: mapping for mapping in mappings}
     if recording.layout in known:
@@ -51,15 +81,20 @@ def choose_mapping(recording: Recording, mappings: Iterable[Mapping]) -> Mapping
         return best[0]
     names = ", ".join(sorted(mapping.name for mapping in best or known.values()))
     if best:
-        raise InputError(f"several mappings fit: {names}", recording.source, "name one of them with --mapping")
+        raise InputError(
+            f"several mappings fit: {names}", recording.source, "name one of them with --mapping"
+        )
     topics = ", ".join(sorted(recording.topics)[:8])
     what = f"no mapping fits this log (topics: {topics})"
-    raise InputError(what, recording.source, f"name one with --mapping, or write a mapping file; known: {names}")
+    raise InputError(
+        what, recording.source, f"name one with --mapping, or write a mapping file; known: {names}"
+    )
 
 
 @dataclass
 class _Log:
-    """A recording read through a mapping: fields in SI on cleaned clocks; collects what is found wrong."""
+    """A recording read through a mapping: fields in SI on cleaned clocks; collects what is found
+    wrong."""
 
     recording: Recording
     mapping: Mapping
@@ -69,7 +104,8 @@ class _Log:
     _clocks: dict[str, tuple[NDArray[np.bool_], Array] | None] = field(default_factory=dict)
 
     def clock(self, topic: str) -> tuple[NDArray[np.bool_], Array] | None:
-        """Samples of a topic to keep, and their times [s]; None where a table has no time base of that length."""
+        """Samples of a topic to keep, and their times [s]; None where a table has no time base of
+        that length."""
         if topic not in self._clocks:
             self._clocks[topic] = self._cleaned(topic)
         return self._clocks[topic]
@@ -90,7 +126,8 @@ class _Log:
         return clean.keep, stamps[clean.keep]
 
     def stamps(self, topic: str) -> Array | None:
-        """Times [s] of a topic as they were logged; None where a table has no time base of that length."""
+        """Times [s] of a topic as they were logged; None where a table has no time base of that
+        length."""
         time = self.mapping.time
         if time is None:
             stamps = self.recording.topics[topic].time
@@ -98,7 +135,11 @@ class _Log:
         found = self.locate(Source(topic=time.topic, field=time.field))
         if found is None:
             where = f"{self.recording.source}, mapping {self.mapping.name}"
-            raise InputError(f"no time: field '{time.field}' of topic '{time.topic}' is not there", where, "name it in [time]")
+            raise InputError(
+                f"no time: field '{time.field}' of topic '{time.topic}' is not there",
+                where,
+                "name it in [time]",
+            )
         values = np.asarray(self.recording.topics[found[0]].fields[found[1]], dtype=np.float64)
         unit = time.unit or self.recording.topics[found[0]].units.get(found[1], "s")
         same_length = len(next(iter(self.recording.topics[topic].fields.values()))) == len(values)
@@ -113,7 +154,8 @@ class _Log:
         return None
 
     def read(self, source: Source, unit: str) -> tuple[str, Array] | None:
-        """Topic and values in `unit` of a source on its cleaned clock; None where it is absent or holds nothing."""
+        """Topic and values in `unit` of a source on its cleaned clock; None where it is absent or
+        holds nothing."""
         found = self.locate(source)
         if found is None or (clock := self.clock(found[0])) is None:
             return None
@@ -124,14 +166,20 @@ class _Log:
         declared = source.unit if source.unit is not None else topic.units.get(found[1])
         if declared is None:
             where = f"{self.recording.source}, field {found[0]}.{found[1]}"
-            raise InputError("no unit is declared", where, f"declare it in the log, or state it in mapping {self.mapping.name}")
+            raise InputError(
+                "no unit is declared",
+                where,
+                f"declare it in the log, or state it in mapping {self.mapping.name}",
+            )
         if source.scale != 1.0 or source.offset:
             raw = source.offset + source.scale * raw
         try:
             return found[0], convert(raw, declared, unit)
         except InputError as error:
             where = f"{self.recording.source}, field {found[0]}.{found[1]}"
-            raise InputError(error.what, where, error.remedy or f"state its unit in mapping {self.mapping.name}") from error
+            raise InputError(
+                error.what, where, error.remedy or f"state its unit in mapping {self.mapping.name}"
+            ) from error
 
 
 @dataclass(frozen=True)
@@ -144,24 +192,34 @@ class _Signal:
     surface: Surface | None = None
 
 
-def map_recording(recording: Recording, mapping: Mapping, vehicle: Vehicle, flight_id: str = "") -> Flight:
-    """The recording as a Flight: canonical channels in SI on one uniform grid, with what is missing, assumed and flagged.
+def map_recording(
+    recording: Recording, mapping: Mapping, vehicle: Vehicle, flight_id: str = ""
+) -> Flight:
+    """The recording as a Flight: canonical channels in SI on one uniform grid, with what is
+    missing, assumed and flagged.
 
-    Sources are picked by the mapping (a surface's `log` in the vehicle file comes first), units converted, clocks
-    cleaned, angles unwrapped. The grid spans the overlap of the topics with accelerations and rates, at the vehicle's
-    `processing.rate` or the reference topic's own; a table on one uniform time base passes bit for bit, everything else
-    is resampled without aliasing and flagged ``gap`` where its source was silent. Commands become deflections by the
-    vehicle's scale, offset and lag; constants of `configuration`, combinations and derivable air data are added.
+    Sources are picked by the mapping (a surface's `log` in the vehicle file comes first), units
+    converted, clocks cleaned, angles unwrapped. The grid spans the overlap of the topics with
+    accelerations and rates, at the vehicle's `processing.rate` or the reference topic's own; a
+    table on one uniform time base passes bit for bit, everything else is resampled without aliasing
+    and flagged ``gap`` where its source was silent. Commands become deflections by the vehicle's
+    scale, offset and lag; constants of `configuration`, combinations and derivable air data are
+    added.
 
-    Raises InputError for a clock that runs backwards, a unit that is neither declared nor stated, or a log with
-    neither accelerations nor rates.
+    Raises InputError for a clock that runs backwards, a unit that is neither declared nor stated,
+    or a log with neither accelerations nor rates.
     """
     log = _Log(recording, mapping)
     signals, notes = _signals(log, vehicle)
     essential = [s for s in signals.values() if s.name in (*_RATES, *_ACCELERATIONS)]
     if not essential:
-        what = f"no accelerations and no rates under mapping {mapping.name}: no coefficient can be computed"
-        raise InputError(what, recording.source, "choose another mapping, or write one for this layout")
+        what = (
+            f"no accelerations and no rates under mapping {mapping.name}: no coefficient can be"
+            " computed"
+        )
+        raise InputError(
+            what, recording.source, "choose another mapping, or write one for this layout"
+        )
     grid, note = _grid(log, essential, vehicle)
     channels, flags = _on_grid(log, signals.values(), grid)
     flight = Flight(
@@ -179,50 +237,76 @@ def map_recording(recording: Recording, mapping: Mapping, vehicle: Vehicle, flig
     return _completed(flight, mapping, vehicle)
 
 
-def channels_found(recording: Recording, mapping: Mapping) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Channels that a mapping finds in a recording, and those that it knows, or every flight should have, and does not.
+def channels_found(
+    recording: Recording, mapping: Mapping
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Channels that a mapping finds in a recording, and those that it knows, or every flight should
+    have, and does not.
 
-    Looks at names only, so that a log can be judged before a vehicle is described: a channel found here may still turn
-    out empty, and air data that can be computed from others count as missing.
+    Looks at names only, so that a log can be judged before a vehicle is described: a channel found
+    here may still turn out empty, and air data that can be computed from others count as missing.
     """
     log = _Log(recording, mapping)
-    found = [entry.name for entry in mapping.channel if any(log.locate(source) for source in entry.sources)]
+    found = [
+        entry.name
+        for entry in mapping.channel
+        if any(log.locate(source) for source in entry.sources)
+    ]
     for derived in mapping.derived:
         if all(log.locate(source) for source in derived.sources):
             found += [name for name in derived.channels if name not in found]
-    known = [*_EXPECTED, *(entry.name for entry in mapping.channel), *(name for d in mapping.derived for name in d.channels)]
+    known = [
+        *_EXPECTED,
+        *(entry.name for entry in mapping.channel),
+        *(name for d in mapping.derived for name in d.channels),
+    ]
     return tuple(found), tuple(name for name in dict.fromkeys(known) if name not in found)
 
 
 def on_mapped_clock(recording: Recording, mapping: Mapping) -> Recording:
-    """The recording with the times [s] that the mapping's ``[time]`` gives its topics: readers of tables know none.
+    """The recording with the times [s] that the mapping's ``[time]`` gives its topics: readers of
+    tables know none.
 
-    Topics without a time base of their length keep the sample index; without ``[time]`` nothing changes.
+    Topics without a time base of their length keep the sample index; without ``[time]`` nothing
+    changes.
     """
     if mapping.time is None:
         return recording
     log = _Log(recording, mapping)
     clocks = {name: log.stamps(name) for name in recording.topics}
-    timed = {name: replace(recording.topics[name], time=clock) for name, clock in clocks.items() if clock is not None}
+    timed = {
+        name: replace(recording.topics[name], time=clock)
+        for name, clock in clocks.items()
+        if clock is not None
+    }
     return replace(recording, topics={**recording.topics, **timed})
 
 
 def _signals(log: _Log, vehicle: Vehicle) -> tuple[dict[str, _Signal], list[str]]:
-    """Every channel that the log gives, by name, and notes on those that it gives but that cannot be used."""
+    """Every channel that the log gives, by name, and notes on those that it gives but that cannot
+    be used."""
     entries = {entry.name: entry for entry in log.mapping.channel}
     for name, surface in vehicle.surfaces.items():
         if surface.log is not None:
-            place = Source(topic=surface.log.topic, field=surface.log.field, unit=surface.log.unit or None)
-            entries[f"delta_{name}"] = ChannelMapping(name=f"delta_{name}", sources=(place,), command=True)
+            place = Source(
+                topic=surface.log.topic, field=surface.log.field, unit=surface.log.unit or None
+            )
+            entries[f"delta_{name}"] = ChannelMapping(
+                name=f"delta_{name}", sources=(place,), command=True
+            )
     signals: dict[str, _Signal] = {}
     notes: list[str] = []
     for entry in entries.values():
         label = entry.name.removeprefix("delta_")
         found = _first(log, entry)
         if found is not None and entry.command and label not in vehicle.surfaces:
-            notes.append(f"{entry.name} is logged as a command; without [surfaces.{label}] it is not used")
+            notes.append(
+                f"{entry.name} is logged as a command; without [surfaces.{label}] it is not used"
+            )
         elif found is not None:
-            signals[entry.name] = _Signal(entry.name, *found, vehicle.surfaces[label] if entry.command else None)
+            signals[entry.name] = _Signal(
+                entry.name, *found, vehicle.surfaces[label] if entry.command else None
+            )
         elif entry.name in (*_RATES, *_ACCELERATIONS):
             _refuse_broken_clock(log, entry)
     for derived in log.mapping.derived:
@@ -232,7 +316,8 @@ def _signals(log: _Log, vehicle: Vehicle) -> tuple[dict[str, _Signal], list[str]
 
 
 def _refuse_broken_clock(log: _Log, entry: ChannelMapping) -> None:
-    """Raises the refusal of the topic that should have given a rate or an acceleration; other topics may be done without."""
+    """Raises the refusal of the topic that should have given a rate or an acceleration; other
+    topics may be done without."""
     for source in entry.sources:
         found = log.locate(source)
         if found is not None and found[0] in log.refused:
@@ -243,7 +328,9 @@ def _first(log: _Log, entry: ChannelMapping) -> tuple[str, Array] | None:
     for source in entry.sources:
         if entry.command:
             bare = source.unit in (None, "", "1", "-")
-            found = log.read(source.model_copy(update={"unit": "1"}) if bare else source, "1" if bare else "rad")
+            found = log.read(
+                source.model_copy(update={"unit": "1"}) if bare else source, "1" if bare else "rad"
+            )
         else:
             found = log.read(source, channel(entry.name).unit)
         if found is not None:
@@ -287,7 +374,11 @@ def _grid(log: _Log, essential: Sequence[_Signal], vehicle: Vehicle) -> tuple[Ar
     topics = dict.fromkeys(signal.topic for signal in essential)
     start = max(float(_times(log, topic)[0]) for topic in topics)
     end = min(float(_times(log, topic)[-1]) for topic in topics)
-    named = matching_topics(log.mapping.reference_topic, log.recording.topics) if log.mapping.reference_topic else []
+    named = (
+        matching_topics(log.mapping.reference_topic, log.recording.topics)
+        if log.mapping.reference_topic
+        else []
+    )
     usable = [topic for topic in named if log.clock(topic) is not None]
     rates = [signal.topic for signal in essential if signal.name in _RATES]
     reference = [*usable, *rates, *topics][0]
@@ -296,20 +387,31 @@ def _grid(log: _Log, essential: Sequence[_Signal], vehicle: Vehicle) -> tuple[Ar
     inside = time[(time >= start) & (time <= end)]
     if len(inside) < 2 or end - start < step:
         where = f"{log.recording.source}, topics {', '.join(topics)}"
-        raise InputError("accelerations and rates do not overlap in time", where, "check the clocks of these topics")
+        raise InputError(
+            "accelerations and rates do not overlap in time",
+            where,
+            "check the clocks of these topics",
+        )
     if (end - start) / step > _MOST_FILL * len(inside) * max(1.0, interval(time) / step) + 1000:
         at = int(np.argmax(np.diff(time)))
         what = f"the clock jumps from {time[at]:.6g} to {time[at + 1]:.6g} s"
-        raise InputError(what, f"{log.recording.source}, topic {reference}", "cut the log there, or repair its time base")
+        raise InputError(
+            what,
+            f"{log.recording.source}, topic {reference}",
+            "cut the log there, or repair its time base",
+        )
     note = (
-        f"grid of {1.0 / step:.6g} Hz, {'set by the vehicle file' if vehicle.processing.rate else f'that of topic {reference}'}"
+        f"grid of {1.0 / step:.6g} Hz,"
+        f" {'set by the vehicle file' if vehicle.processing.rate else f'that of topic {reference}'}"
     )
     if vehicle.processing.rate is None and is_uniform(inside):
         return inside, note
     return uniform_grid(float(inside[0]), end, step), note
 
 
-def _on_grid(log: _Log, signals: Iterable[_Signal], grid: Array) -> tuple[dict[str, Array], dict[str, NDArray[np.uint8]]]:
+def _on_grid(
+    log: _Log, signals: Iterable[_Signal], grid: Array
+) -> tuple[dict[str, Array], dict[str, NDArray[np.uint8]]]:
     """Channels and gap flags on the grid; fields of one topic share one resampler."""
     shared: dict[str, Resampler] = {}
     channels: dict[str, Array] = {}
@@ -323,10 +425,15 @@ def _on_grid(log: _Log, signals: Iterable[_Signal], grid: Array) -> tuple[dict[s
             to_grid = shared[signal.topic]
         else:
             to_grid, values = resampler(time[good], grid), values[good]
-        channels[signal.name] = to_grid(values) if signal.surface is None else _deflection(to_grid, values, signal.surface)
+        channels[signal.name] = (
+            to_grid(values)
+            if signal.surface is None
+            else _deflection(to_grid, values, signal.surface)
+        )
         unknown = to_grid.gap
         if signal.surface is not None:
-            # Where the surface stood when the log began is not logged: wait until its lag has forgotten it.
+            # Where the surface stood when the log began is not logged: wait until its lag has
+            # forgotten it.
             unknown = unknown | (grid < time[0] + SETTLED * signal.surface.lag)
         if unknown.any():
             flags[signal.name] = unknown * np.uint8(FLAGS["gap"])
@@ -334,23 +441,31 @@ def _on_grid(log: _Log, signals: Iterable[_Signal], grid: Array) -> tuple[dict[s
 
 
 def _deflection(to_grid: Resampler, command: Array, surface: Surface) -> Array:
-    """Deflection [rad] on the grid from a command that stands until the next: ``offset + scale * command`` within the
-    surface's limits, then the lag."""
+    """Deflection [rad] on the grid from a command that stands until the next: ``offset + scale *
+    command`` within the surface's limits, then the lag."""
     time, grid = to_grid.time, to_grid.grid
     if len(time) > 2 and interval(time) < 0.9 * interval(grid):
         base = uniform_grid(float(time[0]), float(time[-1]), interval(time))
     else:
         base = grid
-    calibrated = np.clip(surface.offset + surface.scale * hold(time, command, base), *surface.limits)
+    calibrated = np.clip(
+        surface.offset + surface.scale * hold(time, command, base), *surface.limits
+    )
     lagged = first_order_lag(calibrated, interval(base), surface.lag)
     return lagged if base is grid else resampler(base, grid)(lagged)
 
 
 def _completed(flight: Flight, mapping: Mapping, vehicle: Vehicle) -> Flight:
-    """With constants of the vehicle file, combinations, derivable air data, and the list of what is still missing."""
+    """With constants of the vehicle file, combinations, derivable air data, and the list of what is
+    still missing."""
     constants = {name: value for name, value in vehicle.configuration.items() if name not in flight}
-    flight = flight.with_channels({name: np.full(len(flight.time), value) for name, value in constants.items()})
-    notes = (*flight.notes, *(f"{name} = {value:g} from the vehicle file" for name, value in constants.items()))
+    flight = flight.with_channels(
+        {name: np.full(len(flight.time), value) for name, value in constants.items()}
+    )
+    notes = (
+        *flight.notes,
+        *(f"{name} = {value:g} from the vehicle file" for name, value in constants.items()),
+    )
     flight = add_combinations(replace(flight, notes=notes), vehicle)
     flight = flag_captive(complete_air_data(air_data_at_cg(flight, vehicle)))
     known = [
@@ -359,4 +474,6 @@ def _completed(flight: Flight, mapping: Mapping, vehicle: Vehicle) -> Flight:
         *(f"delta_{name}" for name in vehicle.surfaces),
         *_EXPECTED,
     ]
-    return replace(flight, missing=tuple(name for name in dict.fromkeys(known) if name not in flight))
+    return replace(
+        flight, missing=tuple(name for name in dict.fromkeys(known) if name not in flight)
+    )

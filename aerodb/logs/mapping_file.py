@@ -31,7 +31,8 @@ ChannelName = Annotated[str, AfterValidator(_registered)]
 class Source(Strict):
     """One place in a log. `topic` may hold ``*`` and alternatives ``a|b`` (the first that exists).
 
-    The value is ``offset + scale * field``, in `unit`; without `unit` the log's own declaration holds.
+    The value is ``offset + scale * field``, in `unit`; without `unit` the log's own declaration
+    holds.
     """
 
     topic: str
@@ -53,7 +54,8 @@ class Clock(Strict):
 class ChannelMapping(Strict):
     """A canonical channel and the places where it may stand: the first that the log has is taken.
 
-    `command`: the value is what was commanded to a surface; the vehicle file's scale, offset and lag make it a deflection.
+    `command`: the value is what was commanded to a surface; the vehicle file's scale, offset and
+    lag make it a deflection.
     """
 
     name: ChannelName
@@ -62,7 +64,8 @@ class ChannelMapping(Strict):
 
 
 class Derived(Strict):
-    """Channels computed from fields of one topic by a method of `aerodb.logs.derivations`; used where no source gave them.
+    """Channels computed from fields of one topic by a method of `aerodb.logs.derivations`; used
+    where no source gave them.
 
     `sources` stand in the order of the method's arguments.
     """
@@ -76,8 +79,14 @@ class Derived(Strict):
         if self.method not in METHODS:
             raise ValueError(f"unknown method '{self.method}'; {nearest(self.method, METHODS)}")
         method = METHODS[self.method]
-        if method.inputs not in (0, len(self.sources)) or len(method.outputs) not in (0, len(self.channels)):
-            raise ValueError(f"{self.method} takes {method.inputs} sources and gives {len(method.outputs)} channels")
+        if method.inputs not in (0, len(self.sources)) or len(method.outputs) not in (
+            0,
+            len(self.channels),
+        ):
+            raise ValueError(
+                f"{self.method} takes {method.inputs} sources and gives {len(method.outputs)}"
+                " channels"
+            )
         if len({source.topic for source in self.sources}) > 1:
             raise ValueError(f"the sources of {self.method} must stand in one topic")
         return self
@@ -86,9 +95,10 @@ class Derived(Strict):
 class Mapping(Strict):
     """A log layout.
 
-    `detect`: topics that must all be there (``*`` and ``a|b`` allowed); of the first, `columns` says how many fields it
-    has and `fields` which it must have. `reference_topic` sets the rate of the grid (default: the topic of p, q, r).
-    `zero_is_missing`: a field that is exactly zero throughout was not recorded.
+    `detect`: topics that must all be there (``*`` and ``a|b`` allowed); of the first, `columns`
+    says how many fields it has and `fields` which it must have. `reference_topic` sets the rate of
+    the grid (default: the topic of p, q, r). `zero_is_missing`: a field that is exactly zero
+    throughout was not recorded.
     """
 
     name: str = Field(pattern=r"^[a-z0-9][a-z0-9_-]{0,62}$")
@@ -108,11 +118,15 @@ class Mapping(Strict):
         names = [entry.name for entry in self.channel]
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
-            raise ValueError(f"channel {', '.join(twice)} stands twice; list the places as several sources of one channel")
+            raise ValueError(
+                f"channel {', '.join(twice)} stands twice; list the places as several sources of"
+                " one channel"
+            )
         return self
 
     def fits(self, recording: Recording) -> bool:
-        """Whether the recording's format and topics are those of this layout; never true for one without `detect`."""
+        """Whether the recording's format and topics are those of this layout; never true for one
+        without `detect`."""
         if recording.format not in self.formats or not self.detect:
             return False
         found = [matching_topics(pattern, recording.topics) for pattern in self.detect]
@@ -121,11 +135,14 @@ class Mapping(Strict):
         return any(self._fits_topic(recording.topics[name]) for name in found[0])
 
     def _fits_topic(self, topic: Topic) -> bool:
-        return (self.columns is None or len(topic.fields) == self.columns) and all(name in topic.fields for name in self.fields)
+        return (self.columns is None or len(topic.fields) == self.columns) and all(
+            name in topic.fields for name in self.fields
+        )
 
 
 def parse_mapping(text: str, where: str = "mapping file") -> Mapping:
-    """A Mapping from the text of its TOML file; InputError names the key, the reason and the nearest known key."""
+    """A Mapping from the text of its TOML file; InputError names the key, the reason and the
+    nearest known key."""
     try:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
@@ -134,10 +151,13 @@ def parse_mapping(text: str, where: str = "mapping file") -> Mapping:
 
 
 def matching_topics(pattern: str, topics: Iterable[str]) -> list[str]:
-    """Names among `topics` that a pattern such as ``"new_name|old_*"`` means, earlier alternatives first.
+    """Names among `topics` that a pattern such as ``"new_name|old_*"`` means, earlier alternatives
+    first.
 
     >>> matching_topics("b|a*", ["a1", "b", "c"])
     ['b', 'a1']
     """
     names = list(topics)
-    return [name for part in pattern.split("|") for name in names if fnmatchcase(name, part.strip())]
+    return [
+        name for part in pattern.split("|") for name in names if fnmatchcase(name, part.strip())
+    ]

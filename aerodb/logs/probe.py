@@ -1,5 +1,5 @@
-"""Air data from what the probe shows to the centre of gravity: calibration, upwash, how the boom is mounted, and rotation,
-which moves a nose boom through the air."""
+"""Air data from what the probe shows to the centre of gravity: calibration, upwash, how the boom is
+mounted, and rotation, which moves a nose boom through the air."""
 
 from dataclasses import replace
 
@@ -16,7 +16,8 @@ _PRESSURES = ("probe_dp_alpha", "probe_dp_beta", "qbar")
 def velocity_at_cg(velocity: Array, rates: Array, arm: Array) -> Array:
     """Air-relative velocity at the CG from that at the probe, ``v - w x r``.
 
-    All (n, 3): velocity m/s, rates rad/s, arm r from the CG to the probe, m, body axes. Klein & Morelli (2006), chapter 10.
+    All (n, 3): velocity m/s, rates rad/s, arm r from the CG to the probe, m, body axes. Klein &
+    Morelli (2006), chapter 10.
 
     >>> velocity_at_cg(np.array([[50.0, 0.0, 4.0]]), np.array([[0.0, 0.5, 0.0]]), np.array([[2.0, 0.0, 0.0]])).tolist()
     [[50.0, 0.0, 5.0]]
@@ -26,12 +27,13 @@ def velocity_at_cg(velocity: Array, rates: Array, arm: Array) -> Array:
 
 
 def air_data_at_cg(flight: Flight, vehicle: Vehicle) -> Flight:
-    """The flight with alpha and beta freed of what [air_data] declares, and V, alpha and beta moved from the vehicle's air-data
-    point to the CG, each with a note.
+    """The flight with alpha and beta freed of what [air_data] declares, and V, alpha and beta moved
+    from the vehicle's air-data point to the CG, each with a note.
 
-    Raw pressures of a five-hole probe give alpha and beta where the log has none. Not moved where the vehicle file names no
-    point (the log's air data are then taken to be at the CG), or where airspeed, angle of attack, rates or the CG are not
-    logged; the last is noted. Without beta the sideslip is taken as zero.
+    Raw pressures of a five-hole probe give alpha and beta where the log has none. Not moved where
+    the vehicle file names no point (the log's air data are then taken to be at the CG), or where
+    airspeed, angle of attack, rates or the CG are not logged; the last is noted. Without beta the
+    sideslip is taken as zero.
     """
     flight = _as_flow_angles(_from_pressures(flight, vehicle.air_data), vehicle.air_data)
     if vehicle.points.air_data is None:
@@ -41,15 +43,21 @@ def air_data_at_cg(flight: Flight, vehicle: Vehicle) -> Flight:
         note = f"air data stay those at the probe: {', '.join(absent)} not logged"
         return replace(flight, notes=(*flight.notes, note))
     properties = mass_channels(flight, vehicle)
-    arm = np.asarray(vehicle.points.air_data) - np.column_stack([properties[f"cg_{axis}"] for axis in "xyz"])
-    velocity = velocity_at_cg(_velocity(flight).T, np.column_stack([flight[name] for name in "pqr"]), arm).T
+    arm = np.asarray(vehicle.points.air_data) - np.column_stack(
+        [properties[f"cg_{axis}"] for axis in "xyz"]
+    )
+    velocity = velocity_at_cg(
+        _velocity(flight).T, np.column_stack([flight[name] for name in "pqr"]), arm
+    ).T
     names = [name for name in ("V", "alpha", "beta") if name in flight]
-    return _replaced(flight, velocity, names, (*names, "p", "q", "r"), "moved from the probe to the CG")
+    return _replaced(
+        flight, velocity, names, (*names, "p", "q", "r"), "moved from the probe to the CG"
+    )
 
 
 def angles_from_pressures(flight: Flight, probe: AirData) -> dict[str, Array]:
-    """Alpha and beta [rad] at the air-data point in body axes, each (n,), from the raw pressures of a five-hole probe; empty
-    where a pressure or the calibration is missing."""
+    """Alpha and beta [rad] at the air-data point in body axes, each (n,), from the raw pressures of
+    a five-hole probe; empty where a pressure or the calibration is missing."""
     bare = {name: flight[name] for name in _PRESSURES if name in flight}
     made = _as_flow_angles(_from_pressures(replace(flight, channels=bare, flags={}), probe), probe)
     return {name: made[name] for name in ("alpha", "beta") if name in made}
@@ -59,11 +67,16 @@ def _velocity(flight: Flight) -> Array:
     """(3, n) velocity of V, alpha and beta (zero where not logged)."""
     speed, alpha = flight["V"], flight["alpha"]
     beta = flight["beta"] if "beta" in flight else np.zeros_like(alpha)
-    return np.asarray(speed * np.stack([np.cos(beta) * np.cos(alpha), np.sin(beta), np.cos(beta) * np.sin(alpha)]))
+    return np.asarray(
+        speed * np.stack([np.cos(beta) * np.cos(alpha), np.sin(beta), np.cos(beta) * np.sin(alpha)])
+    )
 
 
-def _replaced(flight: Flight, velocity: Array, names: list[str], sources: tuple[str, ...], how: str) -> Flight:
-    """The flight with those of V, alpha and beta that `names` lists taken from a velocity (3, n), flagged where a source is."""
+def _replaced(
+    flight: Flight, velocity: Array, names: list[str], sources: tuple[str, ...], how: str
+) -> Flight:
+    """The flight with those of V, alpha and beta that `names` lists taken from a velocity (3, n),
+    flagged where a source is."""
     u, v, w = velocity
     total = np.sqrt(u * u + v * v + w * w)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -75,23 +88,39 @@ def _replaced(flight: Flight, velocity: Array, names: list[str], sources: tuple[
         if bits:
             flags[name] = np.bitwise_or.reduce(bits)
     note = f"{', '.join(names)} {how}"
-    return replace(flight.with_channels({name: made[name] for name in names}), flags=flags, notes=(*flight.notes, note))
+    return replace(
+        flight.with_channels({name: made[name] for name in names}),
+        flags=flags,
+        notes=(*flight.notes, note),
+    )
 
 
 def _from_pressures(flight: Flight, probe: AirData) -> Flight:
-    """Alpha and beta at the probe from the raw pressures of a five-hole probe, where the log has not both already."""
-    if probe.five_hole is None or not all(name in flight for name in _PRESSURES) or {"alpha", "beta"} <= set(flight.channels):
+    """Alpha and beta at the probe from the raw pressures of a five-hole probe, where the log has
+    not both already."""
+    if (
+        probe.five_hole is None
+        or not all(name in flight for name in _PRESSURES)
+        or {"alpha", "beta"} <= set(flight.channels)
+    ):
         return flight
-    alpha, beta = flow_angles(flight["probe_dp_alpha"], flight["probe_dp_beta"], flight["qbar"], probe.five_hole)
+    alpha, beta = flow_angles(
+        flight["probe_dp_alpha"], flight["probe_dp_beta"], flight["qbar"], probe.five_hole
+    )
     bits = [flight.flags[name] for name in _PRESSURES if name in flight.flags]
     made: Bits = np.bitwise_or.reduce(bits) if bits else np.zeros(len(alpha), dtype=np.uint8)
     note = "alpha and beta from the raw pressures of the five-hole probe"
     flags = {**flight.flags, "alpha": made, "beta": made} if bits else flight.flags
-    return replace(flight.with_channels({"alpha": alpha, "beta": beta}), flags=flags, notes=(*flight.notes, note))
+    return replace(
+        flight.with_channels({"alpha": alpha, "beta": beta}),
+        flags=flags,
+        notes=(*flight.notes, note),
+    )
 
 
 def _as_flow_angles(flight: Flight, probe: AirData) -> Flight:
-    """Alpha and beta in body axes: upwash out, flank angle to sideslip, the boom's mounting turned back."""
+    """Alpha and beta in body axes: upwash out, flank angle to sideslip, the boom's mounting turned
+    back."""
     if probe == AirData(five_hole=probe.five_hole) or "alpha" not in flight:
         return flight
     alpha = flight["alpha"] / (1.0 + probe.upwash[0])
@@ -100,6 +129,10 @@ def _as_flow_angles(flight: Flight, probe: AirData) -> Flight:
         beta = np.arctan(np.tan(beta) * np.cos(alpha))
     flow = np.stack([np.cos(beta) * np.cos(alpha), np.sin(beta), np.cos(beta) * np.sin(alpha)])
     rows = body_to_earth(*(Signal(angle, {}) for angle in probe.orientation))
-    turned = np.stack([sum((row[k].value * flow[k] for k in range(3)), np.zeros_like(alpha)) for row in rows])
+    turned = np.stack(
+        [sum((row[k].value * flow[k] for k in range(3)), np.zeros_like(alpha)) for row in rows]
+    )
     names = [name for name in ("alpha", "beta") if name in flight]
-    return _replaced(flight, turned, names, tuple(names), "freed of what [air_data] declares of the probe")
+    return _replaced(
+        flight, turned, names, tuple(names), "freed of what [air_data] declares of the probe"
+    )

@@ -1,7 +1,7 @@
 """Consider parameters: sensor errors that the reconstruction of flights leaves open.
 
-Increments estimated from these flights do not estimate them, but carry their uncertainty (consider covariance: Bierman,
-*Factorization Methods*, 1977, chapter VIII).
+Increments estimated from these flights do not estimate them, but carry their uncertainty (consider
+covariance: Bierman, *Factorization Methods*, 1977, chapter VIII).
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,7 +16,8 @@ from aerodb.tables import AeroDatabase
 from aerodb.tracing import Settings, bounded_noise, noisy_copies, tracing_bandwidth
 from aerodb.vehicle import Vehicle
 
-#: Times the smoother's power that the error of alpha may have where the residual allows it: gusts that nobody saw.
+#: Times the smoother's power that the error of alpha may have where the residual allows it: gusts
+#: that nobody saw.
 _MOST = 10.0
 #: Copies of the flights with their states' error once more.
 _COPIES = 4
@@ -29,15 +30,24 @@ def consider_parameters(
     flights: Sequence[Flight],
     comparisons: Sequence[Comparison],
 ) -> dict[str, tuple[Doubt, ...]]:
-    """Flight -> what its reconstruction leaves uncertain of its sensors. What a flight estimated for itself errs for itself; a
-    calibration, and what only the vehicle file knows, err alike in all. reconstructions : by flight (its id)."""
+    """Flight -> what its reconstruction leaves uncertain of its sensors. What a flight estimated
+    for itself errs for itself; a calibration, and what only the vehicle file knows, err alike in
+    all. reconstructions : by flight (its id)."""
     found: dict[str, tuple[Doubt, ...]] = {}
     for flight, comparison in zip(flights, comparisons, strict=True):
         reconstruction = reconstructions[flight.id]
         noise, errors = reconstruction.noise, reconstruction.errors
         if noise is not None:
-            late = {f"{name}_delay": s.delay_prior for name, s in vehicle.sensors.items() if f"{name}_delay" not in errors}
-            sigma = {**errors, **late, **{f"{name}_bias": size for name, size in noise.offset.items()}}
+            late = {
+                f"{name}_delay": s.delay_prior
+                for name, s in vehicle.sensors.items()
+                if f"{name}_delay" not in errors
+            }
+            sigma = {
+                **errors,
+                **late,
+                **{f"{name}_bias": size for name, size in noise.offset.items()},
+            }
             own = [] if reconstruction.calibrated else list(reconstruction.applied)
             view = view_of(flight, comparison, database, vehicle)
             found[flight.id] = doubts(view, sigma, own)
@@ -53,8 +63,8 @@ def noisier_flights(
     flights: Sequence[Flight],
     comparisons: Sequence[Comparison],
 ) -> list[list[tuple[Flight, Comparison]]]:
-    """The flights again and again, with their states' error once more where alpha was reconstructed; empty where none was.
-    reconstructions : by flight (its id)."""
+    """The flights again and again, with their states' error once more where alpha was
+    reconstructed; empty where none was. reconstructions : by flight (its id)."""
     copies: list[list[tuple[Flight, Comparison]]] = []
     blind = False
     for flight, comparison in zip(flights, comparisons, strict=True):
@@ -69,6 +79,8 @@ def noisier_flights(
     return [list(each) for each in zip(*copies, strict=True)] if blind else []
 
 
-def _bounded(noise: StateNoise, view: FlightView, comparison: Comparison, flight: Flight) -> StateNoise:
+def _bounded(
+    noise: StateNoise, view: FlightView, comparison: Comparison, flight: Flight
+) -> StateNoise:
     settings = Settings(bandwidth=tracing_bandwidth(view.database, view.vehicle, [flight]))
     return bounded_noise(noise, view, comparison, settings, most=_MOST)

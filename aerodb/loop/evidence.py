@@ -1,4 +1,5 @@
-"""The evidence of a flight beside a database: residual and columns, copies with more state noise, companions, instruments."""
+"""The evidence of a flight beside a database: residual and columns, copies with more state noise,
+companions, instruments."""
 
 from dataclasses import replace
 
@@ -21,9 +22,11 @@ from aerodb.tracing import (
 )
 
 
-def evidence_beside(flights: FlightSource, flight: str, database: AeroDatabase, library: Library) -> Evidence:
-    """The evidence of a flight (its id) beside a database: with its copies of more state noise, the companions of its columns,
-    and what its commands say of them."""
+def evidence_beside(
+    flights: FlightSource, flight: str, database: AeroDatabase, library: Library
+) -> Evidence:
+    """The evidence of a flight (its id) beside a database: with its copies of more state noise, the
+    companions of its columns, and what its commands say of them."""
     vehicle = flights.vehicle
     whole, beside_whole = flights.comparison(flight, database)
     channels, comparison = thinned(whole, beside_whole, library.settings.bandwidth)
@@ -31,7 +34,9 @@ def evidence_beside(flights: FlightSource, flight: str, database: AeroDatabase, 
     noise = reconstruction.noise
     view = view_of(channels, comparison, database, vehicle)
     if "alpha" in reconstruction.angles:
-        view = replace(view, air_data_arm=np.zeros_like(view.cg))  # the angles are those at the CG, from the motion there
+        view = replace(
+            view, air_data_arm=np.zeros_like(view.cg)
+        )  # the angles are those at the CG, from the motion there
         noise = None if noise is None else bounded_noise(noise, view, comparison, library.settings)
     copies, near = library.settings.noisy_copies, None
     if whole.duration >= LONG:

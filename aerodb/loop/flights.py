@@ -1,4 +1,5 @@
-"""What the closed loop asks of flights, wherever they are kept: a store, or the memory of a test."""
+"""What the closed loop asks of flights, wherever they are kept: a store, or the memory of a
+test."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -18,10 +19,11 @@ from aerodb.vehicle import Vehicle
 class Reconstruction:
     """What the flight-path reconstruction of a flight says of its channels.
 
-    noise : spectrum of the errors of its states, None where nothing was reconstructed. angles : flow angles (``alpha``, ``beta``)
-    that no sensor showed and that come from the motion. errors : sensor parameter -> standard error (SI) of all that was
-    estimated; applied : those of them that were taken off the channels. calibrated : whether its sensors were corrected by a
-    calibration, which other flights share.
+    noise : spectrum of the errors of its states, None where nothing was reconstructed. angles :
+    flow angles (``alpha``, ``beta``) that no sensor showed and that come from the motion. errors :
+    sensor parameter -> standard error (SI) of all that was estimated; applied : those of them that
+    were taken off the channels. calibrated : whether its sensors were corrected by a calibration,
+    which other flights share.
     """
 
     noise: StateNoise | None = None
@@ -32,15 +34,16 @@ class Reconstruction:
 
     @property
     def applied_errors(self) -> dict[str, float]:
-        """Parameter -> standard error (SI) of every sensor error that was taken off the channels."""
+        """Parameter -> standard error (SI) of every sensor error that was taken off the
+        channels."""
         return {name: self.errors[name] for name in self.applied}
 
 
 class FlightSource(Protocol):
     """Flights of one vehicle by their ids: what was measured, and the same beside any database.
 
-    A database need not be stored anywhere. Calls may come from several threads at once. Every method raises InputError where a
-    flight lacks what it is asked for.
+    A database need not be stored anywhere. Calls may come from several threads at once. Every
+    method raises InputError where a flight lacks what it is asked for.
     """
 
     @property
@@ -61,19 +64,25 @@ class FlightSource(Protocol):
         ...
 
     def comparison(self, flight: str, database: AeroDatabase) -> tuple[Flight, Comparison]:
-        """The channels of a flight and its coefficients beside those that a database predicts, at the full rate."""
+        """The channels of a flight and its coefficients beside those that a database predicts, at
+        the full rate."""
         ...
 
     def normal_equations(self, flight: str, database: AeroDatabase, library: Library) -> Gram:
-        """Whitened cross-products of all columns of the library and of the residual of a flight beside a database: what
-        `aerodb.tracing.gram.gram` makes of `aerodb.loop.evidence.evidence_beside`."""
+        """Whitened cross-products of all columns of the library and of the residual of a flight
+        beside a database: what `aerodb.tracing.gram.gram` makes of
+        `aerodb.loop.evidence.evidence_beside`."""
         ...
 
     def looked_before(self, flights: Sequence[str], library: Library) -> frozenset[str] | None:
-        """Ids of hypotheses that all other libraries had with which any of these flights was traced before; None without such."""
+        """Ids of hypotheses that all other libraries had with which any of these flights was traced
+        before; None without such."""
         ...
 
 
-def thinned_comparison(flights: FlightSource, flight: str, database: AeroDatabase, bandwidth: float) -> tuple[Flight, Comparison]:
-    """A flight and its comparison with a database at the rate that tracing at `bandwidth` [Hz] needs."""
+def thinned_comparison(
+    flights: FlightSource, flight: str, database: AeroDatabase, bandwidth: float
+) -> tuple[Flight, Comparison]:
+    """A flight and its comparison with a database at the rate that tracing at `bandwidth` [Hz]
+    needs."""
     return thinned(*flights.comparison(flight, database), bandwidth)

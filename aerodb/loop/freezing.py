@@ -1,7 +1,8 @@
-"""The library of a campaign is frozen before a residual is looked at: expanded for its flights, and hashed.
+"""The library of a campaign is frozen before a residual is looked at: expanded for its flights, and
+hashed.
 
-Where flights stall, the shape of each flight's stall is fitted to the other flights: the family of shapes is hashed, its numbers
-are not.
+Where flights stall, the shape of each flight's stall is fitted to the other flights: the family of
+shapes is hashed, its numbers are not.
 """
 
 from collections.abc import Sequence
@@ -24,12 +25,17 @@ from aerodb.tracing import Settings, tracing_bandwidth
 
 
 def freeze_library(
-    flights: FlightSource, identified: Sequence[str], database: AeroDatabase, effects: str = "", expected: str = ""
+    flights: FlightSource,
+    identified: Sequence[str],
+    database: AeroDatabase,
+    effects: str = "",
+    expected: str = "",
 ) -> Library:
-    """The library for a baseline and the channels of the flights (ids) that identify; `effects` is the text of a file of user
-    templates.
+    """The library for a baseline and the channels of the flights (ids) that identify; `effects` is
+    the text of a file of user templates.
 
-    Only channels' names and flight conditions are looked at. Raises InputError when its hash is not the `expected` one.
+    Only channels' names and flight conditions are looked at. Raises InputError when its hash is not
+    the `expected` one.
     """
     vehicle = flights.vehicle
     flown = [flights.flight(id) for id in identified]
@@ -39,7 +45,9 @@ def freeze_library(
     made = [each.angles for each in reconstructions]
     reconstructed = frozenset({"alpha", "beta"}).intersection(*made)
     hypotheses = hypotheses_for(database, vehicle, channels, user=user)
-    hypotheses = of_flow_angles(hypotheses, {"alpha", "beta"} - reconstructed, frozenset[str]().union(*made))
+    hypotheses = of_flow_angles(
+        hypotheses, {"alpha", "beta"} - reconstructed, frozenset[str]().union(*made)
+    )
     stalled = stalled_flights(flights, identified)
     if stalled:
         hypotheses = (*of_family(hypotheses), loop_of_family(database, vehicle))
@@ -47,13 +55,22 @@ def freeze_library(
     sha256 = library_sha256(hypotheses, settings=None)
     if expected and not sha256.startswith(expected):
         what = f"the library is {sha256[:12]}, not {expected[:12]}: it changed after it was frozen"
-        remedy = "trace with the library that was frozen, or leave --library out and say why it changed"
+        remedy = (
+            "trace with the library that was frozen, or leave --library out and say why it changed"
+        )
         raise InputError(what, "close-loop", remedy)
     laws: dict[str, Law] = {}
     loops: dict[str, Relay] = {}
     if stalled:
-        laws, loops = cross_fitted_laws(flights, stalled, database), cross_fitted_loops(flights, stalled, database)
-        hypotheses = with_loops(with_laws(hypotheses, laws, database, vehicle), loops, database, vehicle)
+        laws, loops = (
+            cross_fitted_laws(flights, stalled, database),
+            cross_fitted_loops(flights, stalled, database),
+        )
+        hypotheses = with_loops(
+            with_laws(hypotheses, laws, database, vehicle), loops, database, vehicle
+        )
     if "alpha" in reconstructed:
-        hypotheses = within_what_is_known(hypotheses, [each.applied_errors for each in reconstructions])
+        hypotheses = within_what_is_known(
+            hypotheses, [each.applied_errors for each in reconstructions]
+        )
     return Library(hypotheses, settings, sha256, laws, loops, reconstructed)

@@ -10,11 +10,13 @@ from aerodb.tracing import Settings
 
 @dataclass(frozen=True)
 class Library:
-    """What may be found, fixed before a residual is looked at: hypotheses, settings of tracing, and the hash of both.
+    """What may be found, fixed before a residual is looked at: hypotheses, settings of tracing, and
+    the hash of both.
 
-    stall : flight -> the law of its stall that the *other* flights agree with; its family is part of the hash, its numbers are
-    not. Empty where fewer than two flights stall. loops : likewise, angles of the closed loop that is its rival. reconstructed :
-    flow angles that no flight has a sensor of: no sensor of theirs is a hypothesis.
+    stall : flight -> the law of its stall that the *other* flights agree with; its family is part
+    of the hash, its numbers are not. Empty where fewer than two flights stall. loops : likewise,
+    angles of the closed loop that is its rival. reconstructed : flow angles that no flight has a
+    sensor of: no sensor of theirs is a hypothesis.
     """
 
     hypotheses: tuple[Hypothesis, ...]
@@ -29,6 +31,17 @@ class Library:
         """What a reader must know of what is not in it."""
         if not self.reconstructed:
             return ()
-        angles = " and ".join({"alpha": "angle of attack", "beta": "sideslip"}[name] for name in sorted(self.reconstructed))
-        what = f"No flight has a sensor of {angles}: errors of such a sensor are no hypotheses, those of the reconstruction are"
-        return (f"{what}. What stays open between them and the model, a flight with a vane or a five-hole probe decides.",)
+        angles = " and ".join(
+            {"alpha": "angle of attack", "beta": "sideslip"}[name]
+            for name in sorted(self.reconstructed)
+        )
+        what = (
+            f"No flight has a sensor of {angles}: errors of such a sensor are no hypotheses, those"
+            " of the reconstruction are"
+        )
+        return (
+            (
+                f"{what}. What stays open between them and the model, a flight with a vane or a"
+                " five-hole probe decides."
+            ),
+        )

@@ -1,4 +1,5 @@
-"""Manoeuvres as units of tracing where fewer flights than it needs can vote: which they are, and what they say."""
+"""Manoeuvres as units of tracing where fewer flights than it needs can vote: which they are, and
+what they say."""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
@@ -8,7 +9,16 @@ from aerodb.loop.evidence import evidence_beside
 from aerodb.loop.flights import FlightSource
 from aerodb.loop.library import Library
 from aerodb.tables import AeroDatabase
-from aerodb.tracing import Evidence, Settings, Suspicion, Traced, VotingUnit, suspect, units, windows
+from aerodb.tracing import (
+    Evidence,
+    Settings,
+    Suspicion,
+    Traced,
+    VotingUnit,
+    suspect,
+    units,
+    windows,
+)
 
 #: Verdicts that more votes could change.
 _TOO_FEW = ("not_testable",)
@@ -17,16 +27,24 @@ _PLANES = (("CX", "CZ", "Cm"), ("CY", "Cl", "Cn"))
 
 
 def too_few_voted(traced: Traced, settings: Settings) -> bool:
-    """Whether there are hardly more flights than the error rate needs, and some effect has fewer votes than that."""
+    """Whether there are hardly more flights than the error rate needs, and some effect has fewer
+    votes than that."""
     few = len(traced.flights) < settings.fewest
-    return few or (len(traced.flights) == settings.fewest and any(item.verdict in _TOO_FEW for item in traced.not_found))
+    return few or (
+        len(traced.flights) == settings.fewest
+        and any(item.verdict in _TOO_FEW for item in traced.not_found)
+    )
 
 
-def by_manoeuvres(source: FlightSource, traced: Traced, library: Library, database: AeroDatabase) -> tuple[Suspicion, ...]:
-    """What the manoeuvres of the flights suspect together, beside what the flights have found, one plane of motion after the
-    other; empty where flights are enough, or where there are no two manoeuvres.
+def by_manoeuvres(
+    source: FlightSource, traced: Traced, library: Library, database: AeroDatabase
+) -> tuple[Suspicion, ...]:
+    """What the manoeuvres of the flights suspect together, beside what the flights have found, one
+    plane of motion after the other; empty where flights are enough, or where there are no two
+    manoeuvres.
 
-    Twice: how far apart manoeuvres must be hangs on how long what is left is correlated, and that on what has been found.
+    Twice: how far apart manoeuvres must be hangs on how long what is left is correlated, and that
+    on what has been found.
     """
     hypotheses, settings = library.hypotheses, library.settings
     if not too_few_voted(traced, settings):
@@ -34,7 +52,10 @@ def by_manoeuvres(source: FlightSource, traced: Traced, library: Library, databa
     known = [finding.hypothesis for finding in traced.findings]
     evidence = [evidence_beside(source, flight, database, library) for flight in traced.flights]
     # A stall and the way back are one event, whatever else is moved meanwhile.
-    spans = {each.flight: () if each.flight in library.stall else manoeuvre_spans(source, each.flight) for each in evidence}
+    spans = {
+        each.flight: () if each.flight in library.stall else manoeuvre_spans(source, each.flight)
+        for each in evidence
+    }
     chosen = _units(evidence, spans, {})
     if len(chosen) < 2:
         return ()
@@ -44,7 +65,10 @@ def by_manoeuvres(source: FlightSource, traced: Traced, library: Library, databa
         mine = _in_plane(said, axes)
         if not mine.findings:
             continue
-        apart = {flight: max(times.get(axis, 0.0) for axis in axes) for flight, times in said.correlation_time.items()}
+        apart = {
+            flight: max(times.get(axis, 0.0) for axis in axes)
+            for flight, times in said.correlation_time.items()
+        }
         again = _units(evidence, spans, apart)
         if len(again) > 1 and [each.flight for each in again] != [each.flight for each in chosen]:
             mine = _in_plane(suspect(again, hypotheses, settings, known), axes)
@@ -57,9 +81,16 @@ def _in_plane(said: Suspicion, axes: Collection[str]) -> Suspicion:
     """With the findings of one plane of motion only."""
     lateral = {"CY", "Cl", "Cn", "C_side"}
     wanted = bool(lateral & set(axes))
-    # A force along the wind is felt on more body axes than those of its plane: what counts is where the formula stands.
-    written = {hypothesis.id: hypothesis.written_on[0] for hypothesis in said.joint.court.campaign.hypotheses}
-    return replace(said, findings=tuple(f for f in said.findings if (written[f.hypothesis] in lateral) == wanted))
+    # A force along the wind is felt on more body axes than those of its plane: what counts is where
+    # the formula stands.
+    written = {
+        hypothesis.id: hypothesis.written_on[0]
+        for hypothesis in said.joint.court.campaign.hypotheses
+    }
+    return replace(
+        said,
+        findings=tuple(f for f in said.findings if (written[f.hypothesis] in lateral) == wanted),
+    )
 
 
 def with_suspicion(traced: Traced, parts: Sequence[Suspicion]) -> Traced:
@@ -69,8 +100,15 @@ def with_suspicion(traced: Traced, parts: Sequence[Suspicion]) -> Traced:
     findings = [finding for said in parts for finding in said.findings]
     short = ", ".join(unit.short if unit.window is None else f"{unit.short} s" for unit in voters)
     by_window = any(unit.window is not None for unit in voters)
-    what = "manoeuvres voted, not flights" if by_window else "these flights voted beside the linear set"
-    note = f"Too few flights for the error rate: {what} ({short}); what they found so is suspected at most."
+    what = (
+        "manoeuvres voted, not flights"
+        if by_window
+        else "these flights voted beside the linear set"
+    )
+    note = (
+        f"Too few flights for the error rate: {what} ({short}); what they found so is suspected at"
+        " most."
+    )
     found = {finding.hypothesis for finding in findings}
     return replace(
         traced,
@@ -81,7 +119,8 @@ def with_suspicion(traced: Traced, parts: Sequence[Suspicion]) -> Traced:
 
 
 def manoeuvre_spans(source: FlightSource, flight: str) -> tuple[tuple[float, float], ...]:
-    """Start and end [s from the first sample] of the manoeuvres of a flight (its id), those that overlap as one."""
+    """Start and end [s from the first sample] of the manoeuvres of a flight (its id), those that
+    overlap as one."""
     spans: list[tuple[float, float]] = []
     for segment in sorted(source.segments(flight), key=lambda segment: segment.start):
         start, end = segment.start, segment.end
@@ -95,13 +134,17 @@ def manoeuvre_spans(source: FlightSource, flight: str) -> tuple[tuple[float, flo
 
 
 def _units(
-    evidence: Sequence[Evidence], spans: Mapping[str, Sequence[tuple[float, float]]], apart: Mapping[str, float]
+    evidence: Sequence[Evidence],
+    spans: Mapping[str, Sequence[tuple[float, float]]],
+    apart: Mapping[str, float],
 ) -> list[Evidence]:
     """The flights cut at their manoeuvres; a flight without any, or with one, votes whole."""
     found: list[Evidence] = []
     for each in evidence:
         cut = (
-            windows(spans[each.flight], (each.samples - 1) * each.step, apart.get(each.flight, 0.0)) if spans[each.flight] else ()
+            windows(spans[each.flight], (each.samples - 1) * each.step, apart.get(each.flight, 0.0))
+            if spans[each.flight]
+            else ()
         )
         found += units(each, cut, 0.0) if len(cut) > 1 else (each,)
     return found

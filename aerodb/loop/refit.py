@@ -1,4 +1,5 @@
-"""What the loop adds, fitted once more beside the candidate that has it: gains, and shapes inside the envelope."""
+"""What the loop adds, fitted once more beside the candidate that has it: gains, and shapes inside
+the envelope."""
 
 from collections.abc import Sequence
 
@@ -11,13 +12,20 @@ from aerodb.tracing import Refined, refined
 
 
 def fitted_again(
-    source: FlightSource, candidate: AeroDatabase, library: Library, accepted: Sequence[Hypothesis], flights: Sequence[str]
+    source: FlightSource,
+    candidate: AeroDatabase,
+    library: Library,
+    accepted: Sequence[Hypothesis],
+    flights: Sequence[str],
 ) -> Refined | None:
-    """New gains and finer shapes of terms that `candidate` holds already; None where left-out flights do not ask for them.
+    """New gains and finer shapes of terms that `candidate` holds already; None where left-out
+    flights do not ask for them.
 
     flights : ids of those that have the channels of all terms.
     """
-    compared = in_threads(lambda id: thinned_comparison(source, id, candidate, library.settings.bandwidth), flights)
+    compared = in_threads(
+        lambda id: thinned_comparison(source, id, candidate, library.settings.bandwidth), flights
+    )
     if not compared:
         return None
     sensors = [hypothesis for hypothesis in library.hypotheses if hypothesis.kind == "sensor"]
@@ -27,20 +35,35 @@ def fitted_again(
 def refit_of(finer: Refined) -> Refit:
     """What an increment notes of how it was fitted once more; shapes in the order of their ids."""
     axes = {term.id: term.written_on[0] for term in finer.terms}
-    shapes = [RefinedShape(id, axes[id], tuple(over), finer.fall[id]) for id, over in sorted(finer.variables.items())]
+    shapes = [
+        RefinedShape(id, axes[id], tuple(over), finer.fall[id])
+        for id, over in sorted(finer.variables.items())
+    ]
     return Refit(tuple(shapes))
 
 
 def axes_of_wrong_shapes(database: AeroDatabase) -> frozenset[str]:
     """Body axes on which a term was added whose template's shape was wrong."""
-    axes = {shape.axis for increment in database.increments if increment.refit for shape in increment.refit.shapes}
+    axes = {
+        shape.axis
+        for increment in database.increments
+        if increment.refit
+        for shape in increment.refit.shapes
+    }
     return frozenset(body for axis in axes for body in FELT_ON.get(axis, (axis,)))
 
 
 def remarks_on_shapes(database: AeroDatabase) -> tuple[str, ...]:
     """One plain sentence on what was fitted once more; none where nothing was."""
-    notes = dict.fromkeys(increment.full_note for increment in database.increments if increment.refit is not None)
+    notes = dict.fromkeys(
+        increment.full_note for increment in database.increments if increment.refit is not None
+    )
     if not notes:
         return ()
     text = " ".join(f"[{note.removeprefix('traced: ')}]" for note in notes)
-    return (f"Gains and shapes were fitted once more where that predicts left-out flights better: {text}.",)
+    return (
+        (
+            "Gains and shapes were fitted once more where that predicts left-out flights better:"
+            f" {text}."
+        ),
+    )

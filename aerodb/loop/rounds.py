@@ -1,4 +1,5 @@
-"""The closed loop: trace, add what is found, trace again on the candidate until nothing more is found."""
+"""The closed loop: trace, add what is found, trace again on the candidate until nothing more is
+found."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -17,7 +18,16 @@ from aerodb.loop.stall import EFFECT, added_stall
 from aerodb.loop.stall_loop import added_loop, is_loop, one_stall, with_unused_states
 from aerodb.support import in_threads
 from aerodb.tables import STATE_CHANNEL, AeroDatabase
-from aerodb.tracing import ADDED, Finding, Suspicion, Traced, beside_wrong_shapes, joint_covariance, linear_companions, trace
+from aerodb.tracing import (
+    ADDED,
+    Finding,
+    Suspicion,
+    Traced,
+    beside_wrong_shapes,
+    joint_covariance,
+    linear_companions,
+    trace,
+)
 
 #: The loop ends after this many rounds whatever it still finds.
 MOST_ROUNDS = 4
@@ -27,7 +37,8 @@ _PITCH = frozenset({"CX", "CZ", "Cm"})
 
 @dataclass(frozen=True)
 class Accept:
-    """Effects (names or hypotheses' ids) that the user lets in although they are aliased (`lumped`) or only `suspected`."""
+    """Effects (names or hypotheses' ids) that the user lets in although they are aliased (`lumped`)
+    or only `suspected`."""
 
     lumped: tuple[str, ...] = ()
     suspected: tuple[str, ...] = ()
@@ -39,17 +50,25 @@ class Accept:
 
     def check(self, library: Library) -> None:
         """Raises InputError for a name that is neither an effect nor an id of the library."""
-        known = {name for hypothesis in library.hypotheses for name in (hypothesis.effect, hypothesis.id)}
+        known = {
+            name for hypothesis in library.hypotheses for name in (hypothesis.effect, hypothesis.id)
+        }
         for name in (*self.lumped, *self.suspected):
             if name not in known:
-                raise InputError(f"no effect '{name}' in the library", "close-loop", "see the effects that a first run lists")
+                raise InputError(
+                    f"no effect '{name}' in the library",
+                    "close-loop",
+                    "see the effects that a first run lists",
+                )
 
 
 @dataclass(frozen=True)
 class Loop:
-    """Where a loop ended: the candidate, all findings and those that were added, the last round's tracing, and remarks.
+    """Where a loop ended: the candidate, all findings and those that were added, the last round's
+    tracing, and remarks.
 
-    by_manoeuvre : whether manoeuvres of the flights had to vote, and heads and tails of flights validate.
+    by_manoeuvre : whether manoeuvres of the flights had to vote, and heads and tails of flights
+    validate.
     """
 
     baseline: AeroDatabase
@@ -67,11 +86,18 @@ class Loop:
         return any(_separates(finding) for finding in self.added)
 
 
-def run_loop(source: FlightSource, flights: Sequence[str], baseline: AeroDatabase, library: Library, accept: Accept) -> Loop:
+def run_loop(
+    source: FlightSource,
+    flights: Sequence[str],
+    baseline: AeroDatabase,
+    library: Library,
+    accept: Accept,
+) -> Loop:
     """The loop on the flights (ids) that identify.
 
-    Each round traces beside the present candidate and admits confirmed findings, and what `accept` names; as many of them are
-    added as make no axis worse. Raises InputError where `accept` names what the library does not have.
+    Each round traces beside the present candidate and admits confirmed findings, and what `accept`
+    names; as many of them are added as make no axis worse. Raises InputError where `accept` names
+    what the library does not have.
     """
     accept.check(library)
     database = baseline
@@ -86,9 +112,15 @@ def run_loop(source: FlightSource, flights: Sequence[str], baseline: AeroDatabas
         if said:
             traced, by_manoeuvre = with_suspicion(traced, said), True
         have = {finding.hypothesis for finding in added} | withheld
-        have |= {h.id for h in library.hypotheses if h.effect == EFFECT} if database.states else set()
-        new = one_stall([f for f in traced.findings if accept.admits(f) and f.hypothesis not in have])
-        findings |= {f.hypothesis: f for f in traced.findings if f.hypothesis not in findings or f in new}
+        have |= (
+            {h.id for h in library.hypotheses if h.effect == EFFECT} if database.states else set()
+        )
+        new = one_stall(
+            [f for f in traced.findings if accept.admits(f) and f.hypothesis not in have]
+        )
+        findings |= {
+            f.hypothesis: f for f in traced.findings if f.hypothesis not in findings or f in new
+        }
         if not new:
             break
         new, beside = _with_companions(new, said, have)
@@ -99,17 +131,37 @@ def run_loop(source: FlightSource, flights: Sequence[str], baseline: AeroDatabas
         database = candidate
     if any(_separates(finding) for finding in added):
         by_manoeuvre = False  # the validation leaves whole flights out
-        remarks += (f"The stall was added with the shape and the gains on which its flights agree: {_stall_gains(database)}.",)
+        remarks += (
+            (
+                "The stall was added with the shape and the gains on which its flights agree:"
+                f" {_stall_gains(database)}."
+            ),
+        )
     remarks += remarks_on_shapes(database)
     if withheld:
-        why = "they were estimated beside others that were not admitted, and alone would make their axis worse"
+        why = (
+            "they were estimated beside others that were not admitted, and alone would make their"
+            " axis worse"
+        )
         remarks += (f"Not added although found: {', '.join(sorted(withheld))}; {why}.",)
     if said_beside:
         remarks += (
-            f"With what was accepted, the linear terms beside which it was estimated were added: {', '.join(said_beside)}.",
+            (
+                "With what was accepted, the linear terms beside which it was estimated were"
+                f" added: {', '.join(said_beside)}."
+            ),
         )
     remarks = (*library.remarks, *remarks)
-    return Loop(baseline, database, tuple(findings.values()), tuple(added), traced, rounds, remarks, by_manoeuvre)
+    return Loop(
+        baseline,
+        database,
+        tuple(findings.values()),
+        tuple(added),
+        traced,
+        rounds,
+        remarks,
+        by_manoeuvre,
+    )
 
 
 def _traced(
@@ -123,18 +175,32 @@ def _traced(
     """What whole flights say beside a database, and what a reader must know of it."""
     grams = in_threads(lambda flight: source.normal_equations(flight, database, library), flights)
     earlier = {finding.hypothesis: finding.value for finding in added}
-    traced, remarks = only_what_was_frozen(trace(grams, library.hypotheses, library.settings, earlier), known_before)
-    return replace(traced, findings=beside_wrong_shapes(traced.findings, axes_of_wrong_shapes(database))), remarks
+    traced, remarks = only_what_was_frozen(
+        trace(grams, library.hypotheses, library.settings, earlier), known_before
+    )
+    return (
+        replace(
+            traced, findings=beside_wrong_shapes(traced.findings, axes_of_wrong_shapes(database))
+        ),
+        remarks,
+    )
 
 
-def only_what_was_frozen(traced: Traced, known: frozenset[str] | None) -> tuple[Traced, tuple[str, ...]]:
-    """The findings with those that an earlier look could have suggested downgraded: a hypothesis that joined the library after
-    these flights had been traced has no error rate."""
+def only_what_was_frozen(
+    traced: Traced, known: frozenset[str] | None
+) -> tuple[Traced, tuple[str, ...]]:
+    """The findings with those that an earlier look could have suggested downgraded: a hypothesis
+    that joined the library after these flights had been traced has no error rate."""
     if known is None:
         return traced, ()
-    remark = "These flights were traced before with another library: what joined it since is suspected at most."
+    remark = (
+        "These flights were traced before with another library: what joined it since is suspected"
+        " at most."
+    )
     late = [f.hypothesis not in known and f.verdict == "confirmed" for f in traced.findings]
-    findings = tuple(_late(f) if is_late else f for f, is_late in zip(traced.findings, late, strict=True))
+    findings = tuple(
+        _late(f) if is_late else f for f, is_late in zip(traced.findings, late, strict=True)
+    )
     return replace(traced, findings=findings), (remark,)
 
 
@@ -143,16 +209,24 @@ def _late(finding: Finding) -> Finding:
     return replace(finding, verdict="suspected", because=because)
 
 
-def _with_companions(new: Sequence[Finding], said: Sequence[Suspicion], have: set[str]) -> tuple[list[Finding], list[str]]:
-    """The admitted findings with the linear terms beside which manoeuvres estimated them, and the ids of these terms. have : ids
-    that the database has already, or must not get."""
+def _with_companions(
+    new: Sequence[Finding], said: Sequence[Suspicion], have: set[str]
+) -> tuple[list[Finding], list[str]]:
+    """The admitted findings with the linear terms beside which manoeuvres estimated them, and the
+    ids of these terms. have : ids that the database has already, or must not get."""
     new, beside = list(new), list[str]()
     for part in said:
         # A stall brings the corrections of its attached flow along: see `added_stall`.
-        companions = linear_companions(part.joint, [f for f in new if f in part.findings and f.effect != EFFECT])
+        companions = linear_companions(
+            part.joint, [f for f in new if f in part.findings and f.effect != EFFECT]
+        )
         stalled = _PITCH if any(finding.effect == EFFECT for finding in new) else frozenset[str]()
         barred = have | {finding.hypothesis for finding in new}
-        more = [each for each in companions if each.hypothesis not in barred and not stalled & set(each.axis)]
+        more = [
+            each
+            for each in companions
+            if each.hypothesis not in barred and not stalled & set(each.axis)
+        ]
         beside += [each.hypothesis for each in more]
         new += more
     return new, beside
@@ -174,30 +248,52 @@ def _stall_gains(database: AeroDatabase) -> str:
 
 
 def _bearable(
-    source: FlightSource, database: AeroDatabase, library: Library, new: Sequence[Finding], flights: Sequence[str]
+    source: FlightSource,
+    database: AeroDatabase,
+    library: Library,
+    new: Sequence[Finding],
+    flights: Sequence[str],
 ) -> tuple[AeroDatabase, list[Finding]]:
-    """The candidate with as many of the new findings as make no axis worse, and these: first without the constants of the axes
-    concerned, then without anything on them. Estimated beside terms that may not enter, a term can be right and yet do harm."""
+    """The candidate with as many of the new findings as make no axis worse, and these: first
+    without the constants of the axes concerned, then without anything on them. Estimated beside
+    terms that may not enter, a term can be right and yet do harm."""
     kept = list(new)
     candidate = _added(source, database, library, kept, flights)
     for only_constants in (True, False):
-        worse = worse_axes(compared(source, flights, database), compared(source, flights, candidate))
+        worse = worse_axes(
+            compared(source, flights, database), compared(source, flights, candidate)
+        )
         if not worse:
             break
-        kept = [f for f in kept if not worse & set(f.axis) or (only_constants and f.effect != "zero_offset")]
+        kept = [
+            f
+            for f in kept
+            if not worse & set(f.axis) or (only_constants and f.effect != "zero_offset")
+        ]
         candidate = _added(source, database, library, kept, flights) if kept else database
     return candidate, kept
 
 
-def compared(source: FlightSource, flights: Sequence[str], database: AeroDatabase) -> dict[str, Comparison]:
+def compared(
+    source: FlightSource, flights: Sequence[str], database: AeroDatabase
+) -> dict[str, Comparison]:
     """Flight (its id) -> its comparison with a database."""
-    return dict(zip(flights, in_threads(lambda id: source.comparison(id, database)[1], flights), strict=True))
+    return dict(
+        zip(
+            flights, in_threads(lambda id: source.comparison(id, database)[1], flights), strict=True
+        )
+    )
 
 
 def _added(
-    source: FlightSource, database: AeroDatabase, library: Library, new: Sequence[Finding], flights: Sequence[str]
+    source: FlightSource,
+    database: AeroDatabase,
+    library: Library,
+    new: Sequence[Finding],
+    flights: Sequence[str],
 ) -> AeroDatabase:
-    """The database with the findings as increments inside the envelope of the flights that voted for them."""
+    """The database with the findings as increments inside the envelope of the flights that voted
+    for them."""
     if any(_separates(finding) for finding in new):
         database = added_stall(source, database, tuple(library.stall))
         new = [finding for finding in new if not _separates(finding)]
@@ -211,17 +307,46 @@ def _added(
     accepted = [known[finding.hypothesis] for finding in new]
 
     def seen(id: str) -> FlightView:
-        return with_unused_states(view_of(*source.comparison(id, database), database, source.vehicle))
+        return with_unused_states(
+            view_of(*source.comparison(id, database), database, source.vehicle)
+        )
 
-    views = [view for view in in_threads(seen, flights) if all(view.has(hypothesis.needs) for hypothesis in accepted)]
+    views = [
+        view
+        for view in in_threads(seen, flights)
+        if all(view.has(hypothesis.needs) for hypothesis in accepted)
+    ]
     values = np.array([finding.value for finding in new])
     covariance = joint_covariance(new, library.settings.prior_dof)
     note = "traced: " + ", ".join(f"{f.hypothesis} ({f.verdict.replace('_', ' ')})" for f in new)
-    candidate = add_effects(database, accepted, values, covariance, envelopes_of(accepted, views, database), tuple(flights), note)
-    by_flights = all(finding.verdict != "suspected" for finding in new)  # a suspicion holds beside what may not enter
-    finer = fitted_again(source, candidate, library, accepted, [view.flight for view in views]) if by_flights else None
+    candidate = add_effects(
+        database,
+        accepted,
+        values,
+        covariance,
+        envelopes_of(accepted, views, database),
+        tuple(flights),
+        note,
+    )
+    by_flights = all(
+        finding.verdict != "suspected" for finding in new
+    )  # a suspicion holds beside what may not enter
+    finer = (
+        fitted_again(source, candidate, library, accepted, [view.flight for view in views])
+        if by_flights
+        else None
+    )
     if finer is not None:
         values, covariance = finer.beside(values, covariance)
         envelopes = envelopes_of(finer.terms, views, database)
-        candidate = add_effects(database, finer.terms, values, covariance, envelopes, tuple(flights), note, refit_of(finer))
+        candidate = add_effects(
+            database,
+            finer.terms,
+            values,
+            covariance,
+            envelopes,
+            tuple(flights),
+            note,
+            refit_of(finer),
+        )
     return keep_slope_signs(Update(candidate, (), tuple(flights)), database).candidate

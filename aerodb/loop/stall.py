@@ -1,5 +1,5 @@
-"""Stalls in the loop: where flights stall, the shape of each flight's stall is that of the others, and what is found is added
-with its state model. Flights that do not stall cost nothing here."""
+"""Stalls in the loop: where flights stall, the shape of each flight's stall is that of the others,
+and what is found is added with its state model. Flights that do not stall cost nothing here."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -26,29 +26,52 @@ from aerodb.errors import InputError
 from aerodb.estimation import least_squares
 from aerodb.loop.flights import FlightSource
 from aerodb.support import Array
-from aerodb.tables import STATE_CHANNEL, AeroDatabase, Increment, Law, StateModel, evaluate, flown_envelope, parse
+from aerodb.tables import (
+    STATE_CHANNEL,
+    AeroDatabase,
+    Increment,
+    Law,
+    StateModel,
+    evaluate,
+    flown_envelope,
+    parse,
+)
 from aerodb.vehicle import Vehicle
 
 EFFECT: Final = "stall_hysteresis"
 #: The family of shapes: fixed before a residual is looked at, as its numbers cannot be.
 FAMILY: Final = "kirchhoff"
-#: Part of the angle of attack of a stall from which a flight counts as one that stalls: lift does not give way at one angle.
+#: Part of the angle of attack of a stall from which a flight counts as one that stalls: lift does
+#: not give way at one angle.
 NEAR: Final = 0.9
-#: Least way [rad] that a surface must go in every flight for its effect on the attached flow to be corrected.
+#: Least way [rad] that a surface must go in every flight for its effect on the attached flow to be
+#: corrected.
 LEAST: Final = np.deg2rad(2.0)
 
 
 def stalled_flights(source: FlightSource, flights: Sequence[str]) -> tuple[str, ...]:
-    """Those of the flights (ids) that go where one of them stalls, near the angle of attack at which its lift gives way.
+    """Those of the flights (ids) that go where one of them stalls, near the angle of attack at
+    which its lift gives way.
 
     Empty where fewer than two do: one cannot check a shape that it chose.
     """
-    spans = {flight: [each for each in source.segments(flight) if each.kind == "stall"] for flight in flights}
+    spans = {
+        flight: [each for each in source.segments(flight) if each.kind == "stall"]
+        for flight in flights
+    }
     if not any(spans.values()):
         return ()
     alphas = {flight: _alpha(source, flight) for flight in flights}
-    onsets = [float(alphas[flight][0][_at(alphas[flight][1], each)]) for flight, found in spans.items() for each in found]
-    reached = tuple(flight for flight, (alpha, _) in alphas.items() if float(np.nanmax(alpha)) >= NEAR * min(onsets))
+    onsets = [
+        float(alphas[flight][0][_at(alphas[flight][1], each)])
+        for flight, found in spans.items()
+        for each in found
+    ]
+    reached = tuple(
+        flight
+        for flight, (alpha, _) in alphas.items()
+        if float(np.nanmax(alpha)) >= NEAR * min(onsets)
+    )
     return reached if len(reached) > 1 else ()
 
 
@@ -57,7 +80,8 @@ def _at(time: Array, segment: Segment) -> int:
 
 
 def _alpha(source: FlightSource, flight: str) -> tuple[Array, Array]:
-    """Angle of attack (n,) rad, bridged where it is flagged (-inf without any), and time from the first sample."""
+    """Angle of attack (n,) rad, bridged where it is flagged (-inf without any), and time from the
+    first sample."""
     channels = source.flight(flight)
     if "alpha" not in channels:
         return np.full(len(channels.time), -np.inf), channels.time - channels.time[0]
@@ -69,7 +93,12 @@ def of_family(hypotheses: Sequence[Hypothesis]) -> tuple[Hypothesis, ...]:
     """The library with the stall stated by its family: what is frozen and hashed."""
     formula = f"{{}}; {STATE_CHANNEL} of family {FAMILY}, each flight's shape from the others"
     return tuple(
-        replace(h, formula=formula.format(", ".join(f"{axis} += k*({regressor})" for axis, regressor in h.increment)))
+        replace(
+            h,
+            formula=formula.format(
+                ", ".join(f"{axis} += k*({regressor})" for axis, regressor in h.increment)
+            ),
+        )
         if h.effect == EFFECT
         else h
         for h in hypotheses
@@ -77,15 +106,22 @@ def of_family(hypotheses: Sequence[Hypothesis]) -> tuple[Hypothesis, ...]:
 
 
 def with_laws(
-    hypotheses: Sequence[Hypothesis], laws: Mapping[str, Law], database: AeroDatabase, vehicle: Vehicle
+    hypotheses: Sequence[Hypothesis],
+    laws: Mapping[str, Law],
+    database: AeroDatabase,
+    vehicle: Vehicle,
 ) -> tuple[Hypothesis, ...]:
-    """The library with the columns of each flight's own law; ids, formulas and hence its hash as they are."""
+    """The library with the columns of each flight's own law; ids, formulas and hence its hash as
+    they are."""
     made = {each.id: each for each in stall_hypotheses(Scene(database, vehicle, frozenset()), laws)}
     return tuple(replace(h, tangent=made[h.id].tangent) if h.id in made else h for h in hypotheses)
 
 
-def cross_fitted_laws(source: FlightSource, flights: Sequence[str], database: AeroDatabase) -> dict[str, Law]:
-    """Flight -> the law that the others agree with; empty where no shape separates their flow, or they lack what it needs."""
+def cross_fitted_laws(
+    source: FlightSource, flights: Sequence[str], database: AeroDatabase
+) -> dict[str, Law]:
+    """Flight -> the law that the others agree with; empty where no shape separates their flow, or
+    they lack what it needs."""
     try:
         shapes = cross_fitted(stall_flights(source, flights, database), FAMILY)
     except InputError:
@@ -93,32 +129,53 @@ def cross_fitted_laws(source: FlightSource, flights: Sequence[str], database: Ae
     return {flight: shape.law for flight, shape in shapes.items() if shape.law is not None}
 
 
-def added_stall(source: FlightSource, database: AeroDatabase, flights: Sequence[str]) -> AeroDatabase:
-    """`database` with the stall that all these flights (ids) agree with: its state model, its gains on all axes, and what it was
-    estimated beside, the corrections of the attached flow.
+def added_stall(
+    source: FlightSource, database: AeroDatabase, flights: Sequence[str]
+) -> AeroDatabase:
+    """`database` with the stall that all these flights (ids) agree with: its state model, its gains
+    on all axes, and what it was estimated beside, the corrections of the attached flow.
 
-    One flow stalls, so that no axis takes it alone. Covariances are those of least squares with coloured residuals for the shape
-    as it is: that the shape was searched is not in them. Raises InputError where no shape separates the flow of these flights.
+    One flow stalls, so that no axis takes it alone. Covariances are those of least squares with
+    coloured residuals for the shape as it is: that the shape was searched is not in them. Raises
+    InputError where no shape separates the flow of these flights.
     """
     stalls = stall_flights(source, flights, database)
     shape = profiled(stalls, FAMILY)
     law = shape.law
     assert law is not None  # the family has memory
     columns = [shape.columns(each) for each in stalls]
-    made = replace(database, states=(*database.states, StateModel(STATE_CHANNEL, law, f"{FAMILY} of {len(stalls)} flights")))
+    made = replace(
+        database,
+        states=(
+            *database.states,
+            StateModel(STATE_CHANNEL, law, f"{FAMILY} of {len(stalls)} flights"),
+        ),
+    )
     views = [_view(source, each.flight, database) for each in stalls]
-    flown = [({**view.channels, STATE_CHANNEL: f.attached(law)}, f.usable) for view, f in zip(views, stalls, strict=True)]
+    flown = [
+        ({**view.channels, STATE_CHANNEL: f.attached(law)}, f.usable)
+        for view, f in zip(views, stalls, strict=True)
+    ]
     increments = []
     for axis, gain in shape.gains.items():
         names = (*(parse(name) for name in _free(views, axis)), regressors(database)[axis])
-        rows = [np.column_stack([f.nuisance[axis], c[axis]])[f.usable] for f, c in zip(stalls, columns, strict=True)]
+        rows = [
+            np.column_stack([f.nuisance[axis], c[axis]])[f.usable]
+            for f, c in zip(stalls, columns, strict=True)
+        ]
         response = np.concatenate([f.residual[axis][f.usable] for f in stalls])
         lengths = [len(each) for each in rows]
-        covariance = least_squares(np.concatenate(rows), response, [str(name) for name in names], lengths).covariance
-        envelope = flown_envelope(frozenset[str]().union(*(name.names for name in names)), flown, database)
+        covariance = least_squares(
+            np.concatenate(rows), response, [str(name) for name in names], lengths
+        ).covariance
+        envelope = flown_envelope(
+            frozenset[str]().union(*(name.names for name in names)), flown, database
+        )
         values = np.append(shape.nuisance[axis], gain)
         note = f"traced: {EFFECT} with the attached flow's corrections"
-        increments.append(Increment(axis, names, values, covariance, envelope, tuple(flights), note))
+        increments.append(
+            Increment(axis, names, values, covariance, envelope, tuple(flights), note)
+        )
     return replace(made, increments=(*made.increments, *increments))
 
 
@@ -127,17 +184,33 @@ def _view(source: FlightSource, flight: str, database: AeroDatabase) -> FlightVi
 
 
 def _free(views: Sequence[FlightView], axis: str) -> tuple[str, ...]:
-    """What of the attached flow may be corrected beside a stall: level, alpha, pitch rate, pitch surfaces; alpha^2 of drag.
+    """What of the attached flow may be corrected beside a stall: level, alpha, pitch rate, pitch
+    surfaces; alpha^2 of drag.
 
-    A surface that hardly moves in one of the flights stays out: what it would be given there, it would take elsewhere.
+    A surface that hardly moves in one of the flights stays out: what it would be given there, it
+    would take elsewhere.
     """
-    surfaces = [f"delta_{each.name}" for each in surfaces_of(views[0].vehicle, views[0].channels) if each.role == "pitch"]
-    moved = [name for name in surfaces if all(view.has([name]) and np.ptp(view[name]) > LEAST for view in views)]
-    linear = ("1", *(name for name in ("alpha", "q_hat") if all(view.has([name]) for view in views)), *moved)
+    surfaces = [
+        f"delta_{each.name}"
+        for each in surfaces_of(views[0].vehicle, views[0].channels)
+        if each.role == "pitch"
+    ]
+    moved = [
+        name
+        for name in surfaces
+        if all(view.has([name]) and np.ptp(view[name]) > LEAST for view in views)
+    ]
+    linear = (
+        "1",
+        *(name for name in ("alpha", "q_hat") if all(view.has([name]) for view in views)),
+        *moved,
+    )
     return (*linear, "alpha^2") if axis == "C_drag" else linear
 
 
-def stall_flights(source: FlightSource, flights: Sequence[str], database: AeroDatabase) -> list[StallFlight]:
+def stall_flights(
+    source: FlightSource, flights: Sequence[str], database: AeroDatabase
+) -> list[StallFlight]:
     """Flights (ids) as shapes see them, beside a database.
 
     Raises InputError where one lacks lift, drag and pitching moment, or angle of attack.
@@ -146,11 +219,17 @@ def stall_flights(source: FlightSource, flights: Sequence[str], database: AeroDa
     return [_stall_flight(source, view, views, database) for view in views]
 
 
-def _stall_flight(source: FlightSource, view: FlightView, views: Sequence[FlightView], database: AeroDatabase) -> StallFlight:
+def _stall_flight(
+    source: FlightSource, view: FlightView, views: Sequence[FlightView], database: AeroDatabase
+) -> StallFlight:
     _, comparison = source.comparison(view.flight, database)
     axes = [axis for axis in GAINS if axis in comparison.usable]
     if not axes or not view.has(["alpha", "V"]):
-        raise InputError("no lift, drag or pitching moment beside alpha and V", f"flight {view.flight}", "see its coefficients")
+        raise InputError(
+            "no lift, drag or pitching moment beside alpha and V",
+            f"flight {view.flight}",
+            "see its coefficients",
+        )
     return StallFlight(
         flight=view.flight,
         time=view.time,
@@ -158,7 +237,10 @@ def _stall_flight(source: FlightSource, view: FlightView, views: Sequence[Flight
         V=view["V"],
         chord=database.reference.chord,
         residual={axis: np.nan_to_num(comparison.residual(axis)) for axis in axes},
-        nuisance={axis: np.column_stack([_column(view, name) for name in _free(views, axis)]) for axis in axes},
+        nuisance={
+            axis: np.column_stack([_column(view, name) for name in _free(views, axis)])
+            for axis in axes
+        },
         usable=np.logical_and.reduce([comparison.usable[axis] for axis in axes]),
         alpha_0=zero_lift_alpha(database),
     )

@@ -1,7 +1,8 @@
-"""The closed loop of a stall's lift as a rival of flow that separates smoothly: which it is, the flights' votes say.
+"""The closed loop of a stall's lift as a rival of flow that separates smoothly: which it is, the
+flights' votes say.
 
-The two angles are each flight's from the others, as the shapes in `aerodb.loop.stall` are; what is added has those of all
-together.
+The two angles are each flight's from the others, as the shapes in `aerodb.loop.stall` are; what is
+added has those of all together.
 """
 
 from collections.abc import Mapping, Sequence
@@ -32,37 +33,56 @@ def is_loop(named: Hypothesis | str) -> bool:
 
 def loop_of_family(database: AeroDatabase, vehicle: Vehicle) -> Hypothesis:
     """The loop as it is frozen and hashed: its angles are each flight's from the others."""
-    formula = f"C_lift += k*{stall_loop.LOOP.format(from_zero_lift(database), 0, 0)}, angles of each flight from the others"
+    formula = (
+        f"C_lift += k*{stall_loop.LOOP.format(from_zero_lift(database), 0, 0)}, angles of each"
+        " flight from the others"
+    )
     made = replace(_with(_ANY, {}, database, vehicle), formula=formula)
     return with_loops([made], {}, database, vehicle)[0]
 
 
 def with_loops(
-    hypotheses: Sequence[Hypothesis], laws: Mapping[str, Relay], database: AeroDatabase, vehicle: Vehicle
+    hypotheses: Sequence[Hypothesis],
+    laws: Mapping[str, Relay],
+    database: AeroDatabase,
+    vehicle: Vehicle,
 ) -> tuple[Hypothesis, ...]:
     """The library with each flight's own angles; flights without any show nothing."""
     law = next(iter(laws.values()), _ANY)
     made = _with(law, laws, database, vehicle)
 
     def tangent(view: FlightView) -> Columns:
-        return made.columns(view) if view.flight in laws else dict.fromkeys(made.axes, np.zeros(len(view.time)))
+        return (
+            made.columns(view)
+            if view.flight in laws
+            else dict.fromkeys(made.axes, np.zeros(len(view.time)))
+        )
 
     return tuple(replace(h, tangent=tangent) if is_loop(h) else h for h in hypotheses)
 
 
-def cross_fitted_loops(source: FlightSource, flights: Sequence[str], database: AeroDatabase) -> dict[str, Relay]:
-    """Flight (its id) -> the angles that the others agree with; empty below FEWEST flights and where they show no loop."""
+def cross_fitted_loops(
+    source: FlightSource, flights: Sequence[str], database: AeroDatabase
+) -> dict[str, Relay]:
+    """Flight (its id) -> the angles that the others agree with; empty below FEWEST flights and
+    where they show no loop."""
     if len(flights) < FEWEST:
         return {}
     try:
         seen = stall_flights(source, flights, database)
-        return {one.flight: stall_loop.fitted([other for other in seen if other is not one]) for one in seen}
+        return {
+            one.flight: stall_loop.fitted([other for other in seen if other is not one])
+            for one in seen
+        }
     except InputError:
         return {}
 
 
-def added_loop(source: FlightSource, database: AeroDatabase, flights: Sequence[str]) -> tuple[AeroDatabase, Hypothesis]:
-    """`database` with the state of the loop that all these flights (ids) agree with, and the hypothesis that uses it.
+def added_loop(
+    source: FlightSource, database: AeroDatabase, flights: Sequence[str]
+) -> tuple[AeroDatabase, Hypothesis]:
+    """`database` with the state of the loop that all these flights (ids) agree with, and the
+    hypothesis that uses it.
 
     Raises InputError where they show none, and where the database has such a state already.
     """
@@ -73,19 +93,30 @@ def added_loop(source: FlightSource, database: AeroDatabase, flights: Sequence[s
 def with_unused_states(view: FlightView) -> FlightView:
     """The view with the channels of states that no term of its database uses yet."""
     chord = view.database.reference.chord
-    made = {state.name: state.along(view.time, view.channels, chord) for state in view.database.states if view.has(state.needs)}
+    made = {
+        state.name: state.along(view.time, view.channels, chord)
+        for state in view.database.states
+        if view.has(state.needs)
+    }
     return replace(view, channels={**made, **view.channels})
 
 
 def one_stall(findings: Sequence[Finding]) -> list[Finding]:
-    """The findings with one law of separation at most: the loop or what separates smoothly, whichever is surer."""
+    """The findings with one law of separation at most: the loop or what separates smoothly,
+    whichever is surer."""
     stalls = [finding for finding in findings if finding.effect == EFFECT]
     if not stalls:
         return list(findings)
     loop = is_loop(min(stalls, key=lambda finding: finding.p_adjusted).hypothesis)
-    return [finding for finding in findings if finding.effect != EFFECT or is_loop(finding.hypothesis) == loop]
+    return [
+        finding
+        for finding in findings
+        if finding.effect != EFFECT or is_loop(finding.hypothesis) == loop
+    ]
 
 
-def _with(law: Relay, others: Mapping[str, Relay], database: AeroDatabase, vehicle: Vehicle) -> Hypothesis:
+def _with(
+    law: Relay, others: Mapping[str, Relay], database: AeroDatabase, vehicle: Vehicle
+) -> Hypothesis:
     (made,) = stall_loop.template(law, others).hypotheses(Scene(database, vehicle, frozenset()))
     return made

@@ -1,4 +1,5 @@
-"""What flights still have in common beside the candidate, and no hypothesis of the library names."""
+"""What flights still have in common beside the candidate, and no hypothesis of the library
+names."""
 
 from collections.abc import Sequence
 
@@ -13,7 +14,8 @@ from aerodb.tracing import Left, Remainder, evidence_of, remainders
 def unexplained_residuals(
     source: FlightSource, flights: Sequence[str], candidate: AeroDatabase, library: Library
 ) -> tuple[Remainder, ...]:
-    """Remainders of these flights (ids) beside the candidate; empty below the fewest flights of the settings."""
+    """Remainders of these flights (ids) beside the candidate; empty below the fewest flights of the
+    settings."""
     if len(flights) < library.settings.fewest:
         return ()
     sensors = [hypothesis for hypothesis in library.hypotheses if hypothesis.kind == "sensor"]
@@ -23,6 +25,9 @@ def unexplained_residuals(
         view = view_of(flight, comparison, candidate, source.vehicle)
         names = {*candidate.flight_inputs, *HAT_RATES}
         variables = {name: view.channels[name] for name in sorted(names) if view.has([name])}
-        return Left(evidence_of(flight, comparison, candidate, source.vehicle, sensors, view=view), variables)
+        return Left(
+            evidence_of(flight, comparison, candidate, source.vehicle, sensors, view=view),
+            variables,
+        )
 
     return remainders(in_threads(left, flights), library.settings)

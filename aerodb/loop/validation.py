@@ -1,4 +1,5 @@
-"""Validation of a loop: error before and after on flights, or parts of flights, that did not identify."""
+"""Validation of a loop: error before and after on flights, or parts of flights, that did not
+identify."""
 
 from aerodb.coefficients import Comparison
 from aerodb.increments import AxisProof, HoldOut, prove, prove_by_leaving_one_out
@@ -9,11 +10,15 @@ from aerodb.loop.stall import added_stall
 from aerodb.loop.within_flight import validated_within_flights
 
 
-def validate_loop(source: FlightSource, hold_out: HoldOut, library: Library, loop: Loop, accept: Accept) -> tuple[AxisProof, ...]:
-    """Error before and after on the flights that were held out; where none were, each is predicted from the others.
+def validate_loop(
+    source: FlightSource, hold_out: HoldOut, library: Library, loop: Loop, accept: Accept
+) -> tuple[AxisProof, ...]:
+    """Error before and after on the flights that were held out; where none were, each is predicted
+    from the others.
 
-    Left out, a flight takes no part in a loop of its own. A stall is fitted to the other flights that stall; where manoeuvres
-    voted, heads and tails of flights are predicted from everything else.
+    Left out, a flight takes no part in a loop of its own. A stall is fitted to the other flights
+    that stall; where manoeuvres voted, heads and tails of flights are predicted from everything
+    else.
     """
     flights = (*hold_out.identified, *hold_out.held_out)
     before = {flight: source.comparison(flight, loop.baseline)[1] for flight in flights}

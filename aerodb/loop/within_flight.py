@@ -1,4 +1,5 @@
-"""Validation within flights: where flights are too few to leave one out, a part of a flight is predicted from everything else."""
+"""Validation within flights: where flights are too few to leave one out, a part of a flight is
+predicted from everything else."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -20,9 +21,11 @@ Mask = NDArray[np.bool_]
 
 
 def parts_of(time: NDArray[np.float64], spans: tuple[tuple[float, float], ...]) -> dict[str, Mask]:
-    """A flight's head, to the middle of its first manoeuvre, and its tail, from the middle of its last.
+    """A flight's head, to the middle of its first manoeuvre, and its tail, from the middle of its
+    last.
 
-    So what is left out is flown once more in what is left. time (n,) s; spans from its first sample. Without a manoeuvre: halves.
+    So what is left out is flown once more in what is left. time (n,) s; spans from its first
+    sample. Without a manoeuvre: halves.
     """
     since = time - time[0]
     middles = [0.5 * (start + end) for start, end in spans] or [0.5 * float(since[-1])]
@@ -30,12 +33,17 @@ def parts_of(time: NDArray[np.float64], spans: tuple[tuple[float, float], ...]) 
 
 
 def validated_within_flights(
-    source: FlightSource, library: Library, loop: Loop, before: Mapping[str, Comparison], after: Mapping[str, Comparison]
+    source: FlightSource,
+    library: Library,
+    loop: Loop,
+    before: Mapping[str, Comparison],
+    after: Mapping[str, Comparison],
 ) -> tuple[AxisProof, ...]:
-    """Error before and after on heads and tails of flights, each with the values that everything else gives the terms added.
+    """Error before and after on heads and tails of flights, each with the values that everything
+    else gives the terms added.
 
-    Which terms is not chosen anew: two or three manoeuvres cannot be left without one of them. before, after : of whole flights,
-    by their ids.
+    Which terms is not chosen anew: two or three manoeuvres cannot be left without one of them.
+    before, after : of whole flights, by their ids.
     """
     masks = {
         f"{flight}@{name}": (flight, mask)
@@ -46,7 +54,9 @@ def validated_within_flights(
 
     def without(part: str) -> Comparison:
         flight, mask = masks[part]
-        candidate = estimated_without(source, library, loop.baseline, names, tuple(before), {flight: mask})
+        candidate = estimated_without(
+            source, library, loop.baseline, names, tuple(before), {flight: mask}
+        )
         return _only(source.comparison(flight, candidate)[1], mask)
 
     return prove_by_leaving_one_out(
@@ -57,7 +67,9 @@ def validated_within_flights(
 
 
 def _only(comparison: Comparison, mask: Mask) -> Comparison:
-    return replace(comparison, usable={axis: good & mask for axis, good in comparison.usable.items()})
+    return replace(
+        comparison, usable={axis: good & mask for axis, good in comparison.usable.items()}
+    )
 
 
 def estimated_without(
@@ -68,7 +80,8 @@ def estimated_without(
     flights: tuple[str, ...],
     masks: Mapping[str, Mask],
 ) -> AeroDatabase:
-    """The baseline with the named hypotheses, estimated beside the linear set on all samples but the masked."""
+    """The baseline with the named hypotheses, estimated beside the linear set on all samples but
+    the masked."""
     if not names:
         return baseline
     evidence, views = [], []
@@ -78,15 +91,21 @@ def estimated_without(
         if flight in masks:
             comparison = _only(comparison, ~masks[flight])
         if any(good.any() for good in comparison.usable.values()):
-            evidence.append(evidence_of(channels, comparison, baseline, vehicle, library.hypotheses))
+            evidence.append(
+                evidence_of(channels, comparison, baseline, vehicle, library.hypotheses)
+            )
             views.append(view_of(channels, comparison, baseline, vehicle))
     bands, settings = joint_bands(evidence, library.hypotheses, library.settings)
     linear = [i for i, h in enumerate(library.hypotheses) if h.effect in LINEAR]
-    terms = list(dict.fromkeys([*linear, *(i for i, h in enumerate(library.hypotheses) if h.id in names)]))
+    terms = list(
+        dict.fromkeys([*linear, *(i for i, h in enumerate(library.hypotheses) if h.id in names)])
+    )
     joint = joint_fit(bands, terms, library.hypotheses, settings)
     accepted = [library.hypotheses[i] for i in terms if library.hypotheses[i].id in names]
     values = np.array([joint.value(i) for i in terms if library.hypotheses[i].id in names])
     able = [view for view in views if all(view.has(hypothesis.needs) for hypothesis in accepted)]
     envelopes = envelopes_of(accepted, able, baseline)
-    candidate = add_effects(baseline, accepted, values, np.zeros((len(values), len(values))), envelopes, flights)
+    candidate = add_effects(
+        baseline, accepted, values, np.zeros((len(values), len(values))), envelopes, flights
+    )
     return keep_slope_signs(Update(candidate, (), flights), baseline).candidate

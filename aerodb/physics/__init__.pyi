@@ -1,4 +1,11 @@
-from .atmosphere import DENSITY_0, GRAVITY, density, mach_from_calibrated, speed_of_sound, standard_atmosphere
+from .atmosphere import (
+    DENSITY_0,
+    GRAVITY,
+    density,
+    mach_from_calibrated,
+    speed_of_sound,
+    standard_atmosphere,
+)
 from .frames import euler_321_from_enu_quaternion, euler_321_from_quaternion
 from .geodesy import PLUMB, RATE, Earth, curvature, normal_gravity
 

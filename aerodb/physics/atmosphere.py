@@ -1,7 +1,8 @@
-"""The atmosphere: ICAO standard atmosphere, and the relations between density, pressure, Mach number and airspeeds.
+"""The atmosphere: ICAO standard atmosphere, and the relations between density, pressure, Mach
+number and airspeeds.
 
-All functions take and give arrays of one shape (or numbers), SI. Which relation fills which missing channel of a
-flight is decided in `air_data`.
+All functions take and give arrays of one shape (or numbers), SI. Which relation fills which missing
+channel of a flight is decided in `air_data`.
 """
 
 from dataclasses import dataclass
@@ -19,7 +20,14 @@ PRESSURE_0, TEMPERATURE_0 = 101325.0, 288.15
 DENSITY_0: Final = PRESSURE_0 / (GAS_CONSTANT * TEMPERATURE_0)
 SOUND_0: Final = float(np.sqrt(HEAT_RATIO * GAS_CONSTANT * TEMPERATURE_0))
 #: Layers of ICAO Doc 7488: geopotential altitude of the base [m] and temperature gradient [K/m].
-_LAYERS: Final = ((-5000.0, -0.0065), (11000.0, 0.0), (20000.0, 0.001), (32000.0, 0.0028), (47000.0, 0.0), (51000.0, -0.0028))
+_LAYERS: Final = (
+    (-5000.0, -0.0065),
+    (11000.0, 0.0),
+    (20000.0, 0.001),
+    (32000.0, 0.0028),
+    (47000.0, 0.0),
+    (51000.0, -0.0028),
+)
 TOP: Final = 71000.0
 
 
@@ -33,9 +41,11 @@ class Air:
 
 
 def standard_atmosphere(altitude: ArrayLike) -> Air:
-    """The ICAO standard atmosphere at geopotential `altitude` [m], any shape, -5 to 71 km; nan outside.
+    """The ICAO standard atmosphere at geopotential `altitude` [m], any shape, -5 to 71 km; nan
+    outside.
 
-    Below 11 km ``T = 288.15 - 0.0065 h`` and ``p = 101325 (T / 288.15)^5.2559``; ICAO Doc 7488/3 (1993).
+    Below 11 km ``T = 288.15 - 0.0065 h`` and ``p = 101325 (T / 288.15)^5.2559``; ICAO Doc 7488/3
+    (1993).
 
     >>> round(float(standard_atmosphere(11000.0).temperature), 6)
     216.65
@@ -58,11 +68,14 @@ def _pressure_ratio(base_temperature: float, gradient: float, rise: Array) -> Ar
     """p over p at the layer's base, `rise` [m] above it (hydrostatic equation of a perfect gas)."""
     if gradient == 0.0:
         return np.asarray(np.exp(-GRAVITY * rise / (GAS_CONSTANT * base_temperature)))
-    return np.asarray((1.0 + gradient * rise / base_temperature) ** (-GRAVITY / (GAS_CONSTANT * gradient)))
+    return np.asarray(
+        (1.0 + gradient * rise / base_temperature) ** (-GRAVITY / (GAS_CONSTANT * gradient))
+    )
 
 
 def density(pressure: Array, temperature: Array) -> Array:
-    """Density [kg/m3] of dry air from static pressure [Pa] and static temperature [K]: ``p / (R T)``."""
+    """Density [kg/m3] of dry air from static pressure [Pa] and static temperature [K]: ``p / (R
+    T)``."""
     return np.asarray(pressure / (GAS_CONSTANT * temperature))
 
 
@@ -74,8 +87,8 @@ def speed_of_sound(temperature: Array) -> Array:
 def mach_from_calibrated(calibrated_airspeed: Array, static_pressure: Array) -> Array:
     """Mach number (subsonic) from calibrated airspeed [m/s] and static pressure [Pa].
 
-    The pitot tube's impact pressure ``qc = p0 ((1 + 0.2 (CAS/a0)^2)^3.5 - 1)`` is the same at both ends:
-    ``M^2 = 5 ((qc/p + 1)^(2/7) - 1)``. Anderson, *Fundamentals of Aerodynamics*, sec. 8.7.
+    The pitot tube's impact pressure ``qc = p0 ((1 + 0.2 (CAS/a0)^2)^3.5 - 1)`` is the same at both
+    ends: ``M^2 = 5 ((qc/p + 1)^(2/7) - 1)``. Anderson, *Fundamentals of Aerodynamics*, sec. 8.7.
     """
     impact = PRESSURE_0 * ((1.0 + 0.2 * (calibrated_airspeed / SOUND_0) ** 2) ** 3.5 - 1.0)
     return np.asarray(np.sqrt(5.0 * ((impact / static_pressure + 1.0) ** (2.0 / 7.0) - 1.0)))

@@ -6,10 +6,11 @@ from aerodb.support import Array
 
 
 def euler_321_from_quaternion(w: Array, x: Array, y: Array, z: Array) -> tuple[Array, Array, Array]:
-    """Bank, pitch and heading (phi, theta, psi) [rad], each (n,), of the rotation from earth (NED) to body (FRD) axes.
+    """Bank, pitch and heading (phi, theta, psi) [rad], each (n,), of the rotation from earth (NED)
+    to body (FRD) axes.
 
-    The quaternion rotates body vectors into earth axes (PX4, JSBSim). It is normalised here. Stevens, Lewis &
-    Johnson, *Aircraft Control and Simulation*, 3rd ed., sec. 1.8.
+    The quaternion rotates body vectors into earth axes (PX4, JSBSim). It is normalised here.
+    Stevens, Lewis & Johnson, *Aircraft Control and Simulation*, 3rd ed., sec. 1.8.
     """
     norm = np.sqrt(w * w + x * x + y * y + z * z)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -20,12 +21,15 @@ def euler_321_from_quaternion(w: Array, x: Array, y: Array, z: Array) -> tuple[A
     return phi, theta, psi
 
 
-def euler_321_from_enu_quaternion(w: Array, x: Array, y: Array, z: Array) -> tuple[Array, Array, Array]:
-    """As `euler_321_from_quaternion`, from an attitude of forward-left-up body axes in east-north-up earth axes.
+def euler_321_from_enu_quaternion(
+    w: Array, x: Array, y: Array, z: Array
+) -> tuple[Array, Array, Array]:
+    """As `euler_321_from_quaternion`, from an attitude of forward-left-up body axes in
+    east-north-up earth axes.
 
-    So ROS states it (REP 103). With R for the rotation there, ``R_ned_frd = P R D``: P swaps east with north and turns
-    up into down, D turns left into right and up into down. As quaternions ``q = q_P q q_D``, ``q_P = (0, 1, 1, 0)/sqrt 2``,
-    ``q_D = (0, 1, 0, 0)``.
+    So ROS states it (REP 103). With R for the rotation there, ``R_ned_frd = P R D``: P swaps east
+    with north and turns up into down, D turns left into right and up into down. As quaternions ``q
+    = q_P q q_D``, ``q_P = (0, 1, 1, 0)/sqrt 2``, ``q_D = (0, 1, 0, 0)``.
     """
     half = np.sqrt(0.5)
     w1, x1, y1, z1 = half * (-x - y), half * (w + z), half * (w - z), half * (y - x)

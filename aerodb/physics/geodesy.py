@@ -1,8 +1,9 @@
-"""The WGS-84 earth: radii of curvature, normal gravity, and positions in metres about a local origin.
+"""The WGS-84 earth: radii of curvature, normal gravity, and positions in metres about a local
+origin.
 
-Compiled functions take numbers or arrays; latitude is geodetic [rad], height is above the ellipsoid [m]. Sources: NIMA
-TR8350.2 (2000), chapters 3 and 4; Groves, *Principles of GNSS, Inertial, and Multisensor Integrated Navigation Systems*,
-2nd ed. (2013), sections 2.4.
+Compiled functions take numbers or arrays; latitude is geodetic [rad], height is above the ellipsoid
+[m]. Sources: NIMA TR8350.2 (2000), chapters 3 and 4; Groves, *Principles of GNSS, Inertial, and
+Multisensor Integrated Navigation Systems*, 2nd ed. (2013), sections 2.4.
 """
 
 from dataclasses import dataclass
@@ -22,7 +23,8 @@ GRAVITATION: Final = 3.986004418e14  # m3/s2
 _EQUATOR, _SOMIGLIANA = 9.7803253359, 0.00193185265241
 #: m = omega^2 a^2 b / GM, the ratio of centrifugal acceleration to gravitation at the equator.
 _RATIO: Final = RATE**2 * SEMI_MAJOR**3 * (1.0 - FLATTENING) / GRAVITATION
-#: The plumb line bends: gravity has a northward part of this times height times sin(2 latitude), 1/s2 (Groves, eq. 2.140).
+#: The plumb line bends: gravity has a northward part of this times height times sin(2 latitude),
+#: 1/s2 (Groves, eq. 2.140).
 PLUMB: Final = -8.08e-9
 
 #: Beyond this latitude north and east lose meaning (rad).
@@ -31,11 +33,12 @@ HIGHEST_LATITUDE: Final = float(np.deg2rad(89.0))
 
 @dataclass(frozen=True)
 class Earth:
-    """A rotating oblate earth with a local origin: geodetic `latitude` and `longitude` of north = east = 0, rad, and the
-    ellipsoidal `height` of altitude zero there, m (the undulation of the geoid, when altitudes are above sea level).
+    """A rotating oblate earth with a local origin: geodetic `latitude` and `longitude` of north =
+    east = 0, rad, and the ellipsoidal `height` of altitude zero there, m (the undulation of the
+    geoid, when altitudes are above sea level).
 
-    North and east are differences of latitude and longitude in metres at the origin, so that a path that comes back to a
-    place comes back to its numbers. InputError within one degree of a pole.
+    North and east are differences of latitude and longitude in metres at the origin, so that a path
+    that comes back to a place comes back to its numbers. InputError within one degree of a pole.
     """
 
     latitude: float
@@ -45,7 +48,11 @@ class Earth:
     def __post_init__(self) -> None:
         if not abs(self.latitude) < HIGHEST_LATITUDE:
             what = f"latitude of {np.rad2deg(self.latitude):.1f} deg"
-            raise InputError(what, "local origin", "north and east need an origin away from the poles, in radians")
+            raise InputError(
+                what,
+                "local origin",
+                "north and east need an origin away from the poles, in radians",
+            )
 
     @property
     def metres(self) -> tuple[float, float]:
@@ -62,7 +69,8 @@ class Earth:
 
 @njit(cache=True)
 def curvature(latitude: float) -> tuple[float, float, float, float]:
-    """Radii of curvature [m] in the meridian and across it, and their derivatives by latitude (Groves, eqs. 2.105-2.106)."""
+    """Radii of curvature [m] in the meridian and across it, and their derivatives by latitude
+    (Groves, eqs. 2.105-2.106)."""
     s, c = np.sin(latitude), np.cos(latitude)
     square = 1.0 - ECCENTRICITY_SQUARED * s * s
     normal = SEMI_MAJOR / np.sqrt(square)
@@ -73,15 +81,19 @@ def curvature(latitude: float) -> tuple[float, float, float, float]:
 
 @njit(cache=True)
 def normal_gravity(latitude: float, height: float) -> tuple[float, float, float, float]:
-    """Normal gravity along the ellipsoid's normal, down [m/s2], its derivatives by latitude and height, and the derivative by
-    height of its northward part (zero at the ellipsoid) [1/s2].
+    """Normal gravity along the ellipsoid's normal, down [m/s2], its derivatives by latitude and
+    height, and the derivative by height of its northward part (zero at the ellipsoid) [1/s2].
 
-    Somigliana's formula at the ellipsoid and the second-order expansion in height (TR8350.2, eqs. 4-1 and 4-3).
+    Somigliana's formula at the ellipsoid and the second-order expansion in height (TR8350.2, eqs.
+    4-1 and 4-3).
     """
     s, c = np.sin(latitude), np.cos(latitude)
     square = 1.0 - ECCENTRICITY_SQUARED * s * s
     ground = _EQUATOR * (1.0 + _SOMIGLIANA * s * s) / np.sqrt(square)
-    by_latitude = 2.0 * _EQUATOR * _SOMIGLIANA * s * c / np.sqrt(square) + ground * ECCENTRICITY_SQUARED * s * c / square
+    by_latitude = (
+        2.0 * _EQUATOR * _SOMIGLIANA * s * c / np.sqrt(square)
+        + ground * ECCENTRICITY_SQUARED * s * c / square
+    )
     fall = -2.0 / SEMI_MAJOR * (1.0 + FLATTENING + _RATIO - 2.0 * FLATTENING * s * s)
     bend = 3.0 / SEMI_MAJOR**2
     share = 1.0 + (fall + bend * height) * height

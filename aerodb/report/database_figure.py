@@ -1,4 +1,5 @@
-"""The picture of one database: each coefficient against angle of attack or sideslip, all else neutral."""
+"""The picture of one database: each coefficient against angle of attack or sideslip, all else
+neutral."""
 
 from typing import Any, Final
 
@@ -12,12 +13,16 @@ from aerodb.tables import AeroDatabase, breakpoints_over, neutral_point, spread
 
 #: Over what a coefficient is drawn, and how far [rad] where no table says.
 _OVER: Final = {axis: "alpha" if axis in ("CX", "CZ", "Cm") else "beta" for axis in AXES}
-_USUAL: Final = {"alpha": (np.deg2rad(-5.0), np.deg2rad(15.0)), "beta": (np.deg2rad(-10.0), np.deg2rad(10.0))}
+_USUAL: Final = {
+    "alpha": (np.deg2rad(-5.0), np.deg2rad(15.0)),
+    "beta": (np.deg2rad(-10.0), np.deg2rad(10.0)),
+}
 _POINTS: Final = 161
 
 
 def database_figure(database: AeroDatabase) -> Figure:
-    """A panel per body axis; marks are the breakpoints of the tables that depend on the variable."""
+    """A panel per body axis; marks are the breakpoints of the tables that depend on the
+    variable."""
     figure = Figure(figsize=(11, 5.6), layout="constrained")
     panels = figure.subplots(2, 3).ravel()
     order = ("CX", "CZ", "Cm", "CY", "Cl", "Cn")

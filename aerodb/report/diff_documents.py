@@ -1,4 +1,5 @@
-"""The JSON of a diff of two versions: per term, and per table node change, standard error, coverage and flights."""
+"""The JSON of a diff of two versions: per term, and per table node change, standard error, coverage
+and flights."""
 
 from typing import Any
 
@@ -8,10 +9,12 @@ from aerodb.tables import DatabaseDiff, NodeChanges, TermChange
 
 
 def diff_document(found: DatabaseDiff) -> dict[str, Any]:
-    """`found` as JSON-able values: terms, tables (new, gone, of another shape), nodes and what could not be addressed.
+    """`found` as JSON-able values: terms, tables (new, gone, of another shape), nodes and what
+    could not be addressed.
 
-    In ``nodes`` every entry is a table and an axis; ``sources`` are groups of flights, to which its nodes refer by position.
-    Only nodes that change are listed; ``largest`` is the one that changes most.
+    In ``nodes`` every entry is a table and an axis; ``sources`` are groups of flights, to which its
+    nodes refer by position. Only nodes that change are listed; ``largest`` is the one that changes
+    most.
     """
     return {
         "terms": [_term(entry) for entry in found.terms],

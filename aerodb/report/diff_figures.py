@@ -1,4 +1,5 @@
-"""The picture of a diff: slices through two databases, before and after, with band, and where the flights have been."""
+"""The picture of a diff: slices through two databases, before and after, with band, and where the
+flights have been."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
@@ -7,19 +8,43 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from aerodb.nomenclature import AXES
-from aerodb.report.style import DATABASE, DATABASE_LINE, UPDATED, channel_scale, in_figure, plain_panel
+from aerodb.report.style import (
+    DATABASE,
+    DATABASE_LINE,
+    UPDATED,
+    channel_scale,
+    in_figure,
+    plain_panel,
+)
 from aerodb.support import Array
-from aerodb.tables import WIND_AXES, AeroDatabase, Increment, neutral_point, new_increments, table_grids
+from aerodb.tables import (
+    WIND_AXES,
+    AeroDatabase,
+    Increment,
+    neutral_point,
+    new_increments,
+    table_grids,
+)
 
 #: More slices than this fill no page that anybody reads; `diff` lists every node.
 MAX_PANELS: Final = 12
 _POINTS: Final = 241
 _CELLS_BEYOND: Final = 3.0
 
-#: Axis, variable, its values (n,), and there the coefficient before, after, and the standard error of the change.
+#: Axis, variable, its values (n,), and there the coefficient before, after, and the standard error
+#: of the change.
 _Panel = tuple[str, str, Array, tuple[Array, Array, Array]]
 
-_NEVER_NEGATIVE: Final = ("V", "mach", "qbar", "rho", "temperature", "static_pressure", "mass", "height_above_ground")
+_NEVER_NEGATIVE: Final = (
+    "V",
+    "mach",
+    "qbar",
+    "rho",
+    "temperature",
+    "static_pressure",
+    "mass",
+    "height_above_ground",
+)
 
 
 def diff_figure(
@@ -29,12 +54,14 @@ def diff_figure(
     title: str,
     flown: Mapping[str, Array] | None = None,
 ) -> Figure:
-    """A panel per axis that changes and variable over which it does: coefficient before and after, all else neutral.
+    """A panel per axis that changes and variable over which it does: coefficient before and after,
+    all else neutral.
 
-    The band is two standard errors of what stands in one database only; the shaded range is where its flights have been. The
-    title says the largest change, its two standard errors and where it is: it may be less than a line is wide.
-    names : what the two versions are called. flown : channel -> samples of the flights, whose distribution stands along the lower
-    edge. One empty panel, which says so, where nothing changes.
+    The band is two standard errors of what stands in one database only; the shaded range is where
+    its flights have been. The title says the largest change, its two standard errors and where it
+    is: it may be less than a line is wide. names : what the two versions are called. flown :
+    channel -> samples of the flights, whose distribution stands along the lower edge. One empty
+    panel, which says so, where nothing changes.
     """
     increments = (*new_increments(after, before), *new_increments(before, after))
     panels = list(_panels(before, after, increments))
@@ -47,18 +74,25 @@ def diff_figure(
     for space in spaces[len(panels) :]:
         space.set_axis_off()
     for space, (axis, variable, at, values) in zip(spaces, panels, strict=False):
-        _slice(space, axis, variable, at, values, names, [i for i in increments if _acts_on(i, axis)])
+        _slice(
+            space, axis, variable, at, values, names, [i for i in increments if _acts_on(i, axis)]
+        )
         if flown is not None and variable in flown:
             _coverage(space, variable, flown[variable], (at[0], at[-1]))
     if panels:
         spaces[0].legend(fontsize=8, frameon=False)
     else:
-        spaces[0].text(0.5, 0.5, f"{names[0]} and {names[1]} give the same coefficients", ha="center")
+        spaces[0].text(
+            0.5, 0.5, f"{names[0]} and {names[1]} give the same coefficients", ha="center"
+        )
     return figure
 
 
-def _panels(before: AeroDatabase, after: AeroDatabase, increments: Sequence[Increment]) -> Iterator[_Panel]:
-    """What to draw: for each axis that changes the variables over which it changes most, an equal share of the panels each."""
+def _panels(
+    before: AeroDatabase, after: AeroDatabase, increments: Sequence[Increment]
+) -> Iterator[_Panel]:
+    """What to draw: for each axis that changes the variables over which it changes most, an equal
+    share of the panels each."""
     point = {**neutral_point(before, increments), **neutral_point(after, increments)}
     ranges = _ranges(before, after, increments)
     found: dict[str, list[_Panel]] = {}
@@ -66,40 +100,63 @@ def _panels(before: AeroDatabase, after: AeroDatabase, increments: Sequence[Incr
         for variable, reach in ranges.items():
             for _ in range(2):  # over all that is known, then closer where something changes
                 at = np.linspace(*reach, _POINTS)
-                channels = {**{name: np.full(_POINTS, value) for name, value in point.items()}, variable: at}
-                old, new = (database.predict(channels).coefficients[axis] for database in (before, after))
+                channels = {
+                    **{name: np.full(_POINTS, value) for name, value in point.items()},
+                    variable: at,
+                }
+                old, new = (
+                    database.predict(channels).coefficients[axis] for database in (before, after)
+                )
                 reach = _closer(at, new - old)
             change = new - old
             # A variable that only carries a constant change along says nothing that alpha does not.
-            varies = variable == "alpha" or np.ptp(change) > 0.02 * np.max(np.abs(change), initial=0.0)
+            varies = variable == "alpha" or np.ptp(change) > 0.02 * np.max(
+                np.abs(change), initial=0.0
+            )
             if np.any(np.abs(change) > 1e-12) and varies:
                 values = old, new, _error(increments, axis, after, channels)
                 found.setdefault(axis, []).append((axis, variable, at, values))
     share = max(1, MAX_PANELS // max(1, len(found)))
     for panels in found.values():
-        largest = sorted(panels, key=lambda panel: -float(np.ptp(panel[3][1] - panel[3][0])))[:share]
+        largest = sorted(panels, key=lambda panel: -float(np.ptp(panel[3][1] - panel[3][0])))[
+            :share
+        ]
         yield from (panel for panel in panels if any(panel is kept for kept in largest))
 
 
-def _ranges(before: AeroDatabase, after: AeroDatabase, increments: Sequence[Increment]) -> dict[str, tuple[float, float]]:
-    """Variables to slice over, alpha first, and their ranges: envelopes with what lies beyond, and all breakpoints."""
+def _ranges(
+    before: AeroDatabase, after: AeroDatabase, increments: Sequence[Increment]
+) -> dict[str, tuple[float, float]]:
+    """Variables to slice over, alpha first, and their ranges: envelopes with what lies beyond, and
+    all breakpoints."""
     marks: dict[str, list[float]] = {"alpha": []}
     for increment in increments:
         for name, interval in increment.envelope.items():
-            # where tables have no cells, a cell is as wide as the envelope: nobody reads alpha at 50 deg
-            beyond = min(_CELLS_BEYOND * interval.cell, max(interval.high - interval.low, interval.cell / _CELLS_BEYOND))
+            # where tables have no cells, a cell is as wide as the envelope: nobody reads alpha at
+            # 50 deg
+            beyond = min(
+                _CELLS_BEYOND * interval.cell,
+                max(interval.high - interval.low, interval.cell / _CELLS_BEYOND),
+            )
             lowest = 0.0 if name in _NEVER_NEGATIVE else -np.inf
-            marks.setdefault(name, []).extend((max(lowest, interval.low - beyond), interval.high + beyond))
+            marks.setdefault(name, []).extend(
+                (max(lowest, interval.low - beyond), interval.high + beyond)
+            )
     known = {*before.inputs, *after.inputs, *marks}
     for database in (before, after):
         for grid in table_grids(database).values():
             for name, values in zip(grid.channels, grid.values, strict=True):
                 marks.setdefault(name, []).extend((float(values[0]), float(values[-1])))
-    return {name: (min(v), max(v)) for name, v in marks.items() if name in known and v and max(v) > min(v)}
+    return {
+        name: (min(v), max(v))
+        for name, v in marks.items()
+        if name in known and v and max(v) > min(v)
+    }
 
 
 def _closer(at: Array, change: Array) -> tuple[float, float]:
-    """The part of `at` (n,) over which there is a change, with a quarter of it on both sides; all of it where there is none."""
+    """The part of `at` (n,) over which there is a change, with a quarter of it on both sides; all
+    of it where there is none."""
     there = at[np.abs(change) > 1e-9 * np.max(np.abs(change), initial=1e-3)]
     if not len(there):
         return float(at[0]), float(at[-1])
@@ -111,7 +168,12 @@ def _acts_on(increment: Increment, axis: str) -> bool:
     return increment.axis == axis or (increment.axis in WIND_AXES and axis in AXES[:3])
 
 
-def _error(increments: Sequence[Increment], axis: str, database: AeroDatabase, channels: Mapping[str, Array]) -> Array:
+def _error(
+    increments: Sequence[Increment],
+    axis: str,
+    database: AeroDatabase,
+    channels: Mapping[str, Array],
+) -> Array:
     variance = np.zeros(_POINTS)
     for increment in increments:
         if _acts_on(increment, axis):
@@ -137,20 +199,36 @@ def _slice(
             panel.axvspan(scale * interval.low, scale * interval.high, color="0.92", zorder=0)
     panel.plot(scale * at, old, color=DATABASE, lw=1.3, ls=DATABASE_LINE, label=in_figure(names[0]))
     panel.plot(scale * at, new, color=UPDATED, lw=1.2, label=in_figure(names[1]))
-    panel.fill_between(scale * at, new - 2.0 * error, new + 2.0 * error, color=UPDATED, alpha=0.25, lw=0)
+    panel.fill_between(
+        scale * at, new - 2.0 * error, new + 2.0 * error, color=UPDATED, alpha=0.25, lw=0
+    )
     plain_panel(panel)
     most = int(np.argmax(np.abs(new - old)))
-    change = f"{new[most] - old[most]:+.2g} ± {2.0 * error[most]:.1g} at {scale * at[most]:.3g}".replace("-", "−")
+    change = (
+        f"{new[most] - old[most]:+.2g} ± {2.0 * error[most]:.1g} at {scale * at[most]:.3g}".replace(
+            "-", "−"
+        )
+    )
     panel.set_title(f"most: {change}", loc="right", fontsize=7.5, color="0.35", pad=2)
     panel.set_xlabel(label)
     panel.set_ylabel(f"{axis} [-]")
 
 
 def _coverage(panel: Any, variable: str, samples: Array, reach: tuple[float, float]) -> None:
-    """How often the flights have been where, along the lower edge of a slice; its height is a share of the panel."""
+    """How often the flights have been where, along the lower edge of a slice; its height is a share
+    of the panel."""
     scale, _ = channel_scale(variable)
     counts, edges = np.histogram(samples[np.isfinite(samples)], bins=40, range=reach)
     if counts.max(initial=0):
         height = 0.14 * counts / counts.max()
         place = panel.get_xaxis_transform()
-        panel.bar(scale * edges[:-1], height, scale * np.diff(edges), align="edge", color="0.65", lw=0, zorder=0, transform=place)
+        panel.bar(
+            scale * edges[:-1],
+            height,
+            scale * np.diff(edges),
+            align="edge",
+            color="0.65",
+            lw=0,
+            zorder=0,
+            transform=place,
+        )

@@ -1,4 +1,5 @@
-"""The JSON of an update, as CONTRACT.md states it: what was estimated, on which flights, and what it is worth."""
+"""The JSON of an update, as CONTRACT.md states it: what was estimated, on which flights, and what
+it is worth."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
@@ -17,7 +18,8 @@ def update_document(
     update: Update,
     proof: Sequence[AxisProof],
 ) -> dict[str, Any]:
-    """The document of an update; `looks` says for each held-out flight how often it has validated a version before.
+    """The document of an update; `looks` says for each held-out flight how often it has validated a
+    version before.
 
     ``candidate`` is left None: who stores the version fills it in.
     """
@@ -33,9 +35,14 @@ def update_document(
 
 
 def opening(
-    vehicle: str, baseline: str, hold_out: HoldOut, excluded: Sequence[tuple[str, str]], looks: Mapping[str, int]
+    vehicle: str,
+    baseline: str,
+    hold_out: HoldOut,
+    excluded: Sequence[tuple[str, str]],
+    looks: Mapping[str, int],
 ) -> dict[str, Any]:
-    """What the documents of an update and of a closed loop begin with: what it is about, and which flights did what."""
+    """What the documents of an update and of a closed loop begin with: what it is about, and which
+    flights did what."""
     return {
         "vehicle": vehicle,
         "baseline": baseline,
@@ -74,7 +81,10 @@ def _increment(entry: AxisUpdate) -> dict[str, Any]:
             "term": name,
             "value": float(entry.estimates[k]),
             "standard_error": float(entry.standard_errors[k]),
-            "ci95": [float(entry.estimates[k] + side * 1.96 * entry.standard_errors[k]) for side in (-1, 1)],
+            "ci95": [
+                float(entry.estimates[k] + side * 1.96 * entry.standard_errors[k])
+                for side in (-1, 1)
+            ],
             "vif": float(entry.vif[k]),
             "at_bound": name in entry.at_bound,
         }
@@ -95,11 +105,21 @@ def _remarks(update: Update, proof: Sequence[AxisProof], hold_out: HoldOut) -> l
     """What a reader must know before trusting the numbers, in plain sentences."""
     said, axes = [], update.axes
     added = update.candidate.increments[len(update.candidate.increments) - len(axes) :]
-    said += [f"{increment.axis}: the increment is {increment.full_note}." for increment in added if increment.full_note]
+    said += [
+        f"{increment.axis}: the increment is {increment.full_note}."
+        for increment in added
+        if increment.full_note
+    ]
     if hold_out.kind == "cross-validated":
-        said.append("Fewer than five flights: each was predicted from the others (cross-validated), none was held out.")
+        said.append(
+            "Fewer than five flights: each was predicted from the others (cross-validated), none"
+            " was held out."
+        )
     if hold_out.kind == "not validated":
-        said.append("No flight was held out: the error after is that of the flights that identified, and proves nothing.")
+        said.append(
+            "No flight was held out: the error after is that of the flights that identified, and"
+            " proves nothing."
+        )
     declared = {entry.axis for entry in axes}
     for entry in proof:
         if entry.axis in declared and entry.outcome == "not repaired":
@@ -107,12 +127,18 @@ def _remarks(update: Update, proof: Sequence[AxisProof], hold_out: HoldOut) -> l
     for axis in axes:
         for group in axis.aliases:
             said.append(
-                f"{axis.axis}: {' and '.join(group)} moved together in these flights and cannot be told apart (alias group)."
+                f"{axis.axis}: {' and '.join(group)} moved together in these flights and cannot be"
+                " told apart (alias group)."
             )
         if axis.not_excited:
-            said.append(f"{axis.axis}: {', '.join(axis.not_excited)} did not move in these flights and was left out.")
+            said.append(
+                f"{axis.axis}: {', '.join(axis.not_excited)} did not move in these flights and was"
+                " left out."
+            )
         if axis.at_bound:
-            said.append(f"{axis.axis}: {', '.join(axis.at_bound)} ended on a bound of the model file.")
+            said.append(
+                f"{axis.axis}: {', '.join(axis.at_bound)} ended on a bound of the model file."
+            )
     return said
 
 
@@ -123,6 +149,16 @@ def _not_repaired(entry: AxisProof) -> str:
     share = f"{entry.explained:.0%} of" if entry.explained > 0 else "nothing of"
     left = f"{after:.4g} rms remain, {share} the measured variance is explained."
     said = f"{entry.axis} is not repaired by the declared structure: {left}"
-    if held_out and entry.held_out_shape_after is not None and entry.held_out_shape_after < 0.5 * (after or 0.0):
-        return f"{said} Most of it is a constant in each flight: look at sensor biases and thrust before the aerodynamics."
-    return f"{said} Either the database has a fault that no declared term describes, or these flights do not agree."
+    if (
+        held_out
+        and entry.held_out_shape_after is not None
+        and entry.held_out_shape_after < 0.5 * (after or 0.0)
+    ):
+        return (
+            f"{said} Most of it is a constant in each flight: look at sensor biases and thrust"
+            " before the aerodynamics."
+        )
+    return (
+        f"{said} Either the database has a fault that no declared term describes, or these flights"
+        " do not agree."
+    )

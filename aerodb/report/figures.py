@@ -1,4 +1,5 @@
-"""The history of an update: coefficients of flight, database and updated database along the flights, residuals beside them."""
+"""The history of an update: coefficients of flight, database and updated database along the
+flights, residuals beside them."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
@@ -28,10 +29,12 @@ def update_figure(
     labels: Mapping[str, str],
     errors: bool = True,
 ) -> Figure:
-    """Per axis a row: coefficient over time (flight, database, updated database) and the residual before and after.
+    """Per axis a row: coefficient over time (flight, database, updated database) and the residual
+    before and after.
 
-    before, after : flight id -> comparison; the flights are set one behind the other, as in 003, Fig. 5; `after` is empty where
-    nothing was updated. labels : flight id -> what people call it. errors : whether to say the rms of the residuals.
+    before, after : flight id -> comparison; the flights are set one behind the other, as in 003,
+    Fig. 5; `after` is empty where nothing was updated. labels : flight id -> what people call it.
+    errors : whether to say the rms of the residuals.
     """
     figure = Figure(figsize=(11, 1.2 + 2.1 * len(axes)), layout="constrained")
     panels = figure.subplots(len(axes), 2, squeeze=False, width_ratios=(2, 1))
@@ -46,8 +49,12 @@ def update_figure(
 
 
 def pooled_residual(axis: str, side: Mapping[str, Comparison]) -> Array:
-    """flight - model on `axis` at all usable samples of the flights of `side` (id -> comparison), (n,)."""
-    return np.concatenate([c.residual(axis)[c.usable[axis]] for c in side.values() if axis in c.usable] or [np.empty(0)])
+    """flight - model on `axis` at all usable samples of the flights of `side` (id -> comparison),
+    (n,)."""
+    return np.concatenate(
+        [c.residual(axis)[c.usable[axis]] for c in side.values() if axis in c.usable]
+        or [np.empty(0)]
+    )
 
 
 def _time_history(
@@ -59,7 +66,10 @@ def _time_history(
     *,
     first: bool,
 ) -> None:
-    start, whole = 0.0, sum(float(old.time[-1] - old.time[0]) for old in before.values() if axis in old.usable)
+    start, whole = (
+        0.0,
+        sum(float(old.time[-1] - old.time[0]) for old in before.values() if axis in old.usable),
+    )
     for flight, old in before.items():
         if axis not in old.usable:
             continue
@@ -70,10 +80,14 @@ def _time_history(
         if flight in after:
             drawn.append((after[flight].predicted[axis], UPDATED, "-", "updated database"))
         for values, colour, look, name in drawn:
-            good = extremes(np.where(old.usable[axis], values, np.nan), MAX_POINTS // max(1, len(before)))
+            good = extremes(
+                np.where(old.usable[axis], values, np.nan), MAX_POINTS // max(1, len(before))
+            )
             shown = np.where(old.usable[axis][good], values[good], np.nan)
             time = start + old.time[good] - old.time[0]
-            panel.plot(time, shown, color=colour, ls=look, lw=0.8, label=name if start == 0.0 else None)
+            panel.plot(
+                time, shown, color=colour, ls=look, lw=0.8, label=name if start == 0.0 else None
+            )
         if first:
             room = max(4, int(_LETTERS * (old.time[-1] - old.time[0]) / whole))
             panel.annotate(
@@ -89,7 +103,13 @@ def _time_history(
     panel.set_ylabel(f"{axis} [-]")
 
 
-def _residuals(panel: Axes, axis: str, before: Mapping[str, Comparison], after: Mapping[str, Comparison], errors: bool) -> None:
+def _residuals(
+    panel: Axes,
+    axis: str,
+    before: Mapping[str, Comparison],
+    after: Mapping[str, Comparison],
+    errors: bool,
+) -> None:
     sides = [
         (pooled_residual(axis, side), colour, name)
         for side, colour, name in ((before, DATABASE, "before"), (after, UPDATED, "after"))

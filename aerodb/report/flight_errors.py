@@ -1,4 +1,5 @@
-"""Errors of single flights beside the stored ones of all: what a report draws must agree with what was stored, or say so."""
+"""Errors of single flights beside the stored ones of all: what a report draws must agree with what
+was stored, or say so."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
@@ -9,12 +10,14 @@ from aerodb.report.figures import pooled_residual
 from aerodb.report.headlines import by_parts
 from aerodb.report.page import number
 
-#: The same flights give the stored errors to this share; anything beyond comes from flights that were processed again.
+#: The same flights give the stored errors to this share; anything beyond comes from flights that
+#: were processed again.
 _SAME: Final = 1e-3
 
 
 def flight_errors(axis: str, *sides: Mapping[str, Comparison]) -> dict[str, list[float | None]]:
-    """Per flight, rms of flight - model on `axis` with each of `sides` (id -> comparison); None where a flight has no sample.
+    """Per flight, rms of flight - model on `axis` with each of `sides` (id -> comparison); None
+    where a flight has no sample.
 
     An empty side gives None throughout.
     """
@@ -28,11 +31,14 @@ def _error(axis: str, comparison: Comparison | None) -> float | None:
     return rms(comparison.residual(axis)[comparison.usable[axis]])
 
 
-def disagreements(document: Mapping[str, Any], axes: Sequence[str], before: Mapping[str, Comparison]) -> list[str]:
-    """Axes on which flights as they are stored now no longer give the stored error before, with both; empty: all agree.
+def disagreements(
+    document: Mapping[str, Any], axes: Sequence[str], before: Mapping[str, Comparison]
+) -> list[str]:
+    """Axes on which flights as they are stored now no longer give the stored error before, with
+    both; empty: all agree.
 
-    before : flight id -> comparison with the baseline, of those that validate, else of all. Where parts of flights were predicted
-    there is nothing to compare.
+    before : flight id -> comparison with the baseline, of those that validate, else of all. Where
+    parts of flights were predicted there is nothing to compare.
     """
     if by_parts(document):
         return []

@@ -1,4 +1,5 @@
-"""Figures of one flight: channels measured and reconstructed, coefficients beside a database, and where the flight has been."""
+"""Figures of one flight: channels measured and reconstructed, coefficients beside a database, and
+where the flight has been."""
 
 from collections.abc import Sequence
 from typing import Any, Final
@@ -11,7 +12,15 @@ from aerodb.conditioning import STATES, Segment
 from aerodb.flight import Flight
 from aerodb.nomenclature import AXES, axis_description, is_surface
 from aerodb.report.decimation import decimated, extremes, flagged_stretches
-from aerodb.report.style import DATABASE, DATABASE_LINE, FLAGGED, FLIGHT, MEASURED, channel_scale, plain_panel
+from aerodb.report.style import (
+    DATABASE,
+    DATABASE_LINE,
+    FLAGGED,
+    FLIGHT,
+    MEASURED,
+    channel_scale,
+    plain_panel,
+)
 from aerodb.tables import AeroDatabase, breakpoints_over
 
 #: Channels shown, in this order where the flight has them; surfaces follow.
@@ -28,12 +37,15 @@ PLANES: Final = (("alpha", "beta"), ("mach", "alpha"), ("V", "altitude"))
 
 def shown_channels(flight: Flight) -> list[str]:
     """Channels of a flight that a report draws."""
-    surfaces = [name for name in flight.channels if is_surface(name) or name == "delta_landing_gear"]
+    surfaces = [
+        name for name in flight.channels if is_surface(name) or name == "delta_landing_gear"
+    ]
     return [name for name in SHOWN if name in flight] + sorted(surfaces)[:_MOST_SURFACES]
 
 
 def channel_figure(names: Sequence[str], measured: Flight, flight: Flight) -> Figure:
-    """A panel per channel: as measured (grey) and as reconstructed (black); stretches that are not used are shaded."""
+    """A panel per channel: as measured (grey) and as reconstructed (black); stretches that are not
+    used are shaded."""
     columns = min(3, max(1, len(names)))
     rows = max(1, -(-len(names) // columns))
     figure = Figure(figsize=(11, 0.6 + 1.5 * rows), layout="constrained")
@@ -53,7 +65,9 @@ def _channel(panel: Any, name: str, measured: Flight, flight: Flight) -> None:
     factor, label = channel_scale(name)
     moved = factor * (flight[name] - measured[name]) if name in measured else np.zeros(1)
     if np.nanmax(np.abs(moved), initial=0.0) > 0.0:
-        panel.plot(*decimated(measured.time, factor * measured[name], _NARROW), color=MEASURED, lw=1.8)
+        panel.plot(
+            *decimated(measured.time, factor * measured[name], _NARROW), color=MEASURED, lw=1.8
+        )
         unit = label.rpartition("[")[2].rstrip("]") if "[" in label else "-"
         size = f"{np.sqrt(np.nanmean(moved**2)):.2g}{'' if unit == '-' else f' {unit}'}"
         panel.set_title(f"moved {size} rms", loc="right", fontsize=7.5, color="0.35", pad=2)
@@ -65,8 +79,8 @@ def _channel(panel: Any, name: str, measured: Flight, flight: Flight) -> None:
 
 
 def coefficient_figure(comparison: Comparison, flight: Flight) -> Figure:
-    """A row per axis: the coefficient along the flight, what is left of it there beside its noise, and the coefficient against
-    alpha (longitudinal) or beta (lateral)."""
+    """A row per axis: the coefficient along the flight, what is left of it there beside its noise,
+    and the coefficient against alpha (longitudinal) or beta (lateral)."""
     axes = [axis for axis in AXES if axis in comparison.usable]
     figure = Figure(figsize=(11, 0.6 + 1.75 * max(1, len(axes))), layout="constrained")
     panels = figure.subplots(max(1, len(axes)), 3, squeeze=False, width_ratios=(1.5, 1.2, 1))
@@ -107,7 +121,13 @@ def _coefficient(panel: Any, axis: str, comparison: Comparison) -> None:
     low, high = measured[chosen] - 2 * sigma, measured[chosen] + 2 * sigma
     panel.fill_between(time, low, high, color="0.8", lw=0, zorder=1)
     panel.plot(time, measured[chosen], color=FLIGHT, lw=0.8, label="flight")
-    panel.plot(*decimated(comparison.time, predicted, _WIDE), color=DATABASE, lw=1.0, ls=DATABASE_LINE, label="database")
+    panel.plot(
+        *decimated(comparison.time, predicted, _WIDE),
+        color=DATABASE,
+        lw=1.0,
+        ls=DATABASE_LINE,
+        label="database",
+    )
     plain_panel(panel)
     panel.set_ylabel(f"{axis} [-]")
     panel.set_title(axis_description(axis), fontsize=8, loc="left", color="0.35")
@@ -130,14 +150,25 @@ def _against(panel: Any, axis: str, comparison: Comparison, flight: Flight) -> N
 
 
 def segment_figure(segments: Sequence[Segment], flight: Flight) -> Figure:
-    """What the flight does when: a row per kind of segment over time; configurations say what they are where there is room."""
-    kinds = list(dict.fromkeys(segment.kind for segment in sorted(segments, key=lambda each: each.kind in STATES)))
+    """What the flight does when: a row per kind of segment over time; configurations say what they
+    are where there is room."""
+    kinds = list(
+        dict.fromkeys(
+            segment.kind for segment in sorted(segments, key=lambda each: each.kind in STATES)
+        )
+    )
     start, end = float(flight.time[0]), float(flight.time[-1])
     figure = Figure(figsize=(11, 0.6 + 0.26 * max(1, len(kinds))), layout="constrained")
     panel = figure.subplots()
     for row, kind in enumerate(kinds):
         spans = [(each.start, each.end - each.start) for each in segments if each.kind == kind]
-        panel.broken_barh(spans, (row - 0.36, 0.72), color="0.75" if kind in STATES else FLIGHT, ec="white", lw=0.8)
+        panel.broken_barh(
+            spans,
+            (row - 0.36, 0.72),
+            color="0.75" if kind in STATES else FLIGHT,
+            ec="white",
+            lw=0.8,
+        )
     panel.set_yticks(range(len(kinds)), [kind.replace("_", " ") for kind in kinds])
     panel.set_ylim(max(0, len(kinds) - 1) + 0.6, -0.6)
     panel.set_xlim(start, end if end > start else start + 1.0)
@@ -147,7 +178,8 @@ def segment_figure(segments: Sequence[Segment], flight: Flight) -> Figure:
 
 
 def envelope_figure(flight: Flight, database: AeroDatabase | None) -> Figure:
-    """Planes of two channels with the samples that count; dashed lines: edges of the database's tables, where they are near."""
+    """Planes of two channels with the samples that count; dashed lines: edges of the database's
+    tables, where they are near."""
     planes = [(x, y) for x, y in PLANES if x in flight and y in flight]
     figure = Figure(figsize=(11, 3.0), layout="constrained")
     panels = figure.subplots(1, max(1, len(planes)), squeeze=False)[0]
@@ -162,7 +194,15 @@ def envelope_figure(flight: Flight, database: AeroDatabase | None) -> Figure:
 def _plane(panel: Any, x: str, y: str, flight: Flight, database: AeroDatabase | None) -> None:
     (x_factor, x_label), (y_factor, y_label) = channel_scale(x), channel_scale(y)
     chosen = _thinned(flight.usable([x, y]))
-    panel.plot(x_factor * flight[x][chosen], y_factor * flight[y][chosen], ".", color=FLIGHT, ms=2.5, alpha=0.4, rasterized=True)
+    panel.plot(
+        x_factor * flight[x][chosen],
+        y_factor * flight[y][chosen],
+        ".",
+        color=FLIGHT,
+        ms=2.5,
+        alpha=0.4,
+        rasterized=True,
+    )
     for name, factor, low, high, draw, limits in (
         (x, x_factor, *panel.get_xlim(), panel.axvline, panel.set_xlim),
         (y, y_factor, *panel.get_ylim(), panel.axhline, panel.set_ylim),
@@ -173,7 +213,10 @@ def _plane(panel: Any, x: str, y: str, flight: Flight, database: AeroDatabase | 
         edges = [edge for edge in edges if low - near <= edge <= high + near]
         for edge in edges:
             draw(edge, color=DATABASE, lw=1.2, ls=DATABASE_LINE)
-        limits(min([low, *(edge - 0.1 * near for edge in edges)]), max([high, *(edge + 0.1 * near for edge in edges)]))
+        limits(
+            min([low, *(edge - 0.1 * near for edge in edges)]),
+            max([high, *(edge + 0.1 * near for edge in edges)]),
+        )
     plain_panel(panel)
     panel.locator_params(nbins=6)
     panel.set_xlabel(x_label)
@@ -181,13 +224,17 @@ def _plane(panel: Any, x: str, y: str, flight: Flight, database: AeroDatabase | 
 
 
 def table_range(name: str, database: AeroDatabase | None) -> tuple[float, float] | None:
-    """Lowest and highest breakpoint in a channel over the tables of a database (SI); None where no table depends on it."""
+    """Lowest and highest breakpoint in a channel over the tables of a database (SI); None where no
+    table depends on it."""
     points = [] if database is None else list(breakpoints_over(name, database))
     return (min(float(p[0]) for p in points), max(float(p[-1]) for p in points)) if points else None
 
 
-def ranges(flight: Flight, names: Sequence[str], database: AeroDatabase | None) -> list[dict[str, Any]]:
-    """Per channel, in units for people: label, lowest, median and highest value flown, and the range of the tables (or None)."""
+def ranges(
+    flight: Flight, names: Sequence[str], database: AeroDatabase | None
+) -> list[dict[str, Any]]:
+    """Per channel, in units for people: label, lowest, median and highest value flown, and the
+    range of the tables (or None)."""
     found = []
     for name in (name for name in names if name in flight):
         values = flight[name][flight.usable([name])]
@@ -202,6 +249,7 @@ def ranges(flight: Flight, names: Sequence[str], database: AeroDatabase | None) 
 
 
 def _thinned(usable: Any) -> Any:
-    """At most `_CLOUD` of the usable samples, equally spread: enough to see a cloud, few enough to mail."""
+    """At most `_CLOUD` of the usable samples, equally spread: enough to see a cloud, few enough to
+    mail."""
     index = np.flatnonzero(usable)
     return index[:: max(1, -(-len(index) // _CLOUD))]

@@ -37,9 +37,10 @@ _MOST_SEGMENTS: Final = 60
 class FlightStory:
     """What there is to tell of a flight.
 
-    consistency : the stored document of the consistency step, None before it ran. measured, flight : channels before and after
-    it. comparison : beside `version` with its database, None where `no_comparison` says why there is none.
-    versions : what rests on the flight, (label, role). suspicions, segments : what conditioning found.
+    consistency : the stored document of the consistency step, None before it ran. measured, flight
+    : channels before and after it. comparison : beside `version` with its database, None where
+    `no_comparison` says why there is none. versions : what rests on the flight, (label, role).
+    suspicions, segments : what conditioning found.
     """
 
     id: str
@@ -69,22 +70,30 @@ def flight_report(story: FlightStory) -> str:
     histories = picture(
         channel_figure(names, story.measured, flight),
         f"Time histories of {', '.join(names)}, measured and reconstructed.",
-        "Black: reconstructed; grey: as measured, where it differs; shaded: samples that are not used.",
+        "Black: reconstructed; grey: as measured, where it differs; shaded: samples that are not"
+        " used.",
     )
     coefficients = None
     if story.comparison is not None:
         coefficients = picture(
             coefficient_figure(story.comparison, flight),
-            f"Coefficients of the flight and of {story.version} over time, what is left, and both against alpha or beta.",
-            f"Black: flight; orange, dashed or as large dots: {story.version}. Middle: flight − {story.version}. "
-            "Grey band, and black lines in the middle: two standard errors of the sensors, which no database can explain.",
+            f"Coefficients of the flight and of {story.version} over time, what is left, and both"
+            " against alpha or beta.",
+            f"Black: flight; orange, dashed or as large dots: {story.version}. Middle: flight −"
+            f" {story.version}. Grey band, and black lines in the middle: two standard errors of"
+            " the sensors, which no database can explain.",
         )
     flown = picture(
         envelope_figure(flight, story.database),
-        "Planes of angle of attack, sideslip, Mach number, airspeed and altitude with the samples flown.",
+        "Planes of angle of attack, sideslip, Mach number, airspeed and altitude with the samples"
+        " flown.",
         "Samples that count. Dashed: edges of the database's tables, where they are near.",
     )
-    inputs = story.database.flight_inputs if story.database is not None else ("V", "alpha", "beta", "mach", "altitude")
+    inputs = (
+        story.database.flight_inputs
+        if story.database is not None
+        else ("V", "alpha", "beta", "mach", "altitude")
+    )
     return render(
         "flight.html",
         title=f"Flight {story.label}",
@@ -104,12 +113,17 @@ def flight_report(story: FlightStory) -> str:
     )
 
 
-def verdict_sentence(verdict: str, reasons: Sequence[str], consistency: Mapping[str, Any] | None) -> str:
-    """The verdict in one sentence: what the flight may be used for, why not for more, and how well it agrees with itself."""
+def verdict_sentence(
+    verdict: str, reasons: Sequence[str], consistency: Mapping[str, Any] | None
+) -> str:
+    """The verdict in one sentence: what the flight may be used for, why not for more, and how well
+    it agrees with itself."""
     why = "; ".join(dict.fromkeys(reason.partition(":")[0] for reason in reasons))
     said = f"{_SAYS.get(verdict, 'Its verdict is ' + verdict)}{f': {why}' if why else ''}."
     channels = (consistency or {}).get("channels", ())
-    checked = [entry for entry in channels if entry["limit"] is not None and math.isfinite(entry["limit"])]
+    checked = [
+        entry for entry in channels if entry["limit"] is not None and math.isfinite(entry["limit"])
+    ]
     if not checked:
         return said
     beyond = [entry["channel"] for entry in checked if entry["after"] > entry["limit"]]
@@ -118,8 +132,15 @@ def verdict_sentence(verdict: str, reasons: Sequence[str], consistency: Mapping[
     closest = max(checked, key=lambda entry: entry["after"] / entry["limit"])
     factor, unit = _unit(closest["channel"])
     after, limit = number(factor * closest["after"], 2), number(factor * closest["limit"], 2)
-    count = f"All {len(checked)} channels with a limit agree" if len(checked) > 1 else "The one channel with a limit agrees"
-    return f"{said} {count} with one motion; closest to its limit is {closest['channel']}, {after} of {limit} {unit}."
+    count = (
+        f"All {len(checked)} channels with a limit agree"
+        if len(checked) > 1
+        else "The one channel with a limit agrees"
+    )
+    return (
+        f"{said} {count} with one motion; closest to its limit is {closest['channel']}, {after} of"
+        f" {limit} {unit}."
+    )
 
 
 def _activity(story: FlightStory) -> Picture | None:
@@ -127,12 +148,17 @@ def _activity(story: FlightStory) -> Picture | None:
         return None
     kinds = ", ".join(dict.fromkeys(segment.kind.replace("_", " ") for segment in story.segments))
     return picture(
-        segment_figure(story.segments, story.flight), f"When the flight does what: {kinds}.", "Black: manoeuvres; grey: states."
+        segment_figure(story.segments, story.flight),
+        f"When the flight does what: {kinds}.",
+        "Black: manoeuvres; grey: states.",
     )
 
 
 def _listed(segments: Sequence[Segment]) -> list[dict[str, Any]]:
-    return [{**asdict(segment), "kind": segment.kind.replace("_", " ")} for segment in segments[:_MOST_SEGMENTS]]
+    return [
+        {**asdict(segment), "kind": segment.kind.replace("_", " ")}
+        for segment in segments[:_MOST_SEGMENTS]
+    ]
 
 
 def _checks(consistency: Mapping[str, Any] | None) -> list[dict[str, Any]]:
@@ -157,7 +183,8 @@ def _checks(consistency: Mapping[str, Any] | None) -> list[dict[str, Any]]:
 
 
 def _corrections(consistency: Mapping[str, Any] | None) -> list[dict[str, Any]]:
-    """Sensor errors that were estimated, in units for people; those applied first; what belongs to one stretch is left out."""
+    """Sensor errors that were estimated, in units for people; those applied first; what belongs to
+    one stretch is left out."""
     rows = []
     for entry in consistency.get("estimates", ()) if consistency else ():
         if entry["stretch"] is not None:

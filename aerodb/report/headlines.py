@@ -1,4 +1,5 @@
-"""What an update or a closed loop came to, in one sentence, and the errors per axis that it rests on."""
+"""What an update or a closed loop came to, in one sentence, and the errors per axis that it rests
+on."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
@@ -20,32 +21,57 @@ def headline(document: Mapping[str, Any]) -> str:
     if "library" not in document:
         axes = ", ".join(entry["axis"] for entry in document["increments"])
         return f"The declared increments on {axes} were estimated: {_worth(document)}."
-    added = [finding for finding in document["findings"] if finding["hypothesis"] in document["added"]]
+    added = [
+        finding for finding in document["findings"] if finding["hypothesis"] in document["added"]
+    ]
     if added:
         return f"{_lacked(added)}; with {'it' if len(added) == 1 else 'them'}, {_worth(document)}."
     if document["findings"]:
-        found = listed([f"{effect_words(entry)} ({entry['verdict'].replace('_', ' ')})" for entry in document["findings"]])
+        found = listed(
+            [
+                f"{effect_words(entry)} ({entry['verdict'].replace('_', ' ')})"
+                for entry in document["findings"]
+            ]
+        )
         if all(entry["verdict"] == "sensor" for entry in document["findings"]):
-            return f"Nothing was added to the database: what these flights show belongs to their sensors, {found}."
-        return f"Nothing was added to the database, because no single effect is proved; found: {found}."
+            return (
+                "Nothing was added to the database: what these flights show belongs to their"
+                f" sensors, {found}."
+            )
+        return (
+            "Nothing was added to the database, because no single effect is proved; found:"
+            f" {found}."
+        )
     count = len(document["not_found"])
-    return f"Nothing was found that the database lacks, in {count} hypotheses; what size that excludes is listed below."
+    return (
+        f"Nothing was found that the database lacks, in {count} hypotheses; what size that excludes"
+        " is listed below."
+    )
 
 
 def _lacked(added: Sequence[Mapping[str, Any]]) -> str:
-    """What the database lacked; what entered without proof, because somebody asked for it, is never told as a fact."""
+    """What the database lacked; what entered without proof, because somebody asked for it, is never
+    told as a fact."""
     proved = [finding for finding in added if finding["verdict"] in ADDED]
     asked = [finding for finding in added if finding not in proved]
     said = []
     if proved:
         gloss = f" ({added[0]['because'].partition(':')[0]})" if len(added) == 1 else ""
-        said.append(f"The database lacked {listed([effect_words(finding) for finding in proved])}{gloss}")
+        said.append(
+            f"The database lacked {listed([effect_words(finding) for finding in proved])}{gloss}"
+        )
     if asked:
-        verdicts = listed(list(dict.fromkeys(finding["verdict"].replace("_", " ") for finding in asked)))
+        verdicts = listed(
+            list(dict.fromkeys(finding["verdict"].replace("_", " ") for finding in asked))
+        )
         words = listed([effect_words(finding) for finding in asked])
         one = len(asked) == 1
         note = f"only {verdicts}, added because you asked for {'it' if one else 'them'}"
-        said.append(f"{words} {'is' if one else 'are'} {note}" if proved else f"The database may lack {words}: {note}")
+        said.append(
+            f"{words} {'is' if one else 'are'} {note}"
+            if proved
+            else f"The database may lack {words}: {note}"
+        )
     return "; ".join(said)
 
 
@@ -68,7 +94,11 @@ def listed(entries: Sequence[str]) -> str:
 def _worth(document: Mapping[str, Any]) -> str:
     """What the axis whose error changed most gained, and which axes became worse."""
     touched = {entry["axis"] for entry in document["increments"]}
-    rows = [row for row in error_rows(document) if row["axis"] in touched and row["before"] and row["after"] is not None]
+    rows = [
+        row
+        for row in error_rows(document)
+        if row["axis"] in touched and row["before"] and row["after"] is not None
+    ]
     if not rows:
         return "no axis could be compared"
     best = min(rows, key=lambda row: row["after"] / row["before"])
@@ -76,10 +106,15 @@ def _worth(document: Mapping[str, Any]) -> str:
     verb = "falls" if change > 0 else "rises"
     comma = "" if document["flights"]["held_out"] else ","
     said = (
-        f"{on_which(document)}{comma} the error of {best['axis']} {verb} from {best['before']:.3g} to {best['after']:.3g} rms"
-        f" ({100 * abs(change):.0f} % {'less' if change > 0 else 'more'})"
+        f"{on_which(document)}{comma} the error of {best['axis']} {verb} from {best['before']:.3g}"
+        f" to {best['after']:.3g} rms ({100 * abs(change):.0f} %"
+        f" {'less' if change > 0 else 'more'})"
     )
-    worse = [row["axis"] for row in rows if row["after"] > (1 + UNCHANGED) * row["before"] and row is not best]
+    worse = [
+        row["axis"]
+        for row in rows
+        if row["after"] > (1 + UNCHANGED) * row["before"] and row is not best
+    ]
     return f"{said}, but that of {listed(worse)} rises" if worse else said
 
 
@@ -98,7 +133,8 @@ def by_parts(document: Mapping[str, Any]) -> bool:
 
 
 def error_rows(document: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Per axis, in the usual order: error before and after where it proves most, noise floor, outcome, Theil's measure of fit."""
+    """Per axis, in the usual order: error before and after where it proves most, noise floor,
+    outcome, Theil's measure of fit."""
     rows = []
     for axis in sorted(document["axes"], key=[*AXES, *WIND_AXES].index):
         entry = document["axes"][axis]

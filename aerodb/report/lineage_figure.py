@@ -11,7 +11,8 @@ _ACROSS, _DOWN, _EDGE = 218, 118, 12
 
 @dataclass(frozen=True)
 class Relative:
-    """A version in the graph. made : when, for people. names : those that point at it now. flights : role -> how many."""
+    """A version in the graph. made : when, for people. names : those that point at it now. flights
+    : role -> how many."""
 
     id: str
     label: str
@@ -34,7 +35,8 @@ class Box:
 
 @dataclass(frozen=True)
 class Graph:
-    """Boxes, lines between them as (x, y, x, y) from parent to child, and the size of the drawing, px."""
+    """Boxes, lines between them as (x, y, x, y) from parent to child, and the size of the drawing,
+    px."""
 
     boxes: tuple[Box, ...]
     lines: tuple[tuple[int, int, int, int], ...]
@@ -43,7 +45,8 @@ class Graph:
 
 
 def lineage_graph(family: Sequence[Relative], current: str) -> Graph:
-    """The family (parents before their children) from left to right: a generation per column, a branch per row.
+    """The family (parents before their children) from left to right: a generation per column, a
+    branch per row.
 
     A version whose parent is not in `family` begins a row of its own.
     """
@@ -53,7 +56,9 @@ def lineage_graph(family: Sequence[Relative], current: str) -> Graph:
     for relative in family:
         parent = relative.parent
         column[relative.id] = column[parent] + 1 if parent in column else 0
-        straight = parent in row and (column[relative.id], row[parent]) not in {(column[k], row[k]) for k in row}
+        straight = parent in row and (column[relative.id], row[parent]) not in {
+            (column[k], row[k]) for k in row
+        }
         row[relative.id] = row[parent] if straight and parent is not None else rows
         rows = max(rows, row[relative.id] + 1)
     place = {id: (_EDGE + _ACROSS * column[id], _EDGE + _DOWN * row[id]) for id in column}

@@ -1,4 +1,5 @@
-"""The JSON of a closed loop, as CONTRACT.md states it: what was found, why that, what was added, and what it is worth."""
+"""The JSON of a closed loop, as CONTRACT.md states it: what was found, why that, what was added,
+and what it is worth."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -26,8 +27,9 @@ def loop_document(
 ) -> dict[str, Any]:
     """The document of a closed loop.
 
-    findings : of all rounds. added : those that entered the candidate. traced : the last round, which found nothing more to add.
-    left : the unnamed remainder per axis. ``candidate`` is left None: who stores the version fills it in.
+    findings : of all rounds. added : those that entered the candidate. traced : the last round,
+    which found nothing more to add. left : the unnamed remainder per axis. ``candidate`` is left
+    None: who stores the version fills it in.
     """
     by_axis: dict[str, list[Finding]] = {}
     for finding in added:
@@ -39,9 +41,17 @@ def loop_document(
         "library": {"sha256": library, "rounds": rounds},
         "axes": {entry.axis: axis_document(entry) for entry in proof},
         "added": [finding.hypothesis for finding in added],
-        "increments": [{"axis": axis, "terms": [_term(finding) for finding in members]} for axis, members in by_axis.items()],
-        "findings": [*(finding.document() for finding in findings), *(_unnamed(entry) for entry in left if entry.found)],
-        "not_found": [item.document() for item in traced.not_found if item.hypothesis not in standing],
+        "increments": [
+            {"axis": axis, "terms": [_term(finding) for finding in members]}
+            for axis, members in by_axis.items()
+        ],
+        "findings": [
+            *(finding.document() for finding in findings),
+            *(_unnamed(entry) for entry in left if entry.found),
+        ],
+        "not_found": [
+            item.document() for item in traced.not_found if item.hypothesis not in standing
+        ],
         "next_flight": list(traced.next_flight),
         "remarks": [*remarks, *traced.notes],
     }
@@ -49,7 +59,12 @@ def loop_document(
 
 def _term(finding: Finding) -> dict[str, Any]:
     half = 0.5 * (finding.ci95[1] - finding.ci95[0])
-    return {"term": finding.parameter, "value": finding.value, "standard_error": half / 1.96, "ci95": list(finding.ci95)}
+    return {
+        "term": finding.parameter,
+        "value": finding.value,
+        "standard_error": half / 1.96,
+        "ci95": list(finding.ci95),
+    }
 
 
 def _unnamed(entry: Remainder) -> dict[str, Any]:

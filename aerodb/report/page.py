@@ -1,6 +1,8 @@
-"""Pages: a result's context through its template into one HTML file that asks nothing of anybody, and that file as PDF.
+"""Pages: a result's context through its template into one HTML file that asks nothing of anybody,
+and that file as PDF.
 
-All text is escaped by the template engine; names from logs are shown as text that cannot rearrange what stands beside it.
+All text is escaped by the template engine; names from logs are shown as text that cannot rearrange
+what stands beside it.
 """
 
 import functools
@@ -46,7 +48,8 @@ def _engine() -> jinja2.Environment:
 
 
 def name(text: object) -> Markup:
-    """A name that somebody else chose: escaped, and set apart from the direction of the text around it.
+    """A name that somebody else chose: escaped, and set apart from the direction of the text around
+    it.
 
     >>> name("<b>")
     Markup('<bdi>&lt;b&gt;</bdi>')
@@ -55,7 +58,8 @@ def name(text: object) -> Markup:
 
 
 def sentence(text: object) -> Markup:
-    """What the product says, names within: the same, with the lines of a message as parts of a sentence.
+    """What the product says, names within: the same, with the lines of a message as parts of a
+    sentence.
 
     >>> sentence("flight f: no alpha\\nlog it")
     Markup('<bdi>flight f: no alpha; log it</bdi>')
@@ -64,7 +68,8 @@ def sentence(text: object) -> Markup:
 
 
 def number(value: float | None, digits: int = 3, zeros: bool = False) -> str:
-    """A number for people, with a true minus and powers of ten as such; a dash for none. zeros: also those at the end.
+    """A number for people, with a true minus and powers of ten as such; a dash for none. zeros:
+    also those at the end.
 
     >>> number(-0.00123456), number(None), number(1234.5), number(0.5, zeros=True), number(2.04e-5)
     ('−0.00123', '–', '1234', '0.500', '2.04×10⁻⁵')
@@ -80,7 +85,11 @@ def number(value: float | None, digits: int = 3, zeros: bool = False) -> str:
 
 def share(value: float | None) -> str:
     """A share as a percentage; a dash for none."""
-    return "–" if value is None or not math.isfinite(value) else f"{100 * value:.0f} %".replace("-", "−")
+    return (
+        "–"
+        if value is None or not math.isfinite(value)
+        else f"{100 * value:.0f} %".replace("-", "−")
+    )
 
 
 def words(text: str) -> str:
@@ -96,14 +105,17 @@ def instant(when: datetime | None) -> str:
 def pdf(page: str) -> bytes:
     """A page as PDF. InputError where the optional dependency for it is not installed.
 
-    WeasyPrint, not a browser: it is a library of a few megabytes that lays out the page's print style, needs no sandbox, and is
-    told to fetch nothing.
+    WeasyPrint, not a browser: it is a library of a few megabytes that lays out the page's print
+    style, needs no sandbox, and is told to fetch nothing.
     """
     try:
         from weasyprint import HTML
         from weasyprint.urls import URLFetcher
     except (ImportError, OSError) as error:  # OSError: its system libraries are missing
-        remedy = "install the extra: pip install 'aerodb[pdf]' (and Pango); or print the HTML page from a browser"
+        remedy = (
+            "install the extra: pip install 'aerodb[pdf]' (and Pango); or print the HTML page from"
+            " a browser"
+        )
         raise InputError("PDF needs WeasyPrint", "--pdf", remedy) from error
     made: bytes = HTML(string=page, url_fetcher=URLFetcher(allowed_protocols=["data"])).write_pdf()
     return made

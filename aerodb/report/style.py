@@ -1,4 +1,5 @@
-"""How results look wherever they are shown: colours, units for people, names as text, and a figure as a picture for a page."""
+"""How results look wherever they are shown: colours, units for people, names as text, and a figure
+as a picture for a page."""
 
 import base64
 import io
@@ -16,8 +17,8 @@ from matplotlib.figure import Figure
 from aerodb.errors import UnknownNameError
 from aerodb.nomenclature import channel
 
-#: Okabe & Ito's colours, which the colour-blind tell apart; they mean the same in every figure, and so do the line styles,
-#: which survive a print without colour.
+#: Okabe & Ito's colours, which the colour-blind tell apart; they mean the same in every figure, and
+#: so do the line styles, which survive a print without colour.
 FLIGHT: Final = "#000000"
 DATABASE: Final = "#D55E00"
 UPDATED: Final = "#0072B2"
@@ -50,7 +51,9 @@ class Picture:
     @property
     def source(self) -> str:
         """The picture inside a page: nothing is fetched, and its ids meet no other picture's."""
-        return "data:image/svg+xml;base64," + base64.b64encode(self.svg.encode("utf-8", "replace")).decode("ascii")
+        return "data:image/svg+xml;base64," + base64.b64encode(
+            self.svg.encode("utf-8", "replace")
+        ).decode("ascii")
 
 
 def picture(figure: Figure, alt: str, caption: str = "") -> Picture:
@@ -59,19 +62,27 @@ def picture(figure: Figure, alt: str, caption: str = "") -> Picture:
     with _writing, matplotlib.rc_context(_LOOK), warnings.catch_warnings():
         # the viewer's fonts draw what the fonts here do not have
         warnings.filterwarnings("ignore", message="Glyph .* missing from")
-        figure.savefig(buffer, format="svg", metadata=dict.fromkeys(("Date", "Creator", "Format", "Type")), dpi=150)
+        figure.savefig(
+            buffer,
+            format="svg",
+            metadata=dict.fromkeys(("Date", "Creator", "Format", "Type")),
+            dpi=150,
+        )
     svg = _PATH.sub(lambda found: _DIGITS.sub(r"\1", found[1]), buffer.getvalue())
     return Picture(svg[svg.index("<svg") :], alt, caption)
 
 
 def visible(text: str) -> str:
-    """`text` with control, formatting and broken characters as escapes: what a log holds cannot rearrange a page.
+    """`text` with control, formatting and broken characters as escapes: what a log holds cannot
+    rearrange a page.
 
     >>> visible("a\\x1b[1m")
     'a\\\\x1b[1m'
     """
     hidden = {c for c in text if unicodedata.category(c) in ("Cc", "Cf", "Cs")}
-    return text.translate({ord(c): c.encode("unicode_escape", "surrogatepass").decode() for c in hidden})
+    return text.translate(
+        {ord(c): c.encode("unicode_escape", "surrogatepass").decode() for c in hidden}
+    )
 
 
 def in_figure(text: str, most: int = LONGEST) -> str:
@@ -86,7 +97,8 @@ def in_figure(text: str, most: int = LONGEST) -> str:
 
 
 def for_people(unit: str) -> tuple[float, str]:
-    """Factor and unit in which people read a quantity: degrees for radians; a dash where it has no dimension.
+    """Factor and unit in which people read a quantity: degrees for radians; a dash where it has no
+    dimension.
 
     >>> [for_people(unit)[1] for unit in ("rad", "rad/s", "1", "m/s^2", "1/rad")]
     ['deg', 'deg/s', '-', 'm/s²', '1/rad']
@@ -98,7 +110,8 @@ def for_people(unit: str) -> tuple[float, str]:
 
 
 def channel_scale(name: str) -> tuple[float, str]:
-    """Factor to the unit for people, and the label of an axis of a figure: ``alpha [deg]``. A free input has no unit.
+    """Factor to the unit for people, and the label of an axis of a figure: ``alpha [deg]``. A free
+    input has no unit.
 
     >>> channel_scale("alpha")[1], channel_scale("mach")[1]
     ('alpha [deg]', 'mach [-]')
@@ -117,7 +130,8 @@ def parameter_scale(name: str, unit: str) -> tuple[float, str]:
 
 
 def plain_panel(panel: Any) -> None:
-    """A panel without what no reader needs: no frame on top and right, a light grid, small ticks."""
+    """A panel without what no reader needs: no frame on top and right, a light grid, small
+    ticks."""
     panel.spines[["top", "right"]].set_visible(False)
     panel.grid(True, color="0.9", lw=0.5)
     panel.set_axisbelow(True)

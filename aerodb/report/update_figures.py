@@ -1,4 +1,5 @@
-"""Figures of an update or a closed loop: error per axis, votes of the flights, and what is left over the variables."""
+"""Figures of an update or a closed loop: error per axis, votes of the flights, and what is left
+over the variables."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
@@ -26,33 +27,63 @@ _TWO_SIDED: Final = 1.96
 _BINS, _FEWEST_BINS, _FEWEST_IN_BIN = 24, 3, 15
 #: Samples of all flights together that quantiles are taken of: every k-th of more.
 _SAMPLES: Final = 50_000
-#: No bin is narrower than this share of what lies between the 1 % and the 99 % quantile: a spike there is chance.
+#: No bin is narrower than this share of what lies between the 1 % and the 99 % quantile: a spike
+#: there is chance.
 _NARROWEST: Final = 1 / 30
 _BAND: Final = (0.1, 0.5, 0.9)
 _MOST_AXES, _MOST_VARIABLES, _COLUMNS = 4, 10, 5
 
-#: A variable that moves less than this is a constant in these flights (SI: 0.3 deg, or without dimension).
+#: A variable that moves less than this is a constant in these flights (SI: 0.3 deg, or without
+#: dimension).
 _MOVES: Final = 5e-3
 
 
 def error_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
     """Per axis the error before and after, and the noise floor, which no database can beat.
 
-    rows : axis, before, after, floor (rms, without dimension), and each, the errors before and after of single flights; an error
-    that is None or zero is left out.
+    rows : axis, before, after, floor (rms, without dimension), and each, the errors before and
+    after of single flights; an error that is None or zero is left out.
     """
     figure = Figure(figsize=(8.5, 0.9 + 0.36 * max(1, len(rows))), layout="constrained")
     panel = figure.subplots()
     looks: tuple[tuple[str, dict[str, Any]], ...] = (
         ("floor", {"marker": "|", "color": FLIGHT, "ms": 13, "mew": 1.5, "label": "noise floor"}),
-        ("before", {"marker": "o", "color": DATABASE, "ms": 8, "mfc": "none", "mew": 1.5, "zorder": 3, "label": "database"}),
+        (
+            "before",
+            {
+                "marker": "o",
+                "color": DATABASE,
+                "ms": 8,
+                "mfc": "none",
+                "mew": 1.5,
+                "zorder": 3,
+                "label": "database",
+            },
+        ),
         ("after", {"marker": "s", "color": UPDATED, "ms": 5.5, "label": "updated database"}),
     )
-    single: dict[str, Any] = {"ls": "", "marker": ".", "ms": 6.5, "mew": 0, "zorder": 1.5, "alpha": 0.8}
+    single: dict[str, Any] = {
+        "ls": "",
+        "marker": ".",
+        "ms": 6.5,
+        "mew": 0,
+        "zorder": 1.5,
+        "alpha": 0.8,
+    }
     for k, row in enumerate(rows):
         for before, after in row.get("each", ()):
-            panel.plot([value for value in (before,) if value], [k - 0.3] * bool(before), color=DATABASE, **single)
-            panel.plot([value for value in (after,) if value], [k + 0.3] * bool(after), color=UPDATED, **single)
+            panel.plot(
+                [value for value in (before,) if value],
+                [k - 0.3] * bool(before),
+                color=DATABASE,
+                **single,
+            )
+            panel.plot(
+                [value for value in (after,) if value],
+                [k + 0.3] * bool(after),
+                color=UPDATED,
+                **single,
+            )
         if row["before"] and row["after"]:
             panel.plot([row["before"], row["after"]], [k, k], color="0.7", lw=2.0, zorder=1)
     for key, look in looks:
@@ -68,12 +99,15 @@ def error_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
     panel.tick_params(axis="y", labelsize=9)
     panel.set_xlabel("rms of flight - model [-]")
     if rows:
-        panel.legend(fontsize=8, frameon=False, ncols=3, loc="lower right", bbox_to_anchor=(1.0, 0.99))
+        panel.legend(
+            fontsize=8, frameon=False, ncols=3, loc="lower right", bbox_to_anchor=(1.0, 0.99)
+        )
     return figure
 
 
 def forest_figure(finding: Mapping[str, Any], labels: Mapping[str, str]) -> Figure:
-    """The votes of one finding: each flight's estimate with its 95 % interval, and what they say together.
+    """The votes of one finding: each flight's estimate with its 95 % interval, and what they say
+    together.
 
     finding : an entry of ``findings`` of the contract. labels : flight id -> what people call it.
     """
@@ -83,7 +117,9 @@ def forest_figure(finding: Mapping[str, Any], labels: Mapping[str, str]) -> Figu
     factor, label = parameter_scale(finding["parameter"], finding["unit"])
     for k, vote in enumerate(votes):
         half = factor * _TWO_SIDED * vote["se"]
-        panel.errorbar(factor * vote["value"], k, xerr=half, fmt="o", color=FLIGHT, ms=4, lw=1.0, capsize=2)
+        panel.errorbar(
+            factor * vote["value"], k, xerr=half, fmt="o", color=FLIGHT, ms=4, lw=1.0, capsize=2
+        )
     low, high = (factor * end for end in finding["ci95"])
     value, place = factor * finding["value"], len(votes) + 0.15
     panel.fill([low, value, high, value], [place, place - 0.32, place, place + 0.32], color=UPDATED)
@@ -99,18 +135,26 @@ def forest_figure(finding: Mapping[str, Any], labels: Mapping[str, str]) -> Figu
 
 
 def voter(name: str, labels: Mapping[str, str]) -> str:
-    """Who voted, for a figure: a flight by what people call it, and of a part of one (``<flight>@0-5.65491``) from when to when.
+    """Who voted, for a figure: a flight by what people call it, and of a part of one
+    (``<flight>@0-5.65491``) from when to when.
 
     >>> voter("abc@0-5.65491", {"abc": "first.mat"})
     'first.mat 0-5.65 s'
     """
     unit = VotingUnit.parse(name)
     flight, window = unit.flight, unit.window
-    whole = in_figure(next((label for id, label in labels.items() if id == flight or id.startswith(flight)), flight[:12]))
+    whole = in_figure(
+        next(
+            (label for id, label in labels.items() if id == flight or id.startswith(flight)),
+            flight[:12],
+        )
+    )
     return whole if window is None else f"{whole} {window[0]:.3g}-{window[1]:.3g} s"
 
 
-def moving_variables(channels: Mapping[str, Mapping[str, Array]], names: Sequence[str]) -> list[str]:
+def moving_variables(
+    channels: Mapping[str, Mapping[str, Array]], names: Sequence[str]
+) -> list[str]:
     """Those of `names` that move in these flights (id -> channels), at most `_MOST_VARIABLES`."""
     moving = []
     for name in names:
@@ -134,24 +178,35 @@ def residual_figure(
     channels: Mapping[str, Mapping[str, Array]],
     floors: Mapping[str, float],
 ) -> Figure:
-    """What is left over each variable: median of flight - model with the band that holds 80 % of the samples, before and after.
+    """What is left over each variable: median of flight - model with the band that holds 80 % of
+    the samples, before and after.
 
-    before, after : flight id -> comparison, `after` empty where nothing was updated; channels : flight id -> name -> (n,);
-    floors : axis -> rms of the noise, drawn as a grey band. A row per axis, a column per variable; further rows where there are
-    many.
+    before, after : flight id -> comparison, `after` empty where nothing was updated; channels :
+    flight id -> name -> (n,); floors : axis -> rms of the noise, drawn as a grey band. A row per
+    axis, a column per variable; further rows where there are many.
     """
     axes = list(axes)[:_MOST_AXES]
     blocks = [variables[k : k + _COLUMNS] for k in range(0, len(variables), _COLUMNS)]
     rows = [(axis, block) for block in blocks for axis in axes]
     columns = max((len(block) for block in blocks), default=1)
-    figure = Figure(figsize=(max(5.0, 1.0 + 2.0 * columns), 0.7 + 1.75 * max(1, len(rows))), layout="constrained")
+    figure = Figure(
+        figsize=(max(5.0, 1.0 + 2.0 * columns), 0.7 + 1.75 * max(1, len(rows))),
+        layout="constrained",
+    )
     panels = figure.subplots(max(1, len(rows)), columns, squeeze=False, sharey="row")
     for panel in panels.ravel():
         panel.set_visible(False)
     for row, (axis, block) in zip(panels, rows, strict=False):
         for panel, name in zip(row, block, strict=False):
             panel.set_visible(True)
-            panel.axhspan(-floors.get(axis, 0.0), floors.get(axis, 0.0), color="0.85", lw=0, zorder=0, label="noise floor")
+            panel.axhspan(
+                -floors.get(axis, 0.0),
+                floors.get(axis, 0.0),
+                color="0.85",
+                lw=0,
+                zorder=0,
+                label="noise floor",
+            )
             _left_over(panel, axis, name, (before, after), channels)
             panel.tick_params(labelbottom=axis == axes[-1])
             if axis == axes[-1]:
@@ -171,7 +226,10 @@ def _left_over(
     channels: Mapping[str, Mapping[str, Array]],
 ) -> None:
     factor, _ = channel_scale(name)
-    looks: tuple[tuple[str, Any, str], ...] = ((DATABASE, DATABASE_LINE, "database"), (UPDATED, "-", "updated database"))
+    looks: tuple[tuple[str, Any, str], ...] = (
+        (DATABASE, DATABASE_LINE, "database"),
+        (UPDATED, "-", "updated database"),
+    )
     for side, (colour, line, text) in zip(sides, looks, strict=True):
         if not side:
             continue
@@ -184,11 +242,18 @@ def _left_over(
 
 
 def _binned(
-    axis: str, name: str, side: Mapping[str, Comparison], channels: Mapping[str, Mapping[str, Array]]
+    axis: str,
+    name: str,
+    side: Mapping[str, Comparison],
+    channels: Mapping[str, Mapping[str, Array]],
 ) -> tuple[Array, Array, Array, Array]:
-    """Median of the variable in each bin, and there the 10 %, 50 % and 90 % quantile of the residual; empty for too few."""
+    """Median of the variable in each bin, and there the 10 %, 50 % and 90 % quantile of the
+    residual; empty for too few."""
     pairs = [
-        (channels[flight][name][comparison.usable[axis]], comparison.residual(axis)[comparison.usable[axis]])
+        (
+            channels[flight][name][comparison.usable[axis]],
+            comparison.residual(axis)[comparison.usable[axis]],
+        )
         for flight, comparison in side.items()
         if axis in comparison.usable and name in channels.get(flight, {})
     ]
@@ -209,7 +274,8 @@ def _binned(
 
 
 def _edges(x: Array, count: int) -> Array:
-    """Edges of at most `count` bins of about equally many of `x` (n,), none narrower than `_NARROWEST`."""
+    """Edges of at most `count` bins of about equally many of `x` (n,), none narrower than
+    `_NARROWEST`."""
     wanted = np.quantile(x, np.linspace(0.0, 1.0, count + 1))
     low, high = np.quantile(x, [0.01, 0.99])
     edges = [float(wanted[0])]

@@ -1,4 +1,5 @@
-"""The report of an update or a closed loop: the finding in one sentence, what it is worth, why that, and what stays open."""
+"""The report of an update or a closed loop: the finding in one sentence, what it is worth, why
+that, and what stays open."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,7 +15,12 @@ from aerodb.report.flight_errors import disagreements, flight_errors
 from aerodb.report.headlines import by_parts, effect_words, error_rows, headline, on_which
 from aerodb.report.page import render
 from aerodb.report.style import Picture, for_people, picture
-from aerodb.report.update_figures import error_figure, forest_figure, moving_variables, residual_figure
+from aerodb.report.update_figures import (
+    error_figure,
+    forest_figure,
+    moving_variables,
+    residual_figure,
+)
 from aerodb.support import Array
 from aerodb.tables import WIND_AXES, AeroDatabase
 
@@ -40,10 +46,11 @@ _FARTHEST: Final = 3
 class UpdateStory:
     """What there is to tell of an update or a closed loop.
 
-    document : of `report.document` or `report.loop_document`. labels : flight id -> what people call it. baseline, candidate :
-    what the versions are called (candidate None: nothing was added) and their databases. before, after : flight id -> comparison
-    on the flights that validate, else on all; `after` is empty where nothing was added, both where no flight can be compared.
-    channels : flight id -> channel -> (n,), hat rates too.
+    document : of `report.document` or `report.loop_document`. labels : flight id -> what people
+    call it. baseline, candidate : what the versions are called (candidate None: nothing was added)
+    and their databases. before, after : flight id -> comparison on the flights that validate, else
+    on all; `after` is empty where nothing was added, both where no flight can be compared. channels
+    : flight id -> channel -> (n,), hat rates too.
     """
 
     document: Mapping[str, Any]
@@ -59,7 +66,10 @@ class UpdateStory:
 def update_report(story: UpdateStory) -> str:
     """The update as one HTML page."""
     document = story.document
-    errors = [{**row, "flights": flight_errors(row["axis"], story.before, story.after)} for row in error_rows(document)]
+    errors = [
+        {**row, "flights": flight_errors(row["axis"], story.before, story.after)}
+        for row in error_rows(document)
+    ]
     single = len(story.before) > 1 and not by_parts(document)
     drawn = [{**row, "each": list(row["flights"].values()) if single else []} for row in errors]
     if story.candidate is None:
@@ -67,7 +77,10 @@ def update_report(story: UpdateStory) -> str:
     loop = "library" in document
     return render(
         "update.html",
-        title=f"{'Closed loop' if loop else 'Update'} of {document['vehicle']}: {story.candidate or 'nothing added'}",
+        title=(
+            f"{'Closed loop' if loop else 'Update'} of {document['vehicle']}:"
+            f" {story.candidate or 'nothing added'}"
+        ),
         headline=headline(document),
         story=story,
         document=document,
@@ -76,7 +89,8 @@ def update_report(story: UpdateStory) -> str:
         errors=errors,
         error_picture=picture(
             error_figure(drawn),
-            "Error per axis before and after the update, and the noise floor; the table below holds the same numbers.",
+            "Error per axis before and after the update, and the noise floor; the table below holds"
+            " the same numbers.",
             f"Error {on_which(document)}. Circle: {story.baseline}; "
             f"{f'square: {story.candidate}; ' if story.candidate else ''}"
             "bar: noise floor of the sensors, below which no database can come."
@@ -84,8 +98,12 @@ def update_report(story: UpdateStory) -> str:
         ),
         single=list(story.before) if single else [],
         findings=[_told(finding, story) for finding in document["findings"]],
-        undecided=_bounds(entry for entry in document["not_found"] if entry["verdict"] != "not_detected"),
-        excluded=_bounds(entry for entry in document["not_found"] if entry["verdict"] == "not_detected"),
+        undecided=_bounds(
+            entry for entry in document["not_found"] if entry["verdict"] != "not_detected"
+        ),
+        excluded=_bounds(
+            entry for entry in document["not_found"] if entry["verdict"] == "not_detected"
+        ),
         means=MEANS,
         changed=disagreements(document, list(document["axes"]), story.before),
         pictures=_pictures(story),
@@ -99,8 +117,10 @@ def _told(finding: Mapping[str, Any], story: UpdateStory) -> dict[str, Any]:
     if len(finding["votes"]) >= _WITH_VOTES:
         shown = picture(
             forest_figure(finding, story.labels),
-            f"Votes of {len(finding['votes'])} flights on {finding['parameter']} with 95 % intervals, and all together.",
-            "One flight, one vote: dots with 95 % intervals. Diamond and band: all together, random and systematic parts.",
+            f"Votes of {len(finding['votes'])} flights on {finding['parameter']} with 95 %"
+            " intervals, and all together.",
+            "One flight, one vote: dots with 95 % intervals. Diamond and band: all together, random"
+            " and systematic parts.",
         )
     ci95 = finding["ci95"]
     return {
@@ -123,19 +143,32 @@ def _bounds(entries: Any) -> list[dict[str, Any]]:
     rows = []
     for entry in entries:
         factor, unit = for_people(entry["unit"])
-        bounds = {key: None if entry[key] is None else factor * entry[key] for key in ("upper_bound", "minimum_detectable")}
+        bounds = {
+            key: None if entry[key] is None else factor * entry[key]
+            for key in ("upper_bound", "minimum_detectable")
+        }
         rows.append({**entry, **bounds, "shown_unit": unit})
     return rows
 
 
 def _pictures(story: UpdateStory) -> dict[str, Picture]:
-    """Slices through both databases, what is left over each variable, and histories; none where no flight can be compared."""
+    """Slices through both databases, what is left over each variable, and histories; none where no
+    flight can be compared."""
     axes = _axes(story)
     if not axes or story.databases is None:
         return {}
     before, after = story.databases
-    surfaces = sorted({name for held in story.channels.values() for name in held if name.startswith("delta_")})
-    names = ("alpha", "beta", "p_hat", "q_hat", "r_hat", *(name for name in surfaces if name in after.flight_inputs))
+    surfaces = sorted(
+        {name for held in story.channels.values() for name in held if name.startswith("delta_")}
+    )
+    names = (
+        "alpha",
+        "beta",
+        "p_hat",
+        "q_hat",
+        "r_hat",
+        *(name for name in surfaces if name in after.flight_inputs),
+    )
     variables = moving_variables(story.channels, names)
     floors = {axis: story.document["axes"][axis]["noise_floor"] for axis in axes}
     both = f"{story.baseline} and {story.candidate}" if story.candidate else story.baseline
@@ -143,10 +176,13 @@ def _pictures(story: UpdateStory) -> dict[str, Picture]:
         "residuals": picture(
             residual_figure(axes, variables, story.before, story.after, story.channels, floors),
             f"Flight minus model on {', '.join(axes)} against {', '.join(variables)}, with {both}.",
-            "Line: median; band: 80 % of the samples; grey: noise floor. What still depends on a variable is not explained yet.",
+            "Line: median; band: 80 % of the samples; grey: noise floor. What still depends on a"
+            " variable is not explained yet.",
         ),
         "histories": picture(
-            update_figure(axes, story.before, story.after, story.labels, errors=not by_parts(story.document)),
+            update_figure(
+                axes, story.before, story.after, story.labels, errors=not by_parts(story.document)
+            ),
             f"Coefficients {', '.join(axes)} over time: flight and {both}.",
             "Flights one behind the other; right: how large the residuals are.",
         ),
@@ -155,25 +191,42 @@ def _pictures(story: UpdateStory) -> dict[str, Picture]:
         shown["slices"] = picture(
             diff_figure(before, after, (story.baseline, story.candidate), "", _flown(story)),
             f"Slices through {both} on the axes that change.",
-            "Band: two standard errors of what was added. Title: the largest change, two standard errors, where. "
-            "Shaded: envelope of the flights that identified. "
-            "Grey bars along the lower edge: where the flights of this report have been.",
+            "Band: two standard errors of what was added. Title: the largest change, two standard"
+            " errors, where. Shaded: envelope of the flights that identified. Grey bars along the"
+            " lower edge: where the flights of this report have been.",
         )
     return shown
 
 
 def _flown(story: UpdateStory) -> dict[str, Array]:
     names = {name for held in story.channels.values() for name in held}
-    return {name: np.concatenate([held[name] for held in story.channels.values() if name in held]) for name in names}
+    return {
+        name: np.concatenate([held[name] for held in story.channels.values() if name in held])
+        for name in names
+    }
 
 
 def _axes(story: UpdateStory) -> list[str]:
-    """Axes to draw that these flights can show: those with increments, else those with findings, else those farthest from their
-    noise floor."""
-    shown = {axis for comparison in story.before.values() for axis, good in comparison.usable.items() if good.any()}
+    """Axes to draw that these flights can show: those with increments, else those with findings,
+    else those farthest from their noise floor."""
+    shown = {
+        axis
+        for comparison in story.before.values()
+        for axis, good in comparison.usable.items()
+        if good.any()
+    }
     touched = {entry["axis"] for entry in story.document["increments"]}
-    found = {axis for finding in story.document["findings"] if len(finding["axis"]) < len(AXES) for axis in finding["axis"]}
-    rows = [row for row in error_rows(story.document) if row["axis"] in AXES and row["axis"] in shown and row["times_floor"]]
+    found = {
+        axis
+        for finding in story.document["findings"]
+        if len(finding["axis"]) < len(AXES)
+        for axis in finding["axis"]
+    }
+    rows = [
+        row
+        for row in error_rows(story.document)
+        if row["axis"] in AXES and row["axis"] in shown and row["times_floor"]
+    ]
     far = {row["axis"] for row in sorted(rows, key=lambda row: -row["times_floor"])[:_FARTHEST]}
     chosen = next((axes & shown for axes in (touched, found, far) if axes & shown), set())
     return [axis for axis in (*AXES, *WIND_AXES) if axis in chosen]

@@ -1,4 +1,5 @@
-"""The report of a database version: what it is, what differs from its parent, and where it comes from."""
+"""The report of a database version: what it is, what differs from its parent, and where it comes
+from."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -20,8 +21,9 @@ _MOST_NODES: Final = 24
 class VersionStory:
     """What there is to tell of a version.
 
-    moves : of names to it: (when, name, user, reason). flights : (label, role, sha256 of its log, why retracted or empty), of its
-    own. report : the document it was made with; `headline` its sentence, empty for an imported one.
+    moves : of names to it: (when, name, user, reason). flights : (label, role, sha256 of its log,
+    why retracted or empty), of its own. report : the document it was made with; `headline` its
+    sentence, empty for an imported one.
     """
 
     id: str
@@ -48,14 +50,15 @@ def version_report(story: VersionStory) -> str:
         slices = picture(
             diff_figure(before, story.database, (label, story.label), ""),
             f"Slices through {label} and {story.label} on the axes that change.",
-            "Band: two standard errors of what was added. Title: the largest change, two standard errors, where. "
-            "Shaded: envelope of the flights behind it.",
+            "Band: two standard errors of what was added. Title: the largest change, two standard"
+            " errors, where. Shaded: envelope of the flights behind it.",
         )
     else:
         curves = picture(
             database_figure(story.database),
             "CX, CZ and Cm against angle of attack; CY, Cl and Cn against sideslip.",
-            "All other inputs neutral (zero; V 1 m/s). Dots: breakpoints of the tables behind the curve.",
+            "All other inputs neutral (zero; V 1 m/s). Dots: breakpoints of the tables behind the"
+            " curve.",
         )
     return render(
         "version.html",
@@ -74,6 +77,12 @@ def _table(entry: Mapping[str, Any]) -> dict[str, Any]:
     largest = sorted(entry["nodes"], key=lambda node: -abs(node["change"]))
     scales = {name: channel_scale(name) for name in entry["channels"]}
     rows = [
-        {**node, "shown": [scales[name][0] * node["at"][name] for name in entry["channels"]]} for node in largest[:_MOST_NODES]
+        {**node, "shown": [scales[name][0] * node["at"][name] for name in entry["channels"]]}
+        for node in largest[:_MOST_NODES]
     ]
-    return {**entry, "labels": [scales[name][1] for name in entry["channels"]], "rows": rows, "more": len(largest) - len(rows)}
+    return {
+        **entry,
+        "labels": [scales[name][1] for name in entry["channels"]],
+        "rows": rows,
+        "more": len(largest) - len(rows),
+    }

@@ -1,4 +1,5 @@
-"""A vehicle in the air: state, wind and surfaces become canonical channels, specific force and moment about the CG."""
+"""A vehicle in the air: state, wind and surfaces become canonical channels, specific force and
+moment about the CG."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -48,7 +49,8 @@ class Database(Protocol):
 
 @dataclass(frozen=True)
 class MovingAir:
-    """Wind over ground (north, east, down) [m/s] and gust in body axes [m/s], each (3, k): velocity of the air."""
+    """Wind over ground (north, east, down) [m/s] and gust in body axes [m/s], each (3, k): velocity
+    of the air."""
 
     wind: Array
     gust: Array
@@ -58,9 +60,10 @@ class MovingAir:
 class Airframe:
     """Constant mass properties, reference geometry and aerodynamics of a vehicle in gliding flight.
 
-    mass [kg]; inertia (3, 3) [kg m2] at the CG; area [m2]; lengths (3,) = span, chord, span [m]; `reference_arm` (3,)
-    [m]: from the CG to the point that the coefficients' moments are about; ground_altitude [m] above sea level;
-    combinations: deflections made of two surfaces, name -> (sign, right, left).
+    mass [kg]; inertia (3, 3) [kg m2] at the CG; area [m2]; lengths (3,) = span, chord, span [m];
+    `reference_arm` (3,) [m]: from the CG to the point that the coefficients' moments are about;
+    ground_altitude [m] above sea level; combinations: deflections made of two surfaces, name ->
+    (sign, right, left).
     """
 
     mass: float
@@ -72,8 +75,11 @@ class Airframe:
     combinations: Mapping[str, tuple[float, str, str]]
     ground_altitude: float = 0.0
 
-    def channels(self, state: Array, air: MovingAir, surfaces: Mapping[str, Array]) -> dict[str, Array]:
-        """Canonical channels (k,) of a state (13, k): air-relative motion, rates, height, deflections, air properties.
+    def channels(
+        self, state: Array, air: MovingAir, surfaces: Mapping[str, Array]
+    ) -> dict[str, Array]:
+        """Canonical channels (k,) of a state (13, k): air-relative motion, rates, height,
+        deflections, air properties.
 
         `surfaces` holds deflections [rad] by their names in the vehicle file.
         """
@@ -103,7 +109,8 @@ class Airframe:
         return found
 
     def loads(self, channels: Mapping[str, Array]) -> tuple[Array, Array]:
-        """Specific force (3, k) [m/s2] and moment about the CG (3, k) [N m] of the aerodynamics; nothing else acts."""
+        """Specific force (3, k) [m/s2] and moment about the CG (3, k) [N m] of the aerodynamics;
+        nothing else acts."""
         c = self.aerodynamics(channels)
         scale = channels["qbar"] * self.area
         force = scale * np.stack([c["CX"], c["CY"], c["CZ"]])
@@ -115,8 +122,11 @@ class Airframe:
         force, moment = self.loads(self.channels(state, air, surfaces))
         return derivative(state, force, moment, self.inertia)
 
-    def evaluate(self, state: Array, air: MovingAir, surfaces: Mapping[str, Array]) -> tuple[dict[str, Array], Array]:
-        """All channels of a simulated instant, inertial motion and loads included, and the state's derivative."""
+    def evaluate(
+        self, state: Array, air: MovingAir, surfaces: Mapping[str, Array]
+    ) -> tuple[dict[str, Array], Array]:
+        """All channels of a simulated instant, inertial motion and loads included, and the state's
+        derivative."""
         found = self.channels(state, air, surfaces)
         force, moment = self.loads(found)
         acceleration = angular_acceleration(state[RATES], moment, self.inertia)
@@ -131,17 +141,24 @@ class Airframe:
 
 
 def airframe(vehicle: Vehicle, database: Database, ground_altitude: float = 0.0) -> Airframe:
-    """An Airframe from a vehicle file with constant mass and a database about its own moment reference.
+    """An Airframe from a vehicle file with constant mass and a database about its own moment
+    reference.
 
     Raises InputError when the mass is not constant or the vehicle has thrust: neither is simulated.
     """
     properties = vehicle.mass
     if properties.source != "constant" or vehicle.thrust.source != "none":
         raise InputError(
-            "only gliding flight at constant mass is simulated", vehicle.name, "use [mass] source = 'constant' and no thrust"
+            "only gliding flight at constant mass is simulated",
+            vehicle.name,
+            "use [mass] source = 'constant' and no thrust",
         )
     mass, *inertia = (
-        float(np.asarray(v)) for v in (properties.mass, *(getattr(properties, f"I{a}") for a in ("xx", "yy", "zz", "xz")))
+        float(np.asarray(v))
+        for v in (
+            properties.mass,
+            *(getattr(properties, f"I{a}") for a in ("xx", "yy", "zz", "xz")),
+        )
     )
     chord, span = vehicle.reference.chord, vehicle.reference.span
     return Airframe(
@@ -149,8 +166,12 @@ def airframe(vehicle: Vehicle, database: Database, ground_altitude: float = 0.0)
         inertia=inertia_matrix(*inertia),
         area=vehicle.reference.area,
         lengths=np.array([span, chord, span]),
-        reference_arm=np.asarray(database.reference.moment_reference) - np.asarray(properties.cg, dtype=np.float64),
+        reference_arm=np.asarray(database.reference.moment_reference)
+        - np.asarray(properties.cg, dtype=np.float64),
         aerodynamics=lambda channels: database.predict(channels).coefficients,
-        combinations={n: (1.0 if c.kind == "symmetric" else -1.0, c.right, c.left) for n, c in vehicle.combinations.items()},
+        combinations={
+            n: (1.0 if c.kind == "symmetric" else -1.0, c.right, c.left)
+            for n, c in vehicle.combinations.items()
+        },
         ground_altitude=ground_altitude,
     )

@@ -1,6 +1,8 @@
-"""An autopilot for an elevon glider that is unstable in pitch: commanded angle of attack and bank by dynamic inversion.
+"""An autopilot for an elevon glider that is unstable in pitch: commanded angle of attack and bank
+by dynamic inversion.
 
-It feeds back the true motion: navigation errors are not in its loop. Where the vehicle shall go does not belong here.
+It feeds back the true motion: navigation errors are not in its loop. Where the vehicle shall go
+does not belong here.
 """
 
 from collections.abc import Mapping
@@ -15,7 +17,8 @@ from aerodb.support import Array
 
 @dataclass(frozen=True)
 class ControlDerivatives:
-    """What the autopilot knows: coefficients about the CG at a design point, per rad, rates per p b/V, q c/V, r b/V."""
+    """What the autopilot knows: coefficients about the CG at a design point, per rad, rates per p
+    b/V, q c/V, r b/V."""
 
     Cm: float
     alpha: float
@@ -39,8 +42,9 @@ def control_derivatives(
 ) -> ControlDerivatives:
     """Central differences of the airframe's coefficients about the CG at one flight condition.
 
-    condition : every channel that the aerodynamics read, SI. pitch : name of a pitch control -> the channels that move
-    together for it; the first is the elevator. aileron, rudder : channels of the roll and yaw controls.
+    condition : every channel that the aerodynamics read, SI. pitch : name of a pitch control -> the
+    channels that move together for it; the first is the elevator. aileron, rudder : channels of the
+    roll and yaw controls.
     """
     v = condition["V"]
     chord, span = airframe.lengths[1], airframe.lengths[0]
@@ -49,7 +53,9 @@ def control_derivatives(
         channels = {name: np.array([changed.get(name, value)]) for name, value in condition.items()}
         force, moment = airframe.loads(channels)
         scale = channels["qbar"] * airframe.area
-        return np.concatenate([airframe.mass * force / scale, moment / scale / airframe.lengths[:, None]])[:, 0]
+        return np.concatenate(
+            [airframe.mass * force / scale, moment / scale / airframe.lengths[:, None]]
+        )[:, 0]
 
     def slope(names: tuple[str, ...], step: float) -> Array:
         up = coefficients(**{n: condition[n] + step for n in names})
@@ -74,7 +80,8 @@ def control_derivatives(
 
 @dataclass
 class Autopilot:
-    """Inner loops; frequencies in rad/s. `integral` (k,) rad s is the accumulated error of angle of attack."""
+    """Inner loops; frequencies in rad/s. `integral` (k,) rad s is the accumulated error of angle of
+    attack."""
 
     airframe: Airframe
     known: ControlDerivatives
@@ -87,8 +94,11 @@ class Autopilot:
     yaw_damping: float = 2.0
     integral: Array | float = field(default=0.0)
 
-    def elevator(self, channels: Mapping[str, Array], alpha_command: Array, others: Mapping[str, Array]) -> Array:
-        """Symmetric elevator (k,) [rad] towards a commanded angle of attack [rad]; `others`: pitch controls beside it."""
+    def elevator(
+        self, channels: Mapping[str, Array], alpha_command: Array, others: Mapping[str, Array]
+    ) -> Array:
+        """Symmetric elevator (k,) [rad] towards a commanded angle of attack [rad]; `others`: pitch
+        controls beside it."""
         c, k = channels, self.known
         error = alpha_command - c["alpha"]
         self.integral = np.clip(self.integral + self.step * error, -0.15, 0.15)
@@ -110,7 +120,10 @@ class Autopilot:
     def aileron(self, channels: Mapping[str, Array], bank_command: Array) -> Array:
         """Asymmetric deflection (k,) [rad] towards a commanded bank angle [rad]."""
         c, k, span = channels, self.known, self.airframe.lengths[0]
-        wanted = self.roll_frequency**2 * (bank_command - c["phi"]) - 2 * self.roll_damping * self.roll_frequency * c["p"]
+        wanted = (
+            self.roll_frequency**2 * (bank_command - c["phi"])
+            - 2 * self.roll_damping * self.roll_frequency * c["p"]
+        )
         scale = c["qbar"] * self.airframe.area * span / self.airframe.inertia[0, 0]
         natural = k.Cl_beta * c["beta"] + k.Cl_p * c["p"] * span / c["V"]
         result: Array = (wanted / scale - natural) / k.Cl_aileron

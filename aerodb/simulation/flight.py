@@ -15,16 +15,17 @@ from aerodb.vehicle import Surface
 
 
 class Controller(Protocol):
-    """Turns what is known at a control step into surface commands [rad], one (k,) array per surface."""
+    """Turns what is known at a control step into surface commands [rad], one (k,) array per
+    surface."""
 
     def __call__(self, time: float, channels: Mapping[str, Array]) -> Mapping[str, Array]: ...
 
 
 @dataclass(frozen=True)
 class History:
-    """True channels of k simulated flights: time (n,) s; channels name -> (n, k); commands surface -> (n, k) [rad],
-    held over the step that begins there; quaternion (n, 4, k), body to earth; samples (k,): how many of each flight
-    belong to it, the first on the ground included."""
+    """True channels of k simulated flights: time (n,) s; channels name -> (n, k); commands surface
+    -> (n, k) [rad], held over the step that begins there; quaternion (n, 4, k), body to earth;
+    samples (k,): how many of each flight belong to it, the first on the ground included."""
 
     time: Array
     channels: Mapping[str, Array]
@@ -34,7 +35,8 @@ class History:
 
 
 def actuate(surface: Surface, position: Array, command: Array, step: float) -> Array:
-    """Deflection [rad] after `step` [s] under a held command: limits, then an exact first-order lag.
+    """Deflection [rad] after `step` [s] under a held command: limits, then an exact first-order
+    lag.
 
     >>> import numpy as np
     >>> fin = Surface(limits=(-0.3, 0.3), lag=0.1)
@@ -60,10 +62,12 @@ def fly(
     gusts: DrydenGusts | None = None,
     touchdown_height: float = 0.0,
 ) -> History:
-    """Flies k flights from `initial` (13, k) until each is at `touchdown_height` [m] or `duration` [s] is over.
+    """Flies k flights from `initial` (13, k) until each is at `touchdown_height` [m] or `duration`
+    [s] is over.
 
-    deflections : surface -> (k,) rad at the start. wind : (3, k) m/s, velocity of the air north, east, down.
-    Integration: midpoint rule with one control step per `step` [s]; gusts vary linearly within a step.
+    deflections : surface -> (k,) rad at the start. wind : (3, k) m/s, velocity of the air north,
+    east, down. Integration: midpoint rule with one control step per `step` [s]; gusts vary linearly
+    within a step.
     """
     state, positions = initial, dict(deflections)
     gust = np.zeros_like(wind)
@@ -79,26 +83,38 @@ def fly(
         active &= -state[POSITION][2] > touchdown_height
         if not active.any():
             break
-        following = gusts.advance(step, channels["V"], np.maximum(channels["height_above_ground"], 3.0)) if gusts else gust
+        following = (
+            gusts.advance(step, channels["V"], np.maximum(channels["height_above_ground"], 3.0))
+            if gusts
+            else gust
+        )
         halfway = {n: actuate(surfaces[n], x, commands[n], step / 2) for n, x in positions.items()}
         middle = MovingAir(wind, 0.5 * (gust + following))
 
-        def midway(_: float, at: Array, air: MovingAir = middle, deflected: Mapping[str, Array] = halfway) -> Array:
+        def midway(
+            _: float, at: Array, air: MovingAir = middle, deflected: Mapping[str, Array] = halfway
+        ) -> Array:
             return airframe.state_rate(at, air, deflected)
 
         moved = midpoint_step(midway, time, state, step, rate)
-        # A flight that has ended stands still, so that its numbers stay finite while the others go on.
+        # A flight that has ended stands still, so that its numbers stay finite while the others go
+        # on.
         state = np.where(active, moved, state)
         positions = {n: actuate(surfaces[n], x, commands[n], step) for n, x in positions.items()}
         gust = following
     return _history(rows, samples)
 
 
-def _history(rows: list[tuple[float, dict[str, Array], Mapping[str, Array], Array]], samples: NDArray[np.int64]) -> History:
+def _history(
+    rows: list[tuple[float, dict[str, Array], Mapping[str, Array], Array]],
+    samples: NDArray[np.int64],
+) -> History:
     return History(
         time=np.array([row[0] for row in rows]),
         channels={name: np.stack([row[1][name] for row in rows]) for name in rows[0][1]},
-        commands={name: np.stack([np.asarray(row[2][name]) for row in rows]) for name in rows[0][2]},
+        commands={
+            name: np.stack([np.asarray(row[2][name]) for row in rows]) for name in rows[0][2]
+        },
         quaternion=np.stack([row[3] for row in rows]),
         samples=samples,
     )

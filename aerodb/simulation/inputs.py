@@ -12,10 +12,12 @@ SHAPES: dict[str, tuple[int, ...]] = {"pulse": (1,), "doublet": (1, 1), "3211": 
 
 @dataclass(frozen=True)
 class Event:
-    """One test input: onto `target` (a name that the controller knows), from `start` [s], unit pulse width [s].
+    """One test input: onto `target` (a name that the controller knows), from `start` [s], unit
+    pulse width [s].
 
-    shape : ``pulse``, ``doublet``, ``3211`` (broad-band and simple to fly: Klein & Morelli 2006, chapter 9) or ``hold``, a
-    pulse whose first and last fifth are ramps, for surfaces that move slowly.
+    shape : ``pulse``, ``doublet``, ``3211`` (broad-band and simple to fly: Klein & Morelli 2006,
+    chapter 9) or ``hold``, a pulse whose first and last fifth are ramps, for surfaces that move
+    slowly.
     """
 
     target: str
@@ -37,5 +39,12 @@ class Event:
 
 
 def superposed(events: tuple[tuple[Event, ...], ...], target: str, time: Array) -> Array:
-    """Sum (n, k) at `time` (n,) [s] of each of k flights' events onto `target`; `events` holds one tuple per flight."""
-    return np.stack([sum((e(time) for e in flight if e.target == target), np.zeros_like(time)) for flight in events], axis=1)
+    """Sum (n, k) at `time` (n,) [s] of each of k flights' events onto `target`; `events` holds one
+    tuple per flight."""
+    return np.stack(
+        [
+            sum((e(time) for e in flight if e.target == target), np.zeros_like(time))
+            for flight in events
+        ],
+        axis=1,
+    )

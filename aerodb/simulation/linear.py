@@ -11,14 +11,17 @@ from aerodb.support import Array
 
 @dataclass(frozen=True)
 class Mode:
-    """One eigenvalue of a linear model [1/s]; `time_to_double` [s] is infinite for what does not grow."""
+    """One eigenvalue of a linear model [1/s]; `time_to_double` [s] is infinite for what does not
+    grow."""
 
     eigenvalue: complex
 
     @property
     def time_to_double(self) -> float:
         """Time in which the amplitude doubles, ln 2 / Re(lambda), s."""
-        return float(np.log(2.0) / self.eigenvalue.real) if self.eigenvalue.real > 0 else float("inf")
+        return (
+            float(np.log(2.0) / self.eigenvalue.real) if self.eigenvalue.real > 0 else float("inf")
+        )
 
 
 def linearise(rate: Callable[[Array], Array], state: Array, step: float = 1e-4) -> Array:
@@ -34,7 +37,8 @@ def linearise(rate: Callable[[Array], Array], state: Array, step: float = 1e-4) 
 
 
 def modes(matrix: Array, rows: NDArray[np.int64] | None = None) -> tuple[Mode, ...]:
-    """Modes of a linear model, the least stable first; `rows` takes the sub-system of these states only."""
+    """Modes of a linear model, the least stable first; `rows` takes the sub-system of these states
+    only."""
     part = matrix if rows is None else matrix[np.ix_(rows, rows)]
     values = np.linalg.eigvals(part)
     return tuple(Mode(complex(v)) for v in values[np.argsort(-values.real)])

@@ -1,8 +1,8 @@
 """Motion of a rigid body over a flat, non-rotating earth, for many flights at once.
 
-State rows, each (k,) over the flights: u v w [m/s, inertial velocity in body axes], p q r [rad/s], e0 e1 e2 e3
-(unit quaternion, body to earth), north east down [m]. Forces and moments are handed in; what makes them does not
-belong here.
+State rows, each (k,) over the flights: u v w [m/s, inertial velocity in body axes], p q r [rad/s],
+e0 e1 e2 e3 (unit quaternion, body to earth), north east down [m]. Forces and moments are handed in;
+what makes them does not belong here.
 """
 
 from collections.abc import Callable
@@ -20,7 +20,8 @@ POSITION: Final = slice(10, 13)
 
 
 def inertia_matrix(Ixx: float, Iyy: float, Izz: float, Ixz: float) -> Array:
-    """Inertia matrix (3, 3) [kg m2] of a body that is symmetric about its x-z plane; `Ixz` = integral of x z dm.
+    """Inertia matrix (3, 3) [kg m2] of a body that is symmetric about its x-z plane; `Ixz` =
+    integral of x z dm.
 
     Source: Stevens & Lewis, Aircraft Control and Simulation (2003), section 1.3.
     """
@@ -29,16 +30,24 @@ def inertia_matrix(Ixx: float, Iyy: float, Izz: float, Ixz: float) -> Array:
 
 def cross(a: Array, b: Array) -> Array:
     """a x b for vectors in rows (3, ...), without the overhead of numpy's general form."""
-    return np.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+    return np.stack(
+        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    )
 
 
 def quaternion_from_euler(phi: Array, theta: Array, psi: Array) -> Array:
-    """Quaternion (4, k), body to earth, of Euler 3-2-1 angles [rad], each (k,). Source: Stevens & Lewis (2003), section 1.3."""
+    """Quaternion (4, k), body to earth, of Euler 3-2-1 angles [rad], each (k,). Source: Stevens &
+    Lewis (2003), section 1.3."""
     cf, sf = np.cos(phi / 2), np.sin(phi / 2)
     ct, st = np.cos(theta / 2), np.sin(theta / 2)
     cp, sp = np.cos(psi / 2), np.sin(psi / 2)
     return np.stack(
-        [cf * ct * cp + sf * st * sp, sf * ct * cp - cf * st * sp, cf * st * cp + sf * ct * sp, cf * ct * sp - sf * st * cp]
+        [
+            cf * ct * cp + sf * st * sp,
+            sf * ct * cp - cf * st * sp,
+            cf * st * cp + sf * ct * sp,
+            cf * ct * sp - sf * st * cp,
+        ]
     )
 
 
@@ -57,19 +66,25 @@ def to_body(quaternion: Array, vector: Array) -> Array:
 def gravity_body(quaternion: Array) -> Array:
     """Gravity in body axes (3, k), m/s2."""
     e0, e1, e2, e3 = quaternion
-    return GRAVITY * np.stack([2 * (e1 * e3 - e0 * e2), 2 * (e2 * e3 + e0 * e1), 1 - 2 * (e1 * e1 + e2 * e2)])
+    return GRAVITY * np.stack(
+        [2 * (e1 * e3 - e0 * e2), 2 * (e2 * e3 + e0 * e1), 1 - 2 * (e1 * e1 + e2 * e2)]
+    )
 
 
 def angular_acceleration(rates: Array, moment: Array, inertia: Array) -> Array:
-    """Euler's equations: I^-1 (M - omega x I omega), (3, k) rad/s2, moments (3, k) about the CG in N m.
+    """Euler's equations: I^-1 (M - omega x I omega), (3, k) rad/s2, moments (3, k) about the CG in
+    N m.
 
     Source: Stevens & Lewis (2003), section 1.3.
     """
-    return np.asarray(np.linalg.solve(inertia, moment - cross(rates, inertia @ rates)), dtype=np.float64)
+    return np.asarray(
+        np.linalg.solve(inertia, moment - cross(rates, inertia @ rates)), dtype=np.float64
+    )
 
 
 def derivative(state: Array, specific_force: Array, moment: Array, inertia: Array) -> Array:
-    """Time derivative (13, k) of the state under a specific force (3, k) [m/s2] and a moment about the CG (3, k) [N m].
+    """Time derivative (13, k) of the state under a specific force (3, k) [m/s2] and a moment about
+    the CG (3, k) [N m].
 
     Source: Stevens & Lewis, Aircraft Control and Simulation (2003), section 1.5, flat earth.
     """
@@ -97,8 +112,10 @@ def normalised(state: Array) -> Array:
 
 
 def midpoint_step(rate: Derivative, time: float, state: Array, step: float, first: Array) -> Array:
-    """One step of the explicit midpoint rule (second order); `first` is the derivative at `time`, known already.
+    """One step of the explicit midpoint rule (second order); `first` is the derivative at `time`,
+    known already.
 
-    Two evaluations per step: at 100 Hz its error on a flight is far below the sensors' noise (tests/test_simulation).
+    Two evaluations per step: at 100 Hz its error on a flight is far below the sensors' noise
+    (tests/test_simulation).
     """
     return normalised(state + step * rate(time + step / 2, state + step / 2 * first))

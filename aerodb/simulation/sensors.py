@@ -1,4 +1,5 @@
-"""What the instruments of a flight would have logged: places, rates, delays, biases and noise of their own."""
+"""What the instruments of a flight would have logged: places, rates, delays, biases and noise of
+their own."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -16,8 +17,8 @@ from aerodb.vehicle import Vehicle
 class Signal:
     """One logged field: the true channel behind it and what the instrument does to it.
 
-    ``logged = scale * (true + bias + noise) + offset``; bias and noise in the channel's SI unit. `held` fields are
-    logged commands or states: exact, and not interpolated.
+    ``logged = scale * (true + bias + noise) + offset``; bias and noise in the channel's SI unit.
+    `held` fields are logged commands or states: exact, and not interpolated.
     """
 
     field: str
@@ -32,7 +33,8 @@ class Signal:
 
 @dataclass(frozen=True)
 class Instrument:
-    """One topic: rate [Hz], delay [s] of what it shows behind its time stamp, phase [s] of its first sample."""
+    """One topic: rate [Hz], delay [s] of what it shows behind its time stamp, phase [s] of its
+    first sample."""
 
     topic: str
     rate: float
@@ -44,20 +46,30 @@ class Instrument:
 def at_instruments(channels: Mapping[str, Array], vehicle: Vehicle) -> dict[str, Array]:
     """Channels (any shape) as they are where the instruments sit, added to `channels`.
 
-    ``ax_imu ay_imu az_imu``: specific force at the IMU, ``a + wdot x r + w x (w x r)``. ``V_probe alpha_probe
-    beta_probe``: air-relative velocity at the air-data probe, ``v + w x r``, and ``calibrated_airspeed`` there (low
-    Mach number: equivalent airspeed). Source: Klein & Morelli (2006), chapter 10.
+    ``ax_imu ay_imu az_imu``: specific force at the IMU, ``a + wdot x r + w x (w x r)``. ``V_probe
+    alpha_probe beta_probe``: air-relative velocity at the air-data probe, ``v + w x r``, and
+    ``calibrated_airspeed`` there (low Mach number: equivalent airspeed). Source: Klein & Morelli
+    (2006), chapter 10.
     """
     cg = np.asarray(vehicle.mass.cg, dtype=np.float64)
     rates = [channels[n] for n in ("p", "q", "r")]
     accelerations = [channels[n] for n in ("pdot", "qdot", "rdot")]
     imu = np.zeros(3) if vehicle.points.imu == "cg" else np.asarray(vehicle.points.imu) - cg
-    probe = np.zeros(3) if vehicle.points.air_data is None else np.asarray(vehicle.points.air_data) - cg
+    probe = (
+        np.zeros(3) if vehicle.points.air_data is None else np.asarray(vehicle.points.air_data) - cg
+    )
     turning = _cross(rates, _cross(rates, imu))
     tangential = _cross(accelerations, imu)
-    made = {f"a{x}_imu": channels[f"a{x}"] + t + c for x, t, c in zip("xyz", tangential, turning, strict=True)}
+    made = {
+        f"a{x}_imu": channels[f"a{x}"] + t + c
+        for x, t, c in zip("xyz", tangential, turning, strict=True)
+    }
     speed, alpha, beta = channels["V"], channels["alpha"], channels["beta"]
-    at_cg = (speed * np.cos(beta) * np.cos(alpha), speed * np.sin(beta), speed * np.cos(beta) * np.sin(alpha))
+    at_cg = (
+        speed * np.cos(beta) * np.cos(alpha),
+        speed * np.sin(beta),
+        speed * np.cos(beta) * np.sin(alpha),
+    )
     u, v, w = (a + b for a, b in zip(at_cg, _cross(rates, probe), strict=True))
     made["V_probe"] = np.sqrt(u * u + v * v + w * w)
     made["alpha_probe"] = np.arctan2(w, u)
@@ -80,8 +92,8 @@ def measure(
 ) -> tuple[Topic, ...]:
     """Topics that one simulated flight leaves in the log.
 
-    channels : name -> (n, k), what signals refer to. start : s, log clock at the beginning of the flight. Times are
-    whole microseconds; samples before the delayed signal exists are not logged.
+    channels : name -> (n, k), what signals refer to. start : s, log clock at the beginning of the
+    flight. Times are whole microseconds; samples before the delayed signal exists are not logged.
     """
     samples = int(history.samples[flight])
     clock = history.time[:samples]
@@ -93,9 +105,15 @@ def measure(
         fields = {}
         for signal in instrument.signals:
             true = channels[signal.channel][:samples, flight]
-            value = _held(clock, true, stamp) if signal.held else np.interp(stamp - instrument.delay, clock, true)
+            value = (
+                _held(clock, true, stamp)
+                if signal.held
+                else np.interp(stamp - instrument.delay, clock, true)
+            )
             noise = signal.noise * generator.standard_normal(stamp.shape) if signal.noise else 0.0
-            fields[signal.field] = (signal.scale * (value + signal.bias + noise) + signal.offset).astype(signal.dtype)
+            fields[signal.field] = (
+                signal.scale * (value + signal.bias + noise) + signal.offset
+            ).astype(signal.dtype)
         micro = np.round((start + stamp) * 1e6)
         topics.append(Topic(instrument.topic, micro * 1e-6, fields))
     return tuple(topics)

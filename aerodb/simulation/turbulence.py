@@ -1,7 +1,7 @@
 """Continuous turbulence after Dryden: gust velocities along the flight path, one series per flight.
 
-Gust gradients (rotational gusts) and the delay between nose and wing are left out: wavelengths of 100 m and more are
-long against a vehicle of a few metres.
+Gust gradients (rotational gusts) and the delay between nose and wing are left out: wavelengths of
+100 m and more are long against a vehicle of a few metres.
 """
 
 from dataclasses import dataclass
@@ -14,11 +14,13 @@ _FOOT = 0.3048
 
 
 def dryden_scales(height: Array, wind_at_6m: Array) -> tuple[Array, Array]:
-    """Scale lengths L (3, k) [m] and intensities sigma (3, k) [m/s] of the gusts u, v, w at a height above ground [m].
+    """Scale lengths L (3, k) [m] and intensities sigma (3, k) [m/s] of the gusts u, v, w at a
+    height above ground [m].
 
-    `wind_at_6m` (k,) m/s is the steady wind 6 m (20 ft) above ground; 15 kt is light, 30 kt moderate turbulence.
-    Below 1000 ft the low-altitude model, above 2000 ft L = 1750 ft with the intensity of its upper end, linear between.
-    Source: MIL-F-8785C (1980), 3.7.1 and 3.7.3; MIL-HDBK-1797 for the transition.
+    `wind_at_6m` (k,) m/s is the steady wind 6 m (20 ft) above ground; 15 kt is light, 30 kt
+    moderate turbulence. Below 1000 ft the low-altitude model, above 2000 ft L = 1750 ft with the
+    intensity of its upper end, linear between. Source: MIL-F-8785C (1980), 3.7.1 and 3.7.3;
+    MIL-HDBK-1797 for the transition.
     """
     h = np.clip(height / _FOOT, 10.0, 1000.0)
     shape = 0.177 + 0.000823 * h
@@ -35,9 +37,9 @@ def dryden_scales(height: Array, wind_at_6m: Array) -> tuple[Array, Array]:
 class DrydenGusts:
     """Gust velocities u, v, w in body axes as white noise through Dryden's forming filters.
 
-    The filters are discretised exactly for the airspeed and scale length of each step, noise covariance included, so
-    that the intensity does not depend on the step. u: 1 / (1 + tau s); v and w: (1 + sqrt(3) tau s) / (1 + tau s)^2,
-    tau = L / V. Source: MIL-F-8785C (1980), 3.7.1.2.
+    The filters are discretised exactly for the airspeed and scale length of each step, noise
+    covariance included, so that the intensity does not depend on the step. u: 1 / (1 + tau s); v
+    and w: (1 + sqrt(3) tau s) / (1 + tau s)^2, tau = L / V. Source: MIL-F-8785C (1980), 3.7.1.2.
     """
 
     wind_at_6m: Array
@@ -45,19 +47,24 @@ class DrydenGusts:
 
     def __post_init__(self) -> None:
         k = self.wind_at_6m.shape[0]
-        # Unit-variance states in their stationary distribution: u; then the two cascaded lags of v and of w.
+        # Unit-variance states in their stationary distribution: u; then the two cascaded lags of v
+        # and of w.
         self._u: Array = self.generator.standard_normal((k,))
         self._first = self.generator.standard_normal((2, k))
         self._second = 0.5 * self._first + 0.5 * self.generator.standard_normal((2, k))
 
     def advance(self, step: float, airspeed: Array, height: Array) -> Array:
-        """Gust (3, k) [m/s] after one more `step` [s] at `airspeed` (k,) [m/s] and `height` above ground (k,) [m]."""
+        """Gust (3, k) [m/s] after one more `step` [s] at `airspeed` (k,) [m/s] and `height` above
+        ground (k,) [m]."""
         lengths, sigma = dryden_scales(height, self.wind_at_6m)
         ratio = step * airspeed / lengths
         decay = np.exp(-ratio)
         k = airspeed.shape[0]
-        self._u = decay[0] * self._u + np.sqrt(1 - decay[0] ** 2) * self.generator.standard_normal(k)
-        # Stationary covariance P = [[1, 1/2], [1/2, 1/2]]; the noise of one step has P - F P F', F = d [[1, 0], [x, 1]].
+        self._u = decay[0] * self._u + np.sqrt(1 - decay[0] ** 2) * self.generator.standard_normal(
+            k
+        )
+        # Stationary covariance P = [[1, 1/2], [1/2, 1/2]]; the noise of one step has P - F P F', F
+        # = d [[1, 0], [x, 1]].
         x, d2 = ratio[1:], decay[1:] ** 2
         q11 = 1 - d2
         q12 = 0.5 - d2 * (x + 0.5)
@@ -66,7 +73,9 @@ class DrydenGusts:
         root21 = q12 / root11
         root22 = np.sqrt(np.maximum(q22 - root21**2, 0.0))
         noise = self.generator.standard_normal((2, 2, k))
-        second = decay[1:] * (self._second + x * self._first) + root21 * noise[0] + root22 * noise[1]
+        second = (
+            decay[1:] * (self._second + x * self._first) + root21 * noise[0] + root22 * noise[1]
+        )
         self._first = decay[1:] * self._first + root11 * noise[0]
         self._second = second
         lateral = (np.sqrt(3.0) * self._first + (1 - np.sqrt(3.0)) * self._second) / np.sqrt(2.0)

@@ -1,8 +1,8 @@
 """Identities: the same content has the same name on every machine.
 
-A stored result's key is the sha256 of canonical JSON (RFC 8785) of its input hashes, resolved settings and the
-result version of its step. Floats are written by RFC 8785's shortest round-trip rule, so that equal values give equal
-keys.
+A stored result's key is the sha256 of canonical JSON (RFC 8785) of its input hashes, resolved
+settings and the result version of its step. Floats are written by RFC 8785's shortest round-trip
+rule, so that equal values give equal keys.
 """
 
 import hashlib
@@ -28,18 +28,34 @@ def key_of(value: Any) -> str:
     return hashlib.sha256(canonical_json(value)).hexdigest()
 
 
-def result_key(inputs: Mapping[str, str], settings: Mapping[str, Any], step: str, result_version: int) -> str:
-    """Key of a stored result: what went in, how it was asked for, and which form of the step made it."""
-    return key_of({"inputs": dict(inputs), "settings": dict(settings), "step": step, "result_version": result_version})
+def result_key(
+    inputs: Mapping[str, str], settings: Mapping[str, Any], step: str, result_version: int
+) -> str:
+    """Key of a stored result: what went in, how it was asked for, and which form of the step made
+    it."""
+    return key_of(
+        {
+            "inputs": dict(inputs),
+            "settings": dict(settings),
+            "step": step,
+            "result_version": result_version,
+        }
+    )
 
 
-def version_id(vehicle: str, parent: str | None, inputs: Iterable[str], settings: Mapping[str, Any]) -> str:
-    """A version's identity: the same wherever the same is made from the same (CONVENTIONS, "Names and identities")."""
-    return key_of({"vehicle": vehicle, "parent": parent, "inputs": sorted(inputs), "settings": dict(settings)})
+def version_id(
+    vehicle: str, parent: str | None, inputs: Iterable[str], settings: Mapping[str, Any]
+) -> str:
+    """A version's identity: the same wherever the same is made from the same (CONVENTIONS, "Names
+    and identities")."""
+    return key_of(
+        {"vehicle": vehicle, "parent": parent, "inputs": sorted(inputs), "settings": dict(settings)}
+    )
 
 
 def content_sha256(arrays: Iterable[NDArray[np.float64]]) -> str:
-    """sha256 over float64 little-endian values, each array preceded by its shape: guards integrity of tables."""
+    """sha256 over float64 little-endian values, each array preceded by its shape: guards integrity
+    of tables."""
     digest = hashlib.sha256()
     for array in arrays:
         digest.update(repr(tuple(array.shape)).encode())

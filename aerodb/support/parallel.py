@@ -1,4 +1,5 @@
-"""The same for many items at once, on all cores: arrays are worked on outside the interpreter's lock.
+"""The same for many items at once, on all cores: arrays are worked on outside the interpreter's
+lock.
 
 Meanwhile linear algebra has no threads of its own: two on every core would wait for one another.
 """
@@ -16,7 +17,8 @@ Result = TypeVar("Result")
 
 
 def in_threads(function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
-    """`function` of each item, in their order; the first error is raised once what was begun has ended."""
+    """`function` of each item, in their order; the first error is raised once what was begun has
+    ended."""
     todo = list(items)
     workers = min(len(todo), os.cpu_count() or 1)
     if workers < 2:
@@ -26,7 +28,8 @@ def in_threads(function: Callable[[Item], Result], items: Iterable[Item]) -> lis
 
 
 class Threads:
-    """Threads that stay, with the caller's one a core: for many short pieces of compiled work without a library's linear algebra.
+    """Threads that stay, with the caller's one a core: for many short pieces of compiled work
+    without a library's linear algebra.
 
     They end when nobody holds this any more.
     """
@@ -36,7 +39,8 @@ class Threads:
         self._pool = ThreadPoolExecutor(max(1, self._helpers))
 
     def each(self, function: Callable[[Item], object], items: Sequence[Item]) -> None:
-        """`function` of each item, which must not come back here; an error is raised once what was begun has ended."""
+        """`function` of each item, which must not come back here; an error is raised once what was
+        begun has ended."""
         todo = deque(items)
 
         def work() -> None:

@@ -1,4 +1,5 @@
-"""Arithmetic that carries exact first derivatives: sensor models are written once, as formulas, and differentiate themselves."""
+"""Arithmetic that carries exact first derivatives: sensor models are written once, as formulas, and
+differentiate themselves."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,7 +13,8 @@ Value = Array | float
 
 @dataclass(frozen=True)
 class Signal:
-    """A quantity along a record, `value` (n,) or a number, and its derivatives `by` each named variable that it depends on.
+    """A quantity along a record, `value` (n,) or a number, and its derivatives `by` each named
+    variable that it depends on.
 
     >>> x = Signal(3.0, {"x": 1.0})
     >>> (x * x + 1.0).by["x"]
@@ -93,7 +95,9 @@ def angle(y: Signal, x: Signal) -> Signal:
 def beyond(x: Signal, edge: float) -> Signal:
     """What of x lies beyond +-`edge`, with its sign; zero inside."""
     outside = np.abs(x.value) > edge
-    return x.chain(np.where(outside, x.value - edge * np.sign(x.value), 0.0), np.where(outside, 1.0, 0.0))
+    return x.chain(
+        np.where(outside, x.value - edge * np.sign(x.value), 0.0), np.where(outside, 1.0, 0.0)
+    )
 
 
 def cross(a: Triple, b: Triple) -> Triple:
@@ -102,7 +106,8 @@ def cross(a: Triple, b: Triple) -> Triple:
 
 
 def body_to_earth(phi: Signal, theta: Signal, psi: Signal) -> tuple[Triple, Triple, Triple]:
-    """Rows of the rotation from body to earth (north, east, down) axes, Euler 3-2-1; its transpose turns the other way."""
+    """Rows of the rotation from body to earth (north, east, down) axes, Euler 3-2-1; its transpose
+    turns the other way."""
     cf, sf, ct, st, cp, sp = (f(x) for x in (phi, theta, psi) for f in (cosine, sine))
     return (
         (ct * cp, sf * st * cp - cf * sp, cf * st * cp + sf * sp),

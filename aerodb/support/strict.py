@@ -1,6 +1,8 @@
-"""Files that people write, checked against what they may hold: closed to unknown keys, faults told in one clause.
+"""Files that people write, checked against what they may hold: closed to unknown keys, faults told
+in one clause.
 
-Which keys there are is said by the models that derive from `Strict`: vehicle, mapping, model and database file.
+Which keys there are is said by the models that derive from `Strict`: vehicle, mapping, model and
+database file.
 """
 
 from collections.abc import Mapping
@@ -20,17 +22,26 @@ class Strict(BaseModel):
 
 
 def validated(model: type[Model], data: Any, where: str) -> Model:
-    """`data` as a `model`; the first fault as an InputError that names the key and the nearest known one."""
+    """`data` as a `model`; the first fault as an InputError that names the key and the nearest
+    known one."""
     try:
         return model.model_validate(data)
     except InputError as error:
         raise InputError(error.what, where, error.remedy) from error
     except ValidationError as error:
-        # A mistyped required key is both unknown and missing: the unknown one can name its neighbour.
-        fault: Any = next((each for each in error.errors() if each["type"] == "extra_forbidden"), error.errors()[0])
+        # A mistyped required key is both unknown and missing: the unknown one can name its
+        # neighbour.
+        fault: Any = next(
+            (each for each in error.errors() if each["type"] == "extra_forbidden"),
+            error.errors()[0],
+        )
     path = _place(data, fault["loc"], fault["type"])
     if fault["type"] == "extra_forbidden":
-        raise InputError(f"unknown key '{path}'", where, nearest(str(fault["loc"][-1]), _known_keys(model, fault["loc"][:-1])))
+        raise InputError(
+            f"unknown key '{path}'",
+            where,
+            nearest(str(fault["loc"][-1]), _known_keys(model, fault["loc"][:-1])),
+        )
     cause, got = fault.get("ctx", {}).get("error"), f"got {repr(fault['input'])[:80]}"
     if isinstance(cause, AeroError):
         what, remedy = cause.what, cause.remedy or got
@@ -40,10 +51,15 @@ def validated(model: type[Model], data: Any, where: str) -> Model:
 
 
 def _place(data: Any, location: tuple[int | str, ...], kind: str) -> str:
-    """The key at which a fault lies, dotted; without the names of the validators that stand between in `location`."""
+    """The key at which a fault lies, dotted; without the names of the validators that stand between
+    in `location`."""
     kept = []
     for part in location:
-        inside = part in data if isinstance(data, Mapping) else isinstance(data, (list, tuple)) and part in range(len(data))
+        inside = (
+            part in data
+            if isinstance(data, Mapping)
+            else isinstance(data, (list, tuple)) and part in range(len(data))
+        )
         if inside:
             data = data[part]
             kept.append(str(part))
@@ -56,12 +72,20 @@ def _known_keys(model: type[BaseModel], path: tuple[int | str, ...]) -> list[str
     """Keys that the (nested) model at `path` accepts."""
     current: Any = model
     for part in path:
-        found = current.model_fields.get(str(part)) if isinstance(current, type) and issubclass(current, BaseModel) else None
+        found = (
+            current.model_fields.get(str(part))
+            if isinstance(current, type) and issubclass(current, BaseModel)
+            else None
+        )
         annotation = found.annotation if found is not None else current
         models = _models_in(annotation)
         if models:
             current = models[0]
-    return list(current.model_fields) if isinstance(current, type) and issubclass(current, BaseModel) else []
+    return (
+        list(current.model_fields)
+        if isinstance(current, type) and issubclass(current, BaseModel)
+        else []
+    )
 
 
 def _models_in(annotation: Any) -> list[type[BaseModel]]:

@@ -7,13 +7,33 @@ from .definitions import CONSTANTS, STATE_CHANNEL
 from .differences import DatabaseDiff, NodeChanges, TermChange, diff
 from .envelope import flown_envelope
 from .evaluation import Place
-from .expression import MAX_DEPTH, MAX_LENGTH, Call, Expression, Name, Negation, Number, Operation, TableCall, number, parse
+from .expression import (
+    MAX_DEPTH,
+    MAX_LENGTH,
+    Call,
+    Expression,
+    Name,
+    Negation,
+    Number,
+    Operation,
+    TableCall,
+    number,
+    parse,
+)
 from .functions import COMPARISONS, FUNCTIONS, Value
 from .increment import BASE_VARIABLES, Increment, Interval, RefinedShape, Refit
 from .linear_terms import Site, sites
 from .nodes import neutral_point, spread, table_grids
 from .program import AnyTable, Program, compile_program, evaluate
-from .reference import HAT_RATES, WIND_AXES, Reference, body_to_wind, hat_rate, transfer_moments, wind_to_body
+from .reference import (
+    HAT_RATES,
+    WIND_AXES,
+    Reference,
+    body_to_wind,
+    hat_rate,
+    transfer_moments,
+    wind_to_body,
+)
 from .scattered import ScatteredTable
 from .slopes import QUANTITIES, new_increments, new_sign_changes
 from .state_model import LAWS, Kirchhoff, Law, Relay, StateModel, slow_rate

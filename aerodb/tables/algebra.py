@@ -14,7 +14,8 @@ def plus(left: Expression, right: Expression) -> Expression:
 
 
 def cancel(expression: Expression, factor: Name) -> Expression | None:
-    """`expression` with one `factor` taken out of it exactly, or None where it is not a multiple of it.
+    """`expression` with one `factor` taken out of it exactly, or None where it is not a multiple of
+    it.
 
     >>> from aerodb.tables.expression import parse
     >>> str(cancel(parse("qbar*(2*S) - CL(alpha)*S/4*qbar"), Name("S")))
@@ -30,7 +31,9 @@ def cancel(expression: Expression, factor: Name) -> Expression | None:
     left = cancel(expression.left, factor)
     if expression.operator in "+-":
         right = cancel(expression.right, factor)
-        return None if left is None or right is None else Operation(expression.operator, left, right)
+        return (
+            None if left is None or right is None else Operation(expression.operator, left, right)
+        )
     if left is not None:
         return _simple(expression.operator, left, expression.right)
     right = cancel(expression.right, factor) if expression.operator == "*" else None

@@ -16,7 +16,8 @@ from aerodb.tables.functions import Value
 
 @dataclass(frozen=True)
 class ScaledChannel:
-    """A table argument that is ``scale * channel + offset``: a channel, perhaps in the unit of the source."""
+    """A table argument that is ``scale * channel + offset``: a channel, perhaps in the unit of the
+    source."""
 
     name: str
     scale: float = 1.0
@@ -28,17 +29,25 @@ class ScaledChannel:
 
     def channel(self, argument: Array) -> Array:
         """Channel values at which the argument has these values."""
-        return argument if self == ScaledChannel(self.name) else (argument - self.offset) / self.scale
+        return (
+            argument if self == ScaledChannel(self.name) else (argument - self.offset) / self.scale
+        )
 
 
 def scaled_channel(argument: Expression, database: AeroDatabase) -> ScaledChannel | None:
-    """The channel or free input behind an argument, directly or through variables; None for any other formula."""
+    """The channel or free input behind an argument, directly or through variables; None for any
+    other formula."""
     name, scale, offset = _linear(argument, database, {}) or ("", 0.0, 0.0)
-    return ScaledChannel(name, scale, offset) if name and scale != 0.0 and np.isfinite(scale + offset) else None
+    return (
+        ScaledChannel(name, scale, offset)
+        if name and scale != 0.0 and np.isfinite(scale + offset)
+        else None
+    )
 
 
 def channel_of(argument: Expression, database: AeroDatabase) -> str | None:
-    """The channel or free input that an argument is, directly or through variables that rename it; None for a formula."""
+    """The channel or free input that an argument is, directly or through variables that rename it;
+    None for a formula."""
     found = scaled_channel(argument, database)
     return found.name if found is not None and found == ScaledChannel(found.name) else None
 
@@ -47,13 +56,18 @@ _Linear = tuple[str, float, float] | None
 
 
 def _linear(node: Expression, database: AeroDatabase, known: dict[str, _Linear]) -> _Linear:
-    """Name, scale and offset of an expression that is linear in one channel; without name, a constant in `offset`."""
+    """Name, scale and offset of an expression that is linear in one channel; without name, a
+    constant in `offset`."""
     if isinstance(node, Number):
         return "", 0.0, node.value
     if isinstance(node, Name):
         if node.name in database.variables:
-            if node.name not in known:  # once each: variables may build on each other many times over
-                known[node.name] = _linear(database.variables[node.name].expression, database, known)
+            if (
+                node.name not in known
+            ):  # once each: variables may build on each other many times over
+                known[node.name] = _linear(
+                    database.variables[node.name].expression, database, known
+                )
             return known[node.name]
         if node.name in CONSTANTS:
             return "", 0.0, float(getattr(database.reference, CONSTANTS[node.name]))
@@ -72,7 +86,9 @@ def _linear(node: Expression, database: AeroDatabase, known: dict[str, _Linear])
         sign = 1.0 if node.operator == "+" else -1.0
         return name, left[1] + sign * right[1], left[2] + sign * right[2]
     if node.operator == "/":
-        return None if right[0] or right[2] == 0.0 else (name, left[1] / right[2], left[2] / right[2])
+        return (
+            None if right[0] or right[2] == 0.0 else (name, left[1] / right[2], left[2] / right[2])
+        )
     factor, other = (left[2], right) if right[0] else (right[2], left)
     return name, factor * other[1], factor * other[2]
 
@@ -80,7 +96,9 @@ def _linear(node: Expression, database: AeroDatabase, known: dict[str, _Linear])
 def calls(database: AeroDatabase) -> list[TableCall]:
     """Every place in terms and variables where a table is called, in their order."""
     found: list[TableCall] = []
-    pending = [term.expression for term in database.terms] + [v.expression for v in database.variables.values()]
+    pending = [term.expression for term in database.terms] + [
+        v.expression for v in database.variables.values()
+    ]
     for expression in pending:
         nodes = [expression]
         while nodes:
@@ -92,7 +110,8 @@ def calls(database: AeroDatabase) -> list[TableCall]:
 
 
 def breakpoints_over(name: str, database: AeroDatabase) -> list[Array]:
-    """Breakpoints, in the channel's own unit, of every table that is looked up at channel `name`."""
+    """Breakpoints, in the channel's own unit, of every table that is looked up at channel
+    `name`."""
     found = []
     for call in calls(database):
         if call.table in database.tables:
@@ -105,23 +124,31 @@ def breakpoints_over(name: str, database: AeroDatabase) -> list[Array]:
 
 
 def coverage(database: AeroDatabase, table: str, channels: Mapping[str, Value]) -> Array:
-    """Where flights speak: the sum of the hat basis of `table` over the samples of `channels`, in its shape.
+    """Where flights speak: the sum of the hat basis of `table` over the samples of `channels`, in
+    its shape.
 
-    channels : each (n,) or a number. A node with 0 is touched by no sample, and an update must leave it alone. Where a
-    table is called in several places, all of them count. Samples that are not finite are left out.
+    channels : each (n,) or a number. A node with 0 is touched by no sample, and an update must
+    leave it alone. Where a table is called in several places, all of them count. Samples that are
+    not finite are left out.
 
     Raises UnknownNameError for an unknown table and InputError for channels that are missing.
     """
     if table not in database.tables:
-        raise UnknownNameError(f"no table '{table}'", f"database {database.name}", nearest(table, database.tables))
+        raise UnknownNameError(
+            f"no table '{table}'", f"database {database.name}", nearest(table, database.tables)
+        )
     definitions = {name: variable.expression for name, variable in database.variables.items()}
     total = np.zeros(database.tables[table].values.shape)
     for call in calls(database):
         if call.table != table:
             continue
-        program = database.compiled(call.arguments, definitions, {**database.tables, **database.scattered})
+        program = database.compiled(
+            call.arguments, definitions, {**database.tables, **database.scattered}
+        )
         values = database.resolved(program.inputs, channels)
-        points = np.atleast_2d(np.column_stack(np.broadcast_arrays(*map(np.atleast_1d, program.run(values).values))))
+        points = np.atleast_2d(
+            np.column_stack(np.broadcast_arrays(*map(np.atleast_1d, program.run(values).values)))
+        )
         finite = points[np.isfinite(points).all(axis=1)]
         total += database.tables[table].coverage(*finite.T.copy()) if len(finite) else 0.0
     return total
@@ -134,6 +161,10 @@ def rebuilt(expression: Expression, change: Callable[[Expression], Expression]) 
         value = getattr(expression, item.name)
         if isinstance(value, Expression):
             parts[item.name] = rebuilt(value, change)
-        elif isinstance(value, tuple) and value and all(isinstance(part, Expression) for part in value):
+        elif (
+            isinstance(value, tuple)
+            and value
+            and all(isinstance(part, Expression) for part in value)
+        ):
             parts[item.name] = tuple(rebuilt(part, change) for part in value)
     return change(replace(expression, **parts) if parts else expression)

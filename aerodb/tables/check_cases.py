@@ -1,7 +1,8 @@
-"""Check cases: points with the coefficients that a database gives there, written down when it is made.
+"""Check cases: points with the coefficients that a database gives there, written down when it is
+made.
 
-They are what a stored version, or a file in another format, is tested against later: whoever reads it must get the same
-numbers (AIAA S-119 calls them static shots).
+They are what a stored version, or a file in another format, is tested against later: whoever reads
+it must get the same numbers (AIAA S-119 calls them static shots).
 """
 
 from collections.abc import Mapping, Sequence
@@ -14,7 +15,8 @@ from aerodb.support import Array
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.nodes import table_grids
 
-#: Half the range of an input that neither a table nor an envelope bounds: angles and rates are SI, so this is 11 deg.
+#: Half the range of an input that neither a table nor an envelope bounds: angles and rates are SI,
+#: so this is 11 deg.
 _RANGE = 0.2
 #: Ranges of inputs that must not be near zero, or whose size is nothing like an angle: SI.
 _KNOWN_RANGES = {
@@ -39,21 +41,28 @@ class CheckCase:
 
 
 def make_check_cases(database: AeroDatabase, count: int = 25) -> tuple[CheckCase, ...]:
-    """`count` check cases of `database`, the same on every machine, spread over its tables and envelopes (Halton points).
+    """`count` check cases of `database`, the same on every machine, spread over its tables and
+    envelopes (Halton points).
 
     A point where a coefficient is not finite is left out, so that there may be fewer.
     """
     points = _points(database, count)
     values = database.predict(points).coefficients
     cases = [
-        CheckCase({n: float(x[k]) for n, x in points.items()}, {axis: float(values[axis][k]) for axis in AXES})
+        CheckCase(
+            {n: float(x[k]) for n, x in points.items()},
+            {axis: float(values[axis][k]) for axis in AXES},
+        )
         for k in range(count)
     ]
     return tuple(case for case in cases if np.all(np.isfinite(list(case.coefficients.values()))))
 
 
-def failures(database: AeroDatabase, cases: Sequence[CheckCase], tolerance: float = 1e-9) -> tuple[str, ...]:
-    """What differs from the check cases by more than `tolerance` times max(|C|, 1e-3): one sentence each; empty when all pass."""
+def failures(
+    database: AeroDatabase, cases: Sequence[CheckCase], tolerance: float = 1e-9
+) -> tuple[str, ...]:
+    """What differs from the check cases by more than `tolerance` times max(|C|, 1e-3): one sentence
+    each; empty when all pass."""
     if not cases:
         return ()
     points = {name: np.array([case.inputs[name] for case in cases]) for name in cases[0].inputs}
@@ -86,7 +95,8 @@ def _points(database: AeroDatabase, count: int) -> dict[str, Array]:
 
 
 def _halton(count: int, base: int, skipped: int) -> Array:
-    """(count,) points of van der Corput's sequence in (0, 1); rounded to 6 digits, so that files show short numbers.
+    """(count,) points of van der Corput's sequence in (0, 1); rounded to 6 digits, so that files
+    show short numbers.
 
     >>> _halton(3, 2, 0).tolist()
     [0.5, 0.25, 0.75]

@@ -1,8 +1,10 @@
-"""Consolidation: increments folded into the tables of a database, and the way back from a table node to its flights.
+"""Consolidation: increments folded into the tables of a database, and the way back from a table
+node to its flights.
 
-A regressor's share can be folded exactly where a table on its axis enters linearly: the term is the table's value times a
-constant, or times factors that the regressor has too, and the share is multilinear on the union of the breakpoints.
-Where it cannot, it stays a layer, and `plan` says why. Values, standard errors and places are the same either way.
+A regressor's share can be folded exactly where a table on its axis enters linearly: the term is the
+table's value times a constant, or times factors that the regressor has too, and the share is
+multilinear on the union of the breakpoints. Where it cannot, it stays a layer, and `plan` says why.
+Values, standard errors and places are the same either way.
 """
 
 import math
@@ -28,7 +30,8 @@ from aerodb.tables.uncertainty import Bound, Uncertainty
 
 @dataclass(frozen=True)
 class Fold:
-    """Where a regressor goes: increment and regressor by number, the table, or "" and the reason why it stays a layer."""
+    """Where a regressor goes: increment and regressor by number, the table, or "" and the reason
+    why it stays a layer."""
 
     increment: int
     regressor: int
@@ -38,7 +41,8 @@ class Fold:
 
 @dataclass(frozen=True)
 class NodeShare:
-    """What one increment adds at a table node: value and standard error in the table's unit, and the flights behind it."""
+    """What one increment adds at a table node: value and standard error in the table's unit, and
+    the flights behind it."""
 
     increment: int
     axis: str
@@ -50,7 +54,8 @@ class NodeShare:
 
 @dataclass
 class _Grid:
-    """The axes that a table will have: channels (None: a formula) and breakpoints in the unit of the argument."""
+    """The axes that a table will have: channels (None: a formula) and breakpoints in the unit of
+    the argument."""
 
     site: Site
     channels: list[ScaledChannel | None]
@@ -62,14 +67,24 @@ class _Grid:
         extra = sorted(found.keys() - {channel.name for channel in self.channels if channel})
         channels = [*self.channels, *map(ScaledChannel, extra)]
         axes = []
-        for channel, axis in zip(channels, [*self.axes, *[np.empty(0) for _ in extra]], strict=True):
-            points = channel.argument(np.array(sorted(found.get(channel.name, ())))) if channel else np.empty(0)
+        for channel, axis in zip(
+            channels, [*self.axes, *[np.empty(0) for _ in extra]], strict=True
+        ):
+            points = (
+                channel.argument(np.array(sorted(found.get(channel.name, ()))))
+                if channel
+                else np.empty(0)
+            )
             axes.append(merged(axis, set(points.tolist())))
         return _Grid(self.site, channels, axes, list(self.shares))
 
     def mesh(self, nodes: list[Array]) -> dict[str, Array]:
         """Channel values at nodes, given in the unit of each argument."""
-        return {channel.name: channel.channel(x) for channel, x in zip(self.channels, nodes, strict=True) if channel}
+        return {
+            channel.name: channel.channel(x)
+            for channel, x in zip(self.channels, nodes, strict=True)
+            if channel
+        }
 
     @property
     def size(self) -> int:
@@ -77,16 +92,19 @@ class _Grid:
 
 
 def plan(database: AeroDatabase) -> tuple[Fold, ...]:
-    """For every regressor that acts as a layer: the table into which `consolidate` folds it, or why it stays."""
+    """For every regressor that acts as a layer: the table into which `consolidate` folds it, or why
+    it stays."""
     return _planned(database)[0]
 
 
 def consolidate(database: AeroDatabase) -> AeroDatabase:
-    """`database` with its increments folded into tables where these enter linearly (`plan`), on the union of breakpoints.
+    """`database` with its increments folded into tables where these enter linearly (`plan`), on the
+    union of breakpoints.
 
-    Numbers agree with the layered database to rounding. A table over which an increment fades in a further variable (the
-    envelope in beta, say) gets that variable as an axis. Increments stay listed with estimates, covariance, envelope and
-    flights; what is folded is marked in `Increment.folded`, so that standard errors and lineage remain.
+    Numbers agree with the layered database to rounding. A table over which an increment fades in a
+    further variable (the envelope in beta, say) gets that variable as an axis. Increments stay
+    listed with estimates, covariance, envelope and flights; what is folded is marked in
+    `Increment.folded`, so that standard errors and lineage remain.
     """
     folds, grids = _planned(database)
     tables = dict(database.tables)
@@ -94,7 +112,10 @@ def consolidate(database: AeroDatabase) -> AeroDatabase:
         tables[name] = _folded(tables[name], grid, database.increments)
     goes = {(fold.increment, fold.regressor): fold.table for fold in folds}
     increments = tuple(
-        replace(increment, folded=tuple(goes.get((i, k), table) for k, table in enumerate(increment.folded)))
+        replace(
+            increment,
+            folded=tuple(goes.get((i, k), table) for k, table in enumerate(increment.folded)),
+        )
         for i, increment in enumerate(database.increments)
     )
 
@@ -102,32 +123,49 @@ def consolidate(database: AeroDatabase) -> AeroDatabase:
         if not isinstance(node, TableCall) or node.table not in grids:
             return node
         extra = grids[node.table].channels[len(node.arguments) :]
-        return TableCall(node.table, (*node.arguments, *[Name(channel.name) for channel in extra if channel]))
+        return TableCall(
+            node.table, (*node.arguments, *[Name(channel.name) for channel in extra if channel])
+        )
 
     return replace(
         database,
         tables=tables,
-        terms=tuple(replace(term, expression=rebuilt(term.expression, extended)) for term in database.terms),
-        variables={n: replace(v, expression=rebuilt(v.expression, extended)) for n, v in database.variables.items()},
+        terms=tuple(
+            replace(term, expression=rebuilt(term.expression, extended)) for term in database.terms
+        ),
+        variables={
+            n: replace(v, expression=rebuilt(v.expression, extended))
+            for n, v in database.variables.items()
+        },
         increments=increments,
     )
 
 
-def node_lineage(database: AeroDatabase, table: str, node: tuple[int, ...]) -> tuple[NodeShare, ...]:
-    """Which increments, and so which flights, stand behind the node of a table; empty where it is the source's own value.
+def node_lineage(
+    database: AeroDatabase, table: str, node: tuple[int, ...]
+) -> tuple[NodeShare, ...]:
+    """Which increments, and so which flights, stand behind the node of a table; empty where it is
+    the source's own value.
 
-    database : layered or consolidated; in a layered one, the shares that belong to the node although they act beside the
-    table, where the variables that the table lacks lie inside the envelope. node : one index per axis of the table.
+    database : layered or consolidated; in a layered one, the shares that belong to the node
+    although they act beside the table, where the variables that the table lacks lie inside the
+    envelope. node : one index per axis of the table.
 
     Raises UnknownNameError for an unknown table and InputError for an index beyond its axes.
     """
     if table not in database.tables:
-        raise UnknownNameError(f"no table '{table}'", f"database {database.name}", nearest(table, database.tables))
+        raise UnknownNameError(
+            f"no table '{table}'", f"database {database.name}", nearest(table, database.tables)
+        )
     grid = database.tables[table]
     if len(node) != grid.values.ndim:
-        raise InputError(f"node {node}", f"table {table}", f"one index for each of: {', '.join(grid.arguments)}")
+        raise InputError(
+            f"node {node}", f"table {table}", f"one index for each of: {', '.join(grid.arguments)}"
+        )
     if any(not 0 <= index < size for index, size in zip(node, grid.values.shape, strict=True)):
-        raise InputError(f"node {node}", f"table {table}", f"indices below {grid.values.shape}, counted from 0")
+        raise InputError(
+            f"node {node}", f"table {table}", f"indices below {grid.values.shape}, counted from 0"
+        )
     where = {site.table: site for site in sites(database)}.get(table)
     if where is None:
         return ()
@@ -143,7 +181,8 @@ def node_lineage(database: AeroDatabase, table: str, node: tuple[int, ...]) -> t
 
 
 def point_lineage(database: AeroDatabase, channels: Mapping[str, Value]) -> tuple[NodeShare, ...]:
-    """Which increments act at one point (channels: numbers), with value and standard error on their axis."""
+    """Which increments act at one point (channels: numbers), with value and standard error on their
+    axis."""
     found = []
     names = set[str]().union(*(increment.names for increment in database.increments))
     values = database.resolved(sorted(names), channels)
@@ -157,10 +196,18 @@ def point_lineage(database: AeroDatabase, channels: Mapping[str, Value]) -> tupl
     return tuple(found)
 
 
-def _share_at(i: int, increment: Increment, own: list[int], site: Site, mesh: Mapping[str, Array]) -> NodeShare | None:
-    found = {k: part for k in own if (part := _within_table(increment.regressors[k], site)) is not None}
+def _share_at(
+    i: int, increment: Increment, own: list[int], site: Site, mesh: Mapping[str, Array]
+) -> NodeShare | None:
+    found = {
+        k: part for k in own if (part := _within_table(increment.regressors[k], site)) is not None
+    }
     own = list(found)
-    jacobian = _restricted(increment, list(found.values()), mesh or {"alpha": np.zeros(1)}, site) if own else np.zeros((1, 0))
+    jacobian = (
+        _restricted(increment, list(found.values()), mesh or {"alpha": np.zeros(1)}, site)
+        if own
+        else np.zeros((1, 0))
+    )
     if not np.any(jacobian):
         return None
     covariance = increment.covariance[np.ix_(own, own)]
@@ -179,7 +226,11 @@ def _planned(database: AeroDatabase) -> tuple[tuple[Fold, ...], dict[str, _Grid]
                 continue
             best, reason = None, f"no table on {increment.axis} over its variables enters linearly"
             for site in open_sites:
-                part = _within_table(increment.regressors[k], site) if site.axis == increment.axis else None
+                part = (
+                    _within_table(increment.regressors[k], site)
+                    if site.axis == increment.axis
+                    else None
+                )
                 if part is None:
                     continue
                 try:
@@ -187,7 +238,10 @@ def _planned(database: AeroDatabase) -> tuple[tuple[Fold, ...], dict[str, _Grid]
                 except NotMultilinearError as error:
                     reason = str(error)
                     continue
-                if best is None or (len(grid.channels), grid.size) < (len(best[0].channels), best[0].size):
+                if best is None or (len(grid.channels), grid.size) < (
+                    len(best[0].channels),
+                    best[0].size,
+                ):
                     best = grid, part
             if best is None:
                 folds.append(Fold(i, k, "", reason))
@@ -199,13 +253,21 @@ def _planned(database: AeroDatabase) -> tuple[tuple[Fold, ...], dict[str, _Grid]
 
 
 def _grown(
-    database: AeroDatabase, grids: Mapping[str, _Grid], site: Site, part: Expression, increment: Increment, k: int
+    database: AeroDatabase,
+    grids: Mapping[str, _Grid],
+    site: Site,
+    part: Expression,
+    increment: Increment,
+    k: int,
 ) -> _Grid:
-    """The grid of the site's table with one more share on it; NotMultilinearError where it cannot carry that exactly."""
+    """The grid of the site's table with one more share on it; NotMultilinearError where it cannot
+    carry that exactly."""
     outside = increment.regressors[k].names - part.names
     fenced = sorted(outside & increment.envelope.keys())
     if fenced:
-        raise NotMultilinearError(f"the envelope over {', '.join(fenced)} acts on a factor outside the table")
+        raise NotMultilinearError(
+            f"the envelope over {', '.join(fenced)} acts on a factor outside the table"
+        )
     found = knots(part, increment, increment.fading(k))
     table = database.tables[site.table]
     grid = grids.get(site.table) or _Grid(site, list(site.channels), list(table.breakpoints))
@@ -216,8 +278,8 @@ def _grown(
 
 
 def _within_table(regressor: Expression, site: Site) -> Expression | None:
-    """What is left of `regressor` when the factors of the site's term are taken out; None where it is no function of the
-    table's own channels."""
+    """What is left of `regressor` when the factors of the site's term are taken out; None where it
+    is no function of the table's own channels."""
     constant, left = factors_of(regressor)
     for factor in site.factors:
         if factor not in left:
@@ -231,10 +293,15 @@ def _within_table(regressor: Expression, site: Site) -> Expression | None:
     return part if part.names <= site.own else None
 
 
-def _restricted(increment: Increment, parts: list[Expression], mesh: Mapping[str, Array], site: Site) -> Array:
-    """What each of `parts` is at the nodes of `mesh`, (m, len(parts)), in the table's unit, fading included."""
+def _restricted(
+    increment: Increment, parts: list[Expression], mesh: Mapping[str, Array], site: Site
+) -> Array:
+    """What each of `parts` is at the nodes of `mesh`, (m, len(parts)), in the table's unit, fading
+    included."""
     k = len(parts)
-    alone = Increment(increment.axis, tuple(parts), np.zeros(k), np.zeros((k, k)), increment.envelope)
+    alone = Increment(
+        increment.axis, tuple(parts), np.zeros(k), np.zeros((k, k)), increment.envelope
+    )
     return columns_at(alone, mesh)[0] / site.constant
 
 

@@ -1,7 +1,8 @@
-"""An aerodynamic database: a graph from channels through variables and tables to the six coefficients.
+"""An aerodynamic database: a graph from channels through variables and tables to the six
+coefficients.
 
-Its readable view are the terms, each an expression on one axis; increments from flights add at the outputs. Where a
-database comes from or goes to belongs in `aerodb.exchange`.
+Its readable view are the terms, each an expression on one axis; increments from flights add at the
+outputs. Where a database comes from or goes to belongs in `aerodb.exchange`.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -15,12 +16,25 @@ from numpy.typing import NDArray
 from aerodb.errors import InputError
 from aerodb.nomenclature import AXES, FORCE_AXES
 from aerodb.support import Array
-from aerodb.tables.definitions import CONSTANTS, check_axis, check_definitions, check_input, check_uncertainties
+from aerodb.tables.definitions import (
+    CONSTANTS,
+    check_axis,
+    check_definitions,
+    check_input,
+    check_uncertainties,
+)
 from aerodb.tables.expression import Expression
 from aerodb.tables.functions import Value
 from aerodb.tables.increment import Increment
 from aerodb.tables.program import AnyTable, Program, compile_program
-from aerodb.tables.reference import HAT_RATES, WIND_AXES, Reference, hat_rate, transfer_moments, wind_to_body
+from aerodb.tables.reference import (
+    HAT_RATES,
+    WIND_AXES,
+    Reference,
+    hat_rate,
+    transfer_moments,
+    wind_to_body,
+)
 from aerodb.tables.scattered import ScatteredTable
 from aerodb.tables.state_model import StateModel
 from aerodb.tables.table import Table
@@ -29,10 +43,19 @@ from aerodb.tables.uncertainty import Uncertainty
 if TYPE_CHECKING:
     from aerodb.tables.evaluation import Evaluation
 
-__all__ = ["CONSTANTS", "AeroDatabase", "Prediction", "Reference", "Term", "Variable", "transfer_moments"]
+__all__ = [
+    "CONSTANTS",
+    "AeroDatabase",
+    "Prediction",
+    "Reference",
+    "Term",
+    "Variable",
+    "transfer_moments",
+]
 
-#: Points that are evaluated at once: more would not fit a processor's cache with all intermediate values. No power of two:
-#: rows of that length fall on the same lines of the cache, which doubles the time.
+#: Points that are evaluated at once: more would not fit a processor's cache with all intermediate
+#: values. No power of two: rows of that length fall on the same lines of the cache, which doubles
+#: the time.
 BLOCK: Final = 4000
 
 
@@ -40,7 +63,8 @@ BLOCK: Final = 4000
 class Variable:
     """A named expression that terms and other variables use; `unit` as far as the source tells.
 
-    declared : what the source says of it beyond that, as text: DAVE-ML's id, name, sign, symbol, role and alike.
+    declared : what the source says of it beyond that, as text: DAVE-ML's id, name, sign, symbol,
+    role and alike.
     """
 
     expression: Expression
@@ -52,7 +76,8 @@ class Variable:
 
 @dataclass(frozen=True)
 class Term:
-    """One contribution to a coefficient axis (CX .. Cn, or C_drag C_side C_lift along the wind axes)."""
+    """One contribution to a coefficient axis (CX .. Cn, or C_drag C_side C_lift along the wind
+    axes)."""
 
     name: str
     axis: str
@@ -62,10 +87,11 @@ class Term:
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """Coefficients on the six body axes, each (n,), moments about the database's own moment reference.
+    """Coefficients on the six body axes, each (n,), moments about the database's own moment
+    reference.
 
-    outside : (n,) true where any argument of any table lies outside its breakpoints; `outside_tables`, by table name,
-    holds only tables for which that happens at all.
+    outside : (n,) true where any argument of any table lies outside its breakpoints;
+    `outside_tables`, by table name, holds only tables for which that happens at all.
     """
 
     coefficients: dict[str, Array]
@@ -77,14 +103,15 @@ class Prediction:
 class AeroDatabase:
     """A database of one vehicle.
 
-    Names in expressions are resolved in this order: `variables`; the constants S_ref [m2], c_ref, b_ref [m];
-    `free_inputs` (name -> what it is: quantities that the source uses and that are no channel of this product); channels
-    of `aerodb.nomenclature`, where p_hat q_hat r_hat alphadot_hat are made from p q r alphadot, V and this database's own
-    lengths unless they are given. A channel that one of `states` makes has, unless it is given, the value that it settles at:
-    what it is along a flight says `states_along`.
+    Names in expressions are resolved in this order: `variables`; the constants S_ref [m2], c_ref,
+    b_ref [m]; `free_inputs` (name -> what it is: quantities that the source uses and that are no
+    channel of this product); channels of `aerodb.nomenclature`, where p_hat q_hat r_hat
+    alphadot_hat are made from p q r alphadot, V and this database's own lengths unless they are
+    given. A channel that one of `states` makes has, unless it is given, the value that it settles
+    at: what it is along a flight says `states_along`.
 
-    Raises InputError for an unknown name, table or axis (with the nearest valid one), a wrong number of table
-    arguments, and variables that are defined by each other.
+    Raises InputError for an unknown name, table or axis (with the nearest valid one), a wrong
+    number of table arguments, and variables that are defined by each other.
     """
 
     name: str
@@ -110,9 +137,15 @@ class AeroDatabase:
         names = [term.name for term in self.terms]
         repeated = sorted({name for name in names if names.count(name) > 1})
         if repeated:
-            raise InputError(f"term '{repeated[0]}' stands twice", f"database {self.name}", "give each term its own name")
+            raise InputError(
+                f"term '{repeated[0]}' stands twice",
+                f"database {self.name}",
+                "give each term its own name",
+            )
         try:
-            everything = [v.expression for v in self.variables.values()] + [term.expression for term in self.terms]
+            everything = [v.expression for v in self.variables.values()] + [
+                term.expression for term in self.terms
+            ]
             used = set(self._compile(everything).inputs)
         except InputError as error:
             raise InputError(error.what, f"database {self.name}", error.remedy) from None
@@ -124,10 +157,16 @@ class AeroDatabase:
         return self.compiled(expressions, definitions, {**self.tables, **self.scattered})
 
     def compiled(
-        self, expressions: Iterable[Expression], variables: Mapping[str, Expression], tables: Mapping[str, AnyTable]
+        self,
+        expressions: Iterable[Expression],
+        variables: Mapping[str, Expression],
+        tables: Mapping[str, AnyTable],
     ) -> Program:
-        """A program of `expressions` with this database's reference lengths and other definitions of variables and tables."""
-        constants = {name: float(getattr(self.reference, attribute)) for name, attribute in CONSTANTS.items()}
+        """A program of `expressions` with this database's reference lengths and other definitions
+        of variables and tables."""
+        constants = {
+            name: float(getattr(self.reference, attribute)) for name, attribute in CONSTANTS.items()
+        }
         return compile_program(expressions, tables, variables, constants)
 
     @cached_property
@@ -136,7 +175,9 @@ class AeroDatabase:
 
     @cached_property
     def _axes(self) -> frozenset[str]:
-        return frozenset([term.axis for term in self.terms] + [increment.axis for increment in self.increments])
+        return frozenset(
+            [term.axis for term in self.terms] + [increment.axis for increment in self.increments]
+        )
 
     @cached_property
     def needs(self) -> tuple[str, ...]:
@@ -153,7 +194,8 @@ class AeroDatabase:
 
     @cached_property
     def inputs(self) -> tuple[str, ...]:
-        """Channels and free inputs that `predict` needs, sorted; for a hat rate the rate and V that it is made of."""
+        """Channels and free inputs that `predict` needs, sorted; for a hat rate the rate and V that
+        it is made of."""
         names = set(self.needs) - set(HAT_RATES)
         for hat in set(self.needs) & set(HAT_RATES):
             names |= {HAT_RATES[hat][0], "V"}
@@ -163,24 +205,37 @@ class AeroDatabase:
 
     @cached_property
     def flight_inputs(self) -> tuple[str, ...]:
-        """Channels and free inputs that a flight must have, sorted: `inputs`, in place of states what they are made of."""
+        """Channels and free inputs that a flight must have, sorted: `inputs`, in place of states
+        what they are made of."""
         made = [self._states[name] for name in self.inputs if name in self._states]
-        return tuple(sorted(set(self.inputs) - self._states.keys() | {name for state in made for name in state.needs}))
+        return tuple(
+            sorted(
+                set(self.inputs) - self._states.keys()
+                | {name for state in made for name in state.needs}
+            )
+        )
 
     @cached_property
     def _states(self) -> dict[str, StateModel]:
         return {state.name: state for state in self.states}
 
     def states_along(self, time: Array, channels: Mapping[str, Array]) -> dict[str, Array]:
-        """The channels that the states make along a flight, by name, each (n,); `channels` as `flight_inputs`, each (n,).
+        """The channels that the states make along a flight, by name, each (n,); `channels` as
+        `flight_inputs`, each (n,).
 
-        States that `channels` holds, or nothing uses, are left out. Raises InputError naming channels that a state lacks.
+        States that `channels` holds, or nothing uses, are left out. Raises InputError naming
+        channels that a state lacks.
         """
-        wanted = [state for state in self.states if state.name in self.needs and state.name not in channels]
+        wanted = [
+            state
+            for state in self.states
+            if state.name in self.needs and state.name not in channels
+        ]
         return {state.name: state.along(time, channels, self.reference.chord) for state in wanted}
 
     def resolved(self, names: Iterable[str], channels: Mapping[str, Value]) -> dict[str, Any]:
-        """Values of channels, hat rates and free inputs by `names`; InputError says which of `channels` are missing."""
+        """Values of channels, hat rates and free inputs by `names`; InputError says which of
+        `channels` are missing."""
         values: dict[str, Any] = {}
         absent: set[str] = set()
         for name in names:
@@ -188,7 +243,9 @@ class AeroDatabase:
                 values[name] = channels[name]
                 continue
             state = self._states.get(name)
-            sources = {HAT_RATES[name][0], "V"} if name in HAT_RATES else {"alpha"} if state else {name}
+            sources = (
+                {HAT_RATES[name][0], "V"} if name in HAT_RATES else {"alpha"} if state else {name}
+            )
             lacking = {source for source in sources if source not in channels}
             absent |= lacking
             if state is not None and not lacking:
@@ -196,21 +253,33 @@ class AeroDatabase:
             elif name in HAT_RATES and not lacking:
                 values[name] = hat_rate(name, channels, self.reference)
         if absent:
-            shown = [f"{name} ({self.free_inputs[name]})" if name in self.free_inputs else name for name in sorted(absent)]
+            shown = [
+                f"{name} ({self.free_inputs[name]})" if name in self.free_inputs else name
+                for name in sorted(absent)
+            ]
             remedy = "give them as channels, or bind them to expressions at import"
-            raise InputError(f"channels missing: {', '.join(shown)}", f"database {self.name}", remedy)
+            raise InputError(
+                f"channels missing: {', '.join(shown)}", f"database {self.name}", remedy
+            )
         return values
 
     def predict(self, channels: Mapping[str, Value]) -> Prediction:
         """The six coefficients at `channels` (each (n,) or a number, SI and rad); stateless.
 
-        Raises InputError that names missing channels. Arguments that are not finite give coefficients that are not.
+        Raises InputError that names missing channels. Arguments that are not finite give
+        coefficients that are not.
         """
         n = _length(channels)
         values = self.resolved(self.needs, channels)
         if n <= BLOCK:
             return self._predict_block(values, n)
-        return _joined([self._predict_block(block, min(BLOCK, n - start)) for start, block in _blocks(values, n)], n)
+        return _joined(
+            [
+                self._predict_block(block, min(BLOCK, n - start))
+                for start, block in _blocks(values, n)
+            ],
+            n,
+        )
 
     def _predict_block(self, values: Mapping[str, Value], n: int) -> Prediction:
         run = self._program.run(values)
@@ -232,7 +301,8 @@ class AeroDatabase:
         return Prediction(totals, outside, beyond)
 
     def evaluate(self, channels: Mapping[str, Value]) -> "Evaluation":
-        """Value, standard error and place on every body axis at `channels`; what they mean stands with `evaluation`."""
+        """Value, standard error and place on every body axis at `channels`; what they mean stands
+        with `evaluation`."""
         from aerodb.tables.evaluation import evaluate  # which needs this module
 
         return evaluate(self, channels)
@@ -248,13 +318,18 @@ def _blocks(values: Mapping[str, Value], n: int) -> Iterator[tuple[int, dict[str
         part = slice(start, start + BLOCK)
         yield (
             start,
-            {name: value[part] if isinstance(value, np.ndarray) and value.size > 1 else value for name, value in values.items()},
+            {
+                name: value[part] if isinstance(value, np.ndarray) and value.size > 1 else value
+                for name, value in values.items()
+            },
         )
 
 
 def _joined(blocks: list[Prediction], n: int) -> Prediction:
     """Predictions of consecutive blocks as one of (n,)."""
-    coefficients = {axis: np.concatenate([block.coefficients[axis] for block in blocks]) for axis in AXES}
+    coefficients = {
+        axis: np.concatenate([block.coefficients[axis] for block in blocks]) for axis in AXES
+    }
     beyond: dict[str, NDArray[np.bool_]] = {}
     for k, block in enumerate(blocks):
         for table, where in block.outside_tables.items():

@@ -1,4 +1,5 @@
-"""What a source declares of its tables and variables, propagated to the coefficients to first order."""
+"""What a source declares of its tables and variables, propagated to the coefficients to first
+order."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -21,23 +22,33 @@ if TYPE_CHECKING:
     from aerodb.tables.database import AeroDatabase
 
 
-def deviation(nominal: Expression, uncertainty: Uncertainty, bounds: Sequence[Expression]) -> Expression:
-    """One standard deviation of a value with a declared uncertainty, as an expression over the value and its bounds.
+def deviation(
+    nominal: Expression, uncertainty: Uncertainty, bounds: Sequence[Expression]
+) -> Expression:
+    """One standard deviation of a value with a declared uncertainty, as an expression over the
+    value and its bounds.
 
-    Bounds are: additive, distances from the value; percentage, distances in percent of it; multiplicative, factors on it;
-    absolute, values themselves. A normal distribution has its bound at so many sigmas; a uniform one between low and high
-    has (high - low)/sqrt(12). Source: AIAA S-119 (DAVE-ML 2.0), "Statistical information encoding"; it leaves open what
-    one multiplicative or absolute bound means for a distribution, taken here as the distance from the value to it.
+    Bounds are: additive, distances from the value; percentage, distances in percent of it;
+    multiplicative, factors on it; absolute, values themselves. A normal distribution has its bound
+    at so many sigmas; a uniform one between low and high has (high - low)/sqrt(12). Source: AIAA
+    S-119 (DAVE-ML 2.0), "Statistical information encoding"; it leaves open what one multiplicative
+    or absolute bound means for a distribution, taken here as the distance from the value to it.
     """
-    scale: Expression = nominal if uncertainty.effect in ("multiplicative", "percentage") else number(1.0)
+    scale: Expression = (
+        nominal if uncertainty.effect in ("multiplicative", "percentage") else number(1.0)
+    )
     if uncertainty.effect == "percentage":
         scale = Operation("/", scale, number(100.0))
     between = uncertainty.effect in ("absolute", "multiplicative")
     if len(bounds) == 2:
         low, high = bounds if between else (Call("abs", (bounds[0],)), Call("abs", (bounds[1],)))
-        half: Expression = Operation("/", Operation("-", high, low) if between else plus(low, high), number(2.0))
+        half: Expression = Operation(
+            "/", Operation("-", high, low) if between else plus(low, high), number(2.0)
+        )
     elif between:
-        half = Operation("-", bounds[0], number(1.0) if uncertainty.effect == "multiplicative" else nominal)
+        half = Operation(
+            "-", bounds[0], number(1.0) if uncertainty.effect == "multiplicative" else nominal
+        )
     else:
         half = bounds[0]
     divisor = uncertainty.sigmas if uncertainty.distribution == "normal" else math.sqrt(3.0)
@@ -54,27 +65,41 @@ class _Shifted:
 
 
 def declared_variance(
-    database: "AeroDatabase", values: Mapping[str, Any], rotation: Mapping[str, Mapping[str, Array]], n: int
+    database: "AeroDatabase",
+    values: Mapping[str, Any],
+    rotation: Mapping[str, Mapping[str, Array]],
+    n: int,
 ) -> tuple[dict[str, Array], frozenset[str]]:
-    """Variance (n,) per body axis of what the source declares uncertain, and the axes of terms on which any of it acts.
+    """Variance (n,) per body axis of what the source declares uncertain, and the axes of terms on
+    which any of it acts.
 
-    Every uncertain table or variable is moved by one standard deviation; the changes of the coefficients add in squares.
-    Declared correlations between sources are not used.
+    Every uncertain table or variable is moved by one standard deviation; the changes of the
+    coefficients add in squares. Declared correlations between sources are not used.
     """
     variance = {axis: np.zeros(n) for axis in AXES}
     shifts = _shifts(database)
     nominal = _totals(database, _definitions(database), values, n) if shifts else {}
     for shifted in shifts.values():
         moved = _totals(database, shifted, values, n)
-        for axis, change in _rotated({axis: moved[axis] - nominal[axis] for axis in moved}, rotation).items():
+        for axis, change in _rotated(
+            {axis: moved[axis] - nominal[axis] for axis in moved}, rotation
+        ).items():
             variance[axis] += change**2
-    acts = {term.axis for term in database.terms if depends_on(term.expression, database) & shifts.keys()}
+    acts = {
+        term.axis
+        for term in database.terms
+        if depends_on(term.expression, database) & shifts.keys()
+    }
     return variance, frozenset(acts)
 
 
 def _definitions(database: "AeroDatabase") -> _Shifted:
     variables = {name: variable.expression for name, variable in database.variables.items()}
-    return _Shifted(tuple(term.expression for term in database.terms), variables, {**database.tables, **database.scattered})
+    return _Shifted(
+        tuple(term.expression for term in database.terms),
+        variables,
+        {**database.tables, **database.scattered},
+    )
 
 
 def _shifts(database: "AeroDatabase") -> dict[str, _Shifted]:
@@ -84,7 +109,9 @@ def _shifts(database: "AeroDatabase") -> dict[str, _Shifted]:
         if variable.uncertainty is not None:
             bounds = [_expression(bound) for bound in variable.uncertainty.bounds]
             spread = deviation(variable.expression, variable.uncertainty, bounds)
-            shifts[name] = replace(plain, variables={**plain.variables, name: plus(variable.expression, spread)})
+            shifts[name] = replace(
+                plain, variables={**plain.variables, name: plus(variable.expression, spread)}
+            )
     tables: Mapping[str, AnyTable] = {**database.tables, **database.scattered}
     for name, table in tables.items():
         if table.uncertainty is not None:
@@ -93,7 +120,8 @@ def _shifts(database: "AeroDatabase") -> dict[str, _Shifted]:
 
 
 def _table_shifted(database: "AeroDatabase", plain: _Shifted, name: str) -> _Shifted:
-    """Every call of a table with one standard deviation added; bounds per node become tables of their own."""
+    """Every call of a table with one standard deviation added; bounds per node become tables of
+    their own."""
     table: Any = {**database.tables, **database.scattered}[name]
     uncertainty: Uncertainty = table.uncertainty
     tables = dict(plain.tables)
@@ -107,13 +135,19 @@ def _table_shifted(database: "AeroDatabase", plain: _Shifted, name: str) -> _Shi
             return node
 
         bounds = [
-            TableCall(f"{name}_bound{k}_", node.arguments) if isinstance(bound, tuple) else _expression(bound)
+            TableCall(f"{name}_bound{k}_", node.arguments)
+            if isinstance(bound, tuple)
+            else _expression(bound)
             for k, bound in enumerate(uncertainty.bounds)
         ]
         return plus(node, deviation(node, uncertainty, bounds))
 
     terms = tuple(rebuilt(expression, shifted) for expression in plain.terms)
-    return _Shifted(terms, {n: rebuilt(expression, shifted) for n, expression in plain.variables.items()}, tables)
+    return _Shifted(
+        terms,
+        {n: rebuilt(expression, shifted) for n, expression in plain.variables.items()},
+        tables,
+    )
 
 
 def _expression(bound: Bound) -> Expression:
@@ -122,7 +156,9 @@ def _expression(bound: Bound) -> Expression:
     return Name(bound) if isinstance(bound, str) else number(float(bound))
 
 
-def _totals(database: "AeroDatabase", definitions: _Shifted, values: Mapping[str, Any], n: int) -> dict[str, Array]:
+def _totals(
+    database: "AeroDatabase", definitions: _Shifted, values: Mapping[str, Any], n: int
+) -> dict[str, Array]:
     """Sum of the terms on every body and wind axis, (n,) each, without increments."""
     program = database.compiled(definitions.terms, definitions.variables, definitions.tables)
     totals = {axis: np.zeros(n) for axis in (*AXES, *WIND_AXES)}
@@ -131,7 +167,9 @@ def _totals(database: "AeroDatabase", definitions: _Shifted, values: Mapping[str
     return totals
 
 
-def _rotated(change: Mapping[str, Array], rotation: Mapping[str, Mapping[str, Array]]) -> dict[str, Array]:
+def _rotated(
+    change: Mapping[str, Array], rotation: Mapping[str, Mapping[str, Array]]
+) -> dict[str, Array]:
     """Changes on body and wind axes as changes on the body axes."""
     total = {axis: change[axis] for axis in AXES}
     for axis in FORCE_AXES:

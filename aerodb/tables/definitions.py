@@ -1,4 +1,5 @@
-"""What a database may define: names that are identifiers, differ, and hide neither channels nor constants."""
+"""What a database may define: names that are identifiers, differ, and hide neither channels nor
+constants."""
 
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Final
@@ -20,7 +21,8 @@ STATE_CHANNEL: Final = "flow_attachment"
 
 
 def check_uncertainties(database: "AeroDatabase") -> None:
-    """Bounds that a variable gives must have that variable; what has no nodes has no bounds per node."""
+    """Bounds that a variable gives must have that variable; what has no nodes has no bounds per
+    node."""
     carriers: list[tuple[str, Uncertainty | None]] = []
     for group in (database.variables, database.tables, database.scattered):
         carriers += [(name, carrier.uncertainty) for name, carrier in group.items()]
@@ -38,7 +40,8 @@ def check_uncertainties(database: "AeroDatabase") -> None:
 
 
 def check_definitions(database: "AeroDatabase") -> None:
-    """Names that a database defines must be identifiers, differ, and hide neither channels nor constants."""
+    """Names that a database defines must be identifiers, differ, and hide neither channels nor
+    constants."""
     seen: dict[str, str] = {}
     definitions: tuple[tuple[str, Iterable[str]], ...] = (
         ("variable", database.variables),
@@ -49,14 +52,22 @@ def check_definitions(database: "AeroDatabase") -> None:
     for kind, names in definitions:
         for name in names:
             check_identifier(name)
-            other = seen.get(name) or ("channel" if name in CHANNELS else "constant" if name in CONSTANTS else "")
+            other = seen.get(name) or (
+                "channel" if name in CHANNELS else "constant" if name in CONSTANTS else ""
+            )
             if other:
-                raise InputError(f"{kind} '{name}' has the name of a {other}", f"database {database.name}", "choose another name")
+                raise InputError(
+                    f"{kind} '{name}' has the name of a {other}",
+                    f"database {database.name}",
+                    "choose another name",
+                )
             seen[name] = kind
     tables: dict[str, AnyTable] = {**database.tables, **database.scattered}
     for name, table in tables.items():
         if table.name != name:
-            raise InputError(f"table '{table.name}' is filed under '{name}'", f"database {database.name}")
+            raise InputError(
+                f"table '{table.name}' is filed under '{name}'", f"database {database.name}"
+            )
     _check_states(database)
 
 
@@ -64,10 +75,16 @@ def _check_states(database: "AeroDatabase") -> None:
     made = [state.name for state in database.states]
     for name in made:
         if made.count(name) > 1:
-            raise InputError(f"state '{name}' stands twice", f"database {database.name}", "keep one of them")
+            raise InputError(
+                f"state '{name}' stands twice", f"database {database.name}", "keep one of them"
+            )
         if name != STATE_CHANNEL and name not in database.free_inputs:
             remedy = f"call it {STATE_CHANNEL}, or declare a free input of that name"
-            raise InputError(f"state '{name}' makes no channel that terms can use", f"database {database.name}", remedy)
+            raise InputError(
+                f"state '{name}' makes no channel that terms can use",
+                f"database {database.name}",
+                remedy,
+            )
 
 
 def check_axis(axis: str, where: str) -> None:
@@ -84,4 +101,6 @@ def check_input(name: str, database: "AeroDatabase") -> None:
         channel(name)
     except UnknownNameError:
         known = [*CHANNELS, *CONSTANTS, *database.variables, *database.free_inputs]
-        raise InputError(f"unknown name '{name}'", f"database {database.name}", nearest(name, known)) from None
+        raise InputError(
+            f"unknown name '{name}'", f"database {database.name}", nearest(name, known)
+        ) from None

@@ -1,7 +1,9 @@
-"""What differs between two databases: per term, and per table node the change, its standard error, coverage and flights.
+"""What differs between two databases: per term, and per table node the change, its standard error,
+coverage and flights.
 
-The nodes are compared by what the whole database gives there, so that it does not matter whether an update stands as an
-increment beside a table or folded into it. How a diff is drawn belongs in `aerodb.report`.
+The nodes are compared by what the whole database gives there, so that it does not matter whether an
+update stands as an increment beside a table or folded into it. How a diff is drawn belongs in
+`aerodb.report`.
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,8 +26,9 @@ _ROUNDING = 1e-12
 
 @dataclass(frozen=True)
 class TermChange:
-    """A term, variable, reference value or regressor of an increment that differs. `before`, `after`: its text, empty where
-    it does not stand. change, sigma : of a regressor, its coefficient and standard error; None for the others."""
+    """A term, variable, reference value or regressor of an increment that differs. `before`,
+    `after`: its text, empty where it does not stand. change, sigma : of a regressor, its
+    coefficient and standard error; None for the others."""
 
     kind: str
     name: str
@@ -39,11 +42,12 @@ class TermChange:
 
 @dataclass(frozen=True, eq=False)
 class NodeChanges:
-    """What a database's coefficient on `axis` changes by at the nodes of a table, all other inputs neutral.
+    """What a database's coefficient on `axis` changes by at the nodes of a table, all other inputs
+    neutral.
 
-    change, sigma (standard error of the change; 0 where no increment acts), inside (flights behind the change have been
-    there): in the shape of the table. acting : (number of sources, nodes) whether each source's flights act at a node;
-    sources : the flights of each.
+    change, sigma (standard error of the change; 0 where no increment acts), inside (flights behind
+    the change have been there): in the shape of the table. acting : (number of sources, nodes)
+    whether each source's flights act at a node; sources : the flights of each.
     """
 
     axis: str
@@ -56,15 +60,20 @@ class NodeChanges:
 
     def flights(self, node: int) -> tuple[str, ...]:
         """Flights behind the change at a node, by its position in the flattened table."""
-        acting = [flights for flights, acts in zip(self.sources, self.acting[:, node], strict=True) if acts]
+        acting = [
+            flights
+            for flights, acts in zip(self.sources, self.acting[:, node], strict=True)
+            if acts
+        ]
         return tuple(sorted(set[str]().union(*acting)))
 
 
 @dataclass(frozen=True)
 class DatabaseDiff:
-    """All differences. nodes : tables whose nodes change, an entry per table and axis. tables : those that are new, gone, or
-    of another shape, as name -> what. not_addressable : tables whose nodes are no points over channels (see `nodes`) and
-    whose own values differ, with the largest difference."""
+    """All differences. nodes : tables whose nodes change, an entry per table and axis. tables :
+    those that are new, gone, or of another shape, as name -> what. not_addressable : tables whose
+    nodes are no points over channels (see `nodes`) and whose own values differ, with the largest
+    difference."""
 
     terms: tuple[TermChange, ...]
     nodes: tuple[NodeChanges, ...]
@@ -79,19 +88,31 @@ class DatabaseDiff:
 def diff(before: AeroDatabase, after: AeroDatabase) -> DatabaseDiff:
     """Differences from `before` to `after`: changes are after - before.
 
-    A table's nodes are those of `after` (of `before` where it is gone). The standard error is that of the increments that
-    stand in one only, independent of each other; a change of the tables themselves carries none.
+    A table's nodes are those of `after` (of `before` where it is gone). The standard error is that
+    of the increments that stand in one only, independent of each other; a change of the tables
+    themselves carries none.
     """
-    terms = (*_reference(before.reference, after.reference), *_expressions(before, after), *_regressors(before, after))
+    terms = (
+        *_reference(before.reference, after.reference),
+        *_expressions(before, after),
+        *_regressors(before, after),
+    )
     grids = {**table_grids(before), **table_grids(after)}
-    axes = {name: table_axes(before).get(name, frozenset()) | table_axes(after).get(name, frozenset()) for name in grids}
+    axes = {
+        name: table_axes(before).get(name, frozenset()) | table_axes(after).get(name, frozenset())
+        for name in grids
+    }
     gone, added = new_increments(after, before), new_increments(before, after)
     increments = [*gone, *added]
     point = {**neutral_point(before, increments), **neutral_point(after, increments)}
     nodes = [
-        entry for name, grid in sorted(grids.items()) for entry in _nodes(grid, axes[name], (before, gone), (after, added), point)
+        entry
+        for name, grid in sorted(grids.items())
+        for entry in _nodes(grid, axes[name], (before, gone), (after, added), point)
     ]
-    return DatabaseDiff(terms, tuple(nodes), _table_forms(before, after), _values_only(before, after, set(grids)))
+    return DatabaseDiff(
+        terms, tuple(nodes), _table_forms(before, after), _values_only(before, after, set(grids))
+    )
 
 
 def _nodes(
@@ -101,41 +122,67 @@ def _nodes(
     after: tuple[AeroDatabase, Sequence[Increment]],
     point: Mapping[str, float],
 ) -> list[NodeChanges]:
-    """The changes at one table's nodes, on each body axis that changes. before, after : a database, and its increments that
-    the other has not."""
+    """The changes at one table's nodes, on each body axis that changes. before, after : a database,
+    and its increments that the other has not."""
     channels = spread(point, grid.points())
     old, new = before[0].predict(channels).coefficients, after[0].predict(channels).coefficients
-    body = {axis for axis in axes if axis in AXES} | ({"CX", "CY", "CZ"} if axes & set(WIND_AXES) else set())
-    owned = [(increment, database) for database, increments in (before, after) for increment in increments]
-    turn = {"alpha", "beta"} if any(increment.axis in WIND_AXES for increment, _ in owned) else set[str]()
+    body = {axis for axis in axes if axis in AXES} | (
+        {"CX", "CY", "CZ"} if axes & set(WIND_AXES) else set()
+    )
+    owned = [
+        (increment, database)
+        for database, increments in (before, after)
+        for increment in increments
+    ]
+    turn = (
+        {"alpha", "beta"}
+        if any(increment.axis in WIND_AXES for increment, _ in owned)
+        else set[str]()
+    )
     found = []
     for axis in (axis for axis in AXES if axis in body):
         change = new[axis] - old[axis]
         scale = np.nanmax(np.abs([old[axis], new[axis]]), initial=1e-12)
-        if not np.any(np.abs(change) > _ROUNDING * scale) and np.array_equal(np.isnan(old[axis]), np.isnan(new[axis])):
+        if not np.any(np.abs(change) > _ROUNDING * scale) and np.array_equal(
+            np.isnan(old[axis]), np.isnan(new[axis])
+        ):
             continue
-        effects = [_effect(i, axis, database.resolved(sorted(i.names | turn), channels)) for i, database in owned]
-        acting = np.array([value != 0.0 for value, _, _ in effects]).reshape(len(effects), change.size)
-        variance = sum((error**2 * (value != 0.0) for value, error, _ in effects), np.zeros(change.size))
+        effects = [
+            _effect(i, axis, database.resolved(sorted(i.names | turn), channels))
+            for i, database in owned
+        ]
+        acting = np.array([value != 0.0 for value, _, _ in effects]).reshape(
+            len(effects), change.size
+        )
+        variance = sum(
+            (error**2 * (value != 0.0) for value, error, _ in effects), np.zeros(change.size)
+        )
         inside = np.full(change.size, bool(effects))
         for value, _, where in effects:
             inside &= where | (value == 0.0)
         inside &= acting.any(axis=0)
         sources = tuple(increment.flights for increment, _ in owned)
         sigma, where = np.sqrt(variance).reshape(grid.shape), inside.reshape(grid.shape)
-        found.append(NodeChanges(axis, grid, change.reshape(grid.shape), sigma, where, acting, sources))
+        found.append(
+            NodeChanges(axis, grid, change.reshape(grid.shape), sigma, where, acting, sources)
+        )
     return found
 
 
-def _effect(increment: Increment, axis: str, channels: Mapping[str, Array]) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """An increment's share on a body axis, its standard error, and where its flights have been, each (n,)."""
+def _effect(
+    increment: Increment, axis: str, channels: Mapping[str, Array]
+) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """An increment's share on a body axis, its standard error, and where its flights have been,
+    each (n,)."""
     own = increment.evaluate(channels)
     if increment.axis not in WIND_AXES:
         share = 1.0 if increment.axis == axis else 0.0
         return own.value * share, own.standard_error * share, own.inside
 
     def turned(values: Array) -> tuple[Array, Array, Array]:
-        drag, side, lift = (values if name == increment.axis else 0.0 * values for name in WIND_AXES)
+        drag, side, lift = (
+            values if name == increment.axis else 0.0 * values for name in WIND_AXES
+        )
         return wind_to_body(drag, side, lift, channels["alpha"], channels["beta"])
 
     if axis not in AXES[:3]:
@@ -152,7 +199,9 @@ def _reference(before: Reference, after: Reference) -> list[TermChange]:
 
 def _expressions(before: AeroDatabase, after: AeroDatabase) -> list[TermChange]:
     found = []
-    old_terms, new_terms = ({term.name: term for term in database.terms} for database in (before, after))
+    old_terms, new_terms = (
+        {term.name: term for term in database.terms} for database in (before, after)
+    )
     for name in dict.fromkeys([*old_terms, *new_terms]):
         old, new = old_terms.get(name), new_terms.get(name)
         if old is None or new is None or (old.axis, old.expression) != (new.axis, new.expression):
@@ -168,16 +217,33 @@ def _expressions(before: AeroDatabase, after: AeroDatabase) -> list[TermChange]:
 
 
 def _regressors(before: AeroDatabase, after: AeroDatabase) -> list[TermChange]:
-    """Coefficients of increments that stand in one only. An update may add to what an earlier one has found: each counts."""
+    """Coefficients of increments that stand in one only. An update may add to what an earlier one
+    has found: each counts."""
     found = []
-    for increments, side in ((new_increments(after, before), -1.0), (new_increments(before, after), 1.0)):
+    for increments, side in (
+        (new_increments(after, before), -1.0),
+        (new_increments(before, after), 1.0),
+    ):
         for increment in increments:
             errors = np.sqrt(np.diag(increment.covariance))
-            for regressor, value, error in zip(increment.regressors, increment.estimates, errors, strict=True):
+            for regressor, value, error in zip(
+                increment.regressors, increment.estimates, errors, strict=True
+            ):
                 text = f"{value:.6g} +- {error:.2g}"
                 old, new = ("", text) if side > 0 else (text, "")
                 change, sigma = side * float(value), float(error)
-                found.append(TermChange("increment", str(regressor), increment.axis, old, new, change, sigma, increment.flights))
+                found.append(
+                    TermChange(
+                        "increment",
+                        str(regressor),
+                        increment.axis,
+                        old,
+                        new,
+                        change,
+                        sigma,
+                        increment.flights,
+                    )
+                )
     return found
 
 
@@ -189,7 +255,9 @@ def _table_forms(before: AeroDatabase, after: AeroDatabase) -> dict[str, str]:
             said[name] = "new" if old is None else "gone"
         elif old.values.shape != new.values.shape:
             said[name] = f"{list(old.values.shape)} nodes before, {list(new.values.shape)} after"
-        elif any(not np.array_equal(a, b) for a, b in zip(old.breakpoints, new.breakpoints, strict=True)):
+        elif any(
+            not np.array_equal(a, b) for a, b in zip(old.breakpoints, new.breakpoints, strict=True)
+        ):
             said[name] = "breakpoints moved"
     for name in sorted({*before.scattered, *after.scattered}):
         one, other = before.scattered.get(name), after.scattered.get(name)
@@ -200,7 +268,9 @@ def _table_forms(before: AeroDatabase, after: AeroDatabase) -> dict[str, str]:
     return said
 
 
-def _values_only(before: AeroDatabase, after: AeroDatabase, addressed: set[str]) -> dict[str, float]:
+def _values_only(
+    before: AeroDatabase, after: AeroDatabase, addressed: set[str]
+) -> dict[str, float]:
     found = {}
     for name in sorted((before.tables.keys() & after.tables.keys()) - addressed):
         old, new = before.tables[name].values, after.tables[name].values

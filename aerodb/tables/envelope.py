@@ -11,24 +11,32 @@ from aerodb.tables.increment import BASE_VARIABLES, Interval
 
 
 def flown_envelope(
-    names: Iterable[str], flown: Sequence[tuple[Mapping[str, Array], np.ndarray]], database: AeroDatabase
+    names: Iterable[str],
+    flown: Sequence[tuple[Mapping[str, Array], np.ndarray]],
+    database: AeroDatabase,
 ) -> dict[str, Interval]:
-    """The envelope of an increment over the variables `names`, and over alpha, beta, mach that every one rests on.
+    """The envelope of an increment over the variables `names`, and over alpha, beta, mach that
+    every one rests on.
 
     flown : per flight its channels (each (n,) or a number) and which samples count (n,).
     """
     variables = {*names, *(name for name in BASE_VARIABLES if name in database.inputs)}
     envelope = {}
     for name in sorted(variables):
-        values = np.concatenate([np.broadcast_to(channels[name], good.shape)[good] for channels, good in flown])
+        values = np.concatenate(
+            [np.broadcast_to(channels[name], good.shape)[good] for channels, good in flown]
+        )
         low, high = float(values.min()), float(values.max())
         envelope[name] = Interval(low, high, table_cell(name, low, high, database))
     return envelope
 
 
 def table_cell(name: str, low: float, high: float, database: AeroDatabase) -> float:
-    """One table cell of a variable: the median spacing of the database's breakpoints in it, else the range `low` to `high`."""
-    spacing = np.concatenate([np.empty(0), *(np.diff(points) for points in breakpoints_over(name, database))])
+    """One table cell of a variable: the median spacing of the database's breakpoints in it, else
+    the range `low` to `high`."""
+    spacing = np.concatenate(
+        [np.empty(0), *(np.diff(points) for points in breakpoints_over(name, database))]
+    )
     if spacing.size:
         return float(np.median(spacing))
     return high - low if high > low else max(abs(high), 1e-3)

@@ -1,10 +1,12 @@
-"""A small expression language for scales, arguments and factors of a database: parsed to a tree, printed back, never run.
+"""A small expression language for scales, arguments and factors of a database: parsed to a tree,
+printed back, never run.
 
-Numbers, names, ``+ - * /``, ``^`` (or ``**``, right associative, above unary minus), parentheses, comparisons (``<`` and
-alike, true is 1), the functions of `FUNCTIONS` such as ``piecewise(value, condition, ..., otherwise)``, and table calls
-``TABLE(expression, ...)``: every called name that is not a function is a table. There is no attribute, no string and no
-assignment, so that text from a file can do nothing but arithmetic. How a tree is evaluated belongs in `program`; what a
-name means belongs in `database`.
+Numbers, names, ``+ - * /``, ``^`` (or ``**``, right associative, above unary minus), parentheses,
+comparisons (``<`` and alike, true is 1), the functions of `FUNCTIONS` such as ``piecewise(value,
+condition, ..., otherwise)``, and table calls ``TABLE(expression, ...)``: every called name that is
+not a function is a table. There is no attribute, no string and no assignment, so that text from a
+file can do nothing but arithmetic. How a tree is evaluated belongs in `program`; what a name means
+belongs in `database`.
 """
 
 import math
@@ -18,7 +20,9 @@ from aerodb.errors import InputError, nearest
 from aerodb.tables.functions import COMPARISONS, FUNCTIONS
 
 MAX_LENGTH: Final = 20_000  # characters of one expression
-MAX_NESTING: Final = 50  # parentheses, signs and powers inside each other: the parser recurses on them
+MAX_NESTING: Final = (
+    50  # parentheses, signs and powers inside each other: the parser recurses on them
+)
 MAX_DEPTH: Final = 200  # levels of the tree, which also grows with every term of a sum
 
 _PRECEDENCE: Final = {"+": 1, "-": 1, "*": 2, "/": 2, "^": 4}
@@ -87,7 +91,11 @@ class Number(Expression):
         object.__setattr__(self, "value", float(self.value))
 
     def __str__(self) -> str:
-        return repr(int(self.value)) if self.value.is_integer() and self.value < 1e15 else repr(self.value)
+        return (
+            repr(int(self.value))
+            if self.value.is_integer() and self.value < 1e15
+            else repr(self.value)
+        )
 
 
 @dataclass(frozen=True)
@@ -139,7 +147,9 @@ class Operation(Expression):
 
     def __str__(self) -> str:
         own = self.precedence
-        if self.operator == "^":  # right associative; its base must be an atom, its exponent may carry a sign
+        if (
+            self.operator == "^"
+        ):  # right associative; its base must be an atom, its exponent may carry a sign
             return f"{self.left.within(_ATOM)}^{self.right.within(_NEGATION)}"
         text = f" {self.operator} " if own == 1 else self.operator
         return f"{self.left.within(own)}{text}{self.right.within(own + 1)}"
@@ -162,7 +172,9 @@ class Call(Expression):
 
     def __str__(self) -> str:
         if self.function in COMPARISONS:
-            return f" {COMPARISONS[self.function]} ".join(side.within(_COMPARISON + 1) for side in self.arguments)
+            return f" {COMPARISONS[self.function]} ".join(
+                side.within(_COMPARISON + 1) for side in self.arguments
+            )
         return f"{self.function}({', '.join(map(str, self.arguments))})"
 
 
@@ -187,7 +199,10 @@ class TableCall(Expression):
 def check_identifier(name: str) -> None:
     """InputError unless `name` can be a variable or a table."""
     if _NAME.fullmatch(name) is None:
-        raise InputError(f"'{name}' is not a name", remedy="letters, digits and underscores, not starting with a digit")
+        raise InputError(
+            f"'{name}' is not a name",
+            remedy="letters, digits and underscores, not starting with a digit",
+        )
     if name in FUNCTIONS:
         raise InputError(f"'{name}' is the name of a function", remedy="choose another name")
 
@@ -203,10 +218,14 @@ def parse(text: str) -> Expression:
     >>> str(parse("q*c_ref/(2*V) + -CZ_0(alpha)**2"))
     'q*c_ref/(2*V) + -CZ_0(alpha)^2'
 
-    Raises InputError with the position for anything outside the language, and for text beyond the limits above.
+    Raises InputError with the position for anything outside the language, and for text beyond the
+    limits above.
     """
     if len(text) > MAX_LENGTH:
-        raise InputError(f"expression of {len(text)} characters", remedy=f"at most {MAX_LENGTH}: split it into variables")
+        raise InputError(
+            f"expression of {len(text)} characters",
+            remedy=f"at most {MAX_LENGTH}: split it into variables",
+        )
     return _Parser(text).parse()
 
 
@@ -232,7 +251,9 @@ class _Parser:
 
     def _fail(self, what: str, position: int) -> NoReturn:
         excerpt = self._text[max(0, position - 20) : position + 20]
-        raise InputError(f"{what} at position {position + 1} of an expression", remedy=f"near: {excerpt!r}")
+        raise InputError(
+            f"{what} at position {position + 1} of an expression", remedy=f"near: {excerpt!r}"
+        )
 
     def _take(self, *symbols: str) -> str:
         kind, text, _ = self._tokens[self._at]
@@ -247,7 +268,10 @@ class _Parser:
         if kind != "end":
             self._fail(f"unexpected '{text}'", position)
         if tree.depth > MAX_DEPTH:
-            raise InputError(f"expression of {tree.depth} levels", remedy=f"at most {MAX_DEPTH}: split it into variables")
+            raise InputError(
+                f"expression of {tree.depth} levels",
+                remedy=f"at most {MAX_DEPTH}: split it into variables",
+            )
         return tree
 
     def _comparison(self) -> Expression:
@@ -287,7 +311,11 @@ class _Parser:
         self._at += 1
         if kind == "number":
             value = float(text)
-            return Number(value) if math.isfinite(value) else self._fail(f"number '{text}' is too large", position)
+            return (
+                Number(value)
+                if math.isfinite(value)
+                else self._fail(f"number '{text}' is too large", position)
+            )
         if kind == "name":
             return self._call(text, position) if self._take("(") else self._name(text, position)
         if kind == "symbol" and text == "(":
@@ -309,8 +337,12 @@ class _Parser:
         function = FUNCTIONS.get(name)
         if function is None:
             return TableCall(name, tuple(arguments))
-        if len(arguments) < function.least or (function.most is not None and len(arguments) > function.most):
-            self._fail(f"'{name}' takes {function.least} argument(s), here {len(arguments)}", position)
+        if len(arguments) < function.least or (
+            function.most is not None and len(arguments) > function.most
+        ):
+            self._fail(
+                f"'{name}' takes {function.least} argument(s), here {len(arguments)}", position
+            )
         return Call(name, tuple(arguments))
 
     def _close(self) -> None:

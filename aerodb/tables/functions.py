@@ -1,4 +1,5 @@
-"""The functions and operators of expressions: what each computes and how many arguments it takes."""
+"""The functions and operators of expressions: what each computes and how many arguments it
+takes."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -61,7 +62,9 @@ def _piecewise(*pieces: Value) -> Any:
     """
     result: Any = pieces[-1] if len(pieces) % 2 else np.nan
     for value, condition in reversed(list(zip(pieces[:-1:2], pieces[1::2], strict=True))):
-        result = np.where(np.isnan(condition), np.nan, np.where(np.not_equal(condition, 0.0), value, result))
+        result = np.where(
+            np.isnan(condition), np.nan, np.where(np.not_equal(condition, 0.0), value, result)
+        )
     return result
 
 
@@ -74,7 +77,8 @@ def _root(x: Value, degree: Value) -> Any:
 
 @dataclass(frozen=True)
 class Function:
-    """What a function name stands for: vectorised evaluation and how many arguments it takes (`most` None: any)."""
+    """What a function name stands for: vectorised evaluation and how many arguments it takes
+    (`most` None: any)."""
 
     evaluate: Callable[..., Any]
     least: int = 1
@@ -122,7 +126,14 @@ FUNCTIONS: Final[dict[str, Function]] = {
 }
 
 #: Comparisons and how they are written between their two sides; true is 1, false is 0.
-COMPARISONS: Final[dict[str, str]] = {"lt": "<", "le": "<=", "gt": ">", "ge": ">=", "eq": "==", "ne": "!="}
+COMPARISONS: Final[dict[str, str]] = {
+    "lt": "<",
+    "le": "<=",
+    "gt": ">",
+    "ge": ">=",
+    "eq": "==",
+    "ne": "!=",
+}
 
 OPERATORS: Final[dict[str, Callable[..., Any]]] = {
     "+": np.add,

@@ -1,4 +1,5 @@
-"""An increment: a correction identified from flights, with its covariance and the envelope in which it may act."""
+"""An increment: a correction identified from flights, with its covariance and the envelope in which
+it may act."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -20,15 +21,22 @@ BASE_VARIABLES: Final[tuple[str, ...]] = ("alpha", "beta", "mach")
 
 @dataclass(frozen=True)
 class Interval:
-    """Where flights have been along one variable: `low` to `high`, and the width of a table cell, all in its SI unit."""
+    """Where flights have been along one variable: `low` to `high`, and the width of a table cell,
+    all in its SI unit."""
 
     low: float
     high: float
     cell: float
 
     def __post_init__(self) -> None:
-        if not (np.all(np.isfinite((self.low, self.high, self.cell))) and self.low <= self.high and self.cell >= 0):
-            raise InputError(f"envelope from {self.low:g} to {self.high:g} with a cell of {self.cell:g}")
+        if not (
+            np.all(np.isfinite((self.low, self.high, self.cell)))
+            and self.low <= self.high
+            and self.cell >= 0
+        ):
+            raise InputError(
+                f"envelope from {self.low:g} to {self.high:g} with a cell of {self.cell:g}"
+            )
         for name in ("low", "high", "cell"):
             object.__setattr__(self, name, float(getattr(self, name)) + 0.0)
 
@@ -37,7 +45,8 @@ class Interval:
         return np.asarray((np.asarray(x) >= self.low) & (np.asarray(x) <= self.high))
 
     def weight(self, x: Value) -> Array:
-        """1 inside and one cell beyond, then linearly to 0 over one further cell (CONVENTIONS, Envelope)."""
+        """1 inside and one cell beyond, then linearly to 0 over one further cell (CONVENTIONS,
+        Envelope)."""
         if self.cell == 0.0:
             return self.contains(x).astype(np.float64)
         beyond = np.maximum(self.low - np.asarray(x), np.asarray(x) - self.high)
@@ -55,10 +64,11 @@ class IncrementValue(NamedTuple):
 
 @dataclass(frozen=True)
 class RefinedShape:
-    """A term whose shape is finer than its template's: the gain changes from node to node of `variables`.
+    """A term whose shape is finer than its template's: the gain changes from node to node of
+    `variables`.
 
-    hypothesis : its id. axis : the one on which it is written, along the body or the wind. fall : part by which the error that
-    the best gains leave falls on flights that were left out.
+    hypothesis : its id. axis : the one on which it is written, along the body or the wind. fall :
+    part by which the error that the best gains leave falls on flights that were left out.
     """
 
     hypothesis: str
@@ -69,29 +79,35 @@ class RefinedShape:
 
 @dataclass(frozen=True)
 class Refit:
-    """The gains were fitted once more beside the candidate that has them; and the terms whose shapes were made finer then."""
+    """The gains were fitted once more beside the candidate that has them; and the terms whose
+    shapes were made finer then."""
 
     shapes: tuple[RefinedShape, ...] = ()
 
     def __str__(self) -> str:
         """What a note says of it."""
         finer = [
-            f"{shape.hypothesis} over {', '.join(shape.variables)} (left-out flights: {shape.fall:.1%} less error)"
+            f"{shape.hypothesis} over {', '.join(shape.variables)} (left-out flights:"
+            f" {shape.fall:.1%} less error)"
             for shape in self.shapes
         ]
-        return "gain fitted once more beside the rest" + (f", shape refined of {'; '.join(finer)}" if finer else "")
+        return "gain fitted once more beside the rest" + (
+            f", shape refined of {'; '.join(finer)}" if finer else ""
+        )
 
 
 @dataclass(frozen=True, eq=False)
 class Increment:
     """``sum of estimates x regressors`` on one coefficient axis.
 
-    estimates : (k,), covariance : (k, k) of them. envelope : per variable, where the flights behind it have been.
-    flights : their ids. folded : (k,) names of the tables that contain a regressor's share already, empty where it acts as
-    a layer (`consolidate`); covariance, envelope and flights stay with the increment in either form.
+    estimates : (k,), covariance : (k, k) of them. envelope : per variable, where the flights behind
+    it have been. flights : their ids. folded : (k,) names of the tables that contain a regressor's
+    share already, empty where it acts as a layer (`consolidate`); covariance, envelope and flights
+    stay with the increment in either form.
 
-    note : where it comes from. refit : how it was fitted once more, None where it was not. lengthened_cells : table cells of
-    alpha over which it is held and faded, 0 for the one of the envelope rule. `full_note` says all three.
+    note : where it comes from. refit : how it was fitted once more, None where it was not.
+    lengthened_cells : table cells of alpha over which it is held and faded, 0 for the one of the
+    envelope rule. `full_note` says all three.
 
     Raises InputError when shapes do not fit or a regressor calls a table.
     """
@@ -112,7 +128,9 @@ class Increment:
         estimates = np.array(self.estimates, dtype=np.float64) + 0.0
         covariance = np.array(self.covariance, dtype=np.float64) + 0.0
         if k == 0 or estimates.shape != (k,) or covariance.shape != (k, k):
-            raise InputError(f"{k} regressors, estimates {estimates.shape}, covariance {covariance.shape}", where)
+            raise InputError(
+                f"{k} regressors, estimates {estimates.shape}, covariance {covariance.shape}", where
+            )
         if not (np.all(np.isfinite(estimates)) and np.all(np.isfinite(covariance))):
             raise InputError("estimates or covariance are not finite", where)
         estimates.flags.writeable = covariance.flags.writeable = False
@@ -129,7 +147,8 @@ class Increment:
 
     @property
     def full_note(self) -> str:
-        """The note with what was done to the increment since, for people: what reports and exported files say of it."""
+        """The note with what was done to the increment since, for people: what reports and exported
+        files say of it."""
         said = [self.note, "" if self.refit is None else str(self.refit)]
         if self.lengthened_cells:
             cells = f"held and faded over {self.lengthened_cells} table cells of alpha each"
@@ -143,7 +162,8 @@ class Increment:
 
     @cached_property
     def layered(self) -> Array:
-        """(k,) the estimates that act as a layer: zero where a regressor's share is folded into a table."""
+        """(k,) the estimates that act as a layer: zero where a regressor's share is folded into a
+        table."""
         return np.where([bool(table) for table in self.folded], 0.0, self.estimates)
 
     @cached_property
@@ -156,11 +176,13 @@ class Increment:
         return self.regressors[regressor].names.union(BASE_VARIABLES) & self.envelope.keys()
 
     def evaluate(self, channels: Mapping[str, Value]) -> IncrementValue:
-        """The increment, folded or not, at `channels` (each (n,) or a number), by the envelope rule.
+        """The increment, folded or not, at `channels` (each (n,) or a number), by the envelope
+        rule.
 
-        Beyond the envelope a regressor's variables are held at its edge; its weight is the product over `fading`. What
-        the weight takes away was a correction of the baseline, so its size is added (in squares) to the standard error:
-        fully faded, the error is the baseline's as far as the flights tell.
+        Beyond the envelope a regressor's variables are held at its edge; its weight is the product
+        over `fading`. What the weight takes away was a correction of the baseline, so its size is
+        added (in squares) to the standard error: fully faded, the error is the baseline's as far as
+        the flights tell.
         """
         absent = sorted(self.names - set(channels))
         if absent:
@@ -172,25 +194,29 @@ class Increment:
         return self.combined(columns * weights, columns, inside)
 
     def weight(self, channels: Mapping[str, Value]) -> Array:
-        """(n,) what the envelope leaves of the flights' evidence: 1 inside and one cell beyond, 0 where it has faded."""
+        """(n,) what the envelope leaves of the flights' evidence: 1 inside and one cell beyond, 0
+        where it has faded."""
         left = np.ones(max((np.size(channels[name]) for name in self.names), default=1))
         for name, interval in self.envelope.items():
             left *= interval.weight(channels[name])
         return left
 
     def combined(self, acting: Array, held: Array, inside: NDArray[np.bool_]) -> IncrementValue:
-        """Value and error of regressors as they act (n, k) and as they would without fading (n, k)."""
+        """Value and error of regressors as they act (n, k) and as they would without fading (n,
+        k)."""
         faded = (held - acting) @ self.estimates
         variance = np.einsum("nk,kl,nl->n", acting, self.covariance, acting) + faded**2
         return IncrementValue(acting @ self.estimates, np.sqrt(np.maximum(variance, 0.0)), inside)
 
     def value(self, channels: Mapping[str, Value]) -> Array:
-        """(n,) what acts as a layer: `evaluate` without standard error and without folded regressors."""
+        """(n,) what acts as a layer: `evaluate` without standard error and without folded
+        regressors."""
         columns, weights = self.columns(channels)
         return np.asarray((columns * weights) @ self.layered, dtype=np.float64)
 
     def columns(self, channels: Mapping[str, Value]) -> tuple[Array, Array]:
-        """(n, k) regressors with variables held at the envelope's edge, and (n, k) their weights."""
+        """(n, k) regressors with variables held at the envelope's edge, and (n, k) their
+        weights."""
         n = max((np.size(channels[name]) for name in self.names), default=1)
         held: dict[str, Any] = {name: channels[name] for name in self._program.inputs}
         weight: dict[str, Array] = {}

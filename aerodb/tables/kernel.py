@@ -1,4 +1,5 @@
-"""The compiled loop of table look-up. Kept apart so that nothing loads the compiler before a table is evaluated."""
+"""The compiled loop of table look-up. Kept apart so that nothing loads the compiler before a table
+is evaluated."""
 
 import numba
 import numpy as np
@@ -9,7 +10,8 @@ from aerodb.support import Array, Integers
 
 @numba.njit(cache=True, nogil=True)
 def _weight(breaks: Array, first: int, last: int, mode: int, x: float) -> tuple[int, float]:
-    """Lower node of the cell of x in ``breaks[first:last + 1]`` and the weight of its upper node; mode as `Table.modes`."""
+    """Lower node of the cell of x in ``breaks[first:last + 1]`` and the weight of its upper node;
+    mode as `Table.modes`."""
     if first == last:
         return 0, x if np.isnan(x) else 0.0
     if x <= breaks[first]:
@@ -20,7 +22,10 @@ def _weight(breaks: Array, first: int, last: int, mode: int, x: float) -> tuple[
         weight = (x - breaks[below]) / (breaks[last] - breaks[below]) if mode & 8 else 1.0
     else:
         below, length = first, last - first
-        while length > 1:  # halving without a branch on the data, which a processor would mispredict half of the time
+        while (
+            length > 1
+            # halving without a branch on the data, which a processor would mispredict half of the time
+        ):
             half = length // 2
             below += half if breaks[below + half] <= x else 0
             length -= half
@@ -45,9 +50,9 @@ def interpolate(
 ) -> int:
     """Multilinear interpolation; returns how many points lie outside the breakpoints.
 
-    breaks : all breakpoints one after another, those of dimension k in ``starts[k]:starts[k + 1]``. strides : step of
-    `values` (flat) along each dimension. modes : (N,), see `Table.modes`. points : (N, n). out, outside : (n,), written.
-    NaN gives NaN and is outside.
+    breaks : all breakpoints one after another, those of dimension k in ``starts[k]:starts[k + 1]``.
+    strides : step of `values` (flat) along each dimension. modes : (N,), see `Table.modes`. points
+    : (N, n). out, outside : (n,), written. NaN gives NaN and is outside.
     """
     dimensions, n = points.shape
     step, weight = np.empty(dimensions, np.int64), np.empty(dimensions, np.float64)
@@ -87,8 +92,9 @@ def interpolate_together(
     out: Array,
     outside: NDArray[np.bool_],
 ) -> int:
-    """`interpolate` of several tables with the same axes: values (nodes, tables), so that what is looked up at one node lies
-    side by side in memory; out (tables, n). Its loops are written out again, as one function for both is slower for one table.
+    """`interpolate` of several tables with the same axes: values (nodes, tables), so that what is
+    looked up at one node lies side by side in memory; out (tables, n). Its loops are written out
+    again, as one function for both is slower for one table.
     """
     dimensions, n = points.shape
     tables = values.shape[1]

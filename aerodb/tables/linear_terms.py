@@ -1,4 +1,5 @@
-"""Where tables enter a coefficient linearly: a term read as a sum of products with one table each."""
+"""Where tables enter a coefficient linearly: a term read as a sum of products with one table
+each."""
 
 from collections import Counter
 from collections.abc import Iterable, Iterator
@@ -14,10 +15,11 @@ from aerodb.tables.uncertainty import Uncertainty
 
 @dataclass(frozen=True)
 class Site:
-    """A coefficient on `axis` contains ``constant * factors * table(channels)``, and nothing else uses the table.
+    """A coefficient on `axis` contains ``constant * factors * table(channels)``, and nothing else
+    uses the table.
 
-    channels : the channel behind every argument, None where the argument is another formula. own : those over which the source's
-    table goes; the others are axes along which folded shares fade.
+    channels : the channel behind every argument, None where the argument is another formula. own :
+    those over which the source's table goes; the others are axes along which folded shares fade.
     """
 
     axis: str
@@ -29,10 +31,15 @@ class Site:
 
 
 def sites(database: AeroDatabase) -> list[Site]:
-    """Tables that enter exactly one coefficient, once and linearly, and into which values can be folded."""
+    """Tables that enter exactly one coefficient, once and linearly, and into which values can be
+    folded."""
     reached = table_uses([term.expression for term in database.terms], database)
     written = Counter(call.table for call in calls(database))
-    once = {name for name in database.tables if reached[name] == written[name] == 1 and _foldable(database, name)}
+    once = {
+        name
+        for name in database.tables
+        if reached[name] == written[name] == 1 and _foldable(database, name)
+    }
     found = []
     for term in database.terms:
         for constant, factors, call in _products(term.expression, database, once, 1.0, ()):
@@ -40,7 +47,11 @@ def sites(database: AeroDatabase) -> list[Site]:
             named = [channel.name for channel in channels if channel]
             if call.table in once and constant != 0.0 and len(set(named)) == len(named):
                 extent = database.tables[call.table].extent or ((0.0, 0.0),) * len(channels)
-                own = frozenset(c.name for c, bounds in zip(channels, extent, strict=True) if c and bounds is not None)
+                own = frozenset(
+                    c.name
+                    for c, bounds in zip(channels, extent, strict=True)
+                    if c and bounds is not None
+                )
                 renamed = tuple(_renamed(factor, database) for factor in factors)
                 found.append(Site(term.axis, call.table, channels, own, constant, renamed))
     return found
@@ -69,8 +80,9 @@ def factors_of(expression: Expression) -> tuple[float, list[Expression]]:
 
 
 def _foldable(database: AeroDatabase, name: str) -> bool:
-    """Whether the table is linear between breakpoints, held outside them, and its declared uncertainty, if any, is added to
-    the value: one in proportion to it would change its meaning with a share folded in."""
+    """Whether the table is linear between breakpoints, held outside them, and its declared
+    uncertainty, if any, is added to the value: one in proportion to it would change its meaning
+    with a share folded in."""
     table = database.tables[name]
     return not table.interpolation and not table.extrapolation and _added(table.uncertainty)
 
@@ -104,7 +116,8 @@ def table_uses(expressions: Iterable[Expression], database: AeroDatabase) -> Cou
 
 
 def depends_on(expression: Expression, database: AeroDatabase) -> frozenset[str]:
-    """Names of all tables and variables of the database that `expression` uses, through variables too."""
+    """Names of all tables and variables of the database that `expression` uses, through variables
+    too."""
     found: set[str] = set()
     pending = [expression]
     while pending:
@@ -117,11 +130,17 @@ def depends_on(expression: Expression, database: AeroDatabase) -> frozenset[str]
 
 
 def _products(
-    node: Expression, database: AeroDatabase, wanted: set[str], constant: float, factors: tuple[Expression, ...]
+    node: Expression,
+    database: AeroDatabase,
+    wanted: set[str],
+    constant: float,
+    factors: tuple[Expression, ...],
 ) -> Iterator[tuple[float, tuple[Expression, ...], TableCall]]:
-    """The calls of `wanted` tables on which `node` depends linearly, each with the number and the factors in front of it.
+    """The calls of `wanted` tables on which `node` depends linearly, each with the number and the
+    factors in front of it.
 
-    Only variables that lead to such a table are followed, and each of them only once: there is one way to every call.
+    Only variables that lead to such a table are followed, and each of them only once: there is one
+    way to every call.
     """
     if isinstance(node, TableCall):
         yield constant, factors, node
@@ -133,29 +152,42 @@ def _products(
         yield from _products(node.operand, database, wanted, -constant, factors)
     elif isinstance(node, Operation) and node.operator in "+-":
         yield from _products(node.left, database, wanted, constant, factors)
-        yield from _products(node.right, database, wanted, constant if node.operator == "+" else -constant, factors)
+        yield from _products(
+            node.right, database, wanted, constant if node.operator == "+" else -constant, factors
+        )
     elif isinstance(node, Operation) and node.operator in "*/":
         for part, other in ((node.left, node.right), (node.right, node.left)):
             if part is node.right and node.operator == "/":
                 continue
             value = _fixed(other, database)
             if value is None:
-                more = factors_of(other if node.operator == "*" else Operation("/", Number(1.0), other))
-                yield from _products(part, database, wanted, constant * more[0], (*factors, *more[1]))
+                more = factors_of(
+                    other if node.operator == "*" else Operation("/", Number(1.0), other)
+                )
+                yield from _products(
+                    part, database, wanted, constant * more[0], (*factors, *more[1])
+                )
             elif value != 0.0:
                 yield from _products(
-                    part, database, wanted, constant * value if node.operator == "*" else constant / value, factors
+                    part,
+                    database,
+                    wanted,
+                    constant * value if node.operator == "*" else constant / value,
+                    factors,
                 )
 
 
 def _fixed(expression: Expression, database: AeroDatabase) -> float | None:
     """The value of an expression of numbers and reference lengths only.
 
-    A variable that happens to be constant is none: it may be an uncertainty factor, which scales the table and not the share.
+    A variable that happens to be constant is none: it may be an uncertainty factor, which scales
+    the table and not the share.
     """
     if expression.tables or not expression.names <= CONSTANTS.keys():
         return None
-    values = {name: float(getattr(database.reference, attribute)) for name, attribute in CONSTANTS.items()}
+    values = {
+        name: float(getattr(database.reference, attribute)) for name, attribute in CONSTANTS.items()
+    }
     return float(evaluate(expression, values))
 
 

@@ -1,8 +1,10 @@
-"""Where an expression is linear in each of its variables: the breakpoints between which a table can carry it exactly.
+"""Where an expression is linear in each of its variables: the breakpoints between which a table can
+carry it exactly.
 
-A sum or product of functions of one variable each, every one of them continuous and piecewise linear (``alpha``,
-``max(alpha - 0.175, 0)*beta``, ``abs(beta)``), is multilinear between its breakpoints. Anything else is refused with the
-reason, so that who keeps it outside a table can say why.
+A sum or product of functions of one variable each, every one of them continuous and piecewise
+linear (``alpha``, ``max(alpha - 0.175, 0)*beta``, ``abs(beta)``), is multilinear between its
+breakpoints. Anything else is refused with the reason, so that who keeps it outside a table can say
+why.
 """
 
 from collections.abc import Mapping
@@ -21,8 +23,11 @@ class NotMultilinearError(ValueError):
     """An expression that no table can carry exactly; the message says why."""
 
 
-def breaks(expression: Expression, ranges: Mapping[str, tuple[float, float]]) -> dict[str, set[float]]:
-    """Per variable of `expression`, the breakpoints inside its range (low, high) between which it is multilinear.
+def breaks(
+    expression: Expression, ranges: Mapping[str, tuple[float, float]]
+) -> dict[str, set[float]]:
+    """Per variable of `expression`, the breakpoints inside its range (low, high) between which it
+    is multilinear.
 
     >>> from aerodb.tables.expression import parse
     >>> breaks(parse("max(alpha - 0.25, 0)*abs(beta)"), {"alpha": (0.0, 1.0), "beta": (-1.0, 1.0)})
@@ -43,24 +48,34 @@ def breaks(expression: Expression, ranges: Mapping[str, tuple[float, float]]) ->
     raise NotMultilinearError(f"'{expression}' is not piecewise linear")
 
 
-def _operation(expression: Operation, ranges: Mapping[str, tuple[float, float]]) -> dict[str, set[float]]:
+def _operation(
+    expression: Operation, ranges: Mapping[str, tuple[float, float]]
+) -> dict[str, set[float]]:
     left, right = breaks(expression.left, ranges), breaks(expression.right, ranges)
     if expression.operator == "*" and left.keys() & right.keys():
-        raise NotMultilinearError(f"'{expression}' is not linear in {', '.join(sorted(left.keys() & right.keys()))}")
+        raise NotMultilinearError(
+            f"'{expression}' is not linear in {', '.join(sorted(left.keys() & right.keys()))}"
+        )
     if expression.operator == "^" or (expression.operator == "/" and right):
         raise NotMultilinearError(f"'{expression}' is not piecewise linear")
-    return {name: left.get(name, set()) | right.get(name, set()) for name in sorted(left.keys() | right.keys())}
+    return {
+        name: left.get(name, set()) | right.get(name, set())
+        for name in sorted(left.keys() | right.keys())
+    }
 
 
 def _call(expression: Call, ranges: Mapping[str, tuple[float, float]]) -> dict[str, set[float]]:
-    """Of abs, min, max and clip of functions of one variable: their own breakpoints, and where their pieces meet."""
+    """Of abs, min, max and clip of functions of one variable: their own breakpoints, and where
+    their pieces meet."""
     pieces = expression.arguments
     if expression.function == "abs":
         pieces = (*pieces, number(0.0))
     elif expression.function not in ("min", "max", "clip"):
         raise NotMultilinearError(f"'{expression}' is not piecewise linear")
     if len(expression.names) > 1:
-        raise NotMultilinearError(f"'{expression}' bends along a line that follows no single variable")
+        raise NotMultilinearError(
+            f"'{expression}' bends along a line that follows no single variable"
+        )
     found: set[float] = set()
     for piece in pieces:
         found = found.union(*breaks(piece, ranges).values())
@@ -84,7 +99,8 @@ def _crossings(difference: Expression, name: str, grid: Array) -> set[float]:
 
 
 def merged(points: Array, others: set[float]) -> Array:
-    """`points` (increasing) and `others` as one increasing axis; what rounding alone separates is one breakpoint."""
+    """`points` (increasing) and `others` as one increasing axis; what rounding alone separates is
+    one breakpoint."""
     axis = np.array(sorted({float(x) for x in points} | others))
     if axis.size < 2:
         return axis

@@ -1,7 +1,8 @@
 """Where table nodes lie in terms of channels, and a neutral point to look at a database from.
 
-A table's breakpoints are in the unit of its argument, an expression; a node can be asked for lineage or compared between
-versions only where that expression is one channel, scaled and shifted (``alpha``, ``57.3*alpha``).
+A table's breakpoints are in the unit of its argument, an expression; a node can be asked for
+lineage or compared between versions only where that expression is one channel, scaled and shifted
+(``alpha``, ``57.3*alpha``).
 """
 
 from collections.abc import Iterable, Mapping
@@ -16,13 +17,15 @@ from aerodb.tables.database import AeroDatabase
 from aerodb.tables.expression import Expression, Name, TableCall
 from aerodb.tables.increment import Increment
 
-#: An argument counts as a scaled channel when the inverse reproduces every breakpoint to this share of their range.
+#: An argument counts as a scaled channel when the inverse reproduces every breakpoint to this share
+#: of their range.
 _EXACT = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class TableGrid:
-    """A table's nodes as points over channels: per argument the channel, and its values (m,) at the breakpoints."""
+    """A table's nodes as points over channels: per argument the channel, and its values (m,) at the
+    breakpoints."""
 
     table: str
     channels: tuple[str, ...]
@@ -38,15 +41,24 @@ class TableGrid:
         return {name: grid.ravel() for name, grid in zip(self.channels, mesh, strict=True)}
 
     def node(self, index: tuple[int, ...]) -> dict[str, float]:
-        """Channel -> value at a node. Raises InputError for an index that the table does not have."""
-        if len(index) != len(self.shape) or any(not 0 <= k < n for k, n in zip(index, self.shape, strict=True)):
+        """Channel -> value at a node. Raises InputError for an index that the table does not
+        have."""
+        if len(index) != len(self.shape) or any(
+            not 0 <= k < n for k, n in zip(index, self.shape, strict=True)
+        ):
             shape = ", ".join(f"0..{n - 1}" for n in self.shape)
-            raise InputError(f"no node {list(index)}", f"table {self.table}", f"indices go from 0: [{shape}]")
-        return {name: float(axis[k]) for name, axis, k in zip(self.channels, self.values, index, strict=True)}
+            raise InputError(
+                f"no node {list(index)}", f"table {self.table}", f"indices go from 0: [{shape}]"
+            )
+        return {
+            name: float(axis[k])
+            for name, axis, k in zip(self.channels, self.values, index, strict=True)
+        }
 
 
 def table_grids(database: AeroDatabase) -> dict[str, TableGrid]:
-    """Table name -> its nodes over channels, for tables whose every argument is a channel of its own, scaled and shifted."""
+    """Table name -> its nodes over channels, for tables whose every argument is a channel of its
+    own, scaled and shifted."""
     grids: dict[str, TableGrid] = {}
     for call in calls(database):
         if call.table not in grids:
@@ -73,7 +85,8 @@ def table_axes(database: AeroDatabase) -> dict[str, frozenset[str]]:
 
 
 def neutral_point(database: AeroDatabase, increments: Iterable[Increment] = ()) -> dict[str, float]:
-    """Inputs of `database` at zero (V at 1 m/s), moved as little as it takes to lie inside the envelopes of `increments`.
+    """Inputs of `database` at zero (V at 1 m/s), moved as little as it takes to lie inside the
+    envelopes of `increments`.
 
     States are left out: they settle at whatever is asked.
     """
@@ -97,7 +110,10 @@ def _grid(call: TableCall, database: AeroDatabase) -> TableGrid | None:
     if table is None:  # on scattered points, which are no grid
         return None
     breakpoints = table.breakpoints
-    found = [_inverse(argument, axis, database) for argument, axis in zip(call.arguments, breakpoints, strict=True)]
+    found = [
+        _inverse(argument, axis, database)
+        for argument, axis in zip(call.arguments, breakpoints, strict=True)
+    ]
     known = [entry for entry in found if entry is not None]
     channels = tuple(name for name, _ in known)
     if len(known) < len(found) or len(set(channels)) < len(channels):
@@ -105,14 +121,19 @@ def _grid(call: TableCall, database: AeroDatabase) -> TableGrid | None:
     return TableGrid(call.table, channels, tuple(values for _, values in known))
 
 
-def _inverse(argument: Expression, breakpoints: Array, database: AeroDatabase) -> tuple[str, Array] | None:
-    """The one channel that an argument depends on and its values at the breakpoints; None where there is no such thing."""
+def _inverse(
+    argument: Expression, breakpoints: Array, database: AeroDatabase
+) -> tuple[str, Array] | None:
+    """The one channel that an argument depends on and its values at the breakpoints; None where
+    there is no such thing."""
     definitions = {name: variable.expression for name, variable in database.variables.items()}
     program = database.compiled([argument], definitions, {**database.tables, **database.scattered})
     if len(program.inputs) != 1:
         return None
     (name,) = program.inputs
-    low, high = (float(np.asarray(program.run({name: np.array([x])}).values[0])[0]) for x in (0.0, 1.0))
+    low, high = (
+        float(np.asarray(program.run({name: np.array([x])}).values[0])[0]) for x in (0.0, 1.0)
+    )
     if not np.isfinite(low + high) or high == low:
         return None
     values = (breakpoints - low) / (high - low)

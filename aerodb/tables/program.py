@@ -1,8 +1,10 @@
-"""Expressions compiled into one straight line of steps: each distinct sub-expression is computed once per call.
+"""Expressions compiled into one straight line of steps: each distinct sub-expression is computed
+once per call.
 
-A database has some hundred small operations that a simulation asks for thousands of times on a few points; what
-costs is the overhead per operation, so that names, constants and order are settled here, once. Tables with the same
-breakpoints that are looked up at the same arguments are looked up together.
+A database has some hundred small operations that a simulation asks for thousands of times on a few
+points; what costs is the overhead per operation, so that names, constants and order are settled
+here, once. Tables with the same breakpoints that are looked up at the same arguments are looked up
+together.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -14,7 +16,16 @@ from numpy.typing import NDArray
 
 from aerodb.errors import InputError
 from aerodb.support import Array
-from aerodb.tables.expression import Call, Expression, Name, Negation, Number, Operation, TableCall, unknown_table
+from aerodb.tables.expression import (
+    Call,
+    Expression,
+    Name,
+    Negation,
+    Number,
+    Operation,
+    TableCall,
+    unknown_table,
+)
 from aerodb.tables.functions import FUNCTIONS, OPERATORS, Value
 from aerodb.tables.scattered import ScatteredTable
 from aerodb.tables.table import Table, TableGroup
@@ -24,7 +35,8 @@ AnyTable = Table | ScatteredTable
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """What one run gives: a value per output (a number where nothing varies), and points outside tables by table name."""
+    """What one run gives: a value per output (a number where nothing varies), and points outside
+    tables by table name."""
 
     values: list[Any]
     outside: dict[str, NDArray[np.bool_]]
@@ -37,12 +49,17 @@ class _Step(NamedTuple):
     function: Callable[..., Any]
     arguments: tuple[int, ...]
     tables: tuple[str, ...] = ()
-    spent: tuple[int, ...] = ()  # slots that nothing needs afterwards: their memory is used again while it is in the cache
+    spent: tuple[
+        int,
+        ...,
+        # slots that nothing needs afterwards: their memory is used again while it is in the cache
+    ] = ()
 
 
 @dataclass(frozen=True, eq=False)
 class Program:
-    """Steps in order of evaluation. `inputs` are the names that `run` needs; `outputs` the slots of the results."""
+    """Steps in order of evaluation. `inputs` are the names that `run` needs; `outputs` the slots of
+    the results."""
 
     inputs: dict[str, int]
     outputs: tuple[int, ...]
@@ -50,7 +67,8 @@ class Program:
     _steps: tuple[_Step, ...]
 
     def run(self, values: Mapping[str, Value]) -> Run:
-        """Evaluates at `values`: each (n,) or a number. Division by zero and the like give inf or NaN, no error."""
+        """Evaluates at `values`: each (n,) or a number. Division by zero and the like give inf or
+        NaN, no error."""
         slots: list[Any] = list(self._slots)
         outside: dict[str, NDArray[np.bool_]] = {}
         for name, slot in self.inputs.items():
@@ -65,7 +83,9 @@ class Program:
                     continue
                 if result.beyond:
                     for table in tables:
-                        outside[table] = outside[table] | result.outside if table in outside else result.outside
+                        outside[table] = (
+                            outside[table] | result.outside if table in outside else result.outside
+                        )
                 if len(tables) == 1:
                     slots[written[0]] = result.values
                 else:
@@ -121,7 +141,10 @@ class _Builder:
             raise unknown_table(node.table, self.tables)
         table = self.tables[node.table]
         if len(arguments) != len(table.arguments):
-            what = f"table '{node.table}' called with {len(arguments)} arguments, it has {len(table.arguments)}"
+            what = (
+                f"table '{node.table}' called with {len(arguments)} arguments, it has"
+                f" {len(table.arguments)}"
+            )
             raise InputError(what, remedy=f"its arguments: {', '.join(table.arguments)}")
 
         def make() -> int:
@@ -136,7 +159,9 @@ class _Builder:
             return self.names[name]
         if name in self.resolving:
             cycle = " -> ".join([*self.resolving[self.resolving.index(name) :], name])
-            raise InputError(f"variables are defined by each other: {cycle}", remedy="break the cycle")
+            raise InputError(
+                f"variables are defined by each other: {cycle}", remedy="break the cycle"
+            )
         if name in self.variables:
             self.resolving.append(name)
             self.names[name] = self.add(self.variables[name])
@@ -149,13 +174,18 @@ class _Builder:
 
 
 def _together(steps: list[_Step], tables: Mapping[str, AnyTable]) -> tuple[_Step, ...]:
-    """The same steps with look-ups that share breakpoints and arguments made one, where the first of them stands."""
+    """The same steps with look-ups that share breakpoints and arguments made one, where the first
+    of them stands."""
     groups: dict[Any, list[_Step]] = {}
     keys: dict[int, Any] = {}
     for k, step in enumerate(steps):
         table = tables[step.tables[0]] if step.tables else None
         if isinstance(table, Table) and not table.extent:
-            keys[k] = (step.arguments, tuple(axis.tobytes() for axis in table.breakpoints), table.modes.tobytes())
+            keys[k] = (
+                step.arguments,
+                tuple(axis.tobytes() for axis in table.breakpoints),
+                table.modes.tobytes(),
+            )
             groups.setdefault(keys[k], []).append(step)
     done = []
     for k, step in enumerate(steps):
@@ -163,7 +193,14 @@ def _together(steps: list[_Step], tables: Mapping[str, AnyTable]) -> tuple[_Step
         if len(members) > 1:
             group = TableGroup(tuple(tables[member.tables[0]] for member in members))  # type: ignore[misc]
             slots = tuple(member.slots[0] for member in members)
-            done.append(_Step(slots, group.lookup, step.arguments, tuple(member.tables[0] for member in members)))
+            done.append(
+                _Step(
+                    slots,
+                    group.lookup,
+                    step.arguments,
+                    tuple(member.tables[0] for member in members),
+                )
+            )
         else:
             done += members
     return tuple(done)
@@ -196,20 +233,29 @@ def compile_program(
 ) -> Program:
     """One program whose outputs are the values of `expressions`, in their order.
 
-    A name is looked for in `variables` (expressions in turn), then in `constants`; what is left is an input. Raises
-    InputError for an unknown table, a wrong number of arguments, and variables that are defined by each other.
+    A name is looked for in `variables` (expressions in turn), then in `constants`; what is left is
+    an input. Raises InputError for an unknown table, a wrong number of arguments, and variables
+    that are defined by each other.
     """
     builder = _Builder(tables, variables or {}, constants or {})
     try:
         outputs = tuple([builder.add(expression) for expression in expressions])
     except RecursionError:
-        raise InputError("variables build on each other through too many levels", remedy="define them more directly") from None
+        raise InputError(
+            "variables build on each other through too many levels",
+            remedy="define them more directly",
+        ) from None
     steps = _spending(_together(builder.steps, tables), outputs)
     return Program(builder.inputs, outputs, tuple(builder.slots), steps)
 
 
-def evaluate(expression: Expression, values: Mapping[str, Value], tables: Mapping[str, AnyTable] | None = None) -> Array:
-    """The value of one expression, vectorised over `values` (each (n,) or a number): (n,), or () when nothing varies.
+def evaluate(
+    expression: Expression,
+    values: Mapping[str, Value],
+    tables: Mapping[str, AnyTable] | None = None,
+) -> Array:
+    """The value of one expression, vectorised over `values` (each (n,) or a number): (n,), or ()
+    when nothing varies.
 
     Raises InputError for a name without a value and for an unknown table.
     """

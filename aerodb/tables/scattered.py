@@ -1,8 +1,9 @@
-"""A table on scattered points: linear inside the simplices of their Delaunay triangulation, held outside their hull.
+"""A table on scattered points: linear inside the simplices of their Delaunay triangulation, held
+outside their hull.
 
-The standard for such tables (DAVE-ML's ungridded ones) asks for a triangulation and leaves open what happens outside. Here
-a point outside takes the value where the line to it from the mean of all points leaves the hull: continuous, and with one
-argument the same as holding the end value.
+The standard for such tables (DAVE-ML's ungridded ones) asks for a triangulation and leaves open
+what happens outside. Here a point outside takes the value where the line to it from the mean of all
+points leaves the hull: continuous, and with one argument the same as holding the end value.
 """
 
 from dataclasses import dataclass
@@ -18,16 +19,19 @@ from aerodb.tables.expression import check_identifier
 from aerodb.tables.table import Lookup, stacked_arguments
 from aerodb.tables.uncertainty import Uncertainty, check_bounds
 
-MAX_DIMENSIONS = 6  # simplices grow as m^(N/2): beyond, a triangulation of measured points is not practical
+MAX_DIMENSIONS = (
+    6  # simplices grow as m^(N/2): beyond, a triangulation of measured points is not practical
+)
 _INSIDE = 1e-12  # relative to the extent of the points: rounding, not extrapolation
 
 
 @dataclass(frozen=True, eq=False)
 class ScatteredTable:
-    """Values (m,) at points (m, N), 2 <= N <= 6, in the units of the arguments; arguments are scaled by their extent before
-    they are triangulated.
+    """Values (m,) at points (m, N), 2 <= N <= 6, in the units of the arguments; arguments are
+    scaled by their extent before they are triangulated.
 
-    Raises InputError for points that span no volume, repeated points and numbers that are not finite.
+    Raises InputError for points that span no volume, repeated points and numbers that are not
+    finite.
     """
 
     name: str
@@ -41,10 +45,21 @@ class ScatteredTable:
         where = f"table {self.name}"
         points = np.array(self.points, dtype=np.float64, order="C") + 0.0
         values = np.array(self.values, dtype=np.float64) + 0.0
-        if points.ndim != 2 or points.shape[1] != len(self.arguments) or values.shape != points.shape[:1]:
-            raise InputError(f"points {points.shape}, values {values.shape} for {len(self.arguments)} arguments", where)
+        if (
+            points.ndim != 2
+            or points.shape[1] != len(self.arguments)
+            or values.shape != points.shape[:1]
+        ):
+            raise InputError(
+                f"points {points.shape}, values {values.shape} for {len(self.arguments)} arguments",
+                where,
+            )
         if not 2 <= points.shape[1] <= MAX_DIMENSIONS:
-            raise InputError(f"scattered points over {points.shape[1]} arguments", where, f"2 to {MAX_DIMENSIONS}")
+            raise InputError(
+                f"scattered points over {points.shape[1]} arguments",
+                where,
+                f"2 to {MAX_DIMENSIONS}",
+            )
         if not (np.all(np.isfinite(points)) and np.all(np.isfinite(values))):
             raise InputError("numbers that are not finite", where)
         if len(np.unique(points, axis=0)) != len(points):
@@ -63,18 +78,24 @@ class ScatteredTable:
 
     @cached_property
     def _triangulation(self) -> Any:
-        from scipy.spatial import Delaunay, QhullError  # loads slowly: only who has such a table waits
+        from scipy.spatial import (
+            Delaunay,
+            QhullError,
+        )  # loads slowly: only who has such a table waits
 
         try:
             return Delaunay(self.points / self._extent)
         except (QhullError, ValueError):
             raise InputError(
-                "points that span no volume", f"table {self.name}", "give more points, or drop an argument"
+                "points that span no volume",
+                f"table {self.name}",
+                "give more points, or drop an argument",
             ) from None
 
     @cached_property
     def _hull(self) -> tuple[Array, Array]:
-        """Outward normals (f, N) and offsets (f,) of the hull's facets: inside where ``normals @ x + offsets <= 0``."""
+        """Outward normals (f, N) and offsets (f,) of the hull's facets: inside where ``normals @ x
+        + offsets <= 0``."""
         from scipy.spatial import ConvexHull
 
         equations = ConvexHull(self.points / self._extent).equations
@@ -88,13 +109,19 @@ class ScatteredTable:
         x[unknown] = centre
         normals, offsets = self._hull
         beyond = np.empty(len(x), dtype=np.bool_)
-        for part in np.array_split(np.arange(len(x)), 1 + len(x) // 65_536):  # bounds the memory of points times facets
+        for part in np.array_split(
+            np.arange(len(x)), 1 + len(x) // 65_536
+        ):  # bounds the memory of points times facets
             toward = (x[part] - centre) @ normals.T
             with np.errstate(all="ignore"):
                 leaves = np.where(toward > 0, -(normals @ centre + offsets) / toward, np.inf)
-            reach = np.minimum(np.min(leaves, axis=1), 1.0)  # share of the way from the centre that lies in the hull
+            reach = np.minimum(
+                np.min(leaves, axis=1), 1.0
+            )  # share of the way from the centre that lies in the hull
             beyond[part] = reach < 1.0 - _INSIDE
-            x[part] = np.where((reach < 1.0)[:, None], centre + reach[:, None] * (x[part] - centre), x[part])
+            x[part] = np.where(
+                (reach < 1.0)[:, None], centre + reach[:, None] * (x[part] - centre), x[part]
+            )
         values = self._inside(x, centre)
         values[unknown] = np.nan
         outside = beyond | unknown
@@ -114,7 +141,9 @@ class ScatteredTable:
         simplex = triangulation.find_simplex(x)
         lost = np.flatnonzero(simplex < 0)
         if lost.size:  # on the hull's surface, beside it by rounding
-            simplex[lost] = triangulation.find_simplex(centre + (x[lost] - centre) * (1.0 - 1e-10), bruteforce=True)
+            simplex[lost] = triangulation.find_simplex(
+                centre + (x[lost] - centre) * (1.0 - 1e-10), bruteforce=True
+            )
         transform = triangulation.transform[simplex]
         weights = np.einsum("nij,nj->ni", transform[:, :-1], x - transform[:, -1])
         weights = np.column_stack([weights, 1.0 - weights.sum(axis=1)])

@@ -1,7 +1,9 @@
-"""Signs of dC_lift/dalpha and dCm/dalpha over the whole range of the tables, and where an update brings new ones.
+"""Signs of dC_lift/dalpha and dCm/dalpha over the whole range of the tables, and where an update
+brings new ones.
 
-Where flights have been, a sign may change: they measured it. Where they have not, a new sign change is made by the way in
-which an increment fades, and a control law built on it would meet an aircraft that nobody has seen (CONVENTIONS, Envelope).
+Where flights have been, a sign may change: they measured it. Where they have not, a new sign change
+is made by the way in which an increment fades, and a control law built on it would meet an aircraft
+that nobody has seen (CONVENTIONS, Envelope).
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -18,11 +20,15 @@ from aerodb.tables.nodes import neutral_point, table_grids
 from aerodb.tables.reference import body_to_wind
 
 #: Quantity -> the axes whose increments change it.
-QUANTITIES: dict[str, frozenset[str]] = {"C_lift": frozenset(("CX", "CZ", "C_lift", "C_drag")), "Cm": frozenset(("Cm",))}
+QUANTITIES: dict[str, frozenset[str]] = {
+    "C_lift": frozenset(("CX", "CZ", "C_lift", "C_drag")),
+    "Cm": frozenset(("Cm",)),
+}
 
 #: Points along alpha, beside all breakpoints and envelope edges.
 _POINTS = 241
-#: A slope below this share of the baseline's largest is none: rounding, or a table held at its edge.
+#: A slope below this share of the baseline's largest is none: rounding, or a table held at its
+#: edge.
 _FLAT = 1e-6
 #: How many cells beyond the envelope are looked at: an increment has faded after two.
 _CELLS_BEYOND = 3.0
@@ -30,8 +36,8 @@ _CELLS_BEYOND = 3.0
 
 @dataclass(frozen=True)
 class SignChange:
-    """A slope that changes its sign at `alpha` [rad]; `rising`: from negative to positive. `at`: the inputs that are not
-    neutral there, in SI."""
+    """A slope that changes its sign at `alpha` [rad]; `rising`: from negative to positive. `at`:
+    the inputs that are not neutral there, in SI."""
 
     quantity: str
     alpha: float
@@ -40,19 +46,24 @@ class SignChange:
 
 
 def new_increments(baseline: AeroDatabase, candidate: AeroDatabase) -> tuple[Increment, ...]:
-    """Increments that `candidate` has and `baseline` has not; folding one into a table does not make it new."""
+    """Increments that `candidate` has and `baseline` has not; folding one into a table does not
+    make it new."""
     known = [_identity(increment) for increment in baseline.increments]
-    return tuple(increment for increment in candidate.increments if _identity(increment) not in known)
+    return tuple(
+        increment for increment in candidate.increments if _identity(increment) not in known
+    )
 
 
 def new_sign_changes(baseline: AeroDatabase, candidate: AeroDatabase) -> tuple[SignChange, ...]:
-    """Sign changes of dC_lift/dalpha and dCm/dalpha along alpha that `candidate` has outside the data and `baseline` not.
+    """Sign changes of dC_lift/dalpha and dCm/dalpha along alpha that `candidate` has outside the
+    data and `baseline` not.
 
-    Alpha runs over all tables' breakpoints and three cells beyond the envelope; every other input is varied one at a time
-    over its tables' ends and middle, its envelope's edges and the middle of its fade. Outside the data is where any
-    variable lies beyond the envelope of an increment that the candidate adds. A change within one cell of a change of the
-    baseline in the same direction is the same one, shifted; so is one that the flights have seen, where the increment is
-    held or fades in another variable. Empty where nothing depends on alpha.
+    Alpha runs over all tables' breakpoints and three cells beyond the envelope; every other input
+    is varied one at a time over its tables' ends and middle, its envelope's edges and the middle of
+    its fade. Outside the data is where any variable lies beyond the envelope of an increment that
+    the candidate adds. A change within one cell of a change of the baseline in the same direction
+    is the same one, shifted; so is one that the flights have seen, where the increment is held or
+    fades in another variable. Empty where nothing depends on alpha.
     """
     added = new_increments(baseline, candidate)
     if "alpha" not in {*baseline.inputs, *candidate.inputs}:
@@ -61,18 +72,27 @@ def new_sign_changes(baseline: AeroDatabase, candidate: AeroDatabase) -> tuple[S
     found, flown = [], dict[str, list[tuple[float, bool]]]()
     for at in _conditions((baseline, candidate), added):  # the flown condition comes first
         point = {**neutral_point(baseline, added), **neutral_point(candidate, added), **at}
-        channels = {**{name: np.full(alpha.size, value) for name, value in point.items()}, "alpha": alpha}
+        channels = {
+            **{name: np.full(alpha.size, value) for name, value in point.items()},
+            "alpha": alpha,
+        }
         before, after = _quantities(baseline, channels), _quantities(candidate, channels)
         for quantity, axes in QUANTITIES.items():
             inside = _inside([i for i in added if i.axis in axes], channels, candidate)
             flat = _FLAT * _largest_slope(alpha, before[quantity])
             nowhere = np.zeros_like(inside)
-            # Where the baseline is flat (beyond its tables edge values are held) there is no sign to lose, and any fade is
-            # all slope.
+            # Where the baseline is flat (beyond its tables edge values are held) there is no sign
+            # to lose, and any fade is all slope.
             silent = np.abs(np.diff(before[quantity]) / np.diff(alpha)) <= flat
             outside = _changes(alpha, after[quantity], inside, flat, silent)
-            seen = [change for change in _changes(alpha, after[quantity], nowhere, flat) if change not in outside]
-            known = _changes(alpha, before[quantity], nowhere, flat) + flown.setdefault(quantity, seen)
+            seen = [
+                change
+                for change in _changes(alpha, after[quantity], nowhere, flat)
+                if change not in outside
+            ]
+            known = _changes(alpha, before[quantity], nowhere, flat) + flown.setdefault(
+                quantity, seen
+            )
             for where, rising in outside:
                 if not any(up == rising and abs(there - where) <= tolerance for there, up in known):
                     found.append(SignChange(quantity, where, rising, at))
@@ -82,11 +102,19 @@ def new_sign_changes(baseline: AeroDatabase, candidate: AeroDatabase) -> tuple[S
 def _identity(increment: Increment) -> tuple[object, ...]:
     envelope = tuple(sorted(increment.envelope.items()))
     estimates = tuple(increment.estimates.tolist())
-    return increment.axis, increment.regressors, estimates, envelope, increment.covariance.tobytes(), increment.flights
+    return (
+        increment.axis,
+        increment.regressors,
+        estimates,
+        envelope,
+        increment.covariance.tobytes(),
+        increment.flights,
+    )
 
 
 def _alphas(databases: Sequence[AeroDatabase], added: Iterable[Increment]) -> tuple[Array, float]:
-    """Alphas to look at, increasing [rad], and how far apart two sign changes may be that are one."""
+    """Alphas to look at, increasing [rad], and how far apart two sign changes may be that are
+    one."""
     marks, cells = _breakpoints(databases).get("alpha", []), []
     for increment in added:
         if "alpha" in increment.envelope:
@@ -113,16 +141,34 @@ def _breakpoints(databases: Sequence[AeroDatabase]) -> dict[str, list[float]]:
     return found
 
 
-def _conditions(databases: Sequence[AeroDatabase], added: Iterable[Increment]) -> list[dict[str, float]]:
-    """What differs from the neutral point: nothing, then one input at a time at each of its marks."""
-    marks = {name: {min(v), float(np.median(v)), max(v)} for name, v in _breakpoints(databases).items()}
+def _conditions(
+    databases: Sequence[AeroDatabase], added: Iterable[Increment]
+) -> list[dict[str, float]]:
+    """What differs from the neutral point: nothing, then one input at a time at each of its
+    marks."""
+    marks = {
+        name: {min(v), float(np.median(v)), max(v)} for name, v in _breakpoints(databases).items()
+    }
     for increment in added:
         for name, interval in increment.envelope.items():
             beyond = 1.5 * interval.cell
             edges = {interval.low - beyond, interval.low, interval.high, interval.high + beyond}
             marks[name] = marks.get(name, set()) | edges
-    used = set[str]().union(*(database.inputs for database in databases)) | {"p_hat", "q_hat", "r_hat", "alphadot_hat"}
-    return [{}, *({name: x} for name in sorted(marks) if name in used and name != "alpha" for x in sorted(marks[name]))]
+    used = set[str]().union(*(database.inputs for database in databases)) | {
+        "p_hat",
+        "q_hat",
+        "r_hat",
+        "alphadot_hat",
+    }
+    return [
+        {},
+        *(
+            {name: x}
+            for name in sorted(marks)
+            if name in used and name != "alpha"
+            for x in sorted(marks[name])
+        ),
+    ]
 
 
 def _quantities(database: AeroDatabase, channels: Mapping[str, Array]) -> dict[str, Array]:
@@ -133,8 +179,11 @@ def _quantities(database: AeroDatabase, channels: Mapping[str, Array]) -> dict[s
     return {"C_lift": lift, "Cm": values["Cm"]}
 
 
-def _inside(increments: Sequence[Increment], channels: Mapping[str, Array], candidate: AeroDatabase) -> NDArray[np.bool_]:
-    """(n,) where every increment's flights have been, states settled; nowhere without increments."""
+def _inside(
+    increments: Sequence[Increment], channels: Mapping[str, Array], candidate: AeroDatabase
+) -> NDArray[np.bool_]:
+    """(n,) where every increment's flights have been, states settled; nowhere without
+    increments."""
     alpha = channels["alpha"]
     inside = np.full(alpha.size, bool(increments))
     for increment in increments:
@@ -150,12 +199,16 @@ def _largest_slope(alpha: Array, values: Array) -> float:
 
 
 def _changes(
-    alpha: Array, values: Array, inside: NDArray[np.bool_], flat: float, silent: NDArray[np.bool_] | None = None
+    alpha: Array,
+    values: Array,
+    inside: NDArray[np.bool_],
+    flat: float,
+    silent: NDArray[np.bool_] | None = None,
 ) -> list[tuple[float, bool]]:
     """Where the slope changes sign, and whether upwards, between stretches that are not `silent`.
 
-    A change between two stretches of which one is inside is the data's own: at the edge of the envelope the slope goes
-    back to the baseline's.
+    A change between two stretches of which one is inside is the data's own: at the edge of the
+    envelope the slope goes back to the baseline's.
     """
     slopes = np.diff(values) / np.diff(alpha)
     data = inside[:-1] & inside[1:]
@@ -163,6 +216,10 @@ def _changes(
     quiet = np.zeros_like(data) if silent is None else silent
     found = []
     for one, next_one in pairwise(real):
-        if slopes[one] * slopes[next_one] < 0 and not (data[one] or data[next_one] or quiet[one] or quiet[next_one]):
-            found.append((float((alpha[one + 1] + alpha[next_one]) / 2.0), bool(slopes[next_one] > 0)))
+        if slopes[one] * slopes[next_one] < 0 and not (
+            data[one] or data[next_one] or quiet[one] or quiet[next_one]
+        ):
+            found.append(
+                (float((alpha[one + 1] + alpha[next_one]) / 2.0), bool(slopes[next_one] > 0))
+            )
     return found

@@ -1,4 +1,5 @@
-"""The compiled loops of states with memory. Kept apart so that nothing loads the compiler before a flight is predicted."""
+"""The compiled loops of states with memory. Kept apart so that nothing loads the compiler before a
+flight is predicted."""
 
 import numba
 import numpy as np
@@ -8,8 +9,8 @@ from aerodb.support import Array
 
 @numba.njit(cache=True)
 def relaxed(time: Array, target: Array, tau: Array) -> Array:
-    """``tau dx/dt + x = target`` from a settled start, all (n,); exact for a target that is linear, and a tau that is the mean
-    of both ends, between samples."""
+    """``tau dx/dt + x = target`` from a settled start, all (n,); exact for a target that is linear,
+    and a tau that is the mean of both ends, between samples."""
     x = np.empty_like(target)
     x[0] = target[0]
     for k in range(1, len(target)):
@@ -22,7 +23,8 @@ def relaxed(time: Array, target: Array, tau: Array) -> Array:
 
 @numba.njit(cache=True)
 def relay(alpha: Array, low: float, high: float) -> Array:
-    """1 once alpha exceeded `high`, until it falls below `low`; 0 at first. NaN where alpha is, which changes nothing."""
+    """1 once alpha exceeded `high`, until it falls below `low`; 0 at first. NaN where alpha is,
+    which changes nothing."""
     x = np.empty_like(alpha)
     state = 0.0
     for k in range(len(alpha)):

@@ -1,8 +1,9 @@
-"""A table: values on a rectangular grid, linear between breakpoints along each axis and held outside them, unless it says
-otherwise of an axis.
+"""A table: values on a rectangular grid, linear between breakpoints along each axis and held
+outside them, unless it says otherwise of an axis.
 
-Multilinear interpolation is linear in the node values, ``C = A @ values`` with the sparse hat basis A: `basis` is
-the regressor for increments on the table's own breakpoints, and its column sums (`coverage`) say where a flight speaks.
+Multilinear interpolation is linear in the node values, ``C = A @ values`` with the sparse hat basis
+A: `basis` is the regressor for increments on the table's own breakpoints, and its column sums
+(`coverage`) say where a flight speaks.
 """
 
 import itertools
@@ -24,14 +25,16 @@ if TYPE_CHECKING:
 
 MAX_DIMENSIONS = 12
 
-#: Between two breakpoints: linear, the value of the nearer one (midway: of the upper), of the lower, of the upper.
+#: Between two breakpoints: linear, the value of the nearer one (midway: of the upper), of the
+#: lower, of the upper.
 INTERPOLATIONS: Final = ("linear", "discrete", "floor", "ceiling")
 #: On which sides an argument is extrapolated linearly from the last cell instead of held.
 EXTRAPOLATIONS: Final = ("neither", "min", "max", "both")
 
 
 class Lookup(NamedTuple):
-    """Interpolated values (n,), which points lie outside the breakpoints (n,), and whether any does."""
+    """Interpolated values (n,), which points lie outside the breakpoints (n,), and whether any
+    does."""
 
     values: Array
     outside: Mask
@@ -39,7 +42,8 @@ class Lookup(NamedTuple):
 
 
 class _Cell(NamedTuple):
-    """Where points lie along one axis: lower node, upper node, weight of the upper, and its slope in 1/argument."""
+    """Where points lie along one axis: lower node, upper node, weight of the upper, and its slope
+    in 1/argument."""
 
     low: NDArray[np.int64]
     high: NDArray[np.int64]
@@ -51,13 +55,16 @@ class _Cell(NamedTuple):
 class Table:
     """An N-D table, 1 <= N <= 12.
 
-    arguments : labels of the axes. breakpoints : one strictly increasing array per axis, in the unit of that argument.
-    values : as many axes as `breakpoints`, the last varying fastest. An axis of one breakpoint is constant.
-    extent : per axis (low, high) beyond which a point is outside, None for an axis that has no outside; empty where
-    that is the range of the breakpoints. A table into which increments were folded has breakpoints beyond its own data.
-    interpolation, extrapolation : one word per axis from `INTERPOLATIONS` and `EXTRAPOLATIONS`; empty: linear and held, all.
+    arguments : labels of the axes. breakpoints : one strictly increasing array per axis, in the
+    unit of that argument. values : as many axes as `breakpoints`, the last varying fastest. An axis
+    of one breakpoint is constant. extent : per axis (low, high) beyond which a point is outside,
+    None for an axis that has no outside; empty where that is the range of the breakpoints. A table
+    into which increments were folded has breakpoints beyond its own data. interpolation,
+    extrapolation : one word per axis from `INTERPOLATIONS` and `EXTRAPOLATIONS`; empty: linear and
+    held, all.
 
-    Raises InputError for breakpoints that do not increase, shapes that do not fit, and numbers that are not finite.
+    Raises InputError for breakpoints that do not increase, shapes that do not fit, and numbers that
+    are not finite.
     """
 
     name: str
@@ -72,18 +79,25 @@ class Table:
     def __post_init__(self) -> None:
         check_identifier(self.name)
         where = f"table {self.name}"
-        # Adding zero turns -0 into 0, which canonical JSON cannot tell apart: hashes would differ after storing.
+        # Adding zero turns -0 into 0, which canonical JSON cannot tell apart: hashes would differ
+        # after storing.
         axes = tuple(np.array(axis, dtype=np.float64) + 0.0 for axis in self.breakpoints)
         values = np.array(self.values, dtype=np.float64, order="C") + 0.0
         if not 1 <= len(axes) <= MAX_DIMENSIONS or len(axes) != len(self.arguments):
-            raise InputError(f"{len(self.arguments)} arguments for {len(axes)} breakpoint lists", where)
+            raise InputError(
+                f"{len(self.arguments)} arguments for {len(axes)} breakpoint lists", where
+            )
         for label, axis in zip(self.arguments, axes, strict=True):
             if axis.ndim != 1 or axis.size == 0 or not np.all(np.isfinite(axis)):
                 raise InputError(f"breakpoints of {label} are not a list of finite numbers", where)
             falls = np.flatnonzero(np.diff(axis) <= 0)
             if falls.size:
                 pair = f"{axis[falls[0]]:g} is followed by {axis[falls[0] + 1]:g}"
-                raise InputError(f"breakpoints of {label} do not increase: {pair}", where, "sort them, remove repetitions")
+                raise InputError(
+                    f"breakpoints of {label} do not increase: {pair}",
+                    where,
+                    "sort them, remove repetitions",
+                )
         shape = tuple(axis.size for axis in axes)
         if values.shape != shape:
             raise InputError(f"values have shape {values.shape}, the breakpoints {shape}", where)
@@ -96,27 +110,44 @@ class Table:
         object.__setattr__(self, "values", values)
         if self.extent and len(self.extent) != len(axes):
             raise InputError(f"extent of {len(self.extent)} axes, the table has {len(axes)}", where)
-        extent = tuple(None if bounds is None else (float(bounds[0]), float(bounds[1])) for bounds in self.extent)
+        extent = tuple(
+            None if bounds is None else (float(bounds[0]), float(bounds[1]))
+            for bounds in self.extent
+        )
         object.__setattr__(self, "extent", extent)
         check_bounds(self.uncertainty, values.size)
-        for attribute, known in (("interpolation", INTERPOLATIONS), ("extrapolation", EXTRAPOLATIONS)):
-            object.__setattr__(self, attribute, _words(getattr(self, attribute), known, len(axes), where))
+        for attribute, known in (
+            ("interpolation", INTERPOLATIONS),
+            ("extrapolation", EXTRAPOLATIONS),
+        ):
+            object.__setattr__(
+                self, attribute, _words(getattr(self, attribute), known, len(axes), where)
+            )
         for way, beyond in zip(self.interpolation, self.extrapolation, strict=False):
             if way != "linear" and beyond != "neither":
-                raise InputError(f"extrapolation of an axis that is {way}", where, "only a linear axis has a slope")
+                raise InputError(
+                    f"extrapolation of an axis that is {way}",
+                    where,
+                    "only a linear axis has a slope",
+                )
 
     @cached_property
     def axes_packed(self) -> tuple[Array, NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-        """The axes as the compiled loop takes them: breakpoints, their starts, strides in nodes, modes."""
+        """The axes as the compiled loop takes them: breakpoints, their starts, strides in nodes,
+        modes."""
         starts = np.cumsum([0, *self.values.shape], dtype=np.int64)
         strides = np.array(self.values.strides, dtype=np.int64) // self.values.itemsize
         return np.concatenate(self.breakpoints), starts, strides, self.modes
 
     @cached_property
     def modes(self) -> NDArray[np.int64]:
-        """(N,) what the compiled loop needs to know of an axis: its interpolation plus 4 times its extrapolation."""
+        """(N,) what the compiled loop needs to know of an axis: its interpolation plus 4 times its
+        extrapolation."""
         modes = np.zeros(len(self.breakpoints), dtype=np.int64)
-        for words, known, factor in ((self.interpolation, INTERPOLATIONS, 1), (self.extrapolation, EXTRAPOLATIONS, 4)):
+        for words, known, factor in (
+            (self.interpolation, INTERPOLATIONS, 1),
+            (self.extrapolation, EXTRAPOLATIONS, 4),
+        ):
             for k, word in enumerate(words):
                 modes[k] += factor * known.index(word)
         return modes
@@ -151,7 +182,8 @@ class Table:
         return outside
 
     def evaluate(self, *arguments: Array | float) -> Array:
-        """(n,) values at arguments, each (n,) or a number, in the units of the breakpoints; held outside them."""
+        """(n,) values at arguments, each (n,) or a number, in the units of the breakpoints; held
+        outside them."""
         return self.lookup(*arguments).values
 
     def outside(self, *arguments: Array | float) -> Mask:
@@ -159,29 +191,43 @@ class Table:
         return self.lookup(*arguments).outside
 
     def basis(self, *arguments: Array | float) -> "csr_array[Any]":
-        """(n, values.size) hat basis A: ``evaluate(...) == A @ values.ravel()``. Arguments must be finite."""
+        """(n, values.size) hat basis A: ``evaluate(...) == A @ values.ravel()``. Arguments must be
+        finite."""
         return self._combine(self._cells(self.stacked(arguments)), None)
 
     def coverage(self, *arguments: Array | float) -> Array:
-        """Sum of the hat basis over the points, in the shape of `values`: zero where no point touches a node."""
-        return np.asarray(self.basis(*arguments).sum(axis=0), dtype=np.float64).reshape(self.values.shape)
+        """Sum of the hat basis over the points, in the shape of `values`: zero where no point
+        touches a node."""
+        return np.asarray(self.basis(*arguments).sum(axis=0), dtype=np.float64).reshape(
+            self.values.shape
+        )
 
     def slope(self, argument: str, *arguments: Array | float) -> Array:
-        """(n,) exact derivative along the axis labelled `argument`: of the cell to the right of a breakpoint, 0 outside."""
+        """(n,) exact derivative along the axis labelled `argument`: of the cell to the right of a
+        breakpoint, 0 outside."""
         if argument not in self.arguments:
-            raise UnknownNameError(f"no argument '{argument}'", f"table {self.name}", nearest(argument, self.arguments))
+            raise UnknownNameError(
+                f"no argument '{argument}'", f"table {self.name}", nearest(argument, self.arguments)
+            )
         cells = self._cells(self.stacked(arguments))
         derivative = self._combine(cells, self.arguments.index(argument)) @ self.values.ravel()
         return np.asarray(derivative, dtype=np.float64)
 
     def _cells(self, points: Array) -> list[_Cell]:
         if not np.all(np.isfinite(points)):
-            raise InputError("arguments that are not finite", f"table {self.name}", "leave flagged samples out")
-        return [_cell(axis, x, mode) for axis, x, mode in zip(self.breakpoints, points, self.modes.tolist(), strict=True)]
+            raise InputError(
+                "arguments that are not finite", f"table {self.name}", "leave flagged samples out"
+            )
+        return [
+            _cell(axis, x, mode)
+            for axis, x, mode in zip(self.breakpoints, points, self.modes.tolist(), strict=True)
+        ]
 
     def _combine(self, cells: list[_Cell], derivative: int | None) -> "csr_array[Any]":
         """Products of the hats along every axis; along `derivative` their slopes instead."""
-        from scipy.sparse import csr_array  # takes longer to load than a query may: only regression needs it
+        from scipy.sparse import (
+            csr_array,
+        )  # takes longer to load than a query may: only regression needs it
 
         n = cells[0].low.size
         columns, data = [], []
@@ -190,7 +236,9 @@ class Table:
             for k, (upper, cell) in enumerate(zip(corner, cells, strict=True)):
                 index = index * self.values.shape[k] + (cell.high if upper else cell.low)
                 weight = cell.slope if k == derivative else cell.weight
-                product = product * (weight if upper else (0.0 if k == derivative else 1.0) - weight)
+                product = product * (
+                    weight if upper else (0.0 if k == derivative else 1.0) - weight
+                )
             columns.append(index)
             data.append(product)
         rows = np.arange(0, n * len(columns) + 1, len(columns))
@@ -213,11 +261,15 @@ def _cell(axis: Array, x: Array, mode: int) -> _Cell:
     weight = (np.clip(x, first, last) - axis[low]) / width
     if interpolation == "linear":
         return _Cell(low, low + 1, weight, np.where((x >= first) & (x <= last), 1.0 / width, 0.0))
-    upper = {"discrete": weight >= 0.5, "floor": weight >= 1.0, "ceiling": weight > 0.0}[interpolation]
+    upper = {"discrete": weight >= 0.5, "floor": weight >= 1.0, "ceiling": weight > 0.0}[
+        interpolation
+    ]
     return _Cell(low, low + 1, upper.astype(np.float64), np.zeros(x.size))
 
 
-def _words(given: tuple[str, ...], known: tuple[str, ...], axes: int, where: str) -> tuple[str, ...]:
+def _words(
+    given: tuple[str, ...], known: tuple[str, ...], axes: int, where: str
+) -> tuple[str, ...]:
     """One known word per axis; empty when all are the first of `known`, the usual one."""
     words = tuple(given)
     for word in words:
@@ -230,13 +282,16 @@ def _words(given: tuple[str, ...], known: tuple[str, ...], axes: int, where: str
 
 @dataclass(frozen=True, eq=False)
 class TableGroup:
-    """Tables with the same breakpoints and modes, looked up together: each point is located once."""
+    """Tables with the same breakpoints and modes, looked up together: each point is located
+    once."""
 
     tables: tuple[Table, ...]
 
     @cached_property
     def _side_by_side(self) -> Array:
-        return np.ascontiguousarray(np.stack([table.values.ravel() for table in self.tables], axis=1))
+        return np.ascontiguousarray(
+            np.stack([table.values.ravel() for table in self.tables], axis=1)
+        )
 
     def lookup(self, *arguments: Array | float) -> Lookup:
         """As `Table.lookup`, with values (tables, n)."""
@@ -247,14 +302,26 @@ class TableGroup:
         points = first.stacked(arguments)
         n = points.shape[1]
         values, outside = np.empty((len(self.tables), n)), np.empty(n, dtype=np.bool_)
-        return Lookup(values, outside, interpolate(*first.axes_packed, self._side_by_side, points, values, outside) > 0)
+        return Lookup(
+            values,
+            outside,
+            interpolate(*first.axes_packed, self._side_by_side, points, values, outside) > 0,
+        )
 
 
 def stacked_arguments(name: str, wanted: int, arguments: tuple[Any, ...]) -> Array:
-    """Arguments, each (n,) or a number, as (N, n); InputError unless there are as many as `wanted`."""
+    """Arguments, each (n,) or a number, as (N, n); InputError unless there are as many as
+    `wanted`."""
     if len(arguments) != wanted:
         raise InputError(f"{len(arguments)} arguments, the table has {wanted}", f"table {name}")
-    n = max([argument.size for argument in arguments if isinstance(argument, np.ndarray) and argument.ndim], default=1)
+    n = max(
+        [
+            argument.size
+            for argument in arguments
+            if isinstance(argument, np.ndarray) and argument.ndim
+        ],
+        default=1,
+    )
     points = np.empty((wanted, n))
     for k, argument in enumerate(arguments):
         points[k] = argument

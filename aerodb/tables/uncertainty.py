@@ -1,4 +1,5 @@
-"""Uncertainty that a source declares for a variable or a table: carried as data, drawn from by whoever simulates with it.
+"""Uncertainty that a source declares for a variable or a table: carried as data, drawn from by
+whoever simulates with it.
 
 Source: AIAA S-119 (DAVE-ML 2.0), "Statistical information encoding".
 """
@@ -12,7 +13,8 @@ from numpy.typing import NDArray
 from aerodb.errors import InputError, nearest
 from aerodb.tables.expression import check_identifier
 
-#: A bound: a number, the name of a variable that gives it, or one number per node of the table (flat, last axis fastest).
+#: A bound: a number, the name of a variable that gives it, or one number per node of the table
+#: (flat, last axis fastest).
 Bound = float | str | tuple[float, ...]
 
 EFFECTS: Final = ("additive", "multiplicative", "percentage", "absolute")
@@ -23,10 +25,11 @@ DISTRIBUTIONS: Final = ("normal", "uniform")
 class Uncertainty:
     """How far a nominal value may be off.
 
-    effect : how bounds act on the value; with `additive`, value +- bound. distribution : `normal`, with one bound at `sigmas`
-    standard deviations; or `uniform`, with one bound that holds both ways (symmetric), or two: below and above.
-    correlates_with : variables or tables whose uncertainty depends on this one. correlations : (name, coefficient) of what
-    this one depends on; only for `normal`.
+    effect : how bounds act on the value; with `additive`, value +- bound. distribution : `normal`,
+    with one bound at `sigmas` standard deviations; or `uniform`, with one bound that holds both
+    ways (symmetric), or two: below and above. correlates_with : variables or tables whose
+    uncertainty depends on this one. correlations : (name, coefficient) of what this one depends on;
+    only for `normal`.
 
     Raises InputError for anything else.
     """
@@ -47,7 +50,10 @@ class Uncertainty:
         if len(self.bounds) != 1 and not (self.distribution == "uniform" and len(self.bounds) == 2):
             raise InputError(f"{self.distribution} uncertainty with {len(self.bounds)} bounds")
         if self.distribution == "uniform" and (self.correlates_with or self.correlations):
-            raise InputError("a uniform uncertainty with correlations", remedy="the standard has them for normal ones")
+            raise InputError(
+                "a uniform uncertainty with correlations",
+                remedy="the standard has them for normal ones",
+            )
         if not (np.isfinite(self.sigmas) and self.sigmas > 0):
             raise InputError(f"uncertainty bound at {self.sigmas:g} sigma")
         if any(not abs(coefficient) <= 1 for _, coefficient in self.correlations):
@@ -74,4 +80,8 @@ def check_bounds(uncertainty: Uncertainty | None, nodes: int) -> None:
 def bound_arrays(uncertainty: Uncertainty | None) -> list[NDArray[np.float64]]:
     """The numbers of the bounds, for hashes."""
     bounds = uncertainty.bounds if uncertainty else ()
-    return [np.atleast_1d(np.array(bound, dtype=np.float64)) for bound in bounds if not isinstance(bound, str)]
+    return [
+        np.atleast_1d(np.array(bound, dtype=np.float64))
+        for bound in bounds
+        if not isinstance(bound, str)
+    ]

@@ -10,14 +10,16 @@ from aerodb.support import key_of
 class Settings:
     """Settings of tracing.
 
-    bandwidth : Hz, edge of the zero-phase low-pass on both sides: one to two short-period frequencies. order : most
-    coefficients of the autoregression that whitens (BIC chooses). level : of each test, family-wise. kappa : prior sigmas of the
-    sensors that may not explain a finding. prior_dof : degrees of freedom that the within-flight variance counts for.
-    inflation_limit : median VIF beyond which nothing is tested. least_share : a flight with less than this part of the best
-    flight's information about a hypothesis does not vote on it. fewest : votes below which no error rate is promised.
-    most_terms, most_freed : where the search stops. shift_factor : of the SIMEX shift in the systematic bound.
-    noisy_copies : at most, of each flight with the states' own error added once more, from which that shift is taken.
-    folds : parts that are left out in turn to see whether a finding returns.
+    bandwidth : Hz, edge of the zero-phase low-pass on both sides: one to two short-period
+    frequencies. order : most coefficients of the autoregression that whitens (BIC chooses). level :
+    of each test, family-wise. kappa : prior sigmas of the sensors that may not explain a finding.
+    prior_dof : degrees of freedom that the within-flight variance counts for. inflation_limit :
+    median VIF beyond which nothing is tested. least_share : a flight with less than this part of
+    the best flight's information about a hypothesis does not vote on it. fewest : votes below which
+    no error rate is promised. most_terms, most_freed : where the search stops. shift_factor : of
+    the SIMEX shift in the systematic bound. noisy_copies : at most, of each flight with the states'
+    own error added once more, from which that shift is taken. folds : parts that are left out in
+    turn to see whether a finding returns.
 
     Raises InputError for values outside their range.
     """
@@ -55,7 +57,9 @@ class Settings:
         for name, good in allowed.items():
             if not good:
                 raise InputError(
-                    f"{name} = {getattr(self, name)} is out of range", "tracing settings", "see aerodb.tracing.settings"
+                    f"{name} = {getattr(self, name)} is out of range",
+                    "tracing settings",
+                    "see aerodb.tracing.settings",
                 )
 
     @property
@@ -64,11 +68,15 @@ class Settings:
         return key_of(asdict(self))
 
 
-def short_period_frequency(Cm_alpha: float, qbar: float, area: float, chord: float, Iyy: float) -> float:
-    """Natural frequency [Hz] of the short period without damping, ``sqrt(|Cm_alpha| qbar S c / Iyy) / (2 pi)``.
+def short_period_frequency(
+    Cm_alpha: float, qbar: float, area: float, chord: float, Iyy: float
+) -> float:
+    """Natural frequency [Hz] of the short period without damping, ``sqrt(|Cm_alpha| qbar S c / Iyy)
+    / (2 pi)``.
 
-    Cm_alpha in 1/rad, qbar in Pa, area in m^2, chord in m, Iyy in kg m^2; for an unstable vehicle the same time scale.
-    Klein & Morelli, *Aircraft System Identification*, 2006, sec. 3.10 with Z_alpha M_q left out.
+    Cm_alpha in 1/rad, qbar in Pa, area in m^2, chord in m, Iyy in kg m^2; for an unstable vehicle
+    the same time scale. Klein & Morelli, *Aircraft System Identification*, 2006, sec. 3.10 with
+    Z_alpha M_q left out.
 
     >>> round(short_period_frequency(-0.8, 6000.0, 30.0, 3.0, 70000.0), 2)
     0.4

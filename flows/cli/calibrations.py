@@ -1,4 +1,5 @@
-"""``aerodb calibration`` and ``aerodb recalibrate``: sensor parameters of a vehicle as versions, and the event that makes one."""
+"""``aerodb calibration`` and ``aerodb recalibrate``: sensor parameters of a vehicle as versions,
+and the event that makes one."""
 
 from datetime import UTC, datetime
 from typing import Annotated, Any
@@ -12,10 +13,19 @@ from aerodb.flows.cli.references import Vehicle
 from aerodb.storage.catalogue import CalibrationRow
 from aerodb.tasks.references import vehicle_of
 
-app = typer.Typer(name="calibration", no_args_is_help=True, help="Calibrations: sensor errors from flights, as versions.")
+app = typer.Typer(
+    name="calibration",
+    no_args_is_help=True,
+    help="Calibrations: sensor errors from flights, as versions.",
+)
 
-Since = Annotated[str | None, typer.Option("--valid-from", help="Only for flights that start then or later (ISO 8601, UTC).")]
-Until = Annotated[str | None, typer.Option("--valid-until", help="Only for flights that start before then.")]
+Since = Annotated[
+    str | None,
+    typer.Option("--valid-from", help="Only for flights that start then or later (ISO 8601, UTC)."),
+]
+Until = Annotated[
+    str | None, typer.Option("--valid-until", help="Only for flights that start before then.")
+]
 
 
 @app.command("list")
@@ -57,9 +67,15 @@ def show(context: typer.Context, calibration: str, vehicle: Vehicle = None) -> N
     catalogue = session.catalogue()
     row = catalogue.calibration(vehicle_of(catalogue, vehicle), calibration)
     labels = catalogue.flight_labels(row.content["flights"])
-    session.say(f"{row.label} ({row.id[:12]}) of {row.vehicle}, made {row.created_utc:%Y-%m-%d %H:%M} UTC: {row.reason}")
+    session.say(
+        f"{row.label} ({row.id[:12]}) of {row.vehicle}, made {row.created_utc:%Y-%m-%d %H:%M} UTC:"
+        f" {row.reason}"
+    )
     session.say(f"from flights: {', '.join(labels.values())}")
-    session.say(f"valid from {row.content['valid_from'] or 'ever'} until {row.content['valid_until'] or 'further notice'}")
+    session.say(
+        f"valid from {row.content['valid_from'] or 'ever'} until"
+        f" {row.content['valid_until'] or 'further notice'}"
+    )
     _say_parameters(session, _parameters(row))
     session.answer({**_document(row), "bound": list(catalogue.flights_bound_to(row.id))})
 
@@ -68,10 +84,15 @@ def recalibrate(
     context: typer.Context,
     vehicle: Annotated[str, typer.Option(help="The vehicle.")],
     reason: Annotated[str, typer.Option(help="Why; it is kept with the calibration.")],
-    flights: Annotated[list[str] | None, typer.Option(help="Flights to calibrate from; all of the vehicle without it.")] = None,
+    flights: Annotated[
+        list[str] | None,
+        typer.Option(help="Flights to calibrate from; all of the vehicle without it."),
+    ] = None,
     valid_from: Since = None,
     valid_until: Until = None,
-    direct: Annotated[bool, typer.Option(help="Without Prefect: the same steps, the same keys.")] = False,
+    direct: Annotated[
+        bool, typer.Option(help="Without Prefect: the same steps, the same keys.")
+    ] = False,
 ) -> None:
     """Calibrate sensors from several flights jointly, and compute anew what hangs on these flights.
 
@@ -83,24 +104,45 @@ def recalibrate(
     catalogue = session.catalogue()
     owner = catalogue.vehicle(vehicle).name
     if not reason.strip():
-        raise InputError("a calibration needs a reason", f"vehicle {owner}", "say why: --reason TEXT")
-    chosen = [catalogue.flight(ref, owner).id for ref in flights] if flights else [row.id for row in catalogue.flights(owner)]
+        raise InputError(
+            "a calibration needs a reason", f"vehicle {owner}", "say why: --reason TEXT"
+        )
+    chosen = (
+        [catalogue.flight(ref, owner).id for ref in flights]
+        if flights
+        else [row.id for row in catalogue.flights(owner)]
+    )
     if not chosen:
-        raise InputError("no flight is stored", f"vehicle {owner}", "ingest one: aerodb flight ingest LOG --vehicle " + owner)
-    span = {"valid_from": _when(valid_from, "--valid-from"), "valid_until": _when(valid_until, "--valid-until")}
+        raise InputError(
+            "no flight is stored",
+            f"vehicle {owner}",
+            "ingest one: aerodb flight ingest LOG --vehicle " + owner,
+        )
+    span = {
+        "valid_from": _when(valid_from, "--valid-from"),
+        "valid_until": _when(valid_until, "--valid-until"),
+    }
     parameters = {"vehicle": owner, "flights": chosen, "reason": reason, **span}
     document = session.run(recalibrate_flow, parameters, direct)
-    session.say(f"calibration {document['label']} ({document['calibration'][:12]}) from {len(document['flights'])} flights")
+    session.say(
+        f"calibration {document['label']} ({document['calibration'][:12]}) from"
+        f" {len(document['flights'])} flights"
+    )
     for entry in document["skipped"]:
         session.say(f"skipped {entry['flight'][:12]}: {entry['reason']}")
     _say_parameters(session, document["parameters"])
     for flight, found in document["consistency"].items():
         session.say(f"flight {flight[:12]}:")
         say_consistency(session, found, "  ")
-    stale = {use.version.label for flight in document["flights"] for use in catalogue.impact(flight)}
+    stale = {
+        use.version.label for flight in document["flights"] for use in catalogue.impact(flight)
+    }
     if stale:
         labels = ", ".join(sorted(stale))
-        session.say(f"{labels} rest on the earlier calibration: aerodb update --vehicle {owner} --like VERSION makes one anew")
+        session.say(
+            f"{labels} rest on the earlier calibration: aerodb update --vehicle {owner} --like"
+            " VERSION makes one anew"
+        )
     session.answer({**document, "rests_on_earlier": sorted(stale)})
 
 
@@ -110,7 +152,9 @@ def _when(text: str | None, option: str) -> str | None:
     try:
         when = datetime.fromisoformat(text)
     except ValueError as error:
-        raise InputError(f"'{text}' is not a date", option, "for example 2026-05-31 or 2026-05-31T12:00") from error
+        raise InputError(
+            f"'{text}' is not a date", option, "for example 2026-05-31 or 2026-05-31T12:00"
+        ) from error
     return (when.replace(tzinfo=UTC) if when.tzinfo is None else when.astimezone(UTC)).isoformat()
 
 
@@ -118,14 +162,24 @@ def _say_parameters(session: Session, parameters: dict[str, dict[str, float]]) -
     rows = []
     for name, entry in parameters.items():
         factor, unit = angular(name)
-        rows.append([name, f"{factor * entry['value']:.4g}", f"{factor * entry['standard_error']:.2g}", unit])
+        rows.append(
+            [
+                name,
+                f"{factor * entry['value']:.4g}",
+                f"{factor * entry['standard_error']:.2g}",
+                unit,
+            ]
+        )
     session.table(["parameter", "value", "standard error", "unit"], rows, numbers=(1, 2))
 
 
 def _parameters(row: CalibrationRow) -> dict[str, dict[str, float]]:
     names, spread = row.content["order"], row.content["covariance"]
     values = row.content["parameters"]
-    return {name: {"value": values[name], "standard_error": spread[k][k] ** 0.5} for k, name in enumerate(names)}
+    return {
+        name: {"value": values[name], "standard_error": spread[k][k] ** 0.5}
+        for k, name in enumerate(names)
+    }
 
 
 def _document(row: CalibrationRow) -> dict[str, Any]:

@@ -1,4 +1,5 @@
-"""``aerodb close-loop``: trace the residual to what the database lacks, add it, and report the error before and after."""
+"""``aerodb close-loop``: trace the residual to what the database lacks, add it, and report the
+error before and after."""
 
 from pathlib import Path
 from typing import Annotated, Any
@@ -18,17 +19,31 @@ def close_loop(
     context: typer.Context,
     vehicle: Annotated[str, typer.Option(help="The vehicle.")],
     baseline: Annotated[str, typer.Option(help="Version to trace against.")] = "released",
-    flights: Annotated[list[str] | None, typer.Option(help="Flights to use; all of the vehicle without it.")] = None,
-    hold_out: Annotated[
-        list[str] | None, typer.Option(help="Flights to hold out, or `none`; the newest fifth without it.")
+    flights: Annotated[
+        list[str] | None, typer.Option(help="Flights to use; all of the vehicle without it.")
     ] = None,
-    accept_lumped: Annotated[list[str] | None, typer.Option(help="Effect of an alias group to add all the same, marked.")] = None,
-    accept_suspected: Annotated[list[str] | None, typer.Option(help="Suspected effect to add all the same, marked.")] = None,
-    effects: Annotated[Path | None, typer.Option(help="File (TOML) of effects of your own.")] = None,
-    library: Annotated[str, typer.Option(help="Hash that the library must have: refuse if it changed.")] = "",
-    direct: Annotated[bool, typer.Option(help="Without Prefect: the same steps, the same keys.")] = False,
+    hold_out: Annotated[
+        list[str] | None,
+        typer.Option(help="Flights to hold out, or `none`; the newest fifth without it."),
+    ] = None,
+    accept_lumped: Annotated[
+        list[str] | None, typer.Option(help="Effect of an alias group to add all the same, marked.")
+    ] = None,
+    accept_suspected: Annotated[
+        list[str] | None, typer.Option(help="Suspected effect to add all the same, marked.")
+    ] = None,
+    effects: Annotated[
+        Path | None, typer.Option(help="File (TOML) of effects of your own.")
+    ] = None,
+    library: Annotated[
+        str, typer.Option(help="Hash that the library must have: refuse if it changed.")
+    ] = "",
+    direct: Annotated[
+        bool, typer.Option(help="Without Prefect: the same steps, the same keys.")
+    ] = False,
 ) -> None:
-    """Trace the residual to the effects that the database lacks, add what is proved, and report the error before and after.
+    """Trace the residual to the effects that the database lacks, add what is proved, and report the
+    error before and after.
 
     Example: aerodb close-loop --vehicle my-glider
     """
@@ -37,12 +52,24 @@ def close_loop(
     session: Session = context.obj
     catalogue = session.catalogue()
     row = catalogue.version(catalogue.vehicle(vehicle).name, baseline)
-    chosen = [catalogue.flight(ref, vehicle).id for ref in flights] if flights else [f.id for f in catalogue.flights(vehicle)]
+    chosen = (
+        [catalogue.flight(ref, vehicle).id for ref in flights]
+        if flights
+        else [f.id for f in catalogue.flights(vehicle)]
+    )
     if not chosen:
-        raise InputError("no flight is stored", f"vehicle {vehicle}", "ingest one: aerodb flight ingest LOG --vehicle " + vehicle)
+        raise InputError(
+            "no flight is stored",
+            f"vehicle {vehicle}",
+            "ingest one: aerodb flight ingest LOG --vehicle " + vehicle,
+        )
     twice = next((id for id in chosen if chosen.count(id) > 1), None)
     if twice is not None:
-        raise InputError("the same flight twice", f"--flights {twice[:12]}", "name each once: a flight has one vote")
+        raise InputError(
+            "the same flight twice",
+            f"--flights {twice[:12]}",
+            "name each once: a flight has one vote",
+        )
     parameters = {
         "vehicle": vehicle,
         "baseline": row.id,
@@ -59,17 +86,25 @@ def close_loop(
 
 
 def say_loop(session: Session, document: dict[str, Any]) -> None:
-    """The loop for people: what was found and why, what it is worth, what could not be decided, what to fly next."""
+    """The loop for people: what was found and why, what it is worth, what could not be decided,
+    what to fly next."""
     if document["candidate"]:
-        session.say(f"candidate {document['label']} ({document['candidate'][:12]}) on baseline {document['baseline'][:12]}")
+        session.say(
+            f"candidate {document['label']} ({document['candidate'][:12]}) on baseline"
+            f" {document['baseline'][:12]}"
+        )
     else:
         session.say(f"nothing was added to baseline {document['baseline'][:12]}")
     say_flights(session, document)
-    session.say(f"library {document['library']['sha256'][:12]}, frozen before the residuals were looked at")
+    session.say(
+        f"library {document['library']['sha256'][:12]}, frozen before the residuals were looked at"
+    )
     for number, finding in enumerate(document["findings"], 1):
         session.say()
         mark = ", added" if finding["hypothesis"] in document["added"] else ""
-        session.say(f"{number}. {finding['hypothesis']}: {finding['verdict'].replace('_', ' ')}{mark}")
+        session.say(
+            f"{number}. {finding['hypothesis']}: {finding['verdict'].replace('_', ' ')}{mark}"
+        )
         session.say(f"   {finding['because']}.")
         rivals = finding["explanation_set"][1:]
         if rivals:
@@ -87,17 +122,27 @@ def say_loop(session: Session, document: dict[str, Any]) -> None:
 
 
 def _say_not_found(session: Session, entries: list[dict[str, Any]]) -> None:
-    """What was looked for and not found, never without its bound; what could not be decided first."""
+    """What was looked for and not found, never without its bound; what could not be decided
+    first."""
     if not entries:
         return
     open_ones = [entry for entry in entries if entry["verdict"] != "not_detected"]
     closed = [entry for entry in entries if entry["verdict"] == "not_detected"]
     session.say()
-    session.say(f"looked for and not found: {len(closed)} hypotheses; not decidable with these flights: {len(open_ones)}")
+    session.say(
+        f"looked for and not found: {len(closed)} hypotheses; not decidable with these flights:"
+        f" {len(open_ones)}"
+    )
     session.table(
         ["hypothesis", "verdict", "at most", "would have been found from", "unit"],
         [
-            [e["hypothesis"], e["verdict"].replace("_", " "), _size(e["upper_bound"]), _size(e["minimum_detectable"]), e["unit"]]
+            [
+                e["hypothesis"],
+                e["verdict"].replace("_", " "),
+                _size(e["upper_bound"]),
+                _size(e["minimum_detectable"]),
+                e["unit"],
+            ]
             for e in [*open_ones, *closed][:_LISTED]
         ],
         numbers=(2, 3),

@@ -1,4 +1,5 @@
-"""The consistency of a flight, for people: the verdict, a table per channel, and the sensor errors that were found."""
+"""The consistency of a flight, for people: the verdict, a table per channel, and the sensor errors
+that were found."""
 
 import math
 from collections.abc import Mapping
@@ -11,13 +12,22 @@ from aerodb.nomenclature import CHANNELS
 
 
 def say_consistency(session: Session, document: Mapping[str, Any], indent: str = "") -> None:
-    """Verdict with reasons; per channel the mismatch before and after, its limit, and what is used; the corrections."""
+    """Verdict with reasons; per channel the mismatch before and after, its limit, and what is used;
+    the corrections."""
     session.say(f"{indent}consistency: {document['verdict']}")
     for reason in document["reasons"]:
         session.say(f"{indent}  {reason}")
     rows = [_channel(entry, document.get("used", {})) for entry in document["channels"]]
     if rows:
-        columns = [f"{indent}channel", "mismatch before", "after", "limit", "unit", "verdict", "used"]
+        columns = [
+            f"{indent}channel",
+            "mismatch before",
+            "after",
+            "limit",
+            "unit",
+            "verdict",
+            "used",
+        ]
         session.table(columns, [[f"{indent}{row[0]}", *row[1:]] for row in rows], numbers=(1, 2, 3))
     applied = [entry for entry in document.get("estimates", []) if entry["applied"]]
     if applied:
@@ -27,14 +37,23 @@ def say_consistency(session: Session, document: Mapping[str, Any], indent: str =
 
 
 def angular(name: str) -> tuple[float, str]:
-    """Factor and unit in which people read a parameter or channel: degrees for angles and their rates."""
+    """Factor and unit in which people read a parameter or channel: degrees for angles and their
+    rates."""
     subject, _, kind = name.rpartition("_")
     if kind == "scale":
         return 1.0, ""
     if kind == "delay":
         return 1.0, "s"
-    unit = CHANNELS[subject].unit if kind == "bias" and subject in CHANNELS else CHANNELS[name].unit if name in CHANNELS else ""
-    return (math.degrees(1.0), unit.replace("rad", "deg")) if unit.startswith("rad") else (1.0, unit)
+    unit = (
+        CHANNELS[subject].unit
+        if kind == "bias" and subject in CHANNELS
+        else CHANNELS[name].unit
+        if name in CHANNELS
+        else ""
+    )
+    return (
+        (math.degrees(1.0), unit.replace("rad", "deg")) if unit.startswith("rad") else (1.0, unit)
+    )
 
 
 def _channel(entry: Mapping[str, Any], used: Mapping[str, str]) -> list[str]:
@@ -55,4 +74,7 @@ def _channel(entry: Mapping[str, Any], used: Mapping[str, str]) -> list[str]:
 
 def _estimate(entry: Mapping[str, Any]) -> str:
     factor, unit = angular(entry["parameter"])
-    return f"{entry['parameter']} {factor * entry['value']:.3g} +- {factor * entry['standard_error']:.2g} {unit}".rstrip()
+    return (
+        f"{entry['parameter']} {factor * entry['value']:.3g} +-"
+        f" {factor * entry['standard_error']:.2g} {unit}".rstrip()
+    )

@@ -17,12 +17,14 @@ def import_file(
     file: Annotated[Path, typer.Argument(help="DAVE-ML, JSBSim XML or native TOML.")],
     vehicle: Annotated[str, typer.Option(help="The vehicle that it describes.")],
     bind: Annotated[
-        list[str] | None, typer.Option(help="What an unknown input of the file is: NAME=EXPRESSION over channels.")
+        list[str] | None,
+        typer.Option(help="What an unknown input of the file is: NAME=EXPRESSION over channels."),
     ] = None,
 ) -> None:
     """Make a version from a database file; a vehicle's first becomes `released`.
 
-    Example: aerodb database import DHC6.xml --vehicle twin-otter --bind systems/propulsion/thrust-coefficient=0
+    Example: aerodb database import DHC6.xml --vehicle twin-otter --bind
+    systems/propulsion/thrust-coefficient=0
     """
     from aerodb.flows.importing import import_flow
 
@@ -40,5 +42,9 @@ def import_file(
 def _binding(text: str) -> tuple[str, str]:
     name, sign, expression = text.partition("=")
     if not sign or not name.strip() or not expression.strip():
-        raise InputError(f"'{text}' is not NAME=EXPRESSION", "--bind", "for example --bind gear/gear-pos-norm=delta_landing_gear")
+        raise InputError(
+            f"'{text}' is not NAME=EXPRESSION",
+            "--bind",
+            "for example --bind gear/gear-pos-norm=delta_landing_gear",
+        )
     return name.strip(), expression.strip()

@@ -1,4 +1,5 @@
-"""``aerodb demo``: the built-in example, from logs to a proof, and then the envelope with the truth."""
+"""``aerodb demo``: the built-in example, from logs to a proof, and then the envelope with the
+truth."""
 
 from typing import Annotated
 
@@ -10,11 +11,17 @@ from aerodb.flows.cli.output import Session
 
 def demo(
     context: typer.Context,
-    seed: Annotated[int | None, typer.Option(min=0, help="Draw undeclared effects; without it the Phoenix case.")] = None,
+    seed: Annotated[
+        int | None,
+        typer.Option(min=0, help="Draw undeclared effects; without it the Phoenix case."),
+    ] = None,
     flights: Annotated[int, typer.Option(min=5, max=40, help="How many flights to fly.")] = 8,
-    direct: Annotated[bool, typer.Option(help="Without Prefect: the same steps, the same keys.")] = False,
+    direct: Annotated[
+        bool, typer.Option(help="Without Prefect: the same steps, the same keys.")
+    ] = False,
 ) -> None:
-    """Fly the built-in example, take its logs in, find what its database lacks, add it, and prove it on flights not used.
+    """Fly the built-in example, take its logs in, find what its database lacks, add it, and prove
+    it on flights not used.
 
     Example: aerodb demo --seed 3
     """
@@ -25,15 +32,26 @@ def demo(
     session.say(f"flying {flights} drops of the Phoenix-like example")
     with session.waiting("flying"):
         logs = write_logs(workspace.root / "demo-logs", flights, seed)
-    session.say(f"wrote {len(logs)} logs, {sum(log.stat().st_size for log in logs) / 1e6:.0f} MB, to {logs[0].parent}")
-    result = run_demo(workspace, logs, lambda body, parameters: session.run(body, parameters, direct), session.say)
+    session.say(
+        f"wrote {len(logs)} logs, {sum(log.stat().st_size for log in logs) / 1e6:.0f} MB, to"
+        f" {logs[0].parent}"
+    )
+    result = run_demo(
+        workspace, logs, lambda body, parameters: session.run(body, parameters, direct), session.say
+    )
     say_loop(session, result.document)
     session.say()
     session.say("The envelope is open now. On the held-out flights, rms of flight - model:")
     session.table(
         ["axis", "preflight", "updated", "true model (floor)", "updated / floor"],
         [
-            [axis, f"{v['before']:.5f}", f"{v['after']:.5f}", f"{v['floor']:.5f}", f"{v['after'] / v['floor']:.3f}"]
+            [
+                axis,
+                f"{v['before']:.5f}",
+                f"{v['after']:.5f}",
+                f"{v['floor']:.5f}",
+                f"{v['after'] / v['floor']:.3f}",
+            ]
             for axis, v in result.floors.items()
         ],
         numbers=(1, 2, 3, 4),
@@ -41,8 +59,24 @@ def demo(
     session.say()
     session.table(
         ["effect in the envelope", "axis", "parameter", "value", "agreement"],
-        [[e["effect"], e["axis"], e["parameter"], f"{e['value']:.4g}", e["agreement"].replace("_", " ")] for e in result.truth],
+        [
+            [
+                e["effect"],
+                e["axis"],
+                e["parameter"],
+                f"{e['value']:.4g}",
+                e["agreement"].replace("_", " "),
+            ]
+            for e in result.truth
+        ],
         numbers=(3,),
     )
     agreed = [entry["agreement"] for entry in result.truth]
-    session.answer({**result.document, "truth": result.truth, "agreement": agreed, "truth_floor": result.floors})
+    session.answer(
+        {
+            **result.document,
+            "truth": result.truth,
+            "agreement": agreed,
+            "truth_floor": result.floors,
+        }
+    )

@@ -9,7 +9,9 @@ from aerodb.flows.cli.output import Session
 _LISTED = 60
 
 
-def say_suspicions(session: Session, suspicions: Sequence[Mapping[str, Any]], indent: str = "") -> None:
+def say_suspicions(
+    session: Session, suspicions: Sequence[Mapping[str, Any]], indent: str = ""
+) -> None:
     """One line per likely fault."""
     for entry in suspicions:
         session.say(f"{indent}suspicion: {entry['sentence']}")
@@ -19,18 +21,27 @@ def say_repeats(session: Session, repeats: Sequence[Mapping[str, Any]], indent: 
     """Which flights this one repeats, from when to when, and what follows from it."""
     for entry in repeats:
         for s in entry["stretches"]:
-            place = f"{s['start']:.6g} to {s['end']:.6g} s are its {s['original_start']:.6g} to {s['original_end']:.6g} s"
+            place = (
+                f"{s['start']:.6g} to {s['end']:.6g} s are its {s['original_start']:.6g} to"
+                f" {s['original_end']:.6g} s"
+            )
             session.say(
-                f"{indent}repeats flight {entry['label']}: {place} (equal to {100 * s['difference']:.2g} % of the motion)"
+                f"{indent}repeats flight {entry['label']}: {place} (equal to"
+                f" {100 * s['difference']:.2g} % of the motion)"
             )
     if any(entry["counts"] for entry in repeats):
         remedy = "to use it instead, retract the other"
-        session.say(f"{indent}it is the same flight once more: kept, and left out of updates ({remedy})")
+        session.say(
+            f"{indent}it is the same flight once more: kept, and left out of updates ({remedy})"
+        )
 
 
 def say_segments(session: Session, segments: Sequence[Mapping[str, Any]]) -> None:
     """A table of what the flight does when."""
-    rows = [[f"{s['start']:.2f}", f"{s['end']:.2f}", s["kind"].replace("_", " "), s["reason"]] for s in segments[:_LISTED]]
+    rows = [
+        [f"{s['start']:.2f}", f"{s['end']:.2f}", s["kind"].replace("_", " "), s["reason"]]
+        for s in segments[:_LISTED]
+    ]
     if rows:
         session.table(["from [s]", "to [s]", "segment", "why"], rows, numbers=(0, 1))
     if len(segments) > _LISTED:
@@ -41,4 +52,7 @@ def say_delays(session: Session, delays: Sequence[Mapping[str, Any]]) -> None:
     """How late each channel is, where its kinematics tell."""
     known = [d for d in delays if d["observable"]]
     for d in known:
-        session.say(f"{d['channel']} is {1000 * d['seconds']:.0f} +- {1000 * d['standard_error']:.0f} ms late by its kinematics")
+        session.say(
+            f"{d['channel']} is {1000 * d['seconds']:.0f} +- {1000 * d['standard_error']:.0f} ms"
+            " late by its kinematics"
+        )

@@ -1,4 +1,5 @@
-"""``aerodb log`` and ``aerodb flight``: look into a log, take it in, list, show and retract flights."""
+"""``aerodb log`` and ``aerodb flight``: look into a log, take it in, list, show and retract
+flights."""
 
 import tempfile
 from collections.abc import Sequence
@@ -25,9 +26,12 @@ app = typer.Typer(name="flight", no_args_is_help=True, help="Flights: logs that 
 def inspect(
     context: typer.Context,
     log: Annotated[Path, typer.Argument(help="ULog, MCAP, MAT, CSV, ASCII or Parquet.")],
-    mapping: Annotated[str | None, typer.Option(help="Name or file of a mapping; chosen by content without it.")] = None,
+    mapping: Annotated[
+        str | None, typer.Option(help="Name or file of a mapping; chosen by content without it.")
+    ] = None,
 ) -> None:
-    """Say what is in a log, what is damaged, which channels map, what is missing and what looks wrong; stores nothing.
+    """Say what is in a log, what is damaged, which channels map, what is missing and what looks
+    wrong; stores nothing.
 
     Example: aerodb log inspect flight.ulg
     """
@@ -39,7 +43,10 @@ def inspect(
     if not log.is_file():
         raise InputError("no such file", str(log), "check the path")
     limits = load_settings(session.root).limits
-    with tempfile.TemporaryDirectory() as folder, parsed_log(log, Path(folder) / "topics", limits) as parsed:
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        parsed_log(log, Path(folder) / "topics", limits) as parsed,
+    ):
         _look_into(session, parsed.recording, mapping)
 
 
@@ -50,14 +57,20 @@ def _look_into(session: Session, recording: Recording, mapping: str | None) -> N
 
     chosen, refusal = None, ""
     try:
-        chosen = load_mapping(mapping) if mapping else choose_mapping(recording, builtin_mappings().values())
+        chosen = (
+            load_mapping(mapping)
+            if mapping
+            else choose_mapping(recording, builtin_mappings().values())
+        )
         recording = on_mapped_clock(recording, chosen)
     except InputError as error:
         refusal = str(error)
     document = _contents(session, recording)
     if chosen is None:
         session.say(f"mapping: {refusal}")
-        session.answer({**document, "mapping": None, "channels": [], "missing": [], "prevents": [refusal]})
+        session.answer(
+            {**document, "mapping": None, "channels": [], "missing": [], "prevents": [refusal]}
+        )
         return
     found, missing = channels_found(recording, chosen)
     sentences = prevents(missing)
@@ -75,13 +88,25 @@ def _look_into(session: Session, recording: Recording, mapping: str | None) -> N
 
 
 def _contents(session: Session, recording: Recording) -> dict[str, Any]:
-    """Says what is in a recording, topic by topic, and what is damaged; returns the same as a document."""
+    """Says what is in a recording, topic by topic, and what is damaged; returns the same as a
+    document."""
     summary = describe(recording)
-    session.say(f"{visible(recording.source)}: {recording.format}, {recording.size / 1e6:.1f} MB, sha256 {recording.sha256[:12]}")
+    session.say(
+        f"{visible(recording.source)}: {recording.format}, {recording.size / 1e6:.1f} MB, sha256"
+        f" {recording.sha256[:12]}"
+    )
     session.table(
         ["topic", "rate [Hz]", "samples", "from [s]", "to [s]", "gaps", "longest [s]", "fields"],
         [
-            [t.name, f"{t.rate:.4g}", str(t.samples), f"{t.start:.2f}", f"{t.end:.2f}", *_gaps(t), str(len(t.fields))]
+            [
+                t.name,
+                f"{t.rate:.4g}",
+                str(t.samples),
+                f"{t.start:.2f}",
+                f"{t.end:.2f}",
+                *_gaps(t),
+                str(len(t.fields)),
+            ]
             for t in summary.topics
         ],
         numbers=(1, 2, 3, 4, 5, 6, 7),
@@ -120,12 +145,19 @@ def ingest(
     context: typer.Context,
     log: Annotated[list[str], typer.Argument(help="One or more logs.")],
     vehicle: Annotated[str, typer.Option(help="The vehicle that flew.")],
-    mapping: Annotated[str | None, typer.Option(help="Name or file of a mapping; chosen by content without it.")] = None,
+    mapping: Annotated[
+        str | None, typer.Option(help="Name or file of a mapping; chosen by content without it.")
+    ] = None,
     name: Annotated[str | None, typer.Option(help="A name for the flight (one log only).")] = None,
-    strict: Annotated[bool, typer.Option(help="Quarantine a damaged log instead of keeping what is intact.")] = False,
-    direct: Annotated[bool, typer.Option(help="Without Prefect: the same steps, the same keys.")] = False,
+    strict: Annotated[
+        bool, typer.Option(help="Quarantine a damaged log instead of keeping what is intact.")
+    ] = False,
+    direct: Annotated[
+        bool, typer.Option(help="Without Prefect: the same steps, the same keys.")
+    ] = False,
 ) -> None:
-    """Take logs in: read, store, make consistent, compute coefficients, compare with the released database.
+    """Take logs in: read, store, make consistent, compute coefficients, compare with the released
+    database.
 
     Example: aerodb flight ingest *.ulg --vehicle my-glider
     """
@@ -136,9 +168,17 @@ def ingest(
 
     session: Session = context.obj
     if name is not None and len(log) > 1:
-        raise InputError("one name for several logs", "--name", "ingest them one by one, or without --name")
+        raise InputError(
+            "one name for several logs", "--name", "ingest them one by one, or without --name"
+        )
     session.catalogue(create=True).vehicle(vehicle)
-    parameters = {"logs": log, "vehicle": vehicle, "mapping": mapping, "name": name, "strict": strict}
+    parameters = {
+        "logs": log,
+        "vehicle": vehicle,
+        "mapping": mapping,
+        "name": name,
+        "strict": strict,
+    }
     outcomes = session.run(flight_flow, parameters, direct)
     for outcome in outcomes:
         _report(session, outcome)
@@ -151,7 +191,9 @@ def _report(session: Session, outcome: dict[str, Any]) -> None:
     if outcome["status"] == "refused":
         typer.echo(complaint(outcome["what"], outcome["where"], outcome["remedy"]), err=True)
         return
-    session.say(f"{visible(outcome['log'])}: {outcome['status']} as flight {outcome['flight'][:12]}")
+    session.say(
+        f"{visible(outcome['log'])}: {outcome['status']} as flight {outcome['flight'][:12]}"
+    )
     _say_damage(session, [Damage(**entry) for entry in outcome["damage"]], "  damage")
     say_repeats(session, outcome["repeats"], "  ")
     say_suspicions(session, outcome["suspicions"], "  ")
@@ -163,17 +205,28 @@ def _report(session: Session, outcome: dict[str, Any]) -> None:
     comparison = outcome["comparison"]
     if comparison is not None and comparison["key"] is not None:
         rows = [
-            [axis, f"{v['rms_measured']:.4g}", f"{v['rms_residual']:.4g}", f"{v['noise_floor']:.2g}", str(v["samples"])]
+            [
+                axis,
+                f"{v['rms_measured']:.4g}",
+                f"{v['rms_residual']:.4g}",
+                f"{v['noise_floor']:.2g}",
+                str(v["samples"]),
+            ]
             for axis, v in comparison["axes"].items()
         ]
-        session.table(["axis", "flight rms", "flight - database rms", "noise floor", "samples"], rows, numbers=(1, 2, 3, 4))
+        session.table(
+            ["axis", "flight rms", "flight - database rms", "noise floor", "samples"],
+            rows,
+            numbers=(1, 2, 3, 4),
+        )
         for note in comparison["notes"]:
             session.say(f"  note: {note}")
 
 
 @app.command("list")
 def list_flights(
-    context: typer.Context, vehicle: Annotated[str | None, typer.Option(help="Only of this vehicle.")] = None
+    context: typer.Context,
+    vehicle: Annotated[str | None, typer.Option(help="Only of this vehicle.")] = None,
 ) -> None:
     """List flights.
 
@@ -186,7 +239,15 @@ def list_flights(
     session.table(
         ["flight", "id", "vehicle", "start", "duration [s]", "verdict", ""],
         [
-            [r.name or "", r.id[:12], r.vehicle, _when(r), f"{r.duration:.1f}", r.verdict, _standing(document)]
+            [
+                r.name or "",
+                r.id[:12],
+                r.vehicle,
+                _when(r),
+                f"{r.duration:.1f}",
+                r.verdict,
+                _standing(document),
+            ]
             for r, document in zip(rows, documents, strict=True)
         ],
         numbers=(4,),
@@ -201,9 +262,12 @@ def _standing(document: dict[str, Any]) -> str:
 
 @app.command()
 def show(
-    context: typer.Context, flight: str, vehicle: Annotated[str | None, typer.Option(help="Where names repeat.")] = None
+    context: typer.Context,
+    flight: str,
+    vehicle: Annotated[str | None, typer.Option(help="Where names repeat.")] = None,
 ) -> None:
-    """Show a flight: its log, what conditioning found in it, results, and the versions that rest on it.
+    """Show a flight: its log, what conditioning found in it, results, and the versions that rest on
+    it.
 
     Example: aerodb flight show 1a2b3c
     """
@@ -213,9 +277,13 @@ def show(
     log, impact = catalogue.log(row.log_sha256), catalogue.impact(row.id)
     document = flight_details(Stores(session.workspace(), catalogue), row)
     session.say(
-        f"flight {row.label} of {row.vehicle}: {_when(row)}, {row.duration:.1f} s at {1 / row.step:.4g} Hz, mapping {row.mapping}"
+        f"flight {row.label} of {row.vehicle}: {_when(row)}, {row.duration:.1f} s at"
+        f" {1 / row.step:.4g} Hz, mapping {row.mapping}"
     )
-    session.say(f"log {visible(log.name) if log else '?'} ({row.log_sha256[:12]}), {log.status if log else 'unknown'}")
+    session.say(
+        f"log {visible(log.name) if log else '?'} ({row.log_sha256[:12]}),"
+        f" {log.status if log else 'unknown'}"
+    )
     _say_damage(session, log.damage if log else (), "  damage")
     say_repeats(session, document["repeats"])
     say_suspicions(session, document["suspicions"])
@@ -223,7 +291,10 @@ def show(
     say_delays(session, document["delays"])
     if document["consistency"] is not None:
         say_consistency(session, document["consistency"])
-    made = [[r["step"], r["key"][:12], r["created_utc"][:16].replace("T", " ")] for r in document["results"]]
+    made = [
+        [r["step"], r["key"][:12], r["created_utc"][:16].replace("T", " ")]
+        for r in document["results"]
+    ]
     session.table(["step", "key", "made"], made)
     for use in impact:
         session.say(f"{use.version.label} rests on it: {use.role.replace('_', ' ')}")
@@ -251,14 +322,28 @@ def retract(
     session.say(f"flight {row.label} retracted: {row.retract_reason}")
     session.say(f"stale now: {', '.join(use.version.label for use in stale) or 'no version'}")
     if again:
-        session.say("to make them again, in this order (NEW-v0002 stands for what was made of v0002):")
+        session.say(
+            "to make them again, in this order (NEW-v0002 stands for what was made of v0002):"
+        )
     for entry in again:
         session.say(f"  {entry['command'] or entry['label'] + ' was made by no update'}")
-    names = {name: id for name, id in catalogue.names(row.vehicle).items() if id in {use.version.id for use in stale}}
+    names = {
+        name: id
+        for name, id in catalogue.names(row.vehicle).items()
+        if id in {use.version.id for use in stale}
+    }
     for name in names:
         session.say(f"'{name}' points at a stale version")
     stale_ids = [use.version.id for use in stale]
-    session.answer({"flight": row.id, "reason": row.retract_reason, "stale": stale_ids, "names": names, "rebuild": again})
+    session.answer(
+        {
+            "flight": row.id,
+            "reason": row.retract_reason,
+            "stale": stale_ids,
+            "names": names,
+            "rebuild": again,
+        }
+    )
 
 
 def _when(row: FlightRow) -> str:

@@ -1,4 +1,5 @@
-"""``aerodb verify``, ``backup`` and ``restore``: is everything as it was stored, and copies of it, while others run."""
+"""``aerodb verify``, ``backup`` and ``restore``: is everything as it was stored, and copies of it,
+while others run."""
 
 from dataclasses import asdict
 from pathlib import Path
@@ -12,9 +13,13 @@ from aerodb.flows.cli.output import Session
 
 def verify(
     context: typer.Context,
-    fetch: Annotated[bool, typer.Option("--fetch", help="Read every object of the object store, too; else its size.")] = False,
+    fetch: Annotated[
+        bool,
+        typer.Option("--fetch", help="Read every object of the object store, too; else its size."),
+    ] = False,
 ) -> None:
-    """Check every file, every edge and every identity of the workspace; ends with 1 when something is wrong.
+    """Check every file, every edge and every identity of the workspace; ends with 1 when something
+    is wrong.
 
     Example: aerodb verify
     """
@@ -29,16 +34,29 @@ def verify(
         session.say(line)
     session.say("nothing is wrong" if not report.problems else f"{len(report.problems)} problems")
     problems = [asdict(problem) for problem in report.problems]
-    session.answer({"clean": not problems, "checked": report.checked, "pending": report.pending, "problems": problems})
+    session.answer(
+        {
+            "clean": not problems,
+            "checked": report.checked,
+            "pending": report.pending,
+            "problems": problems,
+        }
+    )
     if problems:
         raise typer.Exit(1)
 
 
 def backup(
     context: typer.Context,
-    target: Annotated[Path, typer.Argument(help="A new folder, or that of the backup before: then only what is new is copied.")],
+    target: Annotated[
+        Path,
+        typer.Argument(
+            help="A new folder, or that of the backup before: then only what is new is copied."
+        ),
+    ],
 ) -> None:
-    """Copy catalogue and store, consistent with each other, while others may write; ends with 1 when a file is not as stored.
+    """Copy catalogue and store, consistent with each other, while others may write; ends with 1
+    when a file is not as stored.
 
     Example: aerodb backup /mnt/backup/aerodb
     """
@@ -50,7 +68,10 @@ def backup(
         made = back_up(workspace, target)
     for problem in made.problems:
         session.say(f"not copied: {problem.where}: {problem.what}; {problem.remedy}")
-    session.say(f"{target} holds {made.files} files, {made.bytes / 1e6:.1f} MB; {made.copied} were copied now")
+    session.say(
+        f"{target} holds {made.files} files, {made.bytes / 1e6:.1f} MB; {made.copied} were"
+        " copied now"
+    )
     session.answer({"target": str(target), **asdict(made)})
     if made.problems:
         raise typer.Exit(1)
@@ -59,10 +80,16 @@ def backup(
 def restore(
     context: typer.Context,
     source: Annotated[Path, typer.Argument(help="The folder that `aerodb backup` wrote.")],
-    workspace: Annotated[Path | None, typer.Option(help="The new workspace; it must not exist yet.")] = None,
-    settings: Annotated[Path | None, typer.Option(help="Settings in place of the backup's: they may name a database.")] = None,
+    workspace: Annotated[
+        Path | None, typer.Option(help="The new workspace; it must not exist yet.")
+    ] = None,
+    settings: Annotated[
+        Path | None,
+        typer.Option(help="Settings in place of the backup's: they may name a database."),
+    ] = None,
 ) -> None:
-    """Make a workspace from a backup; it is verified before it is there. Ends with 1 when a file was not as stored at the backup.
+    """Make a workspace from a backup; it is verified before it is there. Ends with 1 when a file
+    was not as stored at the backup.
 
     Example: aerodb restore /mnt/backup/aerodb --workspace restored
     """
@@ -71,12 +98,19 @@ def restore(
     session: Session = context.obj
     root = workspace or session.root
     if settings is not None and not settings.is_file():
-        raise InputError("no such file", str(settings), "name a settings.toml for the new workspace")
+        raise InputError(
+            "no such file", str(settings), "name a settings.toml for the new workspace"
+        )
     with session.waiting("copying and verifying"):
         manifest = restored(source, root, settings)
     for problem in manifest["problems"]:
-        session.say(f"not as stored when it was backed up: {problem['where']}: {problem['what']}; {problem['remedy']}")
-    session.say(f"{root} is the workspace of {manifest['made_utc']}: {manifest['files']} files, verified")
+        session.say(
+            f"not as stored when it was backed up: {problem['where']}: {problem['what']};"
+            f" {problem['remedy']}"
+        )
+    session.say(
+        f"{root} is the workspace of {manifest['made_utc']}: {manifest['files']} files, verified"
+    )
     session.answer({"workspace": str(root), **manifest})
     if manifest["problems"]:
         raise typer.Exit(1)

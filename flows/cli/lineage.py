@@ -1,4 +1,5 @@
-"""``aerodb version lineage``, ``impact`` and ``diff``: where a number comes from, what rests on a flight, what differs."""
+"""``aerodb version lineage``, ``impact`` and ``diff``: where a number comes from, what rests on a
+flight, what differs."""
 
 from pathlib import Path
 from typing import Annotated, Any
@@ -20,11 +21,19 @@ def lineage(
     context: typer.Context,
     version: str,
     vehicle: Vehicle = None,
-    node: Annotated[str | None, typer.Option(help="A table node, TABLE[i,j], counted from 0.")] = None,
-    at: Annotated[str | None, typer.Option(help="A point: NAME=VALUE,... with units or SI; what is not given is 0.")] = None,
-    prov: Annotated[Path | None, typer.Option(help="Also write it as W3C PROV-JSON to this file.")] = None,
+    node: Annotated[
+        str | None, typer.Option(help="A table node, TABLE[i,j], counted from 0.")
+    ] = None,
+    at: Annotated[
+        str | None,
+        typer.Option(help="A point: NAME=VALUE,... with units or SI; what is not given is 0."),
+    ] = None,
+    prov: Annotated[
+        Path | None, typer.Option(help="Also write it as W3C PROV-JSON to this file.")
+    ] = None,
 ) -> None:
-    """Show what a version, or one number of it, rests on: ancestors, flights, log hashes, settings, inputs, runs.
+    """Show what a version, or one number of it, rests on: ancestors, flights, log hashes, settings,
+    inputs, runs.
 
     Example: aerodb version lineage candidate --node CZ0[2]
     """
@@ -42,7 +51,9 @@ def lineage(
         _whole(session, catalogue, row)
 
 
-def _write_prov(session: Session, workspace: Workspace, catalogue: Catalogue, row: VersionRow, target: Path) -> None:
+def _write_prov(
+    session: Session, workspace: Workspace, catalogue: Catalogue, row: VersionRow, target: Path
+) -> None:
     from aerodb.tasks.view import prov_of
 
     written = write_for_user(workspace, target, prov_of(catalogue, row))
@@ -54,42 +65,63 @@ def _whole(session: Session, catalogue: Catalogue, row: VersionRow) -> None:
 
     document = lineage_document(catalogue, row)
     flights = catalogue.flights_by_id(entry["flight"] for entry in document["flights"])
-    session.say(" <- ".join(f"{ancestor['label']} ({ancestor['version'][:12]})" for ancestor in document["line"]))
+    session.say(
+        " <- ".join(
+            f"{ancestor['label']} ({ancestor['version'][:12]})" for ancestor in document["line"]
+        )
+    )
     for reason in document["stale"]:
         session.say(f"stale: {reason}")
     session.table(
         ["flight", "role", "log sha256"],
-        [[flights[e["flight"]].label, e["role"].replace("_", " "), e["log_sha256"][:12]] for e in document["flights"]],
+        [
+            [flights[e["flight"]].label, e["role"].replace("_", " "), e["log_sha256"][:12]]
+            for e in document["flights"]
+        ],
     )
     session.table(
         ["run", "flow", "how", "state", "code"],
-        [[r["run"][:12], r["flow"], r["how"], r["state"], r["code_version"]] for r in document["runs"]],
+        [
+            [r["run"][:12], r["flow"], r["how"], r["state"], r["code_version"]]
+            for r in document["runs"]
+        ],
     )
     session.answer(document)
 
 
-def _origins(session: Session, catalogue: Catalogue, row: VersionRow, node: str | None, at: str) -> None:
+def _origins(
+    session: Session, catalogue: Catalogue, row: VersionRow, node: str | None, at: str
+) -> None:
     from aerodb.tasks.view import origins_document
 
     document = origins_document(catalogue, row, node, at)
     what, origins = document["at"], document["increments"]
     if not origins:
-        session.say(f"{what}: no increment acts here: the value is that of {row.label}'s imported database")
+        session.say(
+            f"{what}: no increment acts here: the value is that of {row.label}'s imported database"
+        )
     for origin in origins:
         session.say(
-            f"{what}: increment on {origin['axis']} of {origin['value']:.5g} +- {origin['standard_error']:.2g} "
-            f"({', '.join(origin['regressors'])}), made by {origin['label']} in run {str(origin['run'])[:12]}, "
-            f"code {origin['code_version']}, steps {_steps(origin['step_versions'])}"
+            f"{what}: increment on {origin['axis']} of {origin['value']:.5g} +-"
+            f" {origin['standard_error']:.2g} ({', '.join(origin['regressors'])}), made by"
+            f" {origin['label']} in run {str(origin['run'])[:12]}, code {origin['code_version']},"
+            f" steps {_steps(origin['step_versions'])}"
         )
         session.table(
             ["flight", "role", "log sha256", "retracted"],
-            [[f["name"], f["role"], f["log_sha256"][:12], f["retracted"] or ""] for f in origin["flights"]],
+            [
+                [f["name"], f["role"], f["log_sha256"][:12], f["retracted"] or ""]
+                for f in origin["flights"]
+            ],
         )
     session.answer(document)
 
 
 def _steps(versions: dict[str, list[int]]) -> str:
-    return ", ".join(f"{step} {'/'.join(map(str, numbers))}" for step, numbers in versions.items()) or "none stored"
+    return (
+        ", ".join(f"{step} {'/'.join(map(str, numbers))}" for step, numbers in versions.items())
+        or "none stored"
+    )
 
 
 def impact(context: typer.Context, flight: str, vehicle: Vehicle = None) -> None:
@@ -106,7 +138,10 @@ def impact(context: typer.Context, flight: str, vehicle: Vehicle = None) -> None
     through = {use.version.id: use.version.label for use in uses}
     session.table(
         ["version", "role of the flight", "through"],
-        [[u.version.label, u.role.replace("_", " "), through.get(u.through, u.through[:12])] for u in uses],
+        [
+            [u.version.label, u.role.replace("_", " "), through.get(u.through, u.through[:12])]
+            for u in uses
+        ],
     )
     session.answer(impact_document(row.id, uses))
 
@@ -116,9 +151,12 @@ def diff(
     before: Annotated[str, typer.Argument(help="The version to start from.")],
     after: Annotated[str, typer.Argument(help="The version to compare with it.")],
     vehicle: Vehicle = None,
-    figure: Annotated[Path | None, typer.Option(help="Also draw slices to this file (.png, .svg, .pdf).")] = None,
+    figure: Annotated[
+        Path | None, typer.Option(help="Also draw slices to this file (.png, .svg, .pdf).")
+    ] = None,
 ) -> None:
-    """Show what differs between two versions: per term and table node change, sigma, coverage, flights.
+    """Show what differs between two versions: per term and table node change, sigma, coverage,
+    flights.
 
     Example: aerodb version diff v0001 candidate --figure diff.png
     """
@@ -128,7 +166,9 @@ def diff(
     workspace = session.workspace()
     catalogue = session.catalogue()
     old, new = version_of(catalogue, before, vehicle), version_of(catalogue, after, vehicle)
-    document, picture = compare_versions(catalogue, old, new, figure.suffix if figure is not None else "")
+    document, picture = compare_versions(
+        catalogue, old, new, figure.suffix if figure is not None else ""
+    )
     labels = catalogue.flight_labels({f for t in document["terms"] for f in t["flights"]})
     _say_diff(session, document, labels)
     if figure is not None and picture is not None:
@@ -143,18 +183,31 @@ def _say_diff(session: Session, document: dict[str, Any], labels: dict[str, str]
         session.table(
             ["what", "axis", "name", "before", "after", "flights"],
             [
-                [t["kind"], t["axis"], t["name"], t["before"], t["after"], ", ".join(labels[f] for f in t["flights"])]
+                [
+                    t["kind"],
+                    t["axis"],
+                    t["name"],
+                    t["before"],
+                    t["after"],
+                    ", ".join(labels[f] for f in t["flights"]),
+                ]
                 for t in document["terms"]
             ],
         )
     for name, what in document["tables"].items():
         session.say(f"table {name}: {what}")
     for name, largest in document["not_addressable"].items():
-        session.say(f"table {name}: values differ by up to {largest:.5g} (its arguments are no single channels)")
+        session.say(
+            f"table {name}: values differ by up to {largest:.5g} (its arguments are no single"
+            " channels)"
+        )
     for entry in document["nodes"]:
         nodes = sorted(entry["nodes"], key=lambda node: -abs(node["change"]))
         session.say()
-        session.say(f"{entry['axis']} at the nodes of {entry['table']}: {len(nodes)} change, {entry['unchanged']} do not")
+        session.say(
+            f"{entry['axis']} at the nodes of {entry['table']}: {len(nodes)} change,"
+            f" {entry['unchanged']} do not"
+        )
         session.table(
             ["node", "at", "change", "sigma", "flown"],
             [

@@ -35,7 +35,10 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
-    help="Keeps aerodynamic databases true to flight.\n\nExample: aerodb flight ingest log.ulg --vehicle my-glider",
+    help=(
+        "Keeps aerodynamic databases true to flight.\n\nExample: aerodb flight ingest log.ulg"
+        " --vehicle my-glider"
+    ),
 )
 versions.app.command("lineage")(lineage.lineage)
 versions.app.command("impact")(lineage.impact)
@@ -43,7 +46,16 @@ versions.app.command("diff")(lineage.diff)
 versions.app.command("export")(releases.export)
 versions.app.command("promote")(releases.promote)
 versions.app.command("rollback")(releases.rollback)
-for group in (vehicles.app, databases.app, flights.logs, flights.app, versions.app, calibrations.app, reports.app, store.app):
+for group in (
+    vehicles.app,
+    databases.app,
+    flights.logs,
+    flights.app,
+    versions.app,
+    calibrations.app,
+    reports.app,
+    store.app,
+):
     app.add_typer(group)
 app.command("update")(updates.update)
 app.command("close-loop")(closing.close_loop)
@@ -61,9 +73,12 @@ app.command("restore")(keeping.restore)
 def session(
     context: typer.Context,
     workspace: Annotated[
-        Path | None, typer.Option(help="Folder of catalogue and store.", show_default="./aerodb-workspace")
+        Path | None,
+        typer.Option(help="Folder of catalogue and store.", show_default="./aerodb-workspace"),
     ] = None,
-    json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
+    json: Annotated[
+        bool, typer.Option("--json", help="One JSON document on standard output.")
+    ] = False,
     debug: Annotated[bool, typer.Option(help="Show tracebacks.")] = False,
 ) -> None:
     """Keeps the options that every command shares."""
@@ -75,7 +90,8 @@ def main() -> None:
     """Runs the command line and ends the process with the exit code of CONTRACT.md."""
     debug = "--debug" in sys.argv
     try:
-        # Outside of its standalone mode the library returns the code of an Exit instead of raising it.
+        # Outside of its standalone mode the library returns the code of an Exit instead of raising
+        # it.
         left_with = app(standalone_mode=False)
         code = left_with if isinstance(left_with, int) else DONE
     except typer.Abort:
@@ -101,13 +117,15 @@ def _code(error: AeroError) -> int:
 
 
 def _unexpected(error: Exception) -> int:
-    # Errors of usage come from the library below typer, which has no public name for their common class.
+    # Errors of usage come from the library below typer, which has no public name for their common
+    # class.
     show = getattr(error, "show", None)
     if callable(show):
         show()
         return int(getattr(error, "exit_code", USAGE))
     print(
-        f"aerodb: {type(error).__name__}: {error}\nthis is a fault of aerodb; run again with --debug and report it",
+        f"aerodb: {type(error).__name__}: {error}\nthis is a fault of aerodb; run again with"
+        " --debug and report it",
         file=sys.stderr,
     )
     return FAILED

@@ -1,4 +1,5 @@
-"""What a command says: text and tables for people, one JSON document for programs, a progress bar for the patient."""
+"""What a command says: text and tables for people, one JSON document for programs, a progress bar
+for the patient."""
 
 import sys
 import time
@@ -9,7 +10,14 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    SpinnerColumn,
+    TextColumn,
+    TimeElapsedColumn,
+)
 from rich.table import Table
 from rich.text import Text
 
@@ -20,17 +28,23 @@ from aerodb.tasks.view import as_json
 
 
 def visible(text: str, keep: str = "") -> str:
-    """`text` with control characters and broken Unicode as escapes: a name in a log cannot move the cursor.
+    """`text` with control characters and broken Unicode as escapes: a name in a log cannot move the
+    cursor.
 
     >>> visible("a\\nb\\x1b[31m")
     'a\\\\nb\\\\x1b[31m'
     """
-    hidden = (c for c in set(text) if c not in keep and unicodedata.category(c) in ("Cc", "Cf", "Cs"))
-    return text.translate({ord(c): c.encode("unicode_escape", "surrogatepass").decode() for c in hidden})
+    hidden = (
+        c for c in set(text) if c not in keep and unicodedata.category(c) in ("Cc", "Cf", "Cs")
+    )
+    return text.translate(
+        {ord(c): c.encode("unicode_escape", "surrogatepass").decode() for c in hidden}
+    )
 
 
 def complaint(what: str, where: str, remedy: str) -> str:
-    """A refusal in two lines: where and what, then what to do; one line when nothing can be done."""
+    """A refusal in two lines: where and what, then what to do; one line when nothing can be
+    done."""
     lines = (f"aerodb: {where}: {what}" if where else f"aerodb: {what}", remedy)
     return "\n".join(visible(line) for line in lines if line)
 
@@ -44,7 +58,9 @@ class Session:
         self.debug = debug
         self.people = Console(stderr=as_json, highlight=False, soft_wrap=True, emoji=False)
         if not self.people.is_terminal:
-            self.people.width = 160  # a file or a pipe has no width of its own, and must not be cut to 80
+            self.people.width = (
+                160  # a file or a pipe has no width of its own, and must not be cut to 80
+            )
 
     def workspace(self, create: bool = False) -> Workspace:
         """The workspace; InputError when there is none and it is not to be made."""
@@ -58,11 +74,15 @@ class Session:
         """A line for people. Text is never markup: names in logs are not ours."""
         self.people.print(visible(text, keep="\n\t"), markup=False)
 
-    def table(self, columns: Sequence[str], rows: Sequence[Sequence[str]], numbers: Sequence[int] = ()) -> None:
+    def table(
+        self, columns: Sequence[str], rows: Sequence[Sequence[str]], numbers: Sequence[int] = ()
+    ) -> None:
         """A table for people; columns whose positions are in `numbers` are set right."""
         made = Table(box=None, header_style="bold", pad_edge=False)
         for k, column in enumerate(columns):
-            made.add_column(Text(column), justify="right" if k in numbers else "left", no_wrap=k in numbers)
+            made.add_column(
+                Text(column), justify="right" if k in numbers else "left", no_wrap=k in numbers
+            )
         for row in rows:
             made.add_row(*(Text(visible(cell)) for cell in row))
         self.people.print(made)
@@ -87,11 +107,20 @@ class Session:
 
 @contextmanager
 def _progress(as_json: bool) -> Iterator[Any]:
-    """A bar on standard error that appears two seconds after the start; nothing where nobody watches."""
+    """A bar on standard error that appears two seconds after the start; nothing where nobody
+    watches."""
     console = Console(stderr=True)
-    columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    columns = (
+        SpinnerColumn(),
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+    )
     started = time.monotonic()
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+    with Progress(
+        *columns, console=console, transient=True, disable=not console.is_terminal
+    ) as bar:
         task = bar.add_task("starting", total=None, visible=False)
 
         def report(step: str, done: int, total: int) -> None:

@@ -1,4 +1,5 @@
-"""Options that commands about versions have in common; what they mean is said in `aerodb.tasks.references`."""
+"""Options that commands about versions have in common; what they mean is said in
+`aerodb.tasks.references`."""
 
 from typing import Annotated
 
@@ -8,5 +9,9 @@ from aerodb.tasks.references import vehicle_of, version_of
 
 __all__ = ["AsOf", "Vehicle", "vehicle_of", "version_of"]
 
-Vehicle = Annotated[str | None, typer.Option(help="The vehicle; not needed where there is only one.")]
-AsOf = Annotated[str | None, typer.Option("--as-of", help="As it was at this date (ISO 8601, UTC).")]
+Vehicle = Annotated[
+    str | None, typer.Option(help="The vehicle; not needed where there is only one.")
+]
+AsOf = Annotated[
+    str | None, typer.Option("--as-of", help="As it was at this date (ISO 8601, UTC).")
+]

@@ -1,4 +1,5 @@
-"""``aerodb version promote``, ``rollback`` and ``export``: names move by logged events, and versions go out to simulators."""
+"""``aerodb version promote``, ``rollback`` and ``export``: names move by logged events, and
+versions go out to simulators."""
 
 from pathlib import Path
 from typing import Annotated, Any
@@ -10,10 +11,18 @@ from aerodb.flows.cli.references import AsOf, Vehicle
 from aerodb.tasks.references import vehicle_of, version_of
 
 Reason = Annotated[str, typer.Option(help="Why; it is kept with the move.")]
-Name = Annotated[str, typer.Option("--name", help="The name that moves; only `released` passes the gate.")]
+Name = Annotated[
+    str, typer.Option("--name", help="The name that moves; only `released` passes the gate.")
+]
 
 
-def promote(context: typer.Context, version: str, reason: Reason, name: Name = "released", vehicle: Vehicle = None) -> None:
+def promote(
+    context: typer.Context,
+    version: str,
+    reason: Reason,
+    name: Name = "released",
+    vehicle: Vehicle = None,
+) -> None:
     """Point a name at a version; `released` moves only through the gate.
 
     Example: aerodb version promote candidate --reason "lift slope proved on two flights"
@@ -22,7 +31,9 @@ def promote(context: typer.Context, version: str, reason: Reason, name: Name = "
 
     session: Session = context.obj
     row = version_of(session.catalogue(), version, vehicle)
-    document = session.run(promote_flow, {"version": row.id, "name": name, "reason": reason}, direct=True)
+    document = session.run(
+        promote_flow, {"version": row.id, "name": name, "reason": reason}, direct=True
+    )
     if document["moved"]:
         for check in document["checks"]:
             session.say(f"passed: {check}")
@@ -32,7 +43,9 @@ def promote(context: typer.Context, version: str, reason: Reason, name: Name = "
     session.answer(document)
 
 
-def rollback(context: typer.Context, reason: Reason, name: Name = "released", vehicle: Vehicle = None) -> None:
+def rollback(
+    context: typer.Context, reason: Reason, name: Name = "released", vehicle: Vehicle = None
+) -> None:
     """Take the last move of a name back, by a new event; nothing is deleted.
 
     Example: aerodb version rollback --vehicle my-glider --reason "simulator diverges above 10 deg"
@@ -40,7 +53,11 @@ def rollback(context: typer.Context, reason: Reason, name: Name = "released", ve
     from aerodb.flows.release import roll_back_flow
 
     session: Session = context.obj
-    parameters = {"vehicle": vehicle_of(session.catalogue(), vehicle), "name": name, "reason": reason}
+    parameters = {
+        "vehicle": vehicle_of(session.catalogue(), vehicle),
+        "name": name,
+        "reason": reason,
+    }
     document = session.run(roll_back_flow, parameters, direct=True)
     _say_move(session, document)
     for why in document["stale"]:
@@ -67,10 +84,15 @@ def export(
     catalogue = session.catalogue()
     row = version_of(catalogue, version, vehicle, as_of)
     document = export_version(workspace, catalogue, row, format, output)
-    session.say(f"wrote {document['file']}: {row.label} of {row.vehicle} as {format}, {document['checked']}")
+    session.say(
+        f"wrote {document['file']}: {row.label} of {row.vehicle} as {format}, {document['checked']}"
+    )
     session.answer(document)
 
 
 def _say_move(session: Session, document: dict[str, Any]) -> None:
     event = document["event"]
-    session.say(f"{document['name']} of {document['vehicle']} is {document['label']} now ({event['user']}: {event['reason']})")
+    session.say(
+        f"{document['name']} of {document['vehicle']} is {document['label']} now ({event['user']}:"
+        f" {event['reason']})"
+    )

@@ -11,7 +11,9 @@ from aerodb.flows.cli.references import Vehicle
 from aerodb.storage.workspace import write_for_user
 from aerodb.tasks.references import version_of
 
-app = typer.Typer(name="report", no_args_is_help=True, help="Reports as one self-contained HTML page, or as PDF.")
+app = typer.Typer(
+    name="report", no_args_is_help=True, help="Reports as one self-contained HTML page, or as PDF."
+)
 
 Output = Annotated[Path, typer.Option(help="The file to write.")]
 Pdf = Annotated[bool, typer.Option("--pdf", help="As PDF instead of HTML; needs the extra `pdf`.")]
@@ -42,12 +44,15 @@ def flight(
 @app.command()
 def update(
     context: typer.Context,
-    version: Annotated[str, typer.Argument(help="The version that it made, or the key of a closed loop's report.")],
+    version: Annotated[
+        str, typer.Argument(help="The version that it made, or the key of a closed loop's report.")
+    ],
     output: Output,
     vehicle: Vehicle = None,
     pdf: Pdf = False,
 ) -> None:
-    """Write the report of an update or a closed loop: the finding first, then what it is worth, why, and what stays open.
+    """Write the report of an update or a closed loop: the finding first, then what it is worth,
+    why, and what stays open.
 
     Example: aerodb report update candidate --output update.html
     """
@@ -83,4 +88,11 @@ def _write(session: Session, parameters: dict[str, Any], output: Path, as_pdf: b
     data = pdf(page) if as_pdf else page.encode("utf-8")
     written = write_for_user(session.workspace(), output, data)
     session.say(f"wrote {written} ({len(data) / 1e3:.0f} kB)")
-    session.answer({"file": str(written), "kind": parameters["kind"], "about": parameters["about"], "size": len(data)})
+    session.answer(
+        {
+            "file": str(written),
+            "kind": parameters["kind"],
+            "about": parameters["about"],
+            "size": len(data),
+        }
+    )

@@ -1,4 +1,5 @@
-"""``aerodb serve``, ``nightly``, ``status`` and ``retry``: the product left to run by itself, and what it says of itself."""
+"""``aerodb serve``, ``nightly``, ``status`` and ``retry``: the product left to run by itself, and
+what it says of itself."""
 
 from typing import Annotated, Any
 
@@ -26,7 +27,8 @@ def _opened(session: Session) -> Stores:
 
 
 def serve(context: typer.Context) -> None:
-    """Serve the workspace until stopped: Prefect server, schedules, and the inbox; one per workspace.
+    """Serve the workspace until stopped: Prefect server, schedules, and the inbox; one per
+    workspace.
 
     Settings stand in settings.toml of the workspace.
 
@@ -45,7 +47,8 @@ def nightly(
     vehicle: Annotated[str | None, typer.Option(help="Only this vehicle.")] = None,
     direct: _Direct = False,
 ) -> None:
-    """Run the nightly flow once: sweep the inbox, take databases further where enough flights are new, tell people.
+    """Run the nightly flow once: sweep the inbox, take databases further where enough flights are
+    new, tell people.
 
     Example: aerodb nightly
     """
@@ -56,7 +59,10 @@ def nightly(
         session.catalogue().vehicle(vehicle)
     lock = take(night_lock(session.workspace(), vehicle))
     if lock is None:
-        what, remedy = "a night of this workspace is under way already", "let it end; aerodb status says what runs"
+        what, remedy = (
+            "a night of this workspace is under way already",
+            "let it end; aerodb status says what runs",
+        )
         raise StoreBusyError(what, str(session.workspace().root), remedy)
     try:
         document = session.run(nightly_flow, {"vehicle": vehicle}, direct)
@@ -72,18 +78,28 @@ def nightly(
     for entry in document["undelivered"]:
         session.say(f"not delivered: {entry['text']} ({entry['error']})")
     session.answer(document)
-    if any(loop["error"] for loop in document["loops"]) or any(e["kind"] in ("failed", "no_room") for e in document["files"]):
+    if any(loop["error"] for loop in document["loops"]) or any(
+        e["kind"] in ("failed", "no_room") for e in document["files"]
+    ):
         raise typer.Exit(1)
 
 
 def _say_files(session: Session, files: list[dict[str, Any]]) -> None:
-    counts = {kind: sum(entry["kind"] == kind for entry in files) for kind in dict.fromkeys(e["kind"] for e in files)}
-    session.say("inbox: " + (", ".join(f"{number} {kind}" for kind, number in counts.items()) or "nothing was ready"))
+    counts = {
+        kind: sum(entry["kind"] == kind for entry in files)
+        for kind in dict.fromkeys(e["kind"] for e in files)
+    }
+    session.say(
+        "inbox: "
+        + (", ".join(f"{number} {kind}" for kind, number in counts.items()) or "nothing was ready")
+    )
     for entry in files:
         if entry["kind"] in ("quarantined", "failed", "no_room", "left"):
             session.say(f"  {entry['file']}: {entry['kind']}: {entry['reason']}")
         elif entry["verdict"] == "rejected":
-            session.say(f"  {entry['file']}: stored and rejected: {'; '.join(entry['verdict_reasons'])}")
+            session.say(
+                f"  {entry['file']}: stored and rejected: {'; '.join(entry['verdict_reasons'])}"
+            )
 
 
 def _loop_text(loop: dict[str, Any]) -> str:
@@ -105,22 +121,38 @@ def status(context: typer.Context) -> None:
     session: Session = context.obj
     document = status_of(_opened(session))
     serving = document["serve"]
-    where = f"yes, process {serving.get('pid')} at {serving.get('url')}" if serving["running"] else "no"
-    session.say(f"served: {where}; nightly: {serving['schedule']}; free disk: {document['free_bytes'] / 1e9:.1f} GB")
+    where = (
+        f"yes, process {serving.get('pid')} at {serving.get('url')}" if serving["running"] else "no"
+    )
+    session.say(
+        f"served: {where}; nightly: {serving['schedule']}; free disk:"
+        f" {document['free_bytes'] / 1e9:.1f} GB"
+    )
     for heading in ("waiting", "running", "failed"):
         session.say(f"{heading}: {len(document[heading]) or 'nothing'}")
     if document["waiting"]:
-        rows = [[e["file"], e["state"], str(e["tries"]), e["reason"]] for e in document["waiting"][:_LISTED]]
+        rows = [
+            [e["file"], e["state"], str(e["tries"]), e["reason"]]
+            for e in document["waiting"][:_LISTED]
+        ]
         session.table(["file", "state", "tries", "why"], rows, numbers=(2,))
     _say_runs(session, [*document["running"], *document["failed"]])
     aside = document["quarantined"]
     session.say(f"in quarantine: {aside['count'] or 'nothing'}")
     if aside["newest"]:
-        rows = [[e["key"][:12], e["name"], e["vehicle"], _first_line(e["reason"])] for e in aside["newest"]]
+        rows = [
+            [e["key"][:12], e["name"], e["vehicle"], _first_line(e["reason"])]
+            for e in aside["newest"]
+        ]
         session.table(["key", "log", "vehicle", "why"], rows[:_LISTED])
     for entry in document["vehicles"]:
-        loops = "; ".join(f"{d['way']}: {d['new']} of {d['after']} new flights" for d in entry["loops"])
-        session.say(f"{entry['vehicle']}: released {entry['released'] or '-'}, candidate {entry['candidate'] or '-'}; {loops}")
+        loops = "; ".join(
+            f"{d['way']}: {d['new']} of {d['after']} new flights" for d in entry["loops"]
+        )
+        session.say(
+            f"{entry['vehicle']}: released {entry['released'] or '-'}, candidate"
+            f" {entry['candidate'] or '-'}; {loops}"
+        )
     session.say("to do: nothing" if not document["todo"] else "to do:")
     for sentence in document["todo"]:
         session.say(f"- {sentence}")
@@ -130,17 +162,26 @@ def status(context: typer.Context) -> None:
 def _say_runs(session: Session, runs: list[dict[str, Any]]) -> None:
     if not runs:
         return
-    rows = [[e["run"][:12], e["flow"], e["state"], e["started_utc"][:19], _first_line(e["error"])] for e in runs[:_LISTED]]
+    rows = [
+        [e["run"][:12], e["flow"], e["state"], e["started_utc"][:19], _first_line(e["error"])]
+        for e in runs[:_LISTED]
+    ]
     session.table(["run", "flow", "state", "started", "why"], rows)
 
 
 def retry(
     context: typer.Context,
-    what: Annotated[str, typer.Argument(help="A log in quarantine (key or name), a failed run, a flight, or `all`.")],
-    vehicle: Annotated[str | None, typer.Option(help="Who flew it, where that is not known.")] = None,
+    what: Annotated[
+        str,
+        typer.Argument(help="A log in quarantine (key or name), a failed run, a flight, or `all`."),
+    ],
+    vehicle: Annotated[
+        str | None, typer.Option(help="Who flew it, where that is not known.")
+    ] = None,
     direct: _Direct = False,
 ) -> None:
-    """Try again what did not work: after the cause is mended, or to see whether it was the moment's fault.
+    """Try again what did not work: after the cause is mended, or to see whether it was the moment's
+    fault.
 
     Example: aerodb retry all
     """
@@ -150,9 +191,14 @@ def retry(
     if not what.strip():
         raise InputError("what is to be tried again?", "retry", "aerodb status lists what can be")
     opened = _opened(session)
-    done = do_again(opened, what, vehicle, lambda body, parameters: session.run(body, parameters, direct))
+    done = do_again(
+        opened, what, vehicle, lambda body, parameters: session.run(body, parameters, direct)
+    )
     for entry in done:
-        session.say(f"{entry['what']}: {entry['outcome']}{': ' + entry['reason'] if entry['reason'] else ''}")
+        session.say(
+            f"{entry['what']}:"
+            f" {entry['outcome']}{': ' + entry['reason'] if entry['reason'] else ''}"
+        )
     if not done:
         session.say("nothing to try again")
     session.answer(done)

@@ -10,12 +10,15 @@ from aerodb.flows.cli.output import Session
 if TYPE_CHECKING:
     from aerodb.storage.files import Moved
 
-app = typer.Typer(name="store", no_args_is_help=True, help="The object store, and the folder that is its cache.")
+app = typer.Typer(
+    name="store", no_args_is_help=True, help="The object store, and the folder that is its cache."
+)
 
 
 @app.command()
 def push(context: typer.Context) -> None:
-    """Put what is here and not in the object store: once when the settings get one, or when objects were lost.
+    """Put what is here and not in the object store: once when the settings get one, or when objects
+    were lost.
 
     Example: aerodb store push
     """
@@ -26,7 +29,12 @@ def push(context: typer.Context) -> None:
     workspace = session.workspace()
     with session.waiting("putting"), session.catalogue() as catalogue:
         moved = transfer.push(workspace, catalogue)
-    _answer(session, moved, "put", "not put, as it is not here as it was stored (aerodb verify says more)")
+    _answer(
+        session,
+        moved,
+        "put",
+        "not put, as it is not here as it was stored (aerodb verify says more)",
+    )
 
 
 @app.command()
@@ -41,15 +49,24 @@ def pull(context: typer.Context) -> None:
     workspace = session.workspace()
     with session.waiting("fetching"), session.catalogue() as catalogue:
         moved = transfer.pull(workspace, catalogue)
-    _answer(session, moved, "fetched", "not fetched, as it is not there as it was stored (aerodb verify --fetch says more)")
+    _answer(
+        session,
+        moved,
+        "fetched",
+        "not fetched, as it is not there as it was stored (aerodb verify --fetch says more)",
+    )
 
 
 @app.command()
 def trim(
     context: typer.Context,
-    size: Annotated[int | None, typer.Option(min=0, help="Bytes that may stay; else [store] cache of the settings.")] = None,
+    size: Annotated[
+        int | None,
+        typer.Option(min=0, help="Bytes that may stay; else [store] cache of the settings."),
+    ] = None,
 ) -> None:
-    """Remove files from the folder, what was not used for longest first; only what is in the object store.
+    """Remove files from the folder, what was not used for longest first; only what is in the object
+    store.
 
     Example: aerodb store trim --size 50000000000
     """
@@ -59,7 +76,12 @@ def trim(
     workspace = session.workspace()
     with session.waiting("making room"), session.catalogue() as catalogue:
         moved = transfer.trim(workspace, catalogue, size)
-    _answer(session, moved, "removed from the cache", "stays here, as it is in use or not in the object store")
+    _answer(
+        session,
+        moved,
+        "removed from the cache",
+        "stays here, as it is in use or not in the object store",
+    )
 
 
 def _answer(session: Session, moved: "Moved", done: str, not_done: str) -> None:

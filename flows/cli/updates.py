@@ -1,4 +1,5 @@
-"""``aerodb update``: declared increments from flights to a candidate version, with its error before and after."""
+"""``aerodb update``: declared increments from flights to a candidate version, with its error before
+and after."""
 
 from pathlib import Path
 from typing import Annotated, Any
@@ -14,16 +15,27 @@ from aerodb.storage.catalogue import Catalogue, VersionRow
 def update(
     context: typer.Context,
     vehicle: Annotated[str, typer.Option(help="The vehicle.")],
-    model: Annotated[Path | None, typer.Option(help="Model file (TOML): the declared increments.")] = None,
-    like: Annotated[str | None, typer.Option(help="Instead: model and flights of this version, less retracted ones.")] = None,
-    baseline: Annotated[str, typer.Option(help="Version to build on.")] = "released",
-    flights: Annotated[list[str] | None, typer.Option(help="Flights to use; all of the vehicle without it.")] = None,
-    hold_out: Annotated[
-        list[str] | None, typer.Option(help="Flights to hold out, or `none`; the newest fifth without it.")
+    model: Annotated[
+        Path | None, typer.Option(help="Model file (TOML): the declared increments.")
     ] = None,
-    direct: Annotated[bool, typer.Option(help="Without Prefect: the same steps, the same keys.")] = False,
+    like: Annotated[
+        str | None,
+        typer.Option(help="Instead: model and flights of this version, less retracted ones."),
+    ] = None,
+    baseline: Annotated[str, typer.Option(help="Version to build on.")] = "released",
+    flights: Annotated[
+        list[str] | None, typer.Option(help="Flights to use; all of the vehicle without it.")
+    ] = None,
+    hold_out: Annotated[
+        list[str] | None,
+        typer.Option(help="Flights to hold out, or `none`; the newest fifth without it."),
+    ] = None,
+    direct: Annotated[
+        bool, typer.Option(help="Without Prefect: the same steps, the same keys.")
+    ] = False,
 ) -> None:
-    """Estimate declared increments, store a candidate version, and report the error before and after.
+    """Estimate declared increments, store a candidate version, and report the error before and
+    after.
 
     Example: aerodb update --vehicle my-glider --model increments.toml
     """
@@ -32,30 +44,55 @@ def update(
 
     session: Session = context.obj
     if (model is None) == (like is None):
-        raise InputError("which increments?", "update", "give either --model FILE or --like VERSION")
+        raise InputError(
+            "which increments?", "update", "give either --model FILE or --like VERSION"
+        )
     catalogue = session.catalogue()
     if like is not None:
-        text, again, held_again = _as_before(catalogue, catalogue.version(catalogue.vehicle(vehicle).name, like))
+        text, again, held_again = _as_before(
+            catalogue, catalogue.version(catalogue.vehicle(vehicle).name, like)
+        )
         flights, hold_out = flights or again, hold_out or held_again
     elif model is not None:
         text = read_text(model)
         parse_model_file(text, str(model))
     row = catalogue.version(catalogue.vehicle(vehicle).name, baseline)
-    chosen = [catalogue.flight(ref, vehicle).id for ref in flights] if flights else [f.id for f in catalogue.flights(vehicle)]
+    chosen = (
+        [catalogue.flight(ref, vehicle).id for ref in flights]
+        if flights
+        else [f.id for f in catalogue.flights(vehicle)]
+    )
     if not chosen:
-        raise InputError("no flight is stored", f"vehicle {vehicle}", "ingest one: aerodb flight ingest LOG --vehicle " + vehicle)
+        raise InputError(
+            "no flight is stored",
+            f"vehicle {vehicle}",
+            "ingest one: aerodb flight ingest LOG --vehicle " + vehicle,
+        )
     held = None if hold_out is None else ([] if hold_out == ["none"] else hold_out)
-    parameters = {"vehicle": vehicle, "baseline": row.id, "flights": chosen, "model": text, "hold_out": held}
+    parameters = {
+        "vehicle": vehicle,
+        "baseline": row.id,
+        "flights": chosen,
+        "model": text,
+        "hold_out": held,
+    }
     document = session.run(update_flow, parameters, direct)
     print_update(session, document)
     session.answer(document)
 
 
-def _as_before(catalogue: Catalogue, version: VersionRow) -> tuple[str, list[str], list[str] | None]:
-    """Text of the model file, flights, and those held out, of the update that made a version, less retracted flights."""
+def _as_before(
+    catalogue: Catalogue, version: VersionRow
+) -> tuple[str, list[str], list[str] | None]:
+    """Text of the model file, flights, and those held out, of the update that made a version, less
+    retracted flights."""
     settings = catalogue.settings_of([version.id])[version.id]
     if "model" not in settings:
-        raise InputError("was not made by an update", f"version {version.label}", "name one that was, or give --model FILE")
+        raise InputError(
+            "was not made by an update",
+            f"version {version.label}",
+            "name one that was, or give --model FILE",
+        )
     used = [use for use in catalogue.version_flights(version.id) if use.role != "excluded"]
     rows = catalogue.flights_by_id(use.flight for use in used)
     standing = [use for use in used if rows[use.flight].retracted_utc is None]
@@ -64,15 +101,22 @@ def _as_before(catalogue: Catalogue, version: VersionRow) -> tuple[str, list[str
 
 
 def print_update(session: Session, document: dict[str, Any]) -> None:
-    """The update for people: increments, the table before and after, and what to know before trusting it."""
-    session.say(f"candidate {document['label']} ({document['candidate'][:12]}) on baseline {document['baseline'][:12]}")
+    """The update for people: increments, the table before and after, and what to know before
+    trusting it."""
+    session.say(
+        f"candidate {document['label']} ({document['candidate'][:12]}) on baseline"
+        f" {document['baseline'][:12]}"
+    )
     say_flights(session, document)
     for entry in document["increments"]:
         session.say()
         session.say(f"increment on {entry['axis']} (R2 {entry['r_squared']:.3f}):")
         session.table(
             ["term", "value", "standard error", "VIF"],
-            [[t["term"], f"{t['value']:.5g}", f"{t['standard_error']:.2g}", f"{t['vif']:.3g}"] for t in entry["terms"]],
+            [
+                [t["term"], f"{t['value']:.5g}", f"{t['standard_error']:.2g}", f"{t['vif']:.3g}"]
+                for t in entry["terms"]
+            ],
             numbers=(1, 2, 3),
         )
     session.say()
@@ -83,12 +127,23 @@ def print_update(session: Session, document: dict[str, Any]) -> None:
 
 
 def say_flights(session: Session, document: dict[str, Any]) -> None:
-    """Which flights identified, which validated and how often those were looked at, which were left out and why."""
+    """Which flights identified, which validated and how often those were looked at, which were left
+    out and why."""
     used, held = document["flights"]["identified"], document["flights"]["held_out"]
-    session.say(f"identified on {len(used)} flights, validated on {len(held) or 'none'} ({document['validation']['kind']})")
-    looks = {flight: count for flight, count in document["validation"]["looked_at_before"].items() if count}
+    session.say(
+        f"identified on {len(used)} flights, validated on {len(held) or 'none'}"
+        f" ({document['validation']['kind']})"
+    )
+    looks = {
+        flight: count
+        for flight, count in document["validation"]["looked_at_before"].items()
+        if count
+    }
     if looks:
-        session.say("held-out flights looked at before: " + ", ".join(f"{f[:12]} {n} times" for f, n in looks.items()))
+        session.say(
+            "held-out flights looked at before: "
+            + ", ".join(f"{f[:12]} {n} times" for f, n in looks.items())
+        )
     for entry in document["flights"]["excluded"]:
         session.say(f"excluded {entry['flight'][:12]}: {entry['reason']}")
 
@@ -96,8 +151,21 @@ def say_flights(session: Session, document: dict[str, Any]) -> None:
 def say_axes(session: Session, document: dict[str, Any]) -> None:
     """The table before and after, per axis."""
     session.table(
-        ["axis", "before", "after", "held out: before", "after", "without its constant", "after", "noise floor", "outcome"],
-        [[axis, *(_number(v[k]) for k in _COLUMNS), v["outcome"]] for axis, v in document["axes"].items()],
+        [
+            "axis",
+            "before",
+            "after",
+            "held out: before",
+            "after",
+            "without its constant",
+            "after",
+            "noise floor",
+            "outcome",
+        ],
+        [
+            [axis, *(_number(v[k]) for k in _COLUMNS), v["outcome"]]
+            for axis, v in document["axes"].items()
+        ],
         numbers=tuple(range(1, 8)),
     )
 

@@ -10,7 +10,9 @@ from aerodb.flows.cli.output import Session
 from aerodb.storage.encoding import VEHICLE_NAME, checked
 from aerodb.vehicle import parse_vehicle, vehicle_template
 
-app = typer.Typer(name="vehicle", no_args_is_help=True, help="Vehicles: geometry, mass, surfaces, sensors.")
+app = typer.Typer(
+    name="vehicle", no_args_is_help=True, help="Vehicles: geometry, mass, surfaces, sensors."
+)
 
 
 @app.command()
@@ -23,14 +25,18 @@ def init(context: typer.Context, name: str) -> None:
     checked(name, VEHICLE_NAME, "the name of a vehicle")  # before it becomes that of a file
     path = Path(f"{name}.toml")
     if path.exists():
-        raise InputError("the file exists already", str(path), "move it away, or choose another name")
+        raise InputError(
+            "the file exists already", str(path), "move it away, or choose another name"
+        )
     path.write_text(vehicle_template(name), encoding="utf-8")
     session.say(f"wrote {path}; fill it in, then: aerodb vehicle add {path}")
     session.answer({"file": str(path)})
 
 
 @app.command()
-def add(context: typer.Context, file: Annotated[Path, typer.Argument(help="Vehicle file (TOML).")]) -> None:
+def add(
+    context: typer.Context, file: Annotated[Path, typer.Argument(help="Vehicle file (TOML).")]
+) -> None:
     """Check a vehicle file and keep it; the same name again keeps the earlier text too.
 
     Example: aerodb vehicle add my-glider.toml
@@ -51,8 +57,16 @@ def list_vehicles(context: typer.Context) -> None:
     """
     session: Session = context.obj
     rows = session.catalogue().vehicles()
-    session.table(["vehicle", "file", "since"], [[r.name, r.sha256[:12], f"{r.added_utc:%Y-%m-%d %H:%M}"] for r in rows])
-    session.answer([{"vehicle": r.name, "sha256": r.sha256, "added_utc": r.added_utc.isoformat()} for r in rows])
+    session.table(
+        ["vehicle", "file", "since"],
+        [[r.name, r.sha256[:12], f"{r.added_utc:%Y-%m-%d %H:%M}"] for r in rows],
+    )
+    session.answer(
+        [
+            {"vehicle": r.name, "sha256": r.sha256, "added_utc": r.added_utc.isoformat()}
+            for r in rows
+        ]
+    )
 
 
 @app.command()

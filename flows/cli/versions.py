@@ -20,7 +20,9 @@ All = Annotated[bool, typer.Option("--all", help="All of them.")]
 
 
 @app.command("list")
-def list_versions(context: typer.Context, vehicle: Vehicle = None, limit: Limit = 50, everything: All = False) -> None:
+def list_versions(
+    context: typer.Context, vehicle: Vehicle = None, limit: Limit = 50, everything: All = False
+) -> None:
     """List versions, oldest first: the newest 50, more with --limit or --all.
 
     Example: aerodb version list --vehicle my-glider
@@ -30,7 +32,9 @@ def list_versions(context: typer.Context, vehicle: Vehicle = None, limit: Limit 
     owner = vehicle_of(catalogue, vehicle)
     rows = catalogue.versions(owner, None if everything else limit)
     documents = versions_document(catalogue, owner, rows)
-    parents = catalogue.versions_by_id({row.parent for row in rows if row.parent} - {row.id for row in rows})
+    parents = catalogue.versions_by_id(
+        {row.parent for row in rows if row.parent} - {row.id for row in rows}
+    )
     labels = {row.id: row.label for row in (*rows, *parents.values())}
     session.table(
         ["version", "id", "parent", "made", "names"],
@@ -57,7 +61,9 @@ def show(
     version: str,
     vehicle: Vehicle = None,
     as_of: AsOf = None,
-    consolidated: Annotated[bool, typer.Option("--consolidated", help="With increments folded into tables.")] = False,
+    consolidated: Annotated[
+        bool, typer.Option("--consolidated", help="With increments folded into tables.")
+    ] = False,
 ) -> None:
     """Show a version: terms, tables, increments, and the report it was made with.
 
@@ -72,25 +78,43 @@ def show(
     row = version_of(catalogue, version, vehicle, as_of)
     database = database_of(catalogue, row)
     document = version_details(catalogue, row)
-    session.say(f"{row.label} ({row.id[:12]}) of {row.vehicle}, made {row.created_utc:%Y-%m-%d %H:%M} UTC: {database.name}")
-    session.say(f"{len(database.terms)} terms, {len(database.tables)} tables, {len(database.increments)} increments from flights")
+    session.say(
+        f"{row.label} ({row.id[:12]}) of {row.vehicle}, made {row.created_utc:%Y-%m-%d %H:%M} UTC:"
+        f" {database.name}"
+    )
+    session.say(
+        f"{len(database.terms)} terms, {len(database.tables)} tables, {len(database.increments)}"
+        " increments from flights"
+    )
     for reason in document["stale"]:
         session.say(f"stale: {reason}")
     database, folds = _consolidated(session, database) if consolidated else (database, {})
-    session.table(["axis", "term", "expression"], [[t.axis, t.name, str(t.expression)] for t in database.terms])
+    session.table(
+        ["axis", "term", "expression"],
+        [[t.axis, t.name, str(t.expression)] for t in database.terms],
+    )
     for increment in database.increments:
         session.say(f"increment on {increment.axis}, from {len(increment.flights)} flights:")
         errors = np.sqrt(np.diag(increment.covariance))
         rows = zip(increment.regressors, increment.estimates, errors, strict=True)
-        session.table(["regressor", "value", "standard error"], [[str(r), f"{v:.5g}", f"{e:.2g}"] for r, v, e in rows], (1, 2))
+        session.table(
+            ["regressor", "value", "standard error"],
+            [[str(r), f"{v:.5g}", f"{e:.2g}"] for r, v, e in rows],
+            (1, 2),
+        )
     session.answer({**document, **folds})
 
 
 @app.command()
 def history(
-    context: typer.Context, vehicle: Vehicle = None, limit: Limit = 50, everything: All = False, name: OneName = None
+    context: typer.Context,
+    vehicle: Vehicle = None,
+    limit: Limit = 50,
+    everything: All = False,
+    name: OneName = None,
 ) -> None:
-    """Show the moves of every name: what was released when, by whom, why. The newest 50, more with --limit or --all.
+    """Show the moves of every name: what was released when, by whom, why. The newest 50, more with
+    --limit or --all.
 
     Example: aerodb version history --name released
     """
@@ -98,12 +122,21 @@ def history(
     catalogue = session.catalogue()
     owner = vehicle_of(catalogue, vehicle)
     events = catalogue.name_history(owner, name, None if everything else limit)
-    versions = catalogue.versions_by_id({id for e in events for id in (e.version, e.previous) if id})
+    versions = catalogue.versions_by_id(
+        {id for e in events for id in (e.version, e.previous) if id}
+    )
     labels = {id: row.label for id, row in versions.items()}
     session.table(
         ["when", "name", "to", "from", "by", "why"],
         [
-            [f"{e.at_utc:%Y-%m-%d %H:%M}", e.name, labels[e.version], labels.get(e.previous or "", ""), e.user, e.reason]
+            [
+                f"{e.at_utc:%Y-%m-%d %H:%M}",
+                e.name,
+                labels[e.version],
+                labels.get(e.previous or "", ""),
+                e.user,
+                e.reason,
+            ]
             for e in events
         ],
     )
@@ -114,11 +147,14 @@ def history(
 def evaluate(
     context: typer.Context,
     version: str,
-    at: Annotated[str, typer.Option(help="Point: NAME=VALUE,... with units or SI; what is not given is 0.")],
+    at: Annotated[
+        str, typer.Option(help="Point: NAME=VALUE,... with units or SI; what is not given is 0.")
+    ],
     vehicle: Vehicle = None,
     as_of: AsOf = None,
 ) -> None:
-    """Evaluate a version at a point: value, standard error (where known) and whether flights or tables reach there.
+    """Evaluate a version at a point: value, standard error (where known) and whether flights or
+    tables reach there.
 
     Example: aerodb version evaluate released --at alpha=5deg,V=70,mach=0.2
     """
@@ -129,8 +165,13 @@ def evaluate(
     row = version_of(catalogue, version, vehicle, as_of)
     document = evaluate_at(catalogue, row, at)
     errors = document["standard_errors"]
-    shown = {axis: "not known" if error is None else f"{error:.2g}" for axis, error in errors.items()}
-    rows = [[axis, f"{value:.6g}", shown[axis], document["places"][axis]] for axis, value in document["coefficients"].items()]
+    shown = {
+        axis: "not known" if error is None else f"{error:.2g}" for axis, error in errors.items()
+    }
+    rows = [
+        [axis, f"{value:.6g}", shown[axis], document["places"][axis]]
+        for axis, value in document["coefficients"].items()
+    ]
     session.table(["axis", f"{row.label} at {at}", "standard error", "place"], rows, numbers=(1, 2))
     if document["taken_as_zero"]:
         session.say(f"taken as zero: {', '.join(document['taken_as_zero'])}")
@@ -139,8 +180,11 @@ def evaluate(
     session.answer(document)
 
 
-def _consolidated(session: Session, database: "AeroDatabase") -> tuple["AeroDatabase", dict[str, Any]]:
-    """The database with its increments folded into tables, said regressor by regressor, and as a document."""
+def _consolidated(
+    session: Session, database: "AeroDatabase"
+) -> tuple["AeroDatabase", dict[str, Any]]:
+    """The database with its increments folded into tables, said regressor by regressor, and as a
+    document."""
     from aerodb.exchange import to_document
     from aerodb.tables import consolidate, plan
 
@@ -154,7 +198,14 @@ def _consolidated(session: Session, database: "AeroDatabase") -> tuple["AeroData
         }
         for fold in plan(database)
     ]
-    rows = [[str(f["axis"]), str(f["regressor"]), str(f["table"] or f"beside the tables: {f['reason']}")] for f in folds]
+    rows = [
+        [
+            str(f["axis"]),
+            str(f["regressor"]),
+            str(f["table"] or f"beside the tables: {f['reason']}"),
+        ]
+        for f in folds
+    ]
     session.table(["axis", "regressor", "folded into"], rows)
     folded = consolidate(database)
     return folded, {"folds": folds, "consolidated": to_document(folded)}

@@ -10,13 +10,22 @@ from aerodb.flows.cli.output import Session
 
 def web(
     context: typer.Context,
-    host: Annotated[str, typer.Option(help="Address to listen on; one that others can reach needs $AERODB_TOKEN.")] = "127.0.0.1",
-    port: Annotated[int, typer.Option(min=0, max=65535, help="Port to listen on; 0 takes a free one.")] = 8050,
+    host: Annotated[
+        str,
+        typer.Option(help="Address to listen on; one that others can reach needs $AERODB_TOKEN."),
+    ] = "127.0.0.1",
+    port: Annotated[
+        int, typer.Option(min=0, max=65535, help="Port to listen on; 0 takes a free one.")
+    ] = 8050,
     known_as: Annotated[
-        list[str] | None, typer.Option(help="A name under which the console may be called, beside this machine's own.")
+        list[str] | None,
+        typer.Option(
+            help="A name under which the console may be called, beside this machine's own."
+        ),
     ] = None,
 ) -> None:
-    """Serve the console until stopped: flights, versions, lineage, findings and work, with a JSON API beside each page.
+    """Serve the console until stopped: flights, versions, lineage, findings and work, with a JSON
+    API beside each page.
 
     Example: aerodb web --port 8050
     """
@@ -29,10 +38,16 @@ def web(
     try:
         with listening(host, port) as socket:
             shown = f"[{host}]" if ":" in host else host
-            session.say(f"the console of {root} is at http://{shown}:{socket.getsockname()[1]}/; stop it with Ctrl-C")
+            session.say(
+                f"the console of {root} is at http://{shown}:{socket.getsockname()[1]}/; stop it"
+                " with Ctrl-C"
+            )
             serve_console(root, guard, socket)
     except OSError as error:
         if isinstance(error, StoreError):
             raise
-        what, where = f"cannot listen there: {error.strerror or error}", f"aerodb web --host {host} --port {port}"
+        what, where = (
+            f"cannot listen there: {error.strerror or error}",
+            f"aerodb web --host {host} --port {port}",
+        )
         raise StoreError(what, where, "choose another port: --port 0 takes a free one") from error

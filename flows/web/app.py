@@ -1,4 +1,5 @@
-"""The application: its parts put together, and what becomes of an error. What goes wrong is said as commands say it."""
+"""The application: its parts put together, and what becomes of an error. What goes wrong is said as
+commands say it."""
 
 import importlib.util
 from pathlib import Path
@@ -10,7 +11,14 @@ from starlette.exceptions import HTTPException
 from starlette.responses import FileResponse, Response
 from starlette.staticfiles import StaticFiles
 
-from aerodb.errors import AeroError, GateRefusal, InputError, StoreBusyError, StoreError, UnknownNameError
+from aerodb.errors import (
+    AeroError,
+    GateRefusal,
+    InputError,
+    StoreBusyError,
+    StoreError,
+    UnknownNameError,
+)
 from aerodb.flows.web import (
     change_pages as changes,
 )
@@ -50,10 +58,14 @@ _STATUS: Final[tuple[tuple[type[AeroError], int], ...]] = (
     (StoreBusyError, 503),
     (StoreError, 503),
 )
-_SAID: Final = {404: "there is nothing at this address", 405: "this address is not asked in that way"}
+_SAID: Final = {
+    404: "there is nothing at this address",
+    405: "this address is not asked in that way",
+}
 _DESCRIPTION: Final = (
-    "The documents that the commands of aerodb print with --json. A list answers its first page and names the next one in the "
-    "header Link. A change carries the token of GET /api/session in the header X-CSRF-Token, together with its cookie."
+    "The documents that the commands of aerodb print with --json. A list answers its first page and"
+    " names the next one in the header Link. A change carries the token of GET /api/session in the"
+    " header X-CSRF-Token, together with its cookie."
 )
 
 
@@ -84,9 +96,16 @@ def create_app(root: Path, guard: Guard) -> FastAPI:
 
 def _report_style() -> Response:
     """The reports' own style, and the colours that mean the same everywhere."""
-    named = {"flight": FLIGHT, "measured": MEASURED, "flagged": FLAGGED, "updated-band": f"{UPDATED}40"}
+    named = {
+        "flight": FLIGHT,
+        "measured": MEASURED,
+        "flagged": FLAGGED,
+        "updated-band": f"{UPDATED}40",
+    }
     colours = "".join(f"--{name}: {value}; " for name, value in named.items())
-    return Response(f"{render('style.css')}\n:root {{ {colours}}}\n", headers=_CACHED, media_type="text/css")
+    return Response(
+        f"{render('style.css')}\n:root {{ {colours}}}\n", headers=_CACHED, media_type="text/css"
+    )
 
 
 def _plotting(name: str) -> Any:
@@ -96,7 +115,9 @@ def _plotting(name: str) -> Any:
         folders = [] if spec is None else list(spec.submodule_search_locations or [])
         path = Path(folders[0]) / "static" / name if folders else None
         if path is None or not path.is_file():
-            raise StoreError("the plotting library is not installed", name, "pip install uplot-python")
+            raise StoreError(
+                "the plotting library is not installed", name, "pip install uplot-python"
+            )
         return FileResponse(path, headers=_CACHED)
 
     return file
@@ -110,22 +131,39 @@ async def _refused(request: Request, error: Exception) -> Response:
 
 async def _not_there(request: Request, error: Exception) -> Response:
     assert isinstance(error, HTTPException)
-    return _said(request, error.status_code, _SAID.get(error.status_code, str(error.detail)), "", "see the overview")
+    return _said(
+        request,
+        error.status_code,
+        _SAID.get(error.status_code, str(error.detail)),
+        "",
+        "see the overview",
+    )
 
 
 async def _malformed(request: Request, error: Exception) -> Response:
     assert isinstance(error, RequestValidationError)
     first = error.errors()[0]
     where = ".".join(str(step) for step in first["loc"][1:])
-    return _said(request, 422, str(first["msg"]), where, "see the API's description for what it takes")
+    return _said(
+        request, 422, str(first["msg"]), where, "see the API's description for what it takes"
+    )
 
 
 def _said(request: Request, status: int, what: str, where: str, remedy: str) -> Response:
     """An error as a page, or as a document where documents are asked for."""
     if request.url.path.startswith("/api/") or request.url.path == "/openapi.json":
-        answer = document({"error": {"status": status, "what": what, "where": where, "remedy": remedy}}, status=status)
+        answer = document(
+            {"error": {"status": status, "what": what, "where": where, "remedy": remedy}},
+            status=status,
+        )
     else:
-        title = "The gate refused" if status == 409 else "Not found" if status == 404 else "That does not work"
+        title = (
+            "The gate refused"
+            if status == 409
+            else "Not found"
+            if status == 404
+            else "That does not work"
+        )
         answer = page_of(request, "error.html", title, what=what, where=where, remedy=remedy)
         answer.status_code = status
     if status == 503:

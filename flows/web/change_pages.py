@@ -1,4 +1,5 @@
-"""Changes: names move to a version through the gate, and back. A page asks first; what the gate says is shown."""
+"""Changes: names move to a version through the gate, and back. A page asks first; what the gate
+says is shown."""
 
 from typing import Annotated, Any
 from urllib.parse import parse_qs
@@ -10,7 +11,15 @@ from starlette.responses import Response
 
 from aerodb.errors import GateRefusal, InputError
 from aerodb.flows.release import promote_flow, roll_back_flow
-from aerodb.flows.web.console import Vehicle, Word, console_of, document, opened_of, page_of, version_at
+from aerodb.flows.web.console import (
+    Vehicle,
+    Word,
+    console_of,
+    document,
+    opened_of,
+    page_of,
+    version_at,
+)
 from aerodb.flows.web.models import CONFLICTS
 from aerodb.flows.web.security import check_csrf
 from aerodb.storage.catalogue import standing_moves
@@ -18,7 +27,12 @@ from aerodb.tasks.references import vehicle_of
 from aerodb.tasks.result_versions import RELEASED
 
 router = APIRouter(tags=["changes"])
-Token = Annotated[str, Header(alias="X-CSRF-Token", max_length=200, description="Of GET /api/session, with its cookie.")]
+Token = Annotated[
+    str,
+    Header(
+        alias="X-CSRF-Token", max_length=200, description="Of GET /api/session, with its cookie."
+    ),
+]
 _NOWHERE = "nothing"
 
 
@@ -39,17 +53,25 @@ class RollBack(BaseModel):
 
 async def _form(request: Request) -> dict[str, str]:
     """Fields of a posted form; InputError for another kind of body."""
-    if request.headers.get("content-type", "").partition(";")[0].strip() != "application/x-www-form-urlencoded":
+    if (
+        request.headers.get("content-type", "").partition(";")[0].strip()
+        != "application/x-www-form-urlencoded"
+    ):
         raise InputError("not a form", "a change", "send it from its page")
     text = (await request.body()).decode("utf-8", "replace")
     try:
-        return {name: values[-1] for name, values in parse_qs(text, keep_blank_values=True, max_num_fields=20).items()}
+        return {
+            name: values[-1]
+            for name, values in parse_qs(text, keep_blank_values=True, max_num_fields=20).items()
+        }
     except ValueError as error:
         raise InputError(f"not a form: {error}", "a change", "send it from its page") from error
 
 
 @router.get("/versions/{version}/promote", include_in_schema=False)
-def promotion_page(request: Request, version: str, vehicle: Vehicle = None, name: Word = None) -> Response:
+def promotion_page(
+    request: Request, version: str, vehicle: Vehicle = None, name: Word = None
+) -> Response:
     """Asks for the reason, and says what would move from where to where."""
     opened = opened_of(request)
     row = version_at(opened, version, vehicle)
@@ -57,7 +79,15 @@ def promotion_page(request: Request, version: str, vehicle: Vehicle = None, name
     event = opened.catalogue.named(row.vehicle, moved)
     now = opened.catalogue.version_of_id(event.version) if event is not None else None
     stale = opened.catalogue.stale(row.id)
-    return page_of(request, "promote.html", f"Promote {row.label} of {row.vehicle}", row=row, name=moved, now=now, stale=stale)
+    return page_of(
+        request,
+        "promote.html",
+        f"Promote {row.label} of {row.vehicle}",
+        row=row,
+        name=moved,
+        now=now,
+        stale=stale,
+    )
 
 
 @router.post("/versions/{version}/promote", include_in_schema=False)
@@ -72,7 +102,9 @@ def _promote(request: Request, version: str, fields: dict[str, str]) -> Response
     row = version_at(opened_of(request), version, None)
     name = fields.get("name", RELEASED)
     _check_seen(request, row.vehicle, name, fields.get("seen"))
-    outcome = _moved(request, promote_flow, {"version": row.id, "name": name, "reason": fields.get("reason", "")})
+    outcome = _moved(
+        request, promote_flow, {"version": row.id, "name": name, "reason": fields.get("reason", "")}
+    )
     return _shown(request, f"Promote {row.label} of {row.vehicle}", outcome, f"/versions/{row.id}")
 
 
@@ -87,7 +119,9 @@ def rollback_page(request: Request, vehicle: Vehicle = None, name: Word = None) 
     now, back = (rows[ids[-1]] if ids else None), (rows[ids[0]] if len(ids) > 1 else None)
     stale = opened.catalogue.stale(back.id) if back else ()
     title = f"Take back the last move of '{moved}'"
-    return page_of(request, "rollback.html", title, vehicle=owner, name=moved, now=now, back=back, stale=stale)
+    return page_of(
+        request, "rollback.html", title, vehicle=owner, name=moved, now=now, back=back, stale=stale
+    )
 
 
 @router.post("/rollback", include_in_schema=False)
@@ -102,12 +136,20 @@ def _roll_back(request: Request, fields: dict[str, str]) -> Response:
     owner = vehicle_of(opened_of(request).catalogue, fields.get("vehicle"))
     name = fields.get("name", RELEASED)
     _check_seen(request, owner, name, fields.get("seen"))
-    outcome = _moved(request, roll_back_flow, {"vehicle": owner, "name": name, "reason": fields.get("reason", "")})
+    outcome = _moved(
+        request,
+        roll_back_flow,
+        {"vehicle": owner, "name": name, "reason": fields.get("reason", "")},
+    )
     return _shown(request, f"Roll back '{name}' of {owner}", outcome, f"/history?vehicle={owner}")
 
 
-@router.post("/api/versions/{version}/promote", summary="Point a name at a version", responses=CONFLICTS)
-def promote(request: Request, version: str, asked: Promotion, vehicle: Vehicle = None, token: Token = "") -> Response:
+@router.post(
+    "/api/versions/{version}/promote", summary="Point a name at a version", responses=CONFLICTS
+)
+def promote(
+    request: Request, version: str, asked: Promotion, vehicle: Vehicle = None, token: Token = ""
+) -> Response:
     """The document of `aerodb version promote`; 409 with the reasons where the gate refuses."""
     check_csrf(request, console_of(request).guard, token)
     row = version_at(opened_of(request), version, vehicle)
@@ -120,11 +162,16 @@ def roll_back(request: Request, asked: RollBack, token: Token = "") -> Response:
     """The document of `aerodb version rollback`."""
     check_csrf(request, console_of(request).guard, token)
     owner = vehicle_of(opened_of(request).catalogue, asked.vehicle)
-    return document(console_of(request).run(roll_back_flow, {"vehicle": owner, "name": asked.name, "reason": asked.reason}))
+    return document(
+        console_of(request).run(
+            roll_back_flow, {"vehicle": owner, "name": asked.name, "reason": asked.reason}
+        )
+    )
 
 
 def _check_seen(request: Request, vehicle: str, name: str, seen: str | None) -> None:
-    """Raises GateRefusal where a name does not point any more where it did when its page was shown."""
+    """Raises GateRefusal where a name does not point any more where it did when its page was
+    shown."""
     event = opened_of(request).catalogue.named(vehicle, name)
     if seen != (event.version if event is not None else _NOWHERE):
         what = f"'{name}' was moved after this page was shown"
@@ -139,10 +186,16 @@ def _moved(request: Request, flow: Any, parameters: dict[str, Any]) -> dict[str,
     return outcome
 
 
-def _shown(request: Request, title: str, outcome: dict[str, Any] | GateRefusal, back: str) -> Response:
+def _shown(
+    request: Request, title: str, outcome: dict[str, Any] | GateRefusal, back: str
+) -> Response:
     if isinstance(outcome, GateRefusal):
         reasons = outcome.what.split("; ")
-        page = page_of(request, "moved.html", title, outcome=None, reasons=reasons, refusal=outcome, back=back)
+        page = page_of(
+            request, "moved.html", title, outcome=None, reasons=reasons, refusal=outcome, back=back
+        )
         page.status_code = 409
         return page
-    return page_of(request, "moved.html", title, outcome=outcome, reasons=(), refusal=None, back=back)
+    return page_of(
+        request, "moved.html", title, outcome=outcome, reasons=(), refusal=None, back=back
+    )

@@ -1,4 +1,5 @@
-"""What every page needs: the workspace, the request's answer as a page or as a document, and links that hold any name."""
+"""What every page needs: the workspace, the request's answer as a page or as a document, and links
+that hold any name."""
 
 import functools
 from collections.abc import Mapping
@@ -31,12 +32,27 @@ def given(text: object) -> object:
     return None if text == "" else text
 
 
-#: What people and programs ask for, in the address. The bounds hold for words, and a field left empty is none.
+#: What people and programs ask for, in the address. The bounds hold for words, and a field left
+#: empty is none.
 _Name = Annotated[str, Field(max_length=_LONGEST)]
 Word = Annotated[_Name | None, BeforeValidator(given), Query()]
-Point = Annotated[str, Query(max_length=2000, description="NAME=VALUE,... with units or in SI; what is not given is zero.")]
-Vehicle = Annotated[_Name | None, BeforeValidator(given), Query(description="The vehicle; not needed where there is only one.")]
-AsOf = Annotated[_Name | None, BeforeValidator(given), Query(description="As it was at this date (ISO 8601, UTC).")]
+Point = Annotated[
+    str,
+    Query(
+        max_length=2000,
+        description="NAME=VALUE,... with units or in SI; what is not given is zero.",
+    ),
+]
+Vehicle = Annotated[
+    _Name | None,
+    BeforeValidator(given),
+    Query(description="The vehicle; not needed where there is only one."),
+]
+AsOf = Annotated[
+    _Name | None,
+    BeforeValidator(given),
+    Query(description="As it was at this date (ISO 8601, UTC)."),
+]
 Limit = Annotated[int, Query(ge=1, le=500, description="How many at most.")]
 
 
@@ -52,7 +68,8 @@ class Console:
         return stores(str(self.root))
 
     def run(self, body: Any, parameters: dict[str, Any]) -> Any:
-        """Runs a flow as the command line runs it with ``--direct``: the same steps, a record in the catalogue."""
+        """Runs a flow as the command line runs it with ``--direct``: the same steps, a record in
+        the catalogue."""
         return run_flow(body, parameters, Workspace.open(self.root, create=False), "direct")
 
 
@@ -67,7 +84,9 @@ def opened_of(request: Request) -> Stores:
     return console_of(request).opened()
 
 
-def version_at(opened: Stores, reference: str, vehicle: str | None, as_of: str | None = None) -> VersionRow:
+def version_at(
+    opened: Stores, reference: str, vehicle: str | None, as_of: str | None = None
+) -> VersionRow:
     """The version that is meant: by its full id whatever the vehicle, else as commands take it."""
     if as_of is None and vehicle is None:
         row = opened.catalogue.versions_by_id([reference]).get(reference)
@@ -116,7 +135,8 @@ def part(text: object) -> str:
 
 
 def shortened(text: object, most: int = 120) -> str:
-    """Text for a table: at most so many characters, the rest stands on the page of what it names."""
+    """Text for a table: at most so many characters, the rest stands on the page of what it
+    names."""
     shown = visible(str(text).replace("\n", "; "))
     return shown if len(shown) <= most else f"{shown[: most - 1]}…"
 

@@ -1,4 +1,5 @@
-"""Findings: what updates and closed loops came to, why, and what it is worth on flights that were not used."""
+"""Findings: what updates and closed loops came to, why, and what it is worth on flights that were
+not used."""
 
 from typing import Annotated
 
@@ -6,13 +7,25 @@ from fastapi import APIRouter, Query, Request
 from starlette.responses import Response
 
 from aerodb.flows.report import report_flow
-from aerodb.flows.web.console import PER_PAGE, Limit, Vehicle, address, console_of, document, opened_of, page_of, report
+from aerodb.flows.web.console import (
+    PER_PAGE,
+    Limit,
+    Vehicle,
+    address,
+    console_of,
+    document,
+    opened_of,
+    page_of,
+    report,
+)
 from aerodb.flows.web.models import Finding, answers
 from aerodb.report import MEANS, error_rows, headline
 from aerodb.tasks.view import finding_document, findings_page, labels_of, reference_of
 
 router = APIRouter(tags=["findings"])
-After = Annotated[str, Query(max_length=200, description="Where the page before ended, as its header Link says.")]
+After = Annotated[
+    str, Query(max_length=200, description="Where the page before ended, as its header Link says.")
+]
 
 
 @router.get("/findings", include_in_schema=False)
@@ -20,14 +33,23 @@ def findings_list(request: Request, after: After = "") -> Response:
     """Updates and closed loops, newest first."""
     entries, further = findings_page(opened_of(request), PER_PAGE // 2, after)
     following = address("/findings", after=further) if further else ""
-    return page_of(request, "findings.html", "Findings", findings=entries, after=after, further=following)
+    return page_of(
+        request, "findings.html", "Findings", findings=entries, after=after, further=following
+    )
 
 
-@router.get("/api/findings", summary="Updates and closed loops, newest first", responses=answers(list[Finding]))
+@router.get(
+    "/api/findings",
+    summary="Updates and closed loops, newest first",
+    responses=answers(list[Finding]),
+)
 def findings(request: Request, after: After = "", limit: Limit = PER_PAGE // 2) -> Response:
-    """Run, vehicle, outcome in one sentence and verdicts of each; `reference` names its document."""
+    """Run, vehicle, outcome in one sentence and verdicts of each; `reference` names its
+    document."""
     entries, further = findings_page(opened_of(request), limit, after)
-    return document(entries, address("/api/findings", after=further, limit=limit) if further else "")
+    return document(
+        entries, address("/api/findings", after=further, limit=limit) if further else ""
+    )
 
 
 @router.get("/findings/{reference}", include_in_schema=False)
@@ -50,7 +72,8 @@ def finding_page(request: Request, reference: str, vehicle: Vehicle = None) -> R
 
 @router.get("/api/findings/{reference}", summary="One update or closed loop")
 def finding(request: Request, reference: str, vehicle: Vehicle = None) -> Response:
-    """The document that `aerodb update` or `aerodb close-loop` answered; by version, or by the key of its report."""
+    """The document that `aerodb update` or `aerodb close-loop` answered; by version, or by the key
+    of its report."""
     return document(finding_document(opened_of(request), reference, vehicle))
 
 

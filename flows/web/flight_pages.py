@@ -49,13 +49,22 @@ Verdict = Annotated[
     BeforeValidator(given),
     Query(description="Only flights with this verdict, or those that were retracted."),
 ]
-Text = Annotated[str, Query(max_length=200, description="Part of a flight's name, of its log's name, or of its id.")]
-After = Annotated[str, Query(max_length=200, description="Where the page before ended, as its header Link says.")]
+Text = Annotated[
+    str,
+    Query(max_length=200, description="Part of a flight's name, of its log's name, or of its id."),
+]
+After = Annotated[
+    str, Query(max_length=200, description="Where the page before ended, as its header Link says.")
+]
 
 
 @router.get("/flights", include_in_schema=False)
 def flights_page(
-    request: Request, vehicle: Vehicle = None, verdict: Verdict = None, text: Text = "", after: After = ""
+    request: Request,
+    vehicle: Vehicle = None,
+    verdict: Verdict = None,
+    text: Text = "",
+    after: After = "",
 ) -> Response:
     """The list of flights, narrowed and paged."""
     opened = opened_of(request)
@@ -83,16 +92,33 @@ def flights(
     after: After = "",
     limit: Limit = PER_PAGE,
 ) -> Response:
-    """The documents of `aerodb flight list`, a page at a time; a search looks through a bounded number of flights per page."""
+    """The documents of `aerodb flight list`, a page at a time; a search looks through a bounded
+    number of flights per page."""
     opened = opened_of(request)
     found = opened.catalogue.flight_page(Asked(vehicle, verdict, text), limit, after)
-    asked = {"vehicle": vehicle, "verdict": verdict, "text": text, "limit": limit, "after": found.further}
-    return document(flights_document(opened.catalogue, found.rows), address("/api/flights", **asked) if found.further else "")
+    asked = {
+        "vehicle": vehicle,
+        "verdict": verdict,
+        "text": text,
+        "limit": limit,
+        "after": found.further,
+    }
+    return document(
+        flights_document(opened.catalogue, found.rows),
+        address("/api/flights", **asked) if found.further else "",
+    )
 
 
-@router.get("/api/envelopes", summary="What flights have covered", responses=answers(dict[str, dict[str, list[float]]]))
-def envelopes(request: Request, flight: Annotated[list[str], Query(max_length=_MOST_ENVELOPES)]) -> Response:
-    """Lowest and highest usable value of airspeed, angles of attack and sideslip and altitude (SI), by flight id."""
+@router.get(
+    "/api/envelopes",
+    summary="What flights have covered",
+    responses=answers(dict[str, dict[str, list[float]]]),
+)
+def envelopes(
+    request: Request, flight: Annotated[list[str], Query(max_length=_MOST_ENVELOPES)]
+) -> Response:
+    """Lowest and highest usable value of airspeed, angles of attack and sideslip and altitude (SI),
+    by flight id."""
     opened = opened_of(request)
     return document(envelopes_of(opened, list(opened.catalogue.flights_by_id(flight).values())))
 
@@ -127,11 +153,15 @@ def flight(request: Request, flight: str, vehicle: Vehicle = None) -> Response:
 
 
 @router.get("/flights/{flight}/report", include_in_schema=False)
-def flight_report(request: Request, flight: str, vehicle: Vehicle = None, against: Word = None) -> Response:
+def flight_report(
+    request: Request, flight: str, vehicle: Vehicle = None, against: Word = None
+) -> Response:
     """The report of a flight beside a version, as `aerodb report flight` writes it."""
     opened = opened_of(request)
     row = opened.catalogue.flight(flight, vehicle)
-    version = opened.catalogue.version(row.vehicle, against).id if against else _released(opened, row)
+    version = (
+        opened.catalogue.version(row.vehicle, against).id if against else _released(opened, row)
+    )
     asked = {"kind": "flight", "about": row.id, "version": version or ""}
     return report(console_of(request).run(report_flow, asked))
 
@@ -146,23 +176,37 @@ def channels(
     request: Request,
     flight: str,
     names: Annotated[
-        str, Query(max_length=4000, description="Channels and axes, with commas; those shown first without it.")
+        str,
+        Query(
+            max_length=4000,
+            description="Channels and axes, with commas; those shown first without it.",
+        ),
     ] = "",
     start: Annotated[float, Query(alias="from", description="From this time [s].")] = -1e12,
     end: Annotated[float, Query(alias="to", description="To this time [s].")] = 1e12,
-    points: Annotated[int, Query(ge=FEWEST_POINTS, le=MOST_POINTS, description="At most so many per line.")] = 2000,
-    format: Annotated[Literal["json", "binary"], Query(description="binary: float64 arrays after a JSON heading.")] = "json",
+    points: Annotated[
+        int, Query(ge=FEWEST_POINTS, le=MOST_POINTS, description="At most so many per line.")
+    ] = 2000,
+    format: Annotated[
+        Literal["json", "binary"], Query(description="binary: float64 arrays after a JSON heading.")
+    ] = "json",
     vehicle: Vehicle = None,
 ) -> Response:
-    """Time [s] and values (SI) of each line, as many as a screen shows: no extreme is lost, and few enough samples come whole."""
+    """Time [s] and values (SI) of each line, as many as a screen shows: no extreme is lost, and few
+    enough samples come whole."""
     opened = opened_of(request)
     row = opened.catalogue.flight(flight, vehicle)
-    wanted = [name.strip() for name in names.split(",") if name.strip()] or list(record_of(opened, row).first)
+    wanted = [name.strip() for name in names.split(",") if name.strip()] or list(
+        record_of(opened, row).first
+    )
     lines, ends = series_of(opened, row, wanted, start, end, points)
     said = {"flight": row.id, "start": ends[0], "end": ends[1]}
     if format == "binary":
         return Response(_packed(said, lines), media_type="application/octet-stream")
-    arrays = [{**_heading(line), "time": line.time.tolist(), "values": line.values.tolist()} for line in lines]
+    arrays = [
+        {**_heading(line), "time": line.time.tolist(), "values": line.values.tolist()}
+        for line in lines
+    ]
     return document({**said, "series": arrays})
 
 
@@ -178,10 +222,17 @@ def _heading(line: Series) -> dict[str, Any]:
 
 
 def _packed(said: dict[str, Any], lines: Sequence[Series]) -> bytes:
-    """Length of the heading (uint32), the heading (JSON, padded to 8 bytes), then time and values of each line; little-endian."""
-    heading = json.dumps({**said, "series": [{**_heading(line), "samples": len(line.time)} for line in lines]}).encode("ascii")
+    """Length of the heading (uint32), the heading (JSON, padded to 8 bytes), then time and values
+    of each line; little-endian."""
+    heading = json.dumps(
+        {**said, "series": [{**_heading(line), "samples": len(line.time)} for line in lines]}
+    ).encode("ascii")
     heading += b" " * (-(len(heading) + 4) % 8)
-    arrays = (np.ascontiguousarray(values, "<f8").tobytes() for line in lines for values in (line.time, line.values))
+    arrays = (
+        np.ascontiguousarray(values, "<f8").tobytes()
+        for line in lines
+        for values in (line.time, line.values)
+    )
     return struct.pack("<I", len(heading)) + heading + b"".join(arrays)
 
 

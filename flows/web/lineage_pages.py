@@ -1,4 +1,5 @@
-"""Where a number comes from and what rests on a flight: lineage both ways, for a whole version, a table cell or a point."""
+"""Where a number comes from and what rests on a flight: lineage both ways, for a whole version, a
+table cell or a point."""
 
 from typing import Annotated, Any
 
@@ -12,11 +13,14 @@ from aerodb.tasks.view import impact_document, lineage_document, origins_documen
 from aerodb.tasks.workspace_access import Stores
 
 router = APIRouter(tags=["lineage"])
-Node = Annotated[str | None, Query(max_length=200, description="A table node, TABLE[i,j], counted from 0.")]
+Node = Annotated[
+    str | None, Query(max_length=200, description="A table node, TABLE[i,j], counted from 0.")
+]
 
 
 def _asked(opened: Stores, row: VersionRow, node: str | None, at: str) -> dict[str, Any]:
-    """The document of `aerodb version lineage`: of the whole version, or of what stands behind a node or a point."""
+    """The document of `aerodb version lineage`: of the whole version, or of what stands behind a
+    node or a point."""
     if node and at:
         raise InputError("a node and a point together", "node, at", "ask for a node or for a point")
     if node or at:
@@ -25,19 +29,39 @@ def _asked(opened: Stores, row: VersionRow, node: str | None, at: str) -> dict[s
 
 
 @router.get("/versions/{version}/lineage", include_in_schema=False)
-def lineage_page(request: Request, version: str, node: Node = None, at: Point = "", vehicle: Vehicle = None) -> Response:
+def lineage_page(
+    request: Request, version: str, node: Node = None, at: Point = "", vehicle: Vehicle = None
+) -> Response:
     """What a version, or one number of it, rests on."""
     opened = opened_of(request)
     row = version_at(opened, version, vehicle)
     found = _asked(opened, row, node, at)
     labels = opened.catalogue.flight_labels(entry["flight"] for entry in found.get("flights", ()))
     what = node or at
-    title = f"What is behind {what} of {row.label}" if what else f"What {row.label} of {row.vehicle} rests on"
-    return page_of(request, "lineage.html", title, row=row, found=found, labels=labels, what=what, node=node or "", at=at)
+    title = (
+        f"What is behind {what} of {row.label}"
+        if what
+        else f"What {row.label} of {row.vehicle} rests on"
+    )
+    return page_of(
+        request,
+        "lineage.html",
+        title,
+        row=row,
+        found=found,
+        labels=labels,
+        what=what,
+        node=node or "",
+        at=at,
+    )
 
 
-@router.get("/api/versions/{version}/lineage", summary="What a version, or one number of it, rests on")
-def lineage(request: Request, version: str, node: Node = None, at: Point = "", vehicle: Vehicle = None) -> Response:
+@router.get(
+    "/api/versions/{version}/lineage", summary="What a version, or one number of it, rests on"
+)
+def lineage(
+    request: Request, version: str, node: Node = None, at: Point = "", vehicle: Vehicle = None
+) -> Response:
     """The document of `aerodb version lineage`, also with --node or --at."""
     opened = opened_of(request)
     return document(_asked(opened, version_at(opened, version, vehicle), node, at))
@@ -47,7 +71,10 @@ def lineage(request: Request, version: str, node: Node = None, at: Point = "", v
 def prov(request: Request, version: str, vehicle: Vehicle = None) -> Response:
     """What `aerodb version lineage --prov` writes."""
     opened = opened_of(request)
-    return Response(prov_of(opened.catalogue, version_at(opened, version, vehicle)), media_type="application/json")
+    return Response(
+        prov_of(opened.catalogue, version_at(opened, version, vehicle)),
+        media_type="application/json",
+    )
 
 
 @router.get("/flights/{flight}/impact", include_in_schema=False)
@@ -57,7 +84,10 @@ def impact_page(request: Request, flight: str, vehicle: Vehicle = None) -> Respo
     row = opened.catalogue.flight(flight, vehicle)
     uses = opened.catalogue.impact(row.id)
     pointed = {id: name for name, id in opened.catalogue.names(row.vehicle).items()}
-    through = {id: version.label for id, version in opened.catalogue.versions_by_id(use.through for use in uses).items()}
+    through = {
+        id: version.label
+        for id, version in opened.catalogue.versions_by_id(use.through for use in uses).items()
+    }
     shown = {"row": row, "uses": uses, "through": through, "pointed": pointed}
     return page_of(request, "impact.html", f"What rests on flight {row.label}", **shown)
 

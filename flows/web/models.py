@@ -1,4 +1,5 @@
-"""What the API's description says of its answers. The answers themselves are the documents of the commands, unchanged."""
+"""What the API's description says of its answers. The answers themselves are the documents of the
+commands, unchanged."""
 
 from typing import Any
 
@@ -63,7 +64,8 @@ class Vehicle(_Document):
 
 
 class Evaluation(_Document):
-    """A version at a point (SI): coefficients, standard errors (null where not known) and places, by axis."""
+    """A version at a point (SI): coefficients, standard errors (null where not known) and places,
+    by axis."""
 
     version: str
     at: dict[str, float]
@@ -97,7 +99,8 @@ class Sweep(_Document):
 
 
 class Line(_Document):
-    """One line of a record: `time` [s] and `values` (SI); `factor` turns these into what `label` says."""
+    """One line of a record: `time` [s] and `values` (SI); `factor` turns these into what `label`
+    says."""
 
     name: str
     source: str
@@ -119,7 +122,8 @@ class Record(_Document):
 
 
 class Finding(_Document):
-    """An update or a closed loop in one sentence; `reference` names its document, null where nothing was stored."""
+    """An update or a closed loop in one sentence; `reference` names its document, null where
+    nothing was stored."""
 
     run: str
     flow: str
@@ -152,7 +156,10 @@ class Session(_Document):
 REFUSALS: dict[int | str, dict[str, Any]] = {
     404: {"model": Refusal, "description": "Nothing answers to a name"},
     422: {"model": Refusal, "description": "Refused, with the reason"},
-    503: {"model": Refusal, "description": "The catalogue or the store is out of reach for a moment"},
+    503: {
+        "model": Refusal,
+        "description": "The catalogue or the store is out of reach for a moment",
+    },
 }
 CONFLICTS: dict[int | str, dict[str, Any]] = {
     403: {"model": Refusal, "description": "Not of this session"},

@@ -24,7 +24,14 @@ def overview(request: Request) -> Response:
     entries, _ = findings_page(opened, _NEWEST)
     rows = opened.catalogue.flight_page(Asked(), _NEWEST).rows
     flights = flights_document(opened.catalogue, rows)
-    return page_of(request, "overview.html", "Overview", vehicles=_vehicles(opened), findings=entries, flights=flights)
+    return page_of(
+        request,
+        "overview.html",
+        "Overview",
+        vehicles=_vehicles(opened),
+        findings=entries,
+        flights=flights,
+    )
 
 
 @router.get(
@@ -38,7 +45,12 @@ def vehicles(request: Request) -> Response:
     return document(_vehicles(opened_of(request)))
 
 
-@router.get("/api/session", summary="The token that a change carries", tags=["changes"], responses=answers(Session))
+@router.get(
+    "/api/session",
+    summary="The token that a change carries",
+    tags=["changes"],
+    responses=answers(Session),
+)
 def session(request: Request) -> Response:
     """The token of this session; its cookie comes with the answer."""
     known, _ = session_of(request)
@@ -52,7 +64,12 @@ def contents(request: Request) -> Response:
     """What the API answers, for people; programs read /openapi.json."""
     paths: dict[str, dict[str, Any]] = request.app.openapi()["paths"]
     entries = [
-        {"method": method.upper(), "path": path, "summary": said.get("summary", ""), "asked": said.get("parameters", [])}
+        {
+            "method": method.upper(),
+            "path": path,
+            "summary": said.get("summary", ""),
+            "asked": said.get("parameters", []),
+        }
         for path, methods in paths.items()
         for method, said in methods.items()
     ]
@@ -65,7 +82,19 @@ def _vehicles(opened: Stores) -> list[dict[str, Any]]:
         names = opened.catalogue.names(row.name)
         versions = opened.catalogue.versions_by_id(names.values())
         pointed = {name: {"version": id, "label": versions[id].label} for name, id in names.items()}
-        first: dict[str, Any] = {name: pointed[name] for name in (RELEASED, CANDIDATE) if name in pointed}
-        entry: dict[str, Any] = {"vehicle": row.name, "sha256": row.sha256, "added_utc": row.added_utc.isoformat()}
-        found.append({**entry, "versions": opened.catalogue.count_versions(row.name), "names": {**first, **pointed}})
+        first: dict[str, Any] = {
+            name: pointed[name] for name in (RELEASED, CANDIDATE) if name in pointed
+        }
+        entry: dict[str, Any] = {
+            "vehicle": row.name,
+            "sha256": row.sha256,
+            "added_utc": row.added_utc.isoformat(),
+        }
+        found.append(
+            {
+                **entry,
+                "versions": opened.catalogue.count_versions(row.name),
+                "names": {**first, **pointed},
+            }
+        )
     return found

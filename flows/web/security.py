@@ -1,7 +1,9 @@
-"""Who may ask and who may change: the host that is named, the token, where a change comes from, what a browser may do.
+"""Who may ask and who may change: the host that is named, the token, where a change comes from,
+what a browser may do.
 
-A page elsewhere can make a browser send requests here. It can neither read answers (no CORS), nor come under a name of its own
-(the Host header must be ours: DNS rebinding), nor change anything (a change carries a token that only our pages hold).
+A page elsewhere can make a browser send requests here. It can neither read answers (no CORS), nor
+come under a name of its own (the Host header must be ours: DNS rebinding), nor change anything (a
+change carries a token that only our pages hold).
 """
 
 import base64
@@ -30,10 +32,14 @@ HEADER: Final = "x-csrf-token"
 #: A change is a reason and a few names.
 LARGEST_BODY: Final = 64 << 10
 _POLICY: Final = (
-    "default-src 'self'; img-src 'self' data:; object-src 'none'; base-uri 'none'; form-action 'self'; frame-ancestors 'none'"
+    "default-src 'self'; img-src 'self' data:; object-src 'none'; base-uri 'none'; form-action"
+    " 'self'; frame-ancestors 'none'"
 )
 #: Reports bring their styles and pictures with them, and need nothing else.
-REPORT_POLICY: Final = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; base-uri 'none'; frame-ancestors 'none'"
+REPORT_POLICY: Final = (
+    "default-src 'none'; img-src data:; style-src 'unsafe-inline'; base-uri 'none'; frame-ancestors"
+    " 'none'"
+)
 _ALWAYS: Final = {
     "x-content-type-options": "nosniff",
     "x-frame-options": "DENY",
@@ -49,8 +55,8 @@ class ForbiddenError(AeroError, PermissionError):
 
 @dataclass(frozen=True)
 class Guard:
-    """By which `names` the console may be called, whether by any address of the machine too, the token that it asks for (empty:
-    none), and the key that makes tokens of changes."""
+    """By which `names` the console may be called, whether by any address of the machine too, the
+    token that it asks for (empty: none), and the key that makes tokens of changes."""
 
     names: frozenset[str]
     any_address: bool
@@ -68,7 +74,8 @@ class Guard:
             return False
 
     def admits(self, presented: str) -> bool:
-        """Whether an Authorization header holds the token: as a bearer's, or as the password of any name."""
+        """Whether an Authorization header holds the token: as a bearer's, or as the password of any
+        name."""
         if not self.token:
             return True
         scheme, _, rest = presented.partition(" ")
@@ -78,21 +85,34 @@ class Guard:
                 given = base64.b64decode(given, validate=True).decode("utf-8").partition(":")[2]
             except (binascii.Error, UnicodeDecodeError):
                 return False
-        return scheme.lower() in ("basic", "bearer") and hmac.compare_digest(given.encode(), self.token.encode())
+        return scheme.lower() in ("basic", "bearer") and hmac.compare_digest(
+            given.encode(), self.token.encode()
+        )
 
     def csrf_token(self, session: str) -> str:
         """The token that a change from this session carries."""
         return hmac.new(self.key, session.encode("utf-8", "replace"), hashlib.sha256).hexdigest()
 
 
-def guard_of(host: str, port: int, known_as: Iterable[str] = (), environment: Mapping[str, str] | None = None) -> Guard:
-    """The guard of a console that listens on `host`; InputError where others can reach that and no token is set."""
+def guard_of(
+    host: str, port: int, known_as: Iterable[str] = (), environment: Mapping[str, str] | None = None
+) -> Guard:
+    """The guard of a console that listens on `host`; InputError where others can reach that and no
+    token is set."""
     serve = Serve(host=host, port=port)
     try:
         token = checked_token(serve, dict(os.environ if environment is None else environment))
     except InputError as error:
-        raise InputError(error.what, "aerodb web --host", error.remedy.replace("serve.host", "--host")) from error
-    names = {"localhost", "127.0.0.1", "::1", _name_of(host), *(_name_of(name) for name in known_as)}
+        raise InputError(
+            error.what, "aerodb web --host", error.remedy.replace("serve.host", "--host")
+        ) from error
+    names = {
+        "localhost",
+        "127.0.0.1",
+        "::1",
+        _name_of(host),
+        *(_name_of(name) for name in known_as),
+    }
     if not serve.loopback:
         names |= {socket.gethostname().lower(), socket.getfqdn().lower()}
     return Guard(frozenset(names - {""}), host in ("0.0.0.0", "::"), token, secrets.token_bytes(32))
@@ -110,7 +130,8 @@ def _name_of(host: str) -> str:
 
 
 class Secured:
-    """The application behind its guard: only what is admitted reaches it, and every answer carries the headers."""
+    """The application behind its guard: only what is admitted reaches it, and every answer carries
+    the headers."""
 
     def __init__(self, app: ASGIApp, guard: Guard) -> None:
         self._app, self._guard = app, guard
@@ -142,13 +163,24 @@ class Secured:
         headers = Headers(scope=scope)
         hosts = headers.getlist("host")
         if len(hosts) != 1 or not self._guard.knows(hosts[0]):
-            return PlainTextResponse("aerodb: this console is not called by that name; see aerodb web --known-as\n", 421)
+            return PlainTextResponse(
+                "aerodb: this console is not called by that name; see aerodb web --known-as\n", 421
+            )
         if not self._guard.admits(headers.get("authorization", "")):
             ask = {"www-authenticate": 'Basic realm="aerodb", charset="UTF-8"'}
-            return PlainTextResponse(f"aerodb: name any user; the password is the token, ${TOKEN_VARIABLE}\n", 401, ask)
-        if scope["method"] not in ("GET", "HEAD", "OPTIONS") and not _same_origin(headers, hosts[0]):
-            return PlainTextResponse("aerodb: changes are made from pages of this console only\n", 403)
-        if int(length if (length := headers.get("content-length", "0")).isdecimal() else 0) > LARGEST_BODY:
+            return PlainTextResponse(
+                f"aerodb: name any user; the password is the token, ${TOKEN_VARIABLE}\n", 401, ask
+            )
+        if scope["method"] not in ("GET", "HEAD", "OPTIONS") and not _same_origin(
+            headers, hosts[0]
+        ):
+            return PlainTextResponse(
+                "aerodb: changes are made from pages of this console only\n", 403
+            )
+        if (
+            int(length if (length := headers.get("content-length", "0")).isdecimal() else 0)
+            > LARGEST_BODY
+        ):
             return PlainTextResponse(f"aerodb: more than {LARGEST_BODY} bytes\n", 413)
         return None
 
@@ -193,5 +225,11 @@ def check_csrf(request: HTTPConnection, guard: Guard, presented: Any) -> None:
     """Raises ForbiddenError unless a change carries the token of its session."""
     session, is_new = session_of(request)
     given = presented if isinstance(presented, str) else ""
-    if is_new or not hmac.compare_digest(given.encode("utf-8", "replace"), guard.csrf_token(session).encode()):
-        raise ForbiddenError("the form is not of this session", "a change", "open its page again, then send it from there")
+    if is_new or not hmac.compare_digest(
+        given.encode("utf-8", "replace"), guard.csrf_token(session).encode()
+    ):
+        raise ForbiddenError(
+            "the form is not of this session",
+            "a change",
+            "open its page again, then send it from there",
+        )

@@ -1,4 +1,5 @@
-"""The console as a server: a socket that listens, and the application behind it until it is stopped."""
+"""The console as a server: a socket that listens, and the application behind it until it is
+stopped."""
 
 import socket
 from collections.abc import Iterator
@@ -39,5 +40,6 @@ def server_of(root: Path, guard: Guard) -> uvicorn.Server:
 
 
 def serve_console(root: Path, guard: Guard, place: socket.socket) -> None:
-    """Serves the console of the workspace folder `root` at a listening socket until SIGINT or SIGTERM."""
+    """Serves the console of the workspace folder `root` at a listening socket until SIGINT or
+    SIGTERM."""
     server_of(root, guard).run(sockets=[place])

@@ -1,4 +1,5 @@
-"""Versions: the list, one version asked at a point and along lines, its tables and exports, differences, history of names."""
+"""Versions: the list, one version asked at a point and along lines, its tables and exports,
+differences, history of names."""
 
 import math
 import tempfile
@@ -47,14 +48,26 @@ from aerodb.tasks.view import (
 from aerodb.tasks.workspace_access import Stores
 
 router = APIRouter(tags=["versions"])
-Before = Annotated[int | None, Query(ge=1, le=2**53, description="Where the page before ended, as its header Link says.")]
-Reference = Annotated[str, Query(max_length=300, description="A version: id, label, name or prefix.")]
+Before = Annotated[
+    int | None,
+    Query(ge=1, le=2**53, description="Where the page before ended, as its header Link says."),
+]
+Reference = Annotated[
+    str, Query(max_length=300, description="A version: id, label, name or prefix.")
+]
 Format = Literal["daveml", "jsbsim", "csv", "mat", "netcdf"]
-_SUFFIX: dict[str, str] = {"daveml": "dml", "jsbsim": "xml", "csv": "csv", "mat": "mat", "netcdf": "nc"}
+_SUFFIX: dict[str, str] = {
+    "daveml": "dml",
+    "jsbsim": "xml",
+    "csv": "csv",
+    "mat": "mat",
+    "netcdf": "nc",
+}
 
 
 def _chosen(opened: Stores, vehicle: str | None) -> tuple[str | None, list[str]]:
-    """The vehicle whose list is shown, the only or the first one where none is named; and all of them."""
+    """The vehicle whose list is shown, the only or the first one where none is named; and all of
+    them."""
     names = [row.name for row in opened.catalogue.vehicles()]
     return (vehicle_of(opened.catalogue, vehicle) if vehicle else next(iter(names), None)), names
 
@@ -65,29 +78,58 @@ def versions_page(request: Request, vehicle: Vehicle = None, before: Before = No
     opened = opened_of(request)
     owner, names = _chosen(opened, vehicle)
     rows = opened.catalogue.versions(owner, PER_PAGE, before) if owner else ()
-    further = address("/versions", vehicle=owner, before=rows[0].number) if rows and rows[0].number > 1 else ""
-    labels = {row.id: row.label for row in opened.catalogue.versions_by_id(row.parent for row in rows if row.parent).values()}
+    further = (
+        address("/versions", vehicle=owner, before=rows[0].number)
+        if rows and rows[0].number > 1
+        else ""
+    )
+    labels = {
+        row.id: row.label
+        for row in opened.catalogue.versions_by_id(
+            row.parent for row in rows if row.parent
+        ).values()
+    }
     listed = versions_document(opened.catalogue, owner, rows)[::-1] if owner else []
-    shown = {"versions": listed, "labels": labels, "vehicle": owner, "vehicles": names, "before": before, "further": further}
+    shown = {
+        "versions": listed,
+        "labels": labels,
+        "vehicle": owner,
+        "vehicles": names,
+        "before": before,
+        "further": further,
+    }
     return page_of(request, "versions.html", "Versions", **shown)
 
 
-@router.get("/api/versions", summary="Versions of a vehicle", responses=answers(list[models.Version]))
-def versions(request: Request, vehicle: Vehicle = None, before: Before = None, limit: Limit = PER_PAGE) -> Response:
-    """The document of `aerodb version list`: the newest, oldest first; the next page holds earlier ones."""
+@router.get(
+    "/api/versions", summary="Versions of a vehicle", responses=answers(list[models.Version])
+)
+def versions(
+    request: Request, vehicle: Vehicle = None, before: Before = None, limit: Limit = PER_PAGE
+) -> Response:
+    """The document of `aerodb version list`: the newest, oldest first; the next page holds earlier
+    ones."""
     opened = opened_of(request)
     owner = vehicle_of(opened.catalogue, vehicle)
     rows = opened.catalogue.versions(owner, limit, before)
     more = bool(rows) and rows[0].number > 1
-    further = address("/api/versions", vehicle=owner, before=rows[0].number, limit=limit) if more else ""
+    further = (
+        address("/api/versions", vehicle=owner, before=rows[0].number, limit=limit) if more else ""
+    )
     return document(versions_document(opened.catalogue, owner, rows), further)
 
 
 @router.get("/versions/{version}", include_in_schema=False)
 def version_page(
-    request: Request, version: str, vehicle: Vehicle = None, as_of: AsOf = None, at: Point = "", table: Word = None
+    request: Request,
+    version: str,
+    vehicle: Vehicle = None,
+    as_of: AsOf = None,
+    at: Point = "",
+    table: Word = None,
 ) -> Response:
-    """One version: what it is made of, evaluated at a point, a table of it, where it goes from here."""
+    """One version: what it is made of, evaluated at a point, a table of it, where it goes from
+    here."""
     opened = opened_of(request)
     row = version_at(opened, version, vehicle, as_of)
     details = version_details(opened.catalogue, row)
@@ -119,25 +161,39 @@ def version_page(
 
 
 @router.get("/api/versions/{version}", summary="One version", responses=answers(models.Version))
-def version(request: Request, version: str, vehicle: Vehicle = None, as_of: AsOf = None) -> Response:
+def version(
+    request: Request, version: str, vehicle: Vehicle = None, as_of: AsOf = None
+) -> Response:
     """The document of `aerodb version show`."""
     opened = opened_of(request)
     return document(version_details(opened.catalogue, version_at(opened, version, vehicle, as_of)))
 
 
-@router.get("/api/versions/{version}/evaluate", summary="A version at a point", responses=answers(models.Evaluation))
-def evaluate(request: Request, version: str, at: Point = "", vehicle: Vehicle = None, as_of: AsOf = None) -> Response:
+@router.get(
+    "/api/versions/{version}/evaluate",
+    summary="A version at a point",
+    responses=answers(models.Evaluation),
+)
+def evaluate(
+    request: Request, version: str, at: Point = "", vehicle: Vehicle = None, as_of: AsOf = None
+) -> Response:
     """The document of `aerodb version evaluate`."""
     opened = opened_of(request)
     return document(evaluate_at(opened.catalogue, version_at(opened, version, vehicle, as_of), at))
 
 
-@router.get("/api/versions/{version}/sweep", summary="A version along one input", responses=answers(models.Sweep))
+@router.get(
+    "/api/versions/{version}/sweep",
+    summary="A version along one input",
+    responses=answers(models.Sweep),
+)
 def along(
     request: Request,
     version: str,
     over: Annotated[str, Query(max_length=80, description="The input that varies.")],
-    start: Annotated[str, Query(alias="from", max_length=60, description="From, with a unit or in SI.")],
+    start: Annotated[
+        str, Query(alias="from", max_length=60, description="From, with a unit or in SI.")
+    ],
     end: Annotated[str, Query(alias="to", max_length=60, description="To, with a unit or in SI.")],
     points: Annotated[int, Query(ge=2, le=MOST_LINE_POINTS)] = 201,
     at: Point = "",
@@ -148,15 +204,23 @@ def along(
     opened = opened_of(request)
     row = version_at(opened, version, vehicle, as_of)
     factor, label = channel_scale(over)
-    found = sweep(opened.catalogue, row, over, (value_of(over, start), value_of(over, end)), points, at)
+    found = sweep(
+        opened.catalogue, row, over, (value_of(over, start), value_of(over, end)), points, at
+    )
     return document({**found, "label": label, "factor": factor})
 
 
 @router.get("/api/versions/{version}/tables/{table}", summary="A table of a version")
-def table(request: Request, version: str, table: str, vehicle: Vehicle = None, as_of: AsOf = None) -> Response:
+def table(
+    request: Request, version: str, table: str, vehicle: Vehicle = None, as_of: AsOf = None
+) -> Response:
     """Breakpoints and values of a table, in its own units."""
     opened = opened_of(request)
-    return document(table_document(database_of(opened.catalogue, version_at(opened, version, vehicle, as_of)), table))
+    return document(
+        table_document(
+            database_of(opened.catalogue, version_at(opened, version, vehicle, as_of)), table
+        )
+    )
 
 
 @router.get("/versions/{version}/report", include_in_schema=False)
@@ -167,8 +231,11 @@ def version_report(request: Request, version: str, vehicle: Vehicle = None) -> R
 
 
 @router.get("/api/versions/{version}/export", summary="A version for a simulator")
-def export(request: Request, version: str, format: Format, vehicle: Vehicle = None, as_of: AsOf = None) -> Response:
-    """The file that `aerodb version export` writes: read back, and given only when its check cases pass."""
+def export(
+    request: Request, version: str, format: Format, vehicle: Vehicle = None, as_of: AsOf = None
+) -> Response:
+    """The file that `aerodb version export` writes: read back, and given only when its check cases
+    pass."""
     opened = opened_of(request)
     row = version_at(opened, version, vehicle, as_of)
     name = f"{row.vehicle}-{row.label}.{_SUFFIX[format]}"
@@ -176,54 +243,99 @@ def export(request: Request, version: str, format: Format, vehicle: Vehicle = No
         target = Path(folder) / name
         said = export_version(opened.workspace, opened.catalogue, row, format, target)
         data = target.read_bytes()
-    headers = {"content-disposition": f'attachment; filename="{name}"', "x-checked": said["checked"]}
+    headers = {
+        "content-disposition": f'attachment; filename="{name}"',
+        "x-checked": said["checked"],
+    }
     return Response(data, 200, headers, "application/octet-stream")
 
 
 @router.get("/history", include_in_schema=False)
-def history_page(request: Request, vehicle: Vehicle = None, name: Word = None, before: Before = None) -> Response:
+def history_page(
+    request: Request, vehicle: Vehicle = None, name: Word = None, before: Before = None
+) -> Response:
     """The moves of the names of a vehicle's versions, newest first."""
     opened = opened_of(request)
     owner, names = _chosen(opened, vehicle)
     events = opened.catalogue.name_history(owner, name, PER_PAGE + 1, before) if owner else ()
     shown = events[-PER_PAGE:]
     more = len(events) > PER_PAGE
-    further = address("/history", vehicle=owner, name=name, before=shown[0].sequence) if more else ""
-    versions = opened.catalogue.versions_by_id({id for event in shown for id in (event.version, event.previous) if id})
+    further = (
+        address("/history", vehicle=owner, name=name, before=shown[0].sequence) if more else ""
+    )
+    versions = opened.catalogue.versions_by_id(
+        {id for event in shown for id in (event.version, event.previous) if id}
+    )
     labels = {id: row.label for id, row in versions.items()}
     known = list(opened.catalogue.names(owner)) if owner else []
     moves = history_document(shown)[::-1]
-    context: dict[str, Any] = {"moves": moves, "labels": labels, "vehicle": owner, "vehicles": names, "name": name}
-    return page_of(request, "history.html", "History of names", **context, names=known, before=before, further=further)
+    context: dict[str, Any] = {
+        "moves": moves,
+        "labels": labels,
+        "vehicle": owner,
+        "vehicles": names,
+        "name": name,
+    }
+    return page_of(
+        request,
+        "history.html",
+        "History of names",
+        **context,
+        names=known,
+        before=before,
+        further=further,
+    )
 
 
 @router.get("/api/history", summary="Moves of names", responses=answers(list[models.Move]))
 def history(
-    request: Request, vehicle: Vehicle = None, name: Word = None, before: Before = None, limit: Limit = PER_PAGE
+    request: Request,
+    vehicle: Vehicle = None,
+    name: Word = None,
+    before: Before = None,
+    limit: Limit = PER_PAGE,
 ) -> Response:
-    """The document of `aerodb version history`: the newest, oldest first; the next page holds earlier ones."""
+    """The document of `aerodb version history`: the newest, oldest first; the next page holds
+    earlier ones."""
     opened = opened_of(request)
     owner = vehicle_of(opened.catalogue, vehicle)
     events = opened.catalogue.name_history(owner, name, limit + 1, before)
     shown = events[-limit:]
     asked = {"vehicle": owner, "name": name, "limit": limit}
-    further = address("/api/history", **asked, before=shown[0].sequence) if len(events) > limit else ""
+    further = (
+        address("/api/history", **asked, before=shown[0].sequence) if len(events) > limit else ""
+    )
     return document(history_document(shown), further)
 
 
 @router.get("/diff", include_in_schema=False)
-def diff_page(request: Request, before: Word = None, after: Word = None, vehicle: Vehicle = None) -> Response:
+def diff_page(
+    request: Request, before: Word = None, after: Word = None, vehicle: Vehicle = None
+) -> Response:
     """What differs between two versions."""
     opened = opened_of(request)
     if before is None or after is None:
         return page_of(
-            request, "diff.html", "Difference of two versions", before=None, after=None, asked=(before, after, vehicle)
+            request,
+            "diff.html",
+            "Difference of two versions",
+            before=None,
+            after=None,
+            asked=(before, after, vehicle),
         )
     old, new = version_at(opened, before, vehicle), version_at(opened, after, vehicle)
     found, _ = compare_versions(opened.catalogue, old, new)
-    labels = opened.catalogue.flight_labels({flight for term in found["terms"] for flight in term["flights"]})
+    labels = opened.catalogue.flight_labels(
+        {flight for term in found["terms"] for flight in term["flights"]}
+    )
     title = f"From {old.label} to {new.label} of {new.vehicle}"
-    context: dict[str, Any] = {"before": old, "after": new, "diff": found, "labels": labels, "asked": _called(old, new)}
+    context: dict[str, Any] = {
+        "before": old,
+        "after": new,
+        "diff": found,
+        "labels": labels,
+        "asked": _called(old, new),
+    }
     return page_of(request, "diff.html", title, **context)
 
 
@@ -236,45 +348,78 @@ def diff(
 ) -> Response:
     """The document of `aerodb version diff`."""
     opened = opened_of(request)
-    found, _ = compare_versions(opened.catalogue, version_at(opened, before, vehicle), version_at(opened, after, vehicle))
+    found, _ = compare_versions(
+        opened.catalogue, version_at(opened, before, vehicle), version_at(opened, after, vehicle)
+    )
     return document(found)
 
 
 @router.get("/diff/figure.svg", include_in_schema=False)
 def diff_figure(
-    request: Request, before: Annotated[str, Query(max_length=300)], after: Annotated[str, Query(max_length=300)]
+    request: Request,
+    before: Annotated[str, Query(max_length=300)],
+    after: Annotated[str, Query(max_length=300)],
 ) -> Response:
     """Slices through two versions where they differ, as a picture."""
     opened = opened_of(request)
-    _, drawn = compare_versions(opened.catalogue, version_at(opened, before, None), version_at(opened, after, None), "svg")
+    _, drawn = compare_versions(
+        opened.catalogue, version_at(opened, before, None), version_at(opened, after, None), "svg"
+    )
     return Response(drawn or b"", media_type="image/svg+xml")
 
 
 def _table(database: Any, name: str) -> dict[str, Any]:
-    """A table with its breakpoints as people read them: in degrees, where an argument is an angle."""
+    """A table with its breakpoints as people read them: in degrees, where an argument is an
+    angle."""
     found = table_document(database, name)
     if found["channels"] is None:
         return {**found, "heads": list(zip(found["arguments"], found["breakpoints"], strict=True))}
     scales = [channel_scale(channel) for channel in found["channels"]]
-    at = [[factor * value for value in values] for (factor, _), values in zip(scales, found["nodes"], strict=True)]
-    return {**found, "heads": [(label, values) for (_, label), values in zip(scales, at, strict=True)]}
+    at = [
+        [factor * value for value in values]
+        for (factor, _), values in zip(scales, found["nodes"], strict=True)
+    ]
+    return {
+        **found,
+        "heads": [(label, values) for (_, label), values in zip(scales, at, strict=True)],
+    }
 
 
 def _called(old: VersionRow, new: VersionRow) -> tuple[str, str, str]:
     """How people ask for two versions: by their labels, where they belong to one vehicle."""
-    return (old.label, new.label, new.vehicle) if old.vehicle == new.vehicle else (old.id, new.id, "")
+    return (
+        (old.label, new.label, new.vehicle) if old.vehicle == new.vehicle else (old.id, new.id, "")
+    )
 
 
 def _lines(database: Any) -> list[dict[str, Any]]:
-    """Inputs over which a version can be drawn, and from where to where (SI): as far as tables and flights reach."""
+    """Inputs over which a version can be drawn, and from where to where (SI): as far as tables and
+    flights reach."""
     found = []
     for name in database.inputs:
-        marks = [float(edge) for points in breakpoints_over(name, database) for edge in (points[0], points[-1])]
+        marks = [
+            float(edge)
+            for points in breakpoints_over(name, database)
+            for edge in (points[0], points[-1])
+        ]
         for increment in database.increments:
             if name in increment.envelope:
                 marks += [increment.envelope[name].low, increment.envelope[name].high]
         marks = [mark for mark in marks if math.isfinite(mark)]
         factor, label = channel_scale(name)
-        low, high = (min(marks), max(marks)) if marks and max(marks) > min(marks) else (0.0, 1.0 / factor if factor > 1 else 1.0)
-        found.append({"name": name, "label": label, "factor": factor, "low": low, "high": high, "known": bool(marks)})
+        low, high = (
+            (min(marks), max(marks))
+            if marks and max(marks) > min(marks)
+            else (0.0, 1.0 / factor if factor > 1 else 1.0)
+        )
+        found.append(
+            {
+                "name": name,
+                "label": label,
+                "factor": factor,
+                "low": low,
+                "high": high,
+                "known": bool(marks),
+            }
+        )
     return found

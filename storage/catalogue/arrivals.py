@@ -1,4 +1,5 @@
-"""The record of the inbox: which files were tried, and how each ended. The files themselves are in `aerodb.storage.inbox.folders`."""
+"""The record of the inbox: which files were tried, and how each ended. The files themselves are in
+`aerodb.storage.inbox.folders`."""
 
 from collections.abc import Iterable
 
@@ -37,12 +38,19 @@ class ArrivalLedger(Ledger):
     @staticmethod
     def _last_kind(connection: sa.Connection, event: InboxEvent) -> str | None:
         c = s.inbox_events.c
-        same = (c.path == enc.plain_text(event.path)) & (c.size == event.size) & (c.mtime_ns == event.mtime_ns)
+        same = (
+            (c.path == enc.plain_text(event.path))
+            & (c.size == event.size)
+            & (c.mtime_ns == event.mtime_ns)
+        )
         ended = same & c.kind.in_(ENDINGS) & (c.sha256 == event.sha256)
-        return connection.execute(sa.select(c.kind).where(ended).order_by(c.sequence.desc()).limit(1)).scalar()
+        return connection.execute(
+            sa.select(c.kind).where(ended).order_by(c.sequence.desc()).limit(1)
+        ).scalar()
 
     def attempts(self, paths: Iterable[str]) -> dict[tuple[str, int, int], tuple[int, str]]:
-        """(path, size, mtime_ns) -> how often it was tried since it last ended, and the error it failed with last.
+        """(path, size, mtime_ns) -> how often it was tried since it last ended, and the error it
+        failed with last.
 
         A failure without a reason takes a try back: it was not the file's fault.
         """
@@ -50,7 +58,11 @@ class ArrivalLedger(Ledger):
         found: dict[tuple[str, int, int], tuple[int, str]] = {}
         with self._database.reading() as connection:
             for part in in_parts({enc.plain_text(path) for path in paths}):
-                query = sa.select(c.path, c.size, c.mtime_ns, c.kind, c.reason).where(c.path.in_(part)).order_by(c.sequence)
+                query = (
+                    sa.select(c.path, c.size, c.mtime_ns, c.kind, c.reason)
+                    .where(c.path.in_(part))
+                    .order_by(c.sequence)
+                )
                 for row in connection.execute(query):
                     file = (row.path, row.size, row.mtime_ns)
                     times, reason = found.get(file, (0, ""))
@@ -58,10 +70,15 @@ class ArrivalLedger(Ledger):
                         found.pop(file, None)
                     else:
                         excused = row.kind == "failed" and not row.reason
-                        found[file] = (times + (row.kind == "tried") - excused, row.reason or reason)
+                        found[file] = (
+                            times + (row.kind == "tried") - excused,
+                            row.reason or reason,
+                        )
         return found
 
-    def arrivals(self, kind: InboxKind | None = None, sha256: str | None = None, limit: int = 100) -> tuple[InboxEvent, ...]:
+    def arrivals(
+        self, kind: InboxKind | None = None, sha256: str | None = None, limit: int = 100
+    ) -> tuple[InboxEvent, ...]:
         """The newest events of the inbox, newest first: of one kind, or of one content."""
         c = s.inbox_events.c
         query = sa.select(s.inbox_events).order_by(c.sequence.desc()).limit(limit)

@@ -1,4 +1,5 @@
-"""Calibrations in the catalogue: immutable versions of a vehicle's sensor parameters, and which flight is bound to which."""
+"""Calibrations in the catalogue: immutable versions of a vehicle's sensor parameters, and which
+flight is bound to which."""
 
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -16,13 +17,21 @@ class CalibrationLedger(Ledger):
     """The part of the catalogue about calibrations."""
 
     def add_calibration(
-        self, id: str, *, vehicle: str, content: Mapping[str, Any], reason: str, run: str | None = None
+        self,
+        id: str,
+        *,
+        vehicle: str,
+        content: Mapping[str, Any],
+        reason: str,
+        run: str | None = None,
     ) -> CalibrationRow:
-        """Stores a calibration under the vehicle's next label, its parent the newest before it; the same id again changes
-        nothing and gives the stored row. InputError without a reason."""
+        """Stores a calibration under the vehicle's next label, its parent the newest before it; the
+        same id again changes nothing and gives the stored row. InputError without a reason."""
         enc.checked_key(id, "the id of a calibration")
         if not reason.strip():
-            raise InputError("a calibration needs a reason", f"vehicle {vehicle}", "say why: --reason TEXT")
+            raise InputError(
+                "a calibration needs a reason", f"vehicle {vehicle}", "say why: --reason TEXT"
+            )
         with self._database.writing() as connection:
             self._require_vehicle(connection, vehicle)
             stored = _rows(connection, s.calibrations.c.id == id)
@@ -49,38 +58,59 @@ class CalibrationLedger(Ledger):
             return tuple(_rows(connection, s.calibrations.c.vehicle == vehicle))
 
     def calibration(self, vehicle: str, ref: str) -> CalibrationRow:
-        """The calibration that `ref` means: its id, its label (``c0003``) or a unique prefix of its id."""
+        """The calibration that `ref` means: its id, its label (``c0003``) or a unique prefix of its
+        id."""
         rows = self.calibrations(vehicle)
         exact = [row for row in rows if ref in (row.id, row.label)]
         if exact:
             return exact[0]
         mine = s.calibrations.c.vehicle == vehicle
         with self._database.reading() as connection:
-            found = self._by_prefix(connection, s.calibrations.c.id, ref, mine) if enc.REFERENCE.fullmatch(ref) else None
+            found = (
+                self._by_prefix(connection, s.calibrations.c.id, ref, mine)
+                if enc.REFERENCE.fullmatch(ref)
+                else None
+            )
         for row in rows:
             if row.id == found:
                 return row
         labels = [row.label for row in rows[-NAMES_COMPARED:]]
-        remedy = nearest(ref[:128], labels) if labels else f"make one: aerodb recalibrate --vehicle {vehicle} --reason TEXT"
+        remedy = (
+            nearest(ref[:128], labels)
+            if labels
+            else f"make one: aerodb recalibrate --vehicle {vehicle} --reason TEXT"
+        )
         raise UnknownNameError(f"no calibration {enc.shown(ref)}", f"vehicle {vehicle}", remedy)
 
     def bind_flight(self, flight: str, calibration: str, run: str | None = None) -> None:
-        """Binds a flight (its id) to a calibration (its id) from now on; the same again changes nothing.
+        """Binds a flight (its id) to a calibration (its id) from now on; the same again changes
+        nothing.
 
         InputError when the calibration is not one of the flight's vehicle.
         """
         with self._database.writing() as connection:
             self._require_flight(connection, flight)
-            owner = connection.execute(sa.select(s.flights.c.vehicle).where(s.flights.c.id == flight)).scalar()
+            owner = connection.execute(
+                sa.select(s.flights.c.vehicle).where(s.flights.c.id == flight)
+            ).scalar()
             named = _rows(connection, s.calibrations.c.id == calibration)
             if not named or named[0].vehicle != owner:
-                raise InputError(f"calibration {enc.shown(calibration)} is none of vehicle '{owner}'", f"flight {flight[:12]}")
+                raise InputError(
+                    f"calibration {enc.shown(calibration)} is none of vehicle '{owner}'",
+                    f"flight {flight[:12]}",
+                )
             if _bound(connection, flight) != calibration:
-                values = {"flight": flight, "calibration": calibration, "at_utc": enc.time_text(enc.now()), "run": run}
+                values = {
+                    "flight": flight,
+                    "calibration": calibration,
+                    "at_utc": enc.time_text(enc.now()),
+                    "run": run,
+                }
                 connection.execute(sa.insert(s.flight_calibrations).values(values))
 
     def calibration_of(self, flight: str) -> CalibrationRow | None:
-        """The calibration that a flight (its id) is bound to; None when it was processed without one."""
+        """The calibration that a flight (its id) is bound to; None when it was processed without
+        one."""
         with self._database.reading() as connection:
             bound = _bound(connection, flight)
             return None if bound is None else _rows(connection, s.calibrations.c.id == bound)[0]
@@ -89,21 +119,33 @@ class CalibrationLedger(Ledger):
         """Ids of the flights that are bound to a calibration (its id) now."""
         c = s.flight_calibrations.c
         newest = sa.select(sa.func.max(c.sequence)).group_by(c.flight).scalar_subquery()
-        query = sa.select(c.flight).where(c.calibration == calibration, c.sequence.in_(newest)).order_by(c.sequence)
+        query = (
+            sa.select(c.flight)
+            .where(c.calibration == calibration, c.sequence.in_(newest))
+            .order_by(c.sequence)
+        )
         with self._database.reading() as connection:
             return tuple(connection.scalars(query))
 
 
 def _bound(connection: sa.Connection, flight: str) -> str | None:
     c = s.flight_calibrations.c
-    return connection.execute(sa.select(c.calibration).where(c.flight == flight).order_by(c.sequence.desc()).limit(1)).scalar()
+    return connection.execute(
+        sa.select(c.calibration).where(c.flight == flight).order_by(c.sequence.desc()).limit(1)
+    ).scalar()
 
 
 def _rows(connection: sa.Connection, where: sa.ColumnElement[bool]) -> list[CalibrationRow]:
-    found: Iterable[Any] = connection.execute(sa.select(s.calibrations).where(where).order_by(s.calibrations.c.number))
+    found: Iterable[Any] = connection.execute(
+        sa.select(s.calibrations).where(where).order_by(s.calibrations.c.number)
+    )
     return [_row(row) for row in found]
 
 
 def _row(row: Any) -> CalibrationRow:
-    values = {**row._mapping, "content": enc.from_json(row.content), "created_utc": enc.time_of(row.created_utc)}
+    values = {
+        **row._mapping,
+        "content": enc.from_json(row.content),
+        "created_utc": enc.time_of(row.created_utc),
+    }
     return CalibrationRow(**values)

@@ -1,7 +1,8 @@
-"""The catalogue: the record of what is known. Vehicles, logs, flights, results and runs; versions are in `aerodb.storage.catalogue.versions`.
+"""The catalogue: the record of what is known. Vehicles, logs, flights, results and runs; versions
+are in `aerodb.storage.catalogue.versions`.
 
-A row is the commit: files are written first, and only what has a row exists. Adding something again changes nothing.
-References are resolved here: exact id, then name, then a unique prefix of an id.
+A row is the commit: files are written first, and only what has a row exists. Adding something again
+changes nothing. References are resolved here: exact id, then name, then a unique prefix of an id.
 """
 
 import hashlib
@@ -23,26 +24,44 @@ from aerodb.storage.catalogue.flight_rows import FlightLedger
 from aerodb.storage.catalogue.places import place_of
 from aerodb.storage.catalogue.postgresql import open_postgresql
 from aerodb.storage.catalogue.repeats import RepeatLedger
-from aerodb.storage.catalogue.rows import How, LogRow, LogStatus, ResultRow, RunRow, RunState, VehicleRow
+from aerodb.storage.catalogue.rows import (
+    How,
+    LogRow,
+    LogStatus,
+    ResultRow,
+    RunRow,
+    RunState,
+    VehicleRow,
+)
 from aerodb.storage.catalogue.run_queries import RunQueries
 from aerodb.storage.catalogue.sqlite import open_sqlite
 from aerodb.storage.catalogue.stored_files import FileLedger
 from aerodb.storage.catalogue.versions import VersionLedger
 
 
-class Catalogue(FlightLedger, RepeatLedger, CalibrationLedger, VersionLedger, FileLedger, ArrivalLedger, RunQueries):
+class Catalogue(
+    FlightLedger,
+    RepeatLedger,
+    CalibrationLedger,
+    VersionLedger,
+    FileLedger,
+    ArrivalLedger,
+    RunQueries,
+):
     """The catalogue of one workspace. Safe to use from several threads and processes at once."""
 
     @classmethod
     def open(cls, path: Path, create: bool = True) -> "Catalogue":
-        """The catalogue at `path`, or in the PostgreSQL database that the settings beside it name (`aerodb.storage.catalogue.places`), brought to
-        the newest schema; made when absent and `create`, else InputError."""
+        """The catalogue at `path`, or in the PostgreSQL database that the settings beside it name
+        (`aerodb.storage.catalogue.places`), brought to the newest schema; made when absent and
+        `create`, else InputError."""
         place = place_of(path)
         return cls(open_postgresql(place.url, create) if place.url else open_sqlite(path, create))
 
     @classmethod
     def in_file(cls, path: Path) -> "Catalogue":
-        """The catalogue in the file at `path` itself, whatever stands beside it: that of a backup."""
+        """The catalogue in the file at `path` itself, whatever stands beside it: that of a
+        backup."""
         return cls(open_sqlite(path))
 
     def close(self) -> None:
@@ -57,14 +76,16 @@ class Catalogue(FlightLedger, RepeatLedger, CalibrationLedger, VersionLedger, Fi
 
     @contextmanager
     def transaction(self) -> Iterator[None]:
-        """All calls inside happen together or not at all, and no other writer comes between them."""
+        """All calls inside happen together or not at all, and no other writer comes between
+        them."""
         with self._database.writing():
             yield
 
     # Vehicles
 
     def add_vehicle(self, name: str, text: str) -> VehicleRow:
-        """Stores the text of a vehicle's file; earlier texts stay. The same text again changes nothing."""
+        """Stores the text of a vehicle's file; earlier texts stay. The same text again changes
+        nothing."""
         enc.checked(name, enc.VEHICLE_NAME, "the name of a vehicle")
         digest = hashlib.sha256(text.encode("utf-8")).hexdigest()
         at = enc.time_text(enc.now())
@@ -78,26 +99,35 @@ class Catalogue(FlightLedger, RepeatLedger, CalibrationLedger, VersionLedger, Fi
         return self.vehicle(name)
 
     def vehicle(self, name: str, sha256: str = "") -> VehicleRow:
-        """A vehicle with its newest text, or the one with this `sha256`; UnknownNameError when there is none."""
+        """A vehicle with its newest text, or the one with this `sha256`; UnknownNameError when
+        there is none."""
         with self._database.reading() as connection:
             self._require_vehicle(connection, name)
             texts = self._vehicle_texts(connection, name)
         for row in reversed(texts):
             if sha256 in ("", row.sha256):
                 return row
-        raise UnknownNameError(f"no text with sha256 {enc.shown(sha256)}", f"vehicle {name}", "leave it out for the newest")
+        raise UnknownNameError(
+            f"no text with sha256 {enc.shown(sha256)}",
+            f"vehicle {name}",
+            "leave it out for the newest",
+        )
 
     def vehicles(self) -> tuple[VehicleRow, ...]:
         """All vehicles by name, each with its newest text."""
         with self._database.reading() as connection:
-            names = connection.scalars(sa.select(s.vehicles.c.name).order_by(s.vehicles.c.name)).all()
+            names = connection.scalars(
+                sa.select(s.vehicles.c.name).order_by(s.vehicles.c.name)
+            ).all()
             return tuple(self._vehicle_texts(connection, name)[-1] for name in names)
 
     @staticmethod
     def _vehicle_texts(connection: sa.Connection, name: str) -> list[VehicleRow]:
         c = s.vehicle_texts.c
         rows = connection.execute(
-            sa.select(c.vehicle, c.text, c.sha256, c.added_utc).where(c.vehicle == name).order_by(c.sequence)
+            sa.select(c.vehicle, c.text, c.sha256, c.added_utc)
+            .where(c.vehicle == name)
+            .order_by(c.sequence)
         )
         return [VehicleRow(r.vehicle, r.text, r.sha256, enc.time_of(r.added_utc)) for r in rows]
 
@@ -116,15 +146,26 @@ class Catalogue(FlightLedger, RepeatLedger, CalibrationLedger, VersionLedger, Fi
     ) -> bool:
         """Stores what became of a log; whether it is new.
 
-        A quarantined log that is tried again takes its new status; one that was accepted is never quarantined later.
+        A quarantined log that is tried again takes its new status; one that was accepted is never
+        quarantined later.
         """
         enc.checked_key(sha256, "the hash of a log")
-        judged = {"format": format, "status": status, "reason": enc.plain_text(reason), "damage": enc.damage_to_json(damage)}
+        judged = {
+            "format": format,
+            "status": status,
+            "reason": enc.plain_text(reason),
+            "damage": enc.damage_to_json(damage),
+        }
         with self._database.writing() as connection:
             mine = s.log_files.c.sha256 == sha256
             stored = connection.execute(sa.select(s.log_files.c.status).where(mine)).scalar()
             if stored is None:
-                values = {"sha256": sha256, "name": enc.plain_text(name), "size": size, "added_utc": enc.time_text(enc.now())}
+                values = {
+                    "sha256": sha256,
+                    "name": enc.plain_text(name),
+                    "size": size,
+                    "added_utc": enc.time_text(enc.now()),
+                }
                 connection.execute(sa.insert(s.log_files).values({**values, **judged}))
             elif stored == "quarantined":
                 connection.execute(sa.update(s.log_files).where(mine).values(judged))
@@ -133,7 +174,9 @@ class Catalogue(FlightLedger, RepeatLedger, CalibrationLedger, VersionLedger, Fi
     def log(self, ref: str) -> LogRow | None:
         """The log with this sha256, or None: to ask before reading a file again."""
         with self._database.reading() as connection:
-            row = connection.execute(sa.select(s.log_files).where(s.log_files.c.sha256 == ref)).one_or_none()
+            row = connection.execute(
+                sa.select(s.log_files).where(s.log_files.c.sha256 == ref)
+            ).one_or_none()
         return None if row is None else _log(row)
 
     def logs(self, status: LogStatus | None = None) -> tuple[LogRow, ...]:
@@ -160,7 +203,8 @@ class Catalogue(FlightLedger, RepeatLedger, CalibrationLedger, VersionLedger, Fi
         inputs: Iterable[str] = (),
         run: str | None = None,
     ) -> bool:
-        """Stores a result whose file stands at `path` (relative to the workspace); whether it is new.
+        """Stores a result whose file stands at `path` (relative to the workspace); whether it is
+        new.
 
         A key that is there already stays as it is; `run` is noted as a user of it all the same.
         """
@@ -176,11 +220,19 @@ class Catalogue(FlightLedger, RepeatLedger, CalibrationLedger, VersionLedger, Fi
             "result_version": result_version,
             "code_version": code_version,
         }
-        edges = [{"key": key, "input_key": enc.checked_key(i, "the hash of an input")} for i in sorted(set(inputs))]
+        edges = [
+            {"key": key, "input_key": enc.checked_key(i, "the hash of an input")}
+            for i in sorted(set(inputs))
+        ]
         with self._database.writing() as connection:
             if flight is not None:
                 self._require_flight(connection, flight)
-            new = connection.execute(sa.select(s.results.c.key).where(s.results.c.key == key)).scalar() is None
+            new = (
+                connection.execute(
+                    sa.select(s.results.c.key).where(s.results.c.key == key)
+                ).scalar()
+                is None
+            )
             if new:
                 mine = sa.false() if flight is None else s.results.c.flight == flight
                 at = self._stamp(connection, s.results.c.created_utc, mine)
@@ -201,14 +253,21 @@ class Catalogue(FlightLedger, RepeatLedger, CalibrationLedger, VersionLedger, Fi
         """All results of a flight (its id), or those of one step, oldest first."""
         where = s.results.c.flight == flight
         with self._database.reading() as connection:
-            return self._results(connection, where if step is None else where & (s.results.c.step == step))
+            return self._results(
+                connection, where if step is None else where & (s.results.c.step == step)
+            )
 
     @staticmethod
     def _results(connection: sa.Connection, where: sa.ColumnElement[bool]) -> tuple[ResultRow, ...]:
-        rows = connection.execute(sa.select(s.results).where(where).order_by(s.results.c.created_utc, s.results.c.key)).all()
+        rows = connection.execute(
+            sa.select(s.results).where(where).order_by(s.results.c.created_utc, s.results.c.key)
+        ).all()
         edge = s.result_inputs.c
         pairs = connection.execute(
-            sa.select(edge.key, edge.input_key).join(s.results, s.results.c.key == edge.key).where(where).order_by(edge.input_key)
+            sa.select(edge.key, edge.input_key)
+            .join(s.results, s.results.c.key == edge.key)
+            .where(where)
+            .order_by(edge.input_key)
         ).all()
         inputs: dict[str, list[str]] = {}
         for pair in pairs:
@@ -218,7 +277,13 @@ class Catalogue(FlightLedger, RepeatLedger, CalibrationLedger, VersionLedger, Fi
     # Runs
 
     def start_run(
-        self, flow: str, *, how: How, parameters: Mapping[str, Any] | None = None, code_version: str = "", id: str = ""
+        self,
+        flow: str,
+        *,
+        how: How,
+        parameters: Mapping[str, Any] | None = None,
+        code_version: str = "",
+        id: str = "",
     ) -> RunRow:
         """Notes that a run begins; `id` is made when the orchestrator gives none."""
         run = enc.checked(id, enc.RUN_ID, "the id of a run") if id else secrets.token_hex(16)
@@ -232,19 +297,29 @@ class Catalogue(FlightLedger, RepeatLedger, CalibrationLedger, VersionLedger, Fi
             "error": "",
         }
         with self._database.writing() as connection:
-            if connection.execute(sa.select(s.runs.c.id).where(s.runs.c.id == run)).scalar() is None:
+            if (
+                connection.execute(sa.select(s.runs.c.id).where(s.runs.c.id == run)).scalar()
+                is None
+            ):
                 at = self._stamp(connection, s.runs.c.started_utc)
                 connection.execute(sa.insert(s.runs).values({**row, "started_utc": at}))
         return self.run(run)
 
     def end_run(self, id: str, state: RunState, error: str = "") -> RunRow:
-        """Notes how a run ended. The first end stands: a run that was marked crashed does not complete later."""
+        """Notes how a run ended. The first end stands: a run that was marked crashed does not
+        complete later."""
         if state == "running":
             raise ValueError("a run does not end as 'running'")
         with self._database.writing() as connection:
-            begun = connection.execute(sa.select(s.runs.c.started_utc).where(s.runs.c.id == id)).scalar()
+            begun = connection.execute(
+                sa.select(s.runs.c.started_utc).where(s.runs.c.id == id)
+            ).scalar()
             at = enc.after(enc.time_of(begun) if begun else None)
-            values = {"state": state, "ended_utc": enc.time_text(at), "error": enc.plain_text(error)}
+            values = {
+                "state": state,
+                "ended_utc": enc.time_text(at),
+                "error": enc.plain_text(error),
+            }
             open_run = (s.runs.c.id == id) & s.runs.c.ended_utc.is_(None)
             connection.execute(sa.update(s.runs).where(open_run).values(values))
         return self.run(id)
@@ -268,8 +343,17 @@ class Catalogue(FlightLedger, RepeatLedger, CalibrationLedger, VersionLedger, Fi
 
 def _check_relative(path: str) -> None:
     parts = PurePosixPath(path)
-    if not path.isprintable() or parts.is_absolute() or ".." in parts.parts or "\\" in path or not parts.parts:
-        raise InputError(f"{enc.shown(path)} is not a path inside the workspace", remedy="give it relative, with forward slashes")
+    if (
+        not path.isprintable()
+        or parts.is_absolute()
+        or ".." in parts.parts
+        or "\\" in path
+        or not parts.parts
+    ):
+        raise InputError(
+            f"{enc.shown(path)} is not a path inside the workspace",
+            remedy="give it relative, with forward slashes",
+        )
 
 
 def _log(row: sa.Row[Any]) -> LogRow:
@@ -278,5 +362,9 @@ def _log(row: sa.Row[Any]) -> LogRow:
 
 
 def _result(row: sa.Row[Any], inputs: tuple[str, ...]) -> ResultRow:
-    values = {**row._mapping, "settings": enc.from_json(row.settings), "created_utc": enc.time_of(row.created_utc)}
+    values = {
+        **row._mapping,
+        "settings": enc.from_json(row.settings),
+        "created_utc": enc.time_of(row.created_utc),
+    }
     return ResultRow(**values, inputs=inputs)

@@ -1,4 +1,5 @@
-"""All rows of a catalogue into an empty one, from SQLite to PostgreSQL and back: what a backup holds and restores."""
+"""All rows of a catalogue into an empty one, from SQLite to PostgreSQL and back: what a backup
+holds and restores."""
 
 from collections.abc import Iterable, Sequence
 from typing import Any, Final
@@ -15,13 +16,17 @@ _DOCUMENTS: Final = 10
 
 
 def copy_catalogue(source: Ledger, target: Ledger) -> None:
-    """Copies the rows of one consistent state of `source`, whoever writes there meanwhile, in one transaction of `target`.
+    """Copies the rows of one consistent state of `source`, whoever writes there meanwhile, in one
+    transaction of `target`.
 
     Raises InputError when there are rows in `target` already.
     """
     with source._database.reading() as reading, target._database.writing() as writing:
         for table in s.metadata.sorted_tables:
-            if writing.execute(sa.select(sa.literal(1)).select_from(table).limit(1)).first() is not None:
+            if (
+                writing.execute(sa.select(sa.literal(1)).select_from(table).limit(1)).first()
+                is not None
+            ):
                 remedy = "name an empty database: aerodb restore --settings FILE"
                 raise InputError("a catalogue is there already", target._database.where, remedy)
             _copy_table(table, reading, writing)
@@ -39,17 +44,27 @@ def _copy_table(table: sa.Table, reading: sa.Connection, writing: sa.Connection)
 
 
 def _stream(table: sa.Table, rows: Iterable[Sequence[Any]], writing: sa.Connection) -> None:
-    """Rows into a table of PostgreSQL by its COPY, many times as quick as inserts; its numbers go on after them."""
+    """Rows into a table of PostgreSQL by its COPY, many times as quick as inserts; its numbers go
+    on after them."""
     import psycopg
 
     columns = ", ".join(f'"{column.name}"' for column in table.columns)
     try:
         raw: Any = writing.connection.driver_connection
-        with raw.cursor() as cursor, cursor.copy(f"COPY {table.name} ({columns}) FROM STDIN") as copy:
+        with (
+            raw.cursor() as cursor,
+            cursor.copy(f"COPY {table.name} ({columns}) FROM STDIN") as copy,
+        ):
             for row in rows:
                 copy.write_row(row)
     except psycopg.Error as error:
         raise sa.exc.DBAPIError.instance(f"COPY {table.name}", {}, error, psycopg.Error) from error
     if "sequence" in table.c:
         newest = sa.select(sa.func.coalesce(sa.func.max(table.c.sequence), 0) + 1).scalar_subquery()
-        writing.execute(sa.select(sa.func.setval(sa.func.pg_get_serial_sequence(table.name, "sequence"), newest, False)))
+        writing.execute(
+            sa.select(
+                sa.func.setval(
+                    sa.func.pg_get_serial_sequence(table.name, "sequence"), newest, False
+                )
+            )
+        )

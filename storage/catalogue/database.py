@@ -1,7 +1,9 @@
-"""The catalogue's database, SQLite or PostgreSQL, and its transactions. What is in the tables is not this module's business.
+"""The catalogue's database, SQLite or PostgreSQL, and its transactions. What is in the tables is
+not this module's business.
 
-Writers take one lock at their first word (SQLite: BEGIN IMMEDIATE, PostgreSQL: an advisory lock): a transaction that reads and
-then writes can then never fail because another one came between. Readers see one consistent state and never wait.
+Writers take one lock at their first word (SQLite: BEGIN IMMEDIATE, PostgreSQL: an advisory lock): a
+transaction that reads and then writes can then never fail because another one came between. Readers
+see one consistent state and never wait.
 """
 
 import time
@@ -24,11 +26,13 @@ _LONGEST_PAUSE: Final = 1.0
 class Database:
     """An engine with two kinds of transaction: `reading` and `writing`.
 
-    where : for people, without secrets. reads, writes : execution options of the two. `patience` : how long [s] a new connection
-    is tried for while the server is away.
+    where : for people, without secrets. reads, writes : execution options of the two. `patience` :
+    how long [s] a new connection is tried for while the server is away.
     """
 
-    def __init__(self, engine: sa.Engine, where: str, reads: dict[str, Any], writes: dict[str, Any]) -> None:
+    def __init__(
+        self, engine: sa.Engine, where: str, reads: dict[str, Any], writes: dict[str, Any]
+    ) -> None:
         self.where = where
         self._readers = engine.execution_options(**reads) if reads else engine
         self._writers = engine.execution_options(**writes)
@@ -37,23 +41,33 @@ class Database:
 
     @contextmanager
     def reading(self) -> Iterator[sa.Connection]:
-        """A connection with one consistent state; inside `writing` it is that transaction's, and sees its rows."""
+        """A connection with one consistent state; inside `writing` it is that transaction's, and
+        sees its rows."""
         current = self._current.get()
         if current is not None:
             yield current
             return
-        with catalogue_faults(self.where), self._connected(self._readers) as connection, connection.begin():
+        with (
+            catalogue_faults(self.where),
+            self._connected(self._readers) as connection,
+            connection.begin(),
+        ):
             yield connection
 
     @contextmanager
     def writing(self) -> Iterator[sa.Connection]:
-        """A transaction that alone may write. All of it happens, or nothing; nested ones are savepoints of the outer."""
+        """A transaction that alone may write. All of it happens, or nothing; nested ones are
+        savepoints of the outer."""
         current = self._current.get()
         if current is not None:
             with current.begin_nested():
                 yield current
             return
-        with catalogue_faults(self.where), self._connected(self._writers) as connection, connection.begin():
+        with (
+            catalogue_faults(self.where),
+            self._connected(self._writers) as connection,
+            connection.begin(),
+        ):
             token = self._current.set(connection)
             try:
                 yield connection
@@ -61,19 +75,23 @@ class Database:
                 self._current.reset(token)
 
     def _connected(self, engine: sa.Engine) -> sa.Connection:
-        """A connection; a server that is started again is waited for, since nothing has happened yet."""
+        """A connection; a server that is started again is waited for, since nothing has happened
+        yet."""
         until, pause = time.monotonic() + self.patience, 0.05
         while True:
             try:
                 return engine.connect()
             except sa.exc.DBAPIError as error:
-                if time.monotonic() > until or not isinstance(fault_of(error, self.where), StoreBusyError):
+                if time.monotonic() > until or not isinstance(
+                    fault_of(error, self.where), StoreBusyError
+                ):
                     raise
             time.sleep(pause)
             pause = min(2 * pause, _LONGEST_PAUSE)
 
     def close(self) -> None:
-        """Gives the connections back; the last one out empties SQLite's write-ahead log into the file."""
+        """Gives the connections back; the last one out empties SQLite's write-ahead log into the
+        file."""
         self._readers.dispose()
 
 
@@ -107,4 +125,6 @@ def migrate(database: Database) -> None:
             command.upgrade(config, "head")
         except CommandError as error:
             remedy = "update aerodb, or restore a backup that this one made"
-            raise InputError(f"the catalogue is of a newer kind: {error}", database.where, remedy) from error
+            raise InputError(
+                f"the catalogue is of a newer kind: {error}", database.where, remedy
+            ) from error

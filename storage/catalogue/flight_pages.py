@@ -1,7 +1,8 @@
-"""Pages of a list of flights, newest first, for any number of flights: each continues where the one before ended (keyset).
+"""Pages of a list of flights, newest first, for any number of flights: each continues where the one
+before ended (keyset).
 
-A search by verdict or text follows the same order and looks through so many flights at a time: what a page costs is bounded, and
-one that found little says where to look further.
+A search by verdict or text follows the same order and looks through so many flights at a time: what
+a page costs is bounded, and one that found little says where to look further.
 """
 
 from dataclasses import dataclass
@@ -25,7 +26,8 @@ _Place = tuple[str, str]  # when a flight was added, and its id
 
 @dataclass(frozen=True)
 class Asked:
-    """What a list of flights is narrowed to: vehicle, verdict (or ``retracted``), text in its name, its log's name or its id."""
+    """What a list of flights is narrowed to: vehicle, verdict (or ``retracted``), text in its name,
+    its log's name or its id."""
 
     vehicle: str | None = None
     verdict: str | None = None
@@ -39,15 +41,22 @@ class Asked:
 
 @dataclass(frozen=True)
 class FlightPage:
-    """Flights, newest first; `further` is where the next page begins, empty at the end of the list."""
+    """Flights, newest first; `further` is where the next page begins, empty at the end of the
+    list."""
 
     rows: tuple[FlightRow, ...]
     further: str
 
 
-def page_of_ids(connection: sa.Connection, asked: Asked, limit: int, after: str) -> tuple[list[str], str]:
+def page_of_ids(
+    connection: sa.Connection, asked: Asked, limit: int, after: str
+) -> tuple[list[str], str]:
     """Ids of a page of flights, and where the next one begins (empty at the end)."""
-    names = connection.scalars(sa.select(s.vehicles.c.name)).all() if asked.vehicle is None else [asked.vehicle]
+    names = (
+        connection.scalars(sa.select(s.vehicles.c.name)).all()
+        if asked.vehicle is None
+        else [asked.vehicle]
+    )
     start = _place(after) if after else None
     most = max(limit + 1, LOOKED_THROUGH // max(1, len(names))) if asked.searches else limit + 1
     found: list[_Place] = []
@@ -58,9 +67,12 @@ def page_of_ids(connection: sa.Connection, asked: Asked, limit: int, after: str)
         last = _last(connection, name, start, most)
         if last is not None:
             horizons.append(last)
-    # Vehicle by vehicle a search comes to different times: only what is newer than all of them is complete.
+    # Vehicle by vehicle a search comes to different times: only what is newer than all of them is
+    # complete.
     horizon = min(horizons, key=_order, default=None)
-    whole = sorted((p for p in found if horizon is None or _order(p) <= _order(horizon)), key=_order)
+    whole = sorted(
+        (p for p in found if horizon is None or _order(p) <= _order(horizon)), key=_order
+    )
     page = whole[:limit]
     further = page[-1] if len(whole) > limit else horizon
     named = _named(connection, asked) if asked.text and not after else []
@@ -69,13 +81,20 @@ def page_of_ids(connection: sa.Connection, asked: Asked, limit: int, after: str)
 
 
 def _order(place: _Place) -> tuple[Any, ...]:
-    """Sorts newest first, ids within the same moment upwards: a time is text of digits, turned round digit by digit."""
+    """Sorts newest first, ids within the same moment upwards: a time is text of digits, turned
+    round digit by digit."""
     return tuple(-ord(digit) for digit in place[0]), place[1]
 
 
 def _place(text: str) -> _Place:
     moment, sign, id = text.partition("~")
-    if not sign or not enc.FLIGHT_ID.fullmatch(id) or len(moment) > 40 or not moment.isascii() or not moment.isprintable():
+    if (
+        not sign
+        or not enc.FLIGHT_ID.fullmatch(id)
+        or len(moment) > 40
+        or not moment.isascii()
+        or not moment.isprintable()
+    ):
         raise InputError("no place in this list", "after", "leave it out for the first page")
     return moment, id
 
@@ -89,21 +108,31 @@ def _window(vehicle: str, start: _Place | None, most: int) -> sa.Select[Any]:
     return query.order_by(c.added_utc.desc(), c.id).limit(most)
 
 
-def _last(connection: sa.Connection, vehicle: str, start: _Place | None, most: int) -> _Place | None:
+def _last(
+    connection: sa.Connection, vehicle: str, start: _Place | None, most: int
+) -> _Place | None:
     """The last flight of a window, None where the list ends within it."""
     row = connection.execute(_window(vehicle, start, most).offset(most - 1).limit(1)).one_or_none()
     return None if row is None else (row.added_utc, row.id)
 
 
-def _matching(connection: sa.Connection, window: sa.Select[Any], asked: Asked, most: int) -> list[_Place]:
+def _matching(
+    connection: sa.Connection, window: sa.Select[Any], asked: Asked, most: int
+) -> list[_Place]:
     """The first `most` flights of a window that are asked for."""
     w = window.subquery()
     query = sa.select(w.c.added_utc, w.c.id).order_by(w.c.added_utc.desc(), w.c.id).limit(most)
     if asked.text:
-        log = sa.select(s.log_files.c.name).where(s.log_files.c.sha256 == w.c.log_sha256).scalar_subquery()
+        log = (
+            sa.select(s.log_files.c.name)
+            .where(s.log_files.c.sha256 == w.c.log_sha256)
+            .scalar_subquery()
+        )
         columns = (w.c.name, w.c.id, log)
         text = enc.plain_text(asked.text)  # as names are stored
-        query = query.where(sa.or_(*(column.icontains(text, autoescape=True) for column in columns)))
+        query = query.where(
+            sa.or_(*(column.icontains(text, autoescape=True) for column in columns))
+        )
     if asked.verdict is not None:
         query = query.where(_judged(w.c.id, asked.verdict))
     return [(row.added_utc, row.id) for row in connection.execute(query)]
@@ -114,12 +143,18 @@ def _judged(flight: sa.ColumnElement[str], verdict: str) -> sa.ColumnElement[boo
     e = s.flight_events.c
     if verdict == RETRACTED:
         return sa.exists().where(e.flight == flight, e.kind == "retracted")
-    newest = sa.select(e.verdict).where(e.flight == flight, e.kind == "verdict").order_by(e.sequence.desc()).limit(1)
+    newest = (
+        sa.select(e.verdict)
+        .where(e.flight == flight, e.kind == "verdict")
+        .order_by(e.sequence.desc())
+        .limit(1)
+    )
     return sa.func.coalesce(newest.scalar_subquery(), "unchecked") == verdict
 
 
 def _named(connection: sa.Connection, asked: Asked) -> list[str]:
-    """Flights whose name is the text or whose id begins with it, wherever they stand in the list: indices hold both."""
+    """Flights whose name is the text or whose id begins with it, wherever they stand in the list:
+    indices hold both."""
     c, text = s.flights.c, asked.text
     if not enc.REFERENCE.fullmatch(text):
         return []

@@ -30,16 +30,24 @@ class FlightLedger(Ledger):
         step: float,
         name: str | None = None,
     ) -> FlightRow:
-        """Stores a flight of a stored log; `duration` and `step` in s. The same again changes nothing.
+        """Stores a flight of a stored log; `duration` and `step` in s. The same again changes
+        nothing.
 
-        Processing it again with another outcome (a better mapping) adds a record, and the newest counts. InputError when
-        the id belongs to another vehicle, log or name, or the name to another flight of the vehicle.
+        Processing it again with another outcome (a better mapping) adds a record, and the newest
+        counts. InputError when the id belongs to another vehicle, log or name, or the name to
+        another flight of the vehicle.
         """
         enc.checked(id, enc.FLIGHT_ID, "the id of a flight")
         if name is not None:
             enc.checked(name, enc.FLIGHT_NAME, "the name of a flight")
         start = enc.time_text(start_utc) if start_utc is not None else None
-        record = {"mapping": mapping, "start_utc": start, "duration": float(duration), "samples": samples, "step": float(step)}
+        record = {
+            "mapping": mapping,
+            "start_utc": start,
+            "duration": float(duration),
+            "samples": samples,
+            "step": float(step),
+        }
         with self._database.writing() as connection:
             self._require_vehicle(connection, vehicle)
             at = self._stamp(connection, s.flights.c.added_utc, s.flights.c.vehicle == vehicle)
@@ -53,33 +61,54 @@ class FlightLedger(Ledger):
                 .limit(1)
             ).one_or_none()
             if newest is None or dict(newest._mapping) != record:
-                connection.execute(sa.insert(s.flight_records).values({"flight": id, "added_utc": at, **record}))
+                connection.execute(
+                    sa.insert(s.flight_records).values({"flight": id, "added_utc": at, **record})
+                )
             return _rows(connection, s.flights.c.id == id)[0]
 
     @staticmethod
     def _is_new(connection: sa.Connection, identity: dict[str, str | None]) -> bool:
         c = s.flights.c
-        log = connection.execute(sa.select(s.log_files.c.status).where(s.log_files.c.sha256 == identity["log_sha256"])).scalar()
+        log = connection.execute(
+            sa.select(s.log_files.c.status).where(s.log_files.c.sha256 == identity["log_sha256"])
+        ).scalar()
         if log is None or log == "quarantined":
-            raise InputError("its log is not stored", f"flight {identity['id']}", "add the log first")
-        stored = connection.execute(sa.select(c.id, c.vehicle, c.name, c.log_sha256).where(c.id == identity["id"])).one_or_none()
+            raise InputError(
+                "its log is not stored", f"flight {identity['id']}", "add the log first"
+            )
+        stored = connection.execute(
+            sa.select(c.id, c.vehicle, c.name, c.log_sha256).where(c.id == identity["id"])
+        ).one_or_none()
         if stored is not None:
             # A log that comes again without a name is still the flight that was named before.
-            asked = {key: value for key, value in identity.items() if key != "name" or value is not None}
+            asked = {
+                key: value for key, value in identity.items() if key != "name" or value is not None
+            }
             if any(stored._mapping[key] != value for key, value in asked.items()):
-                what = f"already stored for vehicle '{stored.vehicle}' as '{stored.name or stored.id[:12]}'"
-                raise InputError(what, f"flight {identity['id']}", "use that one, or give this one another id")
+                what = (
+                    f"already stored for vehicle '{stored.vehicle}' as"
+                    f" '{stored.name or stored.id[:12]}'"
+                )
+                raise InputError(
+                    what, f"flight {identity['id']}", "use that one, or give this one another id"
+                )
             return False
         if identity["name"] is None:
             return True
-        taken = connection.execute(sa.select(c.id).where(c.vehicle == identity["vehicle"], c.name == identity["name"])).scalar()
+        taken = connection.execute(
+            sa.select(c.id).where(c.vehicle == identity["vehicle"], c.name == identity["name"])
+        ).scalar()
         if taken is not None:
-            what = f"vehicle '{identity['vehicle']}' already has a flight named '{identity['name']}' ({taken[:12]})"
+            what = (
+                f"vehicle '{identity['vehicle']}' already has a flight named '{identity['name']}'"
+                f" ({taken[:12]})"
+            )
             raise InputError(what, f"flight {identity['id']}", "choose another name")
         return True
 
     def judge_flight(self, id: str, verdict: Verdict, reasons: Iterable[str] = ()) -> None:
-        """Notes the verdict on a flight (its id); the newest counts, the same again changes nothing."""
+        """Notes the verdict on a flight (its id); the newest counts, the same again changes
+        nothing."""
         with self._database.writing() as connection:
             self._require_flight(connection, id)
             text = enc.to_json([enc.plain_text(r) for r in reasons])
@@ -88,21 +117,35 @@ class FlightLedger(Ledger):
                 self._add_event(connection, id, kind="verdict", verdict=verdict, reasons=text)
 
     def retract_flight(self, id: str, reason: str) -> FlightRow:
-        """Withdraws a flight (its id) for a reason; every version that rests on it is stale from now on. Once."""
+        """Withdraws a flight (its id) for a reason; every version that rests on it is stale from
+        now on. Once."""
         if not reason.strip():
-            raise InputError("a retraction needs a reason", f"flight {enc.shown(id)}", "say why: --reason TEXT")
+            raise InputError(
+                "a retraction needs a reason", f"flight {enc.shown(id)}", "say why: --reason TEXT"
+            )
         with self._database.writing() as connection:
             self._require_flight(connection, id)
             if _rows(connection, s.flights.c.id == id)[0].retracted_utc is None:
-                self._add_event(connection, id, kind="retracted", verdict=None, reasons=enc.to_json([enc.plain_text(reason)]))
+                self._add_event(
+                    connection,
+                    id,
+                    kind="retracted",
+                    verdict=None,
+                    reasons=enc.to_json([enc.plain_text(reason)]),
+                )
             return _rows(connection, s.flights.c.id == id)[0]
 
     @staticmethod
     def _add_event(connection: sa.Connection, flight: str, **values: str | None) -> None:
-        connection.execute(sa.insert(s.flight_events).values({"flight": flight, "at_utc": enc.time_text(enc.now()), **values}))
+        connection.execute(
+            sa.insert(s.flight_events).values(
+                {"flight": flight, "at_utc": enc.time_text(enc.now()), **values}
+            )
+        )
 
     def flight(self, ref: str, vehicle: str | None = None) -> FlightRow:
-        """The flight that `ref` means: an exact id, a name (of `vehicle`, when given), or a unique prefix of an id.
+        """The flight that `ref` means: an exact id, a name (of `vehicle`, when given), or a unique
+        prefix of an id.
 
         UnknownNameError, with the nearest name, when nothing answers or several do.
         """
@@ -112,26 +155,48 @@ class FlightLedger(Ledger):
             if vehicle is not None:
                 self._require_vehicle(connection, vehicle)
             if enc.REFERENCE.fullmatch(ref):
-                rows = _rows(connection, within & (c.id == ref)) or _rows(connection, within & (c.name == ref))
+                rows = _rows(connection, within & (c.id == ref)) or _rows(
+                    connection, within & (c.name == ref)
+                )
                 if len(rows) > 1:
                     remedy = f"say of which: --vehicle {' or '.join(row.vehicle for row in rows)}"
-                    raise UnknownNameError(f"{enc.shown(ref)} names a flight of several vehicles", remedy=remedy)
+                    raise UnknownNameError(
+                        f"{enc.shown(ref)} names a flight of several vehicles", remedy=remedy
+                    )
                 found = rows[0].id if rows else self._by_prefix(connection, c.id, ref, within)
                 if found is not None:
                     return rows[0] if rows else _rows(connection, c.id == found)[0]
-            known = connection.execute(sa.select(c.name, c.id).where(within).limit(NAMES_COMPARED)).all()
-        remedy = nearest(ref[:128], [row.name or row.id[:12] for row in known]) if known else "ingest a log first"
-        raise UnknownNameError(f"no flight {enc.shown(ref)}", f"vehicle {vehicle}" if vehicle else "", remedy)
+            known = connection.execute(
+                sa.select(c.name, c.id).where(within).limit(NAMES_COMPARED)
+            ).all()
+        remedy = (
+            nearest(ref[:128], [row.name or row.id[:12] for row in known])
+            if known
+            else "ingest a log first"
+        )
+        raise UnknownNameError(
+            f"no flight {enc.shown(ref)}", f"vehicle {vehicle}" if vehicle else "", remedy
+        )
 
     def flights_by_id(self, ids: Iterable[str]) -> dict[str, FlightRow]:
         """Id -> flight, for those of `ids` that there are."""
         with self._database.reading() as connection:
-            return {row.id: row for part in in_parts(set(ids)) for row in _rows(connection, s.flights.c.id.in_(part))}
+            return {
+                row.id: row
+                for part in in_parts(set(ids))
+                for row in _rows(connection, s.flights.c.id.in_(part))
+            }
 
     def newest_flights(self, vehicle: str, limit: int) -> tuple[FlightRow, ...]:
-        """The flights of a vehicle that were added last, at most `limit`, newest first; the others are not read."""
+        """The flights of a vehicle that were added last, at most `limit`, newest first; the others
+        are not read."""
         c = s.flights.c
-        query = sa.select(c.id).where(c.vehicle == vehicle).order_by(c.added_utc.desc(), c.id).limit(limit)
+        query = (
+            sa.select(c.id)
+            .where(c.vehicle == vehicle)
+            .order_by(c.added_utc.desc(), c.id)
+            .limit(limit)
+        )
         with self._database.reading() as connection:
             self._require_vehicle(connection, vehicle)
             ids = connection.scalars(query).all()
@@ -139,10 +204,12 @@ class FlightLedger(Ledger):
         return tuple(rows[id] for id in ids)
 
     def flight_page(self, asked: Asked, limit: int, after: str = "") -> FlightPage:
-        """The flights that were added last, newest first, at most `limit` of those that are `asked` for.
+        """The flights that were added last, newest first, at most `limit` of those that are `asked`
+        for.
 
-        after : the `further` of the page before. What it costs does not grow with the flights stored: a search looks through so
-        many at a time, and its page may hold fewer than there are. InputError where `after` is no place in the list.
+        after : the `further` of the page before. What it costs does not grow with the flights
+        stored: a search looks through so many at a time, and its page may hold fewer than there
+        are. InputError where `after` is no place in the list.
         """
         with self._database.reading() as connection:
             if asked.vehicle is not None:
@@ -155,8 +222,11 @@ class FlightLedger(Ledger):
         """Id -> what people call the flight."""
         return {id: row.label for id, row in self.flights_by_id(ids).items()}
 
-    def flights(self, vehicle: str | None = None, log_sha256: str | None = None) -> tuple[FlightRow, ...]:
-        """All flights, or those of a vehicle or a log, by start (unknown ones by when they were added)."""
+    def flights(
+        self, vehicle: str | None = None, log_sha256: str | None = None
+    ) -> tuple[FlightRow, ...]:
+        """All flights, or those of a vehicle or a log, by start (unknown ones by when they were
+        added)."""
         where: sa.ColumnElement[bool] = sa.true()
         with self._database.reading() as connection:
             if vehicle is not None:

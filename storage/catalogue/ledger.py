@@ -40,22 +40,36 @@ class Ledger:
         asked = sa.select(s.vehicles.c.name).where(s.vehicles.c.name == name)
         if not enc.VEHICLE_NAME.fullmatch(name) or connection.execute(asked).scalar() is None:
             known = connection.scalars(sa.select(s.vehicles.c.name).limit(NAMES_COMPARED)).all()
-            remedy = nearest(name[:128], known) if known else "add its file first: aerodb vehicle add FILE.toml"
+            remedy = (
+                nearest(name[:128], known)
+                if known
+                else "add its file first: aerodb vehicle add FILE.toml"
+            )
             raise UnknownNameError(f"no vehicle {enc.shown(name)}", remedy=remedy)
 
     @staticmethod
     def _require_flight(connection: sa.Connection, id: str) -> None:
-        if connection.execute(sa.select(s.flights.c.id).where(s.flights.c.id == id)).scalar() is None:
-            raise UnknownNameError(f"no flight with id {enc.shown(id)}", remedy="add the flight first")
+        if (
+            connection.execute(sa.select(s.flights.c.id).where(s.flights.c.id == id)).scalar()
+            is None
+        ):
+            raise UnknownNameError(
+                f"no flight with id {enc.shown(id)}", remedy="add the flight first"
+            )
 
     @staticmethod
-    def _stamp(connection: sa.Connection, column: sa.Column[str], *among: sa.ColumnElement[bool]) -> str:
-        """The time for a new row of a list in the order of `column`: after all that are there, `among` which it counts."""
+    def _stamp(
+        connection: sa.Connection, column: sa.Column[str], *among: sa.ColumnElement[bool]
+    ) -> str:
+        """The time for a new row of a list in the order of `column`: after all that are there,
+        `among` which it counts."""
         newest = connection.execute(sa.select(sa.func.max(column)).where(*among)).scalar()
         return enc.time_text(enc.after(enc.time_of(newest) if newest else None))
 
     @staticmethod
-    def _note_run(connection: sa.Connection, edges: sa.Table, run: str, target: Mapping[str, str]) -> None:
+    def _note_run(
+        connection: sa.Connection, edges: sa.Table, run: str, target: Mapping[str, str]
+    ) -> None:
         """The edge from a run to what it made or used; once."""
         if connection.execute(sa.select(s.runs.c.id).where(s.runs.c.id == run)).scalar() is None:
             raise UnknownNameError(f"no run {enc.shown(run)}", remedy="start the run first")
@@ -65,12 +79,23 @@ class Ledger:
             connection.execute(sa.insert(edges).values(row))
 
     @staticmethod
-    def _by_prefix(connection: sa.Connection, column: sa.Column[str], prefix: str, where: sa.ColumnElement[bool]) -> str | None:
-        """The one id that begins with `prefix`; None when there is none, UnknownNameError when there are several."""
+    def _by_prefix(
+        connection: sa.Connection,
+        column: sa.Column[str],
+        prefix: str,
+        where: sa.ColumnElement[bool],
+    ) -> str | None:
+        """The one id that begins with `prefix`; None when there is none, UnknownNameError when
+        there are several."""
         if len(prefix) < _SHORTEST_PREFIX:
             return None
         after = prefix[:-1] + chr(ord(prefix[-1]) + 1)
-        query = sa.select(column).where(where, column >= prefix, column < after).order_by(column).limit(3)
+        query = (
+            sa.select(column)
+            .where(where, column >= prefix, column < after)
+            .order_by(column)
+            .limit(3)
+        )
         found = connection.scalars(query).all()
         if len(found) > 1:
             remedy = f"give more digits: {', '.join(f'{id[: len(prefix) + 8]}...' for id in found)}"

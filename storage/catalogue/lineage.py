@@ -1,4 +1,5 @@
-"""What rests on what: from a version to its flights, logs, inputs and runs, and from a flight to its versions."""
+"""What rests on what: from a version to its flights, logs, inputs and runs, and from a flight to
+its versions."""
 
 import sqlalchemy as sa
 
@@ -16,22 +17,29 @@ class LineageLedger(Ledger):
         """What each flight did for this version itself (not for its ancestors), by flight id."""
         c = s.version_flights.c
         with self._database.reading() as connection:
-            rows = connection.execute(sa.select(c.flight, c.role, c.reason).where(c.version == version).order_by(c.flight))
+            rows = connection.execute(
+                sa.select(c.flight, c.role, c.reason).where(c.version == version).order_by(c.flight)
+            )
             return tuple(FlightRole(*row) for row in rows)
 
     def roles_in_line(self, version: str | None) -> dict[str, Role]:
-        """Flight -> role over `version` (its id) and all its ancestors; empty for None. The strongest role counts."""
+        """Flight -> role over `version` (its id) and all its ancestors; empty for None. The
+        strongest role counts."""
         with self._database.reading() as connection:
             return roles_of(connection, version)
 
     def impact(self, flight: str) -> tuple[Impact, ...]:
-        """Versions that rest on a flight (its id), ancestors first: that used it to identify or to validate, and all
-        their descendants, each with the nearest use above it."""
+        """Versions that rest on a flight (its id), ancestors first: that used it to identify or to
+        validate, and all their descendants, each with the nearest use above it."""
         c = s.version_flights.c
         with self._database.reading() as connection:
             self._require_flight(connection, flight)
-            uses = connection.execute(sa.select(c.version, c.role).where(c.flight == flight, c.role != "excluded")).all()
-            rows = headers(connection, s.versions.c.id.in_(line([use.version for use in uses], down=True)))
+            uses = connection.execute(
+                sa.select(c.version, c.role).where(c.flight == flight, c.role != "excluded")
+            ).all()
+            rows = headers(
+                connection, s.versions.c.id.in_(line([use.version for use in uses], down=True))
+            )
         own: dict[str, Role] = {use.version: use.role for use in uses}
         found: dict[str, Impact] = {}
         for row in rows:  # a parent's number is always below its children's
@@ -52,13 +60,19 @@ class LineageLedger(Ledger):
                 raise no_version(version)
             roles = roles_of(connection, version)
             logs = connection.execute(
-                sa.select(s.flights.c.id, s.flights.c.log_sha256).where(s.flights.c.id.in_(flights_of(whole)))
+                sa.select(s.flights.c.id, s.flights.c.log_sha256).where(
+                    s.flights.c.id.in_(flights_of(whole))
+                )
             )
             inputs: dict[str, list[str]] = {}
-            for edge in connection.execute(sa.select(e.version, e.input_key).where(e.version.in_(whole)).order_by(e.input_key)):
+            for edge in connection.execute(
+                sa.select(e.version, e.input_key).where(e.version.in_(whole)).order_by(e.input_key)
+            ):
                 inputs.setdefault(edge.version, []).append(edge.input_key)
             noted = sa.select(s.run_versions.c.run).where(s.run_versions.c.version.in_(whole))
-            runs = connection.execute(sa.select(s.runs).where(s.runs.c.id.in_(noted)).order_by(s.runs.c.started_utc))
+            runs = connection.execute(
+                sa.select(s.runs).where(s.runs.c.id.in_(noted)).order_by(s.runs.c.started_utc)
+            )
             return Lineage(
                 version=next(row for row in rows if row.id == version),
                 line=tuple(reversed(rows)),
@@ -69,12 +83,19 @@ class LineageLedger(Ledger):
             )
 
     def steps_behind(self, version: str) -> dict[str, tuple[int, ...]]:
-        """Step -> RESULT_VERSIONs of all results that a version (its id), not its ancestors, was made from."""
+        """Step -> RESULT_VERSIONs of all results that a version (its id), not its ancestors, was
+        made from."""
         edge, result = s.result_inputs.c, s.results.c
-        keys = sa.select(s.version_inputs.c.input_key.label("key")).where(s.version_inputs.c.version == version)
+        keys = sa.select(s.version_inputs.c.input_key.label("key")).where(
+            s.version_inputs.c.version == version
+        )
         behind = keys.cte("behind", recursive=True)
         behind = behind.union(sa.select(edge.input_key).where(edge.key == behind.c.key))
-        query = sa.select(result.step, result.result_version).join(behind, behind.c.key == result.key).distinct()
+        query = (
+            sa.select(result.step, result.result_version)
+            .join(behind, behind.c.key == result.key)
+            .distinct()
+        )
         found: dict[str, list[int]] = {}
         with self._database.reading() as connection:
             for row in connection.execute(query.order_by(result.step, result.result_version)):
@@ -82,16 +103,21 @@ class LineageLedger(Ledger):
         return {step: tuple(numbers) for step, numbers in found.items()}
 
     def stale(self, version: str) -> tuple[str, ...]:
-        """Why a version (its id) no longer stands: one sentence per retracted flight that it or an ancestor used; else empty."""
+        """Why a version (its id) no longer stands: one sentence per retracted flight that it or an
+        ancestor used; else empty."""
         c = s.flight_events.c
         with self._database.reading() as connection:
             roles = roles_of(connection, version)
-            query = sa.select(c.flight, c.at_utc, c.reasons, s.flights.c.name).join(s.flights, s.flights.c.id == c.flight)
+            query = sa.select(c.flight, c.at_utc, c.reasons, s.flights.c.name).join(
+                s.flights, s.flights.c.id == c.flight
+            )
             used = c.flight.in_(flights_of(line([version])))
-            rows = connection.execute(query.where(c.kind == "retracted", used).order_by(c.sequence)).all()
+            rows = connection.execute(
+                query.where(c.kind == "retracted", used).order_by(c.sequence)
+            ).all()
         return tuple(
-            f"flight {row.name or row.flight[:12]} ({roles[row.flight].replace('_', ' ')}) was retracted on {row.at_utc[:10]}: "
-            f"{enc.from_json(row.reasons)[0]}"
+            f"flight {row.name or row.flight[:12]} ({roles[row.flight].replace('_', ' ')}) was"
+            f" retracted on {row.at_utc[:10]}: {enc.from_json(row.reasons)[0]}"
             for row in rows
             if roles[row.flight] != "excluded"
         )

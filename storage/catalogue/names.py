@@ -1,6 +1,6 @@
-"""Names of versions: ``released``, ``candidate`` and the users' own. A name is a series of events and points where its
-last one says. Whether it *may* move is the gate's decision, made by the caller; that it moves from where the caller saw
-it is ensured here.
+"""Names of versions: ``released``, ``candidate`` and the users' own. A name is a series of events
+and points where its last one says. Whether it *may* move is the gate's decision, made by the
+caller; that it moves from where the caller saw it is ensured here.
 """
 
 from collections.abc import Iterable
@@ -12,7 +12,13 @@ from aerodb.storage import encoding as enc
 from aerodb.storage.catalogue import schema as s
 from aerodb.storage.catalogue.ledger import Ledger, in_parts
 from aerodb.storage.catalogue.rows import NameEvent
-from aerodb.storage.catalogue.version_queries import event_of, header, last_event, names_of, no_version
+from aerodb.storage.catalogue.version_queries import (
+    event_of,
+    header,
+    last_event,
+    names_of,
+    no_version,
+)
 
 
 class NameMovedError(GateRefusal):
@@ -22,25 +28,41 @@ class NameMovedError(GateRefusal):
 class NameLedger(Ledger):
     """The part of the catalogue about names."""
 
-    def move_name(self, vehicle: str, name: str, version: str, *, user: str, reason: str, expected: str | None) -> NameEvent:
-        """Points `name` at `version` (its id), provided that it points at `expected` (an id; None: nowhere yet) now.
+    def move_name(
+        self, vehicle: str, name: str, version: str, *, user: str, reason: str, expected: str | None
+    ) -> NameEvent:
+        """Points `name` at `version` (its id), provided that it points at `expected` (an id; None:
+        nowhere yet) now.
 
-        Raises NameMovedError when it points elsewhere meanwhile: compare and swap, in one write transaction. To move it to
-        where it stands already changes nothing and gives the last event.
+        Raises NameMovedError when it points elsewhere meanwhile: compare and swap, in one write
+        transaction. To move it to where it stands already changes nothing and gives the last event.
         """
         enc.checked(name, enc.VERSION_NAME, "a name for versions")
         if not reason.strip():
-            raise InputError("moving a name needs a reason", f"'{name}' of vehicle {vehicle}", "say why: --reason TEXT")
+            raise InputError(
+                "moving a name needs a reason",
+                f"'{name}' of vehicle {vehicle}",
+                "say why: --reason TEXT",
+            )
         with self._database.writing() as connection:
             self._require_vehicle(connection, vehicle)
-            row = header(connection, (s.versions.c.vehicle == vehicle) & (s.versions.c.id == version))
+            row = header(
+                connection, (s.versions.c.vehicle == vehicle) & (s.versions.c.id == version)
+            )
             if row is None:
                 raise no_version(version, vehicle)
             last = last_event(connection, vehicle, name)
             current = last.version if last else None
             if current != expected:
-                what = f"'{name}' points at {_short(current)}, not at {_short(expected)}: it was moved meanwhile"
-                raise NameMovedError(what, f"vehicle {vehicle}", "look at the history, then try again from where it stands")
+                what = (
+                    f"'{name}' points at {_short(current)}, not at {_short(expected)}: it was moved"
+                    " meanwhile"
+                )
+                raise NameMovedError(
+                    what,
+                    f"vehicle {vehicle}",
+                    "look at the history, then try again from where it stands",
+                )
             if last is not None and version == current:
                 return last
             # A clock that was set back must not reorder the history.
@@ -61,9 +83,14 @@ class NameLedger(Ledger):
         return event
 
     def name_history(
-        self, vehicle: str, name: str | None = None, limit: int | None = None, before: int | None = None
+        self,
+        vehicle: str,
+        name: str | None = None,
+        limit: int | None = None,
+        before: int | None = None,
     ) -> tuple[NameEvent, ...]:
-        """All moves of a name (or of all names) of a vehicle, or the newest `limit` of them; oldest first.
+        """All moves of a name (or of all names) of a vehicle, or the newest `limit` of them; oldest
+        first.
 
         before : only moves with a smaller `sequence`.
         """
@@ -73,7 +100,11 @@ class NameLedger(Ledger):
         query = sa.select(s.name_events).where(c.vehicle == vehicle)
         query = query if before is None else query.where(c.sequence < before)
         # The moves of one name are in order by their steps, which an index holds.
-        query = query.order_by(c.sequence.desc()) if name is None else query.where(c.name == name).order_by(c.step.desc())
+        query = (
+            query.order_by(c.sequence.desc())
+            if name is None
+            else query.where(c.name == name).order_by(c.step.desc())
+        )
         with self._database.reading() as connection:
             self._require_vehicle(connection, vehicle)
             rows = connection.execute(query.limit(limit)).all()
@@ -83,7 +114,10 @@ class NameLedger(Ledger):
         """All moves of names of a vehicle to any of `versions` (their ids), oldest first."""
         c = s.name_events.c
         with self._database.reading() as connection:
-            queries = [sa.select(s.name_events).where(c.vehicle == vehicle, c.version.in_(part)) for part in in_parts(versions)]
+            queries = [
+                sa.select(s.name_events).where(c.vehicle == vehicle, c.version.in_(part))
+                for part in in_parts(versions)
+            ]
             rows = [row for query in queries for row in connection.execute(query)]
         return tuple(sorted((event_of(row) for row in rows), key=lambda event: event.sequence))
 
@@ -97,15 +131,18 @@ class NameLedger(Ledger):
         """Name -> id of the version at which it points now."""
         with self._database.reading() as connection:
             self._require_vehicle(connection, vehicle)
-            events = [last_event(connection, vehicle, name) for name in names_of(connection, vehicle)]
+            events = [
+                last_event(connection, vehicle, name) for name in names_of(connection, vehicle)
+            ]
         return {event.name: event.version for event in events if event is not None}
 
 
 def standing_moves(history: tuple[NameEvent, ...]) -> tuple[NameEvent, ...]:
-    """The moves of one name's whole `history` that have not been taken back, oldest first; the last says where it points.
+    """The moves of one name's whole `history` that have not been taken back, oldest first; the last
+    says where it points.
 
-    A move back to where the name pointed before the last standing move takes that move back: so two rollbacks go back by
-    two versions, and not there and forth.
+    A move back to where the name pointed before the last standing move takes that move back: so two
+    rollbacks go back by two versions, and not there and forth.
     """
     standing: list[NameEvent] = []
     for event in history:

@@ -1,7 +1,9 @@
-"""Where the catalogue of a workspace is: the SQLite file in its folder, or the PostgreSQL database that its settings name.
+"""Where the catalogue of a workspace is: the SQLite file in its folder, or the PostgreSQL database
+that its settings name.
 
-Decided here and nowhere else. Everybody names the catalogue by the path of the file, `Workspace.catalogue`; the settings stand
-beside it. Only the section ``[catalogue]`` is read: what is wrong in another one keeps nobody from the catalogue.
+Decided here and nowhere else. Everybody names the catalogue by the path of the file,
+`Workspace.catalogue`; the settings stand beside it. Only the section ``[catalogue]`` is read: what
+is wrong in another one keeps nobody from the catalogue.
 """
 
 import tomllib
@@ -19,14 +21,16 @@ _OF_WORKSPACES: Final = "locks"
 
 @dataclass(frozen=True)
 class Place:
-    """The file at `path`, unless there is a `url` of a PostgreSQL database (with its password: never shown)."""
+    """The file at `path`, unless there is a `url` of a PostgreSQL database (with its password:
+    never shown)."""
 
     path: Path
     url: str = field(default="", repr=False)
 
     @property
     def begun(self) -> bool:
-        """Whether a workspace stands around it: a catalogue in a file, or settings that name a database."""
+        """Whether a workspace stands around it: a catalogue in a file, or settings that name a
+        database."""
         return self.path.is_file() if not self.url else (self.path.parent / _OF_WORKSPACES).is_dir()
 
     @property
@@ -38,8 +42,8 @@ class Place:
 def place_of(path: Path) -> Place:
     """Where the catalogue is whose file is, or would be, at `path`.
 
-    Raises SettingsError for settings that cannot be read while there is no such file, and for an address that cannot be used;
-    InputError when there are both, a file and an address.
+    Raises SettingsError for settings that cannot be read while there is no such file, and for an
+    address that cannot be used; InputError when there are both, a file and an address.
     """
     settings = path.parent / _SETTINGS
     try:
@@ -55,8 +59,8 @@ def place_of(path: Path) -> Place:
     url = _url(section, settings) if section else ""
     if url and path.is_file():
         remedy = (
-            "a catalogue moves by `aerodb backup` and `aerodb restore --settings`; move the file away if it was moved, "
-            "or take the section [catalogue] out"
+            "a catalogue moves by `aerodb backup` and `aerodb restore --settings`; move the file"
+            " away if it was moved, or take the section [catalogue] out"
         )
         raise InputError("here is a catalogue, and the settings name another", str(path), remedy)
     return Place(path, url)
@@ -68,11 +72,14 @@ def _file_or_nothing(path: Path, settings: Path, error: Exception) -> Place:
         return Place(path)
     from aerodb.storage.workspace_settings import SettingsError
 
-    raise SettingsError(f"cannot be read: {error}", str(settings), "mend it: it may say where the catalogue is") from error
+    raise SettingsError(
+        f"cannot be read: {error}", str(settings), "mend it: it may say where the catalogue is"
+    ) from error
 
 
 def _url(section: object, settings: Path) -> str:
-    # Imported here: most workspaces have no such section, and their queries need not wait for the rest of the settings.
+    # Imported here: most workspaces have no such section, and their queries need not wait for the
+    # rest of the settings.
     from aerodb.storage.urls import resolved
     from aerodb.storage.workspace_settings import CatalogueSettings, SettingsError
     from aerodb.support import validated

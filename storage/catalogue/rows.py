@@ -1,4 +1,5 @@
-"""What the catalogue answers with: plain frozen rows, times as UTC datetimes, JSON decoded. No SQL here."""
+"""What the catalogue answers with: plain frozen rows, times as UTC datetimes, JSON decoded. No SQL
+here."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -41,7 +42,8 @@ class LogRow:
 
 @dataclass(frozen=True)
 class FlightRow:
-    """A flight as last processed, with its latest verdict; `duration` and `step` in s. Retracted when `retracted_utc` is set."""
+    """A flight as last processed, with its latest verdict; `duration` and `step` in s. Retracted
+    when `retracted_utc` is set."""
 
     id: str
     vehicle: str
@@ -66,9 +68,11 @@ class FlightRow:
 
 @dataclass(frozen=True)
 class Stretch:
-    """``start..end`` [s] of a flight are ``original_start..original_end`` of another, each on its own clock.
+    """``start..end`` [s] of a flight are ``original_start..original_end`` of another, each on its
+    own clock.
 
-    samples : of the flight. difference : largest rms difference of a channel, relative to its motion.
+    samples : of the flight. difference : largest rms difference of a channel, relative to its
+    motion.
     """
 
     start: float
@@ -81,7 +85,8 @@ class Stretch:
 
 @dataclass(frozen=True)
 class RepeatRow:
-    """A flight that shares samples with an `original` stored before it (ids); `share` (0..1) of the flight's usable samples."""
+    """A flight that shares samples with an `original` stored before it (ids); `share` (0..1) of the
+    flight's usable samples."""
 
     flight: str
     original: str
@@ -91,7 +96,8 @@ class RepeatRow:
 
 @dataclass(frozen=True)
 class InboxEvent:
-    """What happened to a file of the inbox, by its `path` there; `mtime_ns` [ns] and `size` tell it from a later one."""
+    """What happened to a file of the inbox, by its `path` there; `mtime_ns` [ns] and `size` tell it
+    from a later one."""
 
     path: str
     vehicle: str
@@ -106,7 +112,8 @@ class InboxEvent:
 
 @dataclass(frozen=True)
 class CalibrationRow:
-    """A calibration of a vehicle's sensors: its `content` is the document of `aerodb.consistency.calibration`."""
+    """A calibration of a vehicle's sensors: its `content` is the document of
+    `aerodb.consistency.calibration`."""
 
     id: str
     vehicle: str
@@ -125,7 +132,8 @@ class CalibrationRow:
 
 @dataclass(frozen=True)
 class ResultRow:
-    """A stored result: `path` is relative to the workspace, `inputs` are the hashes that it was made from."""
+    """A stored result: `path` is relative to the workspace, `inputs` are the hashes that it was
+    made from."""
 
     key: str
     step: str
@@ -150,7 +158,8 @@ class FlightRole:
 
 @dataclass(frozen=True)
 class VersionRow:
-    """A database version without its documents (those are large: ask `Catalogue.version_documents`)."""
+    """A database version without its documents (those are large: ask
+    `Catalogue.version_documents`)."""
 
     id: str
     vehicle: str
@@ -168,7 +177,8 @@ class VersionRow:
 
 @dataclass(frozen=True)
 class VersionDocuments:
-    """What a version consists of: the database as JSON text, the settings that made it, and its report."""
+    """What a version consists of: the database as JSON text, the settings that made it, and its
+    report."""
 
     content: str
     settings: Mapping[str, Any]
@@ -207,7 +217,8 @@ class RunRow:
 
 @dataclass(frozen=True)
 class Impact:
-    """A version that rests on a flight: through its own use of it (`through` is itself) or that of an ancestor."""
+    """A version that rests on a flight: through its own use of it (`through` is itself) or that of
+    an ancestor."""
 
     version: VersionRow
     role: Role
@@ -216,9 +227,11 @@ class Impact:
 
 @dataclass(frozen=True)
 class Lineage:
-    """Where a version comes from: `line` is itself and its ancestors, newest first; the rest is over that whole line.
+    """Where a version comes from: `line` is itself and its ancestors, newest first; the rest is
+    over that whole line.
 
-    roles : flight -> role. logs : flight -> sha256 of its log. inputs : version -> keys of the results it was made from.
+    roles : flight -> role. logs : flight -> sha256 of its log. inputs : version -> keys of the
+    results it was made from.
     """
 
     version: VersionRow

@@ -1,4 +1,5 @@
-"""Questions about runs: which failed and were not made good since, and which was the last to do something."""
+"""Questions about runs: which failed and were not made good since, and which was the last to do
+something."""
 
 from collections.abc import Iterable
 from datetime import datetime, timedelta
@@ -10,10 +11,12 @@ from aerodb.storage.catalogue import schema as s
 from aerodb.storage.catalogue.ledger import Ledger, in_parts
 from aerodb.storage.catalogue.rows import RunRow
 
-#: So many failed runs are looked through, and so many of one flow for a later one that did the same.
+#: So many failed runs are looked through, and so many of one flow for a later one that did the
+#: same.
 _LOOKED_THROUGH = 1000
 _LET_BE = timedelta(days=30)
-#: What two runs of a flow must have in common to have done the same; other parameters (which flights) may have grown.
+#: What two runs of a flow must have in common to have done the same; other parameters (which
+#: flights) may have grown.
 _SAME = ("vehicle", "logs", "log", "file", "version", "flight")
 
 
@@ -21,7 +24,8 @@ class RunQueries(Ledger):
     """The part of the catalogue that answers about runs."""
 
     def unresolved_runs(self, limit: int = 50) -> tuple[RunRow, ...]:
-        """The newest runs that failed or crashed and that no later run of the same has made good, newest first.
+        """The newest runs that failed or crashed and that no later run of the same has made good,
+        newest first.
 
         One that nobody has done again for a month is history: whoever asked for it has let it be.
         """
@@ -30,12 +34,21 @@ class RunQueries(Ledger):
         with self._database.reading() as connection:
             newest = query.order_by(c.started_utc.desc(), c.id).limit(_LOOKED_THROUGH)
             failed = [self._run_row(row) for row in connection.execute(newest)]
-        later = {flow: self._completed(flow, min(run.started_utc for run in failed)) for flow in {run.flow for run in failed}}
-        return tuple(run for run in failed if not any(_made_good(run, other) for other in later[run.flow]))[:limit]
+        later = {
+            flow: self._completed(flow, min(run.started_utc for run in failed))
+            for flow in {run.flow for run in failed}
+        }
+        return tuple(
+            run for run in failed if not any(_made_good(run, other) for other in later[run.flow])
+        )[:limit]
 
     def _completed(self, flow: str, since: datetime | None = None) -> list[RunRow]:
         c = s.runs.c
-        query = sa.select(s.runs).where(c.flow == flow, c.state == "completed").order_by(c.started_utc.desc(), c.id)
+        query = (
+            sa.select(s.runs)
+            .where(c.flow == flow, c.state == "completed")
+            .order_by(c.started_utc.desc(), c.id)
+        )
         if since is not None:
             query = query.where(c.started_utc > enc.time_text(since))
         with self._database.reading() as connection:
@@ -43,10 +56,15 @@ class RunQueries(Ledger):
 
     def last_completed(self, flow: str, vehicle: str) -> RunRow | None:
         """The newest run of a flow that ended well and was about a vehicle."""
-        return next((run for run in self._completed(flow) if run.parameters.get("vehicle") == vehicle), None)
+        return next(
+            (run for run in self._completed(flow) if run.parameters.get("vehicle") == vehicle), None
+        )
 
-    def runs_of(self, flows: Iterable[str], limit: int, before: tuple[datetime, str] | None = None) -> tuple[RunRow, ...]:
-        """The newest `limit` runs of these flows, newest first; before : only those further down than this start and id."""
+    def runs_of(
+        self, flows: Iterable[str], limit: int, before: tuple[datetime, str] | None = None
+    ) -> tuple[RunRow, ...]:
+        """The newest `limit` runs of these flows, newest first; before : only those further down
+        than this start and id."""
         c = s.runs.c
         found: list[RunRow] = []
         with self._database.reading() as connection:
@@ -54,14 +72,19 @@ class RunQueries(Ledger):
                 query = sa.select(s.runs).where(c.flow == flow)
                 if before is not None:
                     at = enc.time_text(before[0])
-                    query = query.where(c.started_utc <= at, (c.started_utc < at) | (c.id > before[1]))
+                    query = query.where(
+                        c.started_utc <= at, (c.started_utc < at) | (c.id > before[1])
+                    )
                 rows = connection.execute(query.order_by(c.started_utc.desc(), c.id).limit(limit))
                 found += [self._run_row(row) for row in rows]
         found.sort(key=lambda run: run.id)
         return tuple(sorted(found, key=lambda run: run.started_utc, reverse=True)[:limit])
 
-    def made_by(self, runs: Iterable[str], step: str) -> dict[str, tuple[tuple[str, ...], tuple[str, ...]]]:
-        """Run (its id) -> ids of the versions, and keys of the results of `step`, that it made or used."""
+    def made_by(
+        self, runs: Iterable[str], step: str
+    ) -> dict[str, tuple[tuple[str, ...], tuple[str, ...]]]:
+        """Run (its id) -> ids of the versions, and keys of the results of `step`, that it made or
+        used."""
         v, r, result = s.run_versions.c, s.run_results.c, s.results.c
         found: dict[str, tuple[list[str], list[str]]] = {run: ([], []) for run in runs}
         with self._database.reading() as connection:
@@ -76,11 +99,18 @@ class RunQueries(Ledger):
     def newest_run(self, flows: Iterable[str]) -> RunRow | None:
         """The newest run of any of these flows, however it ended."""
         c = s.runs.c
-        query = sa.select(s.runs).where(c.flow.in_(list(flows))).order_by(c.started_utc.desc(), c.id).limit(1)
+        query = (
+            sa.select(s.runs)
+            .where(c.flow.in_(list(flows)))
+            .order_by(c.started_utc.desc(), c.id)
+            .limit(1)
+        )
         with self._database.reading() as connection:
             row = connection.execute(query).one_or_none()
         return None if row is None else self._run_row(row)
 
 
 def _made_good(run: RunRow, other: RunRow) -> bool:
-    return other.started_utc > run.started_utc and all(run.parameters.get(k) == other.parameters.get(k) for k in _SAME)
+    return other.started_utc > run.started_utc and all(
+        run.parameters.get(k) == other.parameters.get(k) for k in _SAME
+    )

@@ -1,10 +1,11 @@
-"""The tables of the catalogue, and the one place that knows what SQLite and PostgreSQL have each in their own way: STRICT tables,
-the order of text, guarding triggers.
+"""The tables of the catalogue, and the one place that knows what SQLite and PostgreSQL have each in
+their own way: STRICT tables, the order of text, guarding triggers.
 
-Rows are facts and are appended: what changes later (a verdict, a retraction, where a name points) is a further row, so
-that every earlier state can be asked for. Only two tables may be updated: a log's status, when a quarantined log is
-tried again, and a run, once, when it ends. Times are ISO 8601 UTC text with microseconds: sorted as text they are
-sorted in time, on SQLite and PostgreSQL alike. JSON is canonical (RFC 8785).
+Rows are facts and are appended: what changes later (a verdict, a retraction, where a name points)
+is a further row, so that every earlier state can be asked for. Only two tables may be updated: a
+log's status, when a quarantined log is tried again, and a run, once, when it ends. Times are ISO
+8601 UTC text with microseconds: sorted as text they are sorted in time, on SQLite and PostgreSQL
+alike. JSON is canonical (RFC 8785).
 """
 
 from collections.abc import Iterable, Sequence
@@ -12,7 +13,8 @@ from typing import Any, Final
 
 import sqlalchemy as sa
 
-#: The newest migration. Opening compares this with the stored revision; alembic is imported only where they differ.
+#: The newest migration. Opening compares this with the stored revision; alembic is imported only
+#: where they differ.
 HEAD: Final = "r0007"
 
 metadata = sa.MetaData(
@@ -153,14 +155,16 @@ results = _table(
     _text("created_utc"),
 )
 
-# An input is the hash of a log, a vehicle text, a version or another result: no foreign key fits them all.
+# An input is the hash of a log, a vehicle text, a version or another result: no foreign key fits
+# them all.
 result_inputs = _table(
     "result_inputs",
     _text("key", sa.ForeignKey("results.key"), primary_key=True),
     _text("input_key", primary_key=True, index=True),
 )
 
-# What the bytes of a stored file were when it was written; a file that was written again has a further row.
+# What the bytes of a stored file were when it was written; a file that was written again has a
+# further row.
 stored_files = _table(
     "stored_files",
     _sequence(),
@@ -186,7 +190,8 @@ runs = _table(
     sa.Index("ix_runs_flow", "flow", "started_utc"),
 )
 
-# What happened to each file of the inbox: that it was tried, and in which of the three ways it ended.
+# What happened to each file of the inbox: that it was tried, and in which of the three ways it
+# ended.
 inbox_events = _table(
     "inbox_events",
     _sequence(),
@@ -200,12 +205,14 @@ inbox_events = _table(
     _text("run", sa.ForeignKey("runs.id"), nullable=True),
     _text("at_utc"),
     _one_of("kind", INBOX_KINDS),
-    # By its hash in PostgreSQL, whose other indices hold no more than 2.7 kB: a name that somebody gave a file may be longer.
+    # By its hash in PostgreSQL, whose other indices hold no more than 2.7 kB: a name that somebody
+    # gave a file may be longer.
     sa.Index("ix_inbox_events_path", "path", postgresql_using="hash"),
     sa.Index("ix_inbox_events_kind", "kind", "sequence"),
 )
 
-# Sensor parameters with their covariance, as immutable versions; a flight is bound to the newest of its bindings.
+# Sensor parameters with their covariance, as immutable versions; a flight is bound to the newest of
+# its bindings.
 calibrations = _table(
     "calibrations",
     _text("id", primary_key=True),
@@ -243,9 +250,21 @@ versions = _table(
     sa.UniqueConstraint("vehicle", "number"),
     sa.UniqueConstraint("vehicle", "id"),
     # A parent, and a version that a name points at, belong to the same vehicle.
-    sa.ForeignKeyConstraint(["vehicle", "parent"], ["versions.vehicle", "versions.id"], name="fk_versions_parent"),
-    # All that a list shows, in its order: it never reads past the documents, which may be megabytes.
-    sa.Index("ix_versions_header", "vehicle", "number", "id", "parent", "content_sha256", "run", "created_utc"),
+    sa.ForeignKeyConstraint(
+        ["vehicle", "parent"], ["versions.vehicle", "versions.id"], name="fk_versions_parent"
+    ),
+    # All that a list shows, in its order: it never reads past the documents, which may be
+    # megabytes.
+    sa.Index(
+        "ix_versions_header",
+        "vehicle",
+        "number",
+        "id",
+        "parent",
+        "content_sha256",
+        "run",
+        "created_utc",
+    ),
 )
 
 version_inputs = _table(
@@ -276,7 +295,9 @@ name_events = _table(
     _text("reason"),
     # Two writers that both saw step n cannot both write step n + 1, whatever the isolation level.
     sa.UniqueConstraint("vehicle", "name", "step"),
-    sa.ForeignKeyConstraint(["vehicle", "version"], ["versions.vehicle", "versions.id"], name="fk_name_events_version"),
+    sa.ForeignKeyConstraint(
+        ["vehicle", "version"], ["versions.vehicle", "versions.id"], name="fk_name_events_version"
+    ),
     sa.Index("ix_name_events_order", "vehicle", "sequence"),
     sa.Index("ix_name_events_version", "vehicle", "version"),
 )
@@ -294,13 +315,19 @@ run_versions = _table(
 )
 
 
-def guards(dialect: str, table: str, keys: Sequence[Sequence[str]], update_when: str = "") -> list[str]:
+def guards(
+    dialect: str, table: str, keys: Sequence[Sequence[str]], update_when: str = ""
+) -> list[str]:
     """Triggers that make `table` append-only, in the words of a `dialect`.
 
-    keys : its primary key and unique constraints, as column names; see `sqlite_guards`. update_when : SQL condition on OLD and
-    NEW under which an update is allowed all the same.
+    keys : its primary key and unique constraints, as column names; see `sqlite_guards`. update_when
+    : SQL condition on OLD and NEW under which an update is allowed all the same.
     """
-    return sqlite_guards(table, keys, update_when) if dialect == "sqlite" else postgresql_guards(table, update_when)
+    return (
+        sqlite_guards(table, keys, update_when)
+        if dialect == "sqlite"
+        else postgresql_guards(table, update_when)
+    )
 
 
 #: Triggers of each table.
@@ -308,8 +335,8 @@ GUARDS: Final = 3
 
 
 def sqlite_guards(table: str, keys: Sequence[Sequence[str]], update_when: str = "") -> list[str]:
-    """The triggers in SQLite: ``INSERT OR REPLACE`` deletes without firing delete triggers, so that an insert on a taken key is
-    refused as well."""
+    """The triggers in SQLite: ``INSERT OR REPLACE`` deletes without firing delete triggers, so that
+    an insert on a taken key is refused as well."""
     refuse = f"SELECT RAISE(ABORT, '{table}: rows are never changed or deleted')"
     same = [" AND ".join(f'"{column}" = NEW."{column}"' for column in key) for key in keys]
     taken = " OR ".join(f"EXISTS (SELECT 1 FROM {table} WHERE {condition})" for condition in same)
@@ -317,7 +344,10 @@ def sqlite_guards(table: str, keys: Sequence[Sequence[str]], update_when: str = 
     return [
         f"CREATE TRIGGER {table}_no_update BEFORE UPDATE ON {table}{condition} BEGIN {refuse}; END",
         f"CREATE TRIGGER {table}_no_delete BEFORE DELETE ON {table} BEGIN {refuse}; END",
-        f"CREATE TRIGGER {table}_no_replace BEFORE INSERT ON {table} WHEN {taken} BEGIN {refuse}; END",
+        (
+            f"CREATE TRIGGER {table}_no_replace BEFORE INSERT ON {table} WHEN {taken} BEGIN"
+            f" {refuse}; END"
+        ),
     ]
 
 
@@ -330,7 +360,8 @@ END $$"""
 
 
 def postgresql_guards(table: str, update_when: str = "") -> list[str]:
-    """The triggers in PostgreSQL, where ``TRUNCATE`` fires no delete trigger, and ``ON CONFLICT`` updates."""
+    """The triggers in PostgreSQL, where ``TRUNCATE`` fires no delete trigger, and ``ON CONFLICT``
+    updates."""
     condition = f" WHEN (NOT ({update_when}))" if update_when else ""
     call = "EXECUTE FUNCTION refuse_change()"
     return [

@@ -14,7 +14,8 @@ from aerodb.storage.catalogue.ledger import Ledger
 
 @dataclass(frozen=True)
 class StoredFile:
-    """A file of the store by its `path` (relative to the workspace), with the sha256 and size that it was stored with."""
+    """A file of the store by its `path` (relative to the workspace), with the sha256 and size that
+    it was stored with."""
 
     path: str
     sha256: str
@@ -31,29 +32,54 @@ class FileLedger(Ledger):
     """The part of the catalogue about files."""
 
     def add_file(self, path: str, sha256: str, size: int) -> None:
-        """Notes what stands at `path` (relative) now; the newest note counts, the same again changes nothing."""
+        """Notes what stands at `path` (relative) now; the newest note counts, the same again
+        changes nothing."""
         c = s.stored_files.c
-        values = {"path": path, "sha256": enc.checked_key(sha256, "the hash of a file"), "size": size}
+        values = {
+            "path": path,
+            "sha256": enc.checked_key(sha256, "the hash of a file"),
+            "size": size,
+        }
         with self._database.writing() as connection:
-            newest = sa.select(c.sha256, c.size).where(c.path == path).order_by(c.sequence.desc()).limit(1)
+            newest = (
+                sa.select(c.sha256, c.size)
+                .where(c.path == path)
+                .order_by(c.sequence.desc())
+                .limit(1)
+            )
             stored = connection.execute(newest).one_or_none()
             if stored is None or tuple(stored) != (sha256, size):
-                connection.execute(sa.insert(s.stored_files).values({**values, "at_utc": enc.time_text(enc.now())}))
+                connection.execute(
+                    sa.insert(s.stored_files).values({**values, "at_utc": enc.time_text(enc.now())})
+                )
 
     def stored_file(self, path: str) -> StoredFile | None:
         """What is known of the file at `path` (relative), or None."""
         c = s.stored_files.c
-        query = sa.select(c.path, c.sha256, c.size).where(c.path == path).order_by(c.sequence.desc()).limit(1)
+        query = (
+            sa.select(c.path, c.sha256, c.size)
+            .where(c.path == path)
+            .order_by(c.sequence.desc())
+            .limit(1)
+        )
         with self._database.reading() as connection:
             row = connection.execute(query).one_or_none()
         return None if row is None else StoredFile(*row)
 
     def stored_files(self, start: str, end: str) -> dict[str, StoredFile]:
-        """Path -> file, for paths from `start` up to, but without, `end`: one folder's at a time, of a large store."""
+        """Path -> file, for paths from `start` up to, but without, `end`: one folder's at a time,
+        of a large store."""
         c = s.stored_files.c
-        query = sa.select(c.path, c.sha256, c.size).where(c.path >= start, c.path < end).order_by(c.sequence)
+        query = (
+            sa.select(c.path, c.sha256, c.size)
+            .where(c.path >= start, c.path < end)
+            .order_by(c.sequence)
+        )
         with self._database.reading() as connection:
-            return {row.path: StoredFile(row.path, row.sha256, row.size) for row in connection.execute(query)}
+            return {
+                row.path: StoredFile(row.path, row.sha256, row.size)
+                for row in connection.execute(query)
+            }
 
     def every_stored_file(self) -> Iterator[StoredFile]:
         """All files by path, in parts: memory does not grow with the store."""
@@ -61,7 +87,9 @@ class FileLedger(Ledger):
         newest = sa.select(sa.func.max(c.sequence)).group_by(c.path)
         while True:
             parts = newest.where(c.path > after).order_by(c.path).limit(_PART).scalar_subquery()
-            query = sa.select(c.path, c.sha256, c.size).where(c.sequence.in_(parts)).order_by(c.path)
+            query = (
+                sa.select(c.path, c.sha256, c.size).where(c.sequence.in_(parts)).order_by(c.path)
+            )
             with self._database.reading() as connection:
                 found = [StoredFile(*row) for row in connection.execute(query)]
             yield from found

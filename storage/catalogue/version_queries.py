@@ -1,6 +1,8 @@
-"""What the parts of the catalogue about versions ask the database in common: headers, lines of descent, names, roles.
+"""What the parts of the catalogue about versions ask the database in common: headers, lines of
+descent, names, roles.
 
-Lists read headers from an index of their own: the documents of a version may be megabytes, and stay where they are.
+Lists read headers from an index of their own: the documents of a version may be megabytes, and stay
+where they are.
 """
 
 from collections.abc import Iterable
@@ -14,22 +16,32 @@ from aerodb.storage import encoding as enc
 from aerodb.storage.catalogue import schema as s
 from aerodb.storage.catalogue.rows import NameEvent, Role, VersionRow
 
-_HEADER = tuple(s.versions.c[k] for k in ("id", "vehicle", "number", "parent", "content_sha256", "run", "created_utc"))
+_HEADER = tuple(
+    s.versions.c[k]
+    for k in ("id", "vehicle", "number", "parent", "content_sha256", "run", "created_utc")
+)
 #: A flight used in several ways along a line counts as the first of these.
 STRONGEST: Final[tuple[Role, ...]] = ("identified", "held_out", "excluded")
 
 
 def headers(connection: sa.Connection, where: sa.ColumnElement[bool]) -> list[VersionRow]:
     """Versions without their documents, oldest first."""
-    rows = connection.execute(sa.select(*_HEADER).where(where).order_by(s.versions.c.vehicle, s.versions.c.number))
+    rows = connection.execute(
+        sa.select(*_HEADER).where(where).order_by(s.versions.c.vehicle, s.versions.c.number)
+    )
     return [_header(row) for row in rows]
 
 
-def newest_headers(connection: sa.Connection, vehicle: str, limit: int | None, before: int | None = None) -> list[VersionRow]:
-    """The newest `limit` versions of a vehicle (None: all), of those with a number below `before`; oldest first."""
+def newest_headers(
+    connection: sa.Connection, vehicle: str, limit: int | None, before: int | None = None
+) -> list[VersionRow]:
+    """The newest `limit` versions of a vehicle (None: all), of those with a number below `before`;
+    oldest first."""
     c = s.versions.c
     mine = c.vehicle == vehicle if before is None else (c.vehicle == vehicle) & (c.number < before)
-    rows = connection.execute(sa.select(*_HEADER).where(mine).order_by(c.number.desc()).limit(limit)).all()
+    rows = connection.execute(
+        sa.select(*_HEADER).where(mine).order_by(c.number.desc()).limit(limit)
+    ).all()
     return [_header(row) for row in reversed(rows)]
 
 
@@ -48,10 +60,17 @@ def event_of(row: sa.Row[Any]) -> NameEvent:
     return NameEvent(**{**row._mapping, "at_utc": enc.time_of(row.at_utc)})
 
 
-def last_event(connection: sa.Connection, vehicle: str, name: str, as_of: datetime | None = None) -> NameEvent | None:
+def last_event(
+    connection: sa.Connection, vehicle: str, name: str, as_of: datetime | None = None
+) -> NameEvent | None:
     """The newest move of a name (until `as_of`), or None."""
     c = s.name_events.c
-    query = sa.select(s.name_events).where(c.vehicle == vehicle, c.name == name).order_by(c.step.desc()).limit(1)
+    query = (
+        sa.select(s.name_events)
+        .where(c.vehicle == vehicle, c.name == name)
+        .order_by(c.step.desc())
+        .limit(1)
+    )
     if as_of is not None:
         query = query.where(c.at_utc <= enc.time_text(as_of))
     row = connection.execute(query).one_or_none()
@@ -59,10 +78,16 @@ def last_event(connection: sa.Connection, vehicle: str, name: str, as_of: dateti
 
 
 def names_of(connection: sa.Connection, vehicle: str) -> list[str]:
-    """Names that versions of a vehicle have had, sorted: from one to the next, past their events."""
+    """Names that versions of a vehicle have had, sorted: from one to the next, past their
+    events."""
     c, names = s.name_events.c, [""]
     while True:
-        query = sa.select(c.name).where(c.vehicle == vehicle, c.name > names[-1]).order_by(c.name).limit(1)
+        query = (
+            sa.select(c.name)
+            .where(c.vehicle == vehicle, c.name > names[-1])
+            .order_by(c.name)
+            .limit(1)
+        )
         name = connection.execute(query).scalar()
         if name is None:
             return names[1:]
@@ -70,7 +95,8 @@ def names_of(connection: sa.Connection, vehicle: str) -> list[str]:
 
 
 def line(versions: Iterable[str], down: bool = False) -> sa.Select[Any]:
-    """Ids of versions and their ancestors (or, `down`, their descendants): a recursive common table expression."""
+    """Ids of versions and their ancestors (or, `down`, their descendants): a recursive common table
+    expression."""
     v = s.versions.c
     found = sa.select(v.id, v.parent).where(v.id.in_(list(versions))).cte("line", recursive=True)
     further = v.parent == found.c.id if down else v.id == found.c.parent
@@ -88,12 +114,18 @@ def roles_of(connection: sa.Connection, version: str | None) -> dict[str, Role]:
     if version is None:
         return {}
     c = s.version_flights.c
-    rows = connection.execute(sa.select(c.flight, c.role).where(c.version.in_(line([version]))).order_by(c.flight)).all()
+    rows = connection.execute(
+        sa.select(c.flight, c.role).where(c.version.in_(line([version]))).order_by(c.flight)
+    ).all()
     used = {(row.flight, row.role) for row in rows}
-    return {row.flight: next(role for role in STRONGEST if (row.flight, role) in used) for row in rows}
+    return {
+        row.flight: next(role for role in STRONGEST if (row.flight, role) in used) for row in rows
+    }
 
 
 def no_version(id: str, vehicle: str = "") -> UnknownNameError:
     """The error for an id that no version has."""
     where = f"vehicle {vehicle}" if vehicle else ""
-    return UnknownNameError(f"no version with id {enc.shown(id)}", where, "list them: aerodb version list")
+    return UnknownNameError(
+        f"no version with id {enc.shown(id)}", where, "list them: aerodb version list"
+    )

@@ -1,6 +1,7 @@
 """Database versions in the catalogue: adding and finding them. Versions never change.
 
-Their names are in `aerodb.storage.catalogue.names`, what rests on what in `aerodb.storage.catalogue.lineage`.
+Their names are in `aerodb.storage.catalogue.names`, what rests on what in
+`aerodb.storage.catalogue.lineage`.
 """
 
 from collections.abc import Iterable, Mapping
@@ -16,7 +17,15 @@ from aerodb.storage.catalogue.ledger import NAMES_COMPARED, in_parts
 from aerodb.storage.catalogue.lineage import LineageLedger
 from aerodb.storage.catalogue.names import NameLedger
 from aerodb.storage.catalogue.rows import FlightRole, Role, VersionDocuments, VersionRow
-from aerodb.storage.catalogue.version_queries import header, headers, last_event, names_of, newest_headers, no_version, roles_of
+from aerodb.storage.catalogue.version_queries import (
+    header,
+    headers,
+    last_event,
+    names_of,
+    newest_headers,
+    no_version,
+    roles_of,
+)
 
 
 class VersionLedger(NameLedger, LineageLedger):
@@ -36,11 +45,13 @@ class VersionLedger(NameLedger, LineageLedger):
         inputs: Iterable[str] = (),
         run: str | None = None,
     ) -> VersionRow:
-        """Stores a version under the vehicle's next label; the same id again changes nothing and gives the stored row.
+        """Stores a version under the vehicle's next label; the same id again changes nothing and
+        gives the stored row.
 
-        content : the database document, JSON text. inputs : keys of the results (or hashes of the files) it was made from.
-        Raises InputError when a flight belongs to another vehicle, or when its role breaks the hold-out rule: one that
-        identified an ancestor never validates a descendant, and one held out by an ancestor is not used up later.
+        content : the database document, JSON text. inputs : keys of the results (or hashes of the
+        files) it was made from. Raises InputError when a flight belongs to another vehicle, or when
+        its role breaks the hold-out rule: one that identified an ancestor never validates a
+        descendant, and one held out by an ancestor is not used up later.
         """
         enc.checked_key(id, "the id of a version")
         uses = list(flights)
@@ -54,7 +65,10 @@ class VersionLedger(NameLedger, LineageLedger):
             "report": enc.to_json(dict(report)),
             "run": run,
         }
-        edges = [{"version": id, "input_key": enc.checked_key(i, "the hash of an input")} for i in sorted(set(inputs))]
+        edges = [
+            {"version": id, "input_key": enc.checked_key(i, "the hash of an input")}
+            for i in sorted(set(inputs))
+        ]
         with self._database.writing() as connection:
             self._require_vehicle(connection, vehicle)
             stored = headers(connection, s.versions.c.id == id)
@@ -63,10 +77,22 @@ class VersionLedger(NameLedger, LineageLedger):
                 _check_uses(connection, vehicle, uses, roles_of(connection, parent))
                 last = newest_headers(connection, vehicle, 1)
                 at = enc.after(*(version.created_utc for version in last))
-                values = {**row, "number": _last_number(connection, vehicle) + 1, "created_utc": enc.time_text(at)}
+                values = {
+                    **row,
+                    "number": _last_number(connection, vehicle) + 1,
+                    "created_utc": enc.time_text(at),
+                }
                 connection.execute(sa.insert(s.versions).values(values))
                 if uses:
-                    used = [{"version": id, "flight": u.flight, "role": u.role, "reason": enc.plain_text(u.reason)} for u in uses]
+                    used = [
+                        {
+                            "version": id,
+                            "flight": u.flight,
+                            "role": u.role,
+                            "reason": enc.plain_text(u.reason),
+                        }
+                        for u in uses
+                    ]
                     connection.execute(sa.insert(s.version_flights), used)
                 if edges:
                     connection.execute(sa.insert(s.version_inputs), edges)
@@ -76,9 +102,11 @@ class VersionLedger(NameLedger, LineageLedger):
             return stored[0]
 
     def version(self, vehicle: str, ref: str, as_of: datetime | None = None) -> VersionRow:
-        """The version that `ref` means: an id, a name such as ``released``, a label (``v0007``) or a unique prefix of an id.
+        """The version that `ref` means: an id, a name such as ``released``, a label (``v0007``) or
+        a unique prefix of an id.
 
-        as_of : where the name pointed, and what existed, at that time. UnknownNameError with the nearest name otherwise.
+        as_of : where the name pointed, and what existed, at that time. UnknownNameError with the
+        nearest name otherwise.
         """
         c = s.versions.c
         mine = c.vehicle == vehicle
@@ -99,18 +127,26 @@ class VersionLedger(NameLedger, LineageLedger):
                     return found
             labels = [row.label for row in newest_headers(connection, vehicle, NAMES_COMPARED)]
             names = names_of(connection, vehicle)
-        remedy = nearest(ref[:128], [*names, *labels]) if labels else "import a database first: aerodb database import"
+        remedy = (
+            nearest(ref[:128], [*names, *labels])
+            if labels
+            else "import a database first: aerodb database import"
+        )
         when = f" as of {enc.time_text(as_of)}" if as_of is not None else ""
         raise UnknownNameError(f"no version {enc.shown(ref)}{when}", f"vehicle {vehicle}", remedy)
 
-    def versions(self, vehicle: str, limit: int | None = None, before: int | None = None) -> tuple[VersionRow, ...]:
-        """All versions of a vehicle, or the newest `limit` of them, or of those with a number below `before`; oldest first."""
+    def versions(
+        self, vehicle: str, limit: int | None = None, before: int | None = None
+    ) -> tuple[VersionRow, ...]:
+        """All versions of a vehicle, or the newest `limit` of them, or of those with a number below
+        `before`; oldest first."""
         with self._database.reading() as connection:
             self._require_vehicle(connection, vehicle)
             return tuple(newest_headers(connection, vehicle, limit, before))
 
     def count_versions(self, vehicle: str) -> int:
-        """How many versions a vehicle has: its newest number, for numbers are given without gaps."""
+        """How many versions a vehicle has: its newest number, for numbers are given without
+        gaps."""
         with self._database.reading() as connection:
             return _last_number(connection, vehicle)
 
@@ -125,13 +161,19 @@ class VersionLedger(NameLedger, LineageLedger):
     def versions_by_id(self, ids: Iterable[str]) -> dict[str, VersionRow]:
         """Id -> version, for those of `ids` that there are."""
         with self._database.reading() as connection:
-            return {row.id: row for part in in_parts(set(ids)) for row in headers(connection, s.versions.c.id.in_(part))}
+            return {
+                row.id: row
+                for part in in_parts(set(ids))
+                for row in headers(connection, s.versions.c.id.in_(part))
+            }
 
     def version_documents(self, id: str) -> VersionDocuments:
         """Content, settings and report of a version (its id)."""
         c = s.versions.c
         with self._database.reading() as connection:
-            row = connection.execute(sa.select(c.content, c.settings, c.report).where(c.id == id)).one_or_none()
+            row = connection.execute(
+                sa.select(c.content, c.settings, c.report).where(c.id == id)
+            ).one_or_none()
         if row is None:
             raise no_version(id)
         return VersionDocuments(row.content, enc.from_json(row.settings), enc.from_json(row.report))
@@ -140,39 +182,70 @@ class VersionLedger(NameLedger, LineageLedger):
         """Id -> the report that the version was made with, for those of `ids` that there are."""
         c = s.versions.c
         with self._database.reading() as connection:
-            queries = [sa.select(c.id, c.report).where(c.id.in_(part)) for part in in_parts(set(ids))]
-            return {row.id: enc.from_json(row.report) for query in queries for row in connection.execute(query)}
+            queries = [
+                sa.select(c.id, c.report).where(c.id.in_(part)) for part in in_parts(set(ids))
+            ]
+            return {
+                row.id: enc.from_json(row.report)
+                for query in queries
+                for row in connection.execute(query)
+            }
 
     def settings_of(self, ids: Iterable[str]) -> dict[str, Mapping[str, Any]]:
         """Id -> the settings that made the version, for those of `ids` that there are."""
         c = s.versions.c
         with self._database.reading() as connection:
-            queries = [sa.select(c.id, c.settings).where(c.id.in_(part)) for part in in_parts(set(ids))]
-            return {row.id: enc.from_json(row.settings) for query in queries for row in connection.execute(query)}
+            queries = [
+                sa.select(c.id, c.settings).where(c.id.in_(part)) for part in in_parts(set(ids))
+            ]
+            return {
+                row.id: enc.from_json(row.settings)
+                for query in queries
+                for row in connection.execute(query)
+            }
 
 
 def _last_number(connection: sa.Connection, vehicle: str) -> int:
-    last = connection.execute(sa.select(sa.func.max(s.versions.c.number)).where(s.versions.c.vehicle == vehicle)).scalar()
+    last = connection.execute(
+        sa.select(sa.func.max(s.versions.c.number)).where(s.versions.c.vehicle == vehicle)
+    ).scalar()
     return last or 0
 
 
 def _check_parent(connection: sa.Connection, vehicle: str, parent: str | None) -> None:
-    if parent is not None and header(connection, (s.versions.c.vehicle == vehicle) & (s.versions.c.id == parent)) is None:
+    if (
+        parent is not None
+        and header(connection, (s.versions.c.vehicle == vehicle) & (s.versions.c.id == parent))
+        is None
+    ):
         raise no_version(parent, vehicle)
 
 
-def _check_uses(connection: sa.Connection, vehicle: str, uses: list[FlightRole], before: Mapping[str, Role]) -> None:
+def _check_uses(
+    connection: sa.Connection, vehicle: str, uses: list[FlightRole], before: Mapping[str, Role]
+) -> None:
     c = s.flights.c
     ids = [use.flight for use in uses]
     known: set[str] = set()
     for part in in_parts(ids):
-        known.update(connection.scalars(sa.select(c.id).where(c.vehicle == vehicle, c.id.in_(part))))
+        known.update(
+            connection.scalars(sa.select(c.id).where(c.vehicle == vehicle, c.id.in_(part)))
+        )
     for use in uses:
         if use.flight not in known:
-            raise InputError(f"no flight with id {enc.shown(use.flight)}", f"vehicle {vehicle}", "add the flight first")
+            raise InputError(
+                f"no flight with id {enc.shown(use.flight)}",
+                f"vehicle {vehicle}",
+                "add the flight first",
+            )
         earlier = before.get(use.flight, "excluded")
         if "excluded" not in (use.role, earlier) and use.role != earlier:
             what = (
-                f"flight {use.flight[:12]} cannot be {use.role.replace('_', ' ')}: an ancestor has it {earlier.replace('_', ' ')}"
+                f"flight {use.flight[:12]} cannot be {use.role.replace('_', ' ')}: an ancestor has"
+                f" it {earlier.replace('_', ' ')}"
             )
-            raise InputError(what, f"vehicle {vehicle}", "a flight keeps its role along a line: take it as before, or exclude it")
+            raise InputError(
+                what,
+                f"vehicle {vehicle}",
+                "a flight keeps its role along a line: take it as before, or exclude it",
+            )

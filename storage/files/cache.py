@@ -1,7 +1,9 @@
-"""The files of the store wherever they are: in the workspace's folder, or in its object store, whose cache the folder then is.
+"""The files of the store wherever they are: in the workspace's folder, or in its object store,
+whose cache the folder then is.
 
-Who writes a file writes it into the folder, puts it (`put`, `put_recording`), then adds its row: what has a row is in the object
-store. Who reads a file asks for it by `local`. Without an object store nothing here does anything.
+Who writes a file writes it into the folder, puts it (`put`, `put_recording`), then adds its row:
+what has a row is in the object store. Who reads a file asks for it by `local`. Without an object
+store nothing here does anything.
 """
 
 import json
@@ -26,7 +28,8 @@ Item = TypeVar("Item")
 
 
 def local(workspace: Workspace, catalogue: Catalogue, path: str) -> Path:
-    """The file of the store at `path` (relative), fetched when it is not here; where it is nowhere, nothing is at that place.
+    """The file of the store at `path` (relative), fetched when it is not here; where it is nowhere,
+    nothing is at that place.
 
     Raises StoreError as `Objects.fetch`.
     """
@@ -36,7 +39,8 @@ def local(workspace: Workspace, catalogue: Catalogue, path: str) -> Path:
         return place
     if place.exists():
         _used(place)
-    # What was here may have left the cache just before it was used; from now on it stays for a while.
+    # What was here may have left the cache just before it was used; from now on it stays for a
+    # while.
     if not place.exists() and (stored := catalogue.stored_file(path)) is not None:
         objects.fetch(stored, place)
     return place
@@ -56,19 +60,26 @@ def local_recording(workspace: Workspace, catalogue: Catalogue, sha256: str) -> 
     if not folder.exists():
         index = catalogue.stored_file(workspace.relative(folder / INDEX))
         if index is not None and objects.has(index):
-            write_atomically(folder, lambda temporary: _fetch_recording(objects, index, temporary), keep=True)
+            write_atomically(
+                folder, lambda temporary: _fetch_recording(objects, index, temporary), keep=True
+            )
     return folder
 
 
 def _fetch_recording(objects: Objects, index: StoredFile, folder: Path) -> None:
     folder.mkdir()
     _fetch(objects, index, folder)
-    together(lambda topic: _fetch(objects, topic, folder), topics_of(index, (folder / INDEX).read_bytes()))
+    together(
+        lambda topic: _fetch(objects, topic, folder),
+        topics_of(index, (folder / INDEX).read_bytes()),
+    )
 
 
 def _fetch(objects: Objects, stored: StoredFile, folder: Path) -> None:
     if not objects.fetch(stored, folder / Path(stored.path).name):
-        raise InputError("this part of a recording is gone", objects.address(stored), "ingest the log again")
+        raise InputError(
+            "this part of a recording is gone", objects.address(stored), "ingest the log again"
+        )
 
 
 def is_kept(workspace: Workspace, catalogue: Catalogue, path: str) -> bool:
@@ -83,7 +94,8 @@ def is_kept(workspace: Workspace, catalogue: Catalogue, path: str) -> bool:
 
 
 def is_recording_kept(workspace: Workspace, catalogue: Catalogue, sha256: str) -> bool:
-    """Whether the topics of a log (its sha256) are here, or in the object store: their index, and all that it names."""
+    """Whether the topics of a log (its sha256) are here, or in the object store: their index, and
+    all that it names."""
     path = workspace.recording_path(sha256) / INDEX
     here = path.is_file()
     objects = _objects(workspace, here)
@@ -94,32 +106,44 @@ def is_recording_kept(workspace: Workspace, catalogue: Catalogue, sha256: str) -
 
 
 def is_recording_put(objects: Objects, index: StoredFile) -> bool:
-    """Whether the index of a recording is in the object store, sound, and all topics that it names, whole."""
+    """Whether the index of a recording is in the object store, sound, and all topics that it names,
+    whole."""
     there = {file for file, _ in objects.below(index.path.removesuffix(f"/{INDEX}")).values()}
     try:
-        blocks = objects.blocks(index) if index in there else None  # not the one here: reading it would count as a use
+        blocks = (
+            objects.blocks(index) if index in there else None
+        )  # not the one here: reading it would count as a use
         return blocks is not None and there.issuperset(topics_of(index, b"".join(blocks)))
     except DamagedObject:
         return False
 
 
 def topics_of(index: StoredFile, text: bytes) -> list[StoredFile]:
-    """The files of the topics that an index names, `text` being its bytes; without a hash where it holds none: an old one."""
+    """The files of the topics that an index names, `text` being its bytes; without a hash where it
+    holds none: an old one."""
     folder = index.path.removesuffix(INDEX)
-    return [StoredFile(folder + name, sha256, size) for name, (sha256, size) in files_in(json.loads(text)).items()]
+    return [
+        StoredFile(folder + name, sha256, size)
+        for name, (sha256, size) in files_in(json.loads(text)).items()
+    ]
 
 
-def put(workspace: Workspace, path: Path, place: Path | None = None, sha256: str = "") -> StoredFile | None:
-    """Puts the file at `path` into the object store as that at `place` (itself, unless given); None where there is none.
+def put(
+    workspace: Workspace, path: Path, place: Path | None = None, sha256: str = ""
+) -> StoredFile | None:
+    """Puts the file at `path` into the object store as that at `place` (itself, unless given); None
+    where there is none.
 
-    It comes before the file's row. Raises InputError for another `sha256`, StoreError as `Objects.put`.
+    It comes before the file's row. Raises InputError for another `sha256`, StoreError as
+    `Objects.put`.
     """
     objects = objects_of(workspace.root)
     return None if objects is None else objects.put(path, workspace.relative(place or path), sha256)
 
 
 def put_recording(workspace: Workspace, folder: Path) -> StoredFile | None:
-    """Puts the topics in `folder`, and last the index that names them; None where there is no object store.
+    """Puts the topics in `folder`, and last the index that names them; None where there is no
+    object store.
 
     Raises InputError for a recording of a time when the hashes of topics were not kept yet.
     """
@@ -130,8 +154,15 @@ def put_recording(workspace: Workspace, folder: Path) -> StoredFile | None:
     there = [file for file, _ in objects.below(workspace.relative(folder)).values()]
     absent = [file for file in topics_of(index, (folder / INDEX).read_bytes()) if file not in there]
     if not all(file.sha256 for file in absent):
-        raise InputError("no hash of its topics is known", index.path, "remove this folder and ingest the log again")
-    together(lambda file: objects.put(workspace.resolve(file.path), file.path, file.sha256, is_new=True), absent)
+        raise InputError(
+            "no hash of its topics is known",
+            index.path,
+            "remove this folder and ingest the log again",
+        )
+    together(
+        lambda file: objects.put(workspace.resolve(file.path), file.path, file.sha256, is_new=True),
+        absent,
+    )
     if index not in there:
         objects.put(folder / INDEX, index.path, index.sha256, is_new=True)
     return index
@@ -149,7 +180,9 @@ def _objects(workspace: Workspace, here: bool) -> Objects | None:
 
 def _used(place: Path) -> None:
     """Notes that a file or folder is used now: what was not for longest leaves the cache first."""
-    with suppress(OSError):  # a disk that is read-only, or another's file: then the system's own note must do
+    with suppress(
+        OSError
+    ):  # a disk that is read-only, or another's file: then the system's own note must do
         descriptor = os.open(place, os.O_RDONLY)
         try:
             os.utime(descriptor, ns=(time.time_ns(), os.fstat(descriptor).st_mtime_ns))
@@ -158,7 +191,8 @@ def _used(place: Path) -> None:
 
 
 def together(work: Callable[[Item], object], items: Iterable[Item]) -> None:
-    """Does `work` on all items, some at once; raises what the first that failed raised, after those under way."""
+    """Does `work` on all items, some at once; raises what the first that failed raised, after those
+    under way."""
     with ThreadPoolExecutor(_TOGETHER) as pool:
         done = [pool.submit(work, item) for item in items]
         try:

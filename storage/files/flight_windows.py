@@ -1,4 +1,5 @@
-"""Parts of stored time series: only the columns that are asked for, and only the row groups in which they stand."""
+"""Parts of stored time series: only the columns that are asked for, and only the row groups in
+which they stand."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -18,7 +19,8 @@ _REMEDY: Final = "ingest the log again"
 
 @dataclass(frozen=True, eq=False)
 class StoredSeries:
-    """A stored file of columns over time. `metadata` is what was written beside them, `columns` are their names."""
+    """A stored file of columns over time. `metadata` is what was written beside them, `columns` are
+    their names."""
 
     path: Path
     metadata: dict[str, Any]
@@ -27,7 +29,8 @@ class StoredSeries:
 
     @classmethod
     def open(cls, path: Path, kind: str) -> "StoredSeries":
-        """The file at `path`; InputError when it is absent, damaged or not of this `kind` (``flight``, ``result``)."""
+        """The file at `path`; InputError when it is absent, damaged or not of this `kind`
+        (``flight``, ``result``)."""
         metadata = read_metadata(path, kind)
         try:
             file = pq.ParquetFile(path, page_checksum_verification=True)
@@ -41,25 +44,36 @@ class StoredSeries:
         return int(self._file.metadata.num_rows)
 
     def ends(self) -> tuple[float, float]:
-        """First and last ``time`` [s] of a series on one rising time grid, from the file's own statistics: nothing is read."""
+        """First and last ``time`` [s] of a series on one rising time grid, from the file's own
+        statistics: nothing is read."""
         place = self.columns.index("time")
-        groups = [self._file.metadata.row_group(k).column(place).statistics for k in range(self._file.num_row_groups)]
+        groups = [
+            self._file.metadata.row_group(k).column(place).statistics
+            for k in range(self._file.num_row_groups)
+        ]
         known = [group for group in groups if group is not None and group.has_min_max]
         if not known:
             raise InputError("its times are not known", str(self.path), _REMEDY)
         return float(known[0].min), float(known[-1].max)
 
-    def read(self, names: Iterable[str], first: int = 0, last: int | None = None) -> dict[str, NDArray[Any]]:
-        """Rows `first` to `last` (not included) of the columns `names`, each (rows,) with its own dtype.
+    def read(
+        self, names: Iterable[str], first: int = 0, last: int | None = None
+    ) -> dict[str, NDArray[Any]]:
+        """Rows `first` to `last` (not included) of the columns `names`, each (rows,) with its own
+        dtype.
 
         Raises UnknownNameError for a column that there is not, InputError for a damaged file.
         """
         wanted = list(dict.fromkeys(names))
         for name in wanted:
             if name not in self.columns:
-                raise UnknownNameError(f"no column '{name}'", str(self.path.name), nearest(name, self.columns))
+                raise UnknownNameError(
+                    f"no column '{name}'", str(self.path.name), nearest(name, self.columns)
+                )
         last = self.rows if last is None else min(last, self.rows)
-        sizes = [self._file.metadata.row_group(k).num_rows for k in range(self._file.num_row_groups)]
+        sizes = [
+            self._file.metadata.row_group(k).num_rows for k in range(self._file.num_row_groups)
+        ]
         starts = np.concatenate([[0], np.cumsum(sizes)])
         groups = [k for k in range(len(sizes)) if starts[k] < last and starts[k + 1] > first]
         if not groups or not wanted:
@@ -73,4 +87,6 @@ class StoredSeries:
 
 
 def _damaged(path: Path, error: Exception) -> InputError:
-    return InputError(f"stored file cannot be read: {str(error).splitlines()[0][:200]}", str(path), _REMEDY)
+    return InputError(
+        f"stored file cannot be read: {str(error).splitlines()[0][:200]}", str(path), _REMEDY
+    )

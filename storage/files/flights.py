@@ -1,6 +1,7 @@
 """The flight store: flights, raw recordings and results as Parquet files, and exactly back again.
 
-Which file belongs to which flight, result or version is the catalogue's business, not this module's.
+Which file belongs to which flight, result or version is the catalogue's business, not this
+module's.
 """
 
 import json
@@ -17,7 +18,13 @@ from aerodb.flight import Flight
 from aerodb.nomenclature import CHANNELS, RESULT_COLUMNS, Channel, channel
 from aerodb.recording import Damage, Recording, Topic
 from aerodb.storage.catalogue import measured
-from aerodb.storage.files.parquet import Column, json_text, read_columns, read_metadata, write_columns
+from aerodb.storage.files.parquet import (
+    Column,
+    json_text,
+    read_columns,
+    read_metadata,
+    write_columns,
+)
 from aerodb.storage.files.topics import StoredTopics, read_topic, write_topic
 from aerodb.storage.workspace import write_atomically
 
@@ -26,7 +33,8 @@ INDEX: Final = "recording.json"
 
 
 def write_flight(path: Path, flight: Flight) -> None:
-    """Stores `flight` at `path`: column ``time``, one per channel, one ``flags_<channel>`` per flagged channel.
+    """Stores `flight` at `path`: column ``time``, one per channel, one ``flags_<channel>`` per
+    flagged channel.
 
     Raises UnknownNameError for a channel that the glossary does not know; then nothing is written.
     """
@@ -52,14 +60,17 @@ def write_flight(path: Path, flight: Flight) -> None:
 def read_flight(path: Path, channels: Iterable[str] | None = None) -> Flight:
     """The flight stored at `path`, with all channels or only those named (and their flags).
 
-    Raises InputError when there is no such file or it is damaged, UnknownNameError for a channel that it lacks.
+    Raises InputError when there is no such file or it is damaged, UnknownNameError for a channel
+    that it lacks.
     """
     stored = read_metadata(path, "flight")
     known, flags = stored["channels"], stored["flags"]
     if channels is not None:
         wanted = set(channels)
         for name in sorted(wanted - set(known)):
-            raise UnknownNameError(f"no channel '{name}'", f"flight {stored['id']}", nearest(name, known))
+            raise UnknownNameError(
+                f"no channel '{name}'", f"flight {stored['id']}", nearest(name, known)
+            )
         known = [name for name in known if name in wanted]
         flags = [name for name in flags if name in wanted or name == "flight"]
     names = ["time", *known, *(f"flags_{name}" for name in flags)]
@@ -79,27 +90,35 @@ def read_flight(path: Path, channels: Iterable[str] | None = None) -> Flight:
     )
 
 
-def write_results(path: Path, table: Mapping[str, NDArray[Any]], metadata: Mapping[str, Any]) -> None:
-    """Stores a result in long form: columns of one length, each a registered result column or channel.
+def write_results(
+    path: Path, table: Mapping[str, NDArray[Any]], metadata: Mapping[str, Any]
+) -> None:
+    """Stores a result in long form: columns of one length, each a registered result column or
+    channel.
 
-    Raises UnknownNameError for a column that is not registered, ValueError for columns of unequal length.
+    Raises UnknownNameError for a column that is not registered, ValueError for columns of unequal
+    length.
     """
     columns = [_registered(name, values) for name, values in table.items()]
     document = {"kind": "result", "metadata": dict(metadata)}
     write_atomically(path, lambda temporary: write_columns(temporary, columns, document))
 
 
-def read_results(path: Path, columns: Iterable[str] | None = None) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-    """A stored result (all columns or those named) and its metadata; InputError when missing or damaged."""
+def read_results(
+    path: Path, columns: Iterable[str] | None = None
+) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    """A stored result (all columns or those named) and its metadata; InputError when missing or
+    damaged."""
     table, document = read_columns(path, "result", columns)
     return table, document["metadata"]
 
 
 def write_topics(folder: Path, recording: Recording) -> None:
-    """Makes `folder` and stores a log's topics in it as they are: one Parquet file per topic, and an index that names them.
+    """Makes `folder` and stores a log's topics in it as they are: one Parquet file per topic, and
+    an index that names them.
 
-    Topics are written one after another, as they come: not atomic. dtypes are preserved. A topic's name never becomes a file
-    name.
+    Topics are written one after another, as they come: not atomic. dtypes are preserved. A topic's
+    name never becomes a file name.
     """
     folder.mkdir()
     files = []
@@ -126,7 +145,8 @@ def write_topics(folder: Path, recording: Recording) -> None:
 
 
 def files_of(folder: Path) -> dict[str, tuple[str, int]]:
-    """File name -> (sha256, size) of the topics' files of a stored recording, as its index says; InputError without one.
+    """File name -> (sha256, size) of the topics' files of a stored recording, as its index says;
+    InputError without one.
 
     The hash is empty where the index is of a time when it held none.
     """
@@ -134,11 +154,15 @@ def files_of(folder: Path) -> dict[str, tuple[str, int]]:
     if all(sha256 for sha256, _ in known.values()):
         return known
     sizes = {path.name: path.stat().st_size for path in folder.iterdir()}
-    return {name: (sha256, size if sha256 else sizes.get(name, 0)) for name, (sha256, size) in known.items()}
+    return {
+        name: (sha256, size if sha256 else sizes.get(name, 0))
+        for name, (sha256, size) in known.items()
+    }
 
 
 def files_in(index: Mapping[str, Any]) -> dict[str, tuple[str, int]]:
-    """The same of an index that is read already; where it holds no hash, it holds no size either: 0."""
+    """The same of an index that is read already; where it holds no hash, it holds no size either:
+    0."""
     names = [f"{number:04d}.parquet" for number in range(len(index["topics"]))]
     known = index.get("files") or [("", 0)] * len(names)
     return {name: (sha256, size) for name, (sha256, size) in zip(names, known, strict=True)}
@@ -152,8 +176,11 @@ def _index(folder: Path) -> dict[str, Any]:
     return found
 
 
-def read_recording(folder: Path, topics: Iterable[str] | None = None, fields: bool = True) -> Recording:
-    """The recording stored in `folder`, with all topics or only those named (UnknownNameError for one it lacks).
+def read_recording(
+    folder: Path, topics: Iterable[str] | None = None, fields: bool = True
+) -> Recording:
+    """The recording stored in `folder`, with all topics or only those named (UnknownNameError for
+    one it lacks).
 
     fields : without them, a topic is its time stamps alone, which is much quicker.
     """
@@ -161,7 +188,9 @@ def read_recording(folder: Path, topics: Iterable[str] | None = None, fields: bo
     wanted = index["topics"] if topics is None else list(topics)
     for name in wanted:
         if name not in index["topics"]:
-            raise UnknownNameError(f"no topic '{name}'", str(folder), nearest(name, index["topics"]))
+            raise UnknownNameError(
+                f"no topic '{name}'", str(folder), nearest(name, index["topics"])
+            )
     read = {
         name: read_topic(folder / f"{number:04d}.parquet", fields)
         for number, name in enumerate(index["topics"])
@@ -171,7 +200,8 @@ def read_recording(folder: Path, topics: Iterable[str] | None = None, fields: bo
 
 
 def open_recording(folder: Path) -> Recording:
-    """The recording stored in `folder`, its topics and fields read when they are asked for: it must stay there until then."""
+    """The recording stored in `folder`, its topics and fields read when they are asked for: it must
+    stay there until then."""
     index = _index(folder)
     return _recording(index, StoredTopics(folder, index["topics"]))
 
@@ -201,7 +231,9 @@ def _entry(name: str) -> Channel:
     try:
         return channel(name)
     except UnknownNameError as error:
-        raise UnknownNameError(error.what, "column to be stored", nearest(name, [*CHANNELS, *RESULT_COLUMNS])) from None
+        raise UnknownNameError(
+            error.what, "column to be stored", nearest(name, [*CHANNELS, *RESULT_COLUMNS])
+        ) from None
 
 
 def _time_text(time: datetime | None) -> str | None:

@@ -1,4 +1,5 @@
-"""Gram matrices of flights in the store: one Parquet file each, its matrices flat, everything else in the metadata."""
+"""Gram matrices of flights in the store: one Parquet file each, its matrices flat, everything else
+in the metadata."""
 
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,9 @@ def write_gram(path: Path, gram: Gram) -> None:
     arrays = gram.to_arrays()
     present = {name: arrays[name] for name in _MATRICES if arrays[name].size}
     rest = {name: values.tolist() for name, values in arrays.items() if name not in _MATRICES}
-    write_results(path, {_MATRICES[name]: values.ravel() for name, values in present.items()}, {"gram": rest})
+    write_results(
+        path, {_MATRICES[name]: values.ravel() for name, values in present.items()}, {"gram": rest}
+    )
 
 
 def read_gram(path: Path) -> Gram:

@@ -1,8 +1,9 @@
 """How this product writes Parquet: the settings, the metadata and the exact way back to NumPy.
 
-Settings as measured on an hour of flight data: zstd level 3, no dictionary, BYTE_STREAM_SPLIT for floats,
-DELTA_BINARY_PACKED for wide integers. The same arrays give the same bytes (with the same pyarrow). Pages and metadata carry
-checksums: a flipped bit is an error, never another number. Nothing here knows what a column means.
+Settings as measured on an hour of flight data: zstd level 3, no dictionary, BYTE_STREAM_SPLIT for
+floats, DELTA_BINARY_PACKED for wide integers. The same arrays give the same bytes (with the same
+pyarrow). Pages and metadata carry checksums: a flipped bit is an error, never another number.
+Nothing here knows what a column means.
 """
 
 import hashlib
@@ -37,16 +38,22 @@ class Column:
 def write_columns(path: Path, columns: Sequence[Column], metadata: Mapping[str, Any]) -> None:
     """Writes columns of one length to `path`, with `metadata` (JSON) in the schema.
 
-    Values: bool, integers, floats, text or bytes, of any byte order; others are refused with InputError, unequal
-    lengths with ValueError.
+    Values: bool, integers, floats, text or bytes, of any byte order; others are refused with
+    InputError, unequal lengths with ValueError.
     """
     rows = len(columns[0].values) if columns else 0
     for c in columns:
         if c.values.shape != (rows,):
-            raise ValueError(f"column {c.name[:80]!r} has shape {c.values.shape}, the first one {(rows,)}")
+            raise ValueError(
+                f"column {c.name[:80]!r} has shape {c.values.shape}, the first one {(rows,)}"
+            )
     fields = [pa.field(c.name, _arrow_type(c), metadata=c.notes) for c in columns]
-    document = json_text({**metadata, "dtypes": {c.name: c.values.dtype.str for c in columns}}).encode("ascii")
-    schema = pa.schema(fields, metadata={_KEY: document, _CHECK: hashlib.sha256(document).hexdigest()})
+    document = json_text(
+        {**metadata, "dtypes": {c.name: c.values.dtype.str for c in columns}}
+    ).encode("ascii")
+    schema = pa.schema(
+        fields, metadata={_KEY: document, _CHECK: hashlib.sha256(document).hexdigest()}
+    )
     with pq.ParquetWriter(
         path,
         schema,
@@ -59,19 +66,28 @@ def write_columns(path: Path, columns: Sequence[Column], metadata: Mapping[str, 
     ) as writer:
         for start in range(0, max(rows, 1), _GROUP_ROWS):
             part = slice(start, start + _GROUP_ROWS)
-            arrays = [_to_arrow(c.values[part], f.type, c.name) for c, f in zip(columns, fields, strict=True)]
-            writer.write_table(pa.Table.from_arrays(arrays, schema=schema), row_group_size=_GROUP_ROWS)
+            arrays = [
+                _to_arrow(c.values[part], f.type, c.name)
+                for c, f in zip(columns, fields, strict=True)
+            ]
+            writer.write_table(
+                pa.Table.from_arrays(arrays, schema=schema), row_group_size=_GROUP_ROWS
+            )
 
 
 def read_metadata(path: Path, kind: str) -> dict[str, Any]:
-    """The metadata that `write_columns` was given; InputError when the file is absent, damaged or of another kind."""
+    """The metadata that `write_columns` was given; InputError when the file is absent, damaged or
+    of another kind."""
     return _metadata(_opened(path).schema_arrow, path, kind)
 
 
-def read_columns(path: Path, kind: str, names: Iterable[str] | None = None) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+def read_columns(
+    path: Path, kind: str, names: Iterable[str] | None = None
+) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     """Columns (all, or those named) in stored order with their own dtypes, and the metadata.
 
-    Raises InputError when the file is absent, damaged or not of this `kind`, UnknownNameError for a column it lacks.
+    Raises InputError when the file is absent, damaged or not of this `kind`, UnknownNameError for a
+    column it lacks.
     """
     file = _opened(path)
     schema = file.schema_arrow
@@ -85,11 +101,16 @@ def read_columns(path: Path, kind: str, names: Iterable[str] | None = None) -> t
     except (pa.ArrowException, OSError) as error:
         raise _damaged(path, error) from error
     dtypes = metadata["dtypes"]
-    return {n: _from_arrow(table.column(n), np.dtype(dtypes[n])) for n in schema.names if n in set(wanted)}, metadata
+    return {
+        n: _from_arrow(table.column(n), np.dtype(dtypes[n]))
+        for n in schema.names
+        if n in set(wanted)
+    }, metadata
 
 
 def json_text(value: Any) -> str:
-    """`value` as ASCII JSON with sorted keys: unlike RFC 8785 it keeps NaN, integers beyond 2^53 and broken text of a log.
+    """`value` as ASCII JSON with sorted keys: unlike RFC 8785 it keeps NaN, integers beyond 2^53
+    and broken text of a log.
 
     >>> json_text({"b": float("nan"), "a": 2**60})
     '{"a":1152921504606846976,"b":NaN}'
@@ -105,9 +126,14 @@ def _plain(value: Any) -> Any:
 
 def _opened(path: Path) -> Any:
     try:
-        # Strings come back as dictionary arrays: the few different axis names of a million rows are made once.
+        # Strings come back as dictionary arrays: the few different axis names of a million rows are
+        # made once.
         schema = pq.read_schema(path)
-        text = [name for name, kind in zip(schema.names, schema.types, strict=True) if pa.types.is_string(kind)]
+        text = [
+            name
+            for name, kind in zip(schema.names, schema.types, strict=True)
+            if pa.types.is_string(kind)
+        ]
         return pq.ParquetFile(path, read_dictionary=text or None, page_checksum_verification=True)
     except FileNotFoundError as error:
         raise InputError("stored file is missing", str(path), "ingest the log again") from error
@@ -116,7 +142,11 @@ def _opened(path: Path) -> Any:
 
 
 def _damaged(path: Path, error: Exception) -> InputError:
-    return InputError(f"stored file cannot be read: {str(error).splitlines()[0][:200]}", str(path), "ingest the log again")
+    return InputError(
+        f"stored file cannot be read: {str(error).splitlines()[0][:200]}",
+        str(path),
+        "ingest the log again",
+    )
 
 
 def _metadata(schema: Any, path: Path, kind: str) -> dict[str, Any]:
@@ -126,7 +156,9 @@ def _metadata(schema: Any, path: Path, kind: str) -> dict[str, Any]:
         raise _damaged(path, ValueError("it is damaged, or another program wrote it"))
     metadata: dict[str, Any] = json.loads(text)
     if metadata["kind"] != kind:
-        raise InputError(f"not a stored {kind}", str(path), "name a file that was stored for that purpose")
+        raise InputError(
+            f"not a stored {kind}", str(path), "name a file that was stored for that purpose"
+        )
     if list(metadata["dtypes"]) != sorted(schema.names):
         raise _damaged(path, ValueError("its columns are not those that were written"))
     return metadata
@@ -140,7 +172,11 @@ def _arrow_type(column: Column) -> Any:
         return pa.string()
     if dtype.kind == "S":
         return pa.binary()
-    raise InputError(f"values of type {dtype} cannot be stored", column.name, "convert them to numbers or text in the reader")
+    raise InputError(
+        f"values of type {dtype} cannot be stored",
+        column.name,
+        "convert them to numbers or text in the reader",
+    )
 
 
 def _encoding(kind: Any) -> str:
@@ -154,11 +190,14 @@ def _to_arrow(values: NDArray[Any], kind: Any, name: str) -> Any:
         try:
             return pa.array(values.tolist(), type=kind)
         except UnicodeEncodeError as error:
-            raise InputError("text is not valid Unicode", name, "decode it with errors='replace' in the reader") from error
+            raise InputError(
+                "text is not valid Unicode", name, "decode it with errors='replace' in the reader"
+            ) from error
     native = np.ascontiguousarray(values, dtype=values.dtype.newbyteorder("="))
     if native.dtype.kind not in "iuf":
         return pa.array(native, type=kind)
-    # `pa.array` and `to_numpy` ask pandas, whose import takes longer than to write or read ten minutes of flight.
+    # `pa.array` and `to_numpy` ask pandas, whose import takes longer than to write or read ten
+    # minutes of flight.
     return pa.Array.from_buffers(kind, len(native), [None, pa.py_buffer(native)])
 
 
@@ -166,12 +205,22 @@ def _from_arrow(column: Any, dtype: np.dtype[Any]) -> NDArray[Any]:
     if dtype.kind in "UO":
         encoded = column.combine_chunks() if column.num_chunks != 1 else column.chunk(0)
         words = np.array(encoded.dictionary.to_pylist(), dtype=dtype)
-        return words[encoded.indices.to_numpy(zero_copy_only=False)] if len(words) else np.empty(0, dtype)
+        return (
+            words[encoded.indices.to_numpy(zero_copy_only=False)]
+            if len(words)
+            else np.empty(0, dtype)
+        )
     if dtype.kind == "S":
         return np.array(column.to_pylist(), dtype=dtype)
     whole = column.combine_chunks()
     if dtype.kind == "b" and len(whole):
         bits = np.frombuffer(whole.buffers()[1], dtype=np.uint8)
-        return np.unpackbits(bits, bitorder="little")[whole.offset : whole.offset + len(whole)].astype(dtype)
-    values: NDArray[Any] = np.from_dlpack(whole) if dtype.kind in "iuf" and len(whole) else whole.to_numpy(zero_copy_only=False)
+        return np.unpackbits(bits, bitorder="little")[
+            whole.offset : whole.offset + len(whole)
+        ].astype(dtype)
+    values: NDArray[Any] = (
+        np.from_dlpack(whole)
+        if dtype.kind in "iuf" and len(whole)
+        else whole.to_numpy(zero_copy_only=False)
+    )
     return values.astype(dtype, copy=False)

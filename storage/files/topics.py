@@ -1,4 +1,5 @@
-"""One topic of a log as a Parquet file, and exactly back again; all of them, or only what is asked for."""
+"""One topic of a log as a Parquet file, and exactly back again; all of them, or only what is asked
+for."""
 
 from collections import OrderedDict
 from collections.abc import Iterator, Mapping, Sequence
@@ -9,14 +10,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerodb.recording import Topic
-from aerodb.storage.files.parquet import Column, json_text, read_columns, read_metadata, write_columns
+from aerodb.storage.files.parquet import (
+    Column,
+    json_text,
+    read_columns,
+    read_metadata,
+    write_columns,
+)
 
 #: Topics that are kept for whoever asks for them again.
 _KEPT: Final = 16
 
 
 class StoredTopics(Mapping[str, Topic]):
-    """The topics of a stored recording by name, read one by one when they are asked for, and of each only the fields used.
+    """The topics of a stored recording by name, read one by one when they are asked for, and of
+    each only the fields used.
 
     folder : of the recording. names : its topics, in the order in which they are numbered.
     """
@@ -76,9 +84,16 @@ def _open_topic(path: Path) -> Topic:
 def write_topic(path: Path, topic: Topic) -> None:
     """Writes a topic to `path`, dtypes preserved."""
     time, clock = _compact_time(topic.time)
-    # A field's name is the log's own and may be anything: columns carry it where Parquet can, the metadata always does.
+    # A field's name is the log's own and may be anything: columns carry it where Parquet can, the
+    # metadata always does.
     names = _column_names(list(topic.fields), taken={"time"})
-    columns = [Column("time", time, {"unit": "us" if clock else "s", "description": "time on the log's monotonic clock"})]
+    columns = [
+        Column(
+            "time",
+            time,
+            {"unit": "us" if clock else "s", "description": "time on the log's monotonic clock"},
+        )
+    ]
     for column, (name, values) in zip(names, topic.fields.items(), strict=True):
         columns.append(Column(column, values, {"unit": json_text(topic.units.get(name, ""))}))
     metadata = {
@@ -93,7 +108,8 @@ def write_topic(path: Path, topic: Topic) -> None:
 
 
 def read_topic(path: Path, with_fields: bool) -> Topic:
-    """The topic stored at `path`; without its fields it is its time stamps alone. InputError when it is missing or damaged."""
+    """The topic stored at `path`; without its fields it is its time stamps alone. InputError when
+    it is missing or damaged."""
     columns, stored = read_columns(path, "topic", None if with_fields else ["time"])
     time = columns["time"]
     if stored["clock"]:
@@ -103,16 +119,20 @@ def read_topic(path: Path, with_fields: bool) -> Topic:
     return Topic(stored["name"], time, fields, dict(stored["units"]))
 
 
-#: The two ways in which readers turn a microsecond counter into seconds; they differ in the last bit.
+#: The two ways in which readers turn a microsecond counter into seconds; they differ in the last
+#: bit.
 _CLOCKS = {"divided": lambda ticks: ticks / 1e6, "multiplied": lambda ticks: ticks * 1e-6}
 
 
 def _compact_time(time: NDArray[np.float64]) -> tuple[NDArray[Any], str]:
-    """Time as int64 microseconds where that is exact to the last bit, and which clock undoes it; else as it is."""
+    """Time as int64 microseconds where that is exact to the last bit, and which clock undoes it;
+    else as it is."""
     if len(time) and np.all(np.abs(time) < 2**52 / 1e6):  # false for NaN and infinity too
         ticks = np.rint(time * 1e6).astype(np.int64)
         for clock, seconds in _CLOCKS.items():
-            if np.array_equal(seconds(ticks).view(np.int64), np.ascontiguousarray(time, np.float64).view(np.int64)):
+            if np.array_equal(
+                seconds(ticks).view(np.int64), np.ascontiguousarray(time, np.float64).view(np.int64)
+            ):
                 return ticks, clock
     return time, ""
 
@@ -120,7 +140,9 @@ def _compact_time(time: NDArray[np.float64]) -> tuple[NDArray[Any], str]:
 def _column_names(fields: Sequence[str], taken: set[str]) -> list[str]:
     names = []
     for number, field in enumerate(fields):
-        plain = field.isascii() and field.isprintable() and 0 < len(field) <= 200 and field not in taken
+        plain = (
+            field.isascii() and field.isprintable() and 0 < len(field) <= 200 and field not in taken
+        )
         name = field if plain else f"field {number}"
         while name in taken:
             name += "_"

@@ -1,4 +1,5 @@
-"""The store as a whole, between the workspace's folder and its object store: put, fetched, and the cache kept small."""
+"""The store as a whole, between the workspace's folder and its object store: put, fetched, and the
+cache kept small."""
 
 import hashlib
 import os
@@ -26,9 +27,9 @@ _IN_USE: Final = 600.0
 
 @dataclass(frozen=True)
 class Part:
-    """One folder of the fan-out: files that the catalogue names (topics included), and what is in the object store, by address,
-    with the time when it was put [s since 1970]; and the folders of recordings whose index is nowhere, or damaged: their topics
-    are not among the files."""
+    """One folder of the fan-out: files that the catalogue names (topics included), and what is in
+    the object store, by address, with the time when it was put [s since 1970]; and the folders of
+    recordings whose index is nowhere, or damaged: their topics are not among the files."""
 
     files: tuple[StoredFile, ...]
     objects: Mapping[str, tuple[StoredFile, float]]
@@ -41,7 +42,8 @@ class Part:
 
 @dataclass(frozen=True)
 class Moved:
-    """Files and bytes that were put, fetched or removed, and which could not be: they are not as they were stored, or nowhere."""
+    """Files and bytes that were put, fetched or removed, and which could not be: they are not as
+    they were stored, or nowhere."""
 
     files: int
     bytes: int
@@ -52,14 +54,22 @@ def required_objects(workspace: Workspace) -> Objects:
     """The workspace's object store; InputError where it has none."""
     objects = objects_of(workspace.root)
     if objects is None:
-        raise InputError("this workspace has no object store", str(workspace.root), f'say [store] url = "s3://..." in its {FILE}')
+        raise InputError(
+            "this workspace has no object store",
+            str(workspace.root),
+            f'say [store] url = "s3://..." in its {FILE}',
+        )
     return objects
 
 
 def require_unused(objects: Objects) -> None:
-    """InputError where an object store holds files already that nobody named for what is to be put there."""
+    """InputError where an object store holds files already that nobody named for what is to be put
+    there."""
     if any(objects.below(place) for folder in STORE for place in objects.folders(folder)):
-        what, remedy = "holds the files of a workspace already", "name a file --settings with another [store], or with this one"
+        what, remedy = (
+            "holds the files of a workspace already",
+            "name a file --settings with another [store], or with this one",
+        )
         raise InputError(f"the object store of these settings {what}", objects.url, remedy)
 
 
@@ -68,7 +78,8 @@ def parts(workspace: Workspace, catalogue: Catalogue, objects: Objects) -> Itera
     for folder in STORE:
         there = set(objects.folders(folder))
         for place in sorted({*there, *(f"{folder}/{number:02x}" for number in range(256))}):
-            # Rows first: what has one has been put, so that it is in a list made afterwards, whoever writes meanwhile.
+            # Rows first: what has one has been put, so that it is in a list made afterwards,
+            # whoever writes meanwhile.
             rows = catalogue.stored_files(f"{place}/", f"{place}0")  # '0' follows '/'
             found = objects.below(place) if rows or place in there else {}
             if rows or found:
@@ -76,7 +87,10 @@ def parts(workspace: Workspace, catalogue: Catalogue, objects: Objects) -> Itera
 
 
 def _part(
-    workspace: Workspace, objects: Objects, rows: Mapping[str, StoredFile], found: Mapping[str, tuple[StoredFile, float]]
+    workspace: Workspace,
+    objects: Objects,
+    rows: Mapping[str, StoredFile],
+    found: Mapping[str, tuple[StoredFile, float]],
 ) -> Part:
     files, unread = list(rows.values()), []
     for row in rows.values():
@@ -89,8 +103,11 @@ def _part(
     return Part(tuple(files), found, tuple(unread))
 
 
-def _index(workspace: Workspace, objects: Objects, row: StoredFile, found: Mapping[str, object]) -> bytes | None:
-    """The text of an index from where it is sound, None where it is nowhere: who checks that says so."""
+def _index(
+    workspace: Workspace, objects: Objects, row: StoredFile, found: Mapping[str, object]
+) -> bytes | None:
+    """The text of an index from where it is sound, None where it is nowhere: who checks that says
+    so."""
     with suppress(OSError):  # it is not here, or leaves the cache just now
         text = workspace.resolve(row.path).read_bytes()
         if hashlib.sha256(text).hexdigest() == row.sha256:
@@ -111,7 +128,8 @@ def is_sound(workspace: Workspace, file: StoredFile) -> bool:
 
 
 def push(workspace: Workspace, catalogue: Catalogue) -> Moved:
-    """Puts what is here and not in the object store: all of a workspace that gets one, and objects that were lost."""
+    """Puts what is here and not in the object store: all of a workspace that gets one, and objects
+    that were lost."""
     objects, moved, left = required_objects(workspace), [], []
 
     def move(file: StoredFile) -> None:
@@ -127,19 +145,27 @@ def push(workspace: Workspace, catalogue: Catalogue) -> Moved:
         together(move, [file for file in absent if not file.path.endswith(f"/{INDEX}")])
         lost = {f"{path.rpartition('/')[0]}/{INDEX}" for path in left}
         left.extend(file.path for file in absent if file.path in lost)
-        together(move, [file for file in absent if file.path.endswith(f"/{INDEX}") and file.path not in lost])
+        together(
+            move,
+            [file for file in absent if file.path.endswith(f"/{INDEX}") and file.path not in lost],
+        )
     return Moved(len(moved), sum(moved), tuple(sorted(left)))
 
 
 def pull(workspace: Workspace, catalogue: Catalogue) -> Moved:
-    """Fetches what is not here, a recording as a whole: all of a workspace whose object store is to be left."""
+    """Fetches what is not here, a recording as a whole: all of a workspace whose object store is to
+    be left."""
     required_objects(workspace)
     moved, left = [], []
 
     def move(file: StoredFile) -> None:
         try:
             is_index = file.path.endswith(f"/{INDEX}")
-            place = _recording(workspace, catalogue, file) if is_index else local(workspace, catalogue, file.path)
+            place = (
+                _recording(workspace, catalogue, file)
+                if is_index
+                else local(workspace, catalogue, file.path)
+            )
         except (DamagedObject, InputError):
             left.append(file.path)
             return
@@ -165,14 +191,20 @@ def _recording(workspace: Workspace, catalogue: Catalogue, index: StoredFile) ->
 
 
 def _bytes(place: Path) -> int:
-    return sum(entry.stat().st_size for entry in place.iterdir()) if place.is_dir() else place.stat().st_size
+    return (
+        sum(entry.stat().st_size for entry in place.iterdir())
+        if place.is_dir()
+        else place.stat().st_size
+    )
 
 
 def trim(workspace: Workspace, catalogue: Catalogue, size: int | None = None) -> Moved:
-    """Removes files from the folder, what was not used for longest first, until at most `size` bytes are left of the store there;
-    without a `size` as the settings say, and nothing where they say nothing.
+    """Removes files from the folder, what was not used for longest first, until at most `size`
+    bytes are left of the store there; without a `size` as the settings say, and nothing where they
+    say nothing.
 
-    What is not in the object store, or was used within the last minutes, stays: `left` names what had to, for what is too much.
+    What is not in the object store, or was used within the last minutes, stays: `left` names what
+    had to, for what is too much.
     """
     objects = required_objects(workspace)
     size = load_settings(workspace.root).store.cache or None if size is None else size

@@ -1,5 +1,16 @@
 from . import quarantined
-from .folders import Waiting, aside_key, keep_log, kept_path, look, look_again, may_settle, open_log, put_aside, sized
+from .folders import (
+    Waiting,
+    aside_key,
+    keep_log,
+    kept_path,
+    look,
+    look_again,
+    may_settle,
+    open_log,
+    put_aside,
+    sized,
+)
 from .outbox import post, waiting
 from .quarantined import REASON, Quarantined, newest, put_back
 

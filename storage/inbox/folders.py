@@ -1,6 +1,8 @@
-"""The inbox: a folder per vehicle, in which logs wait until a run has dealt with them. Nothing here reads what is in a log.
+"""The inbox: a folder per vehicle, in which logs wait until a run has dealt with them. Nothing here
+reads what is in a log.
 
-Names in the inbox are whatever somebody chose: they never become part of another path, and no link is ever followed.
+Names in the inbox are whatever somebody chose: they never become part of another path, and no link
+is ever followed.
 """
 
 import errno
@@ -27,18 +29,30 @@ except ImportError:  # see `aerodb.storage.locks`
 
 State = Literal["ready", "copying", "refused", "blocked"]
 
-#: What programs put at the end of names of files that they have not finished; a leading dot or a trailing ~ says the same.
-UNFINISHED: Final = (".part", ".partial", ".tmp", ".temp", ".crdownload", ".download", ".filepart", ".swp", ".!sync")
+#: What programs put at the end of names of files that they have not finished; a leading dot or a
+#: trailing ~ says the same.
+UNFINISHED: Final = (
+    ".part",
+    ".partial",
+    ".tmp",
+    ".temp",
+    ".crdownload",
+    ".download",
+    ".filepart",
+    ".swp",
+    ".!sync",
+)
 _DEEPEST: Final = 16
 _BLOCK: Final = 1 << 20
 
 
 @dataclass(frozen=True)
 class Waiting:
-    """A file in the inbox. `relative` is its path there; `size`, `mtime_ns`, `ctime_ns` and `inode` tell whether it changed.
+    """A file in the inbox. `relative` is its path there; `size`, `mtime_ns`, `ctime_ns` and `inode`
+    tell whether it changed.
 
-    state : ``ready``; ``copying`` while it may still grow; ``refused`` for what is no plain file; ``blocked`` where
-    something else must be done first, which `reason` says.
+    state : ``ready``; ``copying`` while it may still grow; ``refused`` for what is no plain file;
+    ``blocked`` where something else must be done first, which `reason` says.
     """
 
     path: Path
@@ -67,12 +81,17 @@ class Waiting:
 
 
 def look(inbox: Path, vehicles: Collection[str], settle: float) -> list[Waiting]:
-    """Everything in the inbox, by path; ready is what stood still for `settle` [s] and nobody has open for writing.
+    """Everything in the inbox, by path; ready is what stood still for `settle` [s] and nobody has
+    open for writing.
 
-    vehicles : names of those that there are. A file beside their folders belongs to the only vehicle, where there is one.
+    vehicles : names of those that there are. A file beside their folders belongs to the only
+    vehicle, where there is one.
     """
     now = time.time_ns()
-    return [_judged(entry, vehicles, settle, now) for entry in sorted(_files(inbox, inbox, 0), key=lambda each: each.relative)]
+    return [
+        _judged(entry, vehicles, settle, now)
+        for entry in sorted(_files(inbox, inbox, 0), key=lambda each: each.relative)
+    ]
 
 
 def sized(entry: Waiting, limits: Limits) -> Waiting:
@@ -80,20 +99,31 @@ def sized(entry: Waiting, limits: Limits) -> Waiting:
     try:
         limits.check_size(entry.size, "")
     except InputError as error:
-        return replace(entry, state="refused", reason=f"{error.what}: {error.remedy}") if entry.state == "ready" else entry
+        return (
+            replace(entry, state="refused", reason=f"{error.what}: {error.remedy}")
+            if entry.state == "ready"
+            else entry
+        )
     return entry
 
 
 def open_log(path: Path, inbox: Path) -> BufferedReader:
-    """A log, open for reading. What lies in the inbox is the file itself: neither it nor a folder above it may be a link that
-    somebody has put there since it was looked at. OSError where it cannot be opened, or is none."""
+    """A log, open for reading. What lies in the inbox is the file itself: neither it nor a folder
+    above it may be a link that somebody has put there since it was looked at. OSError where it
+    cannot be opened, or is none."""
     if not path.absolute().is_relative_to(inbox):
         return path.open("rb")
-    descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0))
+    descriptor = os.open(
+        path, os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
+    )
     try:
         itself, there = os.fstat(descriptor), os.stat(path.resolve(strict=True))
         outside = not path.resolve().is_relative_to(inbox.resolve())
-        if outside or not stat.S_ISREG(itself.st_mode) or (itself.st_dev, itself.st_ino) != (there.st_dev, there.st_ino):
+        if (
+            outside
+            or not stat.S_ISREG(itself.st_mode)
+            or (itself.st_dev, itself.st_ino) != (there.st_dev, there.st_ino)
+        ):
             raise OSError(errno.ELOOP, "is no file of the inbox (any more)")
         return os.fdopen(descriptor, "rb")
     except BaseException:
@@ -107,7 +137,8 @@ def may_settle(entry: Waiting) -> bool:
 
 
 def look_again(seen: list[Waiting], waited: float, settle: float) -> list[Waiting]:
-    """`seen` after `waited` [s]: what did not change meanwhile is ready, whatever the clock says of its times."""
+    """`seen` after `waited` [s]: what did not change meanwhile is ready, whatever the clock says of
+    its times."""
     return [
         replace(entry, state="ready", reason="")
         if may_settle(entry) and waited >= settle and entry.unchanged() and _closed(entry.path)
@@ -125,7 +156,9 @@ def _files(folder: Path, inbox: Path, depth: int) -> Iterator[Waiting]:
         yield _blocked_folder(folder, inbox, f"cannot be read: {error.strerror or error}")
         return
     if entries and depth > _DEEPEST:
-        yield _blocked_folder(folder, inbox, f"more than {_DEEPEST} folders deep: put what is in it further up")
+        yield _blocked_folder(
+            folder, inbox, f"more than {_DEEPEST} folders deep: put what is in it further up"
+        )
         return
     for entry in entries:
         path = folder / entry.name
@@ -147,7 +180,9 @@ def _files(folder: Path, inbox: Path, depth: int) -> Iterator[Waiting]:
 
 def _blocked_folder(folder: Path, inbox: Path, reason: str) -> Waiting:
     relative = folder.relative_to(inbox)
-    return Waiting(folder, relative.as_posix(), next(iter(relative.parts), ""), 0, 0, 0, 0, "blocked", reason)
+    return Waiting(
+        folder, relative.as_posix(), next(iter(relative.parts), ""), 0, 0, 0, 0, "blocked", reason
+    )
 
 
 def _judged(entry: Waiting, vehicles: Collection[str], settle: float, now: int) -> Waiting:
@@ -156,8 +191,16 @@ def _judged(entry: Waiting, vehicles: Collection[str], settle: float, now: int) 
     if not entry.vehicle and len(vehicles) == 1:
         entry = replace(entry, vehicle=next(iter(vehicles)))
     if entry.vehicle not in vehicles:
-        remedy = f"put it into inbox/{'|'.join(sorted(vehicles)[:6])}/" if vehicles else "aerodb vehicle add FILE.toml"
-        said = f"no vehicle '{plain_text(entry.vehicle)[:60]}'" if entry.vehicle else "in no folder of a vehicle"
+        remedy = (
+            f"put it into inbox/{'|'.join(sorted(vehicles)[:6])}/"
+            if vehicles
+            else "aerodb vehicle add FILE.toml"
+        )
+        said = (
+            f"no vehicle '{plain_text(entry.vehicle)[:60]}'"
+            if entry.vehicle
+            else "in no folder of a vehicle"
+        )
         return replace(entry, state="blocked", reason=f"{said}: {remedy}")
     if _unfinished(entry.path):
         return replace(entry, reason="its name says that it is not finished")
@@ -165,7 +208,11 @@ def _judged(entry: Waiting, vehicles: Collection[str], settle: float, now: int) 
     # An age below zero: the clock was set back, and only `look_again` can tell.
     if not age >= settle:
         return replace(entry, reason="changed a moment ago")
-    return replace(entry, state="ready") if _closed(entry.path) else replace(entry, reason="somebody has it open for writing")
+    return (
+        replace(entry, state="ready")
+        if _closed(entry.path)
+        else replace(entry, reason="somebody has it open for writing")
+    )
 
 
 def _unfinished(path: Path) -> bool:
@@ -174,7 +221,8 @@ def _unfinished(path: Path) -> bool:
 
 
 def _closed(path: Path) -> bool:
-    """Whether nobody has a file open for writing, where the system can tell (Linux: it grants no read lease then)."""
+    """Whether nobody has a file open for writing, where the system can tell (Linux: it grants no
+    read lease then)."""
     if not hasattr(fcntl, "F_SETLEASE"):
         return True
     try:
@@ -194,16 +242,25 @@ def _closed(path: Path) -> bool:
 
 
 def kept_path(workspace: Workspace, entry: Waiting, sha256: str) -> Path:
-    """Where the bytes of a log are kept, or will be: one that came before under another suffix stays where it is."""
+    """Where the bytes of a log are kept, or will be: one that came before under another suffix
+    stays where it is."""
     target = workspace.log_path(sha256, entry.path.suffix.lower())
-    held = next((path for path in sorted(target.parent.glob(f"{sha256}*")) if path.stat().st_size == entry.size), None)
+    held = next(
+        (
+            path
+            for path in sorted(target.parent.glob(f"{sha256}*"))
+            if path.stat().st_size == entry.size
+        ),
+        None,
+    )
     return held or target
 
 
 def keep_log(entry: Waiting, kept: Path, sha256: str) -> None:
     """Takes a log whose flight is stored out of the inbox to where it is `kept`.
 
-    A copy of what is there goes away; what is there and does not have the log's bytes (any more) is replaced.
+    A copy of what is there goes away; what is there and does not have the log's bytes (any more) is
+    replaced.
     """
     if has_sha256(kept, sha256):
         entry.path.unlink(missing_ok=True)
@@ -217,7 +274,8 @@ def aside_key(entry: Waiting) -> str:
 
 
 def put_aside(workspace: Workspace, entry: Waiting, reason: str) -> Path:
-    """Moves what is no plain file (a link, a pipe), or cannot be read at all, into quarantine; returns its folder.
+    """Moves what is no plain file (a link, a pipe), or cannot be read at all, into quarantine;
+    returns its folder.
 
     The entry itself is moved and never opened: of a link, what it points at stays untouched.
     """
@@ -229,7 +287,8 @@ def put_aside(workspace: Workspace, entry: Waiting, reason: str) -> Path:
 
 
 def put_in(source: Path, target: Path) -> None:
-    """Moves a plain file into the inbox without ever taking another's place there: FileExistsError instead."""
+    """Moves a plain file into the inbox without ever taking another's place there: FileExistsError
+    instead."""
     try:
         os.link(source, target)
     except OSError as error:
@@ -245,7 +304,8 @@ def put_in(source: Path, target: Path) -> None:
 
 
 def _move(source: Path, target: Path, sha256: str) -> None:
-    """Moves an entry, checked against its `sha256` where that is known; what is no plain file is never opened."""
+    """Moves an entry, checked against its `sha256` where that is known; what is no plain file is
+    never opened."""
     try:
         os.replace(source, target)
     except OSError as error:
@@ -259,7 +319,9 @@ def _move(source: Path, target: Path, sha256: str) -> None:
             if stat.S_ISLNK(mode):
                 os.symlink(os.readlink(source), target)
             else:
-                os.mkfifo(target)  # a pipe stands for a socket or a device, too: there is nothing in it
+                os.mkfifo(
+                    target
+                )  # a pipe stands for a socket or a device, too: there is nothing in it
         source.unlink(missing_ok=True)
 
 

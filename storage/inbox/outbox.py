@@ -1,4 +1,5 @@
-"""Notifications that wait to be delivered: a file each, written before anybody is told and removed once somebody was."""
+"""Notifications that wait to be delivered: a file each, written before anybody is told and removed
+once somebody was."""
 
 import json
 import secrets
@@ -11,10 +12,18 @@ from aerodb.storage.files import write_document
 from aerodb.storage.workspace import Workspace
 
 
-def post(workspace: Workspace, occasion: str, vehicle: str, text: str, details: Mapping[str, Any]) -> Path:
-    """Puts a notification into the outbox; `text` is one sentence, `details` a small document. Returns its file."""
+def post(
+    workspace: Workspace, occasion: str, vehicle: str, text: str, details: Mapping[str, Any]
+) -> Path:
+    """Puts a notification into the outbox; `text` is one sentence, `details` a small document.
+    Returns its file."""
     at = datetime.now(UTC)
-    message = {"occasion": occasion, "vehicle": vehicle, "text": text, "at_utc": at.isoformat(timespec="seconds")}
+    message = {
+        "occasion": occasion,
+        "vehicle": vehicle,
+        "text": text,
+        "at_utc": at.isoformat(timespec="seconds"),
+    }
     path = workspace.outbox / f"{at:%Y%m%dT%H%M%S%f}-{secrets.token_hex(4)}.json"
     write_document(path, {**message, "details": dict(details)})
     return path

@@ -1,4 +1,5 @@
-"""What lies in quarantine: a folder each, with the log and the reason; and the way back into the inbox."""
+"""What lies in quarantine: a folder each, with the log and the reason; and the way back into the
+inbox."""
 
 import json
 import os
@@ -14,13 +15,15 @@ from aerodb.storage.inbox.folders import put_in
 from aerodb.storage.workspace import Workspace
 
 REASON: Final = "reason.json"
-#: A name that may become one in the inbox again. Anything else gets the beginning of its key instead.
+#: A name that may become one in the inbox again. Anything else gets the beginning of its key
+#: instead.
 _PLAIN: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9._ ()-]{0,120}")
 
 
 @dataclass(frozen=True)
 class Quarantined:
-    """One entry: its folder's name is its `key`; `vehicle` is empty where it is not known for whom it came."""
+    """One entry: its folder's name is its `key`; `vehicle` is empty where it is not known for whom
+    it came."""
 
     key: str
     name: str
@@ -43,7 +46,9 @@ def count(workspace: Workspace) -> int:
 
 def newest(workspace: Workspace, limit: int | None = None) -> list[Quarantined]:
     """The entries, newest first, at most `limit`."""
-    found = sorted(_folders(workspace), key=lambda folder: (-folder.stat().st_mtime_ns, folder.name))
+    found = sorted(
+        _folders(workspace), key=lambda folder: (-folder.stat().st_mtime_ns, folder.name)
+    )
     return [entry for entry in map(_entry, found[:limit]) if entry is not None]
 
 
@@ -55,7 +60,14 @@ def _folders(workspace: Workspace) -> Iterator[Path]:
 
 
 def _entry(folder: Path) -> Quarantined | None:
-    held = next((path for path in sorted(folder.iterdir()) if path.name == "aside" or path.name.startswith("log")), None)
+    held = next(
+        (
+            path
+            for path in sorted(folder.iterdir())
+            if path.name == "aside" or path.name.startswith("log")
+        ),
+        None,
+    )
     if held is None:
         return None  # taken back, and whoever did so was interrupted
     try:
@@ -67,13 +79,16 @@ def _entry(folder: Path) -> Quarantined | None:
 
 
 def put_back(workspace: Workspace, entry: Quarantined, vehicle: str) -> Path:
-    """Moves an entry back into the inbox of a vehicle, where the next sweep tries it again; returns its place there.
+    """Moves an entry back into the inbox of a vehicle, where the next sweep tries it again; returns
+    its place there.
 
     It takes no other file's place, and the inbox may be a file system of its own.
     Raises InputError for what is no file.
     """
     if not entry.can_return:
-        raise InputError("is no file that could be read", entry.name, "copy the log itself into the inbox")
+        raise InputError(
+            "is no file that could be read", entry.name, "copy the log itself into the inbox"
+        )
     name = entry.name if _PLAIN.fullmatch(entry.name) else f"{entry.key[:12]}{entry.file.suffix}"
     folder = workspace.inbox / vehicle
     folder.mkdir(exist_ok=True)

@@ -1,4 +1,5 @@
-"""Log layouts as data: one TOML file per format and firmware; users add their own files of the same form."""
+"""Log layouts as data: one TOML file per format and firmware; users add their own files of the same
+form."""
 
 from functools import lru_cache
 from importlib.resources import files
@@ -21,13 +22,17 @@ def builtin_mappings() -> dict[str, Mapping]:
 
 
 def load_mapping(name_or_path: str | Path) -> Mapping:
-    """A built-in mapping by name, or one from a TOML file; InputError names the nearest built-in one."""
+    """A built-in mapping by name, or one from a TOML file; InputError names the nearest built-in
+    one."""
     built_in = _built_in()
     if str(name_or_path) in built_in:
         return built_in[str(name_or_path)]
     path = Path(name_or_path)
     if path.suffix != ".toml":
-        raise InputError(f"no mapping '{name_or_path}'", remedy=nearest(str(name_or_path), built_in) + ", or give a .toml file")
+        raise InputError(
+            f"no mapping '{name_or_path}'",
+            remedy=nearest(str(name_or_path), built_in) + ", or give a .toml file",
+        )
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:

@@ -1,1 +1,2 @@
-"""Migrations of the catalogue. They describe the tables as they were at that time and never import today's."""
+"""Migrations of the catalogue. They describe the tables as they were at that time and never import
+today's."""

@@ -1,4 +1,5 @@
-"""Runs migrations on the connection that `aerodb.storage.catalogue.database` hands over, inside its transaction."""
+"""Runs migrations on the connection that `aerodb.storage.catalogue.database` hands over, inside its
+transaction."""
 
 from alembic import context
 
@@ -6,6 +7,10 @@ from aerodb.storage.catalogue import schema
 
 connection = context.config.attributes["connection"]
 # SQLite alters a table by copying it: batch mode lets one migration serve SQLite and PostgreSQL.
-context.configure(connection=connection, target_metadata=schema.metadata, render_as_batch=connection.dialect.name == "sqlite")
+context.configure(
+    connection=connection,
+    target_metadata=schema.metadata,
+    render_as_batch=connection.dialect.name == "sqlite",
+)
 with context.begin_transaction():
     context.run_migrations()

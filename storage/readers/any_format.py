@@ -16,9 +16,8 @@ def read_log(path: Path, topics: Collection[str] | None = None) -> Recording:
     """Reads a log of any known format: told by its first bytes, else by its suffix.
 
     Parameters
-    ----------
-    path : the log file.
-    topics : names of the topics wanted, where the format allows to leave out the others (ULog); None for all.
+    ---------- path : the log file. topics : names of the topics wanted, where the format allows to
+    leave out the others (ULog); None for all.
 
     Raises InputError for a file that is absent, empty, of no known format, or damaged beyond use.
     """
@@ -34,7 +33,11 @@ def read_log(path: Path, topics: Collection[str] | None = None) -> Recording:
 
             return read_mcap(path)
     except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror or error}", str(path), "check the name and the permissions") from error
+        raise InputError(
+            f"cannot be read: {error.strerror or error}",
+            str(path),
+            "check the name and the permissions",
+        ) from error
     from aerodb.storage.readers.tabular import read_tabular
 
     return read_tabular(path)

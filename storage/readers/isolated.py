@@ -1,7 +1,9 @@
-"""Logs read at arm's length: what parsing a log does to a process happens to another process, under limits.
+"""Logs read at arm's length: what parsing a log does to a process happens to another process, under
+limits.
 
-The hand-over is the store's own form, which is written anyway: the other process reads the log and writes its topics, and they
-are read back as far as they are asked for. Its interpreter starts once and serves many logs (`aerodb.storage.readers.worker`).
+The hand-over is the store's own form, which is written anyway: the other process reads the log and
+writes its topics, and they are read back as far as they are asked for. Its interpreter starts once
+and serves many logs (`aerodb.storage.readers.worker`).
 """
 
 import json
@@ -51,10 +53,12 @@ class Parsed:
 
 @contextmanager
 def parsed_log(path: Path, place: Path, limits: Limits) -> Iterator[Parsed]:
-    """The log at `path`, its topics in a temporary folder beside `place`, which is removed at the end unless they were kept.
+    """The log at `path`, its topics in a temporary folder beside `place`, which is removed at the
+    end unless they were kept.
 
-    Raises InputError for a log that is damaged beyond use or takes more than its `limits`: the process that parsed it may
-    have died, nothing else has. StoreError when the topics cannot be written.
+    Raises InputError for a log that is damaged beyond use or takes more than its `limits`: the
+    process that parsed it may have died, nothing else has. StoreError when the topics cannot be
+    written.
     """
     from aerodb.storage.files import open_recording
 
@@ -75,7 +79,8 @@ class _Worker:
         own = {"OPENBLAS_NUM_THREADS": "1", "PYTHONUTF8": "1"}
         environment = {name: os.environ[name] for name in _PASSED if name in os.environ} | own
         command = [sys.executable, "-P", "-m", "aerodb.storage.readers.worker"]
-        # A session of its own: an interrupt at the terminal is this process' business, which then ends the worker.
+        # A session of its own: an interrupt at the terminal is this process' business, which then
+        # ends the worker.
         self._process = subprocess.Popen(
             command,
             stdin=subprocess.PIPE,
@@ -108,13 +113,15 @@ class _Worker:
         self._process.wait()
 
 
-#: Workers that wait for the next log, each with the process that started it: a fork must not use its parent's.
+#: Workers that wait for the next log, each with the process that started it: a fork must not use
+#: its parent's.
 _idle: list[tuple[int, _Worker]] = []
 _lock = threading.Lock()
 
 
 def start_reader() -> None:
-    """Starts a worker in the background, so that the first log finds it ready; nothing when one is waiting already."""
+    """Starts a worker in the background, so that the first log finds it ready; nothing when one is
+    waiting already."""
     with _lock:
         if not any(owner == os.getpid() for owner, _ in _idle):
             _idle.append((os.getpid(), _Worker()))
@@ -130,7 +137,8 @@ def _take() -> _Worker:
 
 
 def _ask(log: Path, job: dict[str, Any]) -> None:
-    """Has a log parsed; raises what became of it. A worker that died is replaced once: it may have died before this log came."""
+    """Has a log parsed; raises what became of it. A worker that died is replaced once: it may have
+    died before this log came."""
     absolute = str(log.absolute())
     for _ in range(2):
         worker = _take()
@@ -150,5 +158,7 @@ def _ask(log: Path, job: dict[str, Any]) -> None:
             raise (StoreError if kind == "store" else InputError)(**answer)
         return
     raise StoreError(
-        "the process that parses logs does not stay alive", str(log), "see the memory of this machine, then run again"
+        "the process that parses logs does not stay alive",
+        str(log),
+        "see the memory of this machine, then run again",
     )

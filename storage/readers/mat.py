@@ -1,8 +1,9 @@
 """MATLAB's MAT files, version 5 to 7.3, as named arrays and texts.
 
-Version 5-7 is read here and not by scipy.io because a log may be damaged: every declared size is held against the bytes
-that are there before anything is allocated, and what stands before a cut is kept. Version 7.3 is HDF5.
-Cells, sparse matrices, objects and arrays of structs hold no series of samples and are named in `skipped`.
+Version 5-7 is read here and not by scipy.io because a log may be damaged: every declared size is
+held against the bytes that are there before anything is allocated, and what stands before a cut is
+kept. Version 7.3 is HDF5. Cells, sparse matrices, objects and arrays of structs hold no series of
+samples and are named in `skipped`.
 """
 
 import io
@@ -25,7 +26,18 @@ MOST_EXPANSION: Final = 1032
 MOST_BYTES: Final = 4 << 30
 _MOST_VARIABLES, _DEEPEST = 20_000, 8
 
-_STORED: Final = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
+_STORED: Final = {
+    1: "i1",
+    2: "u1",
+    3: "i2",
+    4: "u2",
+    5: "i4",
+    6: "u4",
+    7: "f4",
+    9: "f8",
+    12: "i8",
+    13: "u8",
+}
 _TEXT: Final = {1: "latin-1", 2: "latin-1", 4: "utf-16", 16: "utf-8", 17: "utf-16", 18: "utf-32"}
 _MATRIX, _COMPRESSED = 14, 15
 _STRUCT, _CHAR, _NUMERIC = 2, 4, range(6, 16)
@@ -39,7 +51,8 @@ class Malformed(Exception):
 
 @dataclass
 class Variables:
-    """Arrays and texts by dotted name, as the file holds them; names of what is no array; what is damaged."""
+    """Arrays and texts by dotted name, as the file holds them; names of what is no array; what is
+    damaged."""
 
     values: dict[str, NDArray[Any] | str] = field(default_factory=dict)
     skipped: list[str] = field(default_factory=list)
@@ -58,7 +71,8 @@ def is_mat5(data: bytes) -> bool:
 
 
 def read_mat5(data: bytes) -> Variables:
-    """Variables of a MAT file of version 5 to 7; a cut or damaged variable is left out and reported."""
+    """Variables of a MAT file of version 5 to 7; a cut or damaged variable is left out and
+    reported."""
     order = "<" if data[126:128] == b"IM" else ">"
     found = Variables()
     view, position = memoryview(data), 128
@@ -117,7 +131,8 @@ def _inflate(payload: memoryview, order: str) -> memoryview:
 
 
 def _matrix(body: memoryview, order: str, prefix: str, found: Variables, depth: int) -> None:
-    """Adds the variable in `body` under its own name, or under `prefix` where it is a member of a struct."""
+    """Adds the variable in `body` under its own name, or under `prefix` where it is a member of a
+    struct."""
     if not body:
         return
     parts = _elements(body, order)
@@ -154,7 +169,9 @@ def _elements(body: memoryview, order: str) -> Iterator[tuple[int, memoryview]]:
     raise Malformed("a part is missing")
 
 
-def _struct(parts: Iterator[tuple[int, memoryview]], order: str, name: str, found: Variables, depth: int) -> None:
+def _struct(
+    parts: Iterator[tuple[int, memoryview]], order: str, name: str, found: Variables, depth: int
+) -> None:
     width = int(np.frombuffer(next(parts)[1], order + "i4", count=1)[0])
     joined = bytes(next(parts)[1])
     if width <= 0 or len(joined) % width:
@@ -175,14 +192,17 @@ def _encoding(stored: int, order: str) -> str:
 
 
 def read_hdf5(data: bytes, where: str) -> Variables:
-    """Variables of a MAT file of version 7.3, or of any HDF5 file: groups as structs, arrays turned back (column first)."""
+    """Variables of a MAT file of version 7.3, or of any HDF5 file: groups as structs, arrays turned
+    back (column first)."""
     found = Variables()
     try:
         with h5py.File(io.BytesIO(data), "r") as file:
             _group(file, "", found, 0)
     except Exception as error:  # h5py passes on errors of many types from the HDF5 library
         raise InputError(
-            f"not readable as HDF5: {str(error)[:200]}", where, "write the log again, or cut it to whole samples"
+            f"not readable as HDF5: {str(error)[:200]}",
+            where,
+            "write the log again, or cut it to whole samples",
         ) from error
     return found
 
@@ -204,11 +224,18 @@ def _group(group: Any, prefix: str, found: Variables, depth: int) -> None:
             else:
                 found.skipped.append(name)
         except Exception as error:  # as above; one damaged variable leaves the others
-            found.damage.append(Damage("framing", f"variable {name} cannot be read: {str(error)[:120]}"))
+            found.damage.append(
+                Damage("framing", f"variable {name} cannot be read: {str(error)[:120]}")
+            )
 
 
 def _is_array(item: Any) -> bool:
-    return isinstance(item, h5py.Dataset) and item.dtype.kind in "fiub" and item.ndim >= 1 and "MATLAB_empty" not in item.attrs
+    return (
+        isinstance(item, h5py.Dataset)
+        and item.dtype.kind in "fiub"
+        and item.ndim >= 1
+        and "MATLAB_empty" not in item.attrs
+    )
 
 
 def _dataset(item: Any, name: str, found: Variables) -> None:

@@ -1,7 +1,7 @@
 """MCAP with ROS 2, JSON or protobuf messages to Recording.
 
-Messages become numbers in `mcap_messages`; the walk through the file, and what is lost of it, are `mcap_framing`'s. Units are
-not in messages; a mapping declares them.
+Messages become numbers in `mcap_messages`; the walk through the file, and what is lost of it, are
+`mcap_framing`'s. Units are not in messages; a mapping declares them.
 """
 
 import hashlib
@@ -23,18 +23,37 @@ from mcap_ros2.decoder import DecoderFactory
 from aerodb.errors import InputError
 from aerodb.logs import missing_by_topic
 from aerodb.recording import Damage, Recording, Topic
-from aerodb.storage.readers.mcap_framing import MAGIC, Chunk, Hole, Record, inner_records, open_chunk, read_content, walk
-from aerodb.storage.readers.mcap_messages import MOST_NAMES, MessageError, Numbers, Reader, Values, message_reader
+from aerodb.storage.readers.mcap_framing import (
+    MAGIC,
+    Chunk,
+    Hole,
+    Record,
+    inner_records,
+    open_chunk,
+    read_content,
+    walk,
+)
+from aerodb.storage.readers.mcap_messages import (
+    MOST_NAMES,
+    MessageError,
+    Numbers,
+    Reader,
+    Values,
+    message_reader,
+)
 
 #: Header stamps farther than this from the recorder's clock [s] are of another clock.
 _CLOCKS_APART = 60.0
-_REMEDY = "check that the transfer was complete; `mcap recover` may still save what this reader could not"
+_REMEDY = (
+    "check that the transfer was complete; `mcap recover` may still save what this reader could not"
+)
 
 
 @dataclass
 class _Series:
-    """What one topic has collected: log times [ns], header stamps [ns] (0 without), values per message; all names met, the length
-    of each sequence and which of them change theirs; what is left out; numbers that were none."""
+    """What one topic has collected: log times [ns], header stamps [ns] (0 without), values per
+    message; all names met, the length of each sequence and which of them change theirs; what is
+    left out; numbers that were none."""
 
     log_times: list[int] = field(default_factory=list)
     stamps: list[int] = field(default_factory=list)
@@ -56,7 +75,9 @@ class _Series:
         self.log_times.append(log_time)
         self.stamps.append(numbers.stamp)
         self.values.append(numbers.values)
-        self.varying |= {name for name, n in numbers.lengths.items() if self.lengths.setdefault(name, n) != n}
+        self.varying |= {
+            name for name, n in numbers.lengths.items() if self.lengths.setdefault(name, n) != n
+        }
         self.skipped |= numbers.skipped
         self.not_finite += numbers.not_finite
 
@@ -81,7 +102,8 @@ class _Reading:
     """Messages that the file's own statistics count."""
 
     def take(self, opcode: int, content: bytes) -> None:
-        """Uses one record; a damaged definition costs the messages that need it, which are counted."""
+        """Uses one record; a damaged definition costs the messages that need it, which are
+        counted."""
         stream = ReadDataStream(BytesIO(content))
         if opcode == Opcode.MESSAGE:
             self._message(Message.read(stream, len(content)))
@@ -118,7 +140,9 @@ class _Reading:
             series.add(message.log_time, numbers)
         except MemoryError:
             raise
-        except Exception as error:  # the reader is made of the file's own text: what it raises is no closed list
+        except (
+            Exception
+        ) as error:  # the reader is made of the file's own text: what it raises is no closed list
             self.unread[topic, f"not decodable ({_words(error)})"] += 1
         else:
             self.series[topic] = series
@@ -154,20 +178,27 @@ def _words(error: Exception) -> str:
 def read_mcap(path: Path) -> Recording:
     """Reads an MCAP file with ROS 2, JSON or protobuf messages, damaged or not.
 
-    Returns a Recording: nested fields joined by dots (``pose.orientation.x``), arrays as ``covariance[0]``, joint
-    states by the joint's name (``position.elevator``); times in s since the first message's log time (`start_utc`), from
-    the header's stamp (``header.stamp``, Foxglove's ``timestamp``) where there is one on the recorder's clock, else the log time.
-    Values keep their bits: integers and booleans as such, where every message has one. Damage with an empty topic is what
-    happened to the file; entries with a topic say what of it is missing or could not be decoded.
+    Returns a Recording: nested fields joined by dots (``pose.orientation.x``), arrays as
+    ``covariance[0]``, joint states by the joint's name (``position.elevator``); times in s since
+    the first message's log time (`start_utc`), from the header's stamp (``header.stamp``,
+    Foxglove's ``timestamp``) where there is one on the recorder's clock, else the log time. Values
+    keep their bits: integers and booleans as such, where every message has one. Damage with an
+    empty topic is what happened to the file; entries with a topic say what of it is missing or
+    could not be decoded.
 
-    Raises InputError for what is no MCAP file, or holds no message that can be read. Source: MCAP specification.
+    Raises InputError for what is no MCAP file, or holds no message that can be read. Source: MCAP
+    specification.
     """
     size = path.stat().st_size
     with path.open("rb") as handle:
         if size == 0:
             raise InputError("the file is empty", str(path), _REMEDY)
         if handle.read(len(MAGIC)) != MAGIC:
-            raise InputError("not an MCAP file: its first bytes are not MCAP's", str(path), "name the format, or convert the log")
+            raise InputError(
+                "not an MCAP file: its first bytes are not MCAP's",
+                str(path),
+                "name the format, or convert the log",
+            )
         reading = _Reading()
         sum_is_wrong = _read_records(handle, size, reading)
         handle.seek(0)
@@ -175,14 +206,28 @@ def read_mcap(path: Path) -> Recording:
     start = reading.first or 0
     topics, damage = _topics(reading, start)
     if not topics:
-        why = "; ".join(f"{topic or 'unknown topic'}: {reason}" for topic, reason in list(reading.unread)[:2])
+        why = "; ".join(
+            f"{topic or 'unknown topic'}: {reason}" for topic, reason in list(reading.unread)[:2]
+        )
         raise InputError(f"no message can be read{f' ({why})' if why else ''}", str(path), _REMEDY)
     found = [_damage(entry, start) for entry in reading.damage]
     if sum_is_wrong and not found:
-        found.append(Damage("values", "the checksum over the data does not hold: some bytes are not what was written"))
+        found.append(
+            Damage(
+                "values",
+                "the checksum over the data does not hold: some bytes are not what was written",
+            )
+        )
     if reading.counted is not None and reading.counted != reading.seen and not found and not damage:
-        # A chunk whose record type was flipped looks like a private record, which every reader must pass over.
-        found.append(Damage("values", f"{reading.seen} messages are there, the file's own statistics count {reading.counted}"))
+        # A chunk whose record type was flipped looks like a private record, which every reader must
+        # pass over.
+        found.append(
+            Damage(
+                "values",
+                f"{reading.seen} messages are there, the file's own statistics count"
+                f" {reading.counted}",
+            )
+        )
     found += [*missing_by_topic(topics, found), *damage]
     layout = "ros2" if reading.metadata.get("profile") == "ros2" or _has_ros2(reading) else ""
     utc = datetime.fromtimestamp(start * 1e-9, UTC) if 1e18 < start < 1e19 else None  # 2001 to 2286
@@ -195,7 +240,8 @@ def _has_ros2(reading: _Reading) -> bool:
 
 
 def _read_records(handle: BinaryIO, size: int, reading: _Reading) -> bool:
-    """Reads all records into `reading`; returns whether the checksum over the data section, where given, is wrong."""
+    """Reads all records into `reading`; returns whether the checksum over the data section, where
+    given, is wrong."""
     is_wrong = False
     for found in walk(handle, size):
         before = reading.last
@@ -205,10 +251,19 @@ def _read_records(handle: BinaryIO, size: int, reading: _Reading) -> bool:
             continue
         if found.opcode == Opcode.CHUNK:
             _read_chunk(found, open_chunk(read_content(handle, found)), reading)
-        elif found.opcode in (Opcode.HEADER, Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE, Opcode.METADATA, Opcode.STATISTICS):
+        elif found.opcode in (
+            Opcode.HEADER,
+            Opcode.SCHEMA,
+            Opcode.CHANNEL,
+            Opcode.MESSAGE,
+            Opcode.METADATA,
+            Opcode.STATISTICS,
+        ):
             _take(reading, found.opcode, read_content(handle, found))
         elif found.opcode == Opcode.DATA_END:
-            stated = DataEnd.read(ReadDataStream(BytesIO(read_content(handle, found)))).data_section_crc
+            stated = DataEnd.read(
+                ReadDataStream(BytesIO(read_content(handle, found)))
+            ).data_section_crc
             is_wrong = stated != 0 and stated != _crc(handle, found.start)
     return is_wrong
 
@@ -226,8 +281,12 @@ def _take(reading: _Reading, opcode: int, content: bytes) -> None:
         reading.take(opcode, content)
     except MemoryError:
         raise
-    except Exception as error:  # mcap's records raise what struct, str and its streams raise on damaged content
-        reading.unread["", f"a damaged {Opcode(opcode).name.lower()} record ({type(error).__name__})"] += 1
+    except (
+        Exception
+    ) as error:  # mcap's records raise what struct, str and its streams raise on damaged content
+        reading.unread[
+            "", f"a damaged {Opcode(opcode).name.lower()} record ({type(error).__name__})"
+        ] += 1
 
 
 def _read_chunk(record: Record, chunk: Chunk, reading: _Reading) -> None:
@@ -238,12 +297,18 @@ def _read_chunk(record: Record, chunk: Chunk, reading: _Reading) -> None:
             _take(reading, opcode, content)
     if chunk.fault or reached < len(chunk.data):
         lost = Hole(record.start, record.end, False) if not chunk.fault else chunk
-        reading.damage.append((lost, record.end - record.start, chunk.first or None, chunk.last or None))
+        reading.damage.append(
+            (lost, record.end - record.start, chunk.first or None, chunk.last or None)
+        )
 
 
 def _salvage(handle: BinaryIO, hole: Hole, reading: _Reading) -> Hole:
     """Reads what a chunk that the end of the file cut still holds."""
-    content = read_content(handle, Record(Opcode.CHUNK, hole.start, hole.end)) if hole.end > hole.start + 9 else b""
+    content = (
+        read_content(handle, Record(Opcode.CHUNK, hole.start, hole.end))
+        if hole.end > hole.start + 9
+        else b""
+    )
     handle.seek(hole.start)
     if handle.read(1) == bytes([Opcode.CHUNK]):
         for opcode, inner, _ in inner_records(open_chunk(content).data):
@@ -260,46 +325,88 @@ def _damage(entry: tuple[Hole | Chunk, int, int | None, int | None], start: int)
     if lost.tail:
         what = f"the file ends without its footer, {n} bytes inside a record at offset {lost.start}"
         return Damage("lost_tail", what, "", begin, end, n)
-    return Damage("framing", f"bytes that belong to no record: {n} bytes from offset {lost.start}", "", begin, end, n)
+    return Damage(
+        "framing",
+        f"bytes that belong to no record: {n} bytes from offset {lost.start}",
+        "",
+        begin,
+        end,
+        n,
+    )
 
 
 def _left_out(reading: _Reading) -> dict[str, str]:
-    """Fields that cannot be channels, by topic: nothing is damaged there, but they are not read and that is said."""
-    notes = {name: sorted({*s.skipped, *(f"{v} of changing length" for v in s.varying)}) for name, s in reading.series.items()}
-    return {f"not read: {name}": ", ".join(found[:4]) for name, found in sorted(notes.items()) if found}
+    """Fields that cannot be channels, by topic: nothing is damaged there, but they are not read and
+    that is said."""
+    notes = {
+        name: sorted({*s.skipped, *(f"{v} of changing length" for v in s.varying)})
+        for name, s in reading.series.items()
+    }
+    return {
+        f"not read: {name}": ", ".join(found[:4]) for name, found in sorted(notes.items()) if found
+    }
 
 
 def _topics(reading: _Reading, start: int) -> tuple[dict[str, Topic], list[Damage]]:
     """Topics by name, and what of them is damaged or in an encoding that is not read."""
     topics: dict[str, Topic] = {}
-    damage = [Damage("values", f"{n} messages not read: {why}", topic) for (topic, why), n in reading.unread.items()]
+    damage = [
+        Damage("values", f"{n} messages not read: {why}", topic)
+        for (topic, why), n in reading.unread.items()
+    ]
     for name, series in sorted(reading.series.items()):
         log_time = np.float64(1e-9) * (np.array(series.log_times, dtype=np.int64) - start)
         stamped = np.float64(1e-9) * (np.array(series.stamps, dtype=np.int64) - start)
         apart = float(np.median(np.abs(stamped - log_time)))
         time = stamped if all(series.stamps) and apart < _CLOCKS_APART else log_time
         if any(series.stamps) and time is log_time:
-            damage.append(Damage("time", f"header stamps are {apart:.3g} s off the recorder's clock: log times used", name))
+            damage.append(
+                Damage(
+                    "time",
+                    f"header stamps are {apart:.3g} s off the recorder's clock: log times used",
+                    name,
+                )
+            )
         back = np.flatnonzero(np.diff(time) < 0)
         if len(back):
             where = float(time[back[0]])
-            damage.append(Damage("time", f"time runs backwards {len(back)} times, first at {where:.6f} s", name, where, where))
+            damage.append(
+                Damage(
+                    "time",
+                    f"time runs backwards {len(back)} times, first at {where:.6f} s",
+                    name,
+                    where,
+                    where,
+                )
+            )
         if series.not_finite:
-            what = f"{series.not_finite} numbers are NaN or beyond all bounds, which JSON does not have: read as missing"
+            what = (
+                f"{series.not_finite} numbers are NaN or beyond all bounds, which JSON does not"
+                " have: read as missing"
+            )
             damage.append(Damage("values", what, name))
         topics[name] = Topic(name, time, _columns(series))
     return topics, damage
 
 
 def _columns(series: _Series) -> dict[str, np.ndarray[Any, Any]]:
-    """Values of all messages by field; nan where a message has none; sequences of changing length are no fields."""
+    """Values of all messages by field; nan where a message has none; sequences of changing length
+    are no fields."""
     names = dict.fromkeys(name for row in series.values for name in row)
-    kept = (name for name in names if not any(c == "[" and name[:k] in series.varying for k, c in enumerate(name)))
+    kept = (
+        name
+        for name in names
+        if not any(c == "[" and name[:k] in series.varying for k, c in enumerate(name))
+    )
     return {name: _column([row.get(name, np.nan) for row in series.values]) for name in kept}
 
 
 def _column(values: Sequence[float | int | bool]) -> np.ndarray[Any, Any]:
     column = np.array(values)
-    if column.dtype == np.float64 and all(type(value) is int for value in values) and min(values) >= 0:
+    if (
+        column.dtype == np.float64
+        and all(type(value) is int for value in values)
+        and min(values) >= 0
+    ):
         return np.array(values, dtype=np.uint64)  # NumPy takes integers from 2**63 on for floats
     return column

@@ -1,8 +1,9 @@
 """Walks an MCAP file record by record, so that damage costs the records that it hit and no others.
 
-The mcap package raises at the first fault and gives up the rest of the file; here each top-level record is checked and
-handed on by itself, chunks are decompressed one by one against their checksums, and after bytes that are no record
-the walk goes on at the next one. Source: MCAP specification (mcap.dev/spec).
+The mcap package raises at the first fault and gives up the rest of the file; here each top-level
+record is checked and handed on by itself, chunks are decompressed one by one against their
+checksums, and after bytes that are no record the walk goes on at the next one. Source: MCAP
+specification (mcap.dev/spec).
 """
 
 import struct
@@ -44,7 +45,8 @@ class Hole:
 
 @dataclass(frozen=True)
 class Chunk:
-    """Records of a chunk, decompressed; times of its first and last message [ns]; `fault` says why `data` may be short."""
+    """Records of a chunk, decompressed; times of its first and last message [ns]; `fault` says why
+    `data` may be short."""
 
     first: int
     last: int
@@ -53,7 +55,8 @@ class Chunk:
 
 
 def walk(handle: BinaryIO, size: int) -> Iterator[Record | Hole]:
-    """The records of an open file of `size` bytes from behind its magic to the end, and what lies between them."""
+    """The records of an open file of `size` bytes from behind its magic to the end, and what lies
+    between them."""
     at = len(MAGIC)
     while at < size:
         record = _record(handle, at, size)
@@ -75,7 +78,8 @@ def walk(handle: BinaryIO, size: int) -> Iterator[Record | Hole]:
 
 
 def _record(handle: BinaryIO, at: int, size: int) -> Record | None:
-    """The record at `at`, None when its header or its inner lengths contradict each other or the file."""
+    """The record at `at`, None when its header or its inner lengths contradict each other or the
+    file."""
     handle.seek(at)
     head = handle.read(_HEAD.size + 64)
     if len(head) < _HEAD.size:
@@ -105,12 +109,19 @@ def _is_plausible(opcode: int, length: int, content: bytes) -> bool:
 
 
 def _resume(handle: BinaryIO, at: int, size: int) -> int | None:
-    """The next offset from which three records follow each other (fewer only at the end of the file)."""
+    """The next offset from which three records follow each other (fewer only at the end of the
+    file)."""
     while at < size:
         handle.seek(at)
         block = np.frombuffer(handle.read(_SEARCH + 8), dtype=np.uint8)
         # An opcode, and a length below 2**40.
-        likely = (block[:-8] >= 1) & (block[:-8] <= 15) & (block[6:-2] == 0) & (block[7:-1] == 0) & (block[8:] == 0)
+        likely = (
+            (block[:-8] >= 1)
+            & (block[:-8] <= 15)
+            & (block[6:-2] == 0)
+            & (block[7:-1] == 0)
+            & (block[8:] == 0)
+        )
         for k in np.flatnonzero(likely):
             if _chain(handle, at + int(k), size):
                 return at + int(k)
@@ -136,7 +147,8 @@ def read_content(handle: BinaryIO, record: Record) -> bytes:
 
 
 def open_chunk(content: bytes) -> Chunk:
-    """A chunk, whole or cut, as far as it can be decompressed; records that fail the chunk's checksum are not given."""
+    """A chunk, whole or cut, as far as it can be decompressed; records that fail the chunk's
+    checksum are not given."""
     if len(content) < _CHUNK.size:
         return Chunk(0, 0, b"", "cut in its header")
     first, last, expected, crc, name = _CHUNK.unpack_from(content)

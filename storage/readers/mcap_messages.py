@@ -1,7 +1,9 @@
-"""Messages of an MCAP file as numbers by name: what ROS 2 (CDR), JSON and protobuf messages have in common.
+"""Messages of an MCAP file as numbers by name: what ROS 2 (CDR), JSON and protobuf messages have in
+common.
 
-Nested fields are joined by dots (``pose.orientation.x``), elements are ``covariance[0]``. Texts and bytes are no channels; what
-is left out is named. The file's own text decides about names, depths and numbers, so that all of them have a limit.
+Nested fields are joined by dots (``pose.orientation.x``), elements are ``covariance[0]``. Texts and
+bytes are no channels; what is left out is named. The file's own text decides about names, depths
+and numbers, so that all of them have a limit.
 """
 
 import json
@@ -33,13 +35,15 @@ Parts = Iterable[tuple[str, Any]]
 
 
 class MessageError(Exception):
-    """A message or schema that is not used; the words are of a closed list, since messages are counted by them."""
+    """A message or schema that is not used; the words are of a closed list, since messages are
+    counted by them."""
 
 
 @dataclass
 class Numbers:
-    """What one message holds: numbers by name, the header's stamp [ns] (0 without), the lengths of its sequences, what was left
-    out, and how many numbers were NaN or infinite although the encoding has no such numbers."""
+    """What one message holds: numbers by name, the header's stamp [ns] (0 without), the lengths of
+    its sequences, what was left out, and how many numbers were NaN or infinite although the
+    encoding has no such numbers."""
 
     values: Values = field(default_factory=dict)
     stamp: int = 0
@@ -57,10 +61,12 @@ Reader = Callable[[bytes], Numbers]
 def message_reader(channel: Channel, schema: Schema | None, ros2: DecoderFactory) -> Reader | None:
     """The function that reads the messages of `channel`, None where the encoding is not supported.
 
-    Raises MessageError, or what the libraries raise, for a schema that cannot be used. The reader that is returned raises
-    likewise for messages.
+    Raises MessageError, or what the libraries raise, for a schema that cannot be used. The reader
+    that is returned raises likewise for messages.
     """
-    if channel.message_encoding == MessageEncoding.JSON:  # describes itself: the schema is not needed
+    if (
+        channel.message_encoding == MessageEncoding.JSON
+    ):  # describes itself: the schema is not needed
         return _json_numbers
     if schema is None:
         return None
@@ -98,7 +104,8 @@ def _json_parts(value: Any) -> Parts | None:
 
 
 def _numbers(message: Any, parts: Callable[[Any], Parts | None], needs_finite: bool) -> Numbers:
-    """The numbers of a nested message; `parts` gives names and values of a nested one, None for what is not nested."""
+    """The numbers of a nested message; `parts` gives names and values of a nested one, None for
+    what is not nested."""
     found = Numbers()
 
     def collect(value: Any, name: str, depth: int) -> None:
@@ -156,12 +163,17 @@ def _is_text(name: str) -> bool:
 
 
 def _nanoseconds(stamp: dict[str, Any]) -> int | None:
-    """A stamp of whole seconds and nanoseconds under their usual names (ROS, Foxglove, protobuf) [ns]; None for anything else."""
+    """A stamp of whole seconds and nanoseconds under their usual names (ROS, Foxglove, protobuf)
+    [ns]; None for anything else."""
     if len(stamp) != 2:
         return None
     seconds = next((stamp[name] for name in _SECONDS if name in stamp), None)
     rest = next((stamp[name] for name in _NANOSECONDS if name in stamp), None)
-    if type(seconds) is not int or type(rest) is not int or not (0 <= seconds < 2**33 and 0 <= rest < 2**32):
+    if (
+        type(seconds) is not int
+        or type(rest) is not int
+        or not (0 <= seconds < 2**33 and 0 <= rest < 2**32)
+    ):
         return None
     return seconds * 10**9 + rest
 
@@ -175,7 +187,8 @@ def _ros2_numbers(message: Any) -> Numbers:
 
 
 def _flatten(value: Any, name: str, into: Values, skipped: set[str]) -> None:
-    """Numbers of a ROS 2 message by dotted name; texts and long sequences are named in `skipped`."""
+    """Numbers of a ROS 2 message by dotted name; texts and long sequences are named in
+    `skipped`."""
     if isinstance(value, (bool, int, float)):
         into[name] = value
     elif isinstance(value, str):
@@ -187,7 +200,10 @@ def _flatten(value: Any, name: str, into: Values, skipped: set[str]) -> None:
             inner: Any = getattr(value, part)
             if joints is not None and hasattr(inner, "__len__") and len(inner) == len(joints):
                 if part != "name":
-                    into |= {f"{part}.{joint}": number for joint, number in zip(joints, inner, strict=True)}
+                    into |= {
+                        f"{part}.{joint}": number
+                        for joint, number in zip(joints, inner, strict=True)
+                    }
             elif not (part == "stamp" and name == "header"):
                 _flatten(inner, f"{name}.{part}" if name else part, into, skipped)
     elif len(value) > LONGEST_SEQUENCE:

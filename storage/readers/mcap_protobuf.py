@@ -1,6 +1,8 @@
-"""Protobuf messages that describe themselves: the schema is a FileDescriptorSet, as MCAP's registry of encodings has it.
+"""Protobuf messages that describe themselves: the schema is a FileDescriptorSet, as MCAP's registry
+of encodings has it.
 
-Every schema gets a descriptor pool of its own: two files of a log, or two logs, may describe the same name differently.
+Every schema gets a descriptor pool of its own: two files of a log, or two logs, may describe the
+same name differently.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -16,14 +18,17 @@ from google.protobuf.message_factory import GetMessageClass
 
 
 def protobuf_type(name: str, descriptors: bytes) -> Callable[[bytes], Message]:
-    """The function that parses messages of type `name` (with its package), described by a serialized FileDescriptorSet.
+    """The function that parses messages of type `name` (with its package), described by a
+    serialized FileDescriptorSet.
 
-    Raises what protobuf raises (DecodeError, TypeError), KeyError for a type or an imported file that is not there, and
-    graphlib's CycleError for files that import each other.
+    Raises what protobuf raises (DecodeError, TypeError), KeyError for a type or an imported file
+    that is not there, and graphlib's CycleError for files that import each other.
     """
     files = {file.name: file for file in FileDescriptorSet.FromString(descriptors).file}
     pool = DescriptorPool()
-    for file in TopologicalSorter({name: file.dependency for name, file in files.items()}).static_order():
+    for file in TopologicalSorter(
+        {name: file.dependency for name, file in files.items()}
+    ).static_order():
         pool.Add(files[file])
     parse: Callable[[bytes], Message] = GetMessageClass(pool.FindMessageTypeByName(name)).FromString
     return parse
@@ -32,8 +37,8 @@ def protobuf_type(name: str, descriptors: bytes) -> Callable[[bytes], Message]:
 def protobuf_parts(value: Any) -> Iterable[tuple[str, Any]] | None:
     """Names and values of what a message holds, maps by their keys; None for what is neither.
 
-    Fields that know whether they were set (submessages, ``optional``, ``oneof``) are left out when they were not; others have
-    their default, which is never transmitted.
+    Fields that know whether they were set (submessages, ``optional``, ``oneof``) are left out when
+    they were not; others have their default, which is never transmitted.
     """
     if isinstance(value, Message):
         return _parts(value)

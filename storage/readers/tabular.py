@@ -1,7 +1,8 @@
 """Tables as recordings: MAT v5-v7.3, Parquet, CSV, and whitespace ASCII (.asc .dat .txt).
 
-What a table does not say is not invented: it has no clock until a mapping names the field of time, so that
-`Topic.time` is the sample's index here. The layout is left to `aerodb.logs.mapping.choose_mapping`.
+What a table does not say is not invented: it has no clock until a mapping names the field of time,
+so that `Topic.time` is the sample's index here. The layout is left to
+`aerodb.logs.mapping.choose_mapping`.
 """
 
 import hashlib
@@ -29,23 +30,29 @@ SUFFIXES: Final = (".mat", ".h5", ".hdf5", ".parquet", *_TEXT_SUFFIXES)
 
 
 def read_tabular(path: Path) -> Recording:
-    """A table file as a Recording of format ``tabular``; its kind is told by its first bytes, then by its suffix.
+    """A table file as a Recording of format ``tabular``; its kind is told by its first bytes, then
+    by its suffix.
 
-    CSV, ASCII and Parquet give one topic ``table`` whose fields are the named columns, or ``"1"``, ``"2"``, ... where
-    there is no header. In a MAT file each numeric matrix is a topic with fields ``"1"``, ``"2"``, ... (its columns,
-    counted from 1; its rows where it is far wider than high), members of structs have dotted names, all vectors of the
-    longest length are fields of topic ``table`` (of another length n: ``table_n``), numbers and texts are metadata.
-    `Topic.time` is the sample index.
+    CSV, ASCII and Parquet give one topic ``table`` whose fields are the named columns, or ``"1"``,
+    ``"2"``, ... where there is no header. In a MAT file each numeric matrix is a topic with fields
+    ``"1"``, ``"2"``, ... (its columns, counted from 1; its rows where it is far wider than high),
+    members of structs have dotted names, all vectors of the longest length are fields of topic
+    ``table`` (of another length n: ``table_n``), numbers and texts are metadata. `Topic.time` is
+    the sample index.
 
-    Units come from Parquet's field metadata ``unit`` and from headers such as ``alpha [deg]`` or ``alpha (deg)``.
-    Raises InputError for a file that is empty, of another type, ragged, or holds no table; a cut end is reported as
-    damage and what stands before it is kept.
+    Units come from Parquet's field metadata ``unit`` and from headers such as ``alpha [deg]`` or
+    ``alpha (deg)``. Raises InputError for a file that is empty, of another type, ragged, or holds
+    no table; a cut end is reported as damage and what stands before it is kept.
     """
     where = str(path)
     try:
         data = path.read_bytes()
     except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror or error}", where, "check the path and its permissions") from error
+        raise InputError(
+            f"cannot be read: {error.strerror or error}",
+            where,
+            "check the path and its permissions",
+        ) from error
     if not data:
         raise InputError("the file is empty", where, "copy the log again")
     topics, metadata, damage = _parse(data, path.suffix.lower(), where)
@@ -71,17 +78,22 @@ def _parse(data: bytes, suffix: str, where: str) -> Parsed:
         return {TABLE: _topic(TABLE, table.columns, table.units)}, table.metadata, table.damage
     if suffix in SUFFIXES:
         what = f"is no {suffix} file of a known version: it begins with {data[:8]!r}"
-        raise InputError(what, where, "save a MAT file with version 5 or later; give text a suffix such as .csv")
+        raise InputError(
+            what, where, "save a MAT file with version 5 or later; give text a suffix such as .csv"
+        )
     raise InputError(f"unknown kind of table '{suffix}'", where, f"known: {', '.join(SUFFIXES)}")
 
 
-def _topic(name: str, fields: Mapping[str, NDArray[Any]], units: Mapping[str, str] | None = None) -> Topic:
+def _topic(
+    name: str, fields: Mapping[str, NDArray[Any]], units: Mapping[str, str] | None = None
+) -> Topic:
     length = len(next(iter(fields.values())))
     return Topic(name, np.arange(length, dtype=np.float64), fields, units or {})
 
 
 def _from_variables(found: Variables) -> Parsed:
-    """Matrices as topics of their own, vectors gathered by length, numbers and texts as metadata."""
+    """Matrices as topics of their own, vectors gathered by length, numbers and texts as
+    metadata."""
     topics: dict[str, Topic] = {}
     metadata: dict[str, str | int | float] = {}
     vectors: dict[int, dict[str, NDArray[Any]]] = {}
@@ -95,7 +107,9 @@ def _from_variables(found: Variables) -> Parsed:
             vectors.setdefault(value.size, {})[name] = value.ravel(order="F")
         elif value.ndim == 2 and value.size:
             upright = value.T if value.shape[1] > _LYING * value.shape[0] else value
-            topics[name] = _topic(name, {str(k + 1): upright[:, k] for k in range(upright.shape[1])})
+            topics[name] = _topic(
+                name, {str(k + 1): upright[:, k] for k in range(upright.shape[1])}
+            )
         elif value.size:
             skipped.append(name)
     for length in sorted(vectors, reverse=True):
@@ -113,7 +127,10 @@ def _parquet(data: bytes, where: str) -> Parsed:
         file = pq.ParquetFile(pa.BufferReader(data))
         rows, width = file.metadata.num_rows, file.metadata.num_columns
         if (
-            max(rows * width * 8, sum(file.metadata.row_group(k).total_byte_size for k in range(file.num_row_groups)))
+            max(
+                rows * width * 8,
+                sum(file.metadata.row_group(k).total_byte_size for k in range(file.num_row_groups)),
+            )
             > MOST_BYTES
         ):
             raise InputError(f"declares {rows} rows of {width} columns", where, "split the log")
@@ -122,7 +139,9 @@ def _parquet(data: bytes, where: str) -> Parsed:
         raise
     except Exception as error:  # Arrow raises its own types, OSError, and more on damaged metadata
         what = f"not readable as Parquet: {str(error)[:200]}"
-        raise InputError(what, where, "copy the log again: a cut Parquet file has lost its index") from error
+        raise InputError(
+            what, where, "copy the log again: a cut Parquet file has lost its index"
+        ) from error
     fields: dict[str, NDArray[Any]] = {}
     units: dict[str, str] = {}
     skipped = []
@@ -137,11 +156,16 @@ def _parquet(data: bytes, where: str) -> Parsed:
             units[declared.name] = "s"
         elif unit is not None:
             units[declared.name] = unit.decode("utf-8", errors="replace")
-    return ({TABLE: _topic(TABLE, fields, units)} if fields else {}), ({"skipped": ", ".join(skipped)} if skipped else {}), []
+    return (
+        ({TABLE: _topic(TABLE, fields, units)} if fields else {}),
+        ({"skipped": ", ".join(skipped)} if skipped else {}),
+        [],
+    )
 
 
 def _numbers(column: pa.ChunkedArray) -> NDArray[Any] | None:
-    """A Parquet column as numbers (nulls are nan, times are seconds since 1970); None where it holds something else."""
+    """A Parquet column as numbers (nulls are nan, times are seconds since 1970); None where it
+    holds something else."""
     kind = column.type
     if pa.types.is_timestamp(kind):
         nanoseconds = column.cast(pa.timestamp("ns", kind.tz), safe=False).cast(pa.int64())

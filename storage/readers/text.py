@@ -1,4 +1,5 @@
-"""Tables as text: CSV (comma, semicolon, tab) and columns between blanks, with or without a header line."""
+"""Tables as text: CSV (comma, semicolon, tab) and columns between blanks, with or without a header
+line."""
 
 import csv
 import io
@@ -20,7 +21,8 @@ _NEWLINE = 0x0A
 
 @dataclass(frozen=True)
 class TextTable:
-    """Columns (n,) by name as float64, units from the header, damage, and the names of columns that hold text."""
+    """Columns (n,) by name as float64, units from the header, damage, and the names of columns that
+    hold text."""
 
     columns: dict[str, NDArray[Any]]
     units: dict[str, str]
@@ -31,9 +33,10 @@ class TextTable:
 def read_text(data: bytes, where: str) -> TextTable:
     """A text table from the bytes of its file.
 
-    Leading lines that begin with ``#`` or ``%`` are comments, the last of them the header if it has as many words as
-    there are columns. A last line without a line end may be cut in the middle of a number: it is left out and
-    reported. Raises InputError for binary files, ragged lines (with the first such line), and files without numbers.
+    Leading lines that begin with ``#`` or ``%`` are comments, the last of them the header if it has
+    as many words as there are columns. A last line without a line end may be cut in the middle of a
+    number: it is left out and reported. Raises InputError for binary files, ragged lines (with the
+    first such line), and files without numbers.
     """
     _refuse_binary(data, where)
     data = data.removeprefix(b"\xef\xbb\xbf").replace(b"\r\n", b"\n").replace(b"\r", b"\n")
@@ -46,7 +49,9 @@ def read_text(data: bytes, where: str) -> TextTable:
     if _is_header(header):
         names, body, offset = header, body[len(first) + 1 :], offset + 1
     if not body.strip():
-        raise InputError("holds no rows of numbers", where, "check that the log was written to its end")
+        raise InputError(
+            "holds no rows of numbers", where, "check that the log was written to its end"
+        )
     width = _check_ragged(body, delimiter, offset, len(names) if names else None, where)
     if names is None and len(comment) == width:
         names = comment
@@ -55,9 +60,13 @@ def read_text(data: bytes, where: str) -> TextTable:
     units = {name: unit for name, unit in (_split_unit(name) for name in columns) if unit}
     named = {_split_unit(name)[0]: values for name, values in columns.items()}
     if len(named) < len(columns):
-        raise InputError("two columns have the same name", where, "give each column a name of its own")
+        raise InputError(
+            "two columns have the same name", where, "give each column a name of its own"
+        )
     if not named:
-        raise InputError("no column holds numbers", where, "check the delimiter and the decimal sign")
+        raise InputError(
+            "no column holds numbers", where, "check the delimiter and the decimal sign"
+        )
     return TextTable(named, units, damage + broken, {"skipped": ", ".join(text)} if text else {})
 
 
@@ -69,7 +78,8 @@ def _refuse_binary(data: bytes, where: str) -> None:
 
 
 def _without_comments(data: bytes) -> tuple[bytes, list[str], int]:
-    """The table itself, the words of the last comment before it, and how many lines stood before it."""
+    """The table itself, the words of the last comment before it, and how many lines stood before
+    it."""
     position, lines, comment = 0, 0, b""
     while position < len(data):
         end = data.find(b"\n", position)
@@ -108,7 +118,8 @@ def _words(line: bytes, delimiter: str) -> list[str]:
 
 
 def _is_header(words: list[str]) -> bool:
-    """More than half of the words that are there are no numbers: one damaged number does not make a header."""
+    """More than half of the words that are there are no numbers: one damaged number does not make a
+    header."""
     said = [word for word in words if word]
     return sum(not _is_number(word) for word in said) > 0.5 * len(said)
 
@@ -122,9 +133,12 @@ def _is_number(word: str) -> bool:
 
 
 def _check_ragged(body: bytes, delimiter: str, offset: int, width: int | None, where: str) -> int:
-    """The number of columns, equal on all lines that are not blank; InputError names the first other line."""
+    """The number of columns, equal on all lines that are not blank; InputError names the first
+    other line."""
     if b'"' in body:
-        rows = csv.reader(io.StringIO(body.decode("latin-1")), delimiter=delimiter, skipinitialspace=True)
+        rows = csv.reader(
+            io.StringIO(body.decode("latin-1")), delimiter=delimiter, skipinitialspace=True
+        )
         counts = np.array([len(row) for row in rows])
     else:
         counts = _field_counts(np.frombuffer(body, np.uint8), delimiter)
@@ -163,12 +177,21 @@ def _frame(body: bytes, delimiter: str, where: str) -> pd.DataFrame:
             low_memory=False,
             skipinitialspace=True,
         )
-    except (ValueError, OverflowError, MemoryError) as error:  # pandas' parser errors are ValueErrors
-        raise InputError(f"not readable as a table: {str(error)[:200]}", where, "check delimiter and quotes") from error
+    except (
+        ValueError,
+        OverflowError,
+        MemoryError,
+    ) as error:  # pandas' parser errors are ValueErrors
+        raise InputError(
+            f"not readable as a table: {str(error)[:200]}", where, "check delimiter and quotes"
+        ) from error
 
 
-def _columns(frame: pd.DataFrame, names: list[str] | None) -> tuple[dict[str, NDArray[Any]], list[str], list[Damage]]:
-    """Columns of numbers by name, names of columns of text, and damage where single cells are no numbers."""
+def _columns(
+    frame: pd.DataFrame, names: list[str] | None
+) -> tuple[dict[str, NDArray[Any]], list[str], list[Damage]]:
+    """Columns of numbers by name, names of columns of text, and damage where single cells are no
+    numbers."""
     columns: dict[str, NDArray[Any]] = {}
     text, damage = [], []
     for number, key in enumerate(frame.columns):
@@ -183,7 +206,10 @@ def _columns(frame: pd.DataFrame, names: list[str] | None) -> tuple[dict[str, ND
             continue
         if bad.any():
             row = int(np.argmax(bad))
-            what = f"{bad.sum()} cells of column '{name}' are no numbers, the first in row {row + 1}: {series[row]!r:.40}"
+            what = (
+                f"{bad.sum()} cells of column '{name}' are no numbers, the first in row {row + 1}:"
+                f" {series[row]!r:.40}"
+            )
             damage.append(Damage("values", what, topic="table"))
         if not np.all(np.isnan(values)):
             columns[name] = values

@@ -1,9 +1,10 @@
 """ULog (PX4's log format) to Recording.
 
-pyulog decides what the definitions mean: formats, nested fields, information, parameters. The bulk of the file, and the
-search for damage, are the compiled walk of `ulog_framing`, because pyulog hides truncation and trips over flipped bytes.
-What ULog cannot show: it carries no checksums, so that flipped bits inside a payload pass as data; and a file cut exactly
-between two messages looks whole. Units are not in the format; a mapping declares them.
+pyulog decides what the definitions mean: formats, nested fields, information, parameters. The bulk
+of the file, and the search for damage, are the compiled walk of `ulog_framing`, because pyulog
+hides truncation and trips over flipped bytes. What ULog cannot show: it carries no checksums, so
+that flipped bits inside a payload pass as data; and a file cut exactly between two messages looks
+whole. Units are not in the format; a mapping declares them.
 """
 
 import hashlib
@@ -34,19 +35,20 @@ def read_ulog(path: Path, topics: Collection[str] | None = None) -> Recording:
     """Reads a ULog file, damaged or not.
 
     Parameters
-    ----------
-    path : the file.
-    topics : names of the topics wanted (every instance of them); None for all. Fewer topics take less memory.
+    ---------- path : the file. topics : names of the topics wanted (every instance of them); None
+    for all. Fewer topics take less memory.
 
     Returns
-    -------
-    Recording with time in s (the log's microseconds since boot), fields in their own types as views into packed records,
-    arrays as ``q[0]``, nested fields as ``battery.voltage``, instance i > 0 as ``name.i``. Topics of a large log are read
-    from the file when they are asked for (`ulog_topics`): it must stay where it is as long as they are used. Damage with
-    an empty topic is what happened to the file (its `bytes_lost` add up to all bytes that belong to no record); for the
-    same interval, entries with a topic say how many of its samples are missing, by its own median interval.
+    ------- Recording with time in s (the log's microseconds since boot), fields in their own types
+    as views into packed records, arrays as ``q[0]``, nested fields as ``battery.voltage``, instance
+    i > 0 as ``name.i``. Topics of a large log are read from the file when they are asked for
+    (`ulog_topics`): it must stay where it is as long as they are used. Damage with an empty topic
+    is what happened to the file (its `bytes_lost` add up to all bytes that belong to no record);
+    for the same interval, entries with a topic say how many of its samples are missing, by its own
+    median interval.
 
-    Raises InputError for what is no ULog file, or holds no data. Source: ULog file format (docs.px4.io, dev_log).
+    Raises InputError for what is no ULog file, or holds no data. Source: ULog file format
+    (docs.px4.io, dev_log).
     """
     size = path.stat().st_size
     with path.open("rb") as handle:
@@ -62,7 +64,12 @@ def read_ulog(path: Path, topics: Collection[str] | None = None) -> Recording:
         raise InputError("no data in this log", str(path), _NO_LOG)
     read = LoggedTopics(path, found, places)
     is_cut = any(offset > size for offset in appended)
-    damage = [*_file_damage(found, is_cut), *_dropouts(found), *_undecoded(found, definitions), *_backwards(found, places)]
+    damage = [
+        *_file_damage(found, is_cut),
+        *_dropouts(found),
+        *_undecoded(found, definitions),
+        *_backwards(found, places),
+    ]
     damage += missing_by_topic(read, damage)
     metadata = _metadata(definitions)
     start = _start_utc(definitions, read)
@@ -74,13 +81,18 @@ def _check_header(head: bytes, size: int, path: Path) -> None:
     if size == 0:
         raise InputError("the file is empty", str(path), _NO_LOG)
     if head[: len(MAGIC)] != MAGIC:
-        raise InputError("not a ULog file: its first bytes are not 'ULog'", str(path), "name the format, or convert the log")
+        raise InputError(
+            "not a ULog file: its first bytes are not 'ULog'",
+            str(path),
+            "name the format, or convert the log",
+        )
     if size < HEADER_BYTES:
         raise InputError(f"only {size} bytes: the header is incomplete", str(path), _NO_LOG)
 
 
 def _appended_offsets(head: bytes) -> list[int]:
-    """Where data were appended (flag bits message, which must be the first): increasing offsets, nothing else."""
+    """Where data were appended (flag bits message, which must be the first): increasing offsets,
+    nothing else."""
     body = head[HEADER_BYTES + 3 : HEADER_BYTES + 43]
     if head[HEADER_BYTES + 2 : HEADER_BYTES + 3] != b"B" or len(body) < 40 or not body[8] & 1:
         return []
@@ -90,7 +102,8 @@ def _appended_offsets(head: bytes) -> list[int]:
 
 
 def _parse_definitions(head: bytes, found: Survey, path: Path) -> ULog:
-    """pyulog's view of the definitions: all messages but data, with one blank data message per topic."""
+    """pyulog's view of the definitions: all messages but data, with one blank data message per
+    topic."""
     skeleton = io.BytesIO()
     # A known file version keeps pyulog from writing warnings to the terminal.
     skeleton.write(head[:7] + bytes([min(head[7], 1)]) + head[8:HEADER_BYTES])
@@ -98,9 +111,16 @@ def _parse_definitions(head: bytes, found: Survey, path: Path) -> ULog:
         if message[2] != ord("B"):
             skeleton.write(message)
         elif k == 0:
-            skeleton.write(b"\x28\x00B" + message[3:11] + bytes([message[11] & ~1]) + message[12:19] + bytes(24))
+            skeleton.write(
+                b"\x28\x00B"
+                + message[3:11]
+                + bytes([message[11] & ~1])
+                + message[12:19]
+                + bytes(24)
+            )
     for identity, topic in found.subscriptions.items():
-        # A topic without a timestamp makes pyulog stop, without a word, before all topics that follow.
+        # A topic without a timestamp makes pyulog stop, without a word, before all topics that
+        # follow.
         if topic.layout is not None and _is_timed(found, identity) and found.count[identity]:
             blank = identity.to_bytes(2, "little") + bytes(topic.layout.trimmed)
             skeleton.write(len(blank).to_bytes(2, "little") + b"D" + blank)
@@ -108,7 +128,9 @@ def _parse_definitions(head: bytes, found: Survey, path: Path) -> ULog:
     try:
         return ULog(skeleton)
     except ULogException as error:
-        raise InputError(f"cannot be read: {error}", str(path), "it may need a newer version of this program") from error
+        raise InputError(
+            f"cannot be read: {error}", str(path), "it may need a newer version of this program"
+        ) from error
 
 
 def _places(definitions: ULog, found: Survey, topics: Collection[str] | None) -> dict[str, Place]:
@@ -134,7 +156,11 @@ def _undecoded(found: Survey, definitions: ULog) -> Iterable[Damage]:
     for identity, topic in found.subscriptions.items():
         n = int(found.count[identity])
         if n and (identity not in known or not _is_timed(found, identity)):
-            why = "their format is damaged" if topic.name else f"the announcement of message id {identity} is damaged"
+            why = (
+                "their format is damaged"
+                if topic.name
+                else f"the announcement of message id {identity} is damaged"
+            )
             if topic.layout is not None and not _is_timed(found, identity):
                 why = "they have no 64-bit timestamp"
             yield Damage("values", f"{n} messages not decoded: {why}", topic.name)
@@ -157,13 +183,22 @@ def _file_damage(found: Survey, is_cut: bool) -> Iterable[Damage]:
         start, end = _seconds(rest[0].before), _seconds(rest[-1].after)
         yield Damage("framing", f"{len(rest)} more damaged places: {n} bytes", "", start, end, n)
     if is_cut and not any(lost.tail for lost in found.lost):
-        yield Damage("lost_tail", "the file ends before the data that its header announces", "", None, None)
+        yield Damage(
+            "lost_tail", "the file ends before the data that its header announces", "", None, None
+        )
 
 
 def _dropouts(found: Survey) -> Iterable[Damage]:
-    """What the logger itself reported: its buffer was full between the message before the report and the one after."""
+    """What the logger itself reported: its buffer was full between the message before the report
+    and the one after."""
     for before, after, milliseconds in found.dropouts:
-        yield Damage("dropout", f"the logger reported {milliseconds} ms lost", "", _seconds(before), _seconds(after))
+        yield Damage(
+            "dropout",
+            f"the logger reported {milliseconds} ms lost",
+            "",
+            _seconds(before),
+            _seconds(after),
+        )
 
 
 def _backwards(found: Survey, places: Mapping[str, Place]) -> Iterable[Damage]:
@@ -171,11 +206,14 @@ def _backwards(found: Survey, places: Mapping[str, Place]) -> Iterable[Damage]:
         n, latest = (int(value) for value in found.back[place.identity])
         if n:
             where = latest * 1e-6
-            yield Damage("time", f"time runs backwards {n} times, first at {where:.6f} s", name, where, where)
+            yield Damage(
+                "time", f"time runs backwards {n} times, first at {where:.6f} s", name, where, where
+            )
 
 
 def _metadata(definitions: ULog) -> dict[str, str | int | float]:
-    """Information of one value, parameters at the start as ``param:NAME``, and ``param_last:NAME`` where changed later."""
+    """Information of one value, parameters at the start as ``param:NAME``, and ``param_last:NAME``
+    where changed later."""
     found: dict[str, Any] = dict(definitions.msg_info_dict)
     found |= {f"param:{name}": value for name, value in definitions.initial_parameters.items()}
     found |= {f"param_last:{name}": value for _, name, value in definitions.changed_parameters}
@@ -183,7 +221,8 @@ def _metadata(definitions: ULog) -> dict[str, str | int | float]:
 
 
 def _start_utc(definitions: ULog, read: Mapping[str, Topic]) -> datetime | None:
-    """UTC at time zero of the file's header, from the log's own statement or from satellite navigation."""
+    """UTC at time zero of the file's header, from the log's own statement or from satellite
+    navigation."""
     stated = definitions.msg_info_dict.get("start_utc")
     if isinstance(stated, str):
         try:

@@ -1,7 +1,8 @@
 """What ULog messages other than data must look like, and how large the data of a topic are.
 
-A reader that follows damaged headers gets lost; these checks tell a record from noise. Source of all rules: the ULog
-file format specification of PX4 (docs.px4.io, dev_log/ulog_file_format). No file access here.
+A reader that follows damaged headers gets lost; these checks tell a record from noise. Source of
+all rules: the ULog file format specification of PX4 (docs.px4.io, dev_log/ulog_file_format). No
+file access here.
 """
 
 import re
@@ -15,7 +16,8 @@ SIZES = {
     **dict.fromkeys(("int64_t", "uint64_t", "double"), 8),
 }
 SYNC = b"\x2f\x73\x13\x20\x25\x0c\xbb\x12"
-#: A message's size is 16 bits wide, so that no topic can be larger; nor can nesting be deep in earnest.
+#: A message's size is 16 bits wide, so that no topic can be larger; nor can nesting be deep in
+#: earnest.
 LARGEST = 0xFFFF
 _DEEPEST = 16
 
@@ -26,8 +28,8 @@ _KEY = re.compile(rb"(\w+?)(?:\[(\d{1,5})\])? [\w\-.\[\]/ ]+")
 
 @dataclass(frozen=True)
 class Layout:
-    """Bytes of a topic's data: with trailing padding (`full`), without (`trimmed`), and where its 64-bit timestamp
-    stands (`stamp`, -1 when there is none)."""
+    """Bytes of a topic's data: with trailing padding (`full`), without (`trimmed`), and where its
+    64-bit timestamp stands (`stamp`, -1 when there is none)."""
 
     full: int
     trimmed: int
@@ -41,13 +43,15 @@ class Formats:
     fields: dict[str, tuple[tuple[str, int, str], ...]] = field(default_factory=dict)
 
     def add(self, text: str) -> None:
-        """Registers one format message, ``name:type field;type[3] field;``, already checked by `is_format`."""
+        """Registers one format message, ``name:type field;type[3] field;``, already checked by
+        `is_format`."""
         name, body = text.split(":", 1)
         found = _FIELD.finditer(body)
         self.fields[name] = tuple((m[1], int(m[2]) if m[2] is not None else 1, m[3]) for m in found)
 
     def layout(self, name: str) -> Layout | None:
-        """Layout of topic `name`; None when its format is absent, refers to an absent one, to itself, or is too large."""
+        """Layout of topic `name`; None when its format is absent, refers to an absent one, to
+        itself, or is too large."""
         sizes = [self._bytes(kind, count, 0) for kind, count, _ in self.fields.get(name, ())]
         if not sizes or None in sizes:
             return None
@@ -81,7 +85,8 @@ def is_format(body: bytes) -> bool:
 
 
 def is_key_value(body: bytes) -> bool:
-    """Whether `body` is key length, ``type key``, and a value of exactly that type (information, parameter)."""
+    """Whether `body` is key length, ``type key``, and a value of exactly that type (information,
+    parameter)."""
     if len(body) < 2 or not 0 < body[0] < len(body):
         return False
     found = _KEY.fullmatch(body[1 : 1 + body[0]])
@@ -93,7 +98,8 @@ def is_key_value(body: bytes) -> bool:
 
 
 def is_logged_text(body: bytes, prefix: int) -> bool:
-    """Whether `body` is level, (tag,) time and a text without control characters; `prefix` bytes precede the text."""
+    """Whether `body` is level, (tag,) time and a text without control characters; `prefix` bytes
+    precede the text."""
     return len(body) >= prefix and body[0] in b"01234567" and min(body[prefix:], default=32) >= 8
 
 

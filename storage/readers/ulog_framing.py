@@ -1,7 +1,8 @@
 """Walks a ULog file from the first byte to the last, so that no byte is lost unnoticed.
 
-Two passes over windows of the file, both compiled: `survey` follows the message headers, finds what belongs to no
-record, and counts; `gather` copies the data of each topic into one array. The file is never held in memory as a whole.
+Two passes over windows of the file, both compiled: `survey` follows the message headers, finds what
+belongs to no record, and counts; `gather` copies the data of each topic into one array. The file is
+never held in memory as a whole.
 """
 
 from collections.abc import Iterable, Mapping
@@ -25,8 +26,9 @@ _MARGIN = 3 * (3 + 0xFFFF)
 
 @dataclass(frozen=True)
 class Lost:
-    """Bytes [start, end) that belong to no record; `tail` when the file ends inside a record. `before` and `after`: the
-    timestamps [us] of the nearest data messages, -1 where there is none."""
+    """Bytes [start, end) that belong to no record; `tail` when the file ends inside a record.
+    `before` and `after`: the timestamps [us] of the nearest data messages, -1 where there is
+    none."""
 
     start: int
     end: int
@@ -37,7 +39,8 @@ class Lost:
 
 @dataclass(frozen=True)
 class Subscription:
-    """An announced topic. `layout` is None when its format is damaged; `name` is empty when the announcement is."""
+    """An announced topic. `layout` is None when its format is damaged; `name` is empty when the
+    announcement is."""
 
     name: str
     instance: int
@@ -46,10 +49,10 @@ class Subscription:
 
 @dataclass(frozen=True)
 class Survey:
-    """What stands where in the file. `definitions` holds the messages other than data, in order, with headers; by message id,
-    `count` (65536,) is the number of data messages, `back` (65536, 2) how often their time ran backwards and from which
-    timestamp first; `intact` are byte ranges of whole messages; `dropouts` are
-    (timestamp before, timestamp after, reported ms)."""
+    """What stands where in the file. `definitions` holds the messages other than data, in order,
+    with headers; by message id, `count` (65536,) is the number of data messages, `back` (65536, 2)
+    how often their time ran backwards and from which timestamp first; `intact` are byte ranges of
+    whole messages; `dropouts` are (timestamp before, timestamp after, reported ms)."""
 
     definitions: tuple[bytes, ...]
     subscriptions: Mapping[int, Subscription]
@@ -61,8 +64,8 @@ class Survey:
 
 
 class _Windows:
-    """The file in pieces: `view(at, end)` is an array whose first byte is the file's `base`, and which reaches `end` or
-    at least _MARGIN bytes beyond `at`."""
+    """The file in pieces: `view(at, end)` is an array whose first byte is the file's `base`, and
+    which reaches `end` or at least _MARGIN bytes beyond `at`."""
 
     def __init__(self, handle: BinaryIO) -> None:
         self._handle, self._buffer = handle, bytearray(_WINDOW)
@@ -113,7 +116,9 @@ class _Surveyor:
             found = self._resume(at + 1, end)
             self.intact.append((good, at))
             at, gone = (end, at) if found is None else (found, at)
-            self.lost.append(Lost(gone, at, is_file_end and found is None, self.last, self._stamp_at(at, end)))
+            self.lost.append(
+                Lost(gone, at, is_file_end and found is None, self.last, self._stamp_at(at, end))
+            )
             good = at
         self.intact.append((good, end))
 
@@ -134,7 +139,8 @@ class _Surveyor:
         return len(body) >= 2 and 0 <= self.low[identity] <= len(body) - 2 <= self.high[identity]
 
     def _chain(self, at: int, end: int) -> bool:
-        """Whether two valid messages follow from `at`, or one data message and then the (possibly cut) end."""
+        """Whether two valid messages follow from `at`, or one data message and then the (possibly
+        cut) end."""
         for links in range(2):
             message = self._message(at, end)
             if message is None:
@@ -147,7 +153,8 @@ class _Surveyor:
         return True
 
     def _resume(self, at: int, end: int) -> int | None:
-        """The next position from which messages follow each other again; None when there is none before `end`."""
+        """The next position from which messages follow each other again; None when there is none
+        before `end`."""
         while at < end:
             block, base = self.windows.view(at, end)
             found = candidate(block, at - base, self.low, self.high)
@@ -162,7 +169,8 @@ class _Surveyor:
         return None
 
     def _stamp_at(self, at: int, end: int) -> int:
-        """Timestamp of the first data message from `at` on, looking no further than a few messages; -1 without one."""
+        """Timestamp of the first data message from `at` on, looking no further than a few messages;
+        -1 without one."""
         for _ in range(8):
             message = self._message(at, end)
             if message is None:
@@ -170,7 +178,11 @@ class _Surveyor:
             kind, body = message
             if kind == _DATA and self._is_valid(kind, body):
                 place = int(self.stamp[int.from_bytes(body[:2], "little")])
-                stamp = int.from_bytes(body[2 + place : 10 + place], "little", signed=True) if place >= 0 else 0
+                stamp = (
+                    int.from_bytes(body[2 + place : 10 + place], "little", signed=True)
+                    if place >= 0
+                    else 0
+                )
                 if stamp > 0:
                     return stamp
             at += 3 + len(body)
@@ -188,7 +200,9 @@ class _Surveyor:
         if not is_record(kind, body):
             return at
         if chr(kind) == "O":
-            self.dropouts.append((self.last, self._stamp_at(follows, end), int.from_bytes(body, "little")))
+            self.dropouts.append(
+                (self.last, self._stamp_at(follows, end), int.from_bytes(body, "little"))
+            )
         elif chr(kind) not in "SR":
             if chr(kind) == "F":
                 self.formats.add(body.decode("ascii"))
@@ -197,19 +211,22 @@ class _Surveyor:
         return follows
 
     def _announce(self, body: bytes) -> bool:
-        """Enters a topic into the tables; false when nothing of it can be decoded, or its id is taken already."""
+        """Enters a topic into the tables; false when nothing of it can be decoded, or its id is
+        taken already."""
         identity, name = int.from_bytes(body[1:3], "little"), body[3:].decode("ascii", "replace")
         if identity in self.subscriptions:
             return False
         layout = self.formats.layout(name)
         self.subscriptions[identity] = Subscription(name, body[0], layout)
-        self.low[identity], self.high[identity] = (layout.trimmed, layout.full) if layout else (0, 0xFFFF)
+        self.low[identity], self.high[identity] = (
+            (layout.trimmed, layout.full) if layout else (0, 0xFFFF)
+        )
         self.stamp[identity] = layout.stamp if layout else -1
         return layout is not None
 
     def _is_unannounced(self, body: bytes, follows: int, end: int) -> bool:
-        """Whether this is sound data of a topic whose announcement was lost: its id is new, and sound messages, or more
-        of its own, follow it."""
+        """Whether this is sound data of a topic whose announcement was lost: its id is new, and
+        sound messages, or more of its own, follow it."""
         identity = int.from_bytes(body[:2], "little")
         if len(body) < 10 or identity in self.subscriptions:
             return False
@@ -225,8 +242,8 @@ class _Surveyor:
 def survey(handle: BinaryIO, size: int, appended: Iterable[int] = ()) -> Survey:
     """Walks the messages of an open ULog file of `size` bytes from its header to its end.
 
-    `appended` holds the offsets at which data were appended after a crash: there, a cut record before the offset does
-    not hide what follows it.
+    `appended` holds the offsets at which data were appended after a crash: there, a cut record
+    before the offset does not hide what follows it.
     """
     surveyor = _Surveyor(_Windows(handle))
     edges = [HEADER_BYTES, *(offset for offset in appended if HEADER_BYTES < offset < size), size]
@@ -260,6 +277,10 @@ def gather(handle: BinaryIO, found: Survey, wanted: Iterable[int]) -> dict[int, 
             block, base = windows.view(at, end)
             reached = base + int(copy(block, at - base, take, cursor, limit, flat))
             if reached == at:
-                raise InputError("the log changed while it was read", handle.name, "read it again when it is complete")
+                raise InputError(
+                    "the log changed while it was read",
+                    handle.name,
+                    "read it again when it is complete",
+                )
             at = reached
     return {int(k): flat[starts[k] : cursor[k]] for k in np.flatnonzero(take)}

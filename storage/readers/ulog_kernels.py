@@ -1,6 +1,7 @@
 """The compiled loops of the ULog reader: one look at each message header, one copy of each payload.
 
-A block is a stretch of the file as bytes; `at` is a position in it. Tables are indexed by message id (65536,).
+A block is a stretch of the file as bytes; `at` is a position in it. Tables are indexed by message
+id (65536,).
 """
 
 import numpy as np
@@ -24,15 +25,23 @@ def walk(
     back: Integers,
     last: int,
 ) -> tuple[int, int]:
-    """Follows data messages from `at`; stops at the first thing that is not one of a known topic, whole, of right size.
+    """Follows data messages from `at`; stops at the first thing that is not one of a known topic,
+    whole, of right size.
 
-    By message id: `count` of messages, `latest` timestamp, ``back[id]`` = how often time ran backwards and, first, from when.
+    By message id: `count` of messages, `latest` timestamp, ``back[id]`` = how often time ran
+    backwards and, first, from when.
     """
     n = len(block)
     while at + 5 <= n and block[at + 2] == 68:
         size = block[at] + 256 * block[at + 1]
         identity = block[at + 3] + 256 * block[at + 4]
-        if size < 2 or at + 3 + size > n or low[identity] < 0 or size - 2 < low[identity] or size - 2 > high[identity]:
+        if (
+            size < 2
+            or at + 3 + size > n
+            or low[identity] < 0
+            or size - 2 < low[identity]
+            or size - 2 > high[identity]
+        ):
             break
         count[identity] += 1
         if stamp[identity] >= 0:
@@ -87,8 +96,11 @@ def candidate(block: Bytes, at: int, low: Integers, high: Integers) -> int:
 
 
 @njit(cache=True)
-def copy(block: Bytes, at: int, take: Integers, cursor: Integers, limit: Integers, flat: Bytes) -> int:
-    """Copies the first `take[id]` data bytes of every message from `at` on to ``flat[cursor[id]:]``; returns the end."""
+def copy(
+    block: Bytes, at: int, take: Integers, cursor: Integers, limit: Integers, flat: Bytes
+) -> int:
+    """Copies the first `take[id]` data bytes of every message from `at` on to
+    ``flat[cursor[id]:]``; returns the end."""
     n = len(block)
     while at + 3 <= n:
         size = block[at] + 256 * block[at + 1]

@@ -1,7 +1,8 @@
 """The topics of a ULog file, held as far as memory allows.
 
-A small log is read at once. Of a large one the topics are gathered when they are asked for: the last ones used are
-kept, and who goes through all of them in order gets several per pass through the file.
+A small log is read at once. Of a large one the topics are gathered when they are asked for: the
+last ones used are kept, and who goes through all of them in order gets several per pass through the
+file.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -76,7 +77,8 @@ class LoggedTopics(Mapping[str, Topic]):
             del self._groups[0]
 
     def _together(self, name: str) -> list[str]:
-        """The topics to gather in one pass: all of a small log; the next ones too for who goes through them in order."""
+        """The topics to gather in one pass: all of a small log; the next ones too for who goes
+        through them in order."""
         names = list(self._places)
         if self._size(names) <= KEPT:
             return names
@@ -99,11 +101,17 @@ class LoggedTopics(Mapping[str, Topic]):
                 data = gather(handle, self._found, [self._places[name].identity for name in names])
         except OSError as error:
             what = f"topics cannot be read: {error.strerror or error}"
-            raise InputError(what, str(self._path), "leave the log in place until it is stored, and read it again") from error
+            raise InputError(
+                what,
+                str(self._path),
+                "leave the log in place until it is stored, and read it again",
+            ) from error
         read = {}
         for name in names:
             records = data[self._places[name].identity].view(self._places[name].record)
-            fields = {field: records[field] for field in records.dtype.names or () if field != "timestamp"}
+            fields = {
+                field: records[field] for field in records.dtype.names or () if field != "timestamp"
+            }
             read[name] = Topic(name, records["timestamp"] * 1e-6, fields)
         return read
 

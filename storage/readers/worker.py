@@ -1,9 +1,10 @@
 """The process that parses logs: ``python -m aerodb.storage.readers.worker``.
 
-It reads one job per line (JSON) from standard input, forks a child for it, and answers with one line. The child gets limits,
-reads the log and writes its topics in the store's own form; the worker, which never looks at a log, watches over it. All that
-the reader needs is imported and compiled before the first job, so that a child costs a fork and no more. When whoever started
-the worker dies, the worker and the child die too.
+It reads one job per line (JSON) from standard input, forks a child for it, and answers with one
+line. The child gets limits, reads the log and writes its topics in the store's own form; the
+worker, which never looks at a log, watches over it. All that the reader needs is imported and
+compiled before the first job, so that a child costs a fork and no more. When whoever started the
+worker dies, the worker and the child die too.
 """
 
 import ctypes
@@ -27,13 +28,16 @@ from aerodb.recording import Topic
 from aerodb.storage.disk_errors import disk_faults, remove
 from aerodb.storage.files import write_topics
 from aerodb.storage.limits import Limits
-from aerodb.storage.readers import mcap, tabular  # noqa: F401 - what a child needs is imported before the fork
+from aerodb.storage.readers import mcap, tabular  # noqa: F401 - a child needs them after the fork
 from aerodb.storage.readers.any_format import read_log
 from aerodb.storage.writers import write_ulog
 
 _DEATH_SIGNAL: Final = 1  # PR_SET_PDEATHSIG of prctl(2)
 _ANSWER_BYTES: Final = 1 << 20
-_LATER: Final = "look at the log where it came from; with a larger [limits] in the workspace's settings it is tried again"
+_LATER: Final = (
+    "look at the log where it came from; with a larger [limits] in the workspace's settings it is"
+    " tried again"
+)
 
 
 def main() -> None:
@@ -58,8 +62,8 @@ def _warm() -> None:
 
 
 def answer(job: dict[str, Any]) -> dict[str, str]:
-    """Runs a job ``{log, folder, limits}`` in a child; says how it ended: ``done``, or ``refused`` or ``store`` with the words of
-    an error."""
+    """Runs a job ``{log, folder, limits}`` in a child; says how it ended: ``done``, or ``refused``
+    or ``store`` with the words of an error."""
     limits = Limits(**job["limits"])
     reading, writing = os.pipe()
     child = os.fork()
@@ -82,7 +86,8 @@ def answer(job: dict[str, Any]) -> dict[str, str]:
 
 
 def _listen(reading: int, seconds: float) -> tuple[bytes, Literal["", "late", "master"]]:
-    """What the child says until it ends; or that it was still at work after `seconds`, or that the worker's master died."""
+    """What the child says until it ends; or that it was still at work after `seconds`, or that the
+    worker's master died."""
     until, said = time.monotonic() + seconds, b""
     while True:
         ready, _, _ = select.select([reading, 0], [], [], max(until - time.monotonic(), 0.0))
@@ -114,7 +119,8 @@ def _refusal(what: str, where: str, remedy: str, kind: str = "refused") -> dict[
 
 
 def _parse(log: Path, folder: Path, limits: Limits, writing: int) -> NoReturn:
-    """The child: reads the log under its limits, writes its topics, says how that went, and ends without returning."""
+    """The child: reads the log under its limits, writes its topics, says how that went, and ends
+    without returning."""
     try:
         _confine(limits)
         said = _read(log, folder, limits)
@@ -134,10 +140,17 @@ def _read(log: Path, folder: Path, limits: Limits) -> dict[str, str]:
     except InputError as error:
         return _refusal(error.what, error.where, error.remedy)
     except MemoryError:
-        return _refusal(f"its parsing needs more than {limits.memory / 1e6:.0f} MB of memory", str(log), _LATER)
+        return _refusal(
+            f"its parsing needs more than {limits.memory / 1e6:.0f} MB of memory", str(log), _LATER
+        )
     except RecursionError:
-        return _refusal("its parts are nested too deeply", str(log), "no recorder writes such a log: check where it came from")
-    except Exception as error:  # a library's own fault on bytes that it did not expect: the log cannot be used, and that is all
+        return _refusal(
+            "its parts are nested too deeply",
+            str(log),
+            "no recorder writes such a log: check where it came from",
+        )
+    # a library's own fault on bytes that it did not expect: the log cannot be used, and that is all
+    except Exception as error:
         what = f"its parsing failed: {type(error).__name__}: {str(error)[:200]}"
         return _refusal(what, str(log), "report it with the log as a fault of aerodb's reader")
     return {"ended": "done"}
@@ -160,7 +173,10 @@ def _confine(limits: Limits) -> None:
 def _address_space() -> int:
     """Bytes of address space that this process has already, where the system tells."""
     try:
-        return int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0]) * resource.getpagesize()
+        return (
+            int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
+            * resource.getpagesize()
+        )
     except OSError:
         return 2_000_000_000  # what code and libraries take on Linux
 

@@ -1,4 +1,5 @@
-"""The catalogue against itself: its own integrity, identities computed again, edges that lead somewhere, histories in one piece.
+"""The catalogue against itself: its own integrity, identities computed again, edges that lead
+somewhere, histories in one piece.
 
 Rows are read one after the other: memory does not grow with the catalogue.
 """
@@ -28,7 +29,8 @@ _GRAM: Final = "gram"
 
 
 class Audit(Ledger):
-    """The part of the catalogue that checks the others; apart from them, because it needs the science."""
+    """The part of the catalogue that checks the others; apart from them, because it needs the
+    science."""
 
     @classmethod
     def of(cls, other: Ledger) -> "Audit":
@@ -36,7 +38,8 @@ class Audit(Ledger):
         return cls(other._database)
 
     def faults(self, count: Count) -> Iterator[Fault]:
-        """Everything that is wrong in the catalogue; `count` is told what was checked, and how many."""
+        """Everything that is wrong in the catalogue; `count` is told what was checked, and how
+        many."""
         with self._database.reading() as connection:
             stream = connection.execution_options(yield_per=200)
             yield from _database(stream, count)
@@ -51,11 +54,16 @@ class Audit(Ledger):
         """Paths of results whose file has no hash in the catalogue."""
         known = sa.select(s.stored_files.c.path)
         with self._database.reading() as connection:
-            return tuple(connection.scalars(sa.select(s.results.c.path).where(s.results.c.path.not_in(known))))
+            return tuple(
+                connection.scalars(
+                    sa.select(s.results.c.path).where(s.results.c.path.not_in(known))
+                )
+            )
 
 
 def _database(connection: sa.Connection, count: Count) -> Iterator[Fault]:
-    """The database's own checks: pages and indices where it can, foreign keys, and the triggers that guard the rows."""
+    """The database's own checks: pages and indices where it can, foreign keys, and the triggers
+    that guard the rows."""
     own = _of_sqlite if connection.dialect.name == "sqlite" else _of_postgresql
     guarded = dict(map(tuple, connection.exec_driver_sql(_GUARDED[connection.dialect.name]).all()))
     yield from own(connection)
@@ -67,9 +75,12 @@ def _database(connection: sa.Connection, count: Count) -> Iterator[Fault]:
 #: Table -> number of triggers that work.
 _GUARDED: Final = {
     "sqlite": "SELECT tbl_name, count(*) FROM sqlite_master WHERE type = 'trigger' GROUP BY 1",
-    "postgresql": "SELECT c.relname, count(*) FROM pg_trigger t JOIN pg_class c ON c.oid = t.tgrelid"
-    " JOIN pg_namespace n ON n.oid = c.relnamespace JOIN pg_proc p ON p.oid = t.tgfoid"
-    " WHERE n.nspname = current_schema() AND p.proname = 'refuse_change' AND t.tgenabled IN ('O', 'A') GROUP BY 1",
+    "postgresql": (
+        "SELECT c.relname, count(*) FROM pg_trigger t JOIN pg_class c ON c.oid = t.tgrelid JOIN"
+        " pg_namespace n ON n.oid = c.relnamespace JOIN pg_proc p ON p.oid = t.tgfoid WHERE"
+        " n.nspname = current_schema() AND p.proname = 'refuse_change' AND t.tgenabled IN ('O',"
+        " 'A') GROUP BY 1"
+    ),
 }
 
 
@@ -78,19 +89,30 @@ def _of_sqlite(connection: sa.Connection) -> Iterator[Fault]:
         if text != "ok":
             yield text, "catalogue.sqlite", _RESTORE
     for row in connection.exec_driver_sql("PRAGMA foreign_key_check").all():
-        yield f"row {row[1]} refers to a row of {row[2]} that is not there", f"table {row[0]}", _RESTORE
+        yield (
+            f"row {row[1]} refers to a row of {row[2]} that is not there",
+            f"table {row[0]}",
+            _RESTORE,
+        )
 
 
 def _of_postgresql(connection: sa.Connection) -> Iterator[Fault]:
-    """Foreign keys, which a superuser can go round; pages have checksums of their own where the server was made with them."""
+    """Foreign keys, which a superuser can go round; pages have checksums of their own where the
+    server was made with them."""
     for name, table in sorted(s.metadata.tables.items()):
         for edge in table.foreign_key_constraints:
             child, parent = table.alias(), edge.referred_table.alias()
-            pairs = [(child.c[part.parent.name], parent.c[part.column.name]) for part in edge.elements]
+            pairs = [
+                (child.c[part.parent.name], parent.c[part.column.name]) for part in edge.elements
+            ]
             there = sa.exists().where(*(one == other for one, other in pairs))
             lost = sa.select(sa.func.count()).where(*(one.is_not(None) for one, _ in pairs), ~there)
             if number := connection.execute(lost).scalar_one():
-                yield f"{number} rows refer to rows of {edge.referred_table.name} that are not there", f"table {name}", _RESTORE
+                yield (
+                    f"{number} rows refer to rows of {edge.referred_table.name} that are not there",
+                    f"table {name}",
+                    _RESTORE,
+                )
 
 
 def _texts(connection: sa.Connection, count: Count) -> Iterator[Fault]:
@@ -98,7 +120,11 @@ def _texts(connection: sa.Connection, count: Count) -> Iterator[Fault]:
     for row in connection.execute(sa.select(c.vehicle, c.text, c.sha256)):
         count("vehicle files", 1)
         if hashlib.sha256(row.text.encode("utf-8")).hexdigest() != row.sha256:
-            yield "its text is not the one that was stored", f"vehicle {row.vehicle}", "add the vehicle's file again"
+            yield (
+                "its text is not the one that was stored",
+                f"vehicle {row.vehicle}",
+                "add the vehicle's file again",
+            )
 
 
 def _calibrations(connection: sa.Connection, count: Count) -> Iterator[Fault]:
@@ -116,7 +142,16 @@ def _calibrations(connection: sa.Connection, count: Count) -> Iterator[Fault]:
 def _versions(connection: sa.Connection, count: Count) -> Iterator[Fault]:
     """Each version's id from what it was made of, the hash of its numbers, and its check cases."""
     c, e = s.versions.c, s.version_inputs.c
-    columns = (c.id, c.vehicle, c.number, c.parent, c.settings, c.content, c.content_sha256, c.report)
+    columns = (
+        c.id,
+        c.vehicle,
+        c.number,
+        c.parent,
+        c.settings,
+        c.content,
+        c.content_sha256,
+        c.report,
+    )
     for row in connection.execute(sa.select(*columns)):
         count("versions", 1)
         inputs = connection.scalars(sa.select(e.input_key).where(e.version == row.id)).all()
@@ -141,8 +176,9 @@ def _wrong_with(row: Any, inputs: Sequence[str]) -> str:
 def _edges(connection: sa.Connection, count: Count) -> Iterator[Fault]:
     """Every input leads to a result, a log, a vehicle's text, a version or a calibration.
 
-    Two kinds of input are of things that are not kept: the file that a version without parent was imported from, and the
-    database beside which a Gram was made, which may be a candidate between two rounds of the loop.
+    Two kinds of input are of things that are not kept: the file that a version without parent was
+    imported from, and the database beside which a Gram was made, which may be a candidate between
+    two rounds of the loop.
     """
     known = sa.union_all(
         sa.select(s.results.c.key),
@@ -154,15 +190,27 @@ def _edges(connection: sa.Connection, count: Count) -> Iterator[Fault]:
     r, i, v, w = s.results.c, s.result_inputs.c, s.versions.c, s.version_inputs.c
     for table, name in ((s.result_inputs, "edges"), (s.version_inputs, "edges")):
         count(name, connection.execute(sa.select(sa.func.count()).select_from(table)).scalar_one())
-    lost = sa.select(i.key, r.step, i.input_key).join(s.results, r.key == i.key).where(i.input_key.not_in(known))
+    lost = (
+        sa.select(i.key, r.step, i.input_key)
+        .join(s.results, r.key == i.key)
+        .where(i.input_key.not_in(known))
+    )
     for row in connection.execute(lost.where(r.step != _GRAM)):
-        yield f"its input {row.input_key[:12]} is not there", f"result {row.key[:12]} ({row.step})", _RESTORE
+        yield (
+            f"its input {row.input_key[:12]} is not there",
+            f"result {row.key[:12]} ({row.step})",
+            _RESTORE,
+        )
     resolved = sa.select(i.key).where(i.input_key.in_(known))
     for key in connection.scalars(sa.select(r.key).where(r.key.not_in(resolved))):
         yield "none of its inputs is there", f"result {key[:12]}", _RESTORE
     broken = sa.select(w.version, w.input_key).join(s.versions, v.id == w.version)
     for row in connection.execute(broken.where(v.parent.is_not(None), w.input_key.not_in(known))):
-        yield f"its input {row.input_key[:12]} is not there", f"version {row.version[:12]}", _RESTORE
+        yield (
+            f"its input {row.input_key[:12]} is not there",
+            f"version {row.version[:12]}",
+            _RESTORE,
+        )
 
 
 def _names(connection: sa.Connection, count: Count) -> Iterator[Fault]:
@@ -170,24 +218,36 @@ def _names(connection: sa.Connection, count: Count) -> Iterator[Fault]:
     c = s.name_events.c
     last: dict[tuple[str, str], tuple[int, Any]] = {}
     for row in connection.execute(
-        sa.select(c.vehicle, c.name, c.step, c.version, c.previous).order_by(c.vehicle, c.name, c.step)
+        sa.select(c.vehicle, c.name, c.step, c.version, c.previous).order_by(
+            c.vehicle, c.name, c.step
+        )
     ):
         count("moves of names", 1)
         step, version = last.get((row.vehicle, row.name), (0, None))
         if (row.step, row.previous) != (step + 1, version):
-            yield f"move {row.step} does not begin where the one before it ended", f"'{row.name}' of {row.vehicle}", _RESTORE
+            yield (
+                f"move {row.step} does not begin where the one before it ended",
+                f"'{row.name}' of {row.vehicle}",
+                _RESTORE,
+            )
         last = {(row.vehicle, row.name): (row.step, row.version)}
 
 
 def _halves(connection: sa.Connection, count: Count) -> Iterator[Fault]:
-    """Flights and logs that only half came in: they are added in one transaction, so that there should be none."""
+    """Flights and logs that only half came in: they are added in one transaction, so that there
+    should be none."""
     f, r = s.flights.c, s.results.c
-    count("flights", connection.execute(sa.select(sa.func.count()).select_from(s.flights)).scalar_one())
+    count(
+        "flights",
+        connection.execute(sa.select(sa.func.count()).select_from(s.flights)).scalar_one(),
+    )
     taken_in = sa.select(r.flight).where(r.step == "ingest", r.flight.is_not(None))
     for id in connection.scalars(sa.select(f.id).where(f.id.not_in(taken_in))):
         yield "it has no channels", f"flight {id[:12]}", "ingest its log again"
     g = s.log_files.c
     for sha256 in connection.scalars(
-        sa.select(g.sha256).where(g.status != "quarantined", g.sha256.not_in(sa.select(f.log_sha256)))
+        sa.select(g.sha256).where(
+            g.status != "quarantined", g.sha256.not_in(sa.select(f.log_sha256))
+        )
     ):
         yield "it is stored, but no flight was made of it", f"log {sha256[:12]}", "ingest it again"

@@ -1,10 +1,11 @@
 """Backup and restore: the catalogue as it is at one moment, and every file that it names.
 
-The catalogue is copied first (one consistent state, whoever writes meanwhile), always into a file: so a backup can be restored
-with another database than it was made of, and moves a catalogue from SQLite to PostgreSQL and back. Files of the store are
-there before their rows and do not change, so that all that the copy names can be copied afterwards. A further backup into the
-same folder copies only what is new. A backup is what its manifest says, which is written last and holds its own hash: one that
-was interrupted has none, or still that of the backup before it, which stays whole.
+The catalogue is copied first (one consistent state, whoever writes meanwhile), always into a file:
+so a backup can be restored with another database than it was made of, and moves a catalogue from
+SQLite to PostgreSQL and back. Files of the store are there before their rows and do not change, so
+that all that the copy names can be copied afterwards. A further backup into the same folder copies
+only what is new. A backup is what its manifest says, which is written last and holds its own hash:
+one that was interrupted has none, or still that of the backup before it, which stays whole.
 """
 
 import hashlib
@@ -20,9 +21,25 @@ from pathlib import Path
 from typing import Any, Final
 
 from aerodb.errors import InputError, StoreError
-from aerodb.storage.catalogue import HEAD, Catalogue, Place, StoredFile, copy_catalogue, measured, place_of
+from aerodb.storage.catalogue import (
+    HEAD,
+    Catalogue,
+    Place,
+    StoredFile,
+    copy_catalogue,
+    measured,
+    place_of,
+)
 from aerodb.storage.disk_errors import disk_faults
-from aerodb.storage.files import INDEX, DamagedObject, Objects, files_of, objects_of, push, require_unused
+from aerodb.storage.files import (
+    INDEX,
+    DamagedObject,
+    Objects,
+    files_of,
+    objects_of,
+    push,
+    require_unused,
+)
 from aerodb.storage.inbox import REASON
 from aerodb.storage.upkeep.audit import Audit
 from aerodb.storage.upkeep.verify import Problem, require_clean, verify
@@ -37,7 +54,8 @@ _FORMAT: Final = 2
 
 @dataclass(frozen=True)
 class Backup:
-    """What a backup holds: files and bytes of the store, how many of them were copied this time, and what was not as stored."""
+    """What a backup holds: files and bytes of the store, how many of them were copied this time,
+    and what was not as stored."""
 
     files: int
     bytes: int
@@ -48,9 +66,10 @@ class Backup:
 def back_up(workspace: Workspace, target: Path) -> Backup:
     """Copies the workspace to the folder `target`, which is new, or holds an earlier backup.
 
-    A file whose bytes are not those that were stored is named in `problems` and not copied: what an earlier backup has of it
-    stays. Links and pipes in quarantine are not copied: they are not the workspace's. Raises InputError for a folder that holds
-    something else, StoreError when the disk is full.
+    A file whose bytes are not those that were stored is named in `problems` and not copied: what an
+    earlier backup has of it stays. Links and pipes in quarantine are not copied: they are not the
+    workspace's. Raises InputError for a folder that holds something else, StoreError when the disk
+    is full.
     """
     _claim(workspace, target)
     with disk_faults(target):
@@ -58,10 +77,14 @@ def back_up(workspace: Workspace, target: Path) -> Backup:
         _copy_catalogue(place_of(workspace.catalogue), partial)
         quarantine = list(_in_quarantine(workspace.root))
         with Catalogue.in_file(partial) as snapshot:
-            made = _copy_files(workspace, chain(_named(workspace.root, snapshot, target), quarantine), target)
+            made = _copy_files(
+                workspace, chain(_named(workspace.root, snapshot, target), quarantine), target
+            )
         _as_one_file(partial)
         if (workspace.root / SETTINGS).is_file():
-            write_atomically(target / SETTINGS, lambda temporary: _copy(workspace.root / SETTINGS, temporary))
+            write_atomically(
+                target / SETTINGS, lambda temporary: _copy(workspace.root / SETTINGS, temporary)
+            )
         sha256, size = measured(partial)
         name = f"catalogue-{sha256[:16]}.backup"
         partial.rename(target / name)
@@ -86,15 +109,19 @@ def back_up(workspace: Workspace, target: Path) -> Backup:
 def restore(source: Path, root: Path, settings: Path | None = None) -> dict[str, Any]:
     """Makes the workspace `root`, which must not exist yet, from the backup in the folder `source`.
 
-    settings : a file that takes the place of the backup's settings; the catalogue goes into the database that they name, which
-    must be empty, as an object store that only the backup's settings name. All is verified before the folder gets its name.
-    Returns the manifest, with `problems` (as dictionaries of `Problem`): what is not as it was stored, as it was not when the
-    backup was made. Raises InputError for a backup that is not whole, and for a place that is taken; nothing is changed then.
+    settings : a file that takes the place of the backup's settings; the catalogue goes into the
+    database that they name, which must be empty, as an object store that only the backup's settings
+    name. All is verified before the folder gets its name. Returns the manifest, with `problems` (as
+    dictionaries of `Problem`): what is not as it was stored, as it was not when the backup was
+    made. Raises InputError for a backup that is not whole, and for a place that is taken; nothing
+    is changed then.
     """
     manifest = manifest_of(source)
     _require_free(root)
     if not root.absolute().parent.is_dir():
-        raise InputError("its folder does not exist", str(root), "name a folder in one that is there")
+        raise InputError(
+            "its folder does not exist", str(root), "name a folder in one that is there"
+        )
     left: list[Problem] = []
     made: list[int] = []
 
@@ -112,14 +139,24 @@ def restore(source: Path, root: Path, settings: Path | None = None) -> dict[str,
             for named in _named(source, snapshot, source):
                 _take(source, workspace, named, manifest["problems"])
             for path in manifest["quarantine"]:
-                workspace.resolve(path).parent.mkdir(exist_ok=True)  # a folder whose files are gone is found by what follows
+                workspace.resolve(path).parent.mkdir(
+                    exist_ok=True
+                )  # a folder whose files are gone is found by what follows
                 _take(source, workspace, _quarantined(source / path, source), manifest["problems"])
             if objects is not None:
                 push(workspace, snapshot)
             with _moved(snapshot, place) as catalogue:
                 # What is newer in the object store than the backup belongs to none of its rows.
-                found = [problem for problem in verify(workspace, catalogue).problems if problem.kind != ORPHAN]
-                left.extend(problem for problem in found if _is_known(problem, workspace, manifest["problems"]))
+                found = [
+                    problem
+                    for problem in verify(workspace, catalogue).problems
+                    if problem.kind != ORPHAN
+                ]
+                left.extend(
+                    problem
+                    for problem in found
+                    if _is_known(problem, workspace, manifest["problems"])
+                )
                 require_clean([problem for problem in found if problem not in left], str(source))
         if place.url:
             file.unlink()
@@ -132,17 +169,21 @@ def restore(source: Path, root: Path, settings: Path | None = None) -> dict[str,
 
 
 def _kept_catalogue(source: Path, manifest: dict[str, Any]) -> Path:
-    """The file with the catalogue of a backup; InputError when it is not the one that was written."""
+    """The file with the catalogue of a backup; InputError when it is not the one that was
+    written."""
     stated = manifest["catalogue"]
     kept = source / Path(stated["name"]).name
     if not kept.is_file() or measured(kept) != (stated["sha256"], stated["size"]):
-        raise InputError("its catalogue is not the one that was written", str(source), "use another backup")
+        raise InputError(
+            "its catalogue is not the one that was written", str(source), "use another backup"
+        )
     return kept
 
 
 @contextmanager
 def _moved(snapshot: Catalogue, place: Place) -> Iterator[Catalogue]:
-    """The catalogue of the new workspace: the file itself, or its rows in a database, where they stay if all is well."""
+    """The catalogue of the new workspace: the file itself, or its rows in a database, where they
+    stay if all is well."""
     if not place.url:
         yield snapshot
         return
@@ -152,15 +193,20 @@ def _moved(snapshot: Catalogue, place: Place) -> Iterator[Catalogue]:
 
 
 def manifest_of(folder: Path) -> dict[str, Any]:
-    """The manifest of a backup; InputError for a folder that is none, or whose backup was interrupted or is damaged."""
+    """The manifest of a backup; InputError for a folder that is none, or whose backup was
+    interrupted or is damaged."""
     try:
         text = (folder / _MANIFEST).read_bytes()
     except OSError as error:
         if (folder / _PARTIAL).exists():
             raise InputError(
-                "this backup was interrupted", str(folder), "run it again: what is there is not copied twice"
+                "this backup was interrupted",
+                str(folder),
+                "run it again: what is there is not copied twice",
             ) from error
-        raise InputError("no backup here", str(folder), "name the folder that `aerodb backup` wrote") from error
+        raise InputError(
+            "no backup here", str(folder), "name the folder that `aerodb backup` wrote"
+        ) from error
     try:
         found: dict[str, Any] = json.loads(text.decode("ascii"))
         stated = found.pop("sha256", None)
@@ -170,64 +216,95 @@ def manifest_of(folder: Path) -> dict[str, Any]:
         remedy = "run `aerodb backup` into it again: only what is new is copied"
         raise InputError("a backup of an older kind", str(folder), remedy)
     if _sealed(found) != text:
-        remedy = "use another backup, or run `aerodb backup` into it again while the workspace is there"
-        raise InputError("its manifest is not the one that was written", str(folder / _MANIFEST), remedy)
+        remedy = (
+            "use another backup, or run `aerodb backup` into it again while the workspace is there"
+        )
+        raise InputError(
+            "its manifest is not the one that was written", str(folder / _MANIFEST), remedy
+        )
     if found.get("format") != _FORMAT:
         raise InputError("a backup of a newer kind", str(folder), "update aerodb")
     return found
 
 
 def _sealed(manifest: dict[str, Any]) -> bytes:
-    """A manifest as it is written, with the hash of all else in it: other bytes are another manifest."""
+    """A manifest as it is written, with the hash of all else in it: other bytes are another
+    manifest."""
     sha256 = hashlib.sha256(json.dumps(manifest, indent=1).encode("ascii")).hexdigest()
     return (json.dumps({**manifest, "sha256": sha256}, indent=1) + "\n").encode("ascii")
 
 
 def _require_free(root: Path) -> None:
     if root.exists() or root.is_symlink():
-        raise InputError("is there already", str(root), "name a folder that does not exist yet, and move it where you want it")
+        raise InputError(
+            "is there already",
+            str(root),
+            "name a folder that does not exist yet, and move it where you want it",
+        )
 
 
 def _is_known(problem: Problem, workspace: Workspace, listed: Collection[str]) -> bool:
-    """Whether something was not as it should be when the backup was made: it, what is in it, or its recording's index."""
+    """Whether something was not as it should be when the backup was made: it, what is in it, or its
+    recording's index."""
     if problem.kind == "catalogue":
         return False
     if problem.kind == "no hash":  # the catalogue and the index say so, and they are sound
         return workspace.resolve(problem.where).is_file()
     folder = problem.where.rpartition("/")[0]
-    if problem.kind == "not put" and problem.where.endswith(f"/{INDEX}"):  # nor is the topic that it needs
+    if problem.kind == "not put" and problem.where.endswith(
+        f"/{INDEX}"
+    ):  # nor is the topic that it needs
         return any(where.startswith(f"{folder}/") for where in listed)
-    return f"{folder}/{INDEX}" in listed or any(f"{where}/".startswith(f"{problem.where}/") for where in listed)
+    return f"{folder}/{INDEX}" in listed or any(
+        f"{where}/".startswith(f"{problem.where}/") for where in listed
+    )
 
 
 def _claim(workspace: Workspace, target: Path) -> None:
     """Makes the folder, or makes sure that it holds nothing but an earlier backup."""
     here, there = workspace.root.resolve(), target.resolve()
     if there.is_relative_to(here) or here.is_relative_to(there):
-        raise InputError("a backup cannot lie inside what it is of", str(target), "choose another folder, best on another disk")
+        raise InputError(
+            "a backup cannot lie inside what it is of",
+            str(target),
+            "choose another folder, best on another disk",
+        )
     try:
         with disk_faults(target):
             target.mkdir(parents=True, exist_ok=True)
     except (FileExistsError, NotADirectoryError) as error:
         raise InputError("is no folder", str(target), "choose another one") from error
-    if any(target.iterdir()) and not (target / _PARTIAL).exists() and not (target / _MANIFEST).exists():
+    if (
+        any(target.iterdir())
+        and not (target / _PARTIAL).exists()
+        and not (target / _MANIFEST).exists()
+    ):
         raise InputError("holds something that is no backup", str(target), "choose a new folder")
 
 
 def _copy_catalogue(place: Place, target: Path) -> None:
     """One consistent state of a database that others may write to meanwhile, into a file."""
-    for left in (target, target.with_name(f"{target.name}-wal"), target.with_name(f"{target.name}-shm")):
+    for left in (
+        target,
+        target.with_name(f"{target.name}-wal"),
+        target.with_name(f"{target.name}-shm"),
+    ):
         left.unlink(missing_ok=True)  # the log of an interrupted copy does not belong to this one
     if place.url:
         with Catalogue.open(place.path, create=False) as live, Catalogue.in_file(target) as copy:
             return copy_catalogue(live, copy)
     source = place.path
-    reading, writing = sqlite3.connect(f"{source.absolute().as_uri()}?mode=ro", uri=True), sqlite3.connect(target)
+    reading, writing = (
+        sqlite3.connect(f"{source.absolute().as_uri()}?mode=ro", uri=True),
+        sqlite3.connect(target),
+    )
     try:
         reading.backup(writing)
     except sqlite3.OperationalError as error:
         raise StoreError(
-            f"the catalogue cannot be copied: {error}", str(source), "make room, then run the backup again"
+            f"the catalogue cannot be copied: {error}",
+            str(source),
+            "make room, then run the backup again",
         ) from error
     finally:
         writing.close()
@@ -242,9 +319,11 @@ def _as_one_file(catalogue: Path) -> None:
 
 
 def _named(root: Path, catalogue: Catalogue, copied: Path) -> Iterator[StoredFile]:
-    """Every file of the store that a catalogue names, as it stands below `root`; `sha256` is empty where none is known.
+    """Every file of the store that a catalogue names, as it stands below `root`; `sha256` is empty
+    where none is known.
 
-    copied : where the index of a recording stands once who asks has dealt with it: it names the files that come next.
+    copied : where the index of a recording stands once who asks has dealt with it: it names the
+    files that come next.
     """
     for file in catalogue.every_stored_file():
         yield file
@@ -257,9 +336,13 @@ def _named(root: Path, catalogue: Catalogue, copied: Path) -> Iterator[StoredFil
 
 
 def _in_quarantine(root: Path) -> Iterator[StoredFile]:
-    """What each folder in quarantine holds or should hold, a log and the reason; nothing of a link or a pipe."""
+    """What each folder in quarantine holds or should hold, a log and the reason; nothing of a link
+    or a pipe."""
     for folder in sorted(entry for entry in (root / "quarantine").iterdir() if entry.is_dir()):
-        held = next((path for path in sorted(folder.iterdir()) if path.name.startswith(("aside", "log"))), folder / "log")
+        held = next(
+            (path for path in sorted(folder.iterdir()) if path.name.startswith(("aside", "log"))),
+            folder / "log",
+        )
         if held.name != "aside" or (held.is_file() and not held.is_symlink()):
             yield _quarantined(held, root)
             yield _quarantined(folder / REASON, root)
@@ -278,9 +361,12 @@ def _size(path: Path) -> int:
 
 
 def _take(source: Path, workspace: Workspace, file: StoredFile, listed: Collection[str]) -> None:
-    """Copies a file from a backup; not what was damaged when it was made, nor what is not there: verifying finds it."""
+    """Copies a file from a backup; not what was damaged when it was made, nor what is not there:
+    verifying finds it."""
     copy, place = source / file.path, workspace.resolve(file.path)
-    if copy.is_file() and (file.path not in listed or not file.sha256 or has_sha256(copy, file.sha256)):
+    if copy.is_file() and (
+        file.path not in listed or not file.sha256 or has_sha256(copy, file.sha256)
+    ):
         place.parent.mkdir(parents=True, exist_ok=True)
         _copy(copy, place)
 
@@ -292,13 +378,17 @@ def _copy_files(workspace: Workspace, named: Iterable[StoredFile], target: Path)
     for file in named:
         source, place = workspace.resolve(file.path), target / file.path
         files, size = files + 1, size + file.size
-        if _is_copied(source, place) or (objects is not None and not source.exists() and has_sha256(place, file.sha256)):
+        if _is_copied(source, place) or (
+            objects is not None and not source.exists() and has_sha256(place, file.sha256)
+        ):
             continue
         what = _copied_wrongly(source, place, file)
         if what and objects is not None and file.sha256:
             what = _fetched_wrongly(objects, place, file, what)
         if what:
-            problems.append(Problem("changed", what, file.path, "aerodb verify says what to do about it"))
+            problems.append(
+                Problem("changed", what, file.path, "aerodb verify says what to do about it")
+            )
         else:
             copied += 1
     return Backup(files, size, copied, tuple(problems))
@@ -328,7 +418,8 @@ def _copied_wrongly(source: Path, place: Path, file: StoredFile) -> str:
 
 
 def _fetched_wrongly(objects: Objects, place: Path, file: StoredFile, what: str) -> str:
-    """Fetches a file that is not here as it was stored (`what` says why); else says what is wrong with it here and there."""
+    """Fetches a file that is not here as it was stored (`what` says why); else says what is wrong
+    with it here and there."""
     try:
         return "" if objects.fetch(file, place) else f"{what}, and it is not in the object store"
     except DamagedObject as error:

@@ -1,7 +1,9 @@
-"""Whether the store is what the catalogue says it is: every file's bytes, every edge, every identity.
+"""Whether the store is what the catalogue says it is: every file's bytes, every edge, every
+identity.
 
-Files are looked at folder by folder, rows in parts: the work grows with the store, memory does not. What another process is
-just writing is told from what was left behind, so that it can run at any time.
+Files are looked at folder by folder, rows in parts: the work grows with the store, memory does not.
+What another process is just writing is told from what was left behind, so that it can run at any
+time.
 """
 
 import time
@@ -21,13 +23,16 @@ from aerodb.storage.workspace import Workspace
 #: A file younger than this [s] may still get its row.
 _SETTLED: Final = 600.0
 _MADE_AGAIN: Final = "remove it: it is made again when it is needed next"
-_PUT_BACK: Final = "its flight is not touched; put the log back as it came, from its source or a backup"
+_PUT_BACK: Final = (
+    "its flight is not touched; put the log back as it came, from its source or a backup"
+)
 _TAKE_IN_AGAIN: Final = "remove this folder and ingest the log again"
 
 
 @dataclass(frozen=True)
 class Problem:
-    """One thing that is not as it should be: its kind, what, where (relative to the workspace), and how to repair it."""
+    """One thing that is not as it should be: its kind, what, where (relative to the workspace), and
+    how to repair it."""
 
     kind: str
     what: str
@@ -37,7 +42,8 @@ class Problem:
 
 @dataclass
 class Report:
-    """What was checked (how many files, bytes, edges, versions...), what is wrong, and how many files are being written now."""
+    """What was checked (how many files, bytes, edges, versions...), what is wrong, and how many
+    files are being written now."""
 
     problems: list[Problem] = field(default_factory=list)
     checked: dict[str, int] = field(default_factory=dict)
@@ -51,7 +57,8 @@ class Report:
 
 
 def verify(workspace: Workspace, catalogue: Catalogue, fetch: bool = False) -> Report:
-    """Checks everything; see `Report`. Raises InputError for a catalogue that cannot be opened at all.
+    """Checks everything; see `Report`. Raises InputError for a catalogue that cannot be opened at
+    all.
 
     fetch : reads every object of the object store, too; else their existence and size are checked.
     """
@@ -64,7 +71,11 @@ def verify(workspace: Workspace, catalogue: Catalogue, fetch: bool = False) -> R
             _check_folder(workspace, catalogue, place, report, is_cache=objects is not None)
     for file in catalogue.every_stored_file() if objects is None else ():
         if not workspace.resolve(file.path).exists():
-            remedy = "ingest its log again" if file.path.endswith(INDEX) else "it is made again when it is needed next"
+            remedy = (
+                "ingest its log again"
+                if file.path.endswith(INDEX)
+                else "it is made again when it is needed next"
+            )
             remedy = _PUT_BACK if file.path.startswith("logs/") else remedy
             report.add("missing", "this file is gone", file.path, remedy)
     for path in audit.results_without_file():
@@ -75,8 +86,11 @@ def verify(workspace: Workspace, catalogue: Catalogue, fetch: bool = False) -> R
     return report
 
 
-def _check_folder(workspace: Workspace, catalogue: Catalogue, place: Path, report: Report, is_cache: bool) -> None:
-    """One folder of the fan-out: each file against its row; what is in a cache may leave it meanwhile."""
+def _check_folder(
+    workspace: Workspace, catalogue: Catalogue, place: Path, report: Report, is_cache: bool
+) -> None:
+    """One folder of the fan-out: each file against its row; what is in a cache may leave it
+    meanwhile."""
     entries = sorted(place.iterdir()) if place.is_dir() else [place]
     prefix = workspace.relative(place)
     rows = catalogue.stored_files(f"{prefix}/", f"{prefix}0")  # '0' follows '/'
@@ -87,7 +101,9 @@ def _check_folder(workspace: Workspace, catalogue: Catalogue, place: Path, repor
         path = workspace.relative(entry / INDEX if entry.is_dir() else entry)
         row = rows.get(path) or catalogue.stored_file(path)  # the row may have come meanwhile
         if row is None and path.startswith("logs/") and catalogue.log(entry.name[:64]) is not None:
-            row = StoredFile(path, entry.name[:64], entry.stat().st_size)  # a log's name is its hash
+            row = StoredFile(
+                path, entry.name[:64], entry.stat().st_size
+            )  # a log's name is its hash
         if row is None and entry.is_dir() and catalogue.log(entry.name[:64]) is not None:
             report.add("no hash", "no hash of its topics is known", path, _TAKE_IN_AGAIN)
         elif row is None:
@@ -100,7 +116,12 @@ def _check_folder(workspace: Workspace, catalogue: Catalogue, place: Path, repor
 
 def _check_temporary(workspace: Workspace, entry: Path, report: Report) -> None:
     if is_abandoned(entry):
-        report.add("half-written", "its writer ended before it was complete", workspace.relative(entry), "remove it")
+        report.add(
+            "half-written",
+            "its writer ended before it was complete",
+            workspace.relative(entry),
+            "remove it",
+        )
     else:
         report.pending += 1
 
@@ -114,7 +135,12 @@ def _orphan(workspace: Workspace, entry: Path, report: Report) -> None:
         report.pending += 1
         return
     what = "nothing in the catalogue names it: whoever wrote it ended before its row was there"
-    report.add("orphan", what, workspace.relative(entry), "remove it, or run what made it again: it is then taken as it is")
+    report.add(
+        "orphan",
+        what,
+        workspace.relative(entry),
+        "remove it, or run what made it again: it is then taken as it is",
+    )
 
 
 def _is_sound(path: Path, row: StoredFile, report: Report, remedy: str) -> bool:
@@ -124,7 +150,12 @@ def _is_sound(path: Path, row: StoredFile, report: Report, remedy: str) -> bool:
     except FileNotFoundError:
         return False
     except OSError as error:
-        report.add("unreadable", error.strerror or str(error), row.path, "check the disk and the rights, then verify again")
+        report.add(
+            "unreadable",
+            error.strerror or str(error),
+            row.path,
+            "check the disk and the rights, then verify again",
+        )
         return False
     report.count("files")
     report.count("bytes", size)
@@ -151,31 +182,56 @@ def _check_topics(workspace: Workspace, folder: Path, report: Report) -> None:
     known = files_of(folder)
     for name, (sha256, size) in known.items():
         if not sha256:
-            report.add("no hash", "no hash of this topic is known", workspace.relative(folder / name), _TAKE_IN_AGAIN)
+            report.add(
+                "no hash",
+                "no hash of this topic is known",
+                workspace.relative(folder / name),
+                _TAKE_IN_AGAIN,
+            )
             continue
         row = StoredFile(workspace.relative(folder / name), sha256, size)
-        if not _is_sound(folder / name, row, report, _TAKE_IN_AGAIN) and not (folder / name).exists():
+        if (
+            not _is_sound(folder / name, row, report, _TAKE_IN_AGAIN)
+            and not (folder / name).exists()
+        ):
             report.add("missing", "this topic of a recording is gone", row.path, _TAKE_IN_AGAIN)
     for entry in sorted(folder.iterdir()):
         if entry.name != INDEX and entry.name not in known:
-            report.add("orphan", "the recording's index does not name it", workspace.relative(entry), "remove it")
+            report.add(
+                "orphan",
+                "the recording's index does not name it",
+                workspace.relative(entry),
+                "remove it",
+            )
 
 
 def _check_quarantine(workspace: Workspace, catalogue: Catalogue, report: Report) -> None:
-    """What lies in quarantine: a log's bytes are its folder's name, and it has its row and its reason; a link or a pipe
-    that came through the inbox has its reason."""
-    for folder in sorted(entry for entry in (workspace.root / "quarantine").iterdir() if entry.is_dir()):
+    """What lies in quarantine: a log's bytes are its folder's name, and it has its row and its
+    reason; a link or a pipe that came through the inbox has its reason."""
+    for folder in sorted(
+        entry for entry in (workspace.root / "quarantine").iterdir() if entry.is_dir()
+    ):
         names = sorted(entry.name for entry in folder.iterdir())
         for name in names:
             if is_temporary(folder / name):
                 _check_temporary(workspace, folder / name, report)
         log = next((folder / name for name in names if name.startswith("log")), None)
         if (log is None and "aside" not in names) or "reason.json" not in names:
-            report.add("missing", "the log or its reason is gone", workspace.relative(folder), _TAKE_IN_AGAIN)
+            report.add(
+                "missing",
+                "the log or its reason is gone",
+                workspace.relative(folder),
+                _TAKE_IN_AGAIN,
+            )
         elif log is not None and catalogue.log(folder.name) is None:
             _orphan(workspace, folder, report)
         elif log is not None:
-            _is_sound(log, StoredFile(workspace.relative(log), folder.name, log.stat().st_size), report, _TAKE_IN_AGAIN)
+            _is_sound(
+                log,
+                StoredFile(workspace.relative(log), folder.name, log.stat().st_size),
+                report,
+                _TAKE_IN_AGAIN,
+            )
 
 
 def lines(report: Report) -> Iterator[str]:
@@ -183,7 +239,9 @@ def lines(report: Report) -> Iterator[str]:
     for problem in report.problems:
         yield f"{problem.kind}: {problem.where}: {problem.what}; {problem.remedy}"
     sums = ", ".join(f"{number} {name}" for name, number in sorted(report.checked.items()))
-    yield f"checked {sums}" + (f"; {report.pending} files are being written" if report.pending else "")
+    yield f"checked {sums}" + (
+        f"; {report.pending} files are being written" if report.pending else ""
+    )
 
 
 def require_clean(problems: Sequence[Problem], where: str) -> None:

@@ -1,4 +1,5 @@
-"""Whether the object store has what the catalogue says: every file's object, whole, and nothing else; its bytes if asked."""
+"""Whether the object store has what the catalogue says: every file's object, whole, and nothing
+else; its bytes if asked."""
 
 import time
 from dataclasses import replace
@@ -18,15 +19,21 @@ ORPHAN: Final = "orphan object"
 _LOCAL: Final = ("changed", "unreadable", "missing")
 
 
-def check_objects(workspace: Workspace, catalogue: Catalogue, objects: Objects, report: "Report", fetch: bool) -> None:
-    """Adds to `report`, which has what is wrong in the folder already, what is wrong in the object store.
+def check_objects(
+    workspace: Workspace, catalogue: Catalogue, objects: Objects, report: "Report", fetch: bool
+) -> None:
+    """Adds to `report`, which has what is wrong in the folder already, what is wrong in the object
+    store.
 
-    fetch : also reads every object; else size and existence are checked, which costs a request per thousand objects.
+    fetch : also reads every object; else size and existence are checked, which costs a request per
+    thousand objects.
     """
     for part in parts(workspace, catalogue, objects):
         whole = [file for file in part.files if part.has(objects.address(file), file)]
         damaged = _damaged(objects, whole) if fetch else set()
-        for file in filter(lambda file: file.sha256, part.files):  # that a hash is not known was said before
+        for file in filter(
+            lambda file: file.sha256, part.files
+        ):  # that a hash is not known was said before
             _check(workspace, objects, part, file, damaged, report)
         _heal({file.path for file in whole} - damaged, report)
         _check_others(objects, part, report)
@@ -47,7 +54,14 @@ def _damaged(objects: Objects, files: list[StoredFile]) -> set[str]:
     return found
 
 
-def _check(workspace: Workspace, objects: Objects, part: Part, file: StoredFile, damaged: set[str], report: "Report") -> None:
+def _check(
+    workspace: Workspace,
+    objects: Objects,
+    part: Part,
+    file: StoredFile,
+    damaged: set[str],
+    report: "Report",
+) -> None:
     address = objects.address(file)
     if part.has(address, file) and file.path not in damaged:
         report.count("objects")
@@ -55,17 +69,29 @@ def _check(workspace: Workspace, objects: Objects, part: Part, file: StoredFile,
     is_here = is_sound(workspace, file)
     if address in part.objects:
         again = "run `aerodb store push`" if is_here else _back(file)
-        report.add("changed", "the object's bytes are not those that were stored", address, f"remove it, then {again}")
+        report.add(
+            "changed",
+            "the object's bytes are not those that were stored",
+            address,
+            f"remove it, then {again}",
+        )
     elif is_here:
-        report.add("not put", "this file is not in the object store", file.path, "run `aerodb store push`")
+        report.add(
+            "not put", "this file is not in the object store", file.path, "run `aerodb store push`"
+        )
     else:
-        report.add("missing", "this file is neither here nor in the object store", file.path, _back(file))
+        report.add(
+            "missing", "this file is neither here nor in the object store", file.path, _back(file)
+        )
 
 
 def _back(file: StoredFile) -> str:
     """How a file that is lost comes back."""
     if file.path.startswith("logs/"):
-        return "put the log back into the inbox, from its source or a backup; its flight is not touched"
+        return (
+            "put the log back into the inbox, from its source or a backup; its flight is not"
+            " touched"
+        )
     if file.path.endswith(f"/{INDEX}"):
         return "ingest its log again"
     if ".topics/" in file.path:
@@ -74,7 +100,8 @@ def _back(file: StoredFile) -> str:
 
 
 def _heal(whole: set[str], report: "Report") -> None:
-    """What is damaged in the folder, but whole in the object store, needs no more than to be removed."""
+    """What is damaged in the folder, but whole in the object store, needs no more than to be
+    removed."""
     for number, problem in enumerate(report.problems):
         if problem.kind in _LOCAL and problem.where in whole:
             of = "the folder that it is in" if ".topics/" in problem.where else "it"
@@ -83,7 +110,8 @@ def _heal(whole: set[str], report: "Report") -> None:
 
 
 def _check_others(objects: Objects, part: Part, report: "Report") -> None:
-    """Objects that no row names; whose index cannot be read, of that recording nobody knows them."""
+    """Objects that no row names; whose index cannot be read, of that recording nobody knows
+    them."""
     known = {objects.address(file) for file in part.files}
     for address, (file, put) in part.objects.items():
         if address in known or file.path.startswith(part.unread):
@@ -91,5 +119,13 @@ def _check_others(objects: Objects, part: Part, report: "Report") -> None:
         if abs(time.time() - put) < _SETTLED:
             report.pending += 1
         else:
-            what = "nothing in the catalogue names it: its writer ended before its row was there, or another wrote the same"
-            report.add(ORPHAN, what, address, "remove it, unless another workspace keeps its files below this prefix, too")
+            what = (
+                "nothing in the catalogue names it: its writer ended before its row was there, or"
+                " another wrote the same"
+            )
+            report.add(
+                ORPHAN,
+                what,
+                address,
+                "remove it, unless another workspace keeps its files below this prefix, too",
+            )

@@ -1,6 +1,7 @@
 """JSBSim as the receiver of an export: an aircraft file, given as bytes, loaded and ready to run.
 
-JSBSim is an optional extra (``pip install 'aerodb[jsbsim]'``); what is compared with it belongs in `aerodb.exchange`.
+JSBSim is an optional extra (``pip install 'aerodb[jsbsim]'``); what is compared with it belongs in
+`aerodb.exchange`.
 """
 
 import importlib.util
@@ -21,10 +22,13 @@ def jsbsim_is_installed() -> bool:
 def loaded_in_jsbsim(xml: bytes) -> Any:
     """JSBSim's FGFDMExec with the aircraft of `xml` loaded; it prints nothing.
 
-    Raises InputError with JSBSim's own words when it cannot load the file, and when JSBSim is not installed.
+    Raises InputError with JSBSim's own words when it cannot load the file, and when JSBSim is not
+    installed.
     """
     if not jsbsim_is_installed():
-        raise InputError("JSBSim is not installed", "check of an export", "pip install 'aerodb[jsbsim]'")
+        raise InputError(
+            "JSBSim is not installed", "check of an export", "pip install 'aerodb[jsbsim]'"
+        )
     import jsbsim
 
     class Collector(jsbsim.FGLogger):
@@ -49,7 +53,9 @@ def loaded_in_jsbsim(xml: bytes) -> Any:
             executive = jsbsim.FGFDMExec(folder)
             try:
                 loaded = bool(executive.load_model(_NAME))
-            except Exception as error:  # JSBSim raises types of its own, derived from RuntimeError or not
+            except (
+                Exception
+            ) as error:  # JSBSim raises types of its own, derived from RuntimeError or not
                 collector.said, loaded = str(error), False
         if not loaded:
             said = " ".join(collector.said.split())[-300:]

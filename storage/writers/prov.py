@@ -1,7 +1,8 @@
 """Lineage as W3C PROV-JSON: what a version was derived from, by which runs, and who released it.
 
-Entities are versions, flights and logs; activities are runs and moves of names; agents are this software and people. The
-ids are ours: ``version:``, ``flight:``, ``log:`` and ``run:`` before the id of the catalogue.
+Entities are versions, flights and logs; activities are runs and moves of names; agents are this
+software and people. The ids are ours: ``version:``, ``flight:``, ``log:`` and ``run:`` before the
+id of the catalogue.
 """
 
 import hashlib
@@ -20,21 +21,30 @@ _KINDS = ("version", "flight", "log", "run", "move", "agent")
 _OWN = Namespace("aerodb", "urn:aerodb:")
 
 
-def prov_json(lineage: Lineage, settings: Mapping[str, Mapping[str, object]], moves: Sequence[NameEvent]) -> bytes:
-    """`lineage` as PROV-JSON (W3C Member Submission 2013), UTF-8, read back and found equal before it is returned.
+def prov_json(
+    lineage: Lineage, settings: Mapping[str, Mapping[str, object]], moves: Sequence[NameEvent]
+) -> bytes:
+    """`lineage` as PROV-JSON (W3C Member Submission 2013), UTF-8, read back and found equal before
+    it is returned.
 
-    settings : version -> what made it. moves : those of names to versions of the line; others are left out.
+    settings : version -> what made it. moves : those of names to versions of the line; others are
+    left out.
     """
     document = ProvDocument()
     for kind in _KINDS:
         document.add_namespace(kind, f"urn:aerodb:{kind}:")
     document.add_namespace(_OWN)
-    software = document.agent("aerodb:aerodb", {"prov:type": PROV["SoftwareAgent"], "prov:label": "aerodb"})
+    software = document.agent(
+        "aerodb:aerodb", {"prov:type": PROV["SoftwareAgent"], "prov:label": "aerodb"}
+    )
     for run in lineage.runs:
         document.wasAssociatedWith(_run(document, run), software)
     noted = {run.id for run in lineage.runs}
     for flight, role in sorted(lineage.roles.items()):
-        log = document.entity(f"log:{lineage.logs[flight]}", {"prov:type": _own("log"), "aerodb:sha256": lineage.logs[flight]})
+        log = document.entity(
+            f"log:{lineage.logs[flight]}",
+            {"prov:type": _own("log"), "aerodb:sha256": lineage.logs[flight]},
+        )
         document.entity(f"flight:{flight}", {"prov:type": _own("flight"), "aerodb:role": role})
         document.wasDerivedFrom(f"flight:{flight}", log)
     for row in lineage.line:
@@ -45,7 +55,11 @@ def prov_json(lineage: Lineage, settings: Mapping[str, Mapping[str, object]], mo
             document.wasDerivedFrom(f"version:{row.id}", f"version:{row.parent}")
     for flight, role in sorted(lineage.roles.items()):
         if role != "excluded":
-            document.wasDerivedFrom(f"version:{lineage.version.id}", f"flight:{flight}", other_attributes={"aerodb:role": role})
+            document.wasDerivedFrom(
+                f"version:{lineage.version.id}",
+                f"flight:{flight}",
+                other_attributes={"aerodb:role": role},
+            )
     line = {row.id for row in lineage.line}
     for move in moves:
         if move.version in line:
@@ -53,29 +67,44 @@ def prov_json(lineage: Lineage, settings: Mapping[str, Mapping[str, object]], mo
     return _checked(document)
 
 
-def _version(document: ProvDocument, row: VersionRow, settings: Mapping[str, object], inputs: Sequence[str]) -> None:
+def _version(
+    document: ProvDocument, row: VersionRow, settings: Mapping[str, object], inputs: Sequence[str]
+) -> None:
     attributes = {
         "prov:type": _own("version"),
         "prov:label": f"{row.vehicle} {row.label}",
         "aerodb:content_sha256": row.content_sha256,
         "aerodb:settings": enc.to_json(dict(settings)),
     }
-    document.entity(f"version:{row.id}", [*attributes.items(), *(("aerodb:input", key) for key in inputs)])
+    document.entity(
+        f"version:{row.id}", [*attributes.items(), *(("aerodb:input", key) for key in inputs)]
+    )
 
 
 def _run(document: ProvDocument, run: RunRow) -> QualifiedName:
-    attributes = [("prov:type", _own(run.flow)), ("aerodb:how", run.how), ("aerodb:state", run.state)]
+    attributes = [
+        ("prov:type", _own(run.flow)),
+        ("aerodb:how", run.how),
+        ("aerodb:state", run.state),
+    ]
     code = ("aerodb:code_version", run.code_version)
-    activity = document.activity(f"run:{run.id}", run.started_utc, run.ended_utc, [*attributes, code])
+    activity = document.activity(
+        f"run:{run.id}", run.started_utc, run.ended_utc, [*attributes, code]
+    )
     return _name(activity.identifier)
 
 
 def _move(document: ProvDocument, move: NameEvent) -> None:
     # What a user is called is text from outside: it becomes a label, never part of an id.
     person = document.agent(
-        f"agent:{hashlib.sha256(move.user.encode()).hexdigest()[:16]}", {"prov:type": PROV["Person"], "prov:label": move.user}
+        f"agent:{hashlib.sha256(move.user.encode()).hexdigest()[:16]}",
+        {"prov:type": PROV["Person"], "prov:label": move.user},
     )
-    attributes: dict[str, Any] = {"prov:type": _own("name_moved"), "aerodb:name": move.name, "aerodb:reason": move.reason}
+    attributes: dict[str, Any] = {
+        "prov:type": _own("name_moved"),
+        "aerodb:name": move.name,
+        "aerodb:reason": move.reason,
+    }
     activity = document.activity(f"move:{move.sequence}", move.at_utc, move.at_utc, attributes)
     document.used(activity, f"version:{move.version}", move.at_utc)
     document.wasAssociatedWith(activity, person)
@@ -95,5 +124,9 @@ def _checked(document: ProvDocument) -> bytes:
     text = document.serialize(format="json", indent=1)
     assert text is not None  # it is, where no destination is given
     if ProvDocument.deserialize(content=text, format="json") != document:
-        raise InputError("the lineage does not survive PROV-JSON", "export", "report this: it is a fault of aerodb")
+        raise InputError(
+            "the lineage does not survive PROV-JSON",
+            "export",
+            "report this: it is a fault of aerodb",
+        )
     return text.encode("utf-8")

@@ -3,10 +3,24 @@ from .calibration import bind, calibrate
 from .close_loop import prove_loop, run_loop, what_is_left
 from .coefficients import load_coefficients, reconstruct
 from .compare import beside, compare_with_version, compared
-from .consistency import applied_errors, check_consistency, load_consistent, noise_of, reconstructed_angles
+from .consistency import (
+    applied_errors,
+    check_consistency,
+    load_consistent,
+    noise_of,
+    reconstructed_angles,
+)
 from .counting import repeat_documents, repeating
 from .export import FORMS, export_version
-from .inbox import files_of_inbox, in_quarantine, note_failure, note_no_room, note_tries, set_aside, settle
+from .inbox import (
+    files_of_inbox,
+    in_quarantine,
+    note_failure,
+    note_no_room,
+    note_tries,
+    set_aside,
+    settle,
+)
 from .ingest import store_log
 from .inspect_log import look_over
 from .notify import deliver, tell

@@ -1,4 +1,5 @@
-"""When a vehicle's database is taken further by itself: enough flights are new since the last time."""
+"""When a vehicle's database is taken further by itself: enough flights are new since the last
+time."""
 
 from dataclasses import dataclass
 from typing import Any, Final
@@ -14,7 +15,8 @@ FLOWS: Final = {"close-loop": "close_loop_flow", "update": "update_flow"}
 
 @dataclass(frozen=True)
 class Due:
-    """How many of the newest flights of a vehicle are `new` since a flow ran last, and on which `flights` (ids) it would run.
+    """How many of the newest flights of a vehicle are `new` since a flow ran last, and on which
+    `flights` (ids) it would run.
 
     baseline : id of the released version, None while there is none.
     """
@@ -30,8 +32,9 @@ class Due:
 
 
 def due(opened: Stores, vehicle: str, loop: Loop, way: str) -> Due:
-    """Whether a vehicle's database is to be taken further in this way. What it costs does not grow with the flights stored:
-    the newest are looked at, and which of them the last run of the flow was given."""
+    """Whether a vehicle's database is to be taken further in this way. What it costs does not grow
+    with the flights stored: the newest are looked at, and which of them the last run of the flow
+    was given."""
     rows = opened.catalogue.newest_flights(vehicle, loop.newest)
     usable = [row.id for row in rows if row.retracted_utc is None and row.verdict != "rejected"]
     repeating = {repeat.flight for repeat in opened.catalogue.repeats(usable)}
@@ -42,12 +45,19 @@ def due(opened: Stores, vehicle: str, loop: Loop, way: str) -> Due:
 
 
 def parameters_of(opened: Stores, vehicle: str, loop: Loop, way: str, asked: Due) -> dict[str, Any]:
-    """The parameters of the flow; InputError where the model file that an update needs cannot be read."""
-    given: dict[str, Any] = {"vehicle": vehicle, "baseline": asked.baseline, "flights": list(asked.flights)}
+    """The parameters of the flow; InputError where the model file that an update needs cannot be
+    read."""
+    given: dict[str, Any] = {
+        "vehicle": vehicle,
+        "baseline": asked.baseline,
+        "flights": list(asked.flights),
+    }
     if way == "close-loop":
         return given
     try:
         path = opened.workspace.resolve(loop.model)
         return {**given, "model": path.read_text(encoding="utf-8")}
     except (OSError, ValueError) as error:
-        raise InputError(f"cannot be read: {error}", loop.model, "put the model file into the workspace") from error
+        raise InputError(
+            f"cannot be read: {error}", loop.model, "put the model file into the workspace"
+        ) from error

@@ -1,4 +1,5 @@
-"""Joint calibration of a vehicle's sensors from stored flights, and the binding of flights to it."""
+"""Joint calibration of a vehicle's sensors from stored flights, and the binding of flights to
+it."""
 
 from datetime import datetime
 from typing import Any
@@ -20,9 +21,11 @@ def calibrate(
     valid_from: str | None = None,
     valid_until: str | None = None,
 ) -> dict[str, Any]:
-    """Estimates the sensor parameters that `flights` (ids) share and stores them as a calibration of the vehicle.
+    """Estimates the sensor parameters that `flights` (ids) share and stores them as a calibration
+    of the vehicle.
 
-    valid_from, valid_until : ISO 8601, UTC. Returns a document: calibration (id), label, parameters, flights, skipped.
+    valid_from, valid_until : ISO 8601, UTC. Returns a document: calibration (id), label,
+    parameters, flights, skipped.
     """
     opened = stores(workspace)
     described, _ = opened.vehicle(vehicle)
@@ -45,16 +48,34 @@ def calibrate(
         flight, _ = load_flight(opened, row, run)
         loaded.append(flight)
     if not loaded:
-        raise InputError("no flight can be used", f"calibration of {vehicle}", "ingest flights that are not rejected")
-    span = [None if text is None else datetime.fromisoformat(text) for text in (valid_from, valid_until)]
+        raise InputError(
+            "no flight can be used",
+            f"calibration of {vehicle}",
+            "ingest flights that are not rejected",
+        )
+    span = [
+        None if text is None else datetime.fromisoformat(text) for text in (valid_from, valid_until)
+    ]
     found = joint_calibration(loaded, described, *span)
-    stored = opened.catalogue.add_calibration(found.id, vehicle=vehicle, content=found.document(), reason=reason, run=run)
-    parameters = {name: {"value": value, "standard_error": error} for name, (value, error) in found.by_name.items()}
+    stored = opened.catalogue.add_calibration(
+        found.id, vehicle=vehicle, content=found.document(), reason=reason, run=run
+    )
+    parameters = {
+        name: {"value": value, "standard_error": error}
+        for name, (value, error) in found.by_name.items()
+    }
     used = [flight.id for flight in loaded]
-    return {"calibration": stored.id, "label": stored.label, "parameters": parameters, "flights": used, "skipped": skipped}
+    return {
+        "calibration": stored.id,
+        "label": stored.label,
+        "parameters": parameters,
+        "flights": used,
+        "skipped": skipped,
+    }
 
 
 def bind(flight: str, *, workspace: str, run: str, calibration: str) -> str:
-    """Binds a flight to a calibration (ids); returns the flight. What hangs on it is recomputed when it is asked for next."""
+    """Binds a flight to a calibration (ids); returns the flight. What hangs on it is recomputed
+    when it is asked for next."""
     stores(workspace).catalogue.bind_flight(flight, calibration, run)
     return flight

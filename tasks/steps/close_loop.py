@@ -11,15 +11,28 @@ from aerodb.tracing import Remainder
 
 def run_loop(plan: Plan, library: Library, *, workspace: str, run: str, accept: Accept) -> Loop:
     """The loop on the plan's identification flights."""
-    source, baseline = flights_of(workspace, plan.vehicle, run), stores(workspace).database(plan.baseline)
+    source, baseline = (
+        flights_of(workspace, plan.vehicle, run),
+        stores(workspace).database(plan.baseline),
+    )
     return run_rounds(source, plan.hold_out.identified, baseline, library, accept)
 
 
-def prove_loop(plan: Plan, library: Library, loop: Loop, *, workspace: str, run: str, accept: Accept) -> tuple[AxisProof, ...]:
-    """Error before and after on flights that did not identify; below five flights each is predicted from the others."""
-    return validate_loop(flights_of(workspace, plan.vehicle, run), plan.hold_out, library, loop, accept)
+def prove_loop(
+    plan: Plan, library: Library, loop: Loop, *, workspace: str, run: str, accept: Accept
+) -> tuple[AxisProof, ...]:
+    """Error before and after on flights that did not identify; below five flights each is predicted
+    from the others."""
+    return validate_loop(
+        flights_of(workspace, plan.vehicle, run), plan.hold_out, library, loop, accept
+    )
 
 
-def what_is_left(plan: Plan, library: Library, loop: Loop, *, workspace: str, run: str) -> tuple[Remainder, ...]:
-    """What the identification flights still have in common beside the candidate; empty below the fewest flights."""
-    return unexplained_residuals(flights_of(workspace, plan.vehicle, run), plan.hold_out.identified, loop.candidate, library)
+def what_is_left(
+    plan: Plan, library: Library, loop: Loop, *, workspace: str, run: str
+) -> tuple[Remainder, ...]:
+    """What the identification flights still have in common beside the candidate; empty below the
+    fewest flights."""
+    return unexplained_residuals(
+        flights_of(workspace, plan.vehicle, run), plan.hold_out.identified, loop.candidate, library
+    )

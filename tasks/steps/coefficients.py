@@ -21,7 +21,8 @@ from aerodb.vehicle import Vehicle, cg_positions
 def reconstruct(flight: str, *, workspace: str, run: str) -> dict[str, Any]:
     """Computes and stores the coefficients of a flight (its id).
 
-    Returns a document: flight, key, axes, bandwidth [Hz], notes; or flight, key None and the reason why there are none.
+    Returns a document: flight, key, axes, bandwidth [Hz], notes; or flight, key None and the reason
+    why there are none.
     """
     opened = stores(workspace)
     try:
@@ -29,31 +30,60 @@ def reconstruct(flight: str, *, workspace: str, run: str) -> dict[str, Any]:
     except InputError as error:
         return {"flight": flight, "key": None, "reason": str(error), "axes": [], "notes": []}
     axes, notes = list(coefficients.values), list(coefficients.notes)
-    return {"flight": flight, "key": key, "axes": axes, "bandwidth": coefficients.bandwidth, "notes": notes}
+    return {
+        "flight": flight,
+        "key": key,
+        "axes": axes,
+        "bandwidth": coefficients.bandwidth,
+        "notes": notes,
+    }
 
 
 def load_coefficients(opened: Stores, row: FlightRow, run: str) -> tuple[Flight, Coefficients, str]:
-    """A consistent flight, its coefficients and their key; read back when they are stored, else computed and stored."""
+    """A consistent flight, its coefficients and their key; read back when they are stored, else
+    computed and stored."""
     flight, _, flight_key = load_consistent(opened, row, run)
     vehicle, _ = opened.vehicle(row.vehicle)
-    settings = {"bandwidth": bandwidth_of(flight, vehicle), "angular_acceleration": "differentiated"}
-    result = StoredResult(opened, "coefficients", "coefficients", {"flight": flight_key}, settings, flight=row.id)
+    settings = {
+        "bandwidth": bandwidth_of(flight, vehicle),
+        "angular_acceleration": "differentiated",
+    }
+    result = StoredResult(
+        opened, "coefficients", "coefficients", {"flight": flight_key}, settings, flight=row.id
+    )
     path = result.stored()
     if path is not None:
-        return flight, kept(of_file(path, flight_key), lambda: _stored(path, flight, vehicle)), result.key
+        return (
+            flight,
+            kept(of_file(path, flight_key), lambda: _stored(path, flight, vehicle)),
+            result.key,
+        )
     coefficients = total_coefficients(flight, vehicle)
     result.keep(run, lambda path: _write(path, coefficients, settings))
     return flight, coefficients, result.key
 
 
 def _stored(path: Path, flight: Flight, vehicle: Vehicle) -> Coefficients:
-    """Coefficients as they were stored; a moment reference that is no fixed point is the CG at each sample."""
+    """Coefficients as they were stored; a moment reference that is no fixed point is the CG at each
+    sample."""
     table, metadata = read_results(path, ("measured", "sigma", "usable"))
     axes, n, point = metadata["axes"], len(flight.time), metadata["moment_reference"]
-    values, sigma, usable = (dict(zip(axes, table[name].reshape(-1, n), strict=True)) for name in ("measured", "sigma", "usable"))
+    values, sigma, usable = (
+        dict(zip(axes, table[name].reshape(-1, n), strict=True))
+        for name in ("measured", "sigma", "usable")
+    )
     reference = cg_positions(flight, vehicle) if point == "cg" else np.broadcast_to(point, (n, 3))
     limit, notes = metadata["bandwidth"], tuple(metadata["notes"])
-    return Coefficients(flight.id, flight.time, values, sigma, usable, np.asarray(reference, dtype=np.float64), limit, notes)
+    return Coefficients(
+        flight.id,
+        flight.time,
+        values,
+        sigma,
+        usable,
+        np.asarray(reference, dtype=np.float64),
+        limit,
+        notes,
+    )
 
 
 def _write(path: Path, coefficients: Coefficients, settings: Mapping[str, object]) -> None:
@@ -67,5 +97,10 @@ def _write(path: Path, coefficients: Coefficients, settings: Mapping[str, object
     }
     point = coefficients.moment_reference
     fixed = point[0].tolist() if np.ptp(point, axis=0).max() == 0.0 else "cg"
-    metadata = {"axes": axes, "moment_reference": fixed, "notes": list(coefficients.notes), **settings}
+    metadata = {
+        "axes": axes,
+        "moment_reference": fixed,
+        "notes": list(coefficients.notes),
+        **settings,
+    }
     write_results(path, table, metadata)

@@ -21,8 +21,9 @@ from aerodb.tasks.workspace_access import Stores, stores
 def compare_with_version(flight: str, *, workspace: str, run: str, version: str) -> dict[str, Any]:
     """Compares a flight (its id) with a version (its id) and stores the result.
 
-    Returns a document: flight, key, axes (axis -> rms of measured, of residual and of sigma), notes; or, where the
-    comparison is not possible, flight, key None and the reason. That is no failure of the flight: it stays stored.
+    Returns a document: flight, key, axes (axis -> rms of measured, of residual and of sigma),
+    notes; or, where the comparison is not possible, flight, key None and the reason. That is no
+    failure of the flight: it stays stored.
     """
     opened = stores(workspace)
     try:
@@ -33,8 +34,11 @@ def compare_with_version(flight: str, *, workspace: str, run: str, version: str)
     return {"flight": flight, "key": key, "axes": axes, "notes": list(comparison.notes)}
 
 
-def load_comparison(opened: Stores, flight: str, version: str, run: str) -> tuple[Flight, Comparison, str]:
-    """A flight, its comparison with a version (both by id), and the comparison's key; stored when it is not yet."""
+def load_comparison(
+    opened: Stores, flight: str, version: str, run: str
+) -> tuple[Flight, Comparison, str]:
+    """A flight, its comparison with a version (both by id), and the comparison's key; stored when
+    it is not yet."""
     row = opened.catalogue.flight(flight)
     channels, comparison, coefficients_key = beside(opened, flight, opened.database(version), run)
     inputs = {"coefficients": coefficients_key, "version": version}
@@ -50,8 +54,11 @@ def compared(opened: Stores, flight: str, database: AeroDatabase, run: str) -> C
     return beside(opened, flight, database, run)[1]
 
 
-def beside(opened: Stores, flight: str, database: AeroDatabase, run: str) -> tuple[Flight, Comparison, str]:
-    """A flight (its id), its comparison with a database that need not be stored, and the key of its coefficients."""
+def beside(
+    opened: Stores, flight: str, database: AeroDatabase, run: str
+) -> tuple[Flight, Comparison, str]:
+    """A flight (its id), its comparison with a database that need not be stored, and the key of its
+    coefficients."""
     row = opened.catalogue.flight(flight)
     channels, coefficients, key = load_coefficients(opened, row, run)
 

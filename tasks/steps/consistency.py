@@ -1,4 +1,5 @@
-"""The consistency of a stored flight: reconstructed once per calibration that it is bound to, kept, and read back."""
+"""The consistency of a stored flight: reconstructed once per calibration that it is bound to, kept,
+and read back."""
 
 import json
 from collections.abc import Mapping
@@ -27,7 +28,8 @@ from aerodb.tasks.workspace_access import Stores, stores
 
 
 def check_consistency(flight: str, *, workspace: str, run: str) -> dict[str, Any]:
-    """Reconstructs a flight (its id) under its calibration and notes the verdict; what is stored is read back.
+    """Reconstructs a flight (its id) under its calibration and notes the verdict; what is stored is
+    read back.
 
     Returns the document of `aerodb.consistency.whole_flight` with flight and key.
     """
@@ -39,32 +41,41 @@ def check_consistency(flight: str, *, workspace: str, run: str) -> dict[str, Any
 
 
 def load_consistent(opened: Stores, row: FlightRow, run: str) -> tuple[Flight, dict[str, Any], str]:
-    """A consistent flight, its document, and the key of both; reconstructed and stored when they are not yet.
+    """A consistent flight, its document, and the key of both; reconstructed and stored when they
+    are not yet.
 
-    A flight that is processed for the first time is bound to the newest calibration that is valid for it, and stays bound
-    to that one until it is recalibrated.
+    A flight that is processed for the first time is bound to the newest calibration that is valid
+    for it, and stays bound to that one until it is recalibrated.
     """
     flight, flight_key = load_flight(opened, row, run)
     calibration = _bound(opened, row, run)
-    inputs = {"flight": flight_key, "calibration": "none" if calibration is None else calibration.id}
+    inputs = {
+        "flight": flight_key,
+        "calibration": "none" if calibration is None else calibration.id,
+    }
     limits = opened.accuracy(row.vehicle)
     settings = {"accuracy": limits} if limits else {}
     result = StoredResult(opened, "consistency", "consistency", inputs, settings, flight=row.id)
     path = result.stored()
     if path is not None:
-        restored, document = kept(of_file(path, flight_key), lambda: _restored(flight, *read_results(path)))
+        restored, document = kept(
+            of_file(path, flight_key), lambda: _restored(flight, *read_results(path))
+        )
         return restored, document, result.key
     vehicle, _ = opened.vehicle(row.vehicle)
     found = make_consistent(flight, vehicle, calibration)
     # as it will be read back: a document does not depend on whether it was just made
     document = json.loads(json.dumps({**found.document, "changed": list(found.changed)}))
     origins = [flight_key] if calibration is None else [flight_key, calibration.id]
-    result.keep(run, lambda path: write_results(path, _table(found), document), inputs=origins, settings={})
+    result.keep(
+        run, lambda path: write_results(path, _table(found), document), inputs=origins, settings={}
+    )
     return found.flight, document, result.key
 
 
 def _bound(opened: Stores, row: FlightRow, run: str) -> Calibration | None:
-    """The calibration that a flight is bound to; one that was never reconstructed is bound to the newest valid one."""
+    """The calibration that a flight is bound to; one that was never reconstructed is bound to the
+    newest valid one."""
     bound = opened.catalogue.calibration_of(row.id)
     if bound is not None:
         return from_document(bound.content)
@@ -83,29 +94,44 @@ def _table(found: Consistent) -> dict[str, np.ndarray]:
     flight = found.flight
     flags = {f"flags_{name}": flight.flags[name] for name in found.changed if name in flight.flags}
     sigma = {f"sigma_{name}": values for name, values in found.sigma.items()}
-    table = {"time": flight.time, **{name: flight[name] for name in found.changed}, **flags, **sigma}
+    table = {
+        "time": flight.time,
+        **{name: flight[name] for name in found.changed},
+        **flags,
+        **sigma,
+    }
     return table if found.changed or sigma else {}
 
 
-def _restored(flight: Flight, table: Mapping[str, np.ndarray], document: dict[str, Any]) -> tuple[Flight, dict[str, Any]]:
+def _restored(
+    flight: Flight, table: Mapping[str, np.ndarray], document: dict[str, Any]
+) -> tuple[Flight, dict[str, Any]]:
     """The flight with its stored corrections, and their document."""
     changed = document["changed"]
     flags = {name: table[f"flags_{name}"] for name in changed if f"flags_{name}" in table}
     made = flight.with_channels({name: table[name] for name in changed})
-    return replace(made, flags={**flight.flags, **flags}, notes=(*flight.notes, *document["notes"])), document
+    return replace(
+        made, flags={**flight.flags, **flags}, notes=(*flight.notes, *document["notes"])
+    ), document
 
 
 def reconstructed_angles(document: Mapping[str, Any]) -> frozenset[str]:
     """The flow angles of a consistent flight that no sensor showed, from its stored document."""
     used = {name: ChannelSource.from_text(text) for name, text in document.get("used", {}).items()}
-    return frozenset(name for name in ("alpha", "beta") if name in used and used[name].origin is Origin.MOTION)
+    return frozenset(
+        name for name in ("alpha", "beta") if name in used and used[name].origin is Origin.MOTION
+    )
 
 
 def applied_errors(document: Mapping[str, Any]) -> dict[str, float]:
-    """Parameter -> standard error (SI) of every sensor error that the reconstruction took off, from its stored document."""
-    return {e["parameter"]: e["standard_error"] for e in document.get("estimates", ()) if e["applied"]}
+    """Parameter -> standard error (SI) of every sensor error that the reconstruction took off, from
+    its stored document."""
+    return {
+        e["parameter"]: e["standard_error"] for e in document.get("estimates", ()) if e["applied"]
+    }
 
 
 def noise_of(document: Mapping[str, Any]) -> StateNoise | None:
-    """Spectrum of the errors of a consistent flight's channels, from its stored document; None when it was not reconstructed."""
+    """Spectrum of the errors of a consistent flight's channels, from its stored document; None when
+    it was not reconstructed."""
     return state_noise_from(document["noise"]) if "noise" in document else None

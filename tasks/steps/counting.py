@@ -1,4 +1,5 @@
-"""Records that share samples with a stored flight are that flight once more: kept, said, and never counted twice.
+"""Records that share samples with a stored flight are that flight once more: kept, said, and never
+counted twice.
 
 Looks at the catalogue only: a query must not wait for the science.
 """
@@ -8,21 +9,25 @@ from typing import Any
 
 from aerodb.storage.catalogue import Catalogue, FlightRow, RepeatRow
 
-#: Share of its samples from which a record repeats others in full: the low pass costs the margins of each stretch.
+#: Share of its samples from which a record repeats others in full: the low pass costs the margins
+#: of each stretch.
 WHOLE = 0.95
 
 
 def counted_out(catalogue: Catalogue, vehicle: str) -> dict[str, tuple[RepeatRow, ...]]:
-    """Id -> what it repeats, for flights of a vehicle that do not count because flights stored before them do.
+    """Id -> what it repeats, for flights of a vehicle that do not count because flights stored
+    before them do.
 
-    A flight that is retracted or rejected does not count, so that what repeats it may. Of a chain, the first counts, the
-    second does not, and the third does again unless it repeats the first as well.
+    A flight that is retracted or rejected does not count, so that what repeats it may. Of a chain,
+    the first counts, the second does not, and the third does again unless it repeats the first as
+    well.
     """
     return _decided(catalogue, catalogue.repeats(vehicle=vehicle))
 
 
 def repeating(catalogue: Catalogue, flights: Iterable[str]) -> set[str]:
-    """Those of `flights` (ids) that do not count for that reason. Only what they repeat is looked at, and what that repeats."""
+    """Those of `flights` (ids) that do not count for that reason. Only what they repeat is looked
+    at, and what that repeats."""
     wanted = set(flights)
     found: set[RepeatRow] = set()
     seen, further = set(wanted), wanted
@@ -33,7 +38,9 @@ def repeating(catalogue: Catalogue, flights: Iterable[str]) -> set[str]:
     return wanted & _decided(catalogue, tuple(found)).keys()
 
 
-def _decided(catalogue: Catalogue, repeats: tuple[RepeatRow, ...]) -> dict[str, tuple[RepeatRow, ...]]:
+def _decided(
+    catalogue: Catalogue, repeats: tuple[RepeatRow, ...]
+) -> dict[str, tuple[RepeatRow, ...]]:
     """`counted_out` among `repeats`, which must hold whatever is behind them."""
     rows = catalogue.flights_by_id({id for row in repeats for id in (row.flight, row.original)})
     counting: set[str] = set()
@@ -41,7 +48,9 @@ def _decided(catalogue: Catalogue, repeats: tuple[RepeatRow, ...]) -> dict[str, 
     for row in sorted(rows.values(), key=lambda row: (row.added_utc, row.id)):
         if not _could_count(row):
             continue
-        found = tuple(repeat for repeat in repeats if repeat.flight == row.id and repeat.original in counting)
+        found = tuple(
+            repeat for repeat in repeats if repeat.flight == row.id and repeat.original in counting
+        )
         if found:
             out[row.id] = found
         else:
@@ -54,23 +63,30 @@ def _could_count(row: FlightRow) -> bool:
 
 
 def sentence(repeats: tuple[RepeatRow, ...], labels: Mapping[str, str]) -> str:
-    """What a flight repeats, in words: ``repeats flight a from 3 to 20 s, flight b from 30 to 60 s``."""
+    """What a flight repeats, in words: ``repeats flight a from 3 to 20 s, flight b from 30 to 60
+    s``."""
     parts = []
     for row in repeats:
-        places = " and ".join(f"from {stretch.start:.6g} to {stretch.end:.6g} s" for stretch in row.stretches)
+        places = " and ".join(
+            f"from {stretch.start:.6g} to {stretch.end:.6g} s" for stretch in row.stretches
+        )
         parts.append(f"flight {labels.get(row.original, row.original[:12])} {places}")
     return f"repeats {', '.join(parts)}"
 
 
 def repeat_documents(catalogue: Catalogue, flight: str) -> list[dict[str, Any]]:
-    """What a flight (its id) repeats of flights that are not retracted, as the per-flight run answers it.
+    """What a flight (its id) repeats of flights that are not retracted, as the per-flight run
+    answers it.
 
     ``counts`` says of each whether it does, so that this flight does not.
     """
     rows = sorted(catalogue.repeats([flight]), key=lambda row: row.stretches[0].start)
     if not rows:
         return []
-    beside = {row.original for row in counted_out(catalogue, catalogue.flight(flight).vehicle).get(flight, ())}
+    beside = {
+        row.original
+        for row in counted_out(catalogue, catalogue.flight(flight).vehicle).get(flight, ())
+    }
     originals = catalogue.flights_by_id(row.original for row in rows)
     return [
         {

@@ -1,4 +1,5 @@
-"""A version into the user's simulator: written, read back, and kept only when its check cases pass in the receiving form."""
+"""A version into the user's simulator: written, read back, and kept only when its check cases pass
+in the receiving form."""
 
 import json
 from collections.abc import Callable, Sequence
@@ -33,9 +34,10 @@ from aerodb.tables import AeroDatabase, CheckCase, failures, make_check_cases
 
 @dataclass(frozen=True)
 class Form:
-    """A format: the check cases written with it, how it is written (database, name, cases), how it is read back, what the
-    receiving program says of it (one sentence; InputError when it disagrees), where that is at hand, and the database as far as
-    the format can carry it: not its memory."""
+    """A format: the check cases written with it, how it is written (database, name, cases), how it
+    is read back, what the receiving program says of it (one sentence; InputError when it
+    disagrees), where that is at hand, and the database as far as the format can carry it: not its
+    memory."""
 
     cases: Callable[[AeroDatabase], Sequence[CheckCase]]
     write: Callable[[AeroDatabase, str, Sequence[CheckCase]], bytes]
@@ -59,30 +61,57 @@ def _in_jsbsim(database: AeroDatabase, data: bytes, cases: Sequence[CheckCase]) 
     agreement = check_in_jsbsim(database, loaded_in_jsbsim(data), cases, input_properties(database))
     if not agreement.passed:
         axis = max(agreement.errors, key=lambda name: agreement.errors[name])
-        raise InputError(f"{axis} differs inside JSBSim by {agreement.errors[axis]:.2g}", "export", "nothing was written")
+        raise InputError(
+            f"{axis} differs inside JSBSim by {agreement.errors[axis]:.2g}",
+            "export",
+            "nothing was written",
+        )
     return "and pass inside JSBSim"
 
 
 #: Formats by the name that users give; an entry per exporter of `aerodb.exchange`.
 FORMS: Final[dict[str, Form]] = {
-    "jsbsim": Form(jsbsim_check_cases, _jsbsim, lambda data, name: import_jsbsim(data, name=name), _in_jsbsim, for_jsbsim),
-    "csv": Form(make_check_cases, lambda database, _, cases: export_csv(database, cases), import_csv),
-    "daveml": Form(make_check_cases, _daveml, lambda data, name: import_daveml(data, name=name), carried=without_memory),
-    "mat": Form(make_check_cases, lambda database, _, cases: export_mat(database, cases), import_mat),
-    "netcdf": Form(make_check_cases, lambda database, _, cases: export_netcdf(database, cases), import_netcdf),
+    "jsbsim": Form(
+        jsbsim_check_cases,
+        _jsbsim,
+        lambda data, name: import_jsbsim(data, name=name),
+        _in_jsbsim,
+        for_jsbsim,
+    ),
+    "csv": Form(
+        make_check_cases, lambda database, _, cases: export_csv(database, cases), import_csv
+    ),
+    "daveml": Form(
+        make_check_cases,
+        _daveml,
+        lambda data, name: import_daveml(data, name=name),
+        carried=without_memory,
+    ),
+    "mat": Form(
+        make_check_cases, lambda database, _, cases: export_mat(database, cases), import_mat
+    ),
+    "netcdf": Form(
+        make_check_cases, lambda database, _, cases: export_netcdf(database, cases), import_netcdf
+    ),
 }
 
 
-def export_version(workspace: Workspace, catalogue: Catalogue, version: VersionRow, format: str, output: Path) -> dict[str, Any]:
-    """Writes a version to `output`; document: version, label, format, file, bytes, check_cases, checked.
+def export_version(
+    workspace: Workspace, catalogue: Catalogue, version: VersionRow, format: str, output: Path
+) -> dict[str, Any]:
+    """Writes a version to `output`; document: version, label, format, file, bytes, check_cases,
+    checked.
 
-    The bytes are read back by the product's own importer first, and must give the check cases; otherwise nothing is written.
-    Raises InputError for an unknown format (exit 3) and for an export that does not hold its check cases.
+    The bytes are read back by the product's own importer first, and must give the check cases;
+    otherwise nothing is written. Raises InputError for an unknown format (exit 3) and for an export
+    that does not hold its check cases.
     """
     if format not in FORMS:
         raise InputError(f"no exporter for '{format}'", "--format", nearest(format, FORMS))
     form = FORMS[format]
-    database = form.carried(from_document(json.loads(catalogue.version_documents(version.id).content)))
+    database = form.carried(
+        from_document(json.loads(catalogue.version_documents(version.id).content))
+    )
     name = f"{version.vehicle}-{version.label}"
     cases = form.cases(database)
     data = form.write(database, name, cases)
@@ -105,7 +134,11 @@ def _check(form: Form, data: bytes, name: str, cases: Sequence[CheckCase]) -> No
     try:
         failed = failures(form.read(data, name), cases)
     except AeroError as error:
-        raise InputError(f"cannot be read back: {error.what}", where, "nothing was written; choose another format") from error
+        raise InputError(
+            f"cannot be read back: {error.what}",
+            where,
+            "nothing was written; choose another format",
+        ) from error
     if failed:
         what = f"{len(failed)} check values differ when it is read back ({failed[0]})"
         raise InputError(what, where, "nothing was written; choose another format")

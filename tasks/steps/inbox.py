@@ -1,4 +1,5 @@
-"""Files of the inbox as steps: which are ready, and how each ends: stored, duplicate or quarantined."""
+"""Files of the inbox as steps: which are ready, and how each ends: stored, duplicate or
+quarantined."""
 
 import hashlib
 import time
@@ -28,29 +29,41 @@ from aerodb.tasks.steps.counting import WHOLE
 from aerodb.tasks.workspace_access import Stores, stores
 
 
-def files_of_inbox(opened: Stores, settings: Settings, vehicle: str | None = None, wait: bool = True) -> list[Waiting]:
-    """What is in the inbox (of one vehicle), judged; `wait` gives what changed a moment ago its time to stand still."""
+def files_of_inbox(
+    opened: Stores, settings: Settings, vehicle: str | None = None, wait: bool = True
+) -> list[Waiting]:
+    """What is in the inbox (of one vehicle), judged; `wait` gives what changed a moment ago its
+    time to stand still."""
     names = [row.name for row in opened.catalogue.vehicles()]
     seen = look(opened.workspace.inbox, names, settings.inbox.settle)
     if wait and any(may_settle(entry) for entry in seen):
         time.sleep(settings.inbox.settle)
         seen = look_again(seen, settings.inbox.settle, settings.inbox.settle)
-    return [sized(entry, settings.limits) for entry in seen if vehicle is None or entry.vehicle == vehicle]
+    return [
+        sized(entry, settings.limits)
+        for entry in seen
+        if vehicle is None or entry.vehicle == vehicle
+    ]
 
 
 def set_aside(entry: Waiting, *, workspace: str, run: str, reason: str) -> dict[str, Any]:
-    """Puts what is never to be read as a log again into quarantine: a link or a pipe unopened, a log by its bytes alone.
+    """Puts what is never to be read as a log again into quarantine: a link or a pipe unopened, a
+    log by its bytes alone.
 
     Returns its ending.
     """
     opened = stores(workspace)
     sha256 = "" if entry.state == "refused" else _sha256(opened, entry)
-    opened.catalogue.note_arrivals([_event(entry, "quarantined", run, sha256 or aside_key(entry), reason)])
+    opened.catalogue.note_arrivals(
+        [_event(entry, "quarantined", run, sha256 or aside_key(entry), reason)]
+    )
     log = opened.catalogue.log(sha256) if sha256 else None
     if sha256:
         if log is None:
             name = entry.path.name
-            opened.catalogue.add_log(sha256, name=name, size=entry.size, format="", status="quarantined", reason=reason)
+            opened.catalogue.add_log(
+                sha256, name=name, size=entry.size, format="", status="quarantined", reason=reason
+            )
         opened.workspace.quarantine(entry.path, sha256, reason, entry.vehicle)
     else:
         put_aside(opened.workspace, entry, reason)
@@ -67,10 +80,15 @@ def _sha256(opened: Stores, entry: Waiting) -> str:
 
 
 def in_quarantine(opened: Stores, limit: int | None = None) -> list[Quarantined]:
-    """What lies in quarantine, newest first, at most `limit`; without what was stored since, by another way."""
+    """What lies in quarantine, newest first, at most `limit`; without what was stored since, by
+    another way."""
     entries = newest(opened.workspace, limit)
     return [
-        entry for entry in entries if not any(f.vehicle == entry.vehicle for f in opened.catalogue.flights(log_sha256=entry.key))
+        entry
+        for entry in entries
+        if not any(
+            f.vehicle == entry.vehicle for f in opened.catalogue.flights(log_sha256=entry.key)
+        )
     ]
 
 
@@ -80,21 +98,27 @@ def note_tries(opened: Stores, entries: Sequence[Waiting], run: str) -> None:
 
 
 def note_failure(opened: Stores, entry: Waiting, run: str, reason: str) -> dict[str, Any]:
-    """Notes that a file could not be dealt with; an empty reason says that it was not its own fault. Returns its ending."""
+    """Notes that a file could not be dealt with; an empty reason says that it was not its own
+    fault. Returns its ending."""
     opened.catalogue.note_arrivals([_event(entry, "failed", run, reason=reason)])
     return _ending(entry, "failed", {"what": reason})
 
 
 def note_no_room(opened: Stores, entry: Waiting, run: str, reason: str) -> dict[str, Any]:
-    """Notes that the disk or the machine could not take a file now, which is not its fault: it waits. Returns its ending."""
+    """Notes that the disk or the machine could not take a file now, which is not its fault: it
+    waits. Returns its ending."""
     return {**note_failure(opened, entry, run, ""), "kind": "no_room", "reason": reason}
 
 
-def settle(dealt: Sequence[tuple[Waiting, dict[str, Any]]], *, workspace: str, run: str) -> list[dict[str, Any]]:
-    """Ends files whose per-flight run is over, each with the run's outcome: the row first, then the file leaves the inbox.
+def settle(
+    dealt: Sequence[tuple[Waiting, dict[str, Any]]], *, workspace: str, run: str
+) -> list[dict[str, Any]]:
+    """Ends files whose per-flight run is over, each with the run's outcome: the row first, then the
+    file leaves the inbox.
 
-    Returns one ending per file: file, vehicle, kind (``stored``, ``duplicate``, ``quarantined``, ``failed``, or ``left`` for
-    one that changed meanwhile and waits again), flight, reason, verdict.
+    Returns one ending per file: file, vehicle, kind (``stored``, ``duplicate``, ``quarantined``,
+    ``failed``, or ``left`` for one that changed meanwhile and waits again), flight, reason,
+    verdict.
     """
     opened = stores(workspace)
     return [_settled(opened, entry, outcome, run) for entry, outcome in dealt]
@@ -119,7 +143,9 @@ def _settled(opened: Stores, entry: Waiting, outcome: dict[str, Any], run: str) 
             put(opened.workspace, entry.path, kept, sha256)
     except InputError as error:
         return _ending(entry, "left", {"what": error.what})
-    except StoreError as error:  # its flight is stored; the log itself waits here until it can be put
+    except (
+        StoreError
+    ) as error:  # its flight is stored; the log itself waits here until it can be put
         return note_no_room(opened, entry, run, str(error))
     with opened.catalogue.transaction():
         opened.catalogue.note_arrivals([_event(entry, kind, run, sha256)])
@@ -131,10 +157,19 @@ def _settled(opened: Stores, entry: Waiting, outcome: dict[str, Any], run: str) 
 
 
 def _kind(opened: Stores, entry: Waiting, outcome: dict[str, Any]) -> InboxKind:
-    """Stored or duplicate. A run that ended between storing a log and noting it finds its own flight: that is no duplicate."""
-    earlier = [event for event in opened.catalogue.arrivals(sha256=outcome["sha256"]) if event.kind == "stored"]
+    """Stored or duplicate. A run that ended between storing a log and noting it finds its own
+    flight: that is no duplicate."""
+    earlier = [
+        event
+        for event in opened.catalogue.arrivals(sha256=outcome["sha256"])
+        if event.kind == "stored"
+    ]
     if earlier:  # copies that are read side by side do not know of each other
-        return "stored" if (earlier[0].path, earlier[0].size, earlier[0].mtime_ns) == entry.file else "duplicate"
+        return (
+            "stored"
+            if (earlier[0].path, earlier[0].size, earlier[0].mtime_ns) == entry.file
+            else "duplicate"
+        )
     if outcome["status"] != "duplicate":
         return "stored"
     if sum(repeat["share"] for repeat in outcome["repeats"] if repeat["counts"]) > WHOLE:
@@ -147,8 +182,12 @@ def _reason(outcome: dict[str, Any]) -> str:
     return "; ".join(filter(None, (outcome.get("what", ""), outcome.get("remedy", ""))))
 
 
-def _event(entry: Waiting, kind: InboxKind, run: str, sha256: str = "", reason: str = "") -> InboxEvent:
-    return InboxEvent(entry.relative, entry.vehicle, entry.size, entry.mtime_ns, kind, sha256, reason, run or None)
+def _event(
+    entry: Waiting, kind: InboxKind, run: str, sha256: str = "", reason: str = ""
+) -> InboxEvent:
+    return InboxEvent(
+        entry.relative, entry.vehicle, entry.size, entry.mtime_ns, kind, sha256, reason, run or None
+    )
 
 
 def _ending(entry: Waiting, kind: str, outcome: dict[str, Any]) -> dict[str, Any]:

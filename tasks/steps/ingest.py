@@ -1,5 +1,5 @@
-"""One log into the store: read, map, condition, keep. What cannot be used goes to quarantine with its reason; nothing else
-changes."""
+"""One log into the store: read, map, condition, keep. What cannot be used goes to quarantine with
+its reason; nothing else changes."""
 
 import hashlib
 import os
@@ -7,7 +7,13 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-from aerodb.conditioning import Conditioning, conditioned, fingerprint, suspicion_documents, without_wild_points
+from aerodb.conditioning import (
+    Conditioning,
+    conditioned,
+    fingerprint,
+    suspicion_documents,
+    without_wild_points,
+)
 from aerodb.errors import InputError, StoreError
 from aerodb.flight import Flight
 from aerodb.logs import Mapping, choose_mapping, map_recording
@@ -15,7 +21,15 @@ from aerodb.recording import Damage, Recording
 from aerodb.storage.catalogue import FlightRow, RepeatRow
 from aerodb.storage.disk_errors import require_space
 from aerodb.storage.encoding import FLIGHT_NAME, checked
-from aerodb.storage.files import INDEX, is_recording_kept, open_recording, put, put_recording, read_flight, write_flight
+from aerodb.storage.files import (
+    INDEX,
+    is_recording_kept,
+    open_recording,
+    put,
+    put_recording,
+    read_flight,
+    write_flight,
+)
 from aerodb.storage.inbox import open_log
 from aerodb.storage.mappings import builtin_mappings, load_mapping
 from aerodb.storage.readers import parsed_log
@@ -47,13 +61,14 @@ def store_log(
 ) -> dict[str, Any]:
     """Reads one log and stores its topics and its flight, with what conditioning found in it.
 
-    Returns a document: log, sha256, status (``stored``, ``damaged``, ``duplicate``, ``refused``), flight (full id or
-    None), what, where, remedy (of a refusal), damage, suspicions (likely faults), repeats (stored flights that it shares
-    samples with, and where). ``duplicate`` is the same bytes, or another file that repeats stored flights in full: that
-    one is stored as well, under its own id, and never counts beside them.
+    Returns a document: log, sha256, status (``stored``, ``damaged``, ``duplicate``, ``refused``),
+    flight (full id or None), what, where, remedy (of a refusal), damage, suspicions (likely
+    faults), repeats (stored flights that it shares samples with, and where). ``duplicate`` is the
+    same bytes, or another file that repeats stored flights in full: that one is stored as well,
+    under its own id, and never counts beside them.
 
-    Raises SettingsError where settings, vehicle or mapping cannot be used, and StoreError where the disk or the machine
-    cannot take the log now: neither is the log's fault.
+    Raises SettingsError where settings, vehicle or mapping cannot be used, and StoreError where the
+    disk or the machine cannot take the log now: neither is the log's fault.
     """
     opened, path = stores(workspace), Path(log)
     outcome: dict[str, Any] = {"log": log, "sha256": "", "status": "refused", "flight": None}
@@ -67,7 +82,9 @@ def store_log(
             sha256 = outcome["sha256"] = hashlib.file_digest(file, "sha256").hexdigest()
         known = _known(opened, sha256, vehicle, chosen)
         if known is not None:
-            return outcome | {"status": "duplicate", "flight": known} | _findings(opened, known, run)
+            return (
+                outcome | {"status": "duplicate", "flight": known} | _findings(opened, known, run)
+            )
         refused = _inadmissible(opened, sha256, vehicle, name)
         if refused is not None:
             return outcome | _refusal(refused, log)
@@ -77,17 +94,25 @@ def store_log(
             recording = parsed.recording
             if recording.sha256 != sha256:
                 what = "the file changed while it was read"
-                return outcome | _refusal(InputError(what, log, "wait until it is completely written"), log)
+                return outcome | _refusal(
+                    InputError(what, log, "wait until it is completely written"), log
+                )
             broken = broken_parts(recording)
             if strict and broken:
-                raise InputError(broken[0].what, recording.source, "ingest without --strict to keep what is intact")
+                raise InputError(
+                    broken[0].what,
+                    recording.source,
+                    "ingest without --strict to keep what is intact",
+                )
             layout = chosen or choose_mapping(recording, builtin_mappings().values())
             flight = _mapped(opened, recording, layout, vehicle, sha256)
             parsed.keep(topics)  # the same bytes may come under two names at once
     except (StoreError, SettingsError):
         raise
     except OSError as error:
-        return outcome | _refusal(InputError(error.strerror or "cannot be read", log, "check the path"), log)
+        return outcome | _refusal(
+            InputError(error.strerror or "cannot be read", log, "check the path"), log
+        )
     except InputError as error:
         if sha256:
             _quarantine(opened, path, sha256, error, vehicle)
@@ -103,7 +128,8 @@ def store_log(
 
 
 def _usable_mapping(opened: Stores, vehicle: str, mapping: str | None) -> Mapping | None:
-    """The mapping that was asked for; SettingsError when it, or the vehicle's file, cannot be used."""
+    """The mapping that was asked for; SettingsError when it, or the vehicle's file, cannot be
+    used."""
     try:
         opened.vehicle(vehicle)
         return load_mapping(mapping) if mapping else None
@@ -115,23 +141,34 @@ def _findings(opened: Stores, flight: str, run: str) -> dict[str, Any]:
     """What is known of a flight (its id) that is stored already."""
     row = opened.catalogue.flight(flight)
     found, _ = load_conditioning(opened, row, *load_flight(opened, row, run), run)
-    return {"suspicions": suspicion_documents(found.suspicions), "repeats": repeat_documents(opened.catalogue, flight)}
+    return {
+        "suspicions": suspicion_documents(found.suspicions),
+        "repeats": repeat_documents(opened.catalogue, flight),
+    }
 
 
 def broken_parts(recording: Recording) -> list[Damage]:
-    """Damage of the file itself. Dropouts are none: the logger could not keep up, said so, and the gaps are flagged."""
+    """Damage of the file itself. Dropouts are none: the logger could not keep up, said so, and the
+    gaps are flagged."""
     return [entry for entry in recording.damage if entry.kind != "dropout"]
 
 
 def _refusal(error: InputError, log: str) -> dict[str, str]:
-    return {"what": error.what, "where": error.where or log, "remedy": error.remedy or "aerodb log inspect shows what is in it"}
+    return {
+        "what": error.what,
+        "where": error.where or log,
+        "remedy": error.remedy or "aerodb log inspect shows what is in it",
+    }
 
 
 def _inadmissible(opened: Stores, sha256: str, vehicle: str, name: str | None) -> InputError | None:
-    """Why the catalogue would not take these bytes as a flight of this name. The log is not at fault: no quarantine."""
+    """Why the catalogue would not take these bytes as a flight of this name. The log is not at
+    fault: no quarantine."""
     for row in opened.catalogue.flights(log_sha256=sha256):
         if row.vehicle != vehicle or name not in (None, row.name):
-            return InputError(f"already stored for vehicle '{row.vehicle}' as '{row.label}'", "", "use that one")
+            return InputError(
+                f"already stored for vehicle '{row.vehicle}' as '{row.label}'", "", "use that one"
+            )
     if name is None:
         return None
     try:
@@ -139,13 +176,19 @@ def _inadmissible(opened: Stores, sha256: str, vehicle: str, name: str | None) -
     except InputError as error:
         return error
     taken = [row for row in opened.catalogue.flights(vehicle) if row.name == name]
-    return InputError(f"'{name}' is flight {taken[0].id[:12]} already", "", "choose another name") if taken else None
+    return (
+        InputError(f"'{name}' is flight {taken[0].id[:12]} already", "", "choose another name")
+        if taken
+        else None
+    )
 
 
 def load_flight(opened: Stores, row: FlightRow, run: str) -> tuple[Flight, str]:
-    """A stored flight under the vehicle's present file, and its key; mapped anew from the stored topics when that changed.
+    """A stored flight under the vehicle's present file, and its key; mapped anew from the stored
+    topics when that changed.
 
-    What is stored is as it was measured; here, wild points are bridged, so that no later step smears them over others.
+    What is stored is as it was measured; here, wild points are bridged, so that no later step
+    smears them over others.
     """
     mapping = mapping_of(opened, row)
     result = _result(opened, row.log_sha256, row.vehicle, mapping)
@@ -158,36 +201,55 @@ def load_flight(opened: Stores, row: FlightRow, run: str) -> tuple[Flight, str]:
     return without_wild_points(flight), key
 
 
-def _mapped(opened: Stores, recording: Recording, mapping: Mapping, vehicle: str, sha256: str) -> Flight:
-    """The conditioned flight of a recording; InputError when no coefficient could ever be computed from it."""
+def _mapped(
+    opened: Stores, recording: Recording, mapping: Mapping, vehicle: str, sha256: str
+) -> Flight:
+    """The conditioned flight of a recording; InputError when no coefficient could ever be computed
+    from it."""
     described, _ = opened.vehicle(vehicle)
     try:
-        flight = replace(map_recording(recording, mapping, described, flight_id=sha256), log_sha256=recording.sha256)
+        flight = replace(
+            map_recording(recording, mapping, described, flight_id=sha256),
+            log_sha256=recording.sha256,
+        )
     except InputError as error:
         causes = [suspicion.sentence for suspicion in clocks_of(recording, mapping)]
         raise InputError("; ".join([error.what, *causes]), error.where, error.remedy) from error
     motion = ("ax", "ay", "az", "ax_imu", "ay_imu", "az_imu", "p", "q", "r")
     if "qbar" not in flight or not any(name in flight for name in motion):
-        what = "no axis can be computed: dynamic pressure with specific force or body rates is needed"
-        raise InputError(what, recording.source, f"aerodb log inspect shows what mapping {mapping.name} finds in it")
+        what = (
+            "no axis can be computed: dynamic pressure with specific force or body rates is needed"
+        )
+        raise InputError(
+            what,
+            recording.source,
+            f"aerodb log inspect shows what mapping {mapping.name} finds in it",
+        )
     return conditioned(flight)
 
 
-def _result(opened: Stores, log_sha256: str, vehicle: str, mapping: Mapping, flight: str | None = None) -> StoredResult:
-    """The channels of a log under a vehicle's present file and a mapping; flight : its id, for the row."""
+def _result(
+    opened: Stores, log_sha256: str, vehicle: str, mapping: Mapping, flight: str | None = None
+) -> StoredResult:
+    """The channels of a log under a vehicle's present file and a mapping; flight : its id, for the
+    row."""
     inputs = {"log": log_sha256, "vehicle": opened.catalogue.vehicle(vehicle).sha256}
     settings = {"mapping": mapping.model_dump(mode="json")}
     return StoredResult(opened, "ingest", "flight", inputs, settings, flight, folder="flights")
 
 
 def _known(opened: Stores, sha256: str, vehicle: str, chosen: Mapping | None) -> str | None:
-    """The flight of these bytes, when they are stored under the vehicle's present file and this mapping, topics and all."""
+    """The flight of these bytes, when they are stored under the vehicle's present file and this
+    mapping, topics and all."""
     if not is_recording_kept(opened.workspace, opened.catalogue, sha256):
         return None
     for row in opened.catalogue.flights(vehicle, log_sha256=sha256):
         mappings = [chosen] if chosen else builtin_mappings().values()
         candidates = [mapping for mapping in mappings if mapping.name == row.mapping]
-        if any(opened.catalogue.result(_result(opened, sha256, vehicle, mapping).key) for mapping in candidates):
+        if any(
+            opened.catalogue.result(_result(opened, sha256, vehicle, mapping).key)
+            for mapping in candidates
+        ):
             return row.id
     return None
 
@@ -200,9 +262,12 @@ def _quarantine(opened: Stores, path: Path, sha256: str, error: InputError, vehi
     log = opened.catalogue.log(sha256)
     if log is not None and log.status != "quarantined":
         return
-    # The row first: a file of the inbox that goes into quarantine leaves it, and would else be nowhere if this ended here.
+    # The row first: a file of the inbox that goes into quarantine leaves it, and would else be
+    # nowhere if this ended here.
     size = path.stat().st_size if path.exists() else 0
-    opened.catalogue.add_log(sha256, name=path.name, size=size, format="", status="quarantined", reason=str(error))
+    opened.catalogue.add_log(
+        sha256, name=path.name, size=size, format="", status="quarantined", reason=str(error)
+    )
     opened.workspace.quarantine(path, sha256, str(error), vehicle)
 
 
@@ -215,15 +280,20 @@ def _keep(
     run: str,
     name: str | None,
 ) -> None:
-    """Files first (the topics stand), then all rows in one transaction: a crash between leaves nothing that anyone can see."""
+    """Files first (the topics stand), then all rows in one transaction: a crash between leaves
+    nothing that anyone can see."""
     result = _result(opened, recording.sha256, flight.vehicle, mapping, flight.id)
     key, path = result.key, result.path
     write_flight(path, flight)
     topics = put_recording(opened.workspace, opened.workspace.recording_path(recording.sha256))
-    channels, findings = put(opened.workspace, path), write_conditioning(opened, flight.id, key, found)
+    channels, findings = (
+        put(opened.workspace, path),
+        write_conditioning(opened, flight.id, key, found),
+    )
     marks = fingerprint(flight)
     compared: dict[str, RepeatRow | None] = {}
-    # Two files of one flight may come at once: a flight enters only when it was compared with all that were there before.
+    # Two files of one flight may come at once: a flight enters only when it was compared with all
+    # that were there before.
     while True:
         with opened.catalogue.transaction():
             suspects = suspects_of(opened, flight, marks) - compared.keys()
@@ -236,10 +306,14 @@ def _keep(
                     opened.catalogue.add_repeat(repeat)
                 keep_conditioning(opened, flight.id, key, findings, run)
                 return
-        compared |= {suspect: compare_with_stored(opened, flight, suspect) for suspect in sorted(suspects)}
+        compared |= {
+            suspect: compare_with_stored(opened, flight, suspect) for suspect in sorted(suspects)
+        }
 
 
-def _add_rows(opened: Stores, recording: Recording, flight: Flight, mapping: Mapping, name: str | None) -> None:
+def _add_rows(
+    opened: Stores, recording: Recording, flight: Flight, mapping: Mapping, name: str | None
+) -> None:
     """The rows of a log and its flight, whose files stand."""
     opened.catalogue.add_log(
         recording.sha256,

@@ -1,4 +1,5 @@
-"""What conditioning says of a log that is only looked at: nothing is stored, and no vehicle needs to be described."""
+"""What conditioning says of a log that is only looked at: nothing is stored, and no vehicle needs
+to be described."""
 
 from typing import Any
 
@@ -24,7 +25,8 @@ source = "channels"
 
 
 def look_over(recording: Recording, mapping: Mapping) -> dict[str, Any]:
-    """Likely faults, segments and delays of a recording as a flight of any vehicle, and notes on its channels.
+    """Likely faults, segments and delays of a recording as a flight of any vehicle, and notes on
+    its channels.
 
     Where it cannot become a flight, only its time stamps are judged, and ``refused`` says why.
     """
@@ -32,5 +34,15 @@ def look_over(recording: Recording, mapping: Mapping) -> dict[str, Any]:
         flight = conditioned(map_recording(recording, mapping, parse_vehicle(_ANY)))
     except InputError as error:
         clocks = suspicion_documents(clocks_of(recording, mapping))
-        return {"suspicions": clocks, "segments": [], "delays": [], "notes": [], "refused": str(error)}
-    return {**to_document(examine(flight, clocks_of(recording, mapping))), "notes": list(flight.notes), "refused": ""}
+        return {
+            "suspicions": clocks,
+            "segments": [],
+            "delays": [],
+            "notes": [],
+            "refused": str(error),
+        }
+    return {
+        **to_document(examine(flight, clocks_of(recording, mapping))),
+        "notes": list(flight.notes),
+        "refused": "",
+    }

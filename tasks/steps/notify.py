@@ -1,4 +1,5 @@
-"""Telling people: what the settings ask for goes to a webhook or a command. A notification that fails makes no run fail."""
+"""Telling people: what the settings ask for goes to a webhook or a command. A notification that
+fails makes no run fail."""
 
 import json
 import os
@@ -17,7 +18,9 @@ from aerodb.storage.workspace_settings import Notification, Occasion, load_setti
 _SECONDS: Final = 15.0
 
 
-def tell(workspace: Workspace, occasion: Occasion, vehicle: str, text: str, details: Mapping[str, Any]) -> bool:
+def tell(
+    workspace: Workspace, occasion: Occasion, vehicle: str, text: str, details: Mapping[str, Any]
+) -> bool:
     """Puts a notification into the outbox where the settings ask for it; whether they do."""
     asked = load_settings(workspace.root).notification_of(vehicle)
     if occasion not in asked.on or not (asked.webhook or asked.command):
@@ -27,10 +30,11 @@ def tell(workspace: Workspace, occasion: Occasion, vehicle: str, text: str, deta
 
 
 def deliver(root: str, *, workspace: str, run: str) -> list[dict[str, str]]:
-    """Delivers all that waits in the outbox of the workspace folder `root`; what fails stays there for the next time.
+    """Delivers all that waits in the outbox of the workspace folder `root`; what fails stays there
+    for the next time.
 
-    Where one could not be reached, it is not tried for the others now. Returns the failures: ``text`` of the notification and
-    ``error``. Addresses, which may hold secrets, are never in it.
+    Where one could not be reached, it is not tried for the others now. Returns the failures:
+    ``text`` of the notification and ``error``. Addresses, which may hold secrets, are never in it.
     """
     opened = Workspace.open(Path(root))
     settings, failures = load_settings(opened.root), []
@@ -48,7 +52,8 @@ def deliver(root: str, *, workspace: str, run: str) -> list[dict[str, str]]:
 
 
 def _send(target: Notification, message: Mapping[str, Any]) -> str:
-    """Sends one message; why it could not be, empty when it was. Nobody to be told is no failure."""
+    """Sends one message; why it could not be, empty when it was. Nobody to be told is no
+    failure."""
     data = json.dumps(message).encode("utf-8")
     said = []
     if target.webhook:
@@ -63,7 +68,9 @@ def _to_webhook(address: str, data: bytes) -> str:
     if not url.startswith(("https://", "http://")):
         return f"webhook: {address} holds no http(s) address"
     try:
-        request = urllib.request.Request(url, data, {"Content-Type": "application/json"}, method="POST")
+        request = urllib.request.Request(
+            url, data, {"Content-Type": "application/json"}, method="POST"
+        )
         with urllib.request.urlopen(request, timeout=_SECONDS):
             return ""
     except HTTPError as error:
@@ -75,7 +82,9 @@ def _to_webhook(address: str, data: bytes) -> str:
 
 def _to_command(command: tuple[str, ...], data: bytes) -> str:
     try:
-        done = subprocess.run(command, input=data, capture_output=True, timeout=_SECONDS, check=False)
+        done = subprocess.run(
+            command, input=data, capture_output=True, timeout=_SECONDS, check=False
+        )
     except (OSError, subprocess.SubprocessError) as error:
         return f"command: {type(error).__name__}"
     tail = done.stderr[-300:].decode("utf-8", "replace").strip()

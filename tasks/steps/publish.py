@@ -1,4 +1,5 @@
-"""A version into the catalogue: an imported baseline, or the candidate of an update with its proof."""
+"""A version into the catalogue: an imported baseline, or the candidate of an update with its
+proof."""
 
 import hashlib
 from collections.abc import Callable, Mapping
@@ -44,7 +45,8 @@ _BY_MARK: Final[tuple[tuple[int, bytes, Callable[[bytes, str], AeroDatabase]], .
 def import_database(
     file: str, *, workspace: str, run: str, vehicle: str, bindings: Mapping[str, str] | None = None
 ) -> dict[str, Any]:
-    """Imports a database file as a version without parent; the vehicle's first becomes ``released``."""
+    """Imports a database file as a version without parent; the vehicle's first becomes
+    ``released``."""
     opened, path = stores(workspace), Path(file)
     opened.catalogue.vehicle(vehicle)
     data = path.read_bytes()
@@ -52,21 +54,39 @@ def import_database(
 
     def part(name: str) -> bytes:
         beside = files_beside(path)(name)
-        inputs.add(hashlib.sha256(beside).hexdigest())  # what a file is made of belongs to the version's identity
+        inputs.add(
+            hashlib.sha256(beside).hexdigest()
+        )  # what a file is made of belongs to the version's identity
         return beside
 
     database = read_database(data, path.name, bindings or {}, part)
     settings = {"bindings": dict(bindings or {}), "importer": RESULT_VERSION["import"]}
-    version = _add(opened, database, vehicle, None, sorted(inputs), settings, {"imported_from": path.name}, [], run)
+    version = _add(
+        opened,
+        database,
+        vehicle,
+        None,
+        sorted(inputs),
+        settings,
+        {"imported_from": path.name},
+        [],
+        run,
+    )
     if opened.named(vehicle, RELEASED) is None:
         move(opened, vehicle, RELEASED, version.id, f"first imported database ({path.name})")
-    return {"version": version.id, "label": version.label, "database": database.name, "inputs": list(database.inputs)}
+    return {
+        "version": version.id,
+        "label": version.label,
+        "database": database.name,
+        "inputs": list(database.inputs),
+    }
 
 
 def read_database(
     data: bytes, name: str, bindings: Mapping[str, str], part: Callable[[str], bytes] | None = None
 ) -> AeroDatabase:
-    """A database from the bytes of a file, by its suffix and content; `part` gives the bytes of files that it names.
+    """A database from the bytes of a file, by its suffix and content; `part` gives the bytes of
+    files that it names.
 
     Raises InputError for a kind that cannot be read.
     """
@@ -83,12 +103,18 @@ def read_database(
     for at, mark, importer in _BY_MARK:
         if data[at : at + len(mark)] == mark:
             return importer(data, name)
-    remedy = "known: .dml or .xml (DAVE-ML), .xml (JSBSim), .toml (native), .zip (CSV), .mat, .nc (NetCDF)"
+    remedy = (
+        "known: .dml or .xml (DAVE-ML), .xml (JSBSim), .toml (native), .zip (CSV), .mat, .nc"
+        " (NetCDF)"
+    )
     raise InputError(f"no importer for '{suffix or 'a file without suffix'}'", name, remedy)
 
 
-def publish_candidate(plan: Plan, update: Update, proof: tuple[AxisProof, ...], *, workspace: str, run: str) -> dict[str, Any]:
-    """Stores the update's candidate with its proof and points ``candidate`` at it; returns the update's document."""
+def publish_candidate(
+    plan: Plan, update: Update, proof: tuple[AxisProof, ...], *, workspace: str, run: str
+) -> dict[str, Any]:
+    """Stores the update's candidate with its proof and points ``candidate`` at it; returns the
+    update's document."""
     opened = stores(workspace)
     document = update_document(
         vehicle=plan.vehicle,
@@ -108,7 +134,17 @@ def publish_candidate(plan: Plan, update: Update, proof: tuple[AxisProof, ...], 
         "update": RESULT_VERSION["update"],
     }
     document["candidate"] = version_id(plan.vehicle, plan.baseline, list(plan.keys), settings)
-    version = _add(opened, update.candidate, plan.vehicle, plan.baseline, list(plan.keys), settings, document, _roles(plan), run)
+    version = _add(
+        opened,
+        update.candidate,
+        plan.vehicle,
+        plan.baseline,
+        list(plan.keys),
+        settings,
+        document,
+        _roles(plan),
+        run,
+    )
     move(opened, plan.vehicle, CANDIDATE, version.id, "declared increments estimated")
     # Where the same update was made before, the stored report is the one that counts.
     return {**opened.catalogue.version_documents(version.id).report, "label": version.label}
@@ -125,7 +161,8 @@ def publish_loop(
     run: str,
     accept: Accept,
 ) -> dict[str, Any]:
-    """Stores what a closed loop found: a candidate with its proof where something was added, else only the report.
+    """Stores what a closed loop found: a candidate with its proof where something was added, else
+    only the report.
 
     Returns the loop's document with ``label`` and ``report``, the key under which it is stored.
     """
@@ -154,41 +191,70 @@ def publish_loop(
         remarks=_loop_remarks(plan, loop),
     )
     document["remarks"] += [
-        f"The gate will refuse this version: {reason}." for reason in sign_reasons(loop.baseline, loop.candidate)
+        f"The gate will refuse this version: {reason}."
+        for reason in sign_reasons(loop.baseline, loop.candidate)
     ]
     label = None
     if loop.added:
         document["candidate"] = version_id(plan.vehicle, plan.baseline, list(plan.keys), settings)
         version = _add(
-            opened, loop.candidate, plan.vehicle, plan.baseline, list(plan.keys), settings, document, _roles(plan), run
+            opened,
+            loop.candidate,
+            plan.vehicle,
+            plan.baseline,
+            list(plan.keys),
+            settings,
+            document,
+            _roles(plan),
+            run,
         )
         move(opened, plan.vehicle, CANDIDATE, version.id, "effects traced and added")
         # Where the same loop was closed before, the stored report is the one that counts.
         document, label = dict(opened.catalogue.version_documents(version.id).report), version.label
         document.pop("check_cases", None)
-    return {**document, "label": label, "report": _keep_report(opened, plan, document, settings, run)}
+    return {
+        **document,
+        "label": label,
+        "report": _keep_report(opened, plan, document, settings, run),
+    }
 
 
 def _loop_remarks(plan: Plan, loop: Loop) -> list[str]:
     said = list(loop.remarks)
     if loop.by_manoeuvre and plan.hold_out.kind == "cross-validated":
         said.append(
-            "Heads and tails of flights were predicted from everything else (cross-validated within flights); none was held out."
+            "Heads and tails of flights were predicted from everything else (cross-validated within"
+            " flights); none was held out."
         )
     elif plan.hold_out.kind == "cross-validated":
-        said.append("Fewer than five flights: each was predicted from what the others give (cross-validated), none was held out.")
+        said.append(
+            "Fewer than five flights: each was predicted from what the others give"
+            " (cross-validated), none was held out."
+        )
     if plan.hold_out.kind == "not validated":
-        said.append("No flight was held out: the error after is that of the flights that identified, and proves nothing.")
+        said.append(
+            "No flight was held out: the error after is that of the flights that identified, and"
+            " proves nothing."
+        )
     named = {f.hypothesis for f in loop.findings}
     marked = [f for f in loop.added if f.verdict != "confirmed" and f.hypothesis in named]
-    said += [f"{f.hypothesis} was added because you asked for it: its verdict is {f.verdict.replace('_', ' ')}." for f in marked]
+    said += [
+        f"{f.hypothesis} was added because you asked for it: its verdict is"
+        f" {f.verdict.replace('_', ' ')}."
+        for f in marked
+    ]
     return said
 
 
-def _keep_report(opened: Stores, plan: Plan, document: Mapping[str, Any], settings: Mapping[str, Any], run: str) -> str:
-    """The loop's document as a stored result, whether or not a version came of it; returns its key."""
+def _keep_report(
+    opened: Stores, plan: Plan, document: Mapping[str, Any], settings: Mapping[str, Any], run: str
+) -> str:
+    """The loop's document as a stored result, whether or not a version came of it; returns its
+    key."""
     inputs = [plan.baseline, *plan.keys]
-    result = StoredResult(opened, "close_loop", "findings", {name: name for name in inputs}, settings, suffix=".json")
+    result = StoredResult(
+        opened, "close_loop", "findings", {name: name for name in inputs}, settings, suffix=".json"
+    )
     if not result.is_stored():
         result.keep(run, lambda path: write_document(path, document))
     return result.key
@@ -201,10 +267,13 @@ def _roles(plan: Plan) -> list[FlightRole]:
 
 
 def move(opened: Stores, vehicle: str, name: str, version: str, reason: str) -> None:
-    """Points a name at a version (its id) from wherever it points now; nothing happens when it is there already."""
+    """Points a name at a version (its id) from wherever it points now; nothing happens when it is
+    there already."""
     current = opened.named(vehicle, name)
     if current != version:
-        opened.catalogue.move_name(vehicle, name, version, user=user(), reason=reason, expected=current)
+        opened.catalogue.move_name(
+            vehicle, name, version, user=user(), reason=reason, expected=current
+        )
 
 
 def _add(
@@ -235,5 +304,7 @@ def _add(
 def _looks(opened: Stores, flight: str) -> int:
     """How many versions of this vehicle a flight has validated already."""
     return sum(
-        1 for impact in opened.catalogue.impact(flight) if impact.role == "held_out" and impact.through == impact.version.id
+        1
+        for impact in opened.catalogue.impact(flight)
+        if impact.role == "held_out" and impact.through == impact.version.id
     )

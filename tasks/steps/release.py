@@ -1,4 +1,5 @@
-"""Moving names of versions: ``released`` through the gate, any name by a logged event, back by a further one."""
+"""Moving names of versions: ``released`` through the gate, any name by a logged event, back by a
+further one."""
 
 import json
 from typing import Any
@@ -18,8 +19,8 @@ from aerodb.tasks.workspace_access import Stores, stores
 def promote(version: str, *, workspace: str, run: str, name: str, reason: str) -> dict[str, Any]:
     """Points `name` at a version (its id); ``released`` only through the gate.
 
-    Returns a document: vehicle, name, version, label, previous, moved, checks. Raises GateRefusal with every reason, also
-    when another run moved the name meanwhile; nothing is changed then.
+    Returns a document: vehicle, name, version, label, previous, moved, checks. Raises GateRefusal
+    with every reason, also when another run moved the name meanwhile; nothing is changed then.
     """
     opened = stores(workspace)
     catalogue = opened.catalogue
@@ -36,14 +37,18 @@ def promote(version: str, *, workspace: str, run: str, name: str, reason: str) -
         if name == RELEASED and (stale := catalogue.stale(row.id)):
             raise _refusal(row, stale)
         expected = seen.version if seen is not None else None
-        event = catalogue.move_name(row.vehicle, name, row.id, user=user(), reason=reason, expected=expected)
+        event = catalogue.move_name(
+            row.vehicle, name, row.id, user=user(), reason=reason, expected=expected
+        )
     return {**_document(event, row, moved=True), "checks": [check.name for check in verdict.checks]}
 
 
 def roll_back(vehicle: str, *, workspace: str, run: str, name: str, reason: str) -> dict[str, Any]:
-    """Takes the last standing move of `name` back, by a new event; twice goes back twice. Document as of `promote`.
+    """Takes the last standing move of `name` back, by a new event; twice goes back twice. Document
+    as of `promote`.
 
-    Raises InputError where there is nothing before, GateRefusal where the version before is no longer as it was stored.
+    Raises InputError where there is nothing before, GateRefusal where the version before is no
+    longer as it was stored.
     """
     opened = stores(workspace)
     catalogue = opened.catalogue
@@ -52,11 +57,20 @@ def roll_back(vehicle: str, *, workspace: str, run: str, name: str, reason: str)
     history = catalogue.name_history(vehicle, name)
     standing = standing_moves(history)
     if len(standing) < 2:
-        raise InputError(f"'{name}' has no version to go back to", f"vehicle {vehicle}", "see: aerodb version history")
+        raise InputError(
+            f"'{name}' has no version to go back to",
+            f"vehicle {vehicle}",
+            "see: aerodb version history",
+        )
     target = catalogue.version_of_id(standing[-2].version)
-    if database_content_sha256(_read(target, catalogue.version_documents(target.id))) != target.content_sha256:
+    if (
+        database_content_sha256(_read(target, catalogue.version_documents(target.id)))
+        != target.content_sha256
+    ):
         raise _refusal(target, ("its numbers are not those that were stored: their hash differs",))
-    event = catalogue.move_name(vehicle, name, target.id, user=user(), reason=reason, expected=history[-1].version)
+    event = catalogue.move_name(
+        vehicle, name, target.id, user=user(), reason=reason, expected=history[-1].version
+    )
     return {**_document(event, target, moved=True), "stale": list(catalogue.stale(target.id))}
 
 
@@ -69,7 +83,11 @@ def _check_words(name: str, reason: str) -> None:
 def _gate(opened: Stores, row: VersionRow, released: NameEvent | None) -> Verdict:
     catalogue = opened.catalogue
     if released is None:
-        raise GateRefusal("nothing is released yet to compare it with", f"vehicle {row.vehicle}", "import a database first")
+        raise GateRefusal(
+            "nothing is released yet to compare it with",
+            f"vehicle {row.vehicle}",
+            "import a database first",
+        )
     line = catalogue.lineage(row.id).line
     labels = {ancestor.id: ancestor.label for ancestor in line}
     documents = catalogue.version_documents(row.id)
@@ -84,13 +102,19 @@ def _gate(opened: Stores, row: VersionRow, released: NameEvent | None) -> Verdic
         content_sha256=database_content_sha256(candidate),
     )
     cases = [CheckCase(**case) for case in documents.report.get("check_cases", [])]
-    verdict = judge(standing, opened.database(released.version), candidate, cases, documents.report.get("axes", {}))
+    verdict = judge(
+        standing,
+        opened.database(released.version),
+        candidate,
+        cases,
+        documents.report.get("axes", {}),
+    )
     return Verdict((*verdict.checks, *_enough_flights(opened, row)))
 
 
 def _enough_flights(opened: Stores, row: VersionRow) -> tuple[Check, ...]:
-    """Whether as many flights identified and validated a version as the settings of its vehicle ask for; none where they
-    ask for none."""
+    """Whether as many flights identified and validated a version as the settings of its vehicle ask
+    for; none where they ask for none."""
     asked = load_settings(opened.workspace.root).of(row.vehicle).gate
     if not (asked.identified or asked.held_out):
         return ()
@@ -115,7 +139,12 @@ def _refusal(row: VersionRow, reasons: tuple[str, ...]) -> GateRefusal:
 
 
 def _document(event: NameEvent, row: VersionRow, moved: bool) -> dict[str, Any]:
-    moves = {"sequence": event.sequence, "at_utc": event.at_utc.isoformat(), "user": event.user, "reason": event.reason}
+    moves = {
+        "sequence": event.sequence,
+        "at_utc": event.at_utc.isoformat(),
+        "user": event.user,
+        "reason": event.reason,
+    }
     return {
         "vehicle": row.vehicle,
         "name": event.name,

@@ -1,4 +1,5 @@
-"""Which stored flights a record shares samples with. What follows from it is for `aerodb.tasks.steps.counting`."""
+"""Which stored flights a record shares samples with. What follows from it is for
+`aerodb.tasks.steps.counting`."""
 
 from aerodb.conditioning import FEWEST_MARKS, Shared, shared_samples
 from aerodb.flight import Flight
@@ -8,17 +9,26 @@ from aerodb.tasks.workspace_access import Stores
 
 
 def suspects_of(opened: Stores, flight: Flight, marks: frozenset[int]) -> set[str]:
-    """Ids of stored flights of the vehicle, not retracted, that have enough marks in common to be compared."""
+    """Ids of stored flights of the vehicle, not retracted, that have enough marks in common to be
+    compared."""
     counts = opened.catalogue.flights_with_marks(marks, flight.vehicle)
     found = [id for id, count in counts.items() if count >= FEWEST_MARKS and id != flight.id]
-    return {row.id for row in opened.catalogue.flights_by_id(found).values() if row.retracted_utc is None}
+    return {
+        row.id
+        for row in opened.catalogue.flights_by_id(found).values()
+        if row.retracted_utc is None
+    }
 
 
 def compare_with_stored(opened: Stores, flight: Flight, other: str) -> RepeatRow | None:
-    """What a flight and a stored one (its id) share, None for nothing. The one that was stored later repeats the other."""
+    """What a flight and a stored one (its id) share, None for nothing. The one that was stored
+    later repeats the other."""
     stored = read_flight(opened.file_of(opened.catalogue.results_of(other, "ingest")[-1].path))
     rows = opened.catalogue.flights_by_id([flight.id, other])
-    first = flight.id in rows and (rows[flight.id].added_utc, flight.id) < (rows[other].added_utc, other)
+    first = flight.id in rows and (rows[flight.id].added_utc, flight.id) < (
+        rows[other].added_utc,
+        other,
+    )
     later, earlier = (stored, flight) if first else (flight, stored)
     shared = shared_samples(later, earlier)
     if not shared:
@@ -29,4 +39,11 @@ def compare_with_stored(opened: Stores, flight: Flight, other: str) -> RepeatRow
 
 
 def _stretch(shared: Shared) -> Stretch:
-    return Stretch(shared.start_a, shared.end_a, shared.start_b, shared.end_b, shared.samples, shared.difference)
+    return Stretch(
+        shared.start_a,
+        shared.end_a,
+        shared.start_b,
+        shared.end_b,
+        shared.samples,
+        shared.difference,
+    )

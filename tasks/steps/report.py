@@ -43,7 +43,10 @@ def flight_page(flight: str, *, workspace: str, run: str, version: str = "") -> 
     row = opened.catalogue.flight(flight)
     measured, key = load_flight(opened, row, run)
     consistent, document, _ = load_consistent(opened, row, run)
-    comparison, why = None, "This vehicle has no released database yet: import one, then make this page again."
+    comparison, why = (
+        None,
+        "This vehicle has no released database yet: import one, then make this page again.",
+    )
     if version:
         try:
             _, comparison, _ = load_comparison(opened, row.id, version, run)
@@ -76,7 +79,8 @@ def flight_page(flight: str, *, workspace: str, run: str, version: str = "") -> 
 
 
 def update_page(reference: str, *, workspace: str, run: str) -> str:
-    """The page of the update or closed loop that made a version (its id), or of a closed loop by the key of its report.
+    """The page of the update or closed loop that made a version (its id), or of a closed loop by
+    the key of its report.
 
     Raises InputError for a version that no update made, UnknownNameError for what is neither.
     """
@@ -86,23 +90,37 @@ def update_page(reference: str, *, workspace: str, run: str) -> str:
     rows = opened.catalogue.versions_by_id(ids)
     roles = document["flights"]
     excluded = [entry["flight"] for entry in roles["excluded"]]
-    labels = {flight: _label(opened, flight) for flight in (*roles["identified"], *roles["held_out"], *excluded)}
+    labels = {
+        flight: _label(opened, flight)
+        for flight in (*roles["identified"], *roles["held_out"], *excluded)
+    }
     candidate = rows[document["candidate"]].label if document["candidate"] else None
     baseline = rows[document["baseline"]].label
-    databases = opened.database(document["baseline"]), opened.database(document["candidate"] or document["baseline"])
+    databases = (
+        opened.database(document["baseline"]),
+        opened.database(document["candidate"] or document["baseline"]),
+    )
     shown = roles["held_out"] or roles["identified"]
     before = {flight: compared(opened, flight, databases[0], run) for flight in shown}
     after = {flight: compared(opened, flight, databases[1], run) for flight in shown if candidate}
-    channels = {flight: _variables(_consistent(opened, flight, run), databases[1]) for flight in shown}
-    return update_report(UpdateStory(document, labels, baseline, candidate, databases, before, after, channels))
+    channels = {
+        flight: _variables(_consistent(opened, flight, run), databases[1]) for flight in shown
+    }
+    return update_report(
+        UpdateStory(document, labels, baseline, candidate, databases, before, after, channels)
+    )
 
 
 def write_update_page(document: dict[str, Any], *, workspace: str, run: str) -> str:
-    """Writes the page of what an update or a closed loop answered into the workspace's reports; returns the file."""
+    """Writes the page of what an update or a closed loop answered into the workspace's reports;
+    returns the file."""
     opened = stores(workspace)
     reference = document.get("report") or document["candidate"]
     page = update_page(reference, workspace=workspace, run=run)
-    path = opened.workspace.reports / f"{document['vehicle']}-{document['label'] or 'nothing-added'}-{reference[:12]}.html"
+    path = (
+        opened.workspace.reports
+        / f"{document['vehicle']}-{document['label'] or 'nothing-added'}-{reference[:12]}.html"
+    )
 
     def write(temporary: Path) -> None:
         temporary.write_text(page, encoding="utf-8")
@@ -120,7 +138,11 @@ def version_page(version: str, *, workspace: str, run: str) -> str:
     roles = catalogue.version_flights(row.id)
     flights = catalogue.flights_by_id(use.flight for use in roles)
     database = opened.database(row.id)
-    parent = (catalogue.version_of_id(row.parent).label, opened.database(row.parent)) if row.parent else None
+    parent = (
+        (catalogue.version_of_id(row.parent).label, opened.database(row.parent))
+        if row.parent
+        else None
+    )
     names = catalogue.names(row.vehicle)
     return version_report(
         VersionStory(
@@ -132,9 +154,17 @@ def version_page(version: str, *, workspace: str, run: str) -> str:
             names=sorted(name for name, id in names.items() if id == row.id),
             stale=catalogue.stale(row.id),
             headline=headline(report) if "axes" in report else "",
-            moves=[(m.at_utc, m.name, m.user, m.reason) for m in catalogue.moves_to(row.vehicle, [row.id])],
+            moves=[
+                (m.at_utc, m.name, m.user, m.reason)
+                for m in catalogue.moves_to(row.vehicle, [row.id])
+            ],
             flights=[
-                (_label(opened, use.flight), use.role, flights[use.flight].log_sha256, flights[use.flight].retract_reason)
+                (
+                    _label(opened, use.flight),
+                    use.role,
+                    flights[use.flight].log_sha256,
+                    flights[use.flight].retract_reason,
+                )
                 for use in roles
             ],
             database=database,
@@ -147,7 +177,9 @@ def version_page(version: str, *, workspace: str, run: str) -> str:
 def _family(opened: Stores, row: VersionRow, names: dict[str, str]) -> list[Relative]:
     """The nearest ancestors, the version, and its children, parents first."""
     line = list(reversed(opened.catalogue.lineage(row.id).line[: _ANCESTORS + 1]))
-    children = [entry for entry in opened.catalogue.versions(row.vehicle) if entry.parent == row.id][-_CHILDREN:]
+    children = [
+        entry for entry in opened.catalogue.versions(row.vehicle) if entry.parent == row.id
+    ][-_CHILDREN:]
     family = []
     for entry in (*line, *children):
         roles = [use.role for use in opened.catalogue.version_flights(entry.id)]
@@ -166,7 +198,8 @@ def _family(opened: Stores, row: VersionRow, names: dict[str, str]) -> list[Rela
 
 
 def _document(opened: Stores, reference: str) -> dict[str, Any]:
-    """The document of an update or a closed loop, by the id of its version or the key of its report."""
+    """The document of an update or a closed loop, by the id of its version or the key of its
+    report."""
     result = opened.catalogue.result(reference) if _KEY.fullmatch(reference) else None
     if result is not None and result.step == "close_loop":
         found: dict[str, Any] = read_document(opened.file_of(result.path))
@@ -183,9 +216,19 @@ def _consistent(opened: Stores, flight: str, run: str) -> Flight:
 
 
 def _variables(flight: Flight, database: AeroDatabase) -> dict[str, Array]:
-    """What residuals are shown over: the database's inputs, the surfaces, rates without dimension; unusable samples are nan."""
-    names = {*database.flight_inputs, "alpha", "beta", *(name for name in flight.channels if is_surface(name))}
-    shown = {name: np.where(flight.usable([name]), flight[name], np.nan) for name in sorted(names) if name in flight}
+    """What residuals are shown over: the database's inputs, the surfaces, rates without dimension;
+    unusable samples are nan."""
+    names = {
+        *database.flight_inputs,
+        "alpha",
+        "beta",
+        *(name for name in flight.channels if is_surface(name)),
+    }
+    shown = {
+        name: np.where(flight.usable([name]), flight[name], np.nan)
+        for name in sorted(names)
+        if name in flight
+    }
     for name, (rate, _) in HAT_RATES.items():
         if rate in flight and "V" in flight:
             shown[name] = hat_rate(name, flight.channels, database.reference)

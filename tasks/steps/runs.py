@@ -11,7 +11,8 @@ from aerodb.tasks.workspace_access import Stores
 def mark_ended(
     opened: Stores, state: RunState = "crashed", why: str = "its process ended without a word"
 ) -> list[dict[str, Any]]:
-    """Notes of every run that counts as running, but whose lock nobody holds, that it ended; returns them, newest first."""
+    """Notes of every run that counts as running, but whose lock nobody holds, that it ended;
+    returns them, newest first."""
     ended = []
     for run in opened.catalogue.runs("running", limit=10_000):
         if is_held(opened.workspace.lock(f"run-{run.id}")):
@@ -23,5 +24,11 @@ def mark_ended(
         ended.append({"run": run.id, "flow": run.flow, "started_utc": run.started_utc.isoformat()})
         if state == "crashed":
             vehicle = str(run.parameters.get("vehicle") or "")
-            tell(opened.workspace, "failed", vehicle, f"a run of {run.flow} crashed: {why}", ended[-1])
+            tell(
+                opened.workspace,
+                "failed",
+                vehicle,
+                f"a run of {run.flow} crashed: {why}",
+                ended[-1],
+            )
     return ended

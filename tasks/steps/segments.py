@@ -14,4 +14,6 @@ def segments_of(opened: Stores, flight: str, run: str) -> tuple[Segment, ...]:
     channels, key = load_flight(opened, row, run)
     found, _ = load_conditioning(opened, row, channels, key, run)
     first = float(channels.time[0])
-    return tuple(replace(each, start=each.start - first, end=each.end - first) for each in found.segments)
+    return tuple(
+        replace(each, start=each.start - first, end=each.end - first) for each in found.segments
+    )

@@ -10,9 +10,11 @@ from aerodb.tasks.workspace_access import stores
 
 
 def trim_cache(root: str, *, workspace: str, run: str) -> dict[str, Any]:
-    """Removes from the workspace folder `root` what was not used for longest, where the settings limit its cache.
+    """Removes from the workspace folder `root` what was not used for longest, where the settings
+    limit its cache.
 
-    Returns files, bytes, and the error of what could not be done now: it is done the next time, nothing else waits for it.
+    Returns files, bytes, and the error of what could not be done now: it is done the next time,
+    nothing else waits for it.
     """
     asked = load_settings(Path(root)).store
     if not (asked.url and asked.cache):

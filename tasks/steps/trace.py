@@ -1,4 +1,5 @@
-"""Tracing as steps: the frozen library of a campaign, and the stored cross-products of each flight."""
+"""Tracing as steps: the frozen library of a campaign, and the stored cross-products of each
+flight."""
 
 from aerodb.loop import Library
 from aerodb.loop import freeze_library as frozen_library
@@ -9,16 +10,26 @@ from aerodb.tasks.workspace_access import stores
 from aerodb.tracing import Gram
 
 
-def freeze_library(plan: Plan, *, workspace: str, run: str, effects: str = "", expected: str = "") -> Library:
-    """The library for the plan's baseline, vehicle and flights' channels; `effects` is the text of a file of user templates.
+def freeze_library(
+    plan: Plan, *, workspace: str, run: str, effects: str = "", expected: str = ""
+) -> Library:
+    """The library for the plan's baseline, vehicle and flights' channels; `effects` is the text of
+    a file of user templates.
 
-    Only channels' names and flight conditions are looked at. Raises InputError when its hash is not the `expected` one.
+    Only channels' names and flight conditions are looked at. Raises InputError when its hash is not
+    the `expected` one.
     """
-    source, baseline = flights_of(workspace, plan.vehicle, run), stores(workspace).database(plan.baseline)
+    source, baseline = (
+        flights_of(workspace, plan.vehicle, run),
+        stores(workspace).database(plan.baseline),
+    )
     return frozen_library(source, plan.hold_out.identified, baseline, effects, expected)
 
 
-def trace_flight(flight: str, *, workspace: str, run: str, library: Library, database: AeroDatabase) -> Gram:
-    """The Gram of a flight (its id) beside a database; read back when it is stored, else made and stored."""
+def trace_flight(
+    flight: str, *, workspace: str, run: str, library: Library, database: AeroDatabase
+) -> Gram:
+    """The Gram of a flight (its id) beside a database; read back when it is stored, else made and
+    stored."""
     vehicle = stores(workspace).catalogue.flight(flight).vehicle
     return flights_of(workspace, vehicle, run).normal_equations(flight, database, library)

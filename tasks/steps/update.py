@@ -1,4 +1,5 @@
-"""Declared increments of an update: which flights, what is estimated, what the candidate does on flights not used."""
+"""Declared increments of an update: which flights, what is estimated, what the candidate does on
+flights not used."""
 
 import re
 from dataclasses import dataclass, replace
@@ -33,7 +34,8 @@ from aerodb.tracing import Settings
 
 @dataclass(frozen=True)
 class Plan:
-    """What an update rests on: the baseline's id, the flights and their roles, and the comparisons' keys."""
+    """What an update rests on: the baseline's id, the flights and their roles, and the comparisons'
+    keys."""
 
     vehicle: str
     baseline: str
@@ -57,38 +59,69 @@ def plan_update(
     model: str,
     hold_out: list[str] | None,
 ) -> Plan:
-    """Splits flights into those that identify and those that validate; says which are left out and why.
+    """Splits flights into those that identify and those that validate; says which are left out and
+    why.
 
-    `compared` are the documents of `compare_with_version` on `baseline` (its id); `hold_out` flight references, an
-    empty list for none, None for the rule of CONVENTIONS.
+    `compared` are the documents of `compare_with_version` on `baseline` (its id); `hold_out` flight
+    references, an empty list for none, None for the rule of CONVENTIONS.
     """
     opened = stores(workspace)
     catalogue = opened.catalogue
     excluded = [(entry["flight"], entry["reason"]) for entry in compared if entry["key"] is None]
     rows = [catalogue.flight(entry["flight"]) for entry in compared if entry["key"] is not None]
-    excluded += [(row.id, f"retracted: {row.retract_reason}") for row in rows if row.retracted_utc is not None]
-    excluded += [(row.id, f"rejected: {'; '.join(row.reasons)}") for row in rows if row.verdict == "rejected"]
-    excluded += _repeated(opened, vehicle, {row.id for row in rows} - {flight for flight, _ in excluded})
+    excluded += [
+        (row.id, f"retracted: {row.retract_reason}")
+        for row in rows
+        if row.retracted_utc is not None
+    ]
+    excluded += [
+        (row.id, f"rejected: {'; '.join(row.reasons)}") for row in rows if row.verdict == "rejected"
+    ]
+    excluded += _repeated(
+        opened, vehicle, {row.id for row in rows} - {flight for flight, _ in excluded}
+    )
     out = {flight for flight, _ in excluded}
     usable = sorted((row for row in rows if row.id not in out), key=lambda row: _age(opened, row))
     if not usable:
-        why = "; ".join(f"{flight[:12]}: {reason}" for flight, reason in excluded) or "none is stored"
-        raise InputError(f"no flight can be used ({why})", f"update of {vehicle}", "ingest flights of this vehicle")
-    requested = None if hold_out is None else [catalogue.flight(ref, vehicle).id for ref in hold_out]
-    split = choose_hold_out([row.id for row in usable], catalogue.roles_in_line(baseline), requested)
-    keys = tuple(entry["key"] for entry in compared if entry["key"] is not None and entry["flight"] not in out)
+        why = (
+            "; ".join(f"{flight[:12]}: {reason}" for flight, reason in excluded) or "none is stored"
+        )
+        raise InputError(
+            f"no flight can be used ({why})",
+            f"update of {vehicle}",
+            "ingest flights of this vehicle",
+        )
+    requested = (
+        None if hold_out is None else [catalogue.flight(ref, vehicle).id for ref in hold_out]
+    )
+    split = choose_hold_out(
+        [row.id for row in usable], catalogue.roles_in_line(baseline), requested
+    )
+    keys = tuple(
+        entry["key"]
+        for entry in compared
+        if entry["key"] is not None and entry["flight"] not in out
+    )
     return Plan(vehicle, baseline, model, split, tuple(excluded), keys)
 
 
 def _repeated(opened: Stores, vehicle: str, flights: set[str]) -> list[tuple[str, str]]:
-    """Those of `flights` (ids) that are another one once more, and which: their samples would count twice."""
-    repeats = {flight: rows for flight, rows in counted_out(opened.catalogue, vehicle).items() if flight in flights}
-    labels = opened.catalogue.flight_labels(row.original for rows in repeats.values() for row in rows)
+    """Those of `flights` (ids) that are another one once more, and which: their samples would count
+    twice."""
+    repeats = {
+        flight: rows
+        for flight, rows in counted_out(opened.catalogue, vehicle).items()
+        if flight in flights
+    }
+    labels = opened.catalogue.flight_labels(
+        row.original for rows in repeats.values() for row in rows
+    )
     return [(flight, sentence(rows, labels)) for flight, rows in repeats.items()]
 
 
 def _age(opened: Stores, row: FlightRow) -> tuple[Any, ...]:
-    """Sorts flights as they were flown, the same on every machine: by start; before those, unknown starts by log name.
+    """Sorts flights as they were flown, the same on every machine: by start; before those, unknown
+    starts by log name.
 
     When a flight was added says nothing: logs are taken in side by side, and in any order.
     """
@@ -110,12 +143,16 @@ def estimate(plan: Plan, *, workspace: str, run: str) -> Update:
     doubtful = consider_parameters(reconstructions, vehicle, database, flights, comparisons)
     update = estimate_increments(flights, comparisons, model, database, doubtful)
     again = noisier_flights(reconstructions, vehicle, database, flights, comparisons)
-    noisier = [estimate_increments([f for f, _ in each], [c for _, c in each], model, database) for each in again]
+    noisier = [
+        estimate_increments([f for f, _ in each], [c for _, c in each], model, database)
+        for each in again
+    ]
     return keep_slope_signs(with_flattening(update, noisier, Settings().shift_factor), database)
 
 
 def validate(plan: Plan, update: Update, *, workspace: str, run: str) -> tuple[AxisProof, ...]:
-    """Error before and after the update, on flights that did not identify it where there are any."""
+    """Error before and after the update, on flights that did not identify it where there are
+    any."""
     opened = stores(workspace)
     flights, comparisons = _loaded(opened, plan, plan.flights, run)
     before = {c.flight: c for c in comparisons}
@@ -126,7 +163,9 @@ def validate(plan: Plan, update: Update, *, workspace: str, run: str) -> tuple[A
 
     def without(left_out: str) -> Comparison:
         others = [k for k, flight in enumerate(flights) if flight.id != left_out]
-        candidate = _estimated_where_possible([flights[k] for k in others], [comparisons[k] for k in others], model, baseline)
+        candidate = _estimated_where_possible(
+            [flights[k] for k in others], [comparisons[k] for k in others], model, baseline
+        )
         return compared(opened, left_out, candidate, run)
 
     return prove_by_leaving_one_out(before, after, without)
@@ -135,11 +174,14 @@ def validate(plan: Plan, update: Update, *, workspace: str, run: str) -> tuple[A
 def _estimated_where_possible(
     flights: list[Flight], comparisons: list[Comparison], model: ModelFile, baseline: AeroDatabase
 ) -> AeroDatabase:
-    """The candidate of the axes that these flights can give; an axis that they cannot stays as in the baseline."""
+    """The candidate of the axes that these flights can give; an axis that they cannot stays as in
+    the baseline."""
     candidate = baseline
     for declared in model.increment:
         try:
-            one = estimate_increments(flights, comparisons, ModelFile(increment=(declared,)), baseline)
+            one = estimate_increments(
+                flights, comparisons, ModelFile(increment=(declared,)), baseline
+            )
         except InputError:
             continue
         added = one.candidate.increments[len(baseline.increments) :]
@@ -147,6 +189,8 @@ def _estimated_where_possible(
     return candidate
 
 
-def _loaded(opened: Stores, plan: Plan, ids: tuple[str, ...], run: str) -> tuple[list[Flight], list[Comparison]]:
+def _loaded(
+    opened: Stores, plan: Plan, ids: tuple[str, ...], run: str
+) -> tuple[list[Flight], list[Comparison]]:
     loaded = [load_comparison(opened, flight, plan.baseline, run) for flight in ids]
     return [flight for flight, _, _ in loaded], [comparison for _, comparison, _ in loaded]

@@ -3,7 +3,14 @@ from .evaluation import MOST_LINE_POINTS, database_of, evaluate_at, sweep
 from .finding_documents import finding_document, findings_page, labels_of, reference_of
 from .flight_documents import damage_document, flight_details, flights_document
 from .json_documents import as_json
-from .lineage_documents import compare_versions, impact_document, lineage_document, origins_document, prov_of, rebuilds
+from .lineage_documents import (
+    compare_versions,
+    impact_document,
+    lineage_document,
+    origins_document,
+    prov_of,
+    rebuilds,
+)
 from .status import status_of
 from .table_documents import table_document
 from .version_documents import history_document, version_details, versions_document

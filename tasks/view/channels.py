@@ -1,6 +1,8 @@
-"""Channels of a stored flight for a screen: any stretch of time, as many points as it shows, true extremes kept.
+"""Channels of a stored flight for a screen: any stretch of time, as many points as it shows, true
+extremes kept.
 
-Only the columns and row groups of the stretch are read: an hour at 100 Hz opens as quickly as a minute.
+Only the columns and row groups of the stretch are read: an hour at 100 Hz opens as quickly as a
+minute.
 """
 
 from collections.abc import Iterator, Sequence
@@ -29,9 +31,11 @@ _STRETCHES: Final = 100
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """One line of one panel. source : ``measured``, ``reconstructed``, ``flight`` or ``database`` (coefficients).
+    """One line of one panel. source : ``measured``, ``reconstructed``, ``flight`` or ``database``
+    (coefficients).
 
-    time (n,) [s], values (n,) in `unit` (SI); `factor` turns them into what `label` says. flagged : stretches [s] not used.
+    time (n,) [s], values (n,) in `unit` (SI); `factor` turns them into what `label` says. flagged :
+    stretches [s] not used.
     """
 
     name: str
@@ -46,7 +50,8 @@ class Series:
 
 @dataclass(frozen=True)
 class Record:
-    """What there is to show of a flight: channels and axes by name, those shown first, and its ends [s]."""
+    """What there is to show of a flight: channels and axes by name, those shown first, and its ends
+    [s]."""
 
     channels: tuple[str, ...]
     axes: tuple[str, ...]
@@ -58,7 +63,8 @@ class Record:
 
 @dataclass(frozen=True, eq=False)
 class _Stored:
-    """A flight's stored files: as mapped, the channels that consistency changed, and the newest comparison."""
+    """A flight's stored files: as mapped, the channels that consistency changed, and the newest
+    comparison."""
 
     flight: StoredSeries
     consistent: StoredSeries | None
@@ -70,7 +76,9 @@ class _Stored:
         if self.comparison is None:
             return ()
         n, count = self.flight.rows, self.comparison.rows // self.flight.rows
-        return tuple(str(self.comparison.read(["axis"], k * n, k * n + 1)["axis"][0]) for k in range(count))
+        return tuple(
+            str(self.comparison.read(["axis"], k * n, k * n + 1)["axis"][0]) for k in range(count)
+        )
 
 
 def record_of(opened: Stores, row: FlightRow) -> Record:
@@ -87,26 +95,37 @@ def record_of(opened: Stores, row: FlightRow) -> Record:
 def series_of(
     opened: Stores, row: FlightRow, names: Sequence[str], start: float, end: float, points: int
 ) -> tuple[list[Series], tuple[float, float]]:
-    """The lines of the channels and axes `names` from `start` to `end` [s], at most `points` + 2 samples each, and the ends [s].
+    """The lines of the channels and axes `names` from `start` to `end` [s], at most `points` + 2
+    samples each, and the ends [s].
 
-    A channel is as measured and, where consistency moved it, as reconstructed; an axis as flown and as the database has it.
-    Raises UnknownNameError for a name that the flight lacks, InputError for a number of points or names out of bounds.
+    A channel is as measured and, where consistency moved it, as reconstructed; an axis as flown and
+    as the database has it. Raises UnknownNameError for a name that the flight lacks, InputError for
+    a number of points or names out of bounds.
     """
     if not FEWEST_POINTS <= points <= MOST_POINTS:
         raise InputError(f"{points} points", "points", f"from {FEWEST_POINTS} to {MOST_POINTS}")
     if len(names) > MOST_SERIES:
         raise InputError(f"{len(names)} names", "names", f"at most {MOST_SERIES} at once")
     if not start <= end:
-        raise InputError(f"from {start:g} to {end:g} is no stretch of time", "from, to", "give the earlier time first")
+        raise InputError(
+            f"from {start:g} to {end:g} is no stretch of time",
+            "from, to",
+            "give the earlier time first",
+        )
     stored = _open(opened, row)
     known = [*stored.flight.metadata["channels"], *stored.axes]
     for name in names:
         if name not in known:
-            raise UnknownNameError(f"no channel '{name[:80]}'", f"flight {row.label}", nearest(name[:80], known))
+            raise UnknownNameError(
+                f"no channel '{name[:80]}'", f"flight {row.label}", nearest(name[:80], known)
+            )
     window = _window(stored.flight, start, end)
     wanted = list(dict.fromkeys(names))
     channels = [name for name in wanted if name not in stored.axes]
-    lines = [*_channels(stored, channels, window, points), *_coefficients(stored, wanted, window, points)]
+    lines = [
+        *_channels(stored, channels, window, points),
+        *_coefficients(stored, wanted, window, points),
+    ]
     return sorted(lines, key=lambda line: wanted.index(line.name)), stored.flight.ends()
 
 
@@ -115,7 +134,8 @@ ENVELOPE: Final = ("V", "alpha", "beta", "altitude")
 
 
 def envelopes_of(opened: Stores, rows: Sequence[FlightRow]) -> dict[str, dict[str, list[float]]]:
-    """Flight id -> channel -> lowest and highest usable value (SI) of `ENVELOPE`; a flight whose file is lost has none."""
+    """Flight id -> channel -> lowest and highest usable value (SI) of `ENVELOPE`; a flight whose
+    file is lost has none."""
     found: dict[str, dict[str, list[float]]] = {}
     for row in rows:
         found[row.id] = {}
@@ -131,7 +151,11 @@ def _whole(stored: _Stored, names: Sequence[str]) -> Iterator[tuple[str, Array]]
     """Usable samples of channels as they count: reconstructed where consistency moved them."""
     flags = [name for name in stored.flight.metadata["flags"] if name in names or name == "flight"]
     columns = stored.flight.read([*names, *(f"flags_{name}" for name in flags)])
-    moved = [name for name in names if stored.consistent is not None and name in stored.consistent.columns]
+    moved = [
+        name
+        for name in names
+        if stored.consistent is not None and name in stored.consistent.columns
+    ]
     columns |= stored.consistent.read(moved) if stored.consistent is not None and moved else {}
     for name in names:
         good = np.isfinite(columns[name])
@@ -144,14 +168,25 @@ def _whole(stored: _Stored, names: Sequence[str]) -> Iterator[tuple[str, Array]]
 
 def _open(opened: Stores, row: FlightRow) -> _Stored:
     results = opened.catalogue.results_of(row.id)
-    by_step = {step: [r for r in results if r.step == step] for step in ("ingest", "consistency", "compare")}
+    by_step = {
+        step: [r for r in results if r.step == step]
+        for step in ("ingest", "consistency", "compare")
+    }
     if not by_step["ingest"]:
-        raise InputError("its channels are not stored", f"flight {row.label}", "ingest its log again")
+        raise InputError(
+            "its channels are not stored", f"flight {row.label}", "ingest its log again"
+        )
     flight = StoredSeries.open(opened.file_of(by_step["ingest"][-1].path), "flight")
     consistent = _newest(opened, by_step["consistency"], flight.rows)
     released = opened.named(row.vehicle, "released")
-    compared = [StoredSeries.open(opened.file_of(r.path), "result") for r in by_step["compare"][-8:]]
-    beside = [c for c in compared if c.metadata["metadata"]["version"] == released and c.rows % max(1, flight.rows) == 0]
+    compared = [
+        StoredSeries.open(opened.file_of(r.path), "result") for r in by_step["compare"][-8:]
+    ]
+    beside = [
+        c
+        for c in compared
+        if c.metadata["metadata"]["version"] == released and c.rows % max(1, flight.rows) == 0
+    ]
     return _Stored(flight, consistent, beside[-1] if beside else None)
 
 
@@ -172,7 +207,9 @@ def _window(flight: StoredSeries, start: float, end: float) -> tuple[int, int]:
     return max(0, int(np.floor(low)) - 1), min(n, int(np.ceil(high)) + 2)
 
 
-def _channels(stored: _Stored, names: Sequence[str], window: tuple[int, int], points: int) -> Iterator[Series]:
+def _channels(
+    stored: _Stored, names: Sequence[str], window: tuple[int, int], points: int
+) -> Iterator[Series]:
     if not names:
         return
     flags = [name for name in stored.flight.metadata["flags"] if name in names or name == "flight"]
@@ -190,19 +227,27 @@ def _channels(stored: _Stored, names: Sequence[str], window: tuple[int, int], po
         look = (channel(name).unit, label, factor)
         if name in moved:
             yield Series(name, "measured", *look, *decimated(time, columns[name], points))
-            yield Series(name, "reconstructed", *look, *decimated(time, moved[name], points), flagged)
+            yield Series(
+                name, "reconstructed", *look, *decimated(time, moved[name], points), flagged
+            )
         else:
             yield Series(name, "measured", *look, *decimated(time, columns[name], points), flagged)
 
 
-def _flagged(time: Array, flags: Sequence[NDArray[np.unsignedinteger[Any]]]) -> tuple[tuple[float, float], ...]:
+def _flagged(
+    time: Array, flags: Sequence[NDArray[np.unsignedinteger[Any]]]
+) -> tuple[tuple[float, float], ...]:
     """Stretches of time [s] in which any of `flags` (each (n,)) says that a sample is not used."""
     if not flags or not len(time):
         return ()
-    return tuple(flagged_stretches(time, np.logical_or.reduce([bits != 0 for bits in flags]), _STRETCHES))
+    return tuple(
+        flagged_stretches(time, np.logical_or.reduce([bits != 0 for bits in flags]), _STRETCHES)
+    )
 
 
-def _coefficients(stored: _Stored, names: Sequence[str], window: tuple[int, int], points: int) -> Iterator[Series]:
+def _coefficients(
+    stored: _Stored, names: Sequence[str], window: tuple[int, int], points: int
+) -> Iterator[Series]:
     n = stored.flight.rows
     for place, axis in enumerate(stored.axes):
         if axis not in names or stored.comparison is None:

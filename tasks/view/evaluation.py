@@ -1,4 +1,5 @@
-"""What a version says at a point, and along a line through it: values, standard errors, and where flights and tables reach."""
+"""What a version says at a point, and along a line through it: values, standard errors, and where
+flights and tables reach."""
 
 import json
 import math
@@ -21,8 +22,9 @@ MOST_LINE_POINTS: Final = 2001
 def evaluate_at(catalogue: Catalogue, version: VersionRow, at: str) -> dict[str, Any]:
     """A version at the point ``NAME=VALUE,...`` (with units or SI; what is not given is zero).
 
-    Returns a document: version, at, taken_as_zero, coefficients, standard_errors (None where not known), places,
-    outside_tables, outside_of (their names: edge values are held). InputError for a name that is no input, and for no number.
+    Returns a document: version, at, taken_as_zero, coefficients, standard_errors (None where not
+    known), places, outside_tables, outside_of (their names: edge values are held). InputError for a
+    name that is no input, and for no number.
     """
     database = database_of(catalogue, version)
     point, assumed, channels = _point(database, at)
@@ -40,24 +42,39 @@ def evaluate_at(catalogue: Catalogue, version: VersionRow, at: str) -> dict[str,
 
 
 def sweep(
-    catalogue: Catalogue, version: VersionRow, over: str, reach: tuple[float, float], points: int, at: str
+    catalogue: Catalogue,
+    version: VersionRow,
+    over: str,
+    reach: tuple[float, float],
+    points: int,
+    at: str,
 ) -> dict[str, Any]:
-    """A version along one of its inputs, `reach` from and to [SI], through the point `at` as of `evaluate_at`.
+    """A version along one of its inputs, `reach` from and to [SI], through the point `at` as of
+    `evaluate_at`.
 
-    Returns a document: version, over, at, taken_as_zero, values (points,) [SI], axes (axis -> value, standard_error and place,
-    each (points,); None where not known). InputError where `over` is no input, or the reach or the number of points is none.
+    Returns a document: version, over, at, taken_as_zero, values (points,) [SI], axes (axis ->
+    value, standard_error and place, each (points,); None where not known). InputError where `over`
+    is no input, or the reach or the number of points is none.
     """
     database = database_of(catalogue, version)
     if over not in database.inputs:
-        raise InputError(f"'{over}' is no input of {version.label}", "over", nearest(over, database.inputs))
+        raise InputError(
+            f"'{over}' is no input of {version.label}", "over", nearest(over, database.inputs)
+        )
     if not 2 <= points <= MOST_LINE_POINTS:
         raise InputError(f"{points} points", "points", f"from 2 to {MOST_LINE_POINTS}")
     low, high = reach
     if not (math.isfinite(low) and math.isfinite(high) and low < high):
-        raise InputError(f"from {low:g} to {high:g} is no line", "from, to", "give two numbers, the lower one first")
+        raise InputError(
+            f"from {low:g} to {high:g} is no line",
+            "from, to",
+            "give two numbers, the lower one first",
+        )
     point, assumed, channels = _point(database, at)
     line = np.linspace(low, high, points)
-    found = database.evaluate({**{name: np.full(points, value) for name, value in channels.items()}, over: line})
+    found = database.evaluate(
+        {**{name: np.full(points, value) for name, value in channels.items()}, over: line}
+    )
     axes = {
         axis: {
             "value": [_known(value) for value in found.value[axis].tolist()],
@@ -68,7 +85,14 @@ def sweep(
     }
     fixed = {name: value for name, value in point.items() if name != over}
     taken = [name for name in assumed if name != over]
-    return {"version": version.id, "over": over, "at": fixed, "taken_as_zero": taken, "values": line.tolist(), "axes": axes}
+    return {
+        "version": version.id,
+        "over": over,
+        "at": fixed,
+        "taken_as_zero": taken,
+        "values": line.tolist(),
+        "axes": axes,
+    }
 
 
 def database_of(catalogue: Catalogue, version: VersionRow) -> AeroDatabase:
@@ -76,7 +100,9 @@ def database_of(catalogue: Catalogue, version: VersionRow) -> AeroDatabase:
     return from_document(json.loads(catalogue.version_documents(version.id).content))
 
 
-def _point(database: AeroDatabase, at: str) -> tuple[dict[str, float], list[str], Mapping[str, float]]:
+def _point(
+    database: AeroDatabase, at: str
+) -> tuple[dict[str, float], list[str], Mapping[str, float]]:
     """The point that is meant, inputs that it leaves out, and the channels that are evaluated."""
     point = point_of(at, database.inputs)
     settled = {state.name for state in database.states}

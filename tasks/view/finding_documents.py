@@ -1,4 +1,5 @@
-"""What updates and closed loops found, one after another and one by one: their stored documents, nothing computed anew."""
+"""What updates and closed loops found, one after another and one by one: their stored documents,
+nothing computed anew."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -15,15 +16,20 @@ from aerodb.tasks.workspace_access import Stores
 
 _KEY: Final = re.compile(r"[0-9a-f]{64}")
 #: What a run says that left nothing of its own.
-_UNTOLD: Final = {"completed": "The same as a run before it: nothing new was stored.", "running": "Under way."}
+_UNTOLD: Final = {
+    "completed": "The same as a run before it: nothing new was stored.",
+    "running": "Under way.",
+}
 _PLACE: Final = re.compile(r"([0-9T:.+-]{19,40})~([A-Za-z0-9-]{1,64})")
 
 
 def findings_page(opened: Stores, limit: int, after: str = "") -> tuple[list[dict[str, Any]], str]:
-    """The newest `limit` updates and closed loops, newest first, and where the next page begins (empty at the end).
+    """The newest `limit` updates and closed loops, newest first, and where the next page begins
+    (empty at the end).
 
-    Each is a document: run, flow, vehicle, state, started_utc, reference (what `finding_document` takes, None where nothing was
-    stored), label, headline, verdicts. after : the second answer of the page before; InputError where it is none.
+    Each is a document: run, flow, vehicle, state, started_utc, reference (what `finding_document`
+    takes, None where nothing was stored), label, headline, verdicts. after : the second answer of
+    the page before; InputError where it is none.
     """
     rows = opened.catalogue.runs_of(FLOWS.values(), limit + 1, _place(after) if after else None)
     shown = rows[:limit]
@@ -33,7 +39,9 @@ def findings_page(opened: Stores, limit: int, after: str = "") -> tuple[list[dic
     entries = []
     for run in shown:
         ids, keys = made[run.id]
-        reference = next((id for id in ids if "axes" in reports.get(id, {})), None) or next(iter(keys), None)
+        reference = next((id for id in ids if "axes" in reports.get(id, {})), None) or next(
+            iter(keys), None
+        )
         report = reports[reference] if reference in reports else _stored(opened, reference)
         label = versions[reference].label if reference in versions else None
         entries.append(_entry(run, reference, label, report))
@@ -42,7 +50,8 @@ def findings_page(opened: Stores, limit: int, after: str = "") -> tuple[list[dic
 
 
 def finding_document(opened: Stores, reference: str, vehicle: str | None = None) -> dict[str, Any]:
-    """The document of an update or a closed loop, by the key of its report or by the version that it made.
+    """The document of an update or a closed loop, by the key of its report or by the version that
+    it made.
 
     Raises UnknownNameError for what is neither, InputError for a version that was imported.
     """
@@ -56,12 +65,15 @@ def finding_document(opened: Stores, reference: str, vehicle: str | None = None)
     report = {name: part for name, part in reports[meant].items() if name != "check_cases"}
     if "axes" not in report:
         label = opened.catalogue.version_of_id(meant).label
-        raise InputError("was imported, no update made it", f"version {label}", "see the version itself")
+        raise InputError(
+            "was imported, no update made it", f"version {label}", "see the version itself"
+        )
     return report
 
 
 def reference_of(opened: Stores, reference: str, vehicle: str | None = None) -> str:
-    """The key of a closed loop's report, or the id of the version, that is meant; UnknownNameError for what is neither."""
+    """The key of a closed loop's report, or the id of the version, that is meant; UnknownNameError
+    for what is neither."""
     result = opened.catalogue.result(reference) if _KEY.fullmatch(reference) else None
     if result is not None and result.step == "close_loop":
         return result.key
@@ -73,12 +85,23 @@ def reference_of(opened: Stores, reference: str, vehicle: str | None = None) -> 
 def labels_of(opened: Stores, document: Mapping[str, Any]) -> dict[str, str]:
     """Id -> what people call it, for the flights and the versions of an update's document."""
     roles = document["flights"]
-    flights = [*roles["identified"], *roles["held_out"], *(entry["flight"] for entry in roles["excluded"])]
-    versions = opened.catalogue.versions_by_id(filter(None, (document["baseline"], document["candidate"])))
-    return {**opened.catalogue.flight_labels(flights), **{id: row.label for id, row in versions.items()}}
+    flights = [
+        *roles["identified"],
+        *roles["held_out"],
+        *(entry["flight"] for entry in roles["excluded"]),
+    ]
+    versions = opened.catalogue.versions_by_id(
+        filter(None, (document["baseline"], document["candidate"]))
+    )
+    return {
+        **opened.catalogue.flight_labels(flights),
+        **{id: row.label for id, row in versions.items()},
+    }
 
 
-def _entry(run: RunRow, reference: str | None, label: str | None, report: Mapping[str, Any]) -> dict[str, Any]:
+def _entry(
+    run: RunRow, reference: str | None, label: str | None, report: Mapping[str, Any]
+) -> dict[str, Any]:
     verdicts: Sequence[str] = [finding["verdict"] for finding in report.get("findings", ())]
     return {
         "run": run.id,
@@ -112,4 +135,6 @@ def _place(text: str) -> tuple[datetime, str]:
             raise ValueError("no time zone")
         return when, match[2]
     except ValueError as error:
-        raise InputError("no place in this list", "after", "leave it out for the first page") from error
+        raise InputError(
+            "no place in this list", "after", "leave it out for the first page"
+        ) from error

@@ -1,4 +1,5 @@
-"""Flights as documents: what `aerodb flight list` and `show` answer, and the console's API with them."""
+"""Flights as documents: what `aerodb flight list` and `show` answer, and the console's API with
+them."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -27,13 +28,18 @@ def flight_document(row: FlightRow) -> dict[str, Any]:
 
 
 def flights_document(catalogue: Catalogue, rows: Sequence[FlightRow]) -> list[dict[str, Any]]:
-    """Flights, each with whether it counts: it was not retracted, and is no stored one once more."""
+    """Flights, each with whether it counts: it was not retracted, and is no stored one once
+    more."""
     again = repeating(catalogue, [row.id for row in rows])
-    return [{**flight_document(row), "counts": not (row.retracted_utc or row.id in again)} for row in rows]
+    return [
+        {**flight_document(row), "counts": not (row.retracted_utc or row.id in again)}
+        for row in rows
+    ]
 
 
 def flight_details(opened: Stores, row: FlightRow) -> dict[str, Any]:
-    """A flight with its log, what conditioning and consistency found, its results, and the versions that rest on it."""
+    """A flight with its log, what conditioning and consistency found, its results, and the versions
+    that rest on it."""
     catalogue = opened.catalogue
     log, results = catalogue.log(row.log_sha256), catalogue.results_of(row.id)
     return {
@@ -41,10 +47,20 @@ def flight_details(opened: Stores, row: FlightRow) -> dict[str, Any]:
         **_conditioning(opened, results),
         "repeats": repeat_documents(catalogue, row.id),
         "consistency": _consistency(opened, row, results),
-        "log": {"name": log.name, "status": log.status, "damage": [damage_document(d) for d in log.damage]} if log else None,
-        "results": [{"key": r.key, "step": r.step, "created_utc": r.created_utc.isoformat()} for r in results],
+        "log": {
+            "name": log.name,
+            "status": log.status,
+            "damage": [damage_document(d) for d in log.damage],
+        }
+        if log
+        else None,
+        "results": [
+            {"key": r.key, "step": r.step, "created_utc": r.created_utc.isoformat()}
+            for r in results
+        ],
         "versions": [
-            {"version": use.version.id, "label": use.version.label, "role": use.role} for use in catalogue.impact(row.id)
+            {"version": use.version.id, "label": use.version.label, "role": use.role}
+            for use in catalogue.impact(row.id)
         ],
     }
 
@@ -68,8 +84,11 @@ def _conditioning(opened: Stores, results: Sequence[ResultRow]) -> dict[str, Any
     return {name: found.get(name, []) for name in ("suspicions", "segments", "delays")}
 
 
-def _consistency(opened: Stores, row: FlightRow, results: Sequence[ResultRow]) -> Mapping[str, Any] | None:
-    """The stored document of a flight's consistency under the calibration that it is bound to; None while there is none."""
+def _consistency(
+    opened: Stores, row: FlightRow, results: Sequence[ResultRow]
+) -> Mapping[str, Any] | None:
+    """The stored document of a flight's consistency under the calibration that it is bound to; None
+    while there is none."""
     bound = opened.catalogue.calibration_of(row.id)
     for result in reversed([entry for entry in results if entry.step == "consistency"]):
         document = read_results(opened.file_of(result.path), ())[1]

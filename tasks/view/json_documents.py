@@ -1,4 +1,5 @@
-"""Documents as JSON that any reader takes: what has no number is null, what is no JSON becomes text."""
+"""Documents as JSON that any reader takes: what has no number is null, what is no JSON becomes
+text."""
 
 import json
 import math
@@ -6,7 +7,8 @@ from typing import Any
 
 
 def finite(value: Any) -> Any:
-    """`value` with None for numbers that JSON cannot write: the rate of a topic with one sample, say.
+    """`value` with None for numbers that JSON cannot write: the rate of a topic with one sample,
+    say.
 
     >>> finite({"rate": float("inf"), "all": (1.0, float("nan"))})
     {'rate': None, 'all': [1.0, None]}

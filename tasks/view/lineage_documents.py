@@ -1,5 +1,6 @@
-"""Where a number comes from: from a table node or a point of a version to increments, flights, logs, settings and runs;
-and from a flight that was withdrawn to the versions to make again, in order."""
+"""Where a number comes from: from a table node or a point of a version to increments, flights,
+logs, settings and runs; and from a flight that was withdrawn to the versions to make again, in
+order."""
 
 import io
 import json
@@ -20,22 +21,36 @@ FIGURE_KINDS: Final = ("png", "svg", "pdf")
 
 
 def lineage_document(catalogue: Catalogue, version: VersionRow) -> dict[str, Any]:
-    """What a version rests on: its line, why it is stale, flights with the hashes of their logs, inputs, runs."""
+    """What a version rests on: its line, why it is stale, flights with the hashes of their logs,
+    inputs, runs."""
     found = catalogue.lineage(version.id)
     return {
         "version": found.version.id,
         "line": [version_document(ancestor) for ancestor in found.line],
         "stale": list(catalogue.stale(version.id)),
-        "flights": [{"flight": f, "role": role, "log_sha256": found.logs[f]} for f, role in sorted(found.roles.items())],
+        "flights": [
+            {"flight": f, "role": role, "log_sha256": found.logs[f]}
+            for f, role in sorted(found.roles.items())
+        ],
         "inputs": {key: list(values) for key, values in found.inputs.items()},
         "runs": [
-            {"run": r.id, "flow": r.flow, "how": r.how, "state": r.state, "code_version": r.code_version} for r in found.runs
+            {
+                "run": r.id,
+                "flow": r.flow,
+                "how": r.how,
+                "state": r.state,
+                "code_version": r.code_version,
+            }
+            for r in found.runs
         ],
     }
 
 
-def origins_document(catalogue: Catalogue, version: VersionRow, node: str | None, at: str) -> dict[str, Any]:
-    """What stands behind a table node ``TABLE[i,j]``, else behind a point ``NAME=VALUE,...``: version, at, increments."""
+def origins_document(
+    catalogue: Catalogue, version: VersionRow, node: str | None, at: str
+) -> dict[str, Any]:
+    """What stands behind a table node ``TABLE[i,j]``, else behind a point ``NAME=VALUE,...``:
+    version, at, increments."""
     if node is not None:
         origins = origin_of_node(catalogue, version, *node_of(node))
     else:
@@ -44,8 +59,11 @@ def origins_document(catalogue: Catalogue, version: VersionRow, node: str | None
 
 
 def impact_document(flight: str, uses: Sequence[Impact]) -> dict[str, Any]:
-    """Versions that rest on a flight (its id): version, role of the flight, and the version through which they do."""
-    versions = [{"version": use.version.id, "role": use.role, "through": use.through} for use in uses]
+    """Versions that rest on a flight (its id): version, role of the flight, and the version through
+    which they do."""
+    versions = [
+        {"version": use.version.id, "role": use.role, "through": use.through} for use in uses
+    ]
     return {"flight": flight, "versions": versions}
 
 
@@ -57,7 +75,8 @@ def inputs_of(catalogue: Catalogue, version: VersionRow) -> tuple[str, ...]:
 def compare_versions(
     catalogue: Catalogue, before: VersionRow, after: VersionRow, picture: str = ""
 ) -> tuple[dict[str, Any], bytes | None]:
-    """The document of what differs between two versions, and its picture as `picture` (a suffix such as ``.png``) says."""
+    """The document of what differs between two versions, and its picture as `picture` (a suffix
+    such as ``.png``) says."""
     old, new = database_of(catalogue, before), database_of(catalogue, after)
     document = {"before": before.id, "after": after.id, **diff_document(diff(old, new))}
     if not picture:
@@ -67,21 +86,31 @@ def compare_versions(
         raise InputError(f"no picture of kind '{picture}'", "--figure", nearest(kind, FIGURE_KINDS))
     from aerodb.report import diff_figure
 
-    figure = diff_figure(old, new, (before.label, after.label), f"{after.vehicle}: {before.label} and {after.label}")
+    figure = diff_figure(
+        old, new, (before.label, after.label), f"{after.vehicle}: {before.label} and {after.label}"
+    )
     drawn = io.BytesIO()
     figure.savefig(drawn, format=kind, dpi=130)
     return document, drawn.getvalue()
 
 
-def origin_of_node(catalogue: Catalogue, version: VersionRow, table: str, index: tuple[int, ...]) -> list[dict[str, Any]]:
-    """The increments behind a node of a table, each with `_origin`; empty where it is the imported value."""
+def origin_of_node(
+    catalogue: Catalogue, version: VersionRow, table: str, index: tuple[int, ...]
+) -> list[dict[str, Any]]:
+    """The increments behind a node of a table, each with `_origin`; empty where it is the imported
+    value."""
     return _origins(catalogue, version, node_lineage(database_of(catalogue, version), table, index))
 
 
-def origin_of_point(catalogue: Catalogue, version: VersionRow, point: Mapping[str, float]) -> list[dict[str, Any]]:
-    """The increments that act at a point (channel -> value, SI; what is not given is neutral), each with `_origin`."""
+def origin_of_point(
+    catalogue: Catalogue, version: VersionRow, point: Mapping[str, float]
+) -> list[dict[str, Any]]:
+    """The increments that act at a point (channel -> value, SI; what is not given is neutral), each
+    with `_origin`."""
     database = database_of(catalogue, version)
-    return _origins(catalogue, version, point_lineage(database, {**neutral_point(database), **point}))
+    return _origins(
+        catalogue, version, point_lineage(database, {**neutral_point(database), **point})
+    )
 
 
 def prov_of(catalogue: Catalogue, version: VersionRow) -> bytes:
@@ -92,10 +121,11 @@ def prov_of(catalogue: Catalogue, version: VersionRow) -> bytes:
 
 
 def rebuilds(catalogue: Catalogue, stale: Sequence[Impact]) -> list[dict[str, Any]]:
-    """How to make stale versions again, ancestors first: version, label, and the command; empty where no update made it.
+    """How to make stale versions again, ancestors first: version, label, and the command; empty
+    where no update made it.
 
-    The command takes the version's own model and flights, without those that are retracted, on its parent; where the parent
-    is stale too, on what was made of that one a step before.
+    The command takes the version's own model and flights, without those that are retracted, on its
+    parent; where the parent is stale too, on what was made of that one a step before.
     """
     made_again: dict[str, str] = {}
     settings = catalogue.settings_of(entry.version.id for entry in stale)
@@ -107,7 +137,8 @@ def rebuilds(catalogue: Catalogue, stale: Sequence[Impact]) -> list[dict[str, An
             continue
         baseline = row.parent or ""
         if baseline in made_again:
-            # `candidate` points at what was made last: named by itself, unless another branch came between.
+            # `candidate` points at what was made last: named by itself, unless another branch came
+            # between.
             baseline = "candidate" if found[-1]["version"] == baseline else made_again[baseline]
         elif baseline:
             baseline = catalogue.version_of_id(baseline).label
@@ -117,7 +148,9 @@ def rebuilds(catalogue: Catalogue, stale: Sequence[Impact]) -> list[dict[str, An
     return found
 
 
-def _origins(catalogue: Catalogue, version: VersionRow, shares: Sequence[NodeShare]) -> list[dict[str, Any]]:
+def _origins(
+    catalogue: Catalogue, version: VersionRow, shares: Sequence[NodeShare]
+) -> list[dict[str, Any]]:
     makers = _makers(catalogue, version)
     return [
         {
@@ -140,12 +173,17 @@ def _makers(catalogue: Catalogue, version: VersionRow) -> list[VersionRow]:
         there = {_identity(entry) for entry in _increments(catalogue, row)}
         if there.isdisjoint(wanted):
             break
-        makers = [row if identity in there else maker for identity, maker in zip(wanted, makers, strict=True)]
+        makers = [
+            row if identity in there else maker
+            for identity, maker in zip(wanted, makers, strict=True)
+        ]
     return makers
 
 
 def _increments(catalogue: Catalogue, version: VersionRow) -> list[dict[str, Any]]:
-    entries: list[dict[str, Any]] = json.loads(catalogue.version_documents(version.id).content)["increments"]
+    entries: list[dict[str, Any]] = json.loads(catalogue.version_documents(version.id).content)[
+        "increments"
+    ]
     return entries
 
 
@@ -156,7 +194,8 @@ def _identity(increment: Mapping[str, Any]) -> str:
 
 
 def _origin(catalogue: Catalogue, maker: VersionRow, flights: Sequence[str]) -> dict[str, Any]:
-    """Version that brought an increment in, its settings, step versions and run, and the flights with their logs' hashes."""
+    """Version that brought an increment in, its settings, step versions and run, and the flights
+    with their logs' hashes."""
     rows = catalogue.flights_by_id(flights)
     roles = {use.flight: use.role for use in catalogue.version_flights(maker.id)}
     run = catalogue.run(maker.run) if maker.run is not None else None
@@ -166,7 +205,10 @@ def _origin(catalogue: Catalogue, maker: VersionRow, flights: Sequence[str]) -> 
         "made_by": maker.id,
         "label": maker.label,
         "settings": dict(settings),
-        "step_versions": {**steps, **{step: [settings[step]] for step in RESULT_VERSION if step in settings}},
+        "step_versions": {
+            **steps,
+            **{step: [settings[step]] for step in RESULT_VERSION if step in settings},
+        },
         "run": run.id if run is not None else None,
         "code_version": run.code_version if run is not None else None,
         "flights": [

@@ -1,4 +1,5 @@
-"""What waits, what runs, what failed and why, and what to do about it: one document, read from the stores and the inbox."""
+"""What waits, what runs, what failed and why, and what to do about it: one document, read from the
+stores and the inbox."""
 
 import shutil
 from typing import Any, Final
@@ -19,12 +20,17 @@ _SHOWN: Final = ("pid", "url", "since_utc")
 
 
 def status_of(opened: Stores) -> dict[str, Any]:
-    """The status document: serve, settings, waiting, running, failed, quarantined, vehicles, undelivered, disk, todo.
+    """The status document: serve, settings, waiting, running, failed, quarantined, vehicles,
+    undelivered, disk, todo.
 
     ``todo`` are plain sentences: what a person should do now; empty when nothing is to be done.
     """
     settings, fault = _settings(opened)
-    serving = {key: value for key, value in note_of(opened.workspace.lock("serve")).items() if key in _SHOWN}
+    serving = {
+        key: value
+        for key, value in note_of(opened.workspace.lock("serve")).items()
+        if key in _SHOWN
+    }
     runs = opened.catalogue.runs("running", limit=1000)
     alive = [run for run in runs if is_held(opened.workspace.lock(f"run-{run.id}"))]
     dead = [run for run in runs if run not in alive]
@@ -33,7 +39,11 @@ def status_of(opened: Stores) -> dict[str, Any]:
     aside = in_quarantine(opened, _LISTED)
     elsewhere = min(quarantined.count(opened.workspace), _LISTED) - len(aside)
     document: dict[str, Any] = {
-        "serve": {"running": is_held(opened.workspace.lock("serve")), **serving, "schedule": schedule_text(settings.nightly)},
+        "serve": {
+            "running": is_held(opened.workspace.lock("serve")),
+            **serving,
+            "schedule": schedule_text(settings.nightly),
+        },
         "settings": fault or "valid",
         "waiting": _waiting(opened, settings),
         "running": [_run(run, "") for run in alive],
@@ -41,7 +51,14 @@ def status_of(opened: Stores) -> dict[str, Any]:
         "quarantined": {
             "count": quarantined.count(opened.workspace) - elsewhere,
             "newest": [
-                {"key": e.key, "name": e.name, "vehicle": e.vehicle, "reason": e.reason, "at_utc": e.at_utc} for e in aside
+                {
+                    "key": e.key,
+                    "name": e.name,
+                    "vehicle": e.vehicle,
+                    "reason": e.reason,
+                    "at_utc": e.at_utc,
+                }
+                for e in aside
             ],
         },
         "vehicles": [_vehicle(opened, settings, row.name) for row in opened.catalogue.vehicles()],
@@ -53,14 +70,23 @@ def status_of(opened: Stores) -> dict[str, Any]:
 
 def _settings(opened: Stores) -> tuple[Settings, str]:
     try:
-        return load_settings(opened.workspace.root, tuple(row.name for row in opened.catalogue.vehicles())), ""
+        return (
+            load_settings(
+                opened.workspace.root, tuple(row.name for row in opened.catalogue.vehicles())
+            ),
+            "",
+        )
     except AeroError as error:
         return Settings(), str(error)
 
 
 def schedule_text(schedule: Schedule) -> str:
     """A schedule in words."""
-    return f"every {schedule.every:g} s" if schedule.every is not None else f"cron {schedule.cron} ({schedule.timezone})"
+    return (
+        f"every {schedule.every:g} s"
+        if schedule.every is not None
+        else f"cron {schedule.cron} ({schedule.timezone})"
+    )
 
 
 def _waiting(opened: Stores, settings: Settings) -> list[dict[str, Any]]:
@@ -81,7 +107,12 @@ def _waiting(opened: Stores, settings: Settings) -> list[dict[str, Any]]:
 
 def _run(run: RunRow, error: str) -> dict[str, Any]:
     ended = run.ended_utc.isoformat() if run.ended_utc else None
-    said = {"run": run.id, "flow": run.flow, "vehicle": run.parameters.get("vehicle"), "state": run.state}
+    said = {
+        "run": run.id,
+        "flow": run.flow,
+        "vehicle": run.parameters.get("vehicle"),
+        "state": run.state,
+    }
     return {**said, "started_utc": run.started_utc.isoformat(), "ended_utc": ended, "error": error}
 
 
@@ -93,7 +124,13 @@ def _vehicle(opened: Stores, settings: Settings, name: str) -> dict[str, Any]:
         version = opened.named(name, pointer)
         labels[pointer] = opened.catalogue.version_of_id(version).label if version else None
     loops = [
-        {"way": way, "new": d.new, "after": d.after, "due": d.is_due, "fault": _fault(opened, name, loop, way, d)}
+        {
+            "way": way,
+            "new": d.new,
+            "after": d.after,
+            "due": d.is_due,
+            "fault": _fault(opened, name, loop, way, d),
+        }
         for way, d in asked.items()
     ]
     return {"vehicle": name, **labels, "loops": loops}
@@ -117,15 +154,28 @@ def _todo(document: dict[str, Any]) -> list[str]:
             said.append(f"{entry['file']}: {entry['reason']}")
     ready = sum(entry["state"] in ("ready", "refused") for entry in document["waiting"])
     if ready and not document["serve"]["running"]:
-        said.append(f"{ready} logs wait and nothing serves this workspace: aerodb nightly takes them in now, aerodb serve always")
+        said.append(
+            f"{ready} logs wait and nothing serves this workspace: aerodb nightly takes them in"
+            " now, aerodb serve always"
+        )
     for run in document["failed"]:
-        said.append(f"{run['flow']} failed ({(run['error'].splitlines() or ['?'])[0][:200]}): aerodb retry {run['run'][:12]}")
+        said.append(
+            f"{run['flow']} failed ({(run['error'].splitlines() or ['?'])[0][:200]}): aerodb retry"
+            f" {run['run'][:12]}"
+        )
     for entry in document["vehicles"]:
-        said += [f"{d['way']} of {entry['vehicle']}: {d['fault'].splitlines()[0]}" for d in entry["loops"] if d["fault"]]
+        said += [
+            f"{d['way']} of {entry['vehicle']}: {d['fault'].splitlines()[0]}"
+            for d in entry["loops"]
+            if d["fault"]
+        ]
     if document["quarantined"]["count"]:
         said.append(
-            f"{document['quarantined']['count']} logs are in quarantine: see why, mend what is wrong (the vehicle file, a "
-            "mapping), then aerodb retry KEY or aerodb retry all"
+            f"{document['quarantined']['count']} logs are in quarantine: see why, mend what is"
+            " wrong (the vehicle file, a mapping), then aerodb retry KEY or aerodb retry all"
         )
-    said += [f"not delivered: {text}; see the webhook or command in the settings" for text in document["undelivered"]]
+    said += [
+        f"not delivered: {text}; see the webhook or command in the settings"
+        for text in document["undelivered"]
+    ]
     return said

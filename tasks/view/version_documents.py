@@ -1,4 +1,5 @@
-"""Versions as documents: what `aerodb version list`, `show` and `history` answer, and the console's API with them."""
+"""Versions as documents: what `aerodb version list`, `show` and `history` answer, and the console's
+API with them."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -18,7 +19,9 @@ def version_document(row: VersionRow) -> dict[str, Any]:
     }
 
 
-def versions_document(catalogue: Catalogue, vehicle: str, rows: Sequence[VersionRow]) -> list[dict[str, Any]]:
+def versions_document(
+    catalogue: Catalogue, vehicle: str, rows: Sequence[VersionRow]
+) -> list[dict[str, Any]]:
     """Versions of a vehicle, each with the names that point at it now."""
     names: dict[str, list[str]] = {}
     for name, version in catalogue.names(vehicle).items():
@@ -27,10 +30,16 @@ def versions_document(catalogue: Catalogue, vehicle: str, rows: Sequence[Version
 
 
 def version_details(catalogue: Catalogue, row: VersionRow) -> dict[str, Any]:
-    """A version with why it is stale, the report it was made with, and the settings that made it."""
+    """A version with why it is stale, the report it was made with, and the settings that made
+    it."""
     documents = catalogue.version_documents(row.id)
     stale = list(catalogue.stale(row.id))
-    return {**version_document(row), "stale": stale, "report": documents.report, "settings": documents.settings}
+    return {
+        **version_document(row),
+        "stale": stale,
+        "report": documents.report,
+        "settings": documents.settings,
+    }
 
 
 def history_document(events: Sequence[NameEvent]) -> list[dict[str, Any]]:

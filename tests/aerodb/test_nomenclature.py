@@ -1,4 +1,5 @@
-"""Everything that is stored is in the glossary, with its unit; every built-in mapping leads there."""
+"""Everything that is stored is in the glossary, with its unit; every built-in mapping leads
+there."""
 
 from pathlib import Path
 
@@ -11,7 +12,15 @@ from aerodb.flows.flight import flight_flow
 from aerodb.flows.importing import import_flow
 from aerodb.flows.run import run_flow
 from aerodb.logs.derivations import METHODS
-from aerodb.nomenclature import AXES, CHANNELS, FLAGS, RESULT_COLUMNS, axis_description, channel, is_surface
+from aerodb.nomenclature import (
+    AXES,
+    CHANNELS,
+    FLAGS,
+    RESULT_COLUMNS,
+    axis_description,
+    channel,
+    is_surface,
+)
 from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.mappings import builtin_mappings
 from aerodb.storage.workspace import Workspace
@@ -34,13 +43,17 @@ def workspace(tmp_path_factory: pytest.TempPathFactory) -> Path:
         catalogue.add_vehicle(NAME, small_glider.VEHICLE)
     database = {"file": str(folder / "database.toml"), "vehicle": NAME, "bindings": {}}
     run_flow(import_flow, database, opened, "direct")
-    outcomes = run_flow(flight_flow, {"logs": [str(log) for log in logs], "vehicle": NAME}, opened, "direct")
+    outcomes = run_flow(
+        flight_flow, {"logs": [str(log) for log in logs], "vehicle": NAME}, opened, "direct"
+    )
     assert all(outcome["comparison"]["key"] for outcome in outcomes)
     return opened.root
 
 
 def _stored(root: Path, folder: str) -> list[Path]:
-    return sorted(path for path in (root / folder).rglob("*.parquet") if ".topics" not in path.parent.name)
+    return sorted(
+        path for path in (root / folder).rglob("*.parquet") if ".topics" not in path.parent.name
+    )
 
 
 def test_every_column_of_a_stored_flight_is_registered_with_its_unit(workspace: Path) -> None:
@@ -61,7 +74,9 @@ def test_every_column_of_a_stored_result_is_registered_with_its_unit(workspace: 
     assert len(files) == 8, "conditioning, consistency, coefficients and comparison of two flights"
     for file in [file for file in files if len(pq.read_schema(file))]:
         for field in pq.read_schema(file):
-            entry = RESULT_COLUMNS[field.name] if field.name in RESULT_COLUMNS else channel(field.name)
+            entry = (
+                RESULT_COLUMNS[field.name] if field.name in RESULT_COLUMNS else channel(field.name)
+            )
             assert field.metadata[b"unit"].decode() == entry.unit, (file, field.name)
         for axis in set(pq.read_table(file, columns=["axis"])["axis"].to_pylist()):
             assert axis_description(axis)
@@ -85,9 +100,15 @@ def test_every_mapping_leads_to_registered_channels_in_convertible_units(name: s
     for derived in mapping.derived:
         method = METHODS[derived.method]
         unit = method.input_unit or channel(derived.channels[0]).unit
-        assert all(conversion(source.unit, unit)[0] for source in derived.sources if source.unit is not None), derived.channels
+        assert all(
+            conversion(source.unit, unit)[0]
+            for source in derived.sources
+            if source.unit is not None
+        ), derived.channels
         if method.outputs:
-            assert {channel(c).unit for c in derived.channels} == {channel(o).unit for o in method.outputs}
+            assert {channel(c).unit for c in derived.channels} == {
+                channel(o).unit for o in method.outputs
+            }
     if mapping.time is not None and mapping.time.unit is not None:
         assert conversion(mapping.time.unit, "s")[0] > 0.0
 
@@ -100,12 +121,21 @@ def test_every_entry_says_what_it_is_in_si(name: str) -> None:
     if entry.unit:
         assert conversion(entry.unit, entry.unit) == (1.0, 0.0)
         base = {"Pa": "kg/m/s^2", "N": "kg m/s^2"}.get(entry.unit, entry.unit)
-        assert set(base.replace("^2", "").replace("^3", "").replace("/", " ").split()) <= {"1", "s", "m", "kg", "K", "rad"}
+        assert set(base.replace("^2", "").replace("^3", "").replace("/", " ").split()) <= {
+            "1",
+            "s",
+            "m",
+            "kg",
+            "K",
+            "rad",
+        }
 
 
 def test_axes_are_values_and_never_columns() -> None:
     assert {len(axis_description(axis)) > 5 for axis in (*AXES, *WIND_AXES)} == {True}
-    assert not {name.lower() for name in (*AXES, *WIND_AXES)} & {name.lower() for name in (*CHANNELS, *RESULT_COLUMNS)}
+    assert not {name.lower() for name in (*AXES, *WIND_AXES)} & {
+        name.lower() for name in (*CHANNELS, *RESULT_COLUMNS)
+    }
 
 
 def test_flags_fit_two_bytes_and_do_not_overlap() -> None:

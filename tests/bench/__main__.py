@@ -1,7 +1,9 @@
-"""`make bench`: the product beside what a user would use instead, as ratios within one run. Nothing here asserts.
+"""`make bench`: the product beside what a user would use instead, as ratios within one run. Nothing
+here asserts.
 
-Each measurement is a process of its own; time and peak memory are taken inside it, after its imports, so that starting an
-interpreter counts for neither. Memory is the peak of the whole process.
+Each measurement is a process of its own; time and peak memory are taken inside it, after its
+imports, so that starting an interpreter counts for neither. Memory is the peak of the whole
+process.
 """
 
 import argparse
@@ -75,7 +77,11 @@ print(json.dumps({{"seconds": seconds, "megabytes": memory, "answer": globals().
 
 def measure(imports: str, body: str) -> dict[str, Any]:
     """Seconds and peak megabytes of `body` in a process of its own, and what it calls `answer`."""
-    done = subprocess.run([sys.executable, "-c", MEASURED.format(imports=imports, body=body)], capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, "-c", MEASURED.format(imports=imports, body=body)],
+        capture_output=True,
+        text=True,
+    )
     if done.returncode:
         raise SystemExit(done.stderr)
     result: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
@@ -83,21 +89,34 @@ def measure(imports: str, body: str) -> dict[str, Any]:
 
 
 def per_flight_run(folder: Path, seconds: float, runs: int) -> None:
-    """The whole per-flight run of a generated one-hour log beside pyulog's parsing of the same file."""
+    """The whole per-flight run of a generated one-hour log beside pyulog's parsing of the same
+    file."""
     from aerodb.storage.writers.generated import generated_topics
     from aerodb.storage.writers.ulog import write_ulog
 
     log = folder / "hour.ulg"
     write_ulog(log, generated_topics(seconds), metadata={"sys_name": "PX4"})
-    print(f"per-flight run of a log of {seconds:g} s, {log.stat().st_size / 1e6:.0f} MB, {runs} runs, medians")
-    rows: dict[str, list[dict[str, float]]] = {"pyulog parses": [], "aerodb, direct": [], "aerodb, Prefect": []}
+    print(
+        f"per-flight run of a log of {seconds:g} s, {log.stat().st_size / 1e6:.0f} MB, {runs} runs,"
+        " medians"
+    )
+    rows: dict[str, list[dict[str, float]]] = {
+        "pyulog parses": [],
+        "aerodb, direct": [],
+        "aerodb, Prefect": [],
+    }
     for number in range(runs):
         rows["pyulog parses"].append(measure("from pyulog import ULog", f"ULog({str(log)!r})"))
         for how in ("direct", "auto"):
             workspace = folder / f"workspace-{how}-{number}"
             imports, body = _ingest(workspace, log, how)
-            rows["aerodb, Prefect" if how == "auto" else "aerodb, direct"].append(measure(imports, body))
-    base = {key: statistics.median(r[key] for r in rows["pyulog parses"]) for key in ("seconds", "megabytes")}
+            rows["aerodb, Prefect" if how == "auto" else "aerodb, direct"].append(
+                measure(imports, body)
+            )
+    base = {
+        key: statistics.median(r[key] for r in rows["pyulog parses"])
+        for key in ("seconds", "megabytes")
+    }
     for name, results in rows.items():
         middle = {key: statistics.median(r[key] for r in results) for key in base}
         ratios = {key: middle[key] / base[key] for key in base}
@@ -125,12 +144,17 @@ def nothing(steps, *, workspace, run):
 run_flow(nothing, {{}}, workspace, {how!r})  # starts Prefect's own server where Prefect runs: process start is not counted
 """
     parameters = {"logs": [str(log)], "vehicle": "bench"}
-    body = f"outcome = run_flow(flight_flow, {parameters!r}, workspace, {how!r})[0]\nassert outcome['comparison']['key'], outcome"
+    body = (
+        f"outcome = run_flow(flight_flow, {parameters!r}, workspace, {how!r})[0]\nassert"
+        " outcome['comparison']['key'], outcome"
+    )
     return imports, body
 
 
 def _measured_data() -> Path:
-    return Path(os.environ.get("AERODB_TEST_DATA", Path(__file__).resolve().parents[3] / "shared" / "data"))
+    return Path(
+        os.environ.get("AERODB_TEST_DATA", Path(__file__).resolve().parents[3] / "shared" / "data")
+    )
 
 
 HL20 = """
@@ -143,7 +167,9 @@ def points(n):
     ranges = {{"V": (30, 300), "alpha": (-0.1, 0.5), "mach": (0.3, 4), "height_above_ground": (1, 15)}}
     return {{name: rng.uniform(*ranges.get(name, (-0.5, 0.5)), n) for name in database.inputs}}
 """
-HL20_OURS = "at = points({n})\ndatabase.predict(points(10))  # the compiled loop is loaded once per process"
+HL20_OURS = (
+    "at = points({n})\ndatabase.predict(points(10))  # the compiled loop is loaded once per process"
+)
 HL20_SCIPY = """
 from scipy.interpolate import RegularGridInterpolator
 from aerodb.tables.expression import TableCall
@@ -158,18 +184,27 @@ for name in grids:
 
 
 def coefficients(points: int) -> None:
-    """All six HL-20 coefficients, build-up included, beside their look-ups alone through scipy, one after the other."""
+    """All six HL-20 coefficients, build-up included, beside their look-ups alone through scipy, one
+    after the other."""
     file = _measured_data() / "daveml" / "HL20_aero.dml"
     if not file.is_file():
         print("HL-20 coefficients: not measured, the file is not here (set AERODB_TEST_DATA)")
         return
     setup = HL20.format(path=str(file))
     ours = measure(setup + HL20_OURS.format(n=points), "database.predict(at)")
-    theirs = measure(setup + HL20_SCIPY.format(n=points), "for name in calls:\n    grids[name](at[name])")
+    theirs = measure(
+        setup + HL20_SCIPY.format(n=points), "for name in calls:\n    grids[name](at[name])"
+    )
     print(f"HL-20, six coefficients at {points} points")
-    print(f"  scipy, its 241 look-ups one by one {theirs['seconds']:7.2f} s {theirs['megabytes']:7.0f} MB")
+    print(
+        f"  scipy, its 241 look-ups one by one {theirs['seconds']:7.2f} s"
+        f" {theirs['megabytes']:7.0f} MB"
+    )
     ratio = theirs["seconds"] / ours["seconds"]
-    print(f"  aerodb, predict                    {ours['seconds']:7.2f} s {ours['megabytes']:7.0f} MB ({ratio:.1f} times faster)")
+    print(
+        f"  aerodb, predict                    {ours['seconds']:7.2f} s {ours['megabytes']:7.0f} MB"
+        f" ({ratio:.1f} times faster)"
+    )
 
 
 ATTAS = """
@@ -187,7 +222,8 @@ def ours():
 
 
 def reconstruction() -> None:
-    """ATTAS: six biases over three manoeuvres, beside what an engineer writes first; cold counts compilation and first import."""
+    """ATTAS: six biases over three manoeuvres, beside what an engineer writes first; cold counts
+    compilation and first import."""
     folder = _measured_data() / "attas"
     if not folder.is_dir():
         print("ATTAS reconstruction: not measured, the records are not here (set AERODB_TEST_DATA)")
@@ -199,11 +235,19 @@ def reconstruction() -> None:
         warm = measure(setup + "ours()\n", "for _ in range(10):\n    answer = ours()")
         plain = measure(setup, "answer = plain_biases(records).tolist()")
     biases, errors = warm["answer"]
-    apart = max(abs(a - b) / error for a, b, error in zip(plain["answer"], biases, errors, strict=True))
+    apart = max(
+        abs(a - b) / error for a, b, error in zip(plain["answer"], biases, errors, strict=True)
+    )
     print(f"ATTAS, six biases over three manoeuvres: answers {apart:.1g} standard errors apart")
     print(f"  plain numpy loop, Gauss-Newton {plain['seconds']:8.2f} s")
-    for name, seconds in (("compiling", cold["seconds"]), ("compiled before", cached["seconds"]), ("warm", warm["seconds"] / 10)):
-        print(f"  aerodb, {name:22} {seconds:8.3f} s ({plain['seconds'] / seconds:.1f} times faster)")
+    for name, seconds in (
+        ("compiling", cold["seconds"]),
+        ("compiled before", cached["seconds"]),
+        ("warm", warm["seconds"] / 10),
+    ):
+        print(
+            f"  aerodb, {name:22} {seconds:8.3f} s ({plain['seconds'] / seconds:.1f} times faster)"
+        )
 
 
 HOUR = """
@@ -225,21 +269,31 @@ whole = flight({seconds})
 
 
 def consistency_step(folder: Path, seconds: float) -> None:
-    """The consistency step of a flight at 100 Hz beside the parsing of a log of that length; and of half of it."""
+    """The consistency step of a flight at 100 Hz beside the parsing of a log of that length; and of
+    half of it."""
     from aerodb.storage.writers.generated import generated_topics
     from aerodb.storage.writers.ulog import write_ulog
 
     log = folder / "consistency.ulg"
     write_ulog(log, generated_topics(seconds), metadata={"sys_name": "PX4"})
     parsed = measure("from pyulog import ULog", f"ULog({str(log)!r})")["seconds"]
-    print(f"consistency step of a flight of {seconds:g} s at 100 Hz beside parsing a log of {log.stat().st_size / 1e6:.0f} MB")
+    print(
+        f"consistency step of a flight of {seconds:g} s at 100 Hz beside parsing a log of"
+        f" {log.stat().st_size / 1e6:.0f} MB"
+    )
     print(f"  pyulog parses    {parsed:7.2f} s")
     log.unlink()
-    body = "made = make_consistent(whole, vehicle)\nanswer = [len(made.document['estimates']), made.verdict.word]"
+    body = (
+        "made = make_consistent(whole, vehicle)\nanswer = [len(made.document['estimates']),"
+        " made.verdict.word]"
+    )
     for part in (0.5, 1.0):
         done = measure(HOUR.format(vehicle=VEHICLE, seconds=part * seconds), body)
         count, word = done["answer"]
-        cost = f"{done['seconds']:7.2f} s ({done['seconds'] / parsed:.2f} x) {done['megabytes']:7.0f} MB"
+        cost = (
+            f"{done['seconds']:7.2f} s ({done['seconds'] / parsed:.2f} x)"
+            f" {done['megabytes']:7.0f} MB"
+        )
         print(f"  aerodb, {part * seconds:6g} s {cost}, {count} estimates, {word}")
 
 
@@ -247,8 +301,16 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float, default=3600.0, help="length of the generated log")
     parser.add_argument("--runs", type=int, default=3)
-    parser.add_argument("--points", type=int, default=1_000_000, help="points at which coefficients are evaluated")
-    parser.add_argument("--stored", type=int, nargs="+", default=[10, 100, 1000], help="flights stored beside a night's new one")
+    parser.add_argument(
+        "--points", type=int, default=1_000_000, help="points at which coefficients are evaluated"
+    )
+    parser.add_argument(
+        "--stored",
+        type=int,
+        nargs="+",
+        default=[10, 100, 1000],
+        help="flights stored beside a night's new one",
+    )
     options = parser.parse_args()
     coefficients(options.points)
     reconstruction()

@@ -1,7 +1,9 @@
-"""What the catalogue costs in a file and in PostgreSQL, side by side: ``python -m tests.bench.catalogue``.
+"""What the catalogue costs in a file and in PostgreSQL, side by side: ``python -m
+tests.bench.catalogue``.
 
-100,000 flights and 10,000 versions in each, the same rows; the quickest of warm calls in one process, which who else works on
-the machine disturbs least; the server on the same machine over TCP with its usual guarantees (fsync). Nothing is asserted.
+100,000 flights and 10,000 versions in each, the same rows; the quickest of warm calls in one
+process, which who else works on the machine disturbs least; the server on the same machine over TCP
+with its usual guarantees (fsync). Nothing is asserted.
 """
 
 import os
@@ -51,19 +53,24 @@ def writes(catalogue: Catalogue) -> dict[str, Callable[[int], Any]]:
         catalogue.end_run(catalogue.start_run("bench", how="direct").id, "completed")
 
     def result(k: int) -> None:
-        catalogue.add_result(h(f"r{k}"), step="s", kind="k", path=f"results/{k}", result_version=1, inputs=[h(k)])
+        catalogue.add_result(
+            h(f"r{k}"), step="s", kind="k", path=f"results/{k}", result_version=1, inputs=[h(k)]
+        )
 
     return {
         "write: a run begins and ends": run,
         "write: a result": result,
         "write: a flight and its log": lambda k: add_flight(catalogue, f"bench-{k}"),
         "write: a version": lambda k: add_version(catalogue, f"bench-{k}"),
-        "write: 2,000 marks of a flight": lambda k: catalogue.add_marks(h("one-0"), range(2000 * (k + 1), 2000 * (k + 2))),
+        "write: 2,000 marks of a flight": lambda k: catalogue.add_marks(
+            h("one-0"), range(2000 * (k + 1), 2000 * (k + 2))
+        ),
     }
 
 
 def opened_by_a_process(root: Path) -> float:
-    """Milliseconds from a catalogue's opening to its first answer, in a process that has imported all it needs."""
+    """Milliseconds from a catalogue's opening to its first answer, in a process that has imported
+    all it needs."""
 
     def once(_: int) -> None:
         with Catalogue.open(root / "catalogue.sqlite") as catalogue:
@@ -82,7 +89,10 @@ def prepared(folder: Path, server: Server) -> tuple[dict[str, Path], dict[str, f
         one.add_vehicle(V, "text")
         _crowd(roots["SQLite"] / "catalogue.sqlite", versions, flights)
         _family(one)
-        with Catalogue.open(roots["PostgreSQL"] / "catalogue.sqlite") as other, Catalogue.in_file(folder / "back") as back:
+        with (
+            Catalogue.open(roots["PostgreSQL"] / "catalogue.sqlite") as other,
+            Catalogue.in_file(folder / "back") as back,
+        ):
             start = time.perf_counter()
             copy_catalogue(one, other)
             there = time.perf_counter()
@@ -105,10 +115,16 @@ def main() -> None:
                 with Catalogue.open(root / "catalogue.sqlite") as catalogue:
                     for name in _QUERIES:
                         query = QUERIES[name]
-                        table.setdefault(name, []).append(quickest(lambda _, query=query, one=catalogue: query(one)))  # type: ignore[misc]
+                        table.setdefault(name, []).append(
+                            quickest(lambda _, query=query, one=catalogue: query(one))
+                        )  # type: ignore[misc]
                     for name, write in writes(catalogue).items():
                         table.setdefault(name, []).append(quickest(write))
-        print(f"{'[ms]':36}" + "".join(f"{name:>12}" for name in roots) + f"   load {os.getloadavg()[0]:.1f}")
+        print(
+            f"{'[ms]':36}"
+            + "".join(f"{name:>12}" for name in roots)
+            + f"   load {os.getloadavg()[0]:.1f}"
+        )
         for name, values in table.items():
             print(f"{name:36}" + "".join(f"{value:12.2f}" for value in values))
         print(f"all rows into PostgreSQL {spent['there']:.0f} s, back {spent['back']:.0f} s")

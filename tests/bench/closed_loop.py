@@ -1,4 +1,5 @@
-"""`make bench`, the closed loop: a campaign of long flights as a whole, the decision from stored Grams, one flight more."""
+"""`make bench`, the closed loop: a campaign of long flights as a whole, the decision from stored
+Grams, one flight more."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -21,8 +22,8 @@ from aerodb.storage.writers.ulog import write_ulog
 #: Runs imports and a body in a process of its own: seconds, megabytes and its ``answer``.
 Measure = Callable[[str, str], dict[str, Any]]
 
-#: Seconds between one repetition and the next, and how long the demo's aircraft falls from its carrier: repeated, that would be
-#: no flight, for it is captive before it only once.
+#: Seconds between one repetition and the next, and how long the demo's aircraft falls from its
+#: carrier: repeated, that would be no flight, for it is captive before it only once.
 PAUSE, DROP = 5.0, 5.0
 
 CAMPAIGN = """
@@ -64,20 +65,35 @@ trace(ten, library.hypotheses, library.settings)
 
 
 def closed_loop(folder: Path, measure: Measure, count: int = 10, seconds: float = 600.0) -> None:
-    """The whole closed loop over flights at 50 Hz, its decision from stored Grams, and what one more flight costs beside many."""
+    """The whole closed loop over flights at 50 Hz, its decision from stored Grams, and what one
+    more flight costs beside many."""
     folder = folder / "campaign"
     new = _fly(folder, count, seconds)
-    print(f"closed loop over {count} flights of {seconds:g} s at 50 Hz, the demo's aircraft, full library")
+    print(
+        f"closed loop over {count} flights of {seconds:g} s at 50 Hz, the demo's aircraft, full"
+        " library"
+    )
     setup = CAMPAIGN.format(folder=str(folder))
     for how in ("direct", "auto"):
         setup_how = (
-            setup + f"shutil.copytree(folder / 'workspace', folder / {how!r})\nworkspace = Workspace.open(folder / {how!r})\n"
+            setup + f"shutil.copytree(folder / 'workspace', folder / {how!r})\nworkspace ="
+            f" Workspace.open(folder / {how!r})\n"
         )
         if how == "auto":
-            setup_how += "def nothing(steps, **_):\n    return None\nrun_flow(nothing, {}, workspace, 'auto')\n"
-        done = measure(setup_how, f"answer = len(run_flow(close_loop_flow, asked, workspace, {how!r})['findings'])")
-        print(f"  {'Prefect' if how == 'auto' else 'direct':8} {done['seconds']:7.2f} s {done['megabytes']:7.0f} MB")
-    # What a new flight costs whatever else is stored, its run and its Gram: taken once, beside the decisions.
+            setup_how += (
+                "def nothing(steps, **_):\n    return None\nrun_flow(nothing, {}, workspace,"
+                " 'auto')\n"
+            )
+        done = measure(
+            setup_how,
+            f"answer = len(run_flow(close_loop_flow, asked, workspace, {how!r})['findings'])",
+        )
+        print(
+            f"  {'Prefect' if how == 'auto' else 'direct':8} {done['seconds']:7.2f} s"
+            f" {done['megabytes']:7.0f} MB"
+        )
+    # What a new flight costs whatever else is stored, its run and its Gram: taken once, beside the
+    # decisions.
     asked = {"logs": [str(new)], "vehicle": "phoenix"}
     one = f"new = run_flow(flight_flow, {asked!r}, workspace, 'direct')[0]['flight']\nanswer = 0\n"
     one += "trace_flight(new, **where, library=library, database=database)"
@@ -88,23 +104,31 @@ def closed_loop(folder: Path, measure: Measure, count: int = 10, seconds: float 
         costs[many] = measure(setup + DECISION.replace("COUNT", str(many)), body)["seconds"]
         print(f"  decision from the stored Grams of {many} flights {costs[many]:.2f} s")
     ratio = (flight + costs[200]) / (flight + costs[10])
-    print(f"  one flight more, from log to Gram, {flight:.2f} s; adding it to 200 costs {ratio:.2f} times adding it to 10")
+    print(
+        f"  one flight more, from log to Gram, {flight:.2f} s; adding it to 200 costs {ratio:.2f}"
+        " times adding it to 10"
+    )
 
 
 def _fly(folder: Path, count: int, seconds: float) -> Path:
     """A workspace with `count` flights of a campaign; the log of one more flight is returned."""
     *logs, new = campaign(folder, count + 1, seconds)
     workspace = Workspace.open(folder / "workspace")
-    run_flow(flight_flow, {"logs": [str(log) for log in logs], "vehicle": "phoenix"}, workspace, "direct")
+    run_flow(
+        flight_flow, {"logs": [str(log) for log in logs], "vehicle": "phoenix"}, workspace, "direct"
+    )
     return new
 
 
 def campaign(folder: Path, count: int, seconds: float) -> list[Path]:
-    """Logs of `count` flights of the demo, each flown again and again, with pauses, until it lasts `seconds`; and the workspace
-    ``folder/workspace`` with their vehicle, at 50 Hz, and its database."""
+    """Logs of `count` flights of the demo, each flown again and again, with pauses, until it lasts
+    `seconds`; and the workspace ``folder/workspace`` with their vehicle, at 50 Hz, and its
+    database."""
     folder.mkdir()
     workspace = Workspace.open(folder / "workspace")
-    Catalogue.open(workspace.catalogue).add_vehicle("phoenix", text("vehicle.toml").replace("rate = 100.0", "rate = 50.0"))
+    Catalogue.open(workspace.catalogue).add_vehicle(
+        "phoenix", text("vehicle.toml").replace("rate = 100.0", "rate = 50.0")
+    )
     (folder / "preflight.toml").write_text(text("preflight.toml"))
     asked = {"file": str(folder / "preflight.toml"), "vehicle": "phoenix", "bindings": {}}
     run_flow(import_flow, asked, workspace, "direct")
@@ -115,16 +139,25 @@ def campaign(folder: Path, count: int, seconds: float) -> list[Path]:
         times = range(int(np.ceil(seconds / lasts)))
         topics = [_again(topic, first, lasts, times) for topic in log.topics]
         logs.append(folder / f"{log.name}.ulg")
-        write_ulog(logs[-1], topics, metadata={"sys_name": "PX4", "ver_hw": "AERODB_EXAMPLE"}, start_utc=log.start_utc)
+        write_ulog(
+            logs[-1],
+            topics,
+            metadata={"sys_name": "PX4", "ver_hw": "AERODB_EXAMPLE"},
+            start_utc=log.start_utc,
+        )
     return logs
 
 
 def _again(topic: Topic, first: float, lasts: float, times: range) -> Topic:
-    """A topic of a log that begins at `first` [s] and `lasts` [s], again and again; only the first time from the drop on."""
+    """A topic of a log that begins at `first` [s] and `lasts` [s], again and again; only the first
+    time from the drop on."""
     free = topic.time > first + DROP
     parts = [(again, slice(None) if again == 0 else free) for again in times]
     return replace(
         topic,
         time=np.concatenate([topic.time[part] + again * (lasts + PAUSE) for again, part in parts]),
-        fields={name: np.concatenate([values[part] for _, part in parts]) for name, values in topic.fields.items()},
+        fields={
+            name: np.concatenate([values[part] for _, part in parts])
+            for name, values in topic.fields.items()
+        },
     )

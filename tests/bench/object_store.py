@@ -1,7 +1,9 @@
-"""What an object store costs: one flight taken in and read again, its files in a folder, or on a service, with and without cache.
+"""What an object store costs: one flight taken in and read again, its files in a folder, or on a
+service, with and without cache.
 
-``python -m tests.bench.object_store``. The service is moto's, in this process. What another one costs is its bytes, and its
-requests, which are counted here, times what it takes for one. Nothing here asserts.
+``python -m tests.bench.object_store``. The service is moto's, in this process. What another one
+costs is its bytes, and its requests, which are counted here, times what it takes for one. Nothing
+here asserts.
 """
 
 import logging
@@ -47,12 +49,15 @@ def _workspace(root: Path, url: str = "") -> Workspace:
 
 
 def _ingest(workspace: Workspace, log: Path) -> None:
-    (outcome,) = run_flow(flight_flow, {"logs": [str(log)], "vehicle": VEHICLE}, workspace, "direct")
+    (outcome,) = run_flow(
+        flight_flow, {"logs": [str(log)], "vehicle": VEHICLE}, workspace, "direct"
+    )
     assert outcome["flight"], outcome
 
 
 def _read(workspace: Workspace) -> None:
-    """What every later step does first: the flight, what was found of its sensors, its coefficients."""
+    """What every later step does first: the flight, what was found of its sensors, its
+    coefficients."""
     opened = stores(str(workspace.root))
     load_coefficients(opened, opened.catalogue.flights(VEHICLE)[0], opened.catalogue.runs()[0].id)
 
@@ -64,11 +69,18 @@ def _cold(workspace: Workspace) -> None:
 
 
 def _say_files(workspace: Workspace, what: str) -> None:
-    sizes = [path.stat().st_size for folder in STORE for path in (workspace.root / folder).rglob("*") if path.is_file()]
+    sizes = [
+        path.stat().st_size
+        for folder in STORE
+        for path in (workspace.root / folder).rglob("*")
+        if path.is_file()
+    ]
     print(f"{len(sizes)} files {what}, {sum(sizes) / 1e6:.1f} MB")
 
 
-def _timed(what: str, work: Callable[[], None], before: Callable[[], None], requests: _Requests) -> None:
+def _timed(
+    what: str, work: Callable[[], None], before: Callable[[], None], requests: _Requests
+) -> None:
     taken = []
     for _ in range(_RUNS):
         before()
@@ -97,8 +109,18 @@ def measure(service: ObjectService, folder: Path, requests: _Requests) -> None:
         _timed(f"ingest, {name}", lambda: _ingest(made[-1], log), fresh(url), requests)
         if url:
             _say_files(made[-1], "put")
-        _timed(f"read, {name}" + (", in the cache" if url else ""), lambda: _read(made[-1]), lambda: None, requests)
-    _timed("read, object store, empty cache", lambda: _read(made[-1]), lambda: _cold(made[-1]), requests)
+        _timed(
+            f"read, {name}" + (", in the cache" if url else ""),
+            lambda: _read(made[-1]),
+            lambda: None,
+            requests,
+        )
+    _timed(
+        "read, object store, empty cache",
+        lambda: _read(made[-1]),
+        lambda: _cold(made[-1]),
+        requests,
+    )
     _say_files(made[-1], "fetched")
 
 

@@ -1,7 +1,9 @@
-"""Disturbs runs at random moments and runs them again: ``python -m tests.faults.faulting FOLDER SEED TRIALS FAULT...``.
+"""Disturbs runs at random moments and runs them again: ``python -m tests.faults.faulting FOLDER
+SEED TRIALS FAULT...``.
 
-The disk is full, the disk becomes read-only (as ext4 does after an error of the disk), the clock is set back by a day. Each run
-is a fork of this process. Prints one JSON line per trial; of a fault that cannot be had on this machine, one line that says so.
+The disk is full, the disk becomes read-only (as ext4 does after an error of the disk), the clock is
+set back by a day. Each run is a fork of this process. Prints one JSON line per trial; of a fault
+that cannot be had on this machine, one line that says so.
 """
 
 import json
@@ -19,7 +21,16 @@ import numpy as np
 
 from aerodb.errors import StoreError
 from aerodb.storage.workspace import Workspace
-from tests.faults.killing import HARMLESS, STAGES, begun, cleared, forked, picture, problems, undisturbed
+from tests.faults.killing import (
+    HARMLESS,
+    STAGES,
+    begun,
+    cleared,
+    forked,
+    picture,
+    problems,
+    undisturbed,
+)
 from tests.support.set_clock import set_clock
 from tests.support.small_glider import write_files
 
@@ -48,13 +59,25 @@ class Disk:
         self.usable = self._mount()
 
     def _mount(self) -> bool:
-        options = ["-o", f"size={_SIZE}", "tmpfs"] if self._kind == "tmpfs" else ["-o", "loop,errors=remount-ro", self._image]
-        return subprocess.run(["mount", "-t", self._kind, *options, self.folder], capture_output=True).returncode == 0
+        options = (
+            ["-o", f"size={_SIZE}", "tmpfs"]
+            if self._kind == "tmpfs"
+            else ["-o", "loop,errors=remount-ro", self._image]
+        )
+        return (
+            subprocess.run(
+                ["mount", "-t", self._kind, *options, self.folder], capture_output=True
+            ).returncode
+            == 0
+        )
 
     def fill(self) -> None:
         state = os.statvfs(self.folder)
         leave = int(self._generator.uniform(0.0, _ROOM))
-        with suppress(OSError), (self.folder / "filler").open("wb") as file:  # the run takes some of the room meanwhile
+        with (
+            suppress(OSError),
+            (self.folder / "filler").open("wb") as file,
+        ):  # the run takes some of the room meanwhile
             file.write(bytes(max(state.f_bavail * state.f_frsize - leave, 0)))
 
     def empty(self) -> None:
@@ -68,13 +91,17 @@ class Disk:
         return Path("/sys/fs/ext4") / Path(device).name / "trigger_fs_error"
 
     def break_down(self) -> None:
-        """An error of the disk, as its driver reports it: nothing more is written, also to files that are open."""
+        """An error of the disk, as its driver reports it: nothing more is written, also to files
+        that are open."""
         self.trigger.write_text("an error that a test wants")
 
     def repair(self) -> None:
-        """As after a start of the machine: what was not on the disk is lost, the file system is checked, and mounted again."""
+        """As after a start of the machine: what was not on the disk is lost, the file system is
+        checked, and mounted again."""
         until = time.monotonic() + 300.0
-        while subprocess.run(["umount", self.folder], capture_output=True).returncode:  # a process that ends still has files open
+        while subprocess.run(
+            ["umount", self.folder], capture_output=True
+        ).returncode:  # a process that ends still has files open
             assert time.monotonic() < until, "the disk stays busy"
             time.sleep(0.1)
         subprocess.run(["e2fsck", "-p", self._image], capture_output=True)
@@ -130,16 +157,24 @@ FAULTS: dict[str, Any] = {"full": full, "read_only": read_only, "set_back": set_
 
 
 def trial(
-    at: tuple[Path, Do, Do], before: Path, name: str, logs: list[Path], moment: float, wanted: dict[str, Any]
+    at: tuple[Path, Do, Do],
+    before: Path,
+    name: str,
+    logs: list[Path],
+    moment: float,
+    wanted: dict[str, Any],
 ) -> dict[str, Any]:
-    """One disturbed run and the run after it: how each ended, what was wrong after each, and what differs at the end."""
+    """One disturbed run and the run after it: how each ended, what was wrong after each, and what
+    differs at the end."""
     place, disturb, heal = at
     workspace = Workspace.open(Path(shutil.copytree(before, place / "w")))
     (workspace.root / "settings.toml").write_text("[limits]\nreserve = 0\n", encoding="utf-8")
     subprocess.run(["sync", "-f", workspace.root], check=True)  # it has been there for long
     child = begun(STAGES[name], workspace, logs)
     time.sleep(moment)
-    if os.waitid(os.P_PID, child, os.WEXITED | os.WNOHANG | os.WNOWAIT):  # it was quicker than the undisturbed one: earlier
+    if os.waitid(
+        os.P_PID, child, os.WEXITED | os.WNOHANG | os.WNOWAIT
+    ):  # it was quicker than the undisturbed one: earlier
         os.waitpid(child, 0)
         cleared(workspace.root)
         return trial(at, before, name, logs, 0.7 * moment, wanted)
@@ -155,20 +190,35 @@ def trial(
     differs = [key for key in wanted if shown[key] != wanted[key]]
     bad = [entry for entry in left if entry[0] not in HARMLESS]
     cleared(workspace.root)
-    return {"stage": name, "code": code, "bad": bad, "again": again, "wrong": wrong, "differs": differs}
+    return {
+        "stage": name,
+        "code": code,
+        "bad": bad,
+        "again": again,
+        "wrong": wrong,
+        "differs": differs,
+    }
 
 
 def main() -> None:
-    folder, generator, trials = Path(sys.argv[1]), np.random.default_rng(int(sys.argv[2])), int(sys.argv[3])
+    folder, generator, trials = (
+        Path(sys.argv[1]),
+        np.random.default_rng(int(sys.argv[2])),
+        int(sys.argv[3]),
+    )
     logs = write_files(folder / "logs", flights=3)
     expected = undisturbed(folder, logs)
     for first, fault in enumerate(sys.argv[4:]):
         try:
             with FAULTS[fault](folder, generator) as at:
                 for number in range(trials):
-                    name = list(STAGES)[(number + 2 * first) % len(STAGES)]  # two of each give all four
+                    name = list(STAGES)[
+                        (number + 2 * first) % len(STAGES)
+                    ]  # two of each give all four
                     before, seconds, wanted = expected[name]
-                    told = trial(at, before, name, logs, float(generator.uniform(0.0, 1.0)) * seconds, wanted)
+                    told = trial(
+                        at, before, name, logs, float(generator.uniform(0.0, 1.0)) * seconds, wanted
+                    )
                     print(json.dumps({"fault": fault, **told}), flush=True)
         except NotImplementedError as error:
             print(json.dumps({"fault": fault, "cannot": str(error)}), flush=True)

@@ -1,6 +1,8 @@
-"""Kills runs at random moments (SIGKILL) and runs them again: ``python -m tests.faults.killing FOLDER SEED TRIALS``.
+"""Kills runs at random moments (SIGKILL) and runs them again: ``python -m tests.faults.killing
+FOLDER SEED TRIALS``.
 
-A process of its own, with one thread: each run is a fork of it, so that a trial costs no imports. Prints one JSON line per trial.
+A process of its own, with one thread: each run is a fork of it, so that a trial costs no imports.
+Prints one JSON line per trial.
 """
 
 import json
@@ -32,7 +34,8 @@ from tests.support.small_glider import MODEL, NAME, state_of, write_files
 
 #: What runs import when they need it: here once, so that no fork does.
 IMPORTED = (matplotlib.backends.backend_svg, pandas, aerodb.tables.state_kernel)
-#: What a kill may leave behind until the run is done again: nothing that anybody could take for the truth.
+#: What a kill may leave behind until the run is done again: nothing that anybody could take for the
+#: truth.
 HARMLESS = {"half-written", "orphan"}
 Stage = Callable[[Workspace, list[Path]], Any]
 
@@ -41,7 +44,11 @@ def _ids(workspace: Workspace) -> tuple[str, list[str], str]:
     """The released version, all flights, and the candidate (empty: none)."""
     with Catalogue.open(workspace.catalogue) as catalogue:
         names = catalogue.names(NAME)
-        return names["released"], sorted(row.id for row in catalogue.flights(NAME)), names.get("candidate", "")
+        return (
+            names["released"],
+            sorted(row.id for row in catalogue.flights(NAME)),
+            names.get("candidate", ""),
+        )
 
 
 def per_flight(workspace: Workspace, logs: list[Path]) -> Any:
@@ -64,15 +71,26 @@ def promotion(workspace: Workspace, logs: list[Path]) -> Any:
 def close_loop(workspace: Workspace, logs: list[Path]) -> Any:
     released, flights, _ = _ids(workspace)
     accept = ["alpha_slope", "zero_offset", "pitch_rate_force"]
-    parameters = {"vehicle": NAME, "baseline": released, "flights": flights, "accept_suspected": accept}
+    parameters = {
+        "vehicle": NAME,
+        "baseline": released,
+        "flights": flights,
+        "accept_suspected": accept,
+    }
     run_flow(close_loop_flow, parameters, workspace, "direct")
 
 
-STAGES: dict[str, Stage] = {"per_flight": per_flight, "close_loop": close_loop, "update": update, "promotion": promotion}
+STAGES: dict[str, Stage] = {
+    "per_flight": per_flight,
+    "close_loop": close_loop,
+    "update": update,
+    "promotion": promotion,
+}
 
 
 def begun(stage: Stage, workspace: Workspace, logs: list[Path]) -> int:
-    """Begins a stage in a fork; returns its process, which ends with 0, with 1 for an error that says what to do, else with 2."""
+    """Begins a stage in a fork; returns its process, which ends with 0, with 1 for an error that
+    says what to do, else with 2."""
     child = os.fork()
     if child == 0:
         try:
@@ -84,8 +102,11 @@ def begun(stage: Stage, workspace: Workspace, logs: list[Path]) -> int:
     return child
 
 
-def forked(stage: Stage, workspace: Workspace, logs: list[Path], kill_after: float | None = None) -> tuple[float, int]:
-    """Runs a stage in a fork, killed after so many seconds; how long it took, and its exit code (negative: the signal)."""
+def forked(
+    stage: Stage, workspace: Workspace, logs: list[Path], kill_after: float | None = None
+) -> tuple[float, int]:
+    """Runs a stage in a fork, killed after so many seconds; how long it took, and its exit code
+    (negative: the signal)."""
     start = time.monotonic()
     child = begun(stage, workspace, logs)
     while kill_after is not None and time.monotonic() - start < kill_after:
@@ -100,17 +121,31 @@ def forked(stage: Stage, workspace: Workspace, logs: list[Path], kill_after: flo
 
 
 def picture(workspace: Workspace) -> dict[str, Any]:
-    """What must be the same as without the kill: ids, keys, roles, rows, names and their moves, and every file of the store."""
+    """What must be the same as without the kill: ids, keys, roles, rows, names and their moves, and
+    every file of the store."""
     with Catalogue.open(workspace.catalogue) as catalogue:
         moves = [(e.name, e.step, e.version, e.previous) for e in catalogue.name_history(NAME)]
         logs = [(row.sha256, row.status) for row in catalogue.logs()]
-    files = {name: sha256 for name, sha256 in state_of(workspace.root).items() if name.startswith(("flights/", "results/"))}
-    return {**stored(workspace), "moves": moves, "logs": sorted(logs), "files": files, "rows": rows(workspace)}
+    files = {
+        name: sha256
+        for name, sha256 in state_of(workspace.root).items()
+        if name.startswith(("flights/", "results/"))
+    }
+    return {
+        **stored(workspace),
+        "moves": moves,
+        "logs": sorted(logs),
+        "files": files,
+        "rows": rows(workspace),
+    }
 
 
 def problems(workspace: Workspace) -> list[tuple[str, str, str]]:
     with Catalogue.open(workspace.catalogue) as catalogue:
-        return [(problem.kind, problem.where, problem.what) for problem in verify(workspace, catalogue).problems]
+        return [
+            (problem.kind, problem.where, problem.what)
+            for problem in verify(workspace, catalogue).problems
+        ]
 
 
 def undisturbed(folder: Path, logs: list[Path]) -> dict[str, tuple[Path, float, dict[str, Any]]]:
@@ -128,7 +163,8 @@ def undisturbed(folder: Path, logs: list[Path]) -> dict[str, tuple[Path, float, 
 
 
 def cleared(folder: Path) -> None:
-    """Removes a workspace; a reader of logs whose run has ended may still be at its last file there."""
+    """Removes a workspace; a reader of logs whose run has ended may still be at its last file
+    there."""
     until = time.monotonic() + 60
     while folder.exists():
         try:
@@ -139,14 +175,22 @@ def cleared(folder: Path) -> None:
             time.sleep(0.05)
 
 
-def trial(folder: Path, before: Path, logs: list[Path], stage: Stage, kill_after: float) -> tuple[int, dict[str, Any]]:
-    """One kill and the run after it: how the killed run ended, what was left then, what is wrong at the end, and the picture."""
+def trial(
+    folder: Path, before: Path, logs: list[Path], stage: Stage, kill_after: float
+) -> tuple[int, dict[str, Any]]:
+    """One kill and the run after it: how the killed run ended, what was left then, what is wrong at
+    the end, and the picture."""
     workspace = Workspace.open(Path(shutil.copytree(before, folder / "trial")))
     try:
         _, code = forked(stage, workspace, logs, kill_after)
         left = problems(workspace)
         _, again = forked(stage, workspace, logs)
-        said = {"left": left, "again": again, "wrong": problems(workspace), "picture": picture(workspace)}
+        said = {
+            "left": left,
+            "again": again,
+            "wrong": problems(workspace),
+            "picture": picture(workspace),
+        }
         return code, said
     finally:
         cleared(folder / "trial")
@@ -162,14 +206,24 @@ def main() -> None:
         before, seconds, wanted = expected[name]
         moment = float(generator.uniform(0.0, 1.0)) * seconds
         code, said = trial(folder, before, logs, STAGES[name], moment)
-        while code != -signal.SIGKILL:  # it ended before its kill came (the measured duration held a first run): earlier
+        while (
+            code != -signal.SIGKILL
+        ):  # it ended before its kill came (the measured duration held a first run): earlier
             assert code == 0, name
             moment *= 0.7
             code, said = trial(folder, before, logs, STAGES[name], moment)
         shown = said.pop("picture")
         differs = [key for key in wanted if shown[key] != wanted[key]]
         bad = [entry for entry in said["left"] if entry[0] not in HARMLESS]
-        told = {"stage": name, "moment": moment, "of": seconds, "code": code, "differs": differs, "bad": bad, **said}
+        told = {
+            "stage": name,
+            "moment": moment,
+            "of": seconds,
+            "code": code,
+            "differs": differs,
+            "bad": bad,
+            **said,
+        }
         print(json.dumps(told), flush=True)
 
 

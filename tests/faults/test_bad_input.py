@@ -1,4 +1,5 @@
-"""Bad input through the command line: refused in two lines, in quarantine with its reason, everything else as before."""
+"""Bad input through the command line: refused in two lines, in quarantine with its reason,
+everything else as before."""
 
 import hashlib
 import json
@@ -16,7 +17,16 @@ from aerodb.recording import Topic
 from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.writers.ulog import write_ulog
 from tests.support.command import aerodb, asked, six_flights
-from tests.support.small_glider import DATABASE, MODEL, NAME, VEHICLE, channels, state_of, write_csv, write_parquet
+from tests.support.small_glider import (
+    DATABASE,
+    MODEL,
+    NAME,
+    VEHICLE,
+    channels,
+    state_of,
+    write_csv,
+    write_parquet,
+)
 
 #: What a refusal may leave behind: that somebody tried, and the log that was refused.
 OF_REFUSALS = {"runs", "log_files"}
@@ -30,17 +40,24 @@ def workspace(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def everything(root: Path) -> tuple[dict[str, str], dict[str, list[Any]]]:
-    """Hashes of all files and rows of all tables, but for quarantine, the log files' rows and the runs'."""
+    """Hashes of all files and rows of all tables, but for quarantine, the log files' rows and the
+    runs'."""
     engine = sa.create_engine(f"sqlite:///{root / 'catalogue.sqlite'}")
     with engine.connect() as connection:
-        names = [name for name in sa.inspect(connection).get_table_names() if name not in OF_REFUSALS]
-        rows = {name: [tuple(row) for row in connection.execute(sa.text(f'SELECT * FROM "{name}"'))] for name in names}
+        names = [
+            name for name in sa.inspect(connection).get_table_names() if name not in OF_REFUSALS
+        ]
+        rows = {
+            name: [tuple(row) for row in connection.execute(sa.text(f'SELECT * FROM "{name}"'))]
+            for name in names
+        }
     engine.dispose()
     return state_of(root), rows
 
 
 def refused(workspace: Path, *arguments: str, process: bool = False) -> list[str]:
-    """Runs a command (`process`: as the shell does) that must end with 3 and two lines, and changes nothing; the lines."""
+    """Runs a command (`process`: as the shell does) that must end with 3 and two lines, and changes
+    nothing; the lines."""
     before = everything(workspace)
     if process:
         done = aerodb(workspace, *arguments)
@@ -69,11 +86,20 @@ def ulog(path: Path, seconds: float = 8.0) -> bytes:
 
 def own_mapping(path: Path, unit_of_alpha: str = "rad") -> Path:
     """A user's mapping file for that ULog."""
-    units = {"V": "m/s", "qbar": "Pa", "alpha": unit_of_alpha, "beta": "rad", "delta_elevator": "rad"}
+    units = {
+        "V": "m/s",
+        "qbar": "Pa",
+        "alpha": unit_of_alpha,
+        "beta": "rad",
+        "delta_elevator": "rad",
+    }
     units |= dict.fromkeys("pqr", "rad/s") | dict.fromkeys(("ax", "ay", "az"), "m/s^2")
     text = 'name = "own"\nformats = ["ulog"]\ndetect = ["glider"]\n'
     for name, unit in units.items():
-        text += f'[[channel]]\nname = "{name}"\nsources = [{{ topic = "glider", field = "{name}", unit = "{unit}" }}]\n'
+        text += (
+            f'[[channel]]\nname = "{name}"\nsources = [{{ topic = "glider", field = "{name}", unit'
+            f' = "{unit}" }}]\n'
+        )
     path.write_text(text)
     return path
 
@@ -83,11 +109,15 @@ def backwards(path: Path) -> None:
 
 
 def without_air_data(path: Path) -> None:
-    write_csv(path, {name: values for name, values in channels(42).items() if name not in ("V", "qbar")})
+    write_csv(
+        path, {name: values for name, values in channels(42).items() if name not in ("V", "qbar")}
+    )
 
 
 def unknown_unit(path: Path) -> None:
-    path.write_text(write_csv(path, channels(43)).read_text().replace("alpha [rad]", "alpha [quux]"))
+    path.write_text(
+        write_csv(path, channels(43)).read_text().replace("alpha [rad]", "alpha [quux]")
+    )
 
 
 def wrong_dimension(path: Path) -> None:
@@ -101,29 +131,61 @@ def cut_parquet(path: Path) -> None:
 def absurd_mat(path: Path) -> None:
     """A MAT v5 file whose one variable declares 4 GB."""
     header = b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM"
-    path.write_bytes(header + (14).to_bytes(4, "little") + (0xFFFFFFF0).to_bytes(4, "little") + bytes(16))
+    path.write_bytes(
+        header + (14).to_bytes(4, "little") + (0xFFFFFFF0).to_bytes(4, "little") + bytes(16)
+    )
 
 
 FAULTY: dict[str, tuple[str, Callable[[Path], Any], str]] = {
     "empty": ("empty.csv", lambda path: path.write_bytes(b""), "the file is empty"),
     "empty_ulog": ("empty.ulg", lambda path: path.write_bytes(b""), "empty"),
-    "another_type": ("photo.csv", lambda path: path.write_bytes(b"\x89PNG\r\n\x1a\n" + bytes(range(256))), "is no text"),
-    "unknown_type": ("log.xyz", lambda path: path.write_bytes(b"hello"), "unknown kind of table '.xyz'"),
-    "prose": ("prose.csv", lambda path: path.write_text("once upon a time\nthere was a log\n"), "no column holds numbers"),
-    "no_layout": ("other.csv", lambda path: path.write_text("x,y\n1,2\n3,4\n"), "no mapping fits this log"),
+    "another_type": (
+        "photo.csv",
+        lambda path: path.write_bytes(b"\x89PNG\r\n\x1a\n" + bytes(range(256))),
+        "is no text",
+    ),
+    "unknown_type": (
+        "log.xyz",
+        lambda path: path.write_bytes(b"hello"),
+        "unknown kind of table '.xyz'",
+    ),
+    "prose": (
+        "prose.csv",
+        lambda path: path.write_text("once upon a time\nthere was a log\n"),
+        "no column holds numbers",
+    ),
+    "no_layout": (
+        "other.csv",
+        lambda path: path.write_text("x,y\n1,2\n3,4\n"),
+        "no mapping fits this log",
+    ),
     "absurd_mat": ("absurd.mat", absurd_mat, "4294967280 bytes declared"),
-    "absurd_ulog": ("absurd.ulg", lambda p: p.write_bytes(b"ULog\x01\x12\x35\x01" + bytes(8) + b"\xff\xffAxx"), "no data"),
-    "absurd_mcap": ("absurd.mcap", lambda p: p.write_bytes(b"\x89MCAP0\r\n\x01" + b"\xff" * 7 + b"\x7f"), "no message"),
+    "absurd_ulog": (
+        "absurd.ulg",
+        lambda p: p.write_bytes(b"ULog\x01\x12\x35\x01" + bytes(8) + b"\xff\xffAxx"),
+        "no data",
+    ),
+    "absurd_mcap": (
+        "absurd.mcap",
+        lambda p: p.write_bytes(b"\x89MCAP0\r\n\x01" + b"\xff" * 7 + b"\x7f"),
+        "no message",
+    ),
     "cut_parquet": ("cut.parquet", cut_parquet, "not readable as Parquet"),
     "backwards": ("backwards.csv", backwards, "time does not increase"),
     "unknown_unit": ("unit.csv", unknown_unit, "field table.alpha: unknown unit 'quux'"),
-    "wrong_dimension": ("dimension.csv", wrong_dimension, "field table.V: unit 'kg' cannot become 'm/s'"),
+    "wrong_dimension": (
+        "dimension.csv",
+        wrong_dimension,
+        "field table.V: unit 'kg' cannot become 'm/s'",
+    ),
     "no_axis": ("no_axis.csv", without_air_data, "no axis can be computed"),
 }
 
 
 @pytest.mark.parametrize("case", FAULTY)
-def test_a_faulty_log_goes_to_quarantine_and_nothing_else_changes(workspace: Path, tmp_path: Path, case: str) -> None:
+def test_a_faulty_log_goes_to_quarantine_and_nothing_else_changes(
+    workspace: Path, tmp_path: Path, case: str
+) -> None:
     name, make, reason = FAULTY[case]
     log = tmp_path / name
     make(log)
@@ -161,7 +223,9 @@ def test_a_refused_log_is_taken_once_its_mapping_is_right(workspace: Path, tmp_p
         assert (row.status, row.reason) == ("stored", "")
 
 
-def test_a_faulty_mapping_file_is_the_mappings_fault_not_the_logs(workspace: Path, tmp_path: Path) -> None:
+def test_a_faulty_mapping_file_is_the_mappings_fault_not_the_logs(
+    workspace: Path, tmp_path: Path
+) -> None:
     log = write_csv(tmp_path / "good.csv", channels(46))
     mapping = own_mapping(tmp_path / "own.toml")
     mapping.write_text(mapping.read_text().replace('name = "alpha"', 'name = "alhpa"'))
@@ -173,7 +237,9 @@ def test_a_faulty_mapping_file_is_the_mappings_fault_not_the_logs(workspace: Pat
 
 
 @pytest.mark.parametrize("kind", ["csv", "ulg"])
-def test_a_lost_tail_is_stored_as_damaged_and_strict_refuses_it(workspace: Path, tmp_path: Path, kind: str) -> None:
+def test_a_lost_tail_is_stored_as_damaged_and_strict_refuses_it(
+    workspace: Path, tmp_path: Path, kind: str
+) -> None:
     log = tmp_path / f"cut.{kind}"
     if kind == "csv":
         whole = write_csv(log, channels(47)).read_bytes()
@@ -199,7 +265,12 @@ def test_a_lost_tail_is_stored_as_damaged_and_strict_refuses_it(workspace: Path,
 @pytest.mark.parametrize(
     ("old", "new", "place", "help"),
     [
-        ("[reference]\narea", "[reference]\naera", "unknown key 'reference.aera'", "did you mean 'area'?"),
+        (
+            "[reference]\narea",
+            "[reference]\naera",
+            "unknown key 'reference.aera'",
+            "did you mean 'area'?",
+        ),
         ("mass = 12.0", "mass = -12.0", "mass.mass", "got -12.0"),
         ("[thrust]", "[thurst]", "unknown key 'thurst'", "did you mean 'thrust'?"),
         ('"25 deg"', '"25 kg"', "unit 'kg' cannot become 'rad'", ""),
@@ -207,7 +278,9 @@ def test_a_lost_tail_is_stored_as_damaged_and_strict_refuses_it(workspace: Path,
         ("[reference]", "[reference", "not valid TOML", ""),
     ],
 )
-def test_a_faulty_vehicle_file_is_refused(workspace: Path, tmp_path: Path, old: str, new: str, place: str, help: str) -> None:
+def test_a_faulty_vehicle_file_is_refused(
+    workspace: Path, tmp_path: Path, old: str, new: str, place: str, help: str
+) -> None:
     path = tmp_path / "vehicle.toml"
     assert old in VEHICLE
     path.write_text(VEHICLE.replace(old, new))
@@ -224,28 +297,50 @@ def test_a_faulty_vehicle_file_is_refused(workspace: Path, tmp_path: Path, old: 
         ("-1.3]", '"x"]', "values are not a rectangular list of numbers", ""),
     ],
 )
-def test_a_faulty_database_file_is_refused(workspace: Path, tmp_path: Path, old: str, new: str, place: str, help: str) -> None:
+def test_a_faulty_database_file_is_refused(
+    workspace: Path, tmp_path: Path, old: str, new: str, place: str, help: str
+) -> None:
     path = tmp_path / "database.toml"
     assert old in DATABASE
     path.write_text(DATABASE.replace(old, new))
-    _refused_file(workspace, ["database", "import", str(path), "--vehicle", NAME], "database.toml", place, help)
+    _refused_file(
+        workspace,
+        ["database", "import", str(path), "--vehicle", NAME],
+        "database.toml",
+        place,
+        help,
+    )
 
 
 @pytest.mark.parametrize(
     ("old", "new", "place", "help"),
     [
-        ('"q_hat"', '"q_hta"', "increment on CZ: no channel 'q_hta' in these flights", "did you mean 'q_hat'?"),
-        ('"q_hat"', '"delta_elevatr"', "no channel 'delta_elevatr'", "did you mean 'delta_elevator'?"),
+        (
+            '"q_hat"',
+            '"q_hta"',
+            "increment on CZ: no channel 'q_hta' in these flights",
+            "did you mean 'q_hat'?",
+        ),
+        (
+            '"q_hat"',
+            '"delta_elevatr"',
+            "no channel 'delta_elevatr'",
+            "did you mean 'delta_elevator'?",
+        ),
         ('"q_hat"', '"alpha +"', "unexpected end", "near: 'alpha +'"),
         ('axis = "CZ"', 'axis = "Cz"', "unknown axis 'Cz'", "did you mean 'CZ'?"),
         ("terms", "trems", "unknown key", "did you mean 'terms'?"),
     ],
 )
-def test_a_faulty_model_file_is_refused(workspace: Path, tmp_path: Path, old: str, new: str, place: str, help: str) -> None:
+def test_a_faulty_model_file_is_refused(
+    workspace: Path, tmp_path: Path, old: str, new: str, place: str, help: str
+) -> None:
     path = tmp_path / "model.toml"
     path.write_text(MODEL.replace(old, new, 1))
     command = ["update", "--vehicle", NAME, "--model", str(path), "--direct"]
-    _refused_file(workspace, command, "model.toml" if "no channel" not in place else "model file", place, help)
+    _refused_file(
+        workspace, command, "model.toml" if "no channel" not in place else "model file", place, help
+    )
 
 
 def _refused_file(workspace: Path, command: list[str], file: str, place: str, help: str) -> None:
@@ -264,8 +359,18 @@ def test_refused_files_end_with_3_and_two_lines(workspace: Path, tmp_path: Path)
     """One of each kind through the real process; the rest of the cases go through the runner."""
     for name, text, command in (
         ("vehicle.toml", VEHICLE.replace("area", "aera"), ["vehicle", "add"]),
-        ("database.toml", DATABASE.replace("CZ0(alpha)", "CZ0(alhpa)"), ["database", "import", "--vehicle", NAME]),
-        ("model.toml", MODEL.replace("q_hat", "q_hta"), ["update", "--vehicle", NAME, "--direct", "--model"]),
+        (
+            "database.toml",
+            DATABASE.replace("CZ0(alpha)", "CZ0(alhpa)"),
+            ["database", "import", "--vehicle", NAME],
+        ),
+        (
+            "model.toml",
+            MODEL.replace("q_hat", "q_hta"),
+            ["update", "--vehicle", NAME, "--direct", "--model"],
+        ),
     ):
         (tmp_path / name).write_text(text)
-        assert refused(workspace, *command, str(tmp_path / name), process=True)[1].startswith("did you mean '")
+        assert refused(workspace, *command, str(tmp_path / name), process=True)[1].startswith(
+            "did you mean '"
+        )

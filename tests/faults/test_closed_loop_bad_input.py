@@ -1,4 +1,5 @@
-"""Bad input for the closed loop, through the command line: refused in two lines, or answered with what can still be said."""
+"""Bad input for the closed loop, through the command line: refused in two lines, or answered with
+what can still be said."""
 
 import shutil
 from collections.abc import Mapping
@@ -45,14 +46,18 @@ def refused(workspace: Path, *arguments: str, code: int = 3) -> str:
     before = everything(workspace)
     result = CliRunner().invoke(app, ["--workspace", str(workspace), *arguments])
     said = result.stderr or str(result.exception)
-    assert result.exit_code == code or type(result.exception).__name__ in ("InputError", "UnknownNameError"), said
+    assert result.exit_code == code or type(result.exception).__name__ in (
+        "InputError",
+        "UnknownNameError",
+    ), said
     assert len(said.splitlines()) <= 2, said
     assert everything(workspace) == before
     return said
 
 
 def check_bounds(document: Mapping[str, Any]) -> None:
-    """No number without its bound: findings have an interval, what was not found a bound, or it is said why there is none."""
+    """No number without its bound: findings have an interval, what was not found a bound, or it is
+    said why there is none."""
     for finding in document["findings"]:
         if finding["verdict"] != "unnamed":
             low, high = finding["ci95"]
@@ -66,24 +71,33 @@ def check_bounds(document: Mapping[str, Any]) -> None:
 
 
 @pytest.mark.parametrize("count", [1, 2])
-def test_below_three_flights_nothing_is_confirmed_and_bounds_are_given(workspace: Path, count: int) -> None:
+def test_below_three_flights_nothing_is_confirmed_and_bounds_are_given(
+    workspace: Path, count: int
+) -> None:
     document = asked(workspace, *CLOSE, *named(flights_of(workspace)[:count]))
     assert document["candidate"] is None
-    assert not [f for f in document["findings"] if f["verdict"] in ("confirmed", "alias_group", "sensor")]
+    assert not [
+        f for f in document["findings"] if f["verdict"] in ("confirmed", "alias_group", "sensor")
+    ]
     assert any("below 3" in remark for remark in document["remarks"])
     check_bounds(document)
 
 
 def test_flights_that_excite_nothing_claim_nothing(made: Path, tmp_path: Path) -> None:
-    """Level flight and sensor noise. What noise of alpha, q and the elevator does to prediction and residual alike is seen, and
-    cannot be told from a sensor: no slope, damping or control derivative is claimed, and nothing but a constant is added."""
+    """Level flight and sensor noise. What noise of alpha, q and the elevator does to prediction and
+    residual alike is seen, and cannot be told from a sensor: no slope, damping or control
+    derivative is claimed, and nothing but a constant is added."""
     workspace = Path(shutil.copytree(made, tmp_path / "w"))
     known = set(flights_of(workspace))
     logs = [write_csv(tmp_path / f"level{seed}.csv", _level(seed)) for seed in range(3)]
     asked(workspace, "flight", "ingest", *map(str, logs), "--vehicle", NAME, "--direct")
     steady = [flight for flight in flights_of(workspace) if flight not in known]
     document = asked(workspace, *CLOSE, *named(steady))
-    claimed = [f for f in document["findings"] if f["verdict"] not in ("ambiguous_sensor", "sensor", "unnamed")]
+    claimed = [
+        f
+        for f in document["findings"]
+        if f["verdict"] not in ("ambiguous_sensor", "sensor", "unnamed")
+    ]
     assert {f["effect"] for f in claimed} <= {"zero_offset"}
     assert all(name.startswith("zero_offset") for name in document["added"])
     verdicts = {e["hypothesis"]: e["verdict"] for e in document["not_found"]}
@@ -95,8 +109,16 @@ def test_flights_that_excite_nothing_claim_nothing(made: Path, tmp_path: Path) -
 def _level(seed: int) -> dict[str, np.ndarray]:
     """The glider in trim: what moves is noise of the sensors."""
     table, rng = channels(seed), np.random.default_rng(100 + seed)
-    for name, size in {"alpha": 1e-4, "q": 1e-4, "delta_elevator": 1e-5, "ax": 0.02, "az": 0.02}.items():
-        table[name] = table[name].mean() * (name != "q") + size * rng.standard_normal(len(table["time"]))
+    for name, size in {
+        "alpha": 1e-4,
+        "q": 1e-4,
+        "delta_elevator": 1e-5,
+        "ax": 0.02,
+        "az": 0.02,
+    }.items():
+        table[name] = table[name].mean() * (name != "q") + size * rng.standard_normal(
+            len(table["time"])
+        )
     return table
 
 
@@ -114,7 +136,9 @@ def test_a_library_that_changed_after_looking_is_refused(workspace: Path, tmp_pa
     assert asked(workspace, *CLOSE, "--library", frozen[:12])["findings"] == first["findings"]
     effects = tmp_path / "mine.toml"
     effects.write_text(EFFECT)
-    result = CliRunner().invoke(app, ["--workspace", str(workspace), *CLOSE, "--library", frozen, "--effects", str(effects)])
+    result = CliRunner().invoke(
+        app, ["--workspace", str(workspace), *CLOSE, "--library", frozen, "--effects", str(effects)]
+    )
     said = result.stderr or str(result.exception)
     assert "it changed after it was frozen" in said
     again = asked(workspace, *CLOSE, "--effects", str(effects))
@@ -145,11 +169,15 @@ def test_a_flight_that_identified_before_never_validates(workspace: Path, tmp_pa
     assert "cannot validate" in said
 
 
-def test_the_same_flight_twice_is_refused_and_its_copy_has_no_vote(workspace: Path, tmp_path: Path) -> None:
+def test_the_same_flight_twice_is_refused_and_its_copy_has_no_vote(
+    workspace: Path, tmp_path: Path
+) -> None:
     flights = flights_of(workspace)
     said = refused(workspace, *CLOSE, *named([flights[0], flights[0], flights[1]]))
     assert "the same flight twice" in said
-    copy = write_csv(tmp_path / "copy.csv", {name: values[:-3] for name, values in channels(0).items()})
+    copy = write_csv(
+        tmp_path / "copy.csv", {name: values[:-3] for name, values in channels(0).items()}
+    )
     asked(workspace, "flight", "ingest", str(copy), "--vehicle", NAME, "--direct")
     document = asked(workspace, *CLOSE)
     voters = {vote["flight"] for finding in document["findings"] for vote in finding["votes"]}
@@ -159,11 +187,14 @@ def test_the_same_flight_twice_is_refused_and_its_copy_has_no_vote(workspace: Pa
 
 
 def test_an_effect_that_is_not_in_the_library_cannot_be_accepted(workspace: Path) -> None:
-    assert "no effect 'pich_damping'" in refused_after_looking(workspace, "--accept-suspected", "pich_damping")
+    assert "no effect 'pich_damping'" in refused_after_looking(
+        workspace, "--accept-suspected", "pich_damping"
+    )
 
 
 def refused_after_looking(workspace: Path, *options: str) -> str:
-    """What a refusal says that comes once flights are compared: comparisons are stored, and no version."""
+    """What a refusal says that comes once flights are compared: comparisons are stored, and no
+    version."""
     versions = asked(workspace, "version", "list")
     result = CliRunner().invoke(app, ["--workspace", str(workspace), *CLOSE, *options])
     assert result.exit_code != 0

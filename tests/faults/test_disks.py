@@ -1,5 +1,5 @@
-"""Disks that are full or read-only, catalogues that are locked: said in plain words with what to do, everything that is
-stored stays readable, and the same run works later."""
+"""Disks that are full or read-only, catalogues that are locked: said in plain words with what to
+do, everything that is stored stays readable, and the same run works later."""
 
 import os
 import shutil
@@ -37,7 +37,9 @@ def disk(tmp_path: Path) -> Iterator[Path]:
     """A small file system of its own."""
     folder = tmp_path / "disk"
     folder.mkdir()
-    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=6m", "tmpfs", str(folder)], capture_output=True)
+    mounted = subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", "size=6m", "tmpfs", str(folder)], capture_output=True
+    )
     if mounted.returncode:
         pytest.skip("may not mount a file system here")
     yield folder
@@ -46,7 +48,10 @@ def disk(tmp_path: Path) -> Iterator[Path]:
 
 def _update(workspace: Workspace) -> dict[str, Any]:
     with Catalogue.open(workspace.catalogue) as catalogue:
-        baseline, flights = catalogue.version(NAME, "released").id, sorted(row.id for row in catalogue.flights(NAME))
+        baseline, flights = (
+            catalogue.version(NAME, "released").id,
+            sorted(row.id for row in catalogue.flights(NAME)),
+        )
     given = {"vehicle": NAME, "baseline": baseline, "flights": flights, "model": MODEL}
     document: dict[str, Any] = run_flow(update_flow, given, workspace, "direct")
     return document
@@ -58,7 +63,9 @@ def two_flights(tmp_path_factory: pytest.TempPathFactory) -> tuple[Workspace, li
     logs = write_files(tmp_path_factory.mktemp("files"), 3)
     workspace = prepared(tmp_path_factory.mktemp("w"), logs[0].parent)
     (workspace.root / "settings.toml").write_text("[limits]\nreserve = 0\n")
-    run_flow(flight_flow, {"logs": [str(log) for log in logs[:2]], "vehicle": NAME}, workspace, "direct")
+    run_flow(
+        flight_flow, {"logs": [str(log) for log in logs[:2]], "vehicle": NAME}, workspace, "direct"
+    )
     return workspace, logs
 
 
@@ -66,7 +73,9 @@ def two_flights(tmp_path_factory: pytest.TempPathFactory) -> tuple[Workspace, li
 def flown(disk: Path, two_flights: tuple[Workspace, list[Path]]) -> tuple[Workspace, list[Path]]:
     """The same on the small disk, where nobody holds it open."""
     workspace = Workspace.open(Path(shutil.copytree(two_flights[0].root, disk / "w")))
-    with closing(sqlite3.connect(workspace.catalogue)) as catalogue:  # nobody else has this one open
+    with closing(
+        sqlite3.connect(workspace.catalogue)
+    ) as catalogue:  # nobody else has this one open
         catalogue.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()
     return workspace, two_flights[1]
 
@@ -86,10 +95,15 @@ def _sound(workspace: Workspace) -> None:
 
 
 @pytest.mark.parametrize("leave", [0, 40_960, 98_304])
-def test_a_full_disk_is_said_and_all_stays_readable(flown: tuple[Workspace, list[Path]], disk: Path, leave: int) -> None:
+def test_a_full_disk_is_said_and_all_stays_readable(
+    flown: tuple[Workspace, list[Path]], disk: Path, leave: int
+) -> None:
     """In the middle of an update, wherever the room runs out."""
     workspace, _ = flown
-    kept, files = stored(workspace), {name: sha for name, sha in state_of(workspace.root).items() if "results/" in name}
+    kept, files = (
+        stored(workspace),
+        {name: sha for name, sha in state_of(workspace.root).items() if "results/" in name},
+    )
     filler = _fill(disk, leave)
     with pytest.raises(StoreError, match="full") as caught:
         _update(workspace)
@@ -106,37 +120,62 @@ def test_a_full_disk_is_said_and_all_stays_readable(flown: tuple[Workspace, list
     _sound(workspace)
 
 
-def test_a_log_for_which_there_is_no_room_is_not_begun(flown: tuple[Workspace, list[Path]], disk: Path) -> None:
+def test_a_log_for_which_there_is_no_room_is_not_begun(
+    flown: tuple[Workspace, list[Path]], disk: Path
+) -> None:
     workspace, logs = flown
-    before = {name: sha for name, sha in state_of(workspace.root).items() if not name.startswith("locks")}
+    before = {
+        name: sha for name, sha in state_of(workspace.root).items() if not name.startswith("locks")
+    }
     filler = _fill(disk, 2 * logs[2].stat().st_size)
     done = aerodb(workspace.root, "flight", "ingest", str(logs[2]), "--vehicle", NAME, "--direct")
     assert done.returncode == 1
-    (what, remedy) = done.stderr.strip().splitlines()
+    what, remedy = done.stderr.strip().splitlines()
     assert "MB are free, this log needs about" in what
     assert remedy.startswith("make room")
-    assert {name: sha for name, sha in state_of(workspace.root).items() if not name.startswith("locks")} == before
+    assert {
+        name: sha for name, sha in state_of(workspace.root).items() if not name.startswith("locks")
+    } == before
     filler.unlink()
-    assert aerodb(workspace.root, "flight", "ingest", str(logs[2]), "--vehicle", NAME, "--direct").returncode == 0
+    assert (
+        aerodb(
+            workspace.root, "flight", "ingest", str(logs[2]), "--vehicle", NAME, "--direct"
+        ).returncode
+        == 0
+    )
     with pytest.raises(StoreError, match="needs about"):
         require_space(disk, 0, reserve=10**12)
 
 
-def test_a_store_that_is_read_only_for_a_while(flown: tuple[Workspace, list[Path]], disk: Path) -> None:
+def test_a_store_that_is_read_only_for_a_while(
+    flown: tuple[Workspace, list[Path]], disk: Path
+) -> None:
     workspace, logs = flown
     kept = stored(workspace)
     subprocess.run(["mount", "-o", "remount,ro", str(disk)], check=True)
     try:
-        ingest = aerodb(workspace.root, "flight", "ingest", str(logs[2]), "--vehicle", NAME, "--direct")
-        (what, remedy) = ingest.stderr.strip().splitlines()
+        ingest = aerodb(
+            workspace.root, "flight", "ingest", str(logs[2]), "--vehicle", NAME, "--direct"
+        )
+        what, remedy = ingest.stderr.strip().splitlines()
         assert "read-only" in what
         assert "then run again" in remedy
-        assert aerodb(workspace.root, "version", "evaluate", "released", "--at", "alpha=4deg").returncode == 0
+        assert (
+            aerodb(
+                workspace.root, "version", "evaluate", "released", "--at", "alpha=4deg"
+            ).returncode
+            == 0
+        )
         assert stored(workspace) == kept
         _sound(workspace)
     finally:
         subprocess.run(["mount", "-o", "remount,rw", str(disk)], check=True)
-    assert aerodb(workspace.root, "flight", "ingest", str(logs[2]), "--vehicle", NAME, "--direct").returncode == 0
+    assert (
+        aerodb(
+            workspace.root, "flight", "ingest", str(logs[2]), "--vehicle", NAME, "--direct"
+        ).returncode
+        == 0
+    )
     assert len(stored(workspace)["flights"]) == 3
 
 
@@ -161,7 +200,9 @@ def test_a_limit_of_the_system_is_said_too_and_the_old_file_stays(tmp_path: Path
     write_atomically(path, lambda temporary: temporary.write_bytes(b"old") and None)
     command = [sys.executable, "-c", _LIMITED, str(path)]
     done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
-    assert done.stdout.startswith("the file would be larger than this system allows | make room"), done.stderr
+    assert done.stdout.startswith("the file would be larger than this system allows | make room"), (
+        done.stderr
+    )
     assert ([entry.name for entry in tmp_path.iterdir()], path.read_bytes()) == (["f"], b"old")
 
 
@@ -169,7 +210,8 @@ def test_a_limit_of_the_system_is_said_too_and_the_old_file_stays(tmp_path: Path
 
 
 def _locked_for_a_while(item: str, *, workspace: str, run: str) -> int:
-    """A step that writes to the catalogue, which is held when it is tried first; says how often it was tried."""
+    """A step that writes to the catalogue, which is held when it is tried first; says how often it
+    was tried."""
     TRIED.append(item)
     if len(TRIED) > 1:
         LET_GO.wait(300)
@@ -199,12 +241,15 @@ REFUSED, LET_GO = threading.Event(), threading.Event()
 
 
 def test_a_lock_is_waited_for_and_what_is_wrong_is_not_tried_again(tmp_path: Path) -> None:
-    """Under Prefect: a step meets a catalogue that another process holds, a refusal, and a step that never ends."""
+    """Under Prefect: a step meets a catalogue that another process holds, a refusal, and a step
+    that never ends."""
     workspace = Workspace.open(tmp_path / "w")
     Catalogue.open(workspace.catalogue).close()
 
     def held_flow(steps: Any, *, workspace: str, run: str) -> int:
-        holder = sqlite3.connect(Path(workspace) / "catalogue.sqlite", isolation_level=None, check_same_thread=False)
+        holder = sqlite3.connect(
+            Path(workspace) / "catalogue.sqlite", isolation_level=None, check_same_thread=False
+        )
         holder.execute("BEGIN IMMEDIATE")
 
         def let_go() -> None:

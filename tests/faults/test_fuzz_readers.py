@@ -1,4 +1,5 @@
-"""Readers against random damage: a Recording that accounts for the loss, or a refusal; never a traceback, never silence."""
+"""Readers against random damage: a Recording that accounts for the loss, or a refusal; never a
+traceback, never silence."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -24,7 +25,8 @@ def count(trials: Callable[[int, int], int]) -> int:
 
 
 def outcome(path: Path, data: bytes) -> Recording | None:
-    """What reading gives: a Recording with its topics looked into, or None for a refusal with place and reason."""
+    """What reading gives: a Recording with its topics looked into, or None for a refusal with place
+    and reason."""
     path.write_bytes(data)
     found: Recording | InputError
     try:
@@ -55,7 +57,11 @@ def scramble(data: bytes, rng: np.random.Generator) -> bytes:
 
 
 @pytest.fixture(scope="module", params=["generated", "measured"])
-def ulog(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory, measured: Callable[[str], Path]) -> bytes:
+def ulog(
+    request: pytest.FixtureRequest,
+    tmp_path_factory: pytest.TempPathFactory,
+    measured: Callable[[str], Path],
+) -> bytes:
     if request.param == "measured":
         return measured("px4_ulog/sample_log_small.ulg").read_bytes()
     path = tmp_path_factory.mktemp("fuzz") / "a.ulg"
@@ -64,7 +70,8 @@ def ulog(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
 
 
 def test_cut_ulog_accounts_for_every_byte(ulog: bytes, count: int, tmp_path: Path) -> None:
-    """Every message before the cut is read; the rest of the file is a reported loss, unless the cut is between messages."""
+    """Every message before the cut is read; the rest of the file is a reported loss, unless the cut
+    is between messages."""
     found, rng = messages(ulog), np.random.default_rng(2)
     samples = {end for _, end, kind in found if kind == ord("D")}
     ends = np.array([16, *(end for _, end, _ in found)])
@@ -84,7 +91,8 @@ def test_cut_ulog_accounts_for_every_byte(ulog: bytes, count: int, tmp_path: Pat
 def test_damaged_ulog_is_read_or_refused_and_no_byte_is_unaccounted(
     ulog: bytes, count: int, tmp_path: Path, change: Change
 ) -> None:
-    """What is followed and what is lost cover the file without overlap, and every loss stands in the recording."""
+    """What is followed and what is lost cover the file without overlap, and every loss stands in
+    the recording."""
     rng, path, read = np.random.default_rng(3), tmp_path / "a.ulg", 0
     for _ in range(count):
         data = change(ulog, rng)
@@ -95,16 +103,25 @@ def test_damaged_ulog_is_read_or_refused_and_no_byte_is_unaccounted(
         with path.open("rb") as handle:
             found = survey(handle, len(data))
         pieces = sorted([*found.intact, *((lost.start, lost.end) for lost in found.lost)])
-        assert [pieces[0][0], *(end for _, end in pieces)] == [*(start for start, _ in pieces), len(data)]
+        assert [pieces[0][0], *(end for _, end in pieces)] == [
+            *(start for start, _ in pieces),
+            len(data),
+        ]
         reported = sum(damage.bytes_lost for damage in recording.damage if not damage.topic)
         assert reported == sum(lost.end - lost.start for lost in found.lost)
         kept = sum(len(topic.time) for topic in recording.topics.values())
-        undecoded = sum(int(d.what.split()[0]) for d in recording.damage if d.what.endswith(("damaged", "timestamp")))
+        undecoded = sum(
+            int(d.what.split()[0])
+            for d in recording.damage
+            if d.what.endswith(("damaged", "timestamp"))
+        )
         assert kept + undecoded == int(found.count.sum())
     assert read > 0.9 * count
 
 
-def test_taken_out_messages_are_the_only_ones_missing(ulog: bytes, count: int, tmp_path: Path) -> None:
+def test_taken_out_messages_are_the_only_ones_missing(
+    ulog: bytes, count: int, tmp_path: Path
+) -> None:
     """Noise over data messages costs those messages and no others."""
     rng = np.random.default_rng(4)
     found = messages(ulog)
@@ -128,8 +145,11 @@ def mcap(tmp_path_factory: pytest.TempPathFactory) -> tuple[bytes, Recording]:
     return path.read_bytes(), read_log(path)
 
 
-def test_cut_mcap_is_always_reported(mcap: tuple[bytes, Recording], count: int, tmp_path: Path) -> None:
-    """Unlike ULog, MCAP ends with a footer: every cut shows. What is read is the beginning of what was there."""
+def test_cut_mcap_is_always_reported(
+    mcap: tuple[bytes, Recording], count: int, tmp_path: Path
+) -> None:
+    """Unlike ULog, MCAP ends with a footer: every cut shows. What is read is the beginning of what
+    was there."""
     data, whole = mcap
     read = 0
     for cut in np.random.default_rng(5).integers(0, len(data), count):
@@ -137,7 +157,9 @@ def test_cut_mcap_is_always_reported(mcap: tuple[bytes, Recording], count: int, 
         if recording is None:
             continue
         read += 1
-        assert [damage.kind for damage in recording.damage if damage.kind == "lost_tail"] == ["lost_tail"]
+        assert [damage.kind for damage in recording.damage if damage.kind == "lost_tail"] == [
+            "lost_tail"
+        ]
         for name, topic in recording.topics.items():
             np.testing.assert_array_equal(topic.time, whole.topics[name].time[: len(topic.time)])
     assert read > count // 2
@@ -147,7 +169,8 @@ def test_cut_mcap_is_always_reported(mcap: tuple[bytes, Recording], count: int, 
 def test_damaged_mcap_is_read_or_refused_and_samples_do_not_vanish_silently(
     mcap: tuple[bytes, Recording], count: int, tmp_path: Path, change: Change
 ) -> None:
-    """With chunk and data checksums on, no change of the data goes unnoticed, whether or not it costs samples."""
+    """With chunk and data checksums on, no change of the data goes unnoticed, whether or not it
+    costs samples."""
     data, whole = mcap
     rng, read = np.random.default_rng(6), 0
     total = sum(len(topic.time) for topic in whole.topics.values())

@@ -1,4 +1,5 @@
-"""Whoever is asked over HTTP may answer anything: what asks says so, goes on, and gives no address away."""
+"""Whoever is asked over HTTP may answer anything: what asks says so, goes on, and gives no address
+away."""
 
 import socket
 import threading
@@ -49,7 +50,8 @@ class Answering:
 
 
 def _question(connection: socket.socket) -> None:
-    """Reads a whole question: who closes before that resets the connection, and the answer may be lost."""
+    """Reads a whole question: who closes before that resets the connection, and the answer may be
+    lost."""
     with connection.makefile("rb") as asked:
         length = 0
         while (line := asked.readline()).strip():
@@ -72,8 +74,11 @@ def answering() -> Iterator[Callable[[bytes], Answering]]:
 
 
 @pytest.mark.parametrize("answer", [GARBAGE, b"", b"HTTP/1.1 two hundred\r\n\r\n"])
-def test_a_webhook_that_answers_garbage(tmp_path: Path, answering: Callable[[bytes], Answering], answer: bytes) -> None:
-    """It is asked once for three notifications, all of them wait, and nothing of its address is said."""
+def test_a_webhook_that_answers_garbage(
+    tmp_path: Path, answering: Callable[[bytes], Answering], answer: bytes
+) -> None:
+    """It is asked once for three notifications, all of them wait, and nothing of its address is
+    said."""
     hook = answering(answer)
     workspace = Workspace.open(tmp_path / "w")
     text = f'[notification]\nwebhook = "http://127.0.0.1:{hook.port}/sesame"\n'
@@ -82,16 +87,22 @@ def test_a_webhook_that_answers_garbage(tmp_path: Path, answering: Callable[[byt
         post(workspace, "failed", "glider", f"sentence {k}", {})
     failures = deliver(str(workspace.root), workspace=str(workspace.root), run="")
     assert [failure["text"] for failure in failures] == [f"sentence {k}" for k in range(3)]
-    assert all(f["error"].startswith("webhook: ") and "sesame" not in f["error"] for f in failures), failures
+    assert all(
+        f["error"].startswith("webhook: ") and "sesame" not in f["error"] for f in failures
+    ), failures
     assert hook.asked == 1
     assert len(list(workspace.outbox.iterdir())) == 3
 
 
-def test_an_address_that_is_none_is_not_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_address_that_is_none_is_not_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """What complains of an address quotes it in part."""
     monkeypatch.setenv("HOOK", "http://127.0.0.1/a b?key=sesame")
     workspace = Workspace.open(tmp_path / "w")
-    (workspace.root / "settings.toml").write_text('[notification]\nwebhook = "$HOOK"\n', encoding="utf-8")
+    (workspace.root / "settings.toml").write_text(
+        '[notification]\nwebhook = "$HOOK"\n', encoding="utf-8"
+    )
     post(workspace, "failed", "glider", "a sentence", {})
     assert deliver(str(workspace.root), workspace=str(workspace.root), run="") == [
         {"text": "a sentence", "error": "webhook: InvalidURL"}
@@ -99,7 +110,9 @@ def test_an_address_that_is_none_is_not_said(tmp_path: Path, monkeypatch: pytest
 
 
 @pytest.mark.parametrize("answer", [GARBAGE, SHORT, NO_JSON])
-def test_a_server_that_answers_garbage_is_out_of_reach(answering: Callable[[bytes], Answering], answer: bytes) -> None:
+def test_a_server_that_answers_garbage_is_out_of_reach(
+    answering: Callable[[bytes], Answering], answer: bytes
+) -> None:
     client = Client(f"http://127.0.0.1:{answering(answer).port}/api", "")
     with pytest.raises(OSError, match="gave no answer that is one"):
         client.post("/flow_runs/filter", {})
@@ -110,7 +123,9 @@ def test_garbage_is_not_healthy(answering: Callable[[bytes], Answering]) -> None
 
 
 @pytest.mark.parametrize("answer", [GARBAGE, SHORT, NO_JSON, ANOTHER_SHAPE])
-def test_the_service_outlives_any_answer(tmp_path: Path, answering: Callable[[bytes], Answering], answer: bytes) -> None:
+def test_the_service_outlives_any_answer(
+    tmp_path: Path, answering: Callable[[bytes], Answering], answer: bytes
+) -> None:
     """A beat asks a server that answers anything at all: it is said, and the next beat comes."""
     workspace = Workspace.open(tmp_path / "w")
     (workspace.root / "settings.toml").write_text("[serve]\nport = 0\n", encoding="utf-8")

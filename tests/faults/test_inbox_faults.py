@@ -1,4 +1,5 @@
-"""What is not a log's fault is not held against it, and what is one's fault stops no other: room, time, settings, disks."""
+"""What is not a log's fault is not held against it, and what is one's fault stops no other: room,
+time, settings, disks."""
 
 import os
 import shutil
@@ -49,7 +50,9 @@ def _disturbed(monkeypatch: pytest.MonkeyPatch, disturb: Callable[[str], None]) 
     monkeypatch.setattr("aerodb.flows.flight.store_log", store)
 
 
-def test_a_log_without_room_waits_and_the_others_are_stored(workspace: Workspace, logs: list[Path]) -> None:
+def test_a_log_without_room_waits_and_the_others_are_stored(
+    workspace: Workspace, logs: list[Path]
+) -> None:
     """The reserve is such that the small ones fit and the large one does not."""
     box = workspace.inbox / NAME
     for k, log in enumerate(logs[:2]):
@@ -60,8 +63,12 @@ def test_a_log_without_room_waits_and_the_others_are_stored(workspace: Workspace
     between = GROWTH * (smallest + large.stat().st_size) / 2
     settings = workspace.root / "settings.toml"
     with pytest.MonkeyPatch.context() as patched:
-        # The disk of this machine changes under the test: what is free is held still, the rest is as in use.
-        patched.setattr("aerodb.storage.disk_errors.shutil.disk_usage", lambda _: shutil._ntuple_diskusage(free, 0, free))  # type: ignore[attr-defined]
+        # The disk of this machine changes under the test: what is free is held still, the rest is
+        # as in use.
+        patched.setattr(
+            "aerodb.storage.disk_errors.shutil.disk_usage",
+            lambda _: shutil._ntuple_diskusage(free, 0, free),
+        )  # type: ignore[attr-defined]
         settings.write_text(f"{QUICK}[limits]\nreserve = {int(free - between)}\n", encoding="utf-8")
         document = swept(workspace)
         assert kinds(document) == {"0.csv": "stored", "1.csv": "stored", "large.csv": "no_room"}
@@ -75,11 +82,19 @@ def test_a_log_without_room_waits_and_the_others_are_stored(workspace: Workspace
     assert kinds(swept(workspace)) == {"large.csv": "stored"}, "no try was held against it"
 
 
-def test_a_log_without_room_keeps_no_database_from_going_on(workspace: Workspace, logs: list[Path]) -> None:
+def test_a_log_without_room_keeps_no_database_from_going_on(
+    workspace: Workspace, logs: list[Path]
+) -> None:
     """The night takes the database further all the same, and says at its end that a log waits."""
-    run_flow(flight_flow, {"logs": [str(log) for log in logs[:3]], "vehicle": NAME}, workspace, "direct")
+    run_flow(
+        flight_flow, {"logs": [str(log) for log in logs[:3]], "vehicle": NAME}, workspace, "direct"
+    )
     loop = '[loop]\nafter = 3\nrun = ["update"]\nmodel = "increments.toml"\n'
-    settings = QUICK.replace("[loop]\nrun = []\n", "") + loop + "[limits]\nreserve = 1_000_000_000_000_000_000\n"
+    settings = (
+        QUICK.replace("[loop]\nrun = []\n", "")
+        + loop
+        + "[limits]\nreserve = 1_000_000_000_000_000_000\n"
+    )
     (workspace.root / "settings.toml").write_text(settings, encoding="utf-8")
     (workspace.root / "increments.toml").write_text(MODEL, encoding="utf-8")
     shutil.copy(logs[3], workspace.inbox / NAME)
@@ -90,8 +105,11 @@ def test_a_log_without_room_keeps_no_database_from_going_on(workspace: Workspace
     assert left(workspace) == [f"{NAME}/flight4.csv"]
 
 
-def test_a_log_that_is_too_large_is_refused_by_its_size_and_not_read(workspace: Workspace, logs: list[Path]) -> None:
-    """Terabytes of nothing, of which a hash would take hours; it can come back when the limit is another."""
+def test_a_log_that_is_too_large_is_refused_by_its_size_and_not_read(
+    workspace: Workspace, logs: list[Path]
+) -> None:
+    """Terabytes of nothing, of which a hash would take hours; it can come back when the limit is
+    another."""
     sparse = workspace.inbox / NAME / "sparse.ulg"
     sparse.touch()
     try:
@@ -108,16 +126,23 @@ def test_a_log_that_is_too_large_is_refused_by_its_size_and_not_read(workspace: 
     assert (entry.can_return, entry.file.stat().st_size) == (True, 8 << 40)
     (workspace.root / "far.ulg").touch()
     os.truncate(workspace.root / "far.ulg", 8 << 40)
-    outcome = store_log(str(workspace.root / "far.ulg"), workspace=str(workspace.root), run="r", vehicle=NAME)
+    outcome = store_log(
+        str(workspace.root / "far.ulg"), workspace=str(workspace.root), run="r", vehicle=NAME
+    )
     assert (outcome["status"], outcome["sha256"]) == ("refused", "")
     assert "at most 20000 MB are read" in outcome["what"]
 
 
 @pytest.mark.parametrize("what", ["file", "folder"])
 def test_a_link_put_in_a_logs_place_after_the_look_is_not_followed(
-    workspace: Workspace, logs: list[Path], monkeypatch: pytest.MonkeyPatch, tmp_path: Path, what: str
+    workspace: Workspace,
+    logs: list[Path],
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+    what: str,
 ) -> None:
-    """Whoever may write to the inbox once had any file read, and what could not be read copied into the quarantine."""
+    """Whoever may write to the inbox once had any file read, and what could not be read copied into
+    the quarantine."""
     secret = tmp_path / "secret"
     secret.mkdir()
     (secret / "flight1.csv").write_text("password: sesame\n")
@@ -129,15 +154,25 @@ def test_a_link_put_in_a_logs_place_after_the_look_is_not_followed(
     def swap(_: str) -> None:
         if not folder.is_symlink() and not log.is_symlink():
             shutil.rmtree(folder) if what == "folder" else log.unlink()
-            folder.symlink_to(secret) if what == "folder" else log.symlink_to(secret / "flight1.csv")
+            folder.symlink_to(secret) if what == "folder" else log.symlink_to(
+                secret / "flight1.csv"
+            )
 
     _disturbed(monkeypatch, swap)
     swept(workspace)
     with Catalogue.open(workspace.catalogue) as catalogue:
         assert catalogue.flights(NAME) == ()
         assert catalogue.logs() == ()
-    held = [path for path in workspace.root.rglob("*") if path.is_file() and not path.is_symlink() and path.stat().st_size < 1e6]
-    assert not [path for path in held if b"sesame" in path.read_bytes() and workspace.inbox not in path.parents]
+    held = [
+        path
+        for path in workspace.root.rglob("*")
+        if path.is_file() and not path.is_symlink() and path.stat().st_size < 1e6
+    ]
+    assert not [
+        path
+        for path in held
+        if b"sesame" in path.read_bytes() and workspace.inbox not in path.parents
+    ]
     assert (secret / "flight1.csv").read_text() == "password: sesame\n"
     monkeypatch.undo()
     assert "sesame" not in str(swept(workspace))
@@ -158,7 +193,9 @@ def test_a_step_that_takes_too_long_is_held_against_its_file_alone(
 
     _disturbed(monkeypatch, slow)
     assert kinds(swept(workspace)) == {"0.csv": "stored", "slow.csv": "failed", "2.csv": "stored"}
-    assert [kinds(swept(workspace)) for _ in range(3)] == [{"slow.csv": k} for k in ("failed", "failed", "quarantined")]
+    assert [kinds(swept(workspace)) for _ in range(3)] == [
+        {"slow.csv": k} for k in ("failed", "failed", "quarantined")
+    ]
     (reason,) = (workspace.root / "quarantine").glob("*/reason.json")
     assert "tried 3 times: TaskRunTimeoutError: Scope timed out" in reason.read_text()
 
@@ -166,7 +203,8 @@ def test_a_step_that_takes_too_long_is_held_against_its_file_alone(
 def test_settings_that_are_half_written_are_held_against_no_log(
     workspace: Workspace, logs: list[Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Somebody saves settings.toml while a log is read, five times over: then it is whole, and all are stored."""
+    """Somebody saves settings.toml while a log is read, five times over: then it is whole, and all
+    are stored."""
     for log in logs[:2]:
         shutil.copy(log, workspace.inbox / NAME)
     settings = workspace.root / "settings.toml"
@@ -185,7 +223,9 @@ def test_settings_that_are_half_written_are_held_against_no_log(
     assert set(kinds(swept(workspace)).values()) == {"stored"}
 
 
-def test_a_mapping_with_a_fault_is_held_against_no_log_and_stops_no_other_vehicle(workspace: Workspace, logs: list[Path]) -> None:
+def test_a_mapping_with_a_fault_is_held_against_no_log_and_stops_no_other_vehicle(
+    workspace: Workspace, logs: list[Path]
+) -> None:
     with Catalogue.open(workspace.catalogue) as catalogue:
         catalogue.add_vehicle("another", catalogue.vehicle(NAME).text.replace(NAME, "another"))
     (workspace.inbox / "another").mkdir()
@@ -214,8 +254,11 @@ def elsewhere(tmp_path: Path) -> Iterator[Path]:
         yield Path(folder)
 
 
-def test_an_inbox_on_another_file_system(workspace: Workspace, logs: list[Path], elsewhere: Path) -> None:
-    """Links and pipes are put aside, logs kept, and what is taken back out of quarantine takes nobody's place."""
+def test_an_inbox_on_another_file_system(
+    workspace: Workspace, logs: list[Path], elsewhere: Path
+) -> None:
+    """Links and pipes are put aside, logs kept, and what is taken back out of quarantine takes
+    nobody's place."""
     shutil.rmtree(workspace.inbox)
     workspace.inbox.symlink_to(elsewhere)
     box = workspace.inbox / NAME
@@ -247,4 +290,8 @@ def test_what_comes_back_takes_nobodys_place(workspace: Workspace) -> None:
     with pytest.raises(FileExistsError):
         put_in(entry.file, box / "bad.csv")
     assert put_back(workspace, entry, NAME).read_text() == "time,nothing\n0,1\n"
-    assert sorted(path.read_text() for path in box.iterdir()) == ["and another", "another", "time,nothing\n0,1\n"]
+    assert sorted(path.read_text() for path in box.iterdir()) == [
+        "and another",
+        "another",
+        "time,nothing\n0,1\n",
+    ]

@@ -1,4 +1,5 @@
-"""Files made to do harm: refused with an InputError (exit code 3), quickly and without opening or fetching anything."""
+"""Files made to do harm: refused with an InputError (exit code 3), quickly and without opening or
+fetching anything."""
 
 from pathlib import Path
 
@@ -27,11 +28,25 @@ def many(count: int, text: str) -> str:
 
 HOSTILE = {
     "entity bomb": aircraft(function("<v>&b9;</v>"), f'<!DOCTYPE a [<!ENTITY b0 "1">{BOMB}]>'),
-    "entity bomb in an attribute": aircraft('<axis name="&b9;"/>', f'<!DOCTYPE a [<!ENTITY b0 "1">{BOMB}]>'),
-    "external entity": aircraft(function("<v>&x;</v>"), '<!DOCTYPE a [<!ENTITY x SYSTEM "file:///etc/passwd">]>'),
-    "parameter entity": aircraft("", '<!DOCTYPE a [<!ENTITY % x SYSTEM "http://localhost:1/x.dtd"> %x;]>'),
-    "document type in UTF-16": ('<!DOCTYPE a [<!ENTITY b "1">]>' + aircraft(function("<v>&b;</v>")).decode()).encode("utf-16"),
-    "document type in UTF-32": ('<!DOCTYPE a [<!ENTITY b "1">]>' + aircraft(function("<v>&b;</v>")).decode()).encode("utf-32"),
+    "entity bomb in an attribute": aircraft(
+        '<axis name="&b9;"/>', f'<!DOCTYPE a [<!ENTITY b0 "1">{BOMB}]>'
+    ),
+    "external entity": aircraft(
+        function("<v>&x;</v>"), '<!DOCTYPE a [<!ENTITY x SYSTEM "file:///etc/passwd">]>'
+    ),
+    "parameter entity": aircraft(
+        "", '<!DOCTYPE a [<!ENTITY % x SYSTEM "http://localhost:1/x.dtd"> %x;]>'
+    ),
+    "document type in UTF-16": (
+        ('<!DOCTYPE a [<!ENTITY b "1">]>' + aircraft(function("<v>&b;</v>")).decode()).encode(
+            "utf-16"
+        )
+    ),
+    "document type in UTF-32": (
+        ('<!DOCTYPE a [<!ENTITY b "1">]>' + aircraft(function("<v>&b;</v>")).decode()).encode(
+            "utf-32"
+        )
+    ),
     "attribute of 9 MB": aircraft(f'<axis name="{"A" * 9_000_000}"/>'),
     "attribute of 11 MB": aircraft(f'<axis name="{"A" * 11_000_000}"/>'),
     "attribute's name of 9 MB": aircraft(f'<axis {"A" * 9_000_000}="1"/>'),
@@ -39,25 +54,32 @@ HOSTILE = {
     "property of 9 MB": aircraft(function(f"<property>{'a' * 9_000_000}</property>")),
     "number of 9 MB": aircraft(function(f"<v>{'1' * 9_000_000}x</v>")),
     "table of one word of 9 MB": aircraft(
-        function(f"<table><independentVar>aero/alpha-rad</independentVar><tableData>{'a' * 9_000_000}</tableData></table>")
+        function(
+            f"<table><independentVar>aero/alpha-rad</independentVar><tableData>{'a' * 9_000_000}</tableData></table>"
+        )
     ),
     "100,000 levels": aircraft(nested("abs", 100_000)),
     "240 levels": aircraft(nested("abs", 240)),
     "sum of 100,000": aircraft(function(f"<sum>{many(100_000, '<v>1</v>')}</sum>")),
     "sum of 100,000 in an interpolation": aircraft(
-        function(f"<interpolate1d><sum>{many(100_000, '<v>1</v>')}</sum>{'<v>1</v>' * 4}</interpolate1d>")
+        function(
+            f"<interpolate1d><sum>{many(100_000, '<v>1</v>')}</sum>{'<v>1</v>' * 4}</interpolate1d>"
+        )
     ),
-    "100,000 terms": aircraft('<axis name="Z">' + many(100_000, '<function name="f{}"><v>1</v></function>') + "</axis>"),
+    "100,000 terms": aircraft(
+        '<axis name="Z">' + many(100_000, '<function name="f{}"><v>1</v></function>') + "</axis>"
+    ),
     "5,000 terms that shift": aircraft(
-        '<aero_ref_pt_shift_x><function name="s"><v>1</v></function></aero_ref_pt_shift_x><axis name="Z">'
-        + many(5_000, '<function name="f{}"><v>1</v></function>')
-        + "</axis>"
+        '<aero_ref_pt_shift_x><function name="s"><v>1</v></function></aero_ref_pt_shift_x><axis'
+        ' name="Z">' + many(5_000, '<function name="f{}"><v>1</v></function>') + "</axis>"
     ),
     "functions that need each other": aircraft(
-        '<function name="a"><p>b</p></function><function name="b"><p>a</p></function>' + function("<p>a</p>")
+        '<function name="a"><p>b</p></function><function name="b"><p>a</p></function>'
+        + function("<p>a</p>")
     ),
     "2,000 functions in a chain": aircraft(
-        "".join(f'<function name="d{k}"><p>d{k + 1}</p></function>' for k in range(2_000)) + function("<p>d0</p>")
+        "".join(f'<function name="d{k}"><p>d{k + 1}</p></function>' for k in range(2_000))
+        + function("<p>d0</p>")
     ),
     "infinite number": aircraft(function("<v>1e999</v>")),
     "code for a number": aircraft(function("<v>__import__('os').system('true')</v>")),
@@ -91,11 +113,22 @@ def test_slices_that_grow_on_their_union_are_refused() -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["__import__('os').system('true')", "alpha.__class__", "lambda: 0", "alpha if beta else 1", "a;b"]
+    "text",
+    [
+        "__import__('os').system('true')",
+        "alpha.__class__",
+        "lambda: 0",
+        "alpha if beta else 1",
+        "a;b",
+    ],
 )
 def test_code_in_a_binding_is_refused(text: str) -> None:
     with pytest.raises(InputError, match="binding of fcs/flap-pos-norm"):
-        import_jsbsim(aircraft(function("<p>fcs/flap-pos-norm</p>")), name="a.xml", bindings={"fcs/flap-pos-norm": text})
+        import_jsbsim(
+            aircraft(function("<p>fcs/flap-pos-norm</p>")),
+            name="a.xml",
+            bindings={"fcs/flap-pos-norm": text},
+        )
 
 
 def test_a_property_that_looks_like_code_is_a_name() -> None:

@@ -1,7 +1,8 @@
-"""kill -9 at random moments of a per-flight run, a closed loop, an update and a promotion, and the same again afterwards.
+"""kill -9 at random moments of a per-flight run, a closed loop, an update and a promotion, and the
+same again afterwards.
 
-Every log is stored once, no version is half there, nothing is wrong, and all ids, keys, roles, moves of names and files are those
-of an undisturbed run.
+Every log is stored once, no version is half there, nothing is wrong, and all ids, keys, roles,
+moves of names and files are those of an undisturbed run.
 """
 
 import json
@@ -20,10 +21,14 @@ from tests.support.paths import ROOT
 pytestmark = [pytest.mark.heavy, pytest.mark.skipif(os.name == "nt", reason="no SIGKILL")]
 
 
-def test_whatever_is_killed_is_whole_after_the_next_run(trials: Callable[[int, int], int], tmp_path: Path) -> None:
+def test_whatever_is_killed_is_whole_after_the_next_run(
+    trials: Callable[[int, int], int], tmp_path: Path
+) -> None:
     number = trials(8, 300)
     command = [sys.executable, "-m", "tests.faults.killing", str(tmp_path), "6", str(number)]
-    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, timeout=60 + 30 * number)
+    done = subprocess.run(
+        command, capture_output=True, text=True, cwd=ROOT, timeout=60 + 30 * number
+    )
     assert done.returncode == 0, done.stderr
     told = [json.loads(line) for line in done.stdout.splitlines()]
     assert len(told) == number

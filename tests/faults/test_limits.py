@@ -1,4 +1,5 @@
-"""Hostile logs: refused in plain words with what to do, whatever they do to who parses them, and nothing else changed."""
+"""Hostile logs: refused in plain words with what to do, whatever they do to who parses them, and
+nothing else changed."""
 
 import os
 import signal
@@ -27,7 +28,14 @@ from tests.faults.test_fuzz_readers import flip, scramble
 from tests.storage.readers.test_mcap import write_flight
 from tests.storage.readers.test_ulog import example_topics
 from tests.support.glider_runs import prepared, rows
-from tests.support.small_glider import NAME, channels, state_of, write_csv, write_files, write_parquet
+from tests.support.small_glider import (
+    NAME,
+    channels,
+    state_of,
+    write_csv,
+    write_files,
+    write_parquet,
+)
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="no fork, no limits")
 LIMITS = Limits(memory=300_000_000, processor=60.0, wall=600.0)
@@ -50,7 +58,9 @@ def refusal(path: Path, limits: Limits = LIMITS) -> InputError:
 
 def growing_parquet(path: Path) -> None:
     """1.2e8 equal numbers: a gigabyte in a few kilobytes."""
-    column = pa.DictionaryArray.from_arrays(pa.array(np.zeros(10_000_000, np.int8)), pa.array([1.5]))
+    column = pa.DictionaryArray.from_arrays(
+        pa.array(np.zeros(10_000_000, np.int8)), pa.array([1.5])
+    )
     with pq.ParquetWriter(path, pa.schema([("x", column.type)]), compression="zstd") as writer:
         for _ in range(12):
             writer.write_table(pa.table([column], names=["x"]), row_group_size=10_000_000)
@@ -69,7 +79,11 @@ def growing_mat(path: Path) -> None:
     """A MAT file whose only element, of half a gigabyte, is deflated to half a megabyte."""
     squeeze = zlib.compressobj(1)
     head = _words(14, 500_000_000)
-    body = squeeze.compress(head) + b"".join(squeeze.compress(bytes(1 << 24)) for _ in range(30)) + squeeze.flush()
+    body = (
+        squeeze.compress(head)
+        + b"".join(squeeze.compress(bytes(1 << 24)) for _ in range(30))
+        + squeeze.flush()
+    )
     path.write_bytes(_MAT + _words(15, len(body)) + body)
 
 
@@ -77,7 +91,11 @@ def nested_mat(path: Path) -> None:
     """A cell in a cell in a cell, 20,000 deep, each with the length that it needs."""
     depth = 20_000
     path.write_bytes(
-        _MAT + b"".join(_words(14, 48 + 56 * (depth - k - 1), 6, 8, 1, 0, 5, 8, 1, 1, 1, 0, 0, 0) for k in range(depth))
+        _MAT
+        + b"".join(
+            _words(14, 48 + 56 * (depth - k - 1), 6, 8, 1, 0, 5, 8, 1, 1, 1, 0, 0, 0)
+            for k in range(depth)
+        )
     )
 
 
@@ -90,7 +108,9 @@ def declared_chunk(path: Path) -> None:
     write_flight(path, samples=60, chunk=1 << 20)
     data = bytearray(path.read_bytes())
     at = next(
-        k for k in range(8, len(data)) if data[k] == 6 and 0 < int.from_bytes(data[k + 1 : k + 9], "little") < len(data) - k
+        k
+        for k in range(8, len(data))
+        if data[k] == 6 and 0 < int.from_bytes(data[k + 1 : k + 9], "little") < len(data) - k
     )
     data[at + 25 : at + 33] = (10_000_000_000).to_bytes(8, "little")
     path.write_bytes(data)
@@ -113,11 +133,16 @@ def wide_csv(path: Path) -> None:
         ("a.csv", wide_csv, "stopped after 3 s of processor time"),
     ],
 )
-def test_what_declares_or_becomes_too_much_is_refused(tmp_path: Path, name: str, make: Any, what: str) -> None:
+def test_what_declares_or_becomes_too_much_is_refused(
+    tmp_path: Path, name: str, make: Any, what: str
+) -> None:
     path = tmp_path / name
     make(path)
     assert path.stat().st_size < 10_000_000
-    assert what in refusal(path, LIMITS.model_copy(update={"processor": 3.0} if "3 s" in what else {})).what
+    assert (
+        what
+        in refusal(path, LIMITS.model_copy(update={"processor": 3.0} if "3 s" in what else {})).what
+    )
 
 
 def test_size_and_time_are_limited(tmp_path: Path) -> None:
@@ -142,7 +167,9 @@ def test_limits_stand_in_the_settings(tmp_path: Path) -> None:
     assert refused["status"] == "refused"
     assert "set [limits] size" in refused["remedy"]
     (workspace.root / "settings.toml").write_text("[limits]\nsise = 1000\n")
-    with pytest.raises(SettingsError, match=r"unknown key 'limits.sise'\ndid you mean 'size'"):  # no fault of the log
+    with pytest.raises(
+        SettingsError, match=r"unknown key 'limits.sise'\ndid you mean 'size'"
+    ):  # no fault of the log
         run_flow(flight_flow, given, workspace, "direct")
     (workspace.root / "settings.toml").unlink()
     assert run_flow(flight_flow, given, workspace, "direct")[0]["status"] == "stored"
@@ -150,7 +177,10 @@ def test_limits_stand_in_the_settings(tmp_path: Path) -> None:
 
 def _children(process: int) -> list[int]:
     try:
-        return [int(text) for text in Path(f"/proc/{process}/task/{process}/children").read_text().split()]
+        return [
+            int(text)
+            for text in Path(f"/proc/{process}/task/{process}/children").read_text().split()
+        ]
     except OSError:
         return []
 
@@ -163,7 +193,9 @@ def _descendants(process: int) -> list[list[int]]:
 
 @pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="no /proc")
 @pytest.mark.parametrize("number", [signal.SIGSEGV, signal.SIGKILL])
-def test_a_reader_that_dies_refuses_its_log_and_nothing_else(tmp_path: Path, number: signal.Signals) -> None:
+def test_a_reader_that_dies_refuses_its_log_and_nothing_else(
+    tmp_path: Path, number: signal.Signals
+) -> None:
     """The signal is a real one, sent to the process that parses, while it parses."""
     log = write_csv(tmp_path / "big.csv", channels(1, seconds=4000.0, rate=50.0))
     workspace = prepared(tmp_path / "w", write_files(tmp_path / "files", 1)[0].parent)
@@ -173,7 +205,9 @@ def test_a_reader_that_dies_refuses_its_log_and_nothing_else(tmp_path: Path, num
     def kill() -> None:
         while not stop.is_set():
             for parser in _descendants(os.getpid())[1]:
-                if "aerodb.storage.readers.worker" in Path(f"/proc/{parser}/cmdline").read_text(errors="replace"):
+                if "aerodb.storage.readers.worker" in Path(f"/proc/{parser}/cmdline").read_text(
+                    errors="replace"
+                ):
                     time.sleep(0.05)
                     os.kill(parser, number)
                     return
@@ -184,7 +218,12 @@ def test_a_reader_that_dies_refuses_its_log_and_nothing_else(tmp_path: Path, num
     (bad,) = run_flow(flight_flow, {"logs": [str(log)], "vehicle": NAME}, workspace, "direct")
     stop.set()
     killer.join()
-    (good,) = run_flow(flight_flow, {"logs": [str(tmp_path / "files" / "flight1.csv")], "vehicle": NAME}, workspace, "direct")
+    (good,) = run_flow(
+        flight_flow,
+        {"logs": [str(tmp_path / "files" / "flight1.csv")], "vehicle": NAME},
+        workspace,
+        "direct",
+    )
     assert (bad["status"], good["status"]) == ("refused", "stored")
     assert ("killed by the system" if number == signal.SIGKILL else number.name) in bad["what"]
     assert bad["where"] == str(log)
@@ -199,7 +238,8 @@ def test_a_reader_that_dies_refuses_its_log_and_nothing_else(tmp_path: Path, num
 
 
 def test_fuzzed_logs_and_hostile_names_end_where_they_belong(tmp_path: Path) -> None:
-    """Damaged at random, and a good one whose name is a path and a statement: stored or refused, and nothing else is touched."""
+    """Damaged at random, and a good one whose name is a path and a statement: stored or refused,
+    and nothing else is touched."""
     files = write_files(tmp_path / "files", 1)
     workspace = prepared(tmp_path / "w", tmp_path / "files")
     write_ulog(tmp_path / "a.ulg", example_topics(), metadata={"sys_name": "PX4"})
@@ -215,11 +255,18 @@ def test_fuzzed_logs_and_hostile_names_end_where_they_belong(tmp_path: Path) -> 
     hostile = tmp_path / "..;DROP TABLE flights;--$(touch pwned)<b>.csv"
     write_csv(hostile, channels(9))
     outside = {
-        path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file() and "w" not in path.relative_to(tmp_path).parts
+        path: path.read_bytes()
+        for path in tmp_path.rglob("*")
+        if path.is_file() and "w" not in path.relative_to(tmp_path).parts
     }
     given = {"logs": [str(log) for log in [*logs, hostile]], "vehicle": NAME}
     outcomes = run_flow(flight_flow, given, workspace, "direct")
-    assert {outcome["status"] for outcome in outcomes} <= {"stored", "damaged", "duplicate", "refused"}
+    assert {outcome["status"] for outcome in outcomes} <= {
+        "stored",
+        "damaged",
+        "duplicate",
+        "refused",
+    }
     assert outcomes[-1]["status"] == "stored"
     for outcome in outcomes:
         if outcome["status"] == "refused":

@@ -1,4 +1,5 @@
-"""MCAP with JSON and protobuf messages whose text is hostile or damaged: it costs itself alone, and that is said."""
+"""MCAP with JSON and protobuf messages whose text is hostile or damaged: it costs itself alone, and
+that is said."""
 
 import struct
 from collections.abc import Callable
@@ -13,7 +14,12 @@ from aerodb.errors import InputError
 from aerodb.storage.limits import Limits
 from aerodb.storage.readers.any_format import read_log
 from aerodb.storage.readers.isolated import parsed_log
-from aerodb.storage.readers.mcap_messages import DEEPEST, LARGEST_MESSAGE, LARGEST_SCHEMA, MOST_NAMES
+from aerodb.storage.readers.mcap_messages import (
+    DEEPEST,
+    LARGEST_MESSAGE,
+    LARGEST_SCHEMA,
+    MOST_NAMES,
+)
 from tests.faults.test_fuzz_readers import flip, scramble
 from tests.storage.readers.test_mcap_messages import (
     DESCRIPTORS,
@@ -30,7 +36,9 @@ from tests.storage.readers.test_mcap_messages import (
 
 
 def described(*messages: DescriptorProto, name: str = "A", **file: Any) -> tuple[str, str, bytes]:
-    files = FileDescriptorSet(file=[FileDescriptorProto(name="x", syntax="proto3", message_type=messages, **file)])
+    files = FileDescriptorSet(
+        file=[FileDescriptorProto(name="x", syntax="proto3", message_type=messages, **file)]
+    )
     return name, "protobuf", files.SerializeToString()
 
 
@@ -47,7 +55,9 @@ def wide(n: int) -> tuple[str, str, bytes]:
     return described(message_type("A", *(field(f"f{k}", k + 1) for k in range(n))))
 
 
-CIRCLE = FileDescriptorSet(file=[FileDescriptorProto(name=a, dependency=[b]) for a, b in (("x", "y"), ("y", "x"))])
+CIRCLE = FileDescriptorSet(
+    file=[FileDescriptorProto(name=a, dependency=[b]) for a, b in (("x", "y"), ("y", "x"))]
+)
 HUGE = FileDescriptorSet(file=[FileDescriptorProto(name="y" * LARGEST_SCHEMA)])
 HOSTILE: dict[str, Callable[[], tuple[str, tuple[str, str, bytes] | None, Messages]]] = {
     "deep arrays": lambda: ("json", None, [b'{"x":' + b"[" * 20_000 + b"]" * 20_000 + b"}"]),
@@ -67,13 +77,29 @@ HOSTILE: dict[str, Callable[[], tuple[str, tuple[str, str, bytes] | None, Messag
     "empty descriptor": lambda: ("protobuf", ("A", "protobuf", b""), [b""]),
     "no schema": lambda: ("protobuf", None, [b""]),
     "type is not there": lambda: ("protobuf", described(message_type("B")), [b""]),
-    "import is not there": lambda: ("protobuf", described(message_type("A"), dependency=["y"]), [b""]),
+    "import is not there": lambda: (
+        "protobuf",
+        described(message_type("A"), dependency=["y"]),
+        [b""],
+    ),
     "files in a circle": lambda: ("protobuf", ("A", "protobuf", CIRCLE.SerializeToString()), [b""]),
-    "huge descriptor": lambda: ("protobuf", (*EVERY[:2], DESCRIPTORS + HUGE.SerializeToString()), [b""]),
+    "huge descriptor": lambda: (
+        "protobuf",
+        (*EVERY[:2], DESCRIPTORS + HUGE.SerializeToString()),
+        [b""],
+    ),
     "wide descriptor": lambda: ("protobuf", wide(18_000), [b""]),
     "field is a path": lambda: ("protobuf", described(message_type("A", field("../x", 1))), [b""]),
-    "field is a statement": lambda: ("protobuf", described(message_type("A", field("x; DROP TABLE logs", 1))), [b""]),
-    "number twice": lambda: ("protobuf", described(message_type("A", field("x", 1), field("y", 1))), [b""]),
+    "field is a statement": lambda: (
+        "protobuf",
+        described(message_type("A", field("x; DROP TABLE logs", 1))),
+        [b""],
+    ),
+    "number twice": lambda: (
+        "protobuf",
+        described(message_type("A", field("x", 1), field("y", 1))),
+        [b""],
+    ),
     "inside itself": lambda: ("protobuf", EVERY, [itself_deep(DEEPEST + 2)]),
     "deep inside itself": lambda: ("protobuf", EVERY, [b"\xca\x01\x7f" * 5000]),
     "cut": lambda: ("protobuf", EVERY, [b"\x09\x00"]),
@@ -84,11 +110,16 @@ HOSTILE: dict[str, Callable[[], tuple[str, tuple[str, str, bytes] | None, Messag
 
 @pytest.mark.parametrize("case", HOSTILE)
 def test_hostile_messages_cost_themselves_and_are_said(tmp_path: Path, case: str) -> None:
-    """Beside a good topic, which stays whole and is stored; alone, a refusal. In this process and in the reader's own."""
+    """Beside a good topic, which stays whole and is stored; alone, a refusal. In this process and
+    in the reader's own."""
     encoding, schema, messages = HOSTILE[case]()
     good = as_json(*({"x": k} for k in range(5)))
-    path = write(tmp_path / "a.mcap", ("/good", "json", None, good), ("/bad", encoding, schema, messages))
-    with parsed_log(path, tmp_path / "topics", Limits(memory=500_000_000, processor=10.0)) as parsed:
+    path = write(
+        tmp_path / "a.mcap", ("/good", "json", None, good), ("/bad", encoding, schema, messages)
+    )
+    with parsed_log(
+        path, tmp_path / "topics", Limits(memory=500_000_000, processor=10.0)
+    ) as parsed:
         for recording in (read_log(path), parsed.recording):
             assert set(recording.topics) == {"/good"}
             np.testing.assert_array_equal(recording.topics["/good"].fields["x"], np.arange(5))
@@ -100,7 +131,8 @@ def test_hostile_messages_cost_themselves_and_are_said(tmp_path: Path, case: str
 
 
 def test_hostile_names_are_names(tmp_path: Path) -> None:
-    """Paths, statements and what no terminal shows come back from the store as they were; no text, no field."""
+    """Paths, statements and what no terminal shows come back from the store as they were; no text,
+    no field."""
     names = [
         "../../x",
         "x'; DROP TABLE logs; --",
@@ -117,24 +149,48 @@ def test_hostile_names_are_names(tmp_path: Path) -> None:
     path = write(tmp_path / "a.mcap", ("/../v", "json", None, as_json(row)))
     with parsed_log(path, tmp_path / "topics", Limits()) as parsed:
         topic = parsed.recording.topics["/../v"]
-        assert {name: values.tolist() for name, values in topic.fields.items()} == {name: [k] for k, name in enumerate(names)}
+        assert {name: values.tolist() for name, values in topic.fields.items()} == {
+            name: [k] for k, name in enumerate(names)
+        }
         assert "is no text" in str(parsed.recording.metadata["not read: /../v"])
     assert {entry.name for entry in tmp_path.iterdir()} == {"a.mcap"}
 
 
 def test_fields_named_like_the_library_are_fields(tmp_path: Path) -> None:
-    names = ["HasField", "DESCRIPTOR", "ListFields", "FromString", "__class__", "SerializeToString", "items", "None"]
+    names = [
+        "HasField",
+        "DESCRIPTOR",
+        "ListFields",
+        "FromString",
+        "__class__",
+        "SerializeToString",
+        "items",
+        "None",
+    ]
     optional = field("x", 20, F.TYPE_MESSAGE, type_name=".A")
-    schema = described(message_type("A", *(field(name, k + 1) for k, name in enumerate(names)), optional))
-    data = b"".join(bytes([8 * (k + 1) + 1]) + struct.pack("<d", k + 0.5) for k in range(len(names)))
-    found = read_log(write(tmp_path / "a.mcap", ("/v", "protobuf", schema, [data]))).topics["/v"].fields
-    assert {name: values.tolist() for name, values in found.items()} == {name: [k + 0.5] for k, name in enumerate(names)}
+    schema = described(
+        message_type("A", *(field(name, k + 1) for k, name in enumerate(names)), optional)
+    )
+    data = b"".join(
+        bytes([8 * (k + 1) + 1]) + struct.pack("<d", k + 0.5) for k in range(len(names))
+    )
+    found = (
+        read_log(write(tmp_path / "a.mcap", ("/v", "protobuf", schema, [data]))).topics["/v"].fields
+    )
+    assert {name: values.tolist() for name, values in found.items()} == {
+        name: [k + 0.5] for k, name in enumerate(names)
+    }
 
 
 def test_a_wide_type_is_left_at_its_limit(tmp_path: Path) -> None:
-    """An empty message of 6 000 fields is not walked to its end: it costs no bytes, so that a small file may hold millions."""
+    """An empty message of 6 000 fields is not walked to its end: it costs no bytes, so that a small
+    file may hold millions."""
     good = as_json({"x": 1})
-    path = write(tmp_path / "a.mcap", ("/good", "json", None, good), ("/bad", "protobuf", wide(6_000), [b""] * 3))
+    path = write(
+        tmp_path / "a.mcap",
+        ("/good", "json", None, good),
+        ("/bad", "protobuf", wide(6_000), [b""] * 3),
+    )
     (damage,) = read_log(path).damage
     assert damage.what == f"3 messages not read: not decodable (more than {MOST_NAMES} fields)"
 
@@ -150,9 +206,12 @@ def test_names_that_change_with_every_message_are_limited(tmp_path: Path) -> Non
 @pytest.mark.heavy
 @pytest.mark.parametrize("change", [flip, scramble])
 def test_random_damage_inside_messages_and_schemas_is_read_or_said(
-    tmp_path: Path, trials: Callable[[int, int], int], change: Callable[[bytes, np.random.Generator], bytes]
+    tmp_path: Path,
+    trials: Callable[[int, int], int],
+    change: Callable[[bytes, np.random.Generator], bytes],
 ) -> None:
-    """The file is whole and its content is not: every message is read or counted, by topic, and the intact topic stays."""
+    """The file is whole and its content is not: every message is read or counted, by topic, and the
+    intact topic stays."""
     rng, kind = np.random.default_rng(9), made("t.Imu")
     rows = {
         "json": as_json(*map(imu_message, range(8))),
@@ -164,15 +223,24 @@ def test_random_damage_inside_messages_and_schemas_is_read_or_said(
         schema = ("t.Imu", "protobuf", change(DESCRIPTORS, rng) if k % 3 == 0 else DESCRIPTORS)
         encoding = "json" if k % 3 == 1 else "protobuf"
         messages = [change(row, rng) if rng.random() < 0.5 else row for row in rows[encoding]]
-        path = write(tmp_path / "a.mcap", ("/good", "json", None, good), ("/bad", encoding, schema, messages), plain=True)
+        path = write(
+            tmp_path / "a.mcap",
+            ("/good", "json", None, good),
+            ("/bad", encoding, schema, messages),
+            plain=True,
+        )
         recording = read_log(path)
-        np.testing.assert_array_equal(recording.topics["/good"].fields["x"], np.arange(5), strict=True)
+        np.testing.assert_array_equal(
+            recording.topics["/good"].fields["x"], np.arange(5), strict=True
+        )
         assert {d.topic for d in recording.damage} <= {"/bad"}
         found = recording.topics.get("/bad")
         n = 0 if found is None else len(found.time)
         lost = sum(int(d.what.split()[0]) for d in recording.damage if "not read" in d.what)
         assert n + lost == len(messages)
-        assert found is None or all(values.shape == (n,) and values.dtype != object for values in found.fields.values())
+        assert found is None or all(
+            values.shape == (n,) and values.dtype != object for values in found.fields.values()
+        )
         read, refused = read + n, refused + lost
     assert read > 0
     assert refused > 0

@@ -1,4 +1,5 @@
-"""What an object store may lose or spoil: told by name, refused by hash, mended by what is told; and copies of it."""
+"""What an object store may lose or spoil: told by name, refused by hash, mended by what is told;
+and copies of it."""
 
 import hashlib
 from pathlib import Path
@@ -44,22 +45,30 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory, service: ObjectService, logs: list[Path]) -> tuple[Workspace, str]:
+def made(
+    tmp_path_factory: pytest.TempPathFactory, service: ObjectService, logs: list[Path]
+) -> tuple[Workspace, str]:
     """A workspace with two flights, its store at the address that comes second."""
     root, url = tmp_path_factory.mktemp("made"), f"s3://{service.bucket()}/tests/gliders"
     settings(root, url)
     workspace = prepared(root, logs[0].parent)
-    run_flow(flight_flow, {"logs": [str(log) for log in logs], "vehicle": NAME}, workspace, "direct")
+    run_flow(
+        flight_flow, {"logs": [str(log) for log in logs], "vehicle": NAME}, workspace, "direct"
+    )
     return workspace, url
 
 
 @pytest.fixture
-def kept(made: tuple[Workspace, str], service: ObjectService, tmp_path: Path) -> tuple[Workspace, str]:
+def kept(
+    made: tuple[Workspace, str], service: ObjectService, tmp_path: Path
+) -> tuple[Workspace, str]:
     """A workspace like that one with a bucket of its own, to be spoiled; and its address."""
     return another(*made, tmp_path / "w", service)
 
 
-def test_a_lost_object_is_told_and_put_again_from_the_cache(kept: tuple[Workspace, str], service: ObjectService) -> None:
+def test_a_lost_object_is_told_and_put_again_from_the_cache(
+    kept: tuple[Workspace, str], service: ObjectService
+) -> None:
     workspace, url = kept
     lost = [the(workspace, "flight"), the(workspace, "index")]
     for file in lost:
@@ -72,7 +81,9 @@ def test_a_lost_object_is_told_and_put_again_from_the_cache(kept: tuple[Workspac
     assert checked(workspace, fetch=True).problems == []
 
 
-def test_a_lost_result_that_is_nowhere_is_made_again(kept: tuple[Workspace, str], service: ObjectService) -> None:
+def test_a_lost_result_that_is_nowhere_is_made_again(
+    kept: tuple[Workspace, str], service: ObjectService
+) -> None:
     workspace, url = kept
     file = the(workspace, "flight")
     service.delete(url, name(file))
@@ -104,7 +115,9 @@ def test_a_damaged_object_is_refused_and_made_again_once_it_is_removed(
     assert checked(workspace, fetch=True).problems == []
 
 
-def test_a_lost_topic_makes_the_log_come_again(kept: tuple[Workspace, str], service: ObjectService, logs: list[Path]) -> None:
+def test_a_lost_topic_makes_the_log_come_again(
+    kept: tuple[Workspace, str], service: ObjectService, logs: list[Path]
+) -> None:
     workspace, url = kept
     index = the(workspace, "index")
     folder = index.path.removesuffix(INDEX)
@@ -114,7 +127,10 @@ def test_a_lost_topic_makes_the_log_come_again(kept: tuple[Workspace, str], serv
     (problem,) = checked(workspace).problems
     assert (problem.kind, problem.where) == ("missing", topic.rpartition(".")[0])
     sha256 = Path(folder).name.partition(".")[0]
-    with Catalogue.open(workspace.catalogue) as catalogue, pytest.raises(InputError, match="gone") as caught:
+    with (
+        Catalogue.open(workspace.catalogue) as catalogue,
+        pytest.raises(InputError, match="gone") as caught,
+    ):
         local_recording(workspace, catalogue, sha256)
     assert caught.value.remedy == "ingest the log again"
     assert not [path for path in (workspace.root / "flights").rglob("*") if is_temporary(path)]
@@ -124,9 +140,13 @@ def test_a_lost_topic_makes_the_log_come_again(kept: tuple[Workspace, str], serv
     assert checked(workspace, fetch=True).problems == []
 
 
-def test_what_nobody_names_is_told_once_it_is_old(kept: tuple[Workspace, str], service: ObjectService, monkeypatch: Any) -> None:
+def test_what_nobody_names_is_told_once_it_is_old(
+    kept: tuple[Workspace, str], service: ObjectService, monkeypatch: Any
+) -> None:
     workspace, url = kept
-    service.client.put_object(**service.at(url, f"results/ab/{'ab' * 32}.parquet.{'cd' * 32}"), Body=b"nobody's")
+    service.client.put_object(
+        **service.at(url, f"results/ab/{'ab' * 32}.parquet.{'cd' * 32}"), Body=b"nobody's"
+    )
     service.client.put_object(**service.at(url, "flights/zz/readme"), Body=b"nobody's")
     report = checked(workspace)
     assert (report.problems, report.pending) == ([], 2)
@@ -136,7 +156,9 @@ def test_what_nobody_names_is_told_once_it_is_old(kept: tuple[Workspace, str], s
     assert report.problems[0].where == f"{url}/flights/zz/readme"
 
 
-def test_a_damaged_file_of_the_cache_needs_no_more_than_to_be_removed(kept: tuple[Workspace, str]) -> None:
+def test_a_damaged_file_of_the_cache_needs_no_more_than_to_be_removed(
+    kept: tuple[Workspace, str],
+) -> None:
     workspace, _ = kept
     path = workspace.root / the(workspace, "flight").path
     path.write_bytes(path.read_bytes()[:-1])
@@ -151,7 +173,8 @@ def test_a_damaged_file_of_the_cache_needs_no_more_than_to_be_removed(kept: tupl
 def test_a_backup_is_the_whole_store_and_goes_back_into_either(
     kept: tuple[Workspace, str], tmp_path: Path, service: ObjectService
 ) -> None:
-    """Made without a cache; restored into a folder, into a new bucket, and into the one that it came from, which has gone on."""
+    """Made without a cache; restored into a folder, into a new bucket, and into the one that it
+    came from, which has gone on."""
     workspace, url = kept
     held, backup = stored(workspace), tmp_path / "b"
     empty_cache(workspace)
@@ -169,7 +192,10 @@ def test_a_backup_is_the_whole_store_and_goes_back_into_either(
         assert read_all(Workspace.open(root)) > 10
         assert checked(Workspace.open(root), fetch=True).problems == []
     assert service.names(elsewhere) == service.names(url)
-    newer = {**service.at(url, f"results/ab/{'ab' * 32}.parquet.{'cd' * 32}"), "Body": b"newer than the backup"}
+    newer = {
+        **service.at(url, f"results/ab/{'ab' * 32}.parquet.{'cd' * 32}"),
+        "Body": b"newer than the backup",
+    }
     service.client.put_object(**newer)
     with pytest.raises(InputError, match="holds the files of a workspace already") as caught:
         restore(backup, tmp_path / "again")
@@ -185,7 +211,11 @@ def test_a_backup_leaves_out_what_is_damaged_there_and_says_so(
     kept: tuple[Workspace, str], tmp_path: Path, service: ObjectService
 ) -> None:
     workspace, url = kept
-    damaged, lost, here = the(workspace, "flight"), the(workspace, "conditioning"), the(workspace, "coefficients")
+    damaged, lost, here = (
+        the(workspace, "flight"),
+        the(workspace, "conditioning"),
+        the(workspace, "coefficients"),
+    )
     service.spoil(url, name(damaged))
     service.delete(url, name(lost))
     held = (workspace.root / here.path).read_bytes()
@@ -197,14 +227,17 @@ def test_a_backup_leaves_out_what_is_damaged_there_and_says_so(
     assert set(said) == {damaged.path, lost.path}
     assert "not those that were stored" in said[damaged.path]
     assert "not in the object store" in said[lost.path]
-    assert (tmp_path / "b" / here.path).read_bytes() == held, "damaged in the cache only: the object is copied"
+    assert (tmp_path / "b" / here.path).read_bytes() == held, (
+        "damaged in the cache only: the object is copied"
+    )
     (tmp_path / "folder.toml").write_text("")
     left = restore(tmp_path / "b", tmp_path / "new", tmp_path / "folder.toml")["problems"]
     assert {problem["where"] for problem in left} == {damaged.path, lost.path}
 
 
 def _frozen(service: ObjectService, url: str, file: StoredFile) -> None:
-    """An object that is listed, and whose reading is refused: a rule of the bucket has moved it to where nothing is read."""
+    """An object that is listed, and whose reading is refused: a rule of the bucket has moved it to
+    where nothing is read."""
     body = service.client.get_object(**service.at(url, name(file)))["Body"].read()
     service.client.put_object(**service.at(url, name(file)), Body=body, StorageClass="GLACIER")
 
@@ -248,7 +281,9 @@ def test_below_an_index_that_is_nowhere_no_topic_is_called_an_orphan(
     assert index.path in problem.where
 
 
-def test_an_index_is_not_put_without_its_topics(kept: tuple[Workspace, str], tmp_path: Path, service: ObjectService) -> None:
+def test_an_index_is_not_put_without_its_topics(
+    kept: tuple[Workspace, str], tmp_path: Path, service: ObjectService
+) -> None:
     workspace, url = kept
     index = the(workspace, "index")
     folder = index.path.removesuffix(INDEX)
@@ -260,7 +295,9 @@ def test_an_index_is_not_put_without_its_topics(kept: tuple[Workspace, str], tmp
     with Catalogue.open(workspace.catalogue) as catalogue:
         assert transfer.push(workspace, catalogue).left == (f"{folder}0000.parquet", index.path)
     assert name(index) not in service.names(url)
-    assert [problem.where for problem in back_up(workspace, tmp_path / "b").problems] == [f"{folder}0000.parquet"]
+    assert [problem.where for problem in back_up(workspace, tmp_path / "b").problems] == [
+        f"{folder}0000.parquet"
+    ]
     (tmp_path / "elsewhere.toml").write_text(f'[store]\nurl = "s3://{service.bucket()}/restored"\n')
     left = restore(tmp_path / "b", tmp_path / "new", tmp_path / "elsewhere.toml")["problems"]
     assert {problem["where"] for problem in left} == {f"{folder}0000.parquet", index.path}
@@ -290,29 +327,41 @@ def test_what_another_writes_while_it_is_verified_is_no_problem(
 def test_what_leaves_the_cache_meanwhile_is_fetched_again_and_no_fault(
     kept: tuple[Workspace, str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Another process trims the same folder, just before what is there is used, read or removed here."""
+    """Another process trims the same folder, just before what is there is used, read or removed
+    here."""
     workspace, _ = kept
     file, index = the(workspace, "flight"), the(workspace, "index")
     folder = (workspace.root / index.path).parent
     with Catalogue.open(workspace.catalogue) as catalogue:
         with monkeypatch.context() as patched:
             patched.setattr(
-                "aerodb.storage.files.cache._used", lambda place: remove(place.parent if place.name == INDEX else place)
+                "aerodb.storage.files.cache._used",
+                lambda place: remove(place.parent if place.name == INDEX else place),
             )
             assert measured(local(workspace, catalogue, file.path)) == (file.sha256, file.size)
-            assert (local_recording(workspace, catalogue, folder.name.partition(".")[0]) / INDEX).is_file()
+            assert (
+                local_recording(workspace, catalogue, folder.name.partition(".")[0]) / INDEX
+            ).is_file()
         with monkeypatch.context() as patched:
-            patched.setattr("aerodb.storage.upkeep.verify.files_of", lambda folder: [remove(folder), files_of(folder)][1])
+            patched.setattr(
+                "aerodb.storage.upkeep.verify.files_of",
+                lambda folder: [remove(folder), files_of(folder)][1],
+            )
             assert verify(workspace, catalogue).problems == []
             assert not folder.exists()
         with monkeypatch.context() as patched:
-            patched.setattr("aerodb.storage.files.transfer._is_idle", lambda place: remove(place) is None)
+            patched.setattr(
+                "aerodb.storage.files.transfer._is_idle", lambda place: remove(place) is None
+            )
             assert transfer.trim(workspace, catalogue, 0) == transfer.Moved(0, 0, ())
         assert read_all(workspace) > 10
 
 
-def test_a_row_is_never_of_bytes_that_are_not_put(kept: tuple[Workspace, str], monkeypatch: pytest.MonkeyPatch) -> None:
-    """A file is written once more between its hash and its object: it is refused, and what was noted before still counts."""
+def test_a_row_is_never_of_bytes_that_are_not_put(
+    kept: tuple[Workspace, str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A file is written once more between its hash and its object: it is refused, and what was
+    noted before still counts."""
     workspace, _ = kept
     file, opened = the(workspace, "flight"), stores(str(workspace.root))
     path = workspace.root / file.path

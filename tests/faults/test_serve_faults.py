@@ -1,4 +1,5 @@
-"""``aerodb serve`` when all goes wrong at once in a run: the server killed, the database cut off, the clock set back.
+"""``aerodb serve`` when all goes wrong at once in a run: the server killed, the database cut off,
+the clock set back.
 
 The runs after it do what was left, and the workspace is that of nights in which nothing happened.
 """
@@ -42,7 +43,8 @@ model = "increments.toml"
 
 
 def _empty(root: Path, logs: list[Path]) -> Workspace:
-    """A workspace whose nights take in what is dropped, and update the database when that is three logs."""
+    """A workspace whose nights take in what is dropped, and update the database when that is three
+    logs."""
     workspace = prepared(root, logs[0].parent)
     (root / "increments.toml").write_text(MODEL, encoding="utf-8")
     (workspace.inbox / NAME).mkdir()
@@ -60,7 +62,9 @@ def nights(trials: Callable[[int, int], int]) -> int:
 
 
 @pytest.fixture(scope="module")
-def undisturbed(tmp_path_factory: pytest.TempPathFactory, nights: int) -> tuple[list[Path], Workspace]:
+def undisturbed(
+    tmp_path_factory: pytest.TempPathFactory, nights: int
+) -> tuple[list[Path], Workspace]:
     """Six logs, and a workspace that has had three of them in each night."""
     folder = tmp_path_factory.mktemp("undisturbed")
     logs = write_files(folder / "logs", 6)
@@ -76,14 +80,22 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory, nights: int) -> tuple[
 def served(
     tmp_path: Path, postgresql_server: Server, undisturbed: tuple[list[Path], Workspace]
 ) -> Iterator[tuple[Served, list[str], Path]]:
-    """A workspace that is served, the names of the databases of its catalogue and of Prefect, and the clock of its processes."""
+    """A workspace that is served, the names of the databases of its catalogue and of Prefect, and
+    the clock of its processes."""
     if not can_be_set():
         pytest.skip("no C compiler here to make a clock that can be set")
-    databases, clock = [postgresql_server.empty(), postgresql_server.empty()], Clock(tmp_path / "clock")
+    databases, clock = (
+        [postgresql_server.empty(), postgresql_server.empty()],
+        Clock(tmp_path / "clock"),
+    )
     name_in_settings(tmp_path / "w", postgresql_server.url(databases[0]), SETTINGS)
     workspace = _empty(tmp_path / "w", undisturbed[0])
     _drop(workspace, undisturbed[0][:3])
-    given = {"TEST_PREFECT": postgresql_server.url(databases[1]), "AERODB_TOKEN": TOKEN, "HOME": str(tmp_path)}
+    given = {
+        "TEST_PREFECT": postgresql_server.url(databases[1]),
+        "AERODB_TOKEN": TOKEN,
+        "HOME": str(tmp_path),
+    }
     one = Served(workspace, _start(workspace, **given, **clock.environment), undisturbed[0])
     try:
         yield one, databases, clock.added
@@ -110,12 +122,15 @@ def test_server_database_and_clock_fail_in_one_run(
     postgresql_server: Server,
     nights: int,
 ) -> None:
-    """In the campaign the clock is set back once more, and nothing else ails: the server would wait for the day that is gone."""
+    """In the campaign the clock is set back once more, and nothing else ails: the server would wait
+    for the day that is gone."""
     one, databases, clock = served
     workspace = one.workspace
     _until(lambda: note_of(workspace.lock("serve")).get("url"), one, "the server came up")
     _until(lambda: _under_way(workspace), one, "a run is under way")
-    found = subprocess.run(["pgrep", "-P", str(one.process.pid), "-f", "server start"], capture_output=True, text=True)
+    found = subprocess.run(
+        ["pgrep", "-P", str(one.process.pid), "-f", "server start"], capture_output=True, text=True
+    )
     os.kill(int(found.stdout.split()[0]), signal.SIGKILL)
     for name in databases:
         postgresql_server.cut(name)
@@ -125,7 +140,11 @@ def test_server_database_and_clock_fail_in_one_run(
     if nights > 1:
         set_clock(clock, -2 * 86_400)
         _drop(workspace, one.logs[3:])
-        _until(lambda: _labels(workspace)[2:] == ["v0003"], one, "a night on the schedule, by the clock as it is now")
+        _until(
+            lambda: _labels(workspace)[2:] == ["v0003"],
+            one,
+            "a night on the schedule, by the clock as it is now",
+        )
     _until(lambda: not _under_way(workspace), one, "it has ended")
     one.process.send_signal(signal.SIGTERM)
     assert one.process.wait(timeout=300) == 0, one.said()
@@ -134,4 +153,6 @@ def test_server_database_and_clock_fail_in_one_run(
     with Catalogue.open(workspace.catalogue) as catalogue:
         assert verify(workspace, catalogue).problems == []
         assert catalogue.runs("running") == ()
-        assert [event.version for event in catalogue.name_history(NAME)][-1] == catalogue.versions(NAME)[-1].id
+        assert [event.version for event in catalogue.name_history(NAME)][-1] == catalogue.versions(
+            NAME
+        )[-1].id

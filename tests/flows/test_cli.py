@@ -1,7 +1,9 @@
-"""The command line: one JSON document, exit codes, two-line refusals, examples in every help, hostile names harmless.
+"""The command line: one JSON document, exit codes, two-line refusals, examples in every help,
+hostile names harmless.
 
-What needs a process of its own (exit codes, the two streams) runs the installed command's entry; the rest goes through
-the runner of the library that the command line is made with, which calls the same application.
+What needs a process of its own (exit codes, the two streams) runs the installed command's entry;
+the rest goes through the runner of the library that the command line is made with, which calls the
+same application.
 """
 
 import re
@@ -65,36 +67,74 @@ COMMANDS = [
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Path], dict[str, Any]]:
-    return from_logs_to_proof(tmp_path_factory.mktemp("files"), tmp_path_factory.mktemp("made") / "w")
+    return from_logs_to_proof(
+        tmp_path_factory.mktemp("files"), tmp_path_factory.mktemp("made") / "w"
+    )
 
 
 def from_logs_to_proof(folder: Path, workspace: Path) -> tuple[Path, list[Path], dict[str, Any]]:
     """Workspace, logs and the update's answer, made by the command as people type it."""
     logs = write_files(folder)
     assert asked(workspace, "vehicle", "add", str(folder / "vehicle.toml"))["vehicle"] == NAME
-    assert asked(workspace, "database", "import", str(folder / "database.toml"), "--vehicle", NAME)["label"] == "v0001"
-    ingested = aerodb(workspace, "--json", "flight", "ingest", *map(str, logs), "--vehicle", NAME, "--direct")
+    assert (
+        asked(workspace, "database", "import", str(folder / "database.toml"), "--vehicle", NAME)[
+            "label"
+        ]
+        == "v0001"
+    )
+    ingested = aerodb(
+        workspace, "--json", "flight", "ingest", *map(str, logs), "--vehicle", NAME, "--direct"
+    )
     assert ingested.returncode == 0, ingested.stderr
     assert [outcome["status"] for outcome in document(ingested.stdout)] == ["stored"] * 6
     assert "stored as flight" in ingested.stderr
-    update = aerodb(workspace, "--json", "update", "--vehicle", NAME, "--model", str(folder / "model.toml"), "--direct")
+    update = aerodb(
+        workspace,
+        "--json",
+        "update",
+        "--vehicle",
+        NAME,
+        "--model",
+        str(folder / "model.toml"),
+        "--direct",
+    )
     assert update.returncode == 0, update.stderr
     assert "held out: before" in update.stderr
     return workspace, logs, document(update.stdout)
 
 
-def test_update_answers_with_the_document_of_the_contract(made: tuple[Path, list[Path], dict[str, Any]]) -> None:
+def test_update_answers_with_the_document_of_the_contract(
+    made: tuple[Path, list[Path], dict[str, Any]],
+) -> None:
     update = made[2]
-    for key in ("vehicle", "baseline", "candidate", "flights", "axes", "findings", "not_found", "next_flight"):
+    for key in (
+        "vehicle",
+        "baseline",
+        "candidate",
+        "flights",
+        "axes",
+        "findings",
+        "not_found",
+        "next_flight",
+    ):
         assert key in update
     assert set(update["flights"]) == {"identified", "held_out", "excluded"}
-    wanted = {"rms_before", "rms_after", "held_out_rms_before", "held_out_rms_after", "theil", "noise_floor"}
+    wanted = {
+        "rms_before",
+        "rms_after",
+        "held_out_rms_before",
+        "held_out_rms_after",
+        "theil",
+        "noise_floor",
+    }
     assert all(wanted <= set(entry) for entry in update["axes"].values())
     assert set(update["axes"]["CZ"]["theil"]) == {"fit_percent", "bias", "variance", "covariance"}
 
 
 def test_every_command_of_the_list_is_there_and_no_other() -> None:
-    groups = {group.typer_instance.info.name: group.typer_instance for group in app.registered_groups}
+    groups = {
+        group.typer_instance.info.name: group.typer_instance for group in app.registered_groups
+    }
     there = [
         [str(name), command.name or command.callback.__name__]
         for name, group in groups.items()
@@ -121,7 +161,10 @@ def test_vehicle_init_add_list_show(tmp_path: Path) -> None:
     text = (tmp_path / "my-glider.toml").read_text(encoding="utf-8")
     assert parse_vehicle(text).name == "my-glider"
     again = aerodb(workspace, "vehicle", "init", "my-glider", folder=tmp_path)
-    assert (again.returncode, again.stderr.splitlines()[0]) == (3, "aerodb: my-glider.toml: the file exists already")
+    assert (again.returncode, again.stderr.splitlines()[0]) == (
+        3,
+        "aerodb: my-glider.toml: the file exists already",
+    )
     added = asked(workspace, "vehicle", "add", str(tmp_path / "my-glider.toml"))
     assert [entry["vehicle"] for entry in asked(workspace, "vehicle", "list")] == ["my-glider"]
     assert asked(workspace, "vehicle", "show", "my-glider") == {**added, "text": text}
@@ -145,32 +188,49 @@ def test_queries_about_versions(made: tuple[Path, list[Path], dict[str, Any]]) -
     ]
     lineage = asked(workspace, "version", "lineage", "candidate")
     assert [row["label"] for row in lineage["line"]] == ["v0002", "v0001"]
-    assert sorted(use["role"] for use in lineage["flights"]) == ["held_out"] * 2 + ["identified"] * 4
+    assert (
+        sorted(use["role"] for use in lineage["flights"]) == ["held_out"] * 2 + ["identified"] * 4
+    )
     assert all(use["log_sha256"] == use["flight"] for use in lineage["flights"])
     impact = asked(workspace, "version", "impact", update["flights"]["held_out"][0][:12])
-    assert impact["versions"] == [{"version": candidate["version"], "role": "held_out", "through": candidate["version"]}]
+    assert impact["versions"] == [
+        {"version": candidate["version"], "role": "held_out", "through": candidate["version"]}
+    ]
 
 
-def test_evaluate_gives_the_handbook_value_and_the_increment(made: tuple[Path, list[Path], dict[str, Any]]) -> None:
-    """At 4 degrees the table holds -0.65; the update adds its constant and its slope in alpha there."""
+def test_evaluate_gives_the_handbook_value_and_the_increment(
+    made: tuple[Path, list[Path], dict[str, Any]],
+) -> None:
+    """At 4 degrees the table holds -0.65; the update adds its constant and its slope in alpha
+    there."""
     workspace, _, update = made
     at = ("--at", "alpha=4deg,V=25")
     before = asked(workspace, "version", "evaluate", "released", *at)
     after = asked(workspace, "version", "evaluate", "candidate", *at)
     assert before["coefficients"]["CZ"] == pytest.approx(-0.65, abs=1e-12)
     assert before["coefficients"]["Cm"] == pytest.approx(-0.6 * 0.06981317, rel=1e-6)
-    terms = {t["term"]: t["value"] for e in update["increments"] if e["axis"] == "CZ" for t in e["terms"]}
-    assert after["coefficients"]["CZ"] == pytest.approx(-0.65 + terms["1"] + terms["alpha"] * 0.0698131700797, rel=1e-9)
-    assert (before["standard_errors"]["CZ"], before["places"]["CZ"]) == (None, "inside tables"), "nobody has quantified it"
+    terms = {
+        t["term"]: t["value"] for e in update["increments"] if e["axis"] == "CZ" for t in e["terms"]
+    }
+    assert after["coefficients"]["CZ"] == pytest.approx(
+        -0.65 + terms["1"] + terms["alpha"] * 0.0698131700797, rel=1e-9
+    )
+    assert (before["standard_errors"]["CZ"], before["places"]["CZ"]) == (None, "inside tables"), (
+        "nobody has quantified it"
+    )
     assert after["places"]["CZ"] == "inside data"
     assert 0.0 < after["standard_errors"]["CZ"] < 0.1
     assert (after["standard_errors"]["Cl"], after["places"]["Cl"]) == (None, "inside tables")
     assert before["taken_as_zero"] == ["beta", "delta_elevator", "p", "q"]
     assert not before["outside_tables"]
-    assert asked(workspace, "version", "evaluate", "released", "--at", "alpha=0.5,V=25")["outside_tables"]
+    assert asked(workspace, "version", "evaluate", "released", "--at", "alpha=0.5,V=25")[
+        "outside_tables"
+    ]
 
 
-def test_a_version_is_shown_layered_or_consolidated(made: tuple[Path, list[Path], dict[str, Any]]) -> None:
+def test_a_version_is_shown_layered_or_consolidated(
+    made: tuple[Path, list[Path], dict[str, Any]],
+) -> None:
     workspace, _, _ = made
     layered = asked(workspace, "version", "show", "candidate")
     shown = asked(workspace, "version", "show", "candidate", "--consolidated")
@@ -181,7 +241,9 @@ def test_a_version_is_shown_layered_or_consolidated(made: tuple[Path, list[Path]
     assert any(increment["folded"] for increment in shown["consolidated"]["increments"])
 
 
-def test_inspect_stores_nothing_and_says_what_is_missing(made: tuple[Path, list[Path], dict[str, Any]], tmp_path: Path) -> None:
+def test_inspect_stores_nothing_and_says_what_is_missing(
+    made: tuple[Path, list[Path], dict[str, Any]], tmp_path: Path
+) -> None:
     workspace, logs, _ = made
     before = state_of(workspace, but=("catalogue.sqlite",))
     found = asked(workspace, "log", "inspect", str(logs[0]))
@@ -193,7 +255,9 @@ def test_inspect_stores_nothing_and_says_what_is_missing(made: tuple[Path, list[
     assert not (tmp_path / "none").exists()
 
 
-def test_retracting_a_flight_makes_versions_stale(made: tuple[Path, list[Path], dict[str, Any]], tmp_path: Path) -> None:
+def test_retracting_a_flight_makes_versions_stale(
+    made: tuple[Path, list[Path], dict[str, Any]], tmp_path: Path
+) -> None:
     workspace, logs = tmp_path / "w", made[1]
     folder = logs[0].parent
     asked(workspace, "vehicle", "add", str(folder / "vehicle.toml"))
@@ -204,7 +268,9 @@ def test_retracting_a_flight_makes_versions_stale(made: tuple[Path, list[Path], 
     assert first["validation"]["kind"] == "cross-validated"
     flight = first["flights"]["identified"][0]
     assert asked(workspace, "version", "show", "candidate")["stale"] == []
-    retracted = asked(workspace, "flight", "retract", flight[:12], "--reason", "pitot cover left on")
+    retracted = asked(
+        workspace, "flight", "retract", flight[:12], "--reason", "pitot cover left on"
+    )
     command = f"aerodb update --vehicle {NAME} --like v0002 --baseline v0001"
     assert retracted == {
         "flight": flight,
@@ -217,7 +283,9 @@ def test_retracting_a_flight_makes_versions_stale(made: tuple[Path, list[Path], 
     assert asked(workspace, "version", "show", "released")["stale"] == []
     shown = asked(workspace, "flight", "show", flight)
     assert shown["retracted"] == "pitot cover left on"
-    assert {"flight": flight, "reason": "retracted: pitot cover left on"} in asked(workspace, *update)["flights"]["excluded"]
+    assert {"flight": flight, "reason": "retracted: pitot cover left on"} in asked(
+        workspace, *update
+    )["flights"]["excluded"]
     again = asked(workspace, *command.split()[1:], "--direct")
     assert again["flights"]["identified"] == first["flights"]["identified"][1:]
     assert asked(workspace, "version", "show", "candidate")["stale"] == []
@@ -226,27 +294,77 @@ def test_retracting_a_flight_makes_versions_stale(made: tuple[Path, list[Path], 
 @pytest.mark.parametrize(
     ("arguments", "code", "first", "second"),
     [
-        (["version", "show", "relased"], 2, "vehicle small-glider: no version 'relased'", "did you mean 'released'?"),
-        (["vehicle", "show", "small-glidr"], 2, "no vehicle 'small-glidr'", "did you mean 'small-glider'?"),
+        (
+            ["version", "show", "relased"],
+            2,
+            "vehicle small-glider: no version 'relased'",
+            "did you mean 'released'?",
+        ),
+        (
+            ["vehicle", "show", "small-glidr"],
+            2,
+            "no vehicle 'small-glidr'",
+            "did you mean 'small-glider'?",
+        ),
         (["flight", "show", "zzz"], 2, "no flight 'zzz'", "known names: "),
-        (["version", "evaluate", "released", "--at", "alhpa=5deg"], 3, "--at: 'alhpa=5deg' is no input", "did you mean 'alpha'?"),
+        (
+            ["version", "evaluate", "released", "--at", "alhpa=5deg"],
+            3,
+            "--at: 'alhpa=5deg' is no input",
+            "did you mean 'alpha'?",
+        ),
         (
             ["version", "evaluate", "released", "--at", "alpha=nan"],
             3,
             "--at: 'alpha=nan' is not a finite number",
             "give a number",
         ),
-        (["version", "evaluate", "released", "--at", "alpha=five"], 3, "'five' is not a quantity", "write a number (in rad)"),
-        (["version", "show", "released", "--as-of", "soon"], 3, "--as-of: 'soon' is not a date", "for example 2026-05-31"),
-        (["database", "import", "none.toml", "--vehicle", NAME], 3, "none.toml: no such file", "check the path"),
+        (
+            ["version", "evaluate", "released", "--at", "alpha=five"],
+            3,
+            "'five' is not a quantity",
+            "write a number (in rad)",
+        ),
+        (
+            ["version", "show", "released", "--as-of", "soon"],
+            3,
+            "--as-of: 'soon' is not a date",
+            "for example 2026-05-31",
+        ),
+        (
+            ["database", "import", "none.toml", "--vehicle", NAME],
+            3,
+            "none.toml: no such file",
+            "check the path",
+        ),
         (["log", "inspect", "none.ulg"], 3, "none.ulg: no such file", "check the path"),
-        (["vehicle", "add", "none.toml"], 3, "none.toml: No such file or directory", "check the path"),
-        (["flight", "ingest", "none.ulg", "--vehicle", NAME, "--direct"], 3, "none.ulg: No such file", "check the path"),
-        (["flight", "ingest", "none.ulg", "--vehicle", "nobody"], 2, "no vehicle 'nobody'", "known names: small-glider"),
+        (
+            ["vehicle", "add", "none.toml"],
+            3,
+            "none.toml: No such file or directory",
+            "check the path",
+        ),
+        (
+            ["flight", "ingest", "none.ulg", "--vehicle", NAME, "--direct"],
+            3,
+            "none.ulg: No such file",
+            "check the path",
+        ),
+        (
+            ["flight", "ingest", "none.ulg", "--vehicle", "nobody"],
+            2,
+            "no vehicle 'nobody'",
+            "known names: small-glider",
+        ),
     ],
 )
 def test_refusals_are_two_lines_and_an_exit_code(
-    made: tuple[Path, list[Path], dict[str, Any]], tmp_path: Path, arguments: list[str], code: int, first: str, second: str
+    made: tuple[Path, list[Path], dict[str, Any]],
+    tmp_path: Path,
+    arguments: list[str],
+    code: int,
+    first: str,
+    second: str,
 ) -> None:
     done = aerodb(made[0], *arguments, folder=tmp_path)
     lines = done.stderr.splitlines()
@@ -265,7 +383,10 @@ def test_wrong_usage_and_an_absent_workspace(tmp_path: Path) -> None:
     assert "--vehicle" in lacking.stderr
     absent = aerodb(tmp_path / "w", "version", "list")
     assert absent.returncode == 3
-    assert absent.stderr.splitlines()[1] == "name an existing one with --workspace or $AERODB_WORKSPACE"
+    assert (
+        absent.stderr.splitlines()[1]
+        == "name an existing one with --workspace or $AERODB_WORKSPACE"
+    )
     assert not (tmp_path / "w").exists(), "a query makes no workspace"
 
 
@@ -283,8 +404,15 @@ def test_headings_keep_their_units(made: tuple[Path, list[Path], dict[str, Any]]
 
 
 def test_numbers_that_json_lacks_are_null(tmp_path: Path) -> None:
-    """A topic with one sample has no rate: it once came out as NaN, which no JSON parser has to take."""
-    topics = [Topic("once", np.array([1.0]), {"x": np.array([1.0])}), Topic("more", np.arange(5.0), {"x": np.arange(5.0)})]
+    """A topic with one sample has no rate: it once came out as NaN, which no JSON parser has to
+    take."""
+    topics = [
+        Topic("once", np.array([1.0]), {"x": np.array([1.0])}),
+        Topic("more", np.arange(5.0), {"x": np.arange(5.0)}),
+    ]
     write_ulog(tmp_path / "log.ulg", topics, metadata={"sys_name": "TEST"})
     found = asked(tmp_path / "none", "log", "inspect", str(tmp_path / "log.ulg"))
-    assert {topic["topic"]: topic["rate"] for topic in found["topics"]} == {"once": None, "more": 1.0}
+    assert {topic["topic"]: topic["rate"] for topic in found["topics"]} == {
+        "once": None,
+        "more": 1.0,
+    }

@@ -1,7 +1,8 @@
-"""Two clones agree: the same inputs, settings and steps give the same version id, and the same values to 1e-9.
+"""Two clones agree: the same inputs, settings and steps give the same version id, and the same
+values to 1e-9.
 
-Each workspace is filled by a process of its own, with another seed of hashes, time zone, locale, number of threads, order of
-logs and folder names.
+Each workspace is filled by a process of its own, with another seed of hashes, time zone, locale,
+number of threads, order of logs and folder names.
 """
 
 import json
@@ -33,7 +34,12 @@ for command in (
 """
 _PLACES = (
     {"PYTHONHASHSEED": "1", "TZ": "Pacific/Auckland", "LC_ALL": "C", "OPENBLAS_NUM_THREADS": "1"},
-    {"PYTHONHASHSEED": "2", "TZ": "America/St_Johns", "LC_ALL": "C.UTF-8", "OPENBLAS_NUM_THREADS": "2"},
+    {
+        "PYTHONHASHSEED": "2",
+        "TZ": "America/St_Johns",
+        "LC_ALL": "C.UTF-8",
+        "OPENBLAS_NUM_THREADS": "2",
+    },
 )
 
 
@@ -48,11 +54,20 @@ def clones(tmp_path_factory: pytest.TempPathFactory) -> list[list[Any]]:
         copies = [str(folder / log.name) for log in logs]
         environment = {**os.environ, **place, "PYTHONPATH": str(root), "PYTHONUTF8": "1"}
         workspace = folder.parent / "w"
-        command = [sys.executable, "-c", _COMMANDS, str(folder), str(workspace), *(copies if number else reversed(copies))]
+        command = [
+            sys.executable,
+            "-c",
+            _COMMANDS,
+            str(folder),
+            str(workspace),
+            *(copies if number else reversed(copies)),
+        ]
         subprocess.run(command, check=True, capture_output=True, env=environment, timeout=600)
         with Catalogue.open(workspace / "catalogue.sqlite") as catalogue:
             rows = catalogue.versions(NAME)
-            made.append([(row.id, row.content_sha256, catalogue.version_documents(row.id)) for row in rows])
+            made.append(
+                [(row.id, row.content_sha256, catalogue.version_documents(row.id)) for row in rows]
+            )
     return made
 
 

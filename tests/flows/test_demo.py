@@ -1,4 +1,5 @@
-"""The main job, `aerodb demo`: real log files in, an undeclared effect found and proved, the truth looked at only afterwards."""
+"""The main job, `aerodb demo`: real log files in, an undeclared effect found and proved, the truth
+looked at only afterwards."""
 
 import json
 import subprocess
@@ -42,7 +43,12 @@ def declared(phoenix):
     root, document = phoenix
     workspace = Workspace.open(root)
     flights = [row.id for row in Catalogue.open(workspace.catalogue).flights("phoenix")]
-    given = {"vehicle": "phoenix", "baseline": document["baseline"], "flights": flights, "model": text("model.toml")}
+    given = {
+        "vehicle": "phoenix",
+        "baseline": document["baseline"],
+        "flights": flights,
+        "model": text("model.toml"),
+    }
     updated = run_flow(update_flow, given, workspace, "direct")
     return updated, floors_of(workspace, updated, open_envelope(root / "demo-logs"))
 
@@ -57,21 +63,29 @@ def test_an_undeclared_effect_is_found_named_added_and_proved(sealed):
         found = next(f for f in confirmed if f["parameter"] == effect["parameter"])
         assert found["ci95"][0] <= effect["value"] <= found["ci95"][1]
     # named, and nothing else claimed of the aerodynamics
-    assert {f["parameter"] for f in confirmed} == {effect["parameter"] for effect in document["truth"]}
+    assert {f["parameter"] for f in confirmed} == {
+        effect["parameter"] for effect in document["truth"]
+    }
     for axis, rms in document["truth_floor"].items():
         assert rms["after"] <= 1.05 * rms["floor"], axis
 
 
 def test_the_phoenix_case_finds_what_003_found(phoenix):
-    """IV.D: lift slope, a force along x due to pitch rate that the database does not have, speed brakes overestimated."""
+    """IV.D: lift slope, a force along x due to pitch rate that the database does not have, speed
+    brakes overestimated."""
     _, document = phoenix
-    named = {e["parameter"] for e, word in zip(document["truth"], document["agreement"], strict=True) if word == "named"}
+    named = {
+        e["parameter"]
+        for e, word in zip(document["truth"], document["agreement"], strict=True)
+        if word == "named"
+    }
     assert {"CX_q", "CZ_alpha"} <= named
     for axis in ("CX", "CZ", "Cm"):
         floor = document["truth_floor"][axis]
         assert floor["before"] > 3 * floor["floor"]
         assert floor["after"] <= 1.001 * floor["before"], axis
-    # Fifteen differences at once: what is aliased stays out, and only what is not is added. Declared, they are all repaired.
+    # Fifteen differences at once: what is aliased stays out, and only what is not is added.
+    # Declared, they are all repaired.
     assert document["truth_floor"]["CZ"]["after"] < 0.8 * document["truth_floor"]["CZ"]["before"]
     assert document["truth_floor"]["Cm"]["after"] < 0.5 * document["truth_floor"]["Cm"]["before"]
 
@@ -98,19 +112,25 @@ def test_declared_estimates_are_the_planted_effects(phoenix, declared):
     faked = {"CX": 0.003, "CZ": 0.01, "Cm": 0.001}
     for effect in phoenix[1]["truth"]:
         value = estimated[effect["axis"], effect["parameter"].removeprefix(effect["axis"] + "_")]
-        assert abs(value - effect["value"]) <= 0.1 * abs(effect["value"]) + faked[effect["axis"]], (effect, value)
+        assert abs(value - effect["value"]) <= 0.1 * abs(effect["value"]) + faked[effect["axis"]], (
+            effect,
+            value,
+        )
 
 
 def test_declared_corrections_have_the_direction_that_the_mission_reported(declared):
     document, _ = declared
     terms = {(e["axis"], t["term"]): t for e in document["increments"] for t in e["terms"]}
     assert terms["CZ", "alpha"]["ci95"][1] < 0  # more lift than predicted
-    assert terms["CX", "q_hat"]["ci95"][1] < 0  # drag due to pitch rate, which the preflight database lacks
+    assert (
+        terms["CX", "q_hat"]["ci95"][1] < 0
+    )  # drag due to pitch rate, which the preflight database lacks
     assert terms["CX", "delta_speed_brake"]["ci95"][0] > 0  # brakes slow less than predicted
 
 
 def test_the_product_cannot_see_the_truth(sealed):
-    """Taking logs in and closing the loop imports nothing of the example, and the envelope is not there to be read."""
+    """Taking logs in and closing the loop imports nothing of the example, and the envelope is not
+    there to be read."""
     workspace, document = sealed
     logs = sorted((workspace / "demo-logs").glob("*.ulg"))
     (workspace / "demo-logs" / "envelope.json").unlink()

@@ -1,4 +1,5 @@
-"""Per-flight steps on the workers of a real Dask cluster: the same is stored, and a worker that is killed costs a retry."""
+"""Per-flight steps on the workers of a real Dask cluster: the same is stored, and a worker that is
+killed costs a retry."""
 
 import os
 import socket
@@ -38,7 +39,9 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 
 
 @pytest.fixture(scope="module")
-def direct(tmp_path_factory: pytest.TempPathFactory, logs: list[Path]) -> tuple[Workspace, dict[str, Any]]:
+def direct(
+    tmp_path_factory: pytest.TempPathFactory, logs: list[Path]
+) -> tuple[Workspace, dict[str, Any]]:
     """Workspace and update's document of the run in this process."""
     workspace = prepared(tmp_path_factory.mktemp("direct"), logs[0].parent)
     return workspace, ingest_and_update(workspace, logs)
@@ -50,7 +53,9 @@ def _made(root: Path, logs: list[Path], dask: Running) -> Workspace:
     return workspace
 
 
-def mapped(steps: Steps, *, workspace: str, run: str, items: list[Any], **keywords: Any) -> list[int]:
+def mapped(
+    steps: Steps, *, workspace: str, run: str, items: list[Any], **keywords: Any
+) -> list[int]:
     """A flow of one step, mapped."""
     return steps.map(noting, items, workspace=workspace, run=run, **keywords)
 
@@ -76,7 +81,9 @@ def test_from_logs_to_proof_by_commands_all_is_the_same(
         assert _files(workspace, folder) == _files(direct[0], folder)
 
 
-def test_steps_are_done_by_the_workers_and_in_order(tmp_path: Path, logs: list[Path], dask: Running) -> None:
+def test_steps_are_done_by_the_workers_and_in_order(
+    tmp_path: Path, logs: list[Path], dask: Running
+) -> None:
     workspace = _made(tmp_path / "w", logs, dask)
     done_by = run_flow(mapped, {"items": list(range(8))}, workspace, "direct")
     assert set(done_by) <= set(dask.at_work())
@@ -84,7 +91,9 @@ def test_steps_are_done_by_the_workers_and_in_order(tmp_path: Path, logs: list[P
     assert _begun(workspace) == list(range(8))
 
 
-def test_a_worker_that_is_killed_costs_one_step_again(tmp_path: Path, logs: list[Path], dask: Running) -> None:
+def test_a_worker_that_is_killed_costs_one_step_again(
+    tmp_path: Path, logs: list[Path], dask: Running
+) -> None:
     workspace = _made(tmp_path / "w", logs, dask)
     done_by = run_flow(mapped, {"items": [0, 1, 2, 3], "fatal": 0}, workspace, "direct")
     assert len(done_by) == 4
@@ -94,10 +103,15 @@ def test_a_worker_that_is_killed_costs_one_step_again(tmp_path: Path, logs: list
 def test_a_worker_killed_amid_flights_changes_nothing(
     tmp_path: Path, logs: list[Path], direct: tuple[Workspace, dict[str, Any]], dask: Running
 ) -> None:
-    """kill -9 as soon as the first flight is stored: the same ids, keys and files as undisturbed, and nothing half there."""
+    """kill -9 as soon as the first flight is stored: the same ids, keys and files as undisturbed,
+    and nothing half there."""
     workspace = _made(tmp_path / "w", logs, dask)
-    with dask.one_killed(when=lambda: any((workspace.root / "flights").glob("*/*.parquet"))) as killed:
-        outcomes = run_flow(flight_flow, {"logs": [str(log) for log in logs], "vehicle": NAME}, workspace, "direct")
+    with dask.one_killed(
+        when=lambda: any((workspace.root / "flights").glob("*/*.parquet"))
+    ) as killed:
+        outcomes = run_flow(
+            flight_flow, {"logs": [str(log) for log in logs], "vehicle": NAME}, workspace, "direct"
+        )
     assert killed
     # What was stored when its worker died is found stored by whoever does it again.
     assert {outcome["status"] for outcome in outcomes} <= {"stored", "duplicate"}
@@ -118,46 +132,70 @@ def _until(condition: Callable[[], bool]) -> bool:
 
 
 def _files(workspace: Workspace, folder: str) -> dict[str, str]:
-    return {name: sha256 for name, sha256 in state_of(workspace.root).items() if name.startswith(folder)}
+    return {
+        name: sha256 for name, sha256 in state_of(workspace.root).items() if name.startswith(folder)
+    }
 
 
-def test_a_refusal_comes_back_as_it_was_raised(tmp_path: Path, logs: list[Path], dask: Running) -> None:
+def test_a_refusal_comes_back_as_it_was_raised(
+    tmp_path: Path, logs: list[Path], dask: Running
+) -> None:
     workspace = _made(tmp_path / "w", logs, dask)
     with pytest.raises(InputError) as caught:
         run_flow(mapped, {"items": [0, 1], "bad": 1}, workspace, "direct")
-    assert (caught.value.what, caught.value.where, caught.value.remedy) == ("cannot be read", "log 1", "fly it again")
+    assert (caught.value.what, caught.value.where, caught.value.remedy) == (
+        "cannot be read",
+        "log 1",
+        "fly it again",
+    )
 
 
-def test_what_ends_every_worker_is_given_up_by_name(tmp_path: Path, logs: list[Path], dask: Running) -> None:
+def test_what_ends_every_worker_is_given_up_by_name(
+    tmp_path: Path, logs: list[Path], dask: Running
+) -> None:
     workspace = _made(tmp_path / "w", logs, dask)
     with pytest.raises(InputError, match="one worker process after the other"):
         run_flow(mapped, {"items": [7], "fatal": 7, "always": True}, workspace, "direct")
     assert _begun(workspace) == [7, 7]
 
 
-def test_what_is_not_there_is_said_in_seconds(tmp_path: Path, logs: list[Path], monkeypatch: pytest.MonkeyPatch) -> None:
-    """A scheduler that nobody started: the run is noted as failed, nothing is held against the log, and here it works."""
+def test_what_is_not_there_is_said_in_seconds(
+    tmp_path: Path, logs: list[Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A scheduler that nobody started: the run is noted as failed, nothing is held against the log,
+    and here it works."""
     workspace = prepared(tmp_path / "w", logs[0].parent)
     monkeypatch.setenv("DASK_CONFIG", str(tmp_path))
     with socket.socket() as closed:
         closed.bind(("127.0.0.1", 0))
         monkeypatch.setenv("SCHEDULER", f"tcp://127.0.0.1:{closed.getsockname()[1]}")
-        (workspace.root / "settings.toml").write_text('[work]\nengine = "dask"\naddress = "$SCHEDULER"\n', encoding="utf-8")
+        (workspace.root / "settings.toml").write_text(
+            '[work]\nengine = "dask"\naddress = "$SCHEDULER"\n', encoding="utf-8"
+        )
         begun = time.monotonic()
-        with pytest.raises(StoreBusyError, match="no scheduler of a Dask cluster answers at tcp://127"):
+        with pytest.raises(
+            StoreBusyError, match="no scheduler of a Dask cluster answers at tcp://127"
+        ):
             run_flow(flight_flow, {"logs": [str(logs[0])], "vehicle": NAME}, workspace, "direct")
         assert time.monotonic() - begun < 120.0
     assert ("flight_flow", "direct", "failed") in ways(workspace)
     (workspace.root / "settings.toml").unlink()
-    (outcome,) = run_flow(flight_flow, {"logs": [str(logs[0])], "vehicle": NAME}, workspace, "direct")
+    (outcome,) = run_flow(
+        flight_flow, {"logs": [str(logs[0])], "vehicle": NAME}, workspace, "direct"
+    )
     assert outcome["status"] == "stored"
 
 
-def test_a_cluster_that_goes_away_is_said_and_the_same_run_works_afterwards(tmp_path: Path, logs: list[Path]) -> None:
-    """First its scheduler (kill -9) amid a step that would take an hour, then its worker before the run."""
+def test_a_cluster_that_goes_away_is_said_and_the_same_run_works_afterwards(
+    tmp_path: Path, logs: list[Path]
+) -> None:
+    """First its scheduler (kill -9) amid a step that would take an hour, then its worker before the
+    run."""
     with cluster(tmp_path, workers=1) as gone:
         workspace = _made(tmp_path / "w", logs, gone)
-        killer = threading.Thread(target=lambda: _until((workspace.root / "begun.txt").exists) and end(gone.scheduler))
+        killer = threading.Thread(
+            target=lambda: _until((workspace.root / "begun.txt").exists) and end(gone.scheduler)
+        )
         killer.start()
         begun = time.monotonic()
         with pytest.raises(StoreBusyError, match="was lost while it worked"):
@@ -194,8 +232,11 @@ def test_addresses_that_cannot_be_or_must_not_be(
         work_of(tmp_path)
 
 
-def test_a_worker_that_has_not_the_same_in_common_does_nothing(tmp_path: Path, logs: list[Path]) -> None:
-    """Another machine beside a catalogue in a file, another version, a workspace that it does not see."""
+def test_a_worker_that_has_not_the_same_in_common_does_nothing(
+    tmp_path: Path, logs: list[Path]
+) -> None:
+    """Another machine beside a catalogue in a file, another version, a workspace that it does not
+    see."""
     workspace = prepared(tmp_path / "w", logs[0].parent)
     given: dict[str, Any] = {"workspace": str(workspace.root), "run": "r"}
     workspace.lock("run-r").touch()
@@ -204,7 +245,9 @@ def test_a_worker_that_has_not_the_same_in_common_does_nothing(tmp_path: Path, l
     wrong = {
         "is another machine": Home("elsewhere", home.code, home.lock, False),
         "another version": Home(home.machine, "0.0.1 {}", home.lock, False),
-        "does not see the workspace": Home("elsewhere", home.code, str(tmp_path / "none" / "locks" / "run-r"), True),
+        "does not see the workspace": Home(
+            "elsewhere", home.code, str(tmp_path / "none" / "locks" / "run-r"), True
+        ),
     }
     for said, other in wrong.items():
         with pytest.raises(SettingsError, match=said) as caught:

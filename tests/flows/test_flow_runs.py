@@ -32,13 +32,17 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 
 
 @pytest.fixture(scope="module")
-def direct(tmp_path_factory: pytest.TempPathFactory, logs: list[Path]) -> tuple[Workspace, dict[str, Any]]:
+def direct(
+    tmp_path_factory: pytest.TempPathFactory, logs: list[Path]
+) -> tuple[Workspace, dict[str, Any]]:
     """Workspace and update's document of the run without Prefect, in this process."""
     workspace = prepared(tmp_path_factory.mktemp("direct"), logs[0].parent)
     return workspace, ingest_and_update(workspace, logs)
 
 
-def test_everything_a_second_time_changes_nothing(logs: list[Path], direct: tuple[Workspace, dict[str, Any]]) -> None:
+def test_everything_a_second_time_changes_nothing(
+    logs: list[Path], direct: tuple[Workspace, dict[str, Any]]
+) -> None:
     workspace, document = direct
     files, counted, kept = state_of(workspace.root), rows(workspace), stored(workspace)
     assert any(name.startswith("reports/") for name in files)
@@ -53,7 +57,8 @@ def test_everything_a_second_time_changes_nothing(logs: list[Path], direct: tupl
 
 
 def test_one_bad_log_stops_no_other(tmp_path: Path, logs: list[Path]) -> None:
-    """Also one that is fine but belongs to another vehicle: its refusal once came as an exception and ended the run."""
+    """Also one that is fine but belongs to another vehicle: its refusal once came as an exception
+    and ended the run."""
     workspace = prepared(tmp_path / "w", logs[0].parent)
     other = small_glider.VEHICLE.replace(NAME, "other-glider")
     with Catalogue.open(workspace.catalogue) as catalogue:
@@ -64,18 +69,31 @@ def test_one_bad_log_stops_no_other(tmp_path: Path, logs: list[Path]) -> None:
     given = [str(path) for path in (empty, logs[1], logs[0], absent, tmp_path, logs[2])]
     outcomes = run_flow(flight_flow, {"logs": given, "vehicle": NAME}, workspace, "direct")
     assert [outcome["log"] for outcome in outcomes] == given
-    assert [outcome["status"] for outcome in outcomes] == ["refused", "stored", "refused", "refused", "refused", "stored"]
+    assert [outcome["status"] for outcome in outcomes] == [
+        "refused",
+        "stored",
+        "refused",
+        "refused",
+        "refused",
+        "stored",
+    ]
     assert "already stored for vehicle 'other-glider'" in outcomes[2]["what"]
-    assert all(outcome["comparison"]["key"] for outcome in outcomes if outcome["status"] == "stored")
+    assert all(
+        outcome["comparison"]["key"] for outcome in outcomes if outcome["status"] == "stored"
+    )
     held = [path.parent.name for path in (workspace.root / "quarantine").glob("*/reason.json")]
-    assert held == [hashlib.sha256(b"").hexdigest()], "only what is wrong with the bytes themselves goes to quarantine"
+    assert held == [hashlib.sha256(b"").hexdigest()], (
+        "only what is wrong with the bytes themselves goes to quarantine"
+    )
     assert [entry[2] for entry in ways(workspace)] == ["completed"] * 3
 
 
 class ThreadedSteps(DirectSteps):
     """All items of a step at once, as an orchestrator may run them."""
 
-    def map(self, step: Callable[..., Any], items: Iterable[Any], *args: Any, **keywords: Any) -> list[Any]:
+    def map(
+        self, step: Callable[..., Any], items: Iterable[Any], *args: Any, **keywords: Any
+    ) -> list[Any]:
         todo = list(items)
         together = threading.Barrier(max(len(todo), 1))
 
@@ -87,10 +105,15 @@ class ThreadedSteps(DirectSteps):
             return list(pool.map(one, todo))
 
 
-def test_the_same_bytes_under_several_names_at_once_are_one_flight(tmp_path: Path, logs: list[Path]) -> None:
-    """Copies of a log taken in side by side once met in the store, and the later ones died with an error of the disk."""
+def test_the_same_bytes_under_several_names_at_once_are_one_flight(
+    tmp_path: Path, logs: list[Path]
+) -> None:
+    """Copies of a log taken in side by side once met in the store, and the later ones died with an
+    error of the disk."""
     workspace = prepared(tmp_path / "w", logs[0].parent)
-    names = [tmp_path / f"{k}.csv" for k in range(6)] + [tmp_path / f"empty{k}.csv" for k in range(3)]
+    names = [tmp_path / f"{k}.csv" for k in range(6)] + [
+        tmp_path / f"empty{k}.csv" for k in range(3)
+    ]
     for name in names:
         name.write_bytes(b"" if name.name.startswith("empty") else logs[0].read_bytes())
     given = {"workspace": str(workspace.root), "run": _run_of(workspace), "vehicle": NAME}
@@ -129,8 +152,19 @@ def test_progress_is_told_step_by_step(tmp_path: Path, logs: list[Path]) -> None
     told: list[tuple[str, int, int]] = []
     workspace = prepared(tmp_path / "w", logs[0].parent)
     parameters = {"logs": [str(log) for log in logs[:2]], "vehicle": NAME}
-    run_flow(flight_flow, parameters, workspace, "direct", lambda step, done, total: told.append((step, done, total)))
-    steps = ("ingest.store_log", "consistency.check_consistency", "coefficients.reconstruct", "compare.compare_with_version")
+    run_flow(
+        flight_flow,
+        parameters,
+        workspace,
+        "direct",
+        lambda step, done, total: told.append((step, done, total)),
+    )
+    steps = (
+        "ingest.store_log",
+        "consistency.check_consistency",
+        "coefficients.reconstruct",
+        "compare.compare_with_version",
+    )
     assert told == [(step, done, 2) for step in steps for done in (0, 1, 2)]
 
 
@@ -147,14 +181,18 @@ def test_the_mapping_that_was_asked_for_last_counts(tmp_path: Path, logs: list[P
         parameters = {"logs": [str(logs[0])], "vehicle": NAME, "mapping": mapping}
         (outcome,) = run_flow(flight_flow, parameters, workspace, "direct")
         opened = stores(str(workspace.root))
-        return float(load_flight(opened, opened.catalogue.flight(outcome["flight"]), "")[0]["az"].mean())
+        return float(
+            load_flight(opened, opened.catalogue.flight(outcome["flight"]), "")[0]["az"].mean()
+        )
 
     first, second = ingested("canonical"), ingested(str(other))
     assert second == pytest.approx(0.5 * first)
     assert ingested("canonical") == first
 
 
-def test_stored_coefficients_are_read_back_as_they_were_computed(direct: tuple[Workspace, dict[str, Any]]) -> None:
+def test_stored_coefficients_are_read_back_as_they_were_computed(
+    direct: tuple[Workspace, dict[str, Any]],
+) -> None:
     workspace, document = direct
     opened = stores(str(workspace.root))
     row = opened.catalogue.flight(document["flights"]["identified"][0])

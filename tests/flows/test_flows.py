@@ -1,7 +1,7 @@
 """Flows: the same keys whichever way they run, nothing twice, and one bad log stops no other.
 
-A Prefect server is a process of its own here, on a free port with its home in the test's folder; so is every flow that
-runs under Prefect, because Prefect reads its settings when it is first imported.
+A Prefect server is a process of its own here, on a free port with its home in the test's folder; so
+is every flow that runs under Prefect, because Prefect reads its settings when it is first imported.
 """
 
 import json
@@ -30,7 +30,9 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 
 
 @pytest.fixture(scope="module")
-def direct(tmp_path_factory: pytest.TempPathFactory, logs: list[Path]) -> tuple[Workspace, dict[str, Any]]:
+def direct(
+    tmp_path_factory: pytest.TempPathFactory, logs: list[Path]
+) -> tuple[Workspace, dict[str, Any]]:
     """Workspace and update's document of the run without Prefect, in this process."""
     workspace = prepared(tmp_path_factory.mktemp("direct"), logs[0].parent)
     return workspace, ingest_and_update(workspace, logs)
@@ -43,14 +45,22 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
         yield url
 
 
-def test_direct_run_finds_what_was_planted_and_records_it(direct: tuple[Workspace, dict[str, Any]]) -> None:
+def test_direct_run_finds_what_was_planted_and_records_it(
+    direct: tuple[Workspace, dict[str, Any]],
+) -> None:
     workspace, document = direct
-    found = {entry["axis"]: {term["term"]: term for term in entry["terms"]} for entry in document["increments"]}
+    found = {
+        entry["axis"]: {term["term"]: term for term in entry["terms"]}
+        for entry in document["increments"]
+    }
     for axis, planted in small_glider.TRUTH.items():
         for name, value in planted.items():
             term = found[axis][name]
             assert abs(term["value"] - value) < 4 * term["standard_error"], (axis, name)
-    assert {axis: document["axes"][axis]["outcome"] for axis in ("CX", "CZ")} == {"CX": "at noise floor", "CZ": "at noise floor"}
+    assert {axis: document["axes"][axis]["outcome"] for axis in ("CX", "CZ")} == {
+        "CX": "at noise floor",
+        "CZ": "at noise floor",
+    }
     assert ways(workspace) == [
         ("flight_flow", "direct", "completed"),
         ("import_flow", "direct", "completed"),
@@ -58,7 +68,10 @@ def test_direct_run_finds_what_was_planted_and_records_it(direct: tuple[Workspac
     ]
     kept = stored(workspace)
     steps = [[step for step, _ in results] for results in kept["results"].values()]
-    assert all(set(entry) == {"ingest", "conditioning", "consistency", "coefficients", "compare"} for entry in steps)
+    assert all(
+        set(entry) == {"ingest", "conditioning", "consistency", "coefficients", "compare"}
+        for entry in steps
+    )
     with Catalogue.open(workspace.catalogue) as catalogue:
         candidate = catalogue.version(NAME, "candidate")
         lineage = catalogue.lineage(candidate.id)
@@ -70,7 +83,8 @@ def test_direct_run_finds_what_was_planted_and_records_it(direct: tuple[Workspac
 def test_prefects_ephemeral_mode_stores_the_same(
     tmp_path: Path, logs: list[Path], direct: tuple[Workspace, dict[str, Any]]
 ) -> None:
-    """The logs in another order: side by side they are taken in in any order, and the held-out flights must not depend on it."""
+    """The logs in another order: side by side they are taken in in any order, and the held-out
+    flights must not depend on it."""
     workspace = prepared(tmp_path / "w", logs[0].parent)
     done = by_commands(workspace.root, logs[0].parent, logs[::-1])
     same_as_direct(workspace, done, direct)
@@ -85,20 +99,29 @@ def test_a_prefect_server_stores_the_same_and_knows_the_runs(
     done = by_commands(workspace.root, logs[0].parent, logs, PREFECT_API_URL=server)
     same_as_direct(workspace, done, direct)
     done_by = [(flow, how, state) for flow, how, state in ways(workspace) if flow != "import_flow"]
-    assert done_by == [("flight_flow", "server", "completed"), ("update_flow", "server", "completed")]
-    request = urllib.request.Request(f"{server}/flows/filter", data=b"{}", headers={"content-type": "application/json"})
+    assert done_by == [
+        ("flight_flow", "server", "completed"),
+        ("update_flow", "server", "completed"),
+    ]
+    request = urllib.request.Request(
+        f"{server}/flows/filter", data=b"{}", headers={"content-type": "application/json"}
+    )
     with urllib.request.urlopen(request, timeout=120) as response:
         assert {"flight-flow", "update-flow"} <= {flow["name"] for flow in json.load(response)}
 
 
-def test_a_server_that_does_not_answer_is_done_without(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_a_server_that_does_not_answer_is_done_without(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     from aerodb.flows.run import configure_prefect
 
     for name in [name for name in os.environ if name.startswith("PREFECT_")]:
         monkeypatch.delenv(name)
     before = dict(os.environ)
     with socket.socket() as closed:
-        closed.bind(("127.0.0.1", 0))  # bound but not listening: nobody answers, and nobody else takes it
+        closed.bind(
+            ("127.0.0.1", 0)
+        )  # bound but not listening: nobody answers, and nobody else takes it
         monkeypatch.setenv("PREFECT_API_URL", f"http://127.0.0.1:{closed.getsockname()[1]}/api")
         try:
             assert configure_prefect(tmp_path) == "ephemeral"
@@ -110,11 +133,13 @@ def test_a_server_that_does_not_answer_is_done_without(monkeypatch: pytest.Monke
 
 
 @pytest.mark.parametrize("command", [["version", "list"], ["flight", "list"], ["vehicle", "list"]])
-def test_a_query_imports_no_orchestrator(direct: tuple[Workspace, dict[str, Any]], command: list[str]) -> None:
+def test_a_query_imports_no_orchestrator(
+    direct: tuple[Workspace, dict[str, Any]], command: list[str]
+) -> None:
     code = (
-        "import sys; from aerodb.flows.cli.main import app; app(sys.argv[1:], standalone_mode=False);"
-        "heavy = {'prefect', 'matplotlib', 'numba', 'fastapi', 'pint'} & set(sys.modules);"
-        "sys.exit(str(heavy) if heavy else 0)"
+        "import sys; from aerodb.flows.cli.main import app; app(sys.argv[1:],"
+        " standalone_mode=False);heavy = {'prefect', 'matplotlib', 'numba', 'fastapi', 'pint'} &"
+        " set(sys.modules);sys.exit(str(heavy) if heavy else 0)"
     )
     arguments = [sys.executable, "-c", code, "--workspace", str(direct[0].root), "--json", *command]
     done = subprocess.run(arguments, env=environment(), capture_output=True, text=True, timeout=600)

@@ -1,6 +1,8 @@
-"""The guides in docs/ do what they say: every command is run, every line of output that they show is there, in this order.
+"""The guides in docs/ do what they say: every command is run, every line of output that they show
+is there, in this order.
 
-`...` in a line stands for anything, a line of its own for any lines. Columns are compared without the width of their gaps.
+`...` in a line stands for anything, a line of its own for any lines. Columns are compared without
+the width of their gaps.
 """
 
 import os
@@ -24,7 +26,8 @@ GUIDES = ("px4-without-vanes", "with-a-boom", "first-finding", "simulators")
 
 
 def steps(text: str) -> Iterator[tuple[str, list[str]]]:
-    """Commands of a console block, each with the lines that it shows; a command goes on behind a backslash."""
+    """Commands of a console block, each with the lines that it shows; a command goes on behind a
+    backslash."""
     for part in re.split(r"^\$ ", text, flags=re.MULTILINE)[1:]:
         command, shown = [], part.splitlines()
         while shown and (not command or command[-1].endswith("\\")):
@@ -33,14 +36,17 @@ def steps(text: str) -> Iterator[tuple[str, list[str]]]:
 
 
 def run(command: str, folder: Path) -> str:
-    """What a command says; `aerodb` is called in this process, anything else by the shell. Fails where the command does."""
+    """What a command says; `aerodb` is called in this process, anything else by the shell. Fails
+    where the command does."""
     if command.startswith("aerodb "):
         words = [name for word in shlex.split(command)[1:] for name in _expanded(word, folder)]
         result = CliRunner().invoke(app, words)
         code, said = result.exit_code, result.output
         assert code == 0, (command, said, result.exception)
         return said
-    done = subprocess.run(command, shell=True, cwd=folder, capture_output=True, text=True, timeout=600, check=False)
+    done = subprocess.run(
+        command, shell=True, cwd=folder, capture_output=True, text=True, timeout=600, check=False
+    )
     assert done.returncode == 0, (command, done.stderr)
     return done.stdout
 
@@ -63,15 +69,22 @@ def missing(shown: list[str], said: str) -> str:
         if there is None or (there > place and not anywhere):
             return line
         place, anywhere = there + 1, False
-    return "" if anywhere or not any(lines[place:]) else f"(nothing; but it goes on: {lines[place]})"
+    return (
+        "" if anywhere or not any(lines[place:]) else f"(nothing; but it goes on: {lines[place]})"
+    )
 
 
 @pytest.fixture(scope="module")
 def followed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Path]]:
-    """Guides that were followed so far, and where; those that continue another begin in its folder."""
+    """Guides that were followed so far, and where; those that continue another begin in its
+    folder."""
     found: dict[str, Path] = {}
     before = Path.cwd()
-    kept = {name: os.environ.pop(name) for name in list(os.environ) if name.startswith("AERODB_WORKSPACE")}
+    kept = {
+        name: os.environ.pop(name)
+        for name in list(os.environ)
+        if name.startswith("AERODB_WORKSPACE")
+    }
     found[""] = tmp_path_factory.mktemp("guides")
     yield found
     os.chdir(before)
@@ -108,7 +121,9 @@ def test_a_guide_does_what_it_says(name: str, followed: dict[str, Path]) -> None
 
 
 def test_every_guide_is_followed_and_linked() -> None:
-    assert {path.stem for path in DOCS.glob("*.md")} == {*GUIDES, "README"}, "an index beside the guides, nothing else"
+    assert {path.stem for path in DOCS.glob("*.md")} == {*GUIDES, "README"}, (
+        "an index beside the guides, nothing else"
+    )
     readme = (DOCS.parent / "README.md").read_text(encoding="utf-8")
     linked = set(re.findall(r"\]\((docs/[^)#]+)\)", readme))
     assert {f"docs/{name}.md" for name in GUIDES} <= linked
@@ -133,4 +148,8 @@ def test_pictures_of_the_readme_are_small_and_all_there() -> None:
     assert used == set(there)
     assert used == set(PICTURES), "make pictures renews them all"
     assert all(path.stat().st_size < 150_000 for path in there.values())
-    assert not [name for name, path in there.items() if re.search(r"<script|https?://(?!www\.w3\.org/)", path.read_text("utf-8"))]
+    assert not [
+        name
+        for name, path in there.items()
+        if re.search(r"<script|https?://(?!www\.w3\.org/)", path.read_text("utf-8"))
+    ]

@@ -1,4 +1,5 @@
-"""The inbox: each file ends exactly once and where it belongs, whatever it is called, is, or does to who reads it.
+"""The inbox: each file ends exactly once and where it belongs, whatever it is called, is, or does
+to who reads it.
 
 Sweeps run without the orchestrator here; `test_serve.py` has them started by it.
 """
@@ -25,7 +26,14 @@ from aerodb.storage.upkeep.verify import verify
 from aerodb.storage.workspace import Workspace
 from tests.support.glider_runs import prepared
 from tests.support.paths import ROOT
-from tests.support.small_glider import NAME, channels, state_of, write_csv, write_files, write_parquet
+from tests.support.small_glider import (
+    NAME,
+    channels,
+    state_of,
+    write_csv,
+    write_files,
+    write_parquet,
+)
 from tests.support.sweeps import QUICK, events, kinds, left, swept
 
 
@@ -42,10 +50,16 @@ def workspace(tmp_path: Path, logs: list[Path]) -> Workspace:
     return made
 
 
-def test_many_logs_at_once_end_where_they_belong(workspace: Workspace, tmp_path: Path, trials: Callable[[int, int], int]) -> None:
-    """5 % damaged, 5 % copies under other names; queries answer meanwhile, and a second sweep changes nothing."""
+def test_many_logs_at_once_end_where_they_belong(
+    workspace: Workspace, tmp_path: Path, trials: Callable[[int, int], int]
+) -> None:
+    """5 % damaged, 5 % copies under other names; queries answer meanwhile, and a second sweep
+    changes nothing."""
     number, box, rng = trials(40, 1000), workspace.inbox / NAME, random.Random(6)
-    damaged, copied = set(rng.sample(range(number), number // 20)), rng.sample(range(number), number // 20)
+    damaged, copied = (
+        set(rng.sample(range(number), number // 20)),
+        rng.sample(range(number), number // 20),
+    )
     for k in range(number):
         log = write_parquet(box / f"flight{k}.parquet", channels(1000 + k, seconds=6.0))
         if k in damaged:
@@ -71,15 +85,27 @@ def test_many_logs_at_once_end_where_they_belong(workspace: Workspace, tmp_path:
     counts = Counter(entry["kind"] for entry in document["files"])
     bad_copies = sum(k in damaged for k in copied)
     assert counts == Counter(
-        stored=number - len(damaged), duplicate=len(copied) - bad_copies, quarantined=len(damaged) + bad_copies
+        stored=number - len(damaged),
+        duplicate=len(copied) - bad_copies,
+        quarantined=len(damaged) + bad_copies,
     )
-    assert sorted(entry["file"] for entry in document["files"] if entry["kind"] == "quarantined") == sorted(
-        [f"{NAME}/flight{k}.parquet" for k in damaged] + [f"{NAME}/again {k}.parquet" for k in copied if k in damaged]
+    assert sorted(
+        entry["file"] for entry in document["files"] if entry["kind"] == "quarantined"
+    ) == sorted(
+        [f"{NAME}/flight{k}.parquet" for k in damaged]
+        + [f"{NAME}/again {k}.parquet" for k in copied if k in damaged]
     )
     assert left(workspace) == []
     assert answered == sorted(answered)
-    kept = [path for folder in ("logs", "quarantine") for path in (workspace.root / folder).rglob("*") if path.is_file()]
-    assert {path.read_bytes() for path in kept if path.name != "reason.json"} == contents, "no byte of any log is lost"
+    kept = [
+        path
+        for folder in ("logs", "quarantine")
+        for path in (workspace.root / folder).rglob("*")
+        if path.is_file()
+    ]
+    assert {path.read_bytes() for path in kept if path.name != "reason.json"} == contents, (
+        "no byte of any log is lost"
+    )
     with Catalogue.open(workspace.catalogue) as catalogue:
         assert verify(workspace, catalogue).problems == []
     before = state_of(workspace.root)
@@ -114,14 +140,23 @@ def test_names_are_only_names(workspace: Workspace, logs: list[Path], tmp_path: 
     with Catalogue.open(workspace.catalogue) as catalogue:
         assert len(catalogue.flights(NAME)) == len(HOSTILE)
         named = {log.name for log in catalogue.logs()}
-    assert {"a'; DROP TABLE flights;--.csv", "line\nbreak\x1b[31m.csv", "not-utf8-\\udcff\\udcfe.csv"} <= named
+    assert {
+        "a'; DROP TABLE flights;--.csv",
+        "line\nbreak\x1b[31m.csv",
+        "not-utf8-\\udcff\\udcfe.csv",
+    } <= named
     kept = sorted(path.name for path in (workspace.root / "logs").rglob("*") if path.is_file())
     assert all(len(name) == 68 and name.endswith(".csv") for name in kept)
     assert state_of(outside, but=()) == before
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["outside", "w"], "nothing beside the workspace came into being"
+    assert sorted(p.name for p in tmp_path.iterdir()) == [
+        "outside",
+        "w",
+    ], "nothing beside the workspace came into being"
 
 
-def test_links_and_pipes_are_put_aside_unopened(workspace: Workspace, logs: list[Path], tmp_path: Path) -> None:
+def test_links_and_pipes_are_put_aside_unopened(
+    workspace: Workspace, logs: list[Path], tmp_path: Path
+) -> None:
     """A pipe once opened waits for ever, and what a link points at is not ours."""
     outside = tmp_path / "outside"
     outside.mkdir()
@@ -148,7 +183,8 @@ def test_links_and_pipes_are_put_aside_unopened(workspace: Workspace, logs: list
 
 
 def test_a_file_that_is_still_copied_is_waited_for(workspace: Workspace, logs: list[Path]) -> None:
-    """Also one whose writer takes a rest, where the system tells that it has it open; names of unfinished files wait, too."""
+    """Also one whose writer takes a rest, where the system tells that it has it open; names of
+    unfinished files wait, too."""
     box, whole = workspace.inbox / NAME, logs[0].read_bytes()
     for name in (".hidden.csv", "a.csv.part", "b.csv.tmp", "c.csv~"):
         (box / name).write_bytes(whole)
@@ -166,7 +202,8 @@ def test_a_file_that_is_still_copied_is_waited_for(workspace: Workspace, logs: l
 
 
 def test_a_clock_that_was_set_back_stops_nothing(workspace: Workspace, logs: list[Path]) -> None:
-    """The file's times lie in the future then: what stands still for a moment is ready all the same."""
+    """The file's times lie in the future then: what stands still for a moment is ready all the
+    same."""
     log = workspace.inbox / NAME / "a.csv"
     shutil.copy(logs[0], log)
     os.utime(log, (time.time() + 86_400,) * 2)
@@ -177,12 +214,16 @@ def test_a_clock_that_was_set_back_stops_nothing(workspace: Workspace, logs: lis
     assert look_again([seen], 0.2, 0.2)[0].state == "copying", "it changed meanwhile"
 
 
-def test_what_belongs_to_no_vehicle_waits_and_says_so(workspace: Workspace, logs: list[Path]) -> None:
+def test_what_belongs_to_no_vehicle_waits_and_says_so(
+    workspace: Workspace, logs: list[Path]
+) -> None:
     (workspace.inbox / "unknown" / "deep").mkdir(parents=True)
     shutil.copy(logs[0], workspace.inbox / "unknown" / "deep" / "a.csv")
     shutil.copy(logs[1], workspace.inbox / "beside.csv")
     document = swept(workspace)
-    assert kinds(document) == {"beside.csv": "stored"}, "there is only one vehicle that it can be of"
+    assert kinds(document) == {"beside.csv": "stored"}, (
+        "there is only one vehicle that it can be of"
+    )
     (entry,) = document["waiting"]
     assert entry["reason"] == f"no vehicle 'unknown': put it into inbox/{NAME}/"
     with Catalogue.open(workspace.catalogue) as catalogue:
@@ -200,11 +241,15 @@ def test_what_lies_too_deep_is_said(workspace: Workspace, logs: list[Path]) -> N
     shutil.copy(logs[1], too_deep)
     document = swept(workspace)
     assert [entry["kind"] for entry in document["files"]] == ["stored"]
-    assert ["more than 16 folders deep" in entry["reason"] for entry in document["waiting"]] == [True]
+    assert ["more than 16 folders deep" in entry["reason"] for entry in document["waiting"]] == [
+        True
+    ]
     assert [path.name for path in workspace.inbox.rglob("*.csv")] == ["flight2.csv"]
 
 
-def test_a_log_of_another_vehicle_is_quarantined_and_stays_stored(workspace: Workspace, logs: list[Path]) -> None:
+def test_a_log_of_another_vehicle_is_quarantined_and_stays_stored(
+    workspace: Workspace, logs: list[Path]
+) -> None:
     with Catalogue.open(workspace.catalogue) as catalogue:
         catalogue.add_vehicle("other", catalogue.vehicle(NAME).text.replace(NAME, "other"))
     shutil.copy(logs[0], workspace.inbox / NAME / "a.csv")
@@ -217,31 +262,39 @@ def test_a_log_of_another_vehicle_is_quarantined_and_stays_stored(workspace: Wor
         assert [log.status for log in catalogue.logs()] == ["stored"]
 
 
-def test_one_that_ends_every_process_is_put_aside_and_stops_no_other(workspace: Workspace, logs: list[Path]) -> None:
-    """The process is killed, for real, whenever it comes to this file: after two times it is in quarantine, unread."""
+def test_one_that_ends_every_process_is_put_aside_and_stops_no_other(
+    workspace: Workspace, logs: list[Path]
+) -> None:
+    """The process is killed, for real, whenever it comes to this file: after two times it is in
+    quarantine, unread."""
     box = workspace.inbox / NAME
-    (workspace.root / "settings.toml").write_text(QUICK.replace("[inbox]", "[inbox]\nattempts = 2"), encoding="utf-8")
+    (workspace.root / "settings.toml").write_text(
+        QUICK.replace("[inbox]", "[inbox]\nattempts = 2"), encoding="utf-8"
+    )
     for k, log in enumerate(logs[:2]):
         shutil.copy(log, box / f"{2 * k}.csv")
     shutil.copy(logs[3], box / "1-deadly.csv")
     code = (
-        "import os, signal, sys; from pathlib import Path; import aerodb.flows.flight as flight; from aerodb.flows.run import run_flow;"
-        "from aerodb.flows.inbox import sweep_flow; from aerodb.storage.workspace import Workspace;"
-        "store = flight.store_log;\n"
-        "def deadly(log, **given):\n"
-        "    if 'deadly' in log: os.kill(os.getpid(), signal.SIGKILL)\n"
-        "    return store(log, **given)\n"
-        "flight.store_log = deadly\n"
-        "run_flow(sweep_flow, {}, Workspace.open(Path(sys.argv[1])), 'direct')\n"
+        "import os, signal, sys; from pathlib import Path; import aerodb.flows.flight as flight;"
+        " from aerodb.flows.run import run_flow;from aerodb.flows.inbox import sweep_flow; from"
+        " aerodb.storage.workspace import Workspace;store = flight.store_log;\ndef deadly(log,"
+        " **given):\n    if 'deadly' in log: os.kill(os.getpid(), signal.SIGKILL)\n    return"
+        " store(log, **given)\nflight.store_log = deadly\nrun_flow(sweep_flow, {},"
+        " Workspace.open(Path(sys.argv[1])), 'direct')\n"
     )
     folder = ROOT
     ended = []
     for _ in range(3):
         command = [sys.executable, "-c", code, str(workspace.root)]
-        ended.append(subprocess.run(command, cwd=folder, capture_output=True, timeout=600).returncode)
+        ended.append(
+            subprocess.run(command, cwd=folder, capture_output=True, timeout=600).returncode
+        )
     assert ended == [-signal.SIGKILL] * 2 + [0]
     assert events(workspace, "quarantined") == [f"{NAME}/1-deadly.csv"]
-    assert events(workspace, "stored") == [f"{NAME}/0.csv", f"{NAME}/2.csv"], "each once, none as its own duplicate"
+    assert events(workspace, "stored") == [
+        f"{NAME}/0.csv",
+        f"{NAME}/2.csv",
+    ], "each once, none as its own duplicate"
     assert events(workspace, "duplicate") == []
     (reason,) = (workspace.root / "quarantine").glob("*/reason.json")
     assert "tried 2 times" in reason.read_text()
@@ -269,8 +322,11 @@ run_flow(sweep_flow, {}, Workspace.open(Path(sys.argv[1])), "direct")
 """
 
 
-def test_a_kill_at_any_step_of_the_ending_loses_and_doubles_nothing(workspace: Workspace, logs: list[Path]) -> None:
-    """kill -9 before and after each step that takes a file out of the inbox; then one sweep, and all is as if undisturbed."""
+def test_a_kill_at_any_step_of_the_ending_loses_and_doubles_nothing(
+    workspace: Workspace, logs: list[Path]
+) -> None:
+    """kill -9 before and after each step that takes a file out of the inbox; then one sweep, and
+    all is as if undisturbed."""
     settings = QUICK.replace("[inbox]", "[inbox]\nattempts = 20")
     (workspace.root / "settings.toml").write_text(settings, encoding="utf-8")
     box = workspace.inbox / NAME
@@ -285,15 +341,23 @@ def test_a_kill_at_any_step_of_the_ending_loses_and_doubles_nothing(workspace: W
     ):
         command = [sys.executable, "-c", KILLED, str(workspace.root), owner, name, when]
         folder = ROOT
-        assert subprocess.run(command, cwd=folder, capture_output=True, timeout=600).returncode == -signal.SIGKILL, (owner, when)
+        assert (
+            subprocess.run(command, cwd=folder, capture_output=True, timeout=600).returncode
+            == -signal.SIGKILL
+        ), (owner, when)
     assert swept(workspace)["files"] == []
     assert left(workspace) == []
     assert events(workspace, "stored") == [f"{NAME}/good.csv"]
     assert events(workspace, "duplicate") == []
-    kept = [path for part in ("logs", "quarantine") for path in (workspace.root / part).rglob("*.csv")]
+    kept = [
+        path for part in ("logs", "quarantine") for path in (workspace.root / part).rglob("*.csv")
+    ]
     assert {path.read_bytes() for path in kept} == contents
     with Catalogue.open(workspace.catalogue) as catalogue:
-        assert sorted((log.name, log.status) for log in catalogue.logs()) == [("bad.csv", "quarantined"), ("good.csv", "stored")]
+        assert sorted((log.name, log.status) for log in catalogue.logs()) == [
+            ("bad.csv", "quarantined"),
+            ("good.csv", "stored"),
+        ]
         assert verify(workspace, catalogue).problems == []
 
 
@@ -323,5 +387,8 @@ def test_two_sweeps_at_once_take_each_file_once(workspace: Workspace, logs: list
         sweep.start()
     for sweep in sweeps:
         sweep.join()
-    assert sorted(entry["kind"] for document in documents for entry in document["files"]) == ["stored"] * 4
+    assert (
+        sorted(entry["kind"] for document in documents for entry in document["files"])
+        == ["stored"] * 4
+    )
     assert len(events(workspace, "stored")) == 4

@@ -1,4 +1,5 @@
-"""The nightly flow: databases are taken further when enough is new, people are told, and what is stored costs nothing."""
+"""The nightly flow: databases are taken further when enough is new, people are told, and what is
+stored costs nothing."""
 
 import json
 import shutil
@@ -94,14 +95,17 @@ def hook() -> Iterator[Received]:
 def test_a_candidate_is_made_when_enough_is_new_and_told_once(
     tmp_path: Path, logs: list[Path], hook: Received, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Two flights are not enough, three are; the night after does nothing; two more are not enough again. A webhook that is
-    down gets its notification later, and its address, which holds a secret, stands nowhere."""
+    """Two flights are not enough, three are; the night after does nothing; two more are not enough
+    again. A webhook that is down gets its notification later, and its address, which holds a
+    secret, stands nowhere."""
     monkeypatch.setenv("HOOK", hook.address)
     workspace = _made(tmp_path / "w", logs, '[notification]\nwebhook = "$HOOK"\n')
     for log in logs[:2]:
         shutil.copy(log, workspace.inbox / NAME)
     first = _night(workspace)
-    assert [(loop["due"], loop["new"], loop["candidate"]) for loop in first["loops"]] == [(False, 2, None)]
+    assert [(loop["due"], loop["new"], loop["candidate"]) for loop in first["loops"]] == [
+        (False, 2, None)
+    ]
     shutil.copy(logs[2], workspace.inbox / NAME)
     (workspace.inbox / NAME / "bad.csv").write_text("time,nothing\n0,1\n")
     hook.status = 500
@@ -118,13 +122,23 @@ def test_a_candidate_is_made_when_enough_is_new_and_told_once(
     assert [document["occasion"] for document in hook.documents] == ["refused", "candidate"]
     refused, candidate = hook.documents
     assert "no mapping fits" in refused["details"]["files"][0]["reason"]
-    assert (candidate["details"]["version"], candidate["details"]["label"]) == (loop["candidate"], "v0002")
-    assert candidate["details"]["axes"]["CZ"]["rms_after"] < candidate["details"]["axes"]["CZ"]["rms_before"]
+    assert (candidate["details"]["version"], candidate["details"]["label"]) == (
+        loop["candidate"],
+        "v0002",
+    )
+    assert (
+        candidate["details"]["axes"]["CZ"]["rms_after"]
+        < candidate["details"]["axes"]["CZ"]["rms_before"]
+    )
     for log in logs[3:]:
         shutil.copy(log, workspace.inbox / NAME)
     assert [(loop["due"], loop["new"]) for loop in _night(workspace)["loops"]] == [(False, 2)]
     assert len(hook.documents) == 2
-    found = [path for path in workspace.root.rglob("*") if path.is_file() and b"sesame" in path.read_bytes()]
+    found = [
+        path
+        for path in workspace.root.rglob("*")
+        if path.is_file() and b"sesame" in path.read_bytes()
+    ]
     assert found == []
 
 
@@ -144,7 +158,9 @@ def test_one_loop_that_fails_is_said_and_stops_nothing(tmp_path: Path, logs: lis
     assert "increments.toml" in loop["error"] or "cannot be read" in loop["error"]
     (message,) = [json.loads(line) for line in told.read_text().splitlines()]
     assert (message["occasion"], message["vehicle"]) == ("failed", NAME)
-    assert [loop["due"] for loop in _night(workspace)["loops"]] == [True], "what failed is tried again the next night"
+    assert [loop["due"] for loop in _night(workspace)["loops"]] == [True], (
+        "what failed is tried again the next night"
+    )
 
 
 def test_a_vehicle_with_its_own_schedule_is_left_to_it(tmp_path: Path, logs: list[Path]) -> None:
@@ -153,7 +169,9 @@ def test_a_vehicle_with_its_own_schedule_is_left_to_it(tmp_path: Path, logs: lis
     assert [loop["vehicle"] for loop in _night(workspace, vehicle=NAME)["loops"]] == [NAME]
 
 
-def test_a_run_whose_process_is_gone_has_crashed_and_one_that_lives_has_not(tmp_path: Path, logs: list[Path]) -> None:
+def test_a_run_whose_process_is_gone_has_crashed_and_one_that_lives_has_not(
+    tmp_path: Path, logs: list[Path]
+) -> None:
     workspace = _made(tmp_path / "w", logs)
     with Catalogue.open(workspace.catalogue) as catalogue:
         dead = catalogue.start_run("flight_flow", how="direct", parameters={"vehicle": NAME}).id
@@ -166,7 +184,9 @@ def test_a_run_whose_process_is_gone_has_crashed_and_one_that_lives_has_not(tmp_
         assert "without a word" in catalogue.run(dead).error
 
 
-def test_what_cannot_be_delivered_waits_in_order(tmp_path: Path, logs: list[Path], hook: Received) -> None:
+def test_what_cannot_be_delivered_waits_in_order(
+    tmp_path: Path, logs: list[Path], hook: Received
+) -> None:
     workspace = _made(tmp_path / "w", logs, f'[notification]\nwebhook = "{hook.address}"\n')
     for k in range(3):
         post(workspace, "failed", NAME, f"sentence {k}", {})
@@ -193,7 +213,8 @@ def test_a_command_leaves_a_night_alone_that_is_under_way(tmp_path: Path, logs: 
 
 
 def _statements(workspace: Workspace) -> int:
-    """How many statements a night with one new flight puts to the catalogue, and that it reads no stored flight."""
+    """How many statements a night with one new flight puts to the catalogue, and that it reads no
+    stored flight."""
     count = 0
 
     def note(*_: Any) -> None:
@@ -210,14 +231,21 @@ def _statements(workspace: Workspace) -> int:
 
 
 def test_a_night_costs_what_is_new(tmp_path: Path, logs: list[Path]) -> None:
-    """One new flight beside three stored ones and beside thirteen: the same number of statements, and no stored flight is
-    opened again (their files are taken away meanwhile)."""
+    """One new flight beside three stored ones and beside thirteen: the same number of statements,
+    and no stored flight is opened again (their files are taken away meanwhile)."""
     workspace = _made(tmp_path / "w", logs)
-    (workspace.root / "settings.toml").write_text(SETTINGS.replace("after = 3", "after = 50"), encoding="utf-8")
+    (workspace.root / "settings.toml").write_text(
+        SETTINGS.replace("after = 3", "after = 50"), encoding="utf-8"
+    )
     box, counts = workspace.inbox / NAME, []
     for stored in (3, 9):
-        more = [write_csv(tmp_path / f"{stored}-{k}.csv", channels(100 * stored + k, seconds=6.0)) for k in range(stored)]
-        run_flow(flight_flow, {"logs": [str(log) for log in more], "vehicle": NAME}, workspace, "direct")
+        more = [
+            write_csv(tmp_path / f"{stored}-{k}.csv", channels(100 * stored + k, seconds=6.0))
+            for k in range(stored)
+        ]
+        run_flow(
+            flight_flow, {"logs": [str(log) for log in more], "vehicle": NAME}, workspace, "direct"
+        )
         away = workspace.root / "flights-away"
         (workspace.root / "flights").rename(away)
         (workspace.root / "flights").mkdir()

@@ -1,4 +1,5 @@
-"""From logs to a proof and a release by commands, the same tests as on a file: the catalogue is in PostgreSQL here."""
+"""From logs to a proof and a release by commands, the same tests as on a file: the catalogue is in
+PostgreSQL here."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -34,7 +35,9 @@ def url(postgresql_server: Server) -> Iterator[str]:
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory, url: str) -> tuple[Path, list[Path], dict[str, Any]]:
+def made(
+    tmp_path_factory: pytest.TempPathFactory, url: str
+) -> tuple[Path, list[Path], dict[str, Any]]:
     workspace = tmp_path_factory.mktemp("made") / "w"
     name_in_settings(workspace, url)
     return from_logs_to_proof(tmp_path_factory.mktemp("files"), workspace)
@@ -45,8 +48,13 @@ def flown(made: tuple[Path, list[Path], dict[str, Any]]) -> tuple[Path, Path]:
     return made[0], made[1][0].parent
 
 
-def test_the_rows_are_in_the_database_and_no_file_is_there(made: tuple[Path, list[Path], dict[str, Any]], url: str) -> None:
+def test_the_rows_are_in_the_database_and_no_file_is_there(
+    made: tuple[Path, list[Path], dict[str, Any]], url: str
+) -> None:
     assert not list(made[0].glob("catalogue*"))
     with psycopg.connect(url) as raw:
-        counted = raw.execute("SELECT (SELECT count(*) FROM flights), (SELECT count(*) FROM versions WHERE number <= 2)")
+        counted = raw.execute(
+            "SELECT (SELECT count(*) FROM flights), (SELECT count(*) FROM versions WHERE number"
+            " <= 2)"
+        )
         assert counted.fetchone() == (6, 2)

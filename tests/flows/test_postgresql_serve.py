@@ -1,4 +1,5 @@
-"""``aerodb serve`` with the catalogue and Prefect's own database in PostgreSQL: the inbox, cut connections, and its end."""
+"""``aerodb serve`` with the catalogue and Prefect's own database in PostgreSQL: the inbox, cut
+connections, and its end."""
 
 import os
 import shutil
@@ -33,11 +34,21 @@ run = []
 
 
 @pytest.fixture
-def served(tmp_path: Path, postgresql_server: Server, monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Served, list[str]]]:
-    """A workspace that is served, and the names of the databases of its catalogue and of Prefect."""
+def served(
+    tmp_path: Path, postgresql_server: Server, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[tuple[Served, list[str]]]:
+    """A workspace that is served, and the names of the databases of its catalogue and of
+    Prefect."""
     databases = [postgresql_server.empty(), postgresql_server.empty()]
-    urls = [postgresql_server.url(name).replace("aerodb@", f"aerodb:{SECRET}@") for name in databases]
-    given = {"TEST_CATALOGUE": urls[0], "TEST_PREFECT": urls[1], "AERODB_TOKEN": TOKEN, "HOME": str(tmp_path)}
+    urls = [
+        postgresql_server.url(name).replace("aerodb@", f"aerodb:{SECRET}@") for name in databases
+    ]
+    given = {
+        "TEST_CATALOGUE": urls[0],
+        "TEST_PREFECT": urls[1],
+        "AERODB_TOKEN": TOKEN,
+        "HOME": str(tmp_path),
+    }
     monkeypatch.setenv("TEST_CATALOGUE", urls[0])
     logs = write_files(tmp_path / "logs", 2)
     name_in_settings(tmp_path / "w", "$TEST_CATALOGUE", SETTINGS)
@@ -60,12 +71,20 @@ def test_logs_are_taken_in_with_everything_in_postgresql_and_through_cuts(
     workspace = one.workspace
     _until(lambda: note_of(workspace.lock("serve")).get("url"), one, "the server came up")
     _until(lambda: _ended(one).get("missed.csv") == "stored", one, "what waited was taken in")
-    _until(lambda: _completed(postgresql_server.url(databases[1])), one, "Prefect's database held the run")
+    _until(
+        lambda: _completed(postgresql_server.url(databases[1])),
+        one,
+        "Prefect's database held the run",
+    )
     assert not list(workspace.prefect.glob("prefect.db*"))
     for name in databases:
         postgresql_server.cut(name)
     shutil.copy(one.logs[1], workspace.inbox / NAME / "after.csv")
-    _until(lambda: _ended(one).get("after.csv") == "stored", one, "a log was taken in after all connections were cut")
+    _until(
+        lambda: _ended(one).get("after.csv") == "stored",
+        one,
+        "a log was taken in after all connections were cut",
+    )
     one.process.send_signal(signal.SIGTERM)
     assert one.process.wait(timeout=300) == 0, one.said()
     assert not is_held(workspace.lock("serve"))
@@ -77,7 +96,10 @@ def test_logs_are_taken_in_with_everything_in_postgresql_and_through_cuts(
 
 def _completed(url: str) -> bool:
     with psycopg.connect(url) as raw:
-        return raw.execute("SELECT 1 FROM flow_run WHERE state_type = 'COMPLETED'").fetchone() is not None
+        return (
+            raw.execute("SELECT 1 FROM flow_run WHERE state_type = 'COMPLETED'").fetchone()
+            is not None
+        )
 
 
 def _nothing_tells_the_secret(one: Served) -> None:

@@ -1,4 +1,5 @@
-"""A workspace whose catalogue is in PostgreSQL: verified, backed up, moved to SQLite and back, and cut off while it runs."""
+"""A workspace whose catalogue is in PostgreSQL: verified, backed up, moved to SQLite and back, and
+cut off while it runs."""
 
 import random
 import shutil
@@ -63,7 +64,11 @@ class Copies:
     def of(self, made: Made, name: str = "copy") -> Workspace:
         self.databases.append(self._server.copy_of(made.database))
         root = Path(shutil.copytree(made.root, self._folder / name))
-        settings = (root / "settings.toml").read_text().replace(f'/{made.database}"', f'/{self.databases[-1]}"')
+        settings = (
+            (root / "settings.toml")
+            .read_text()
+            .replace(f'/{made.database}"', f'/{self.databases[-1]}"')
+        )
         (root / "settings.toml").write_text(settings)
         return Workspace.open(root)
 
@@ -87,7 +92,9 @@ def workspace(made: Made, copies: Copies) -> Workspace:
 
 
 def ingest(workspace: Workspace, *logs: Path) -> None:
-    run_flow(flight_flow, {"logs": [str(log) for log in logs], "vehicle": NAME}, workspace, "direct")
+    run_flow(
+        flight_flow, {"logs": [str(log) for log in logs], "vehicle": NAME}, workspace, "direct"
+    )
 
 
 def found(workspace: Workspace) -> list[tuple[str, str]]:
@@ -102,18 +109,37 @@ def found(workspace: Workspace) -> list[tuple[str, str]]:
     ("statement", "where"),
     [
         ("UPDATE versions SET settings = '{}' WHERE number = 2", f"v0002 of {NAME}"),
-        ("UPDATE versions SET content = replace(content, '-0.65', '-0.66') WHERE number = 1", f"v0001 of {NAME}"),
-        ("DELETE FROM version_inputs WHERE version = (SELECT id FROM versions WHERE number = 1)", f"v0001 of {NAME}"),
-        ("UPDATE name_events SET previous = version WHERE sequence = (SELECT max(sequence) FROM name_events)", "'candidate'"),
+        (
+            "UPDATE versions SET content = replace(content, '-0.65', '-0.66') WHERE number = 1",
+            f"v0001 of {NAME}",
+        ),
+        (
+            "DELETE FROM version_inputs WHERE version = (SELECT id FROM versions WHERE number = 1)",
+            f"v0001 of {NAME}",
+        ),
+        (
+            (
+                "UPDATE name_events SET previous = version WHERE sequence = (SELECT max(sequence)"
+                " FROM name_events)"
+            ),
+            "'candidate'",
+        ),
         ("DELETE FROM vehicles", "table flights"),
-        ("INSERT INTO run_versions VALUES ('no such run', 'no such version')", "table run_versions"),
+        (
+            "INSERT INTO run_versions VALUES ('no such run', 'no such version')",
+            "table run_versions",
+        ),
         ("ALTER TABLE versions DISABLE TRIGGER versions_no_update", "table versions"),
         ("DROP TRIGGER flights_no_truncate ON flights", "table flights"),
     ],
 )
-def test_a_catalogue_changed_by_hand_is_found_out(workspace: Workspace, statement: str, where: str) -> None:
+def test_a_catalogue_changed_by_hand_is_found_out(
+    workspace: Workspace, statement: str, where: str
+) -> None:
     with by_hand(workspace.catalogue) as raw:
-        raw.execute("SET session_replication_role = replica")  # a superuser's way past triggers and foreign keys
+        raw.execute(
+            "SET session_replication_role = replica"
+        )  # a superuser's way past triggers and foreign keys
         raw.execute(statement)
     assert any(kind == "catalogue" and where in place for kind, place in found(workspace))
 
@@ -134,10 +160,21 @@ def test_a_catalogue_moves_to_a_file_and_back_with_every_row(
     local = tmp_path / "local.toml"
     local.write_text("[limits]\nreserve = 1000\n")
     called("--workspace", str(workspace.root), "backup", str(tmp_path / "b1"))
-    called("restore", str(tmp_path / "b1"), "--workspace", str(tmp_path / "file"), "--settings", str(local))
+    called(
+        "restore",
+        str(tmp_path / "b1"),
+        "--workspace",
+        str(tmp_path / "file"),
+        "--settings",
+        str(local),
+    )
     in_file = Workspace.open(tmp_path / "file", create=False)
     assert in_file.catalogue.is_file()
-    assert (stored(in_file), rows(in_file), rest(in_file.root)) == (stored(workspace), rows(workspace), rest(workspace.root))
+    assert (stored(in_file), rows(in_file), rest(in_file.root)) == (
+        stored(workspace),
+        rows(workspace),
+        rest(workspace.root),
+    )
     name_in_settings(tmp_path / "there", copies.empty())
     called("--workspace", str(in_file.root), "backup", str(tmp_path / "b2"))
     called(
@@ -150,7 +187,11 @@ def test_a_catalogue_moves_to_a_file_and_back_with_every_row(
     )
     back = Workspace.open(tmp_path / "back", create=False)
     assert not list(back.root.glob("catalogue*"))
-    assert (stored(back), rows(back), rest(back.root)) == (stored(workspace), rows(workspace), rest(workspace.root))
+    assert (stored(back), rows(back), rest(back.root)) == (
+        stored(workspace),
+        rows(workspace),
+        rest(workspace.root),
+    )
     # Work goes on alike in all three.
     for one in (workspace, in_file, back):
         ingest(one, made.logs[3])
@@ -167,10 +208,14 @@ def test_a_backup_is_never_restored_over_a_catalogue(workspace: Workspace, tmp_p
     assert not (tmp_path / "new").exists()
     assert (stored(workspace), rows(workspace)) == before
     refused = CliRunner().invoke(app, ["--workspace", str(tmp_path / "b"), "flight", "list"])
-    assert "no workspace here" in str(refused.exception), "a backup is no workspace: nobody writes to the database by it"
+    assert "no workspace here" in str(refused.exception), (
+        "a backup is no workspace: nobody writes to the database by it"
+    )
 
 
-def test_a_damaged_backup_leaves_an_empty_database(workspace: Workspace, copies: Copies, tmp_path: Path) -> None:
+def test_a_damaged_backup_leaves_an_empty_database(
+    workspace: Workspace, copies: Copies, tmp_path: Path
+) -> None:
     back_up(workspace, tmp_path / "b")
     damaged = next((tmp_path / "b" / "results").rglob("*.parquet"))
     whole = damaged.read_bytes()
@@ -209,7 +254,8 @@ def test_a_backup_while_another_process_takes_logs_in_holds_whole_flights(
 
 @contextmanager
 def cutting(server: Server, database: str, generator: random.Random) -> Iterator[None]:
-    """Cuts all connections to a database at random moments, about twenty times a second, while it lasts."""
+    """Cuts all connections to a database at random moments, about twenty times a second, while it
+    lasts."""
     ended = threading.Event()
 
     def cut() -> None:
@@ -275,13 +321,18 @@ def _cut_inside(item: str, *, workspace: str, run: str) -> int:
         if not CUT:
             CUT.append(catalogue._database.where)
             with psycopg.connect(CUT[0]) as raw:
-                chosen = "FROM pg_stat_activity WHERE datname = current_database() AND pid <> pg_backend_pid()"
+                chosen = (
+                    "FROM pg_stat_activity WHERE datname = current_database() AND pid <>"
+                    " pg_backend_pid()"
+                )
                 raw.execute(f"SELECT pg_terminate_backend(pid) {chosen}")
         catalogue.add_vehicle(f"{item}-too", "text")
     return len(CUT)
 
 
-def test_a_step_whose_connection_is_cut_costs_a_retry_and_nothing_else(workspace: Workspace) -> None:
+def test_a_step_whose_connection_is_cut_costs_a_retry_and_nothing_else(
+    workspace: Workspace,
+) -> None:
     def cut_flow(steps: Any, *, workspace: str, run: str) -> int:
         answer: int = steps(_cut_inside, "another", workspace=workspace, run=run)
         return answer
@@ -290,4 +341,6 @@ def test_a_step_whose_connection_is_cut_costs_a_retry_and_nothing_else(workspace
     assert run_flow(cut_flow, {}, workspace) == 1
     with Catalogue.open(workspace.catalogue) as catalogue:
         assert [row.name for row in catalogue.vehicles()] == ["another", "another-too", NAME]
-        assert [(run.flow, run.state) for run in catalogue.runs(limit=1)] == [("cut_flow", "completed")]
+        assert [(run.flow, run.state) for run in catalogue.runs(limit=1)] == [
+            ("cut_flow", "completed")
+        ]

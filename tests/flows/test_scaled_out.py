@@ -1,4 +1,5 @@
-"""PostgreSQL, an object store and a Dask cluster together: from logs to proof by commands, while a worker is killed."""
+"""PostgreSQL, an object store and a Dask cluster together: from logs to proof by commands, while a
+worker is killed."""
 
 from pathlib import Path
 
@@ -16,7 +17,9 @@ pytest.importorskip("distributed", reason="Dask is not installed (aerodb[dask])"
 pytest.importorskip("moto", reason="no object store to test with (moto)")
 
 
-def test_all_three_together_store_the_same_though_a_worker_is_killed(tmp_path: Path, postgresql_server: Server) -> None:
+def test_all_three_together_store_the_same_though_a_worker_is_killed(
+    tmp_path: Path, postgresql_server: Server
+) -> None:
     """kill -9 as soon as the first flight's file is an object."""
     from tests.support.object_service import object_service
 
@@ -30,7 +33,9 @@ def test_all_three_together_store_the_same_though_a_worker_is_killed(tmp_path: P
         more = f'{dask.settings()}[store]\nurl = "{store}"\n'
         name_in_settings(tmp_path / "w", postgresql_server.url(database), more)
         workspace = prepared(tmp_path / "w", logs[0].parent)
-        with dask.one_killed(when=lambda: any(name.startswith("flights/") for name in service.names(store))) as killed:
+        with dask.one_killed(
+            when=lambda: any(name.startswith("flights/") for name in service.names(store))
+        ) as killed:
             done = by_commands(workspace.root, logs[0].parent, logs[::-1], "--direct")
         assert killed
         same_as_direct(workspace, done, direct)

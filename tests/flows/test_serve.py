@@ -1,4 +1,5 @@
-"""``aerodb serve`` with a real Prefect server: schedules, events, the inbox, crashes, a second one, and its end.
+"""``aerodb serve`` with a real Prefect server: schedules, events, the inbox, crashes, a second one,
+and its end.
 
 It is one process for most tests here, as in use: what they ask of it, they ask in order.
 """
@@ -71,17 +72,36 @@ class Served:
 
     def said(self) -> str:
         """What it said, and what its processes did: for messages of tests that fail."""
-        told = {file.name: file.read_text(errors="replace")[-3000:] for file in sorted(self.workspace.prefect.glob("*.log"))}
+        told = {
+            file.name: file.read_text(errors="replace")[-3000:]
+            for file in sorted(self.workspace.prefect.glob("*.log"))
+        }
         own = self.workspace.root.parent / "said.txt"
-        return "\n".join(f"== {name}\n{text}" for name, text in ({own.name: own.read_text(errors="replace")} | told).items())
+        return "\n".join(
+            f"== {name}\n{text}"
+            for name, text in ({own.name: own.read_text(errors="replace")} | told).items()
+        )
 
 
 def _start(workspace: Workspace, **more: str) -> "subprocess.Popen[bytes]":
-    kept = {name: value for name, value in os.environ.items() if not name.startswith(("PREFECT_", "AERODB_"))}
+    kept = {
+        name: value
+        for name, value in os.environ.items()
+        if not name.startswith(("PREFECT_", "AERODB_"))
+    }
     environment = {**kept, "PYTHONPATH": str(ROOT), "PYTHONUTF8": "1", **more}
-    command = [sys.executable, "-c", "from aerodb.flows.cli import main; main()", "--workspace", str(workspace.root), "serve"]
+    command = [
+        sys.executable,
+        "-c",
+        "from aerodb.flows.cli import main; main()",
+        "--workspace",
+        str(workspace.root),
+        "serve",
+    ]
     with (workspace.root.parent / "said.txt").open("ab") as said:
-        return subprocess.Popen(command, env=environment, stdout=said, stderr=said, start_new_session=True)
+        return subprocess.Popen(
+            command, env=environment, stdout=said, stderr=said, start_new_session=True
+        )
 
 
 def _until(condition: Callable[[], Any], served: Served, what: str, seconds: float = 300.0) -> Any:
@@ -134,7 +154,11 @@ def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
 def _ended(served: Served) -> dict[str, str]:
     with Catalogue.open(served.workspace.catalogue) as catalogue:
         kinds = ("stored", "duplicate", "quarantined")
-        return {e.path.removeprefix(f"{NAME}/"): e.kind for kind in kinds for e in catalogue.arrivals(kind)}  # type: ignore[arg-type]
+        return {
+            e.path.removeprefix(f"{NAME}/"): e.kind
+            for kind in kinds
+            for e in catalogue.arrivals(kind)
+        }  # type: ignore[arg-type]
 
 
 def _runs(served: Served, flow: str, state: Any = "completed") -> list[str]:
@@ -143,20 +167,32 @@ def _runs(served: Served, flow: str, state: Any = "completed") -> list[str]:
 
 
 def test_a_log_that_nobody_told_of_is_taken_in(served: Served) -> None:
-    _until(lambda: _ended(served) == {"missed.csv": "stored"}, served, "the log that waited is stored")
+    _until(
+        lambda: _ended(served) == {"missed.csv": "stored"}, served, "the log that waited is stored"
+    )
     assert list((served.workspace.inbox / NAME).iterdir()) == []
 
 
 def test_the_schedule_fires(served: Served) -> None:
-    """The run in the catalogue is the flow run of the orchestrator, which its own scheduler made."""
-    (run, *_) = _until(lambda: _runs(served, "nightly_flow"), served, "a nightly run on the schedule")
+    """The run in the catalogue is the flow run of the orchestrator, which its own scheduler
+    made."""
+    (run, *_) = _until(
+        lambda: _runs(served, "nightly_flow"), served, "a nightly run on the schedule"
+    )
     found = served.client.post("/flow_runs/filter", {"flow_runs": {"id": {"any_": [run]}}})
     assert [(entry["auto_scheduled"], entry["id"]) for entry in found] == [(True, run)]
     planned = datetime.fromisoformat(found[0]["expected_start_time"])
     assert (planned.second % 30, planned.microsecond) == (0, 0)
-    (deployment,) = served.client.post("/deployments/filter", {"deployments": {"name": {"any_": ["nightly"]}}})
-    own = [entry for entry in deployment["schedules"] if entry["schedule"].get("interval") == 3600.0]
-    assert [(len(own), own[0]["parameters"]["vehicle"]), len(deployment["schedules"])] == [(1, NAME), 2]
+    (deployment,) = served.client.post(
+        "/deployments/filter", {"deployments": {"name": {"any_": ["nightly"]}}}
+    )
+    own = [
+        entry for entry in deployment["schedules"] if entry["schedule"].get("interval") == 3600.0
+    ]
+    assert [(len(own), own[0]["parameters"]["vehicle"]), len(deployment["schedules"])] == [
+        (1, NAME),
+        2,
+    ]
 
 
 def test_nobody_is_served_without_the_token(served: Served) -> None:
@@ -164,14 +200,20 @@ def test_nobody_is_served_without_the_token(served: Served) -> None:
         Client(served.client.url, "").post("/flow_runs/filter", {})
     assert served.client.post("/flow_runs/filter", {"limit": 1})
     assert re.match(r"http://127\.0\.0\.1:\d+/api", served.client.url)
-    kept = [path for path in served.workspace.root.rglob("*") if path.is_file() and TOKEN.encode() in path.read_bytes()]
+    kept = [
+        path
+        for path in served.workspace.root.rglob("*")
+        if path.is_file() and TOKEN.encode() in path.read_bytes()
+    ]
     assert kept == [], "and it is written nowhere"
 
 
 def test_a_second_one_refuses_in_a_sentence(served: Served) -> None:
     second = aerodb(served.workspace.root, "serve")
     assert second.returncode == 1
-    assert f"another aerodb serve is at this workspace: process {served.process.pid}" in second.stderr
+    assert (
+        f"another aerodb serve is at this workspace: process {served.process.pid}" in second.stderr
+    )
     assert "Traceback" not in second.stderr
     assert served.process.poll() is None
 
@@ -199,15 +241,25 @@ def test_status_says_what_it_does(served: Served) -> None:
 
 def test_a_run_without_a_process_is_marked_crashed_and_one_with_is_not(served: Served) -> None:
     """Real runs of the deployment, in the state in which a power cut leaves them."""
-    deployments = served.client.post("/deployments/filter", {"deployments": {"name": {"any_": ["nightly"]}}})
+    deployments = served.client.post(
+        "/deployments/filter", {"deployments": {"name": {"any_": ["nightly"]}}}
+    )
     state = {"type": "RUNNING", "name": "Running"}
 
     def made() -> str:
-        document = {"flow_id": deployments[0]["flow_id"], "deployment_id": deployments[0]["id"], "state": state}
+        document = {
+            "flow_id": deployments[0]["flow_id"],
+            "deployment_id": deployments[0]["id"],
+            "state": state,
+        }
         return str(served.client.post("/flow_runs/", document)["id"])
 
     def state_of(run: str) -> str:
-        return str(served.client.post("/flow_runs/filter", {"flow_runs": {"id": {"any_": [run]}}})[0]["state"]["type"])
+        return str(
+            served.client.post("/flow_runs/filter", {"flow_runs": {"id": {"any_": [run]}}})[0][
+                "state"
+            ]["type"]
+        )
 
     dead, alive = made(), made()
     with holding(served.workspace.lock(f"run-{alive}"), remove=True):
@@ -219,9 +271,14 @@ def test_a_run_without_a_process_is_marked_crashed_and_one_with_is_not(served: S
 
 
 def test_what_is_dropped_while_the_server_is_killed_ends_where_it_belongs(served: Served) -> None:
-    """kill -9 on Prefect's server, logs dropped while it is away: it comes back by itself, and they are taken in."""
+    """kill -9 on Prefect's server, logs dropped while it is away: it comes back by itself, and they
+    are taken in."""
     box = served.workspace.inbox / NAME
-    found = subprocess.run(["pgrep", "-P", str(served.process.pid), "-f", "server start"], capture_output=True, text=True)
+    found = subprocess.run(
+        ["pgrep", "-P", str(served.process.pid), "-f", "server start"],
+        capture_output=True,
+        text=True,
+    )
     killed = datetime.now(UTC)
     os.kill(int(found.stdout.split()[0]), signal.SIGKILL)
     for k in range(8):
@@ -229,11 +286,18 @@ def test_what_is_dropped_while_the_server_is_killed_ends_where_it_belongs(served
     shutil.copy(served.logs[0], box / "copy.csv")
     (box / "damaged.csv").write_bytes(b"\x00\xffnothing")
     (box / "link.csv").symlink_to("/etc/passwd")
-    _until(lambda: "is started again" in served.said() and served.client.healthy(), served, "the server is back")
+    _until(
+        lambda: "is started again" in served.said() and served.client.healthy(),
+        served,
+        "the server is back",
+    )
     served.away.append((killed, datetime.now(UTC)))
     _until(lambda: len(_ended(served)) == 12, served, "all twelve have ended")
     assert Counter(_ended(served).values()) == {"stored": 9, "duplicate": 1, "quarantined": 2}
-    assert {name for name, kind in _ended(served).items() if kind == "quarantined"} == {"damaged.csv", "link.csv"}
+    assert {name for name, kind in _ended(served).items() if kind == "quarantined"} == {
+        "damaged.csv",
+        "link.csv",
+    }
     assert list(box.iterdir()) == []
 
 
@@ -241,13 +305,16 @@ def test_settings_are_read_again_and_a_bad_file_ends_nothing(served: Served) -> 
     path = served.workspace.root / "settings.toml"
     path.write_text(SETTINGS + f"[{BROKEN}]\nstrict = true\n", encoding="utf-8")
     _until(lambda: "no such vehicle" in served.said(), served, "the fault in the settings is said")
-    assert BROKEN in json.loads(aerodb(served.workspace.root, "--json", "status").stdout)["settings"]
+    assert (
+        BROKEN in json.loads(aerodb(served.workspace.root, "--json", "status").stdout)["settings"]
+    )
     path.write_text(SETTINGS.replace("* * * * * */30", "0 0 29 2 *"), encoding="utf-8")
     _until(lambda: "was read again" in served.said(), served, "the new settings are taken")
 
 
 def test_an_event_starts_the_run_of_a_log_that_appears(served: Served) -> None:
-    """The schedule of the test before comes on leap days only: what takes this log in, an event has started."""
+    """The schedule of the test before comes on leap days only: what takes this log in, an event has
+    started."""
     write_csv(served.workspace.inbox / NAME / "told.csv", channels(400, seconds=6.0))
     _until(lambda: _ended(served).get("told.csv") == "stored", served, "the log is stored")
     runs = _until(lambda: _runs(served, "sweep_flow"), served, "the run has ended")
@@ -256,12 +323,15 @@ def test_an_event_starts_the_run_of_a_log_that_appears(served: Served) -> None:
 
 
 def test_it_stops_and_leaves_nothing_behind(served: Served) -> None:
-    """Stopped in the middle of its work: the run is noted as cancelled, and what it was at waits for the next one.
+    """Stopped in the middle of its work: the run is noted as cancelled, and what it was at waits
+    for the next one.
 
-    A run fails when the server dies under it, by whatever its connection says then, and when it begins while a test has broken
-    the settings; no other run may have failed.
+    A run fails when the server dies under it, by whatever its connection says then, and when it
+    begins while a test has broken the settings; no other run may have failed.
     """
-    children = subprocess.run(["pgrep", "-P", str(served.process.pid)], capture_output=True, text=True).stdout.split()
+    children = subprocess.run(
+        ["pgrep", "-P", str(served.process.pid)], capture_output=True, text=True
+    ).stdout.split()
     assert children, "the server's process at least"
     served.process.send_signal(signal.SIGTERM)
     assert served.process.wait(timeout=300) == 0, served.said()
@@ -270,10 +340,18 @@ def test_it_stops_and_leaves_nothing_behind(served: Served) -> None:
     with Catalogue.open(served.workspace.catalogue) as catalogue:
         assert catalogue.runs("running") == ()
         failed = catalogue.runs("failed")
-    others = [run for run in failed if not any(_at_work(run, *span) for span in served.away) and BROKEN not in run.error]
-    assert [(run.flow, run.started_utc, run.ended_utc, run.error) for run in others] == [], f"{served.away}\n{served.said()}"
+    others = [
+        run
+        for run in failed
+        if not any(_at_work(run, *span) for span in served.away) and BROKEN not in run.error
+    ]
+    assert [(run.flow, run.started_utc, run.ended_utc, run.error) for run in others] == [], (
+        f"{served.away}\n{served.said()}"
+    )
     assert served.said().count("stopped") == 1
-    assert not (served.workspace.root.parent / "home" / ".prefect").exists(), "a user's own profile is not ours"
+    assert not (served.workspace.root.parent / "home" / ".prefect").exists(), (
+        "a user's own profile is not ours"
+    )
 
 
 def _at_work(run: RunRow, since: datetime, until: datetime) -> bool:
@@ -282,7 +360,8 @@ def _at_work(run: RunRow, since: datetime, until: datetime) -> bool:
 
 
 def test_killed_it_takes_its_processes_along(tmp_path: Path) -> None:
-    """kill -9 on `aerodb serve` itself: the next one finds no orphan that still serves the workspace."""
+    """kill -9 on `aerodb serve` itself: the next one finds no orphan that still serves the
+    workspace."""
     if sys.platform != "linux":
         pytest.skip("only Linux ends a process with its parent")
     logs = write_files(tmp_path / "logs", 1)
@@ -290,7 +369,9 @@ def test_killed_it_takes_its_processes_along(tmp_path: Path) -> None:
     process = _start(workspace)
 
     def children() -> list[str]:
-        return subprocess.run(["pgrep", "-P", str(process.pid)], capture_output=True, text=True).stdout.split()
+        return subprocess.run(
+            ["pgrep", "-P", str(process.pid)], capture_output=True, text=True
+        ).stdout.split()
 
     try:
         begun = _until(children, Served(workspace, process, logs), "the server's process began")
@@ -309,7 +390,8 @@ def test_killed_it_takes_its_processes_along(tmp_path: Path) -> None:
 def test_without_a_token_of_the_users_it_makes_one_that_only_the_user_can_read(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Other users of the machine can reach a loopback port, too: they are not served, and the user's own commands are."""
+    """Other users of the machine can reach a loopback port, too: they are not served, and the
+    user's own commands are."""
     workspace = _workspace(tmp_path / "w", write_files(tmp_path / "logs", 1))
     one = Served(workspace, _start(workspace), [])
     lock = workspace.lock("serve")
@@ -320,7 +402,11 @@ def test_without_a_token_of_the_users_it_makes_one_that_only_the_user_can_read(
         with pytest.raises(urllib.error.HTTPError, match="401"):
             Client(note["url"], "").post("/flow_runs/filter", {"limit": 1})
         client = Client(note["url"], note["token"])
-        _until(lambda: client.post("/deployments/filter", {"limit": 2}), one, "its own runner is served")
+        _until(
+            lambda: client.post("/deployments/filter", {"limit": 2}),
+            one,
+            "its own runner is served",
+        )
         said = aerodb(workspace.root, "--json", "status").stdout
         assert json.loads(said)["serve"]["url"] == note["url"]
         assert note["token"] not in said + one.said()
@@ -341,7 +427,9 @@ def test_without_a_token_of_the_users_it_makes_one_that_only_the_user_can_read(
 
 def test_what_others_could_reach_is_refused_without_a_token(tmp_path: Path) -> None:
     workspace = Workspace.open(tmp_path / "w")
-    (workspace.root / "settings.toml").write_text('[serve]\nhost = "0.0.0.0"\nport = 0\n', encoding="utf-8")
+    (workspace.root / "settings.toml").write_text(
+        '[serve]\nhost = "0.0.0.0"\nport = 0\n', encoding="utf-8"
+    )
     done = aerodb(workspace.root, "serve")
     assert (done.returncode, done.stdout) == (3, "")
     assert "0.0.0.0, where others than this machine can reach it, without a token" in done.stderr

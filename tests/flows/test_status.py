@@ -1,4 +1,5 @@
-"""``aerodb nightly``, ``status`` and ``retry`` as people call them: what waits, failed and why, and that trying again works."""
+"""``aerodb nightly``, ``status`` and ``retry`` as people call them: what waits, failed and why, and
+that trying again works."""
 
 import hashlib
 import shutil
@@ -48,7 +49,9 @@ def test_nothing_to_say_of_a_quiet_workspace(workspace: Workspace) -> None:
     assert (said["waiting"], said["running"], said["failed"], said["todo"]) == ([], [], [], [])
     assert said["serve"] == {"running": False, "schedule": "cron 0 2 * * * (UTC)"}
     assert said["quarantined"] == {"count": 0, "newest": []}
-    assert said["vehicles"] == [{"vehicle": NAME, "released": "v0001", "candidate": None, "loops": []}]
+    assert said["vehicles"] == [
+        {"vehicle": NAME, "released": "v0001", "candidate": None, "loops": []}
+    ]
 
 
 def test_what_waits_is_said_with_what_to_do(workspace: Workspace, logs: list[Path]) -> None:
@@ -58,15 +61,26 @@ def test_what_waits_is_said_with_what_to_do(workspace: Workspace, logs: list[Pat
     said = asked(workspace.root, "status")
     states = {entry["file"]: (entry["state"], entry["reason"]) for entry in said["waiting"]}
     assert states[f"{NAME}/b.csv.part"] == ("copying", "its name says that it is not finished")
-    assert states["nobody/flight2.csv"] == ("blocked", f"no vehicle 'nobody': put it into inbox/{NAME}/")
+    assert states["nobody/flight2.csv"] == (
+        "blocked",
+        f"no vehicle 'nobody': put it into inbox/{NAME}/",
+    )
     assert said["todo"] == [f"nobody/flight2.csv: no vehicle 'nobody': put it into inbox/{NAME}/"]
     night = asked(workspace.root, "nightly", "--direct")
     assert (night["files"], len(night["waiting"])) == ([], 2)
 
 
-def test_a_log_that_was_refused_is_stored_once_its_cause_is_mended(workspace: Workspace, logs: list[Path]) -> None:
-    """Its fields are called otherwise: no mapping fits. With one in the settings, retrying it is all that is needed."""
-    text = logs[0].read_text().replace("alpha [rad]", "AOA [rad]", 1).replace("qbar [Pa]", "QQ [Pa]", 1)
+def test_a_log_that_was_refused_is_stored_once_its_cause_is_mended(
+    workspace: Workspace, logs: list[Path]
+) -> None:
+    """Its fields are called otherwise: no mapping fits. With one in the settings, retrying it is
+    all that is needed."""
+    text = (
+        logs[0]
+        .read_text()
+        .replace("alpha [rad]", "AOA [rad]", 1)
+        .replace("qbar [Pa]", "QQ [Pa]", 1)
+    )
     text = text.replace("time [s]", "clock [s]", 1)
     (workspace.inbox / NAME / "odd.csv").write_text(text)
     night = asked(workspace.root, "nightly", "--direct")
@@ -79,7 +93,9 @@ def test_a_log_that_was_refused_is_stored_once_its_cause_is_mended(workspace: Wo
     code, again = _called(workspace, "retry", "odd.csv", "--direct")
     assert (code, [e["outcome"] for e in again]) == (3, ["quarantined"]), "nothing is mended yet"
     mapping = _mapping(workspace)
-    (workspace.root / "settings.toml").write_text(f'{SETTINGS}[vehicles.{NAME}]\nmapping = "{mapping}"\n', encoding="utf-8")
+    (workspace.root / "settings.toml").write_text(
+        f'{SETTINGS}[vehicles.{NAME}]\nmapping = "{mapping}"\n', encoding="utf-8"
+    )
     code, again = _called(workspace, "retry", entry["key"][:12], "--direct")
     assert (code, [e["outcome"] for e in again]) == (0, ["stored"])
     assert asked(workspace.root, "status")["quarantined"]["count"] == 0
@@ -94,7 +110,9 @@ def _mapping(workspace: Workspace) -> Path:
     from importlib.resources import files
 
     text = (files("aerodb.storage.mappings") / "canonical.toml").read_text(encoding="utf-8")
-    renamed = text.replace('field = "alpha"', 'field = "AOA"').replace('field = "qbar"', 'field = "QQ"')
+    renamed = text.replace('field = "alpha"', 'field = "AOA"').replace(
+        'field = "qbar"', 'field = "QQ"'
+    )
     renamed = renamed.replace('name = "canonical"', 'name = "odd"').replace('"time"', '"clock"')
     path = workspace.root.parent / "odd.toml"
     path.write_text(renamed, encoding="utf-8")
@@ -102,7 +120,9 @@ def _mapping(workspace: Workspace) -> Path:
     return path
 
 
-def test_a_run_that_failed_is_listed_until_it_is_made_good(workspace: Workspace, logs: list[Path]) -> None:
+def test_a_run_that_failed_is_listed_until_it_is_made_good(
+    workspace: Workspace, logs: list[Path]
+) -> None:
     """The database file was away; with it back, retrying the run does what it should have done."""
     file = workspace.root.parent / "second.toml"
     parameters = {"file": str(file), "vehicle": NAME, "bindings": {}}
@@ -129,7 +149,8 @@ def test_a_run_that_failed_is_listed_until_it_is_made_good(workspace: Workspace,
 def test_what_was_made_good_hides_no_other_failure_and_a_month_is_enough(
     workspace: Workspace, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """One failure, then sixty of another flow that a later run has made good: they once filled the list of fifty."""
+    """One failure, then sixty of another flow that a later run has made good: they once filled the
+    list of fifty."""
     with Catalogue.open(workspace.catalogue) as catalogue:
 
         def ended(flow: str, state: Any) -> str:
@@ -148,16 +169,27 @@ def test_what_was_made_good_hides_no_other_failure_and_a_month_is_enough(
         assert catalogue.unresolved_runs() == ()
 
 
-def test_retrying_all_leaves_out_what_cannot_go_back_yet(workspace: Workspace, logs: list[Path]) -> None:
-    """A log of whom nobody knows who flew it, in a workspace with two vehicles, once stopped it all."""
+def test_retrying_all_leaves_out_what_cannot_go_back_yet(
+    workspace: Workspace, logs: list[Path]
+) -> None:
+    """A log of whom nobody knows who flew it, in a workspace with two vehicles, once stopped it
+    all."""
     with Catalogue.open(workspace.catalogue) as catalogue:
         catalogue.add_vehicle("other-glider", VEHICLE.replace(NAME, "other-glider"))
     for log, vehicle in ((logs[0], ""), (logs[1], NAME)):
-        workspace.quarantine(log, hashlib.sha256(log.read_bytes()).hexdigest(), "wrong mapping", vehicle)
+        workspace.quarantine(
+            log, hashlib.sha256(log.read_bytes()).hexdigest(), "wrong mapping", vehicle
+        )
     code, done = _called(workspace, "retry", "all", "--direct")
     assert code == 3
-    assert {entry["what"]: entry["outcome"] for entry in done} == {"flight1.csv": "quarantined", f"{NAME}/flight2.csv": "stored"}
-    assert f"--vehicle {NAME} or other-glider" in done[0]["reason"] or f"--vehicle other-glider or {NAME}" in done[0]["reason"]
+    assert {entry["what"]: entry["outcome"] for entry in done} == {
+        "flight1.csv": "quarantined",
+        f"{NAME}/flight2.csv": "stored",
+    }
+    assert (
+        f"--vehicle {NAME} or other-glider" in done[0]["reason"]
+        or f"--vehicle other-glider or {NAME}" in done[0]["reason"]
+    )
     assert asked(workspace.root, "status")["quarantined"]["count"] == 1
     code, done = _called(workspace, "retry", "flight1.csv", "--direct", "--vehicle", NAME)
     assert (code, [entry["outcome"] for entry in done]) == (0, ["stored"])
@@ -167,7 +199,9 @@ def test_a_run_that_lost_its_process_counts_as_failed(workspace: Workspace) -> N
     with Catalogue.open(workspace.catalogue) as catalogue:
         run = catalogue.start_run("nightly_flow", how="server", parameters={"vehicle": None}).id
     said = asked(workspace.root, "status")
-    assert [(entry["run"], entry["error"]) for entry in said["failed"]] == [(run, "its process ended without a word")]
+    assert [(entry["run"], entry["error"]) for entry in said["failed"]] == [
+        (run, "its process ended without a word")
+    ]
     assert said["running"] == []
     night = asked(workspace.root, "nightly", "--direct")
     assert [entry["run"] for entry in night["crashed"]] == [run]
@@ -206,20 +240,29 @@ def test_settings_with_a_fault_are_said_and_stop_the_night(workspace: Workspace)
     assert "did you mean 'settle'?" in str(done.exception)
 
 
-def test_the_gate_asks_for_the_flights_that_the_settings_ask_for(workspace: Workspace, logs: list[Path]) -> None:
+def test_the_gate_asks_for_the_flights_that_the_settings_ask_for(
+    workspace: Workspace, logs: list[Path]
+) -> None:
     candidate = ingest_and_update(workspace, logs)["candidate"]
     path = workspace.root / "settings.toml"
-    path.write_text(f"{SETTINGS}[vehicles.{NAME}.gate]\nidentified = 5\nheld_out = 2\n", encoding="utf-8")
+    path.write_text(
+        f"{SETTINGS}[vehicles.{NAME}.gate]\nidentified = 5\nheld_out = 2\n", encoding="utf-8"
+    )
     where = {"workspace": str(workspace.root), "run": "", "name": "released", "reason": "proved"}
     with pytest.raises(GateRefusal, match="4 flights identified, the settings ask for 5"):
         promote(candidate, **where)
-    path.write_text(f"{SETTINGS}[vehicles.{NAME}.gate]\nidentified = 4\nheld_out = 2\n", encoding="utf-8")
+    path.write_text(
+        f"{SETTINGS}[vehicles.{NAME}.gate]\nidentified = 4\nheld_out = 2\n", encoding="utf-8"
+    )
     done = promote(candidate, **where)
     assert (done["moved"], done["checks"][-1]) == (True, "as many flights as the settings ask for")
 
 
-def test_accuracy_limits_of_the_settings_reach_the_verdict_and_belong_to_the_key(workspace: Workspace, logs: list[Path]) -> None:
-    """They stand in place of the vehicle file's; a verdict under others is another result, and the first one comes back."""
+def test_accuracy_limits_of_the_settings_reach_the_verdict_and_belong_to_the_key(
+    workspace: Workspace, logs: list[Path]
+) -> None:
+    """They stand in place of the vehicle file's; a verdict under others is another result, and the
+    first one comes back."""
     shutil.copy(logs[0], workspace.inbox / NAME)
     (entry,) = asked(workspace.root, "nightly", "--direct")["files"]
     path, keys = workspace.root / "settings.toml", []
@@ -228,7 +271,9 @@ def test_accuracy_limits_of_the_settings_reach_the_verdict_and_belong_to_the_key
     for more in ("", f'[vehicles.{NAME}.accuracy]\nattitude = "1 deg"\n', ""):
         path.write_text(SETTINGS + more, encoding="utf-8")
         asked(workspace.root, "retry", entry["flight"][:12], "--direct")
-        keys.append({row.key for row in opened.catalogue.results_of(entry["flight"], "consistency")})
+        keys.append(
+            {row.key for row in opened.catalogue.results_of(entry["flight"], "consistency")}
+        )
         limits = opened.vehicle(NAME)[0].accuracy
         assert limits.attitude == pytest.approx(np.deg2rad(1.0) if more else default.attitude)
         assert limits.flow_angle == default.flow_angle

@@ -1,4 +1,5 @@
-"""A log leaves the inbox only when its own bytes are kept: what was put there meanwhile stays, a damaged copy gives way."""
+"""A log leaves the inbox only when its own bytes are kept: what was put there meanwhile stays, a
+damaged copy gives way."""
 
 import hashlib
 import os
@@ -62,7 +63,9 @@ def test_a_corrected_log_put_there_before_the_quarantine_stays(workspace: Worksp
     assert (kept.read_bytes(), path.read_bytes()) == (LOG, CORRECTED)
 
 
-def test_a_damaged_log_in_quarantine_is_replaced_by_its_own_bytes_only(workspace: Workspace) -> None:
+def test_a_damaged_log_in_quarantine_is_replaced_by_its_own_bytes_only(
+    workspace: Workspace,
+) -> None:
     kept = workspace.quarantine(waiting(workspace).path, SHA256, "no numbers")
     kept.write_bytes(LOG.upper())
     path = waiting(workspace, CORRECTED).path
@@ -75,7 +78,9 @@ def test_a_damaged_log_in_quarantine_is_replaced_by_its_own_bytes_only(workspace
 
 @pytest.mark.parametrize("suffix", [".csv", ".txt"])
 @pytest.mark.parametrize("damaged", [True, False])
-def test_a_damaged_copy_gives_way_and_a_sound_one_stays(workspace: Workspace, suffix: str, damaged: bool) -> None:
+def test_a_damaged_copy_gives_way_and_a_sound_one_stays(
+    workspace: Workspace, suffix: str, damaged: bool
+) -> None:
     """The same size is not the same log; also where it came under another suffix before."""
     copy = workspace.log_path(SHA256, suffix)
     copy.write_bytes(LOG.upper() if damaged else LOG)

@@ -20,7 +20,10 @@ def test_a_lock_ends_with_its_holder(tmp_path: Path) -> None:
         assert is_held(path)
         assert take(path) is None
     assert not is_held(path)
-    code = "import sys, time; from pathlib import Path; from aerodb.storage.locks import take; take(Path(sys.argv[1]));"
+    code = (
+        "import sys, time; from pathlib import Path; from aerodb.storage.locks import take;"
+        " take(Path(sys.argv[1]));"
+    )
     command = [sys.executable, "-c", code + "print(1, flush=True); time.sleep(600)", str(path)]
     holder = subprocess.Popen(command, stdout=subprocess.PIPE, cwd=ROOT)
     assert holder.stdout is not None
@@ -41,11 +44,16 @@ def test_a_note_is_read_while_its_lock_is_held(tmp_path: Path) -> None:
     assert note_of(tmp_path / "absent") == {}
 
 
-def test_who_only_looks_keeps_nobody_from_taking_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A look that lasts a moment (that of `is_held` is such a one) is waited for; who holds it is not."""
+def test_who_only_looks_keeps_nobody_from_taking_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A look that lasts a moment (that of `is_held` is such a one) is waited for; who holds it is
+    not."""
     path = tmp_path / "lock"
     path.touch()
-    monkeypatch.setattr("aerodb.storage.locks._LOOKING", 300.0)  # on a busy machine, the timer below may come late
+    monkeypatch.setattr(
+        "aerodb.storage.locks._LOOKING", 300.0
+    )  # on a busy machine, the timer below may come late
     with path.open("rb") as looking:
         fcntl.flock(looking, fcntl.LOCK_SH)
         over = threading.Timer(0.3, fcntl.flock, (looking, fcntl.LOCK_UN))

@@ -1,5 +1,6 @@
-"""Queries grow with their answer, not with the catalogue: the same family of versions in a small and in a large catalogue
-costs the same work, counted in steps of SQLite's virtual machine and in rows, never in time."""
+"""Queries grow with their answer, not with the catalogue: the same family of versions in a small
+and in a large catalogue costs the same work, counted in steps of SQLite's virtual machine and in
+rows, never in time."""
 
 import re
 import sqlite3
@@ -24,28 +25,54 @@ _AT = "2026-01-01T00:00:00.000000Z"
 
 
 def _crowd(path: Path, versions: int, flights: int) -> None:
-    """Rows as the catalogue itself would have written them: lines of ten versions, each resting on ten flights of its own,
-    and a move of a name to each version. Written in one go: through the catalogue it would take minutes."""
+    """Rows as the catalogue itself would have written them: lines of ten versions, each resting on
+    ten flights of its own, and a move of a name to each version. Written in one go: through the
+    catalogue it would take minutes."""
     raw = sqlite3.connect(path)
     raw.execute("PRAGMA synchronous = OFF")
     names = [f"crowd-{k}" for k in range(flights)]
     ids = [h(name) for name in names]
-    raw.executemany("INSERT INTO log_files VALUES (?, ?, 10, 'ulog', 'stored', '', '[]', ?)", [(i, i, _AT) for i in ids])
-    raw.executemany("INSERT INTO flights VALUES (?, ?, ?, ?, ?)", [(i, V, n, i, _AT) for i, n in zip(ids, names, strict=True)])
-    record = "INSERT INTO flight_records (flight, mapping, start_utc, duration, samples, step, added_utc)"
-    raw.executemany(f"{record} VALUES (?, 'px4', NULL, 20.0, 1001, 0.02, ?)", [(i, _AT) for i in ids])
+    raw.executemany(
+        "INSERT INTO log_files VALUES (?, ?, 10, 'ulog', 'stored', '', '[]', ?)",
+        [(i, i, _AT) for i in ids],
+    )
+    raw.executemany(
+        "INSERT INTO flights VALUES (?, ?, ?, ?, ?)",
+        [(i, V, n, i, _AT) for i, n in zip(ids, names, strict=True)],
+    )
+    record = (
+        "INSERT INTO flight_records (flight, mapping, start_utc, duration, samples, step,"
+        " added_utc)"
+    )
+    raw.executemany(
+        f"{record} VALUES (?, 'px4', NULL, 20.0, 1001, 0.02, ?)", [(i, _AT) for i in ids]
+    )
     event = "INSERT INTO flight_events (flight, kind, verdict, reasons, at_utc)"
     raw.executemany(f"{event} VALUES (?, 'verdict', 'good', '[]', ?)", [(i, _AT) for i in ids])
     keys = [h(f"version-{k}") for k in range(versions)]
     rows = [
-        (key, V, k + 1, keys[k - 1] if k % 10 else None, "{}" + " " * 500, h(k), "{}", "{}", None, _AT)
+        (
+            key,
+            V,
+            k + 1,
+            keys[k - 1] if k % 10 else None,
+            "{}" + " " * 500,
+            h(k),
+            "{}",
+            "{}",
+            None,
+            _AT,
+        )
         for k, key in enumerate(keys)
     ]
     raw.executemany("INSERT INTO versions VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)", rows)
     per = flights // versions
     uses = [(keys[k // per], i, "identified", "") for k, i in enumerate(ids)]
     raw.executemany("INSERT INTO version_flights VALUES (?, ?, ?, ?)", uses)
-    moves = [(V, "crowd", k + 1, key, keys[k - 1] if k else None, _AT, "me", "r") for k, key in enumerate(keys)]
+    moves = [
+        (V, "crowd", k + 1, key, keys[k - 1] if k else None, _AT, "me", "r")
+        for k, key in enumerate(keys)
+    ]
     columns = "vehicle, name, step, version, previous, at_utc, user, reason"
     raw.executemany(f"INSERT INTO name_events ({columns}) VALUES (?, ?, ?, ?, ?, ?, ?, ?)", moves)
     raw.commit()
@@ -60,8 +87,14 @@ def _family(catalogue: Catalogue) -> None:
         uses = [FlightRole(add_flight(catalogue, f"{name}-{k}"), "identified") for k in range(5)]
         parent = provable(catalogue, name, parent)
         with catalogue._database.writing() as connection:
-            values = [{"version": parent, "flight": use.flight, "role": use.role, "reason": ""} for use in uses]
-            connection.execute(sa.text("INSERT INTO version_flights VALUES (:version, :flight, :role, :reason)"), values)
+            values = [
+                {"version": parent, "flight": use.flight, "role": use.role, "reason": ""}
+                for use in uses
+            ]
+            connection.execute(
+                sa.text("INSERT INTO version_flights VALUES (:version, :flight, :role, :reason)"),
+                values,
+            )
 
 
 @pytest.fixture(scope="module")
@@ -80,7 +113,8 @@ def catalogues(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, C
 
 
 class Work:
-    """What queries cost: steps of SQLite's machine (in tens), rows handed over, and the statements themselves."""
+    """What queries cost: steps of SQLite's machine (in tens), rows handed over, and the statements
+    themselves."""
 
     def __init__(self) -> None:
         self.steps = 0
@@ -138,19 +172,25 @@ QUERIES: dict[str, Callable[[Catalogue], Any]] = {
 
 
 @pytest.mark.parametrize("query", QUERIES)
-def test_a_query_does_the_same_work_in_a_catalogue_a_hundred_times_larger(catalogues: dict[str, Catalogue], query: str) -> None:
+def test_a_query_does_the_same_work_in_a_catalogue_a_hundred_times_larger(
+    catalogues: dict[str, Catalogue], query: str
+) -> None:
     cost = {}
     for size, catalogue in catalogues.items():
         with counted(catalogue) as work:
             assert QUERIES[query](catalogue) is not None
         cost[size] = work
     assert len(cost["large"].statements) == len(cost["small"].statements)
-    assert cost["large"].steps <= 1.2 * cost["small"].steps + 5, (cost["small"].steps, cost["large"].steps)
+    assert cost["large"].steps <= 1.2 * cost["small"].steps + 5, (
+        cost["small"].steps,
+        cost["large"].steps,
+    )
     _no_scans(catalogues["large"], cost["large"])
 
 
 def _no_scans(catalogue: Catalogue, work: Work) -> None:
-    """No statement reads a whole table: what is scanned is only what the statement itself has put together."""
+    """No statement reads a whole table: what is scanned is only what the statement itself has put
+    together."""
     with catalogue._database.reading() as connection:
         for statement, parameters in work.statements:
             if not statement.lstrip().startswith(("SELECT", "WITH")):
@@ -158,8 +198,19 @@ def _no_scans(catalogue: Catalogue, work: Work) -> None:
             plan = connection.exec_driver_sql(f"EXPLAIN QUERY PLAN {statement}", parameters).all()
             for row in plan:
                 scanned = re.match(r"SCAN (\w+)", row[3])
-                tables = {"versions", "flights", "flight_records", "flight_events", "version_flights", "name_events", "log_files"}
-                assert scanned is None or scanned[1] not in tables or "VIRTUAL" in row[3], (statement, row[3])
+                tables = {
+                    "versions",
+                    "flights",
+                    "flight_records",
+                    "flight_events",
+                    "version_flights",
+                    "name_events",
+                    "log_files",
+                }
+                assert scanned is None or scanned[1] not in tables or "VIRTUAL" in row[3], (
+                    statement,
+                    row[3],
+                )
 
 
 def test_the_counting_sees_a_query_that_grows(catalogues: dict[str, Catalogue]) -> None:
@@ -171,7 +222,9 @@ def test_the_counting_sees_a_query_that_grows(catalogues: dict[str, Catalogue]) 
     assert steps["large"] > 20 * steps["small"]
 
 
-def test_a_list_reads_headers_from_an_index_and_no_document(catalogues: dict[str, Catalogue]) -> None:
+def test_a_list_reads_headers_from_an_index_and_no_document(
+    catalogues: dict[str, Catalogue],
+) -> None:
     with counted(catalogues["large"]) as work:
         rows = catalogues["large"].versions(V, 50)
     assert len(rows) == 50
@@ -181,7 +234,12 @@ def test_a_list_reads_headers_from_an_index_and_no_document(catalogues: dict[str
         for statement, parameters in work.statements:
             if "FROM versions" in statement:
                 assert "versions.content," not in statement
-                plans += [r[3] for r in connection.exec_driver_sql(f"EXPLAIN QUERY PLAN {statement}", parameters).all()]
+                plans += [
+                    r[3]
+                    for r in connection.exec_driver_sql(
+                        f"EXPLAIN QUERY PLAN {statement}", parameters
+                    ).all()
+                ]
     assert plans == ["SEARCH versions USING COVERING INDEX ix_versions_header (vehicle=?)"]
 
 
@@ -189,7 +247,9 @@ def test_a_version_is_loaded_by_its_own_row_alone(catalogues: dict[str, Catalogu
     with counted(catalogues["large"]) as work:
         documents = catalogues["large"].version_documents(h("three"))
     assert documents.report["check_cases"]
-    assert len([statement for statement, _ in work.statements if statement.startswith("SELECT")]) == 1
+    assert (
+        len([statement for statement, _ in work.statements if statement.startswith("SELECT")]) == 1
+    )
     assert work.steps <= 10
 
 
@@ -202,7 +262,13 @@ def test_a_catalogue_of_the_first_kind_is_brought_up_and_keeps_every_row(tmp_pat
     raw = sqlite3.connect(path)
     for index in ("ix_versions_header", "ix_name_events_order", "ix_name_events_version"):
         raw.execute(f"DROP INDEX {index}")
-    for table in ("flight_fingerprints", "flight_repeats", "calibrations", "flight_calibrations", "stored_files"):
+    for table in (
+        "flight_fingerprints",
+        "flight_repeats",
+        "calibrations",
+        "flight_calibrations",
+        "stored_files",
+    ):
         raw.execute(f"DROP TABLE {table}")
     raw.execute("DROP TABLE inbox_events")
     raw.execute("DROP INDEX ix_flights_newest")

@@ -63,8 +63,16 @@ def test_without_a_file_everything_has_its_default(tmp_path: Path) -> None:
     ("text", "what", "remedy"),
     [
         ("[inbox]\nsetle = 3", "unknown key 'inbox.setle'", "did you mean 'settle'?"),
-        ("[vehicles.g.gate]\nheldout = 3", "unknown key 'vehicles.g.gate.heldout'", "did you mean 'held_out'?"),
-        ("[inbox]\nsettle = -3", "inbox.settle: Input should be greater than or equal to 0", "got -3"),
+        (
+            "[vehicles.g.gate]\nheldout = 3",
+            "unknown key 'vehicles.g.gate.heldout'",
+            "did you mean 'held_out'?",
+        ),
+        (
+            "[inbox]\nsettle = -3",
+            "inbox.settle: Input should be greater than or equal to 0",
+            "got -3",
+        ),
         ("[nightly]\ncron = '61 2 * * *'", "cron '61 2 * * *': '61' cannot stand at place 1", ""),
         ("[nightly]\ncron = '*-5 2 * * *'", "'*-5' cannot stand at place 1", ""),
         ("[nightly]\nevery = inf", "nightly.every", "got inf"),
@@ -85,7 +93,9 @@ def test_without_a_file_everything_has_its_default(tmp_path: Path) -> None:
         ("[serve", "not valid TOML", "mend it"),
     ],
 )
-def test_what_may_not_stand_there_is_said_with_its_place(tmp_path: Path, text: str, what: str, remedy: str) -> None:
+def test_what_may_not_stand_there_is_said_with_its_place(
+    tmp_path: Path, text: str, what: str, remedy: str
+) -> None:
     with pytest.raises(InputError) as caught:
         _load(tmp_path, text)
     assert what in caught.value.what
@@ -98,7 +108,9 @@ def test_a_section_of_no_vehicle_is_refused(tmp_path: Path) -> None:
         _load(tmp_path, "[vehicles.gilder]\nstrict = true\n", ("glider",))
 
 
-@pytest.mark.parametrize("cron", ["*/5 * * * *", "0 2 1,15 jan-mar sun", "0-59/2 0 * * 7", "* * * * * */5"])
+@pytest.mark.parametrize(
+    "cron", ["*/5 * * * *", "0 2 1,15 jan-mar sun", "0-59/2 0 * * 7", "* * * * * */5"]
+)
 def test_schedules_that_are_ones(cron: str) -> None:
     assert Schedule(cron=cron).cron == cron
 

@@ -1,4 +1,5 @@
-"""The flight store gives back exactly what was put in, writes the same bytes twice, and never shows half a file."""
+"""The flight store gives back exactly what was put in, writes the same bytes twice, and never shows
+half a file."""
 
 import hashlib
 import json
@@ -20,11 +21,21 @@ from aerodb.errors import InputError, UnknownNameError
 from aerodb.flight import Flight
 from aerodb.nomenclature import FLAGS, channel
 from aerodb.recording import Damage, Recording, Topic
-from aerodb.storage.files.flights import read_flight, read_recording, read_results, write_flight, write_results, write_topics
+from aerodb.storage.files.flights import (
+    read_flight,
+    read_recording,
+    read_results,
+    write_flight,
+    write_results,
+    write_topics,
+)
 from aerodb.storage.workspace import Workspace, write_atomically
 from tests.support.paths import ROOT
 
-DAMAGE = (Damage("lost_tail", "4711 bytes after the last record", bytes_lost=4711), Damage("dropout", "12 ms", "imu", 1.5, 1.512))
+DAMAGE = (
+    Damage("lost_tail", "4711 bytes after the last record", bytes_lost=4711),
+    Damage("dropout", "12 ms", "imu", 1.5, 1.512),
+)
 HOSTILE_NAMES = [
     "",
     "time",
@@ -80,12 +91,26 @@ def a_recording() -> Recording:
     topics = {
         "imu": Topic("imu", microseconds / 1e6, imu, {"x": "m/s^2"}),
         "gps.1": Topic("gps.1", microseconds * 1e-6, {"lat": microseconds.astype(float)}),
-        "../../outside": Topic("../../outside", np.array([0.1, np.nan, 0.3]), hostile, {"": "deg", "\ud800": "m"}),
-        "empty": Topic("empty", np.empty(0), {"a": np.empty(0, np.float32), "b": np.empty(0, "<U3")}),
+        "../../outside": Topic(
+            "../../outside", np.array([0.1, np.nan, 0.3]), hostile, {"": "deg", "\ud800": "m"}
+        ),
+        "empty": Topic(
+            "empty", np.empty(0), {"a": np.empty(0, np.float32), "b": np.empty(0, "<U3")}
+        ),
         "bare": Topic("bare", np.array([1.0 / 3.0]), {}),
     }
     metadata = {"uuid": 2**63 + 11, "nan": float("nan"), "name": "\x00quoted'\""}
-    return Recording("log.ulg", "ulog", "cd" * 32, 12345, topics, metadata, DAMAGE, datetime(2026, 1, 2, tzinfo=UTC), "px4")
+    return Recording(
+        "log.ulg",
+        "ulog",
+        "cd" * 32,
+        12345,
+        topics,
+        metadata,
+        DAMAGE,
+        datetime(2026, 1, 2, tzinfo=UTC),
+        "px4",
+    )
 
 
 def same_bits(a: np.ndarray, b: np.ndarray) -> bool:
@@ -113,7 +138,9 @@ def test_a_flight_comes_back_bit_for_bit(tmp_path: Path) -> None:
         assert getattr(read, name) == getattr(flight, name), name
 
 
-@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
 @given(values=hnp.arrays(np.float64, st.integers(2, 40), elements=st.floats(allow_nan=True)))
 def test_any_float_survives(tmp_path: Path, values: np.ndarray) -> None:
     flight = Flight("f", "v", np.arange(len(values)) * 0.1, {"p": values})
@@ -153,15 +180,23 @@ def test_timestamps_are_stored_as_differences(tmp_path: Path) -> None:
     group = pq.ParquetFile(tmp_path / "r" / "0000.parquet").metadata.row_group(0)
     stored = {group.column(k).path_in_schema: group.column(k) for k in range(group.num_columns)}
     for name in ("time", "timestamp_sample"):
-        assert (stored[name].physical_type, "DELTA_BINARY_PACKED" in stored[name].encodings) == ("INT64", True)
+        assert (stored[name].physical_type, "DELTA_BINARY_PACKED" in stored[name].encodings) == (
+            "INT64",
+            True,
+        )
         assert stored[name].total_compressed_size < 0.4 * 8 * 5000
 
 
 def test_the_same_flight_gives_the_same_bytes_in_another_process(tmp_path: Path) -> None:
     write_flight(tmp_path / "a.parquet", a_flight())
-    code = "import sys, pathlib, tests.storage.test_store as t; t.write_flight(pathlib.Path(sys.argv[1]), t.a_flight())"
+    code = (
+        "import sys, pathlib, tests.storage.test_store as t;"
+        " t.write_flight(pathlib.Path(sys.argv[1]), t.a_flight())"
+    )
     here = ROOT
-    subprocess.run([sys.executable, "-c", code, str(tmp_path / "b.parquet")], check=True, cwd=here, timeout=600)
+    subprocess.run(
+        [sys.executable, "-c", code, str(tmp_path / "b.parquet")], check=True, cwd=here, timeout=600
+    )
     a, b = ((tmp_path / f"{name}.parquet").read_bytes() for name in "ab")
     assert hashlib.sha256(a).digest() == hashlib.sha256(b).digest()
 
@@ -169,7 +204,10 @@ def test_the_same_flight_gives_the_same_bytes_in_another_process(tmp_path: Path)
 def test_a_recording_comes_back_with_types_order_and_hostile_names(tmp_path: Path) -> None:
     recording = a_recording()
     store_recording(tmp_path / "r", recording)
-    assert sorted(p.name for p in (tmp_path / "r").iterdir()) == [*(f"000{k}.parquet" for k in range(5)), "recording.json"]
+    assert sorted(p.name for p in (tmp_path / "r").iterdir()) == [
+        *(f"000{k}.parquet" for k in range(5)),
+        "recording.json",
+    ]
     assert [p.name for p in tmp_path.iterdir()] == ["r"]
     read = read_recording(tmp_path / "r")
     assert list(read.topics) == list(recording.topics)
@@ -204,20 +242,31 @@ def test_a_recording_with_values_that_no_column_holds_is_refused(tmp_path: Path)
             store_recording(tmp_path / "r", Recording("", "tabular", "00" * 32, 0, {"t": topic}))
     with pytest.raises(ValueError, match="shape"):
         store_recording(
-            tmp_path / "r", Recording("", "ulog", "00" * 32, 0, {"t": Topic("t", np.zeros(2), {"x": np.zeros((2, 2))})})
+            tmp_path / "r",
+            Recording(
+                "", "ulog", "00" * 32, 0, {"t": Topic("t", np.zeros(2), {"x": np.zeros((2, 2))})}
+            ),
         )
     assert list(tmp_path.iterdir()) == []
 
 
 def test_results_in_long_form(tmp_path: Path) -> None:
     axis = np.repeat(["CX", "Cm"], 50)
-    table = {"time": np.tile(np.arange(50.0), 2), "axis": axis, "residual": np.linspace(0, 1, 100), "usable": axis == "CX"}
+    table = {
+        "time": np.tile(np.arange(50.0), 2),
+        "axis": axis,
+        "residual": np.linspace(0, 1, 100),
+        "usable": axis == "CX",
+    }
     write_results(tmp_path / "r.parquet", table, {"version": "ab" * 32, "rms": {"CX": 0.1}})
     read, metadata = read_results(tmp_path / "r.parquet")
     assert_same(table, read)
     assert metadata == {"version": "ab" * 32, "rms": {"CX": 0.1}}
     assert list(read_results(tmp_path / "r.parquet", ["residual"])[0]) == ["residual"]
-    assert pq.read_schema(tmp_path / "r.parquet").field("residual").metadata[b"description"] == b"measured - predicted"
+    assert (
+        pq.read_schema(tmp_path / "r.parquet").field("residual").metadata[b"description"]
+        == b"measured - predicted"
+    )
 
 
 def test_what_is_not_in_the_glossary_is_not_stored(tmp_path: Path) -> None:
@@ -250,7 +299,9 @@ def test_files_that_are_absent_damaged_or_of_another_kind_are_refused(tmp_path: 
         read_recording(tmp_path)
 
 
-def test_an_error_or_an_interrupt_while_writing_leaves_nothing_and_the_old_file_stands(tmp_path: Path) -> None:
+def test_an_error_or_an_interrupt_while_writing_leaves_nothing_and_the_old_file_stands(
+    tmp_path: Path,
+) -> None:
     path = tmp_path / "f.parquet"
     path.write_bytes(b"old")
     for error in (OSError("disk full"), KeyboardInterrupt()):
@@ -280,7 +331,10 @@ def test_a_workspace_can_be_opened_again_and_moved(tmp_path: Path) -> None:
     path = workspace.result_path("ab" * 32)
     assert workspace.resolve(workspace.relative(path)) == path
     (tmp_path / "w").rename(tmp_path / "moved")
-    assert Workspace.open(tmp_path / "moved").resolve("results/ab") == tmp_path / "moved" / "results" / "ab"
+    assert (
+        Workspace.open(tmp_path / "moved").resolve("results/ab")
+        == tmp_path / "moved" / "results" / "ab"
+    )
     for outside in ("../x", "/etc/passwd", "results/../../x", ""):
         with pytest.raises(ValueError, match="inside the workspace"):
             workspace.resolve(outside)
@@ -341,6 +395,8 @@ def test_a_flipped_bit_is_an_error_and_never_another_number(tmp_path: Path) -> N
         except InputError:
             refused += 1
         else:
-            assert_same({"time": flight.time, **flight.channels}, {"time": read.time, **read.channels})
+            assert_same(
+                {"time": flight.time, **flight.channels}, {"time": read.time, **read.channels}
+            )
             assert (read.id, read.notes, read.damage) == (flight.id, flight.notes, flight.damage)
     assert refused > 200

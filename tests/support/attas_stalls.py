@@ -1,8 +1,10 @@
-"""The two measured ATTAS stalls beside an attached-flow database: as they are, and with alpha corrected by kinematics.
+"""The two measured ATTAS stalls beside an attached-flow database: as they are, and with alpha
+corrected by kinematics.
 
-The accelerometers are taken where they are in the manoeuvre files: the cockpit's accelerometer is 6.7 and 7.1 m ahead of
-those recorded here, 7.2 m in fAttasElv1 and 6.2 m from the CG, where the pack's text has them. The attached flow is that of
-fAttasElv1 (128 m/s): its slopes with alpha, pitch rate and elevator; level and slopes are corrected on each stall record.
+The accelerometers are taken where they are in the manoeuvre files: the cockpit's accelerometer is
+6.7 and 7.1 m ahead of those recorded here, 7.2 m in fAttasElv1 and 6.2 m from the CG, where the
+pack's text has them. The attached flow is that of fAttasElv1 (128 m/s): its slopes with alpha,
+pitch rate and elevator; level and slopes are corrected on each stall record.
 """
 
 from dataclasses import replace
@@ -50,7 +52,13 @@ source = "channel"
 point = [-1.343, 0.0, -0.652]
 """
 #: Biases of fAttasElv1 (SOURCE.md, free initial states).
-PUBLISHED = dict(zip(ATTAS_BIASES, (0.00676242, -0.00150664, 0.0839892, 0.00102555, 0.00340891, 0.000996192), strict=True))
+PUBLISHED = dict(
+    zip(
+        ATTAS_BIASES,
+        (0.00676242, -0.00150664, 0.0839892, 0.00102555, 0.00340891, 0.000996192),
+        strict=True,
+    )
+)
 #: Regressors of the attached flow per axis; on stall records they are what may be corrected of it.
 ATTACHED = {
     "C_lift": ("1", "alpha", "q_hat", "delta_elevator"),
@@ -66,16 +74,24 @@ def attas() -> Vehicle:
 
 
 def as_recorded(path: Path) -> Flight:
-    """A record through its mapping, accelerations at the accelerometers, without the channels that are no good.
+    """A record through its mapping, accelerations at the accelerometers, without the channels that
+    are no good.
 
-    Heading jumps by 180 deg in the stall files, and their altitude is in another unit than in the others. Flaps, spoilers and
-    direct-lift flaps stand still within a tenth of a degree: what moves there is the pick-off.
+    Heading jumps by 180 deg in the stall files, and their altitude is in another unit than in the
+    others. Flaps, spoilers and direct-lift flaps stand still within a tenth of a degree: what moves
+    there is the pick-off.
     """
     recording = read_tabular(path)
-    flight = map_recording(recording, choose_mapping(recording, builtin_mappings().values()), attas(), path.stem)
+    flight = map_recording(
+        recording, choose_mapping(recording, builtin_mappings().values()), attas(), path.stem
+    )
     no_good = ("psi", "altitude", "latitude", "longitude", "delta_flap")
-    still = tuple(f"delta_{name}_{side}" for name in ("direct_lift", "spoiler") for side in ("left", "right"))
-    kept = {name: values for name, values in flight.channels.items() if name not in (*no_good, *still)}
+    still = tuple(
+        f"delta_{name}_{side}" for name in ("direct_lift", "spoiler") for side in ("left", "right")
+    )
+    kept = {
+        name: values for name, values in flight.channels.items() if name not in (*no_good, *still)
+    }
     kept |= {f"{name}_imu": kept.pop(name) for name in ("ax", "ay", "az") if name in kept}
     kept["qbar"] = 0.5 * kept["rho"] * kept["V"] ** 2
     for name in ("alphadot", "betadot"):
@@ -84,27 +100,40 @@ def as_recorded(path: Path) -> Flight:
 
 
 def reconstructed(flights: list[Flight], free: tuple[str, ...], at_boom: bool) -> Reconstruction:
-    """Both records jointly, half a minute a stretch: biases of accelerometers and gyros, and what is `free` beside."""
+    """Both records jointly, half a minute a stretch: biases of accelerometers and gyros, and what
+    is `free` beside."""
     records = []
     for flight in flights:
         keep = ("V", "alpha", "beta", "phi", "theta")
         for record in records_from_flight(flight, attas(), seconds=40.0):
             outputs = {name: record.outputs[name] for name in keep}
-            records.append(replace(record, outputs=outputs, arm=BOOM if at_boom else (0.0, 0.0, 0.0)))
+            records.append(
+                replace(record, outputs=outputs, arm=BOOM if at_boom else (0.0, 0.0, 0.0))
+            )
     return reconstruct(records, (*ATTAS_BIASES, *free), initial=("u", "v", "w", "phi", "theta"))
 
 
 def corrected(flight: Flight, biases: dict[str, float], moved: bool = True) -> Flight:
-    """The flight without these biases of accelerometers and gyros, and V, alpha, beta moved from the boom to the CG."""
-    channels = {name: flight[name] - biases[f"{name[:2]}_bias"] for name in ("ax_imu", "ay_imu", "az_imu")}
+    """The flight without these biases of accelerometers and gyros, and V, alpha, beta moved from
+    the boom to the CG."""
+    channels = {
+        name: flight[name] - biases[f"{name[:2]}_bias"] for name in ("ax_imu", "ay_imu", "az_imu")
+    }
     channels |= {name: flight[name] - biases[f"{name}_bias"] for name in "pqr"}
     if moved:
         rates = np.column_stack([channels[name] for name in "pqr"])
         speed, alpha, beta = (flight[name] for name in ("V", "alpha", "beta"))
-        probe = speed * np.array([np.cos(alpha) * np.cos(beta), np.sin(beta), np.sin(alpha) * np.cos(beta)])
+        probe = speed * np.array(
+            [np.cos(alpha) * np.cos(beta), np.sin(beta), np.sin(alpha) * np.cos(beta)]
+        )
         u, v, w = probe - np.cross(rates, BOOM).T
         speed = np.sqrt(u * u + v * v + w * w)
-        channels |= {"V": speed, "alpha": np.arctan2(w, u), "beta": np.arcsin(v / speed), "qbar": 0.5 * flight["rho"] * speed**2}
+        channels |= {
+            "V": speed,
+            "alpha": np.arctan2(w, u),
+            "beta": np.arcsin(v / speed),
+            "qbar": 0.5 * flight["rho"] * speed**2,
+        }
     return flight.with_channels(channels)
 
 
@@ -120,7 +149,9 @@ def compared(flight: Flight, database: AeroDatabase) -> Comparison:
 def regressors(flight: Flight, names: tuple[str, ...]) -> Array:
     """(n, k) columns of `ATTACHED` along a flight."""
     channels = {**flight.channels, "q_hat": flight["q"] * 3.159 / (2.0 * flight["V"])}
-    return np.column_stack([np.broadcast_to(evaluate(parse(name), channels), flight.time.shape) for name in names])
+    return np.column_stack(
+        [np.broadcast_to(evaluate(parse(name), channels), flight.time.shape) for name in names]
+    )
 
 
 def attached_database(elevator: Path) -> AeroDatabase:
@@ -129,14 +160,21 @@ def attached_database(elevator: Path) -> AeroDatabase:
     comparison = compared(flight, empty_database())
     terms = []
     for axis, names in ATTACHED.items():
-        values = np.linalg.lstsq(regressors(flight, names), comparison.measured[axis], rcond=None)[0]
+        values = np.linalg.lstsq(regressors(flight, names), comparison.measured[axis], rcond=None)[
+            0
+        ]
         for name, value in zip(names, values, strict=True):
-            terms.append(Term(f"{axis}_{len(terms)}", axis, Operation("*", number(float(value)), parse(name))))
+            terms.append(
+                Term(
+                    f"{axis}_{len(terms)}", axis, Operation("*", number(float(value)), parse(name))
+                )
+            )
     return replace(empty_database(), terms=tuple(terms))
 
 
 def stall_flight(flight: Flight, database: AeroDatabase) -> StallFlight:
-    """A stall as shapes see it: residual beside the attached-flow database, whose linear terms may be corrected."""
+    """A stall as shapes see it: residual beside the attached-flow database, whose linear terms may
+    be corrected."""
     comparison = compared(flight, database)
     return StallFlight(
         flight=flight.id,
@@ -152,7 +190,8 @@ def stall_flight(flight: Flight, database: AeroDatabase) -> StallFlight:
 
 
 def stall_window(flight: StallFlight) -> slice:
-    """From onset to reattachment: where alpha last rises through nine tenths of its maximum, to the minimum that follows."""
+    """From onset to reattachment: where alpha last rises through nine tenths of its maximum, to the
+    minimum that follows."""
     peak = int(np.argmax(flight.alpha))
     onset = int(np.flatnonzero(flight.alpha[:peak] < 0.9 * flight.alpha[peak])[-1]) + 1
     after = peak + int(np.argmin(flight.alpha[peak : peak + round(10.0 / flight.step)]))
@@ -165,9 +204,12 @@ def window_rms(left: Array, flight: StallFlight) -> float:
 
 
 def without_stall(fitted: StallFlight, predicted: StallFlight) -> dict[str, Array]:
-    """The residual of one flight with the attached flow corrected on another, as shapes do it, and nothing else."""
+    """The residual of one flight with the attached flow corrected on another, as shapes do it, and
+    nothing else."""
     left = {}
     for axis, residual in fitted.residual.items():
-        values = np.linalg.lstsq(blocked(fitted, fitted.nuisance[axis]), blocked(fitted, residual), rcond=None)[0]
+        values = np.linalg.lstsq(
+            blocked(fitted, fitted.nuisance[axis]), blocked(fitted, residual), rcond=None
+        )[0]
         left[axis] = predicted.residual[axis] - predicted.nuisance[axis] @ values
     return left

@@ -1,4 +1,5 @@
-"""A Dask cluster on this machine as tests and the bench start it: a scheduler and its workers, each a process of its own."""
+"""A Dask cluster on this machine as tests and the bench start it: a scheduler and its workers, each
+a process of its own."""
 
 import os
 import signal
@@ -18,12 +19,17 @@ from tests.support.paths import ROOT
 from tests.support.ports import free_port
 
 #: One thread per process of a worker: what steps spend is processor time.
-_ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1", "PYTHONUTF8": "1", "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "1"}
+_ENVIRONMENT = {
+    "OPENBLAS_NUM_THREADS": "1",
+    "PYTHONUTF8": "1",
+    "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "1",
+}
 
 
 @dataclass(frozen=True)
 class Running:
-    """A cluster: its scheduler's address, and the process that starts workers again. What ends two of them is given up."""
+    """A cluster: its scheduler's address, and the process that starts workers again. What ends two
+    of them is given up."""
 
     address: str
     scheduler: "subprocess.Popen[bytes]"
@@ -36,12 +42,17 @@ class Running:
 
     def at_work(self) -> list[int]:
         """The processes that do the work."""
-        found = subprocess.run(["pgrep", "-P", str(self.workers.pid), "-f", "spawn_main"], capture_output=True, text=True)
+        found = subprocess.run(
+            ["pgrep", "-P", str(self.workers.pid), "-f", "spawn_main"],
+            capture_output=True,
+            text=True,
+        )
         return [int(pid) for pid in found.stdout.split()]
 
     @contextmanager
     def one_killed(self, when: Callable[[], bool]) -> Iterator[list[int]]:
-        """While this lasts, one worker is killed (kill -9) as soon as `when` holds; yields the list of those killed."""
+        """While this lasts, one worker is killed (kill -9) as soon as `when` holds; yields the list
+        of those killed."""
         killed: list[int] = []
 
         def kill() -> None:
@@ -64,7 +75,11 @@ def _command(name: str, *arguments: str) -> list[str]:
 
 
 def _started(command: list[str], log: Path) -> "subprocess.Popen[bytes]":
-    kept = {name: value for name, value in os.environ.items() if not name.startswith(("PREFECT_", "AERODB_", "DASK_"))}
+    kept = {
+        name: value
+        for name, value in os.environ.items()
+        if not name.startswith(("PREFECT_", "AERODB_", "DASK_"))
+    }
     environment = {**kept, **_ENVIRONMENT, "PYTHONPATH": str(ROOT)}
     with log.open("ab") as said:
         return subprocess.Popen(
@@ -80,14 +95,27 @@ def _started(command: list[str], log: Path) -> "subprocess.Popen[bytes]":
 
 @contextmanager
 def cluster(folder: Path, workers: int = 2) -> Iterator[Running]:
-    """A scheduler on a free loopback port and so many workers, with their files in `folder`; ended whatever happens."""
+    """A scheduler on a free loopback port and so many workers, with their files in `folder`; ended
+    whatever happens."""
     log = folder / "dask.log"
     log.unlink(missing_ok=True)
     port = free_port()
     address = f"tcp://127.0.0.1:{port}"
-    scheduler = _started(_command("scheduler", "--host", "127.0.0.1", "--port", str(port), "--no-dashboard"), log)
-    options = ["--nworkers", str(workers), "--nthreads", "1", "--host", "127.0.0.1", "--no-dashboard"]
-    kept_by = _started(_command("worker", address, *options, "--local-directory", str(folder / "scratch")), log)
+    scheduler = _started(
+        _command("scheduler", "--host", "127.0.0.1", "--port", str(port), "--no-dashboard"), log
+    )
+    options = [
+        "--nworkers",
+        str(workers),
+        "--nthreads",
+        "1",
+        "--host",
+        "127.0.0.1",
+        "--no-dashboard",
+    ]
+    kept_by = _started(
+        _command("worker", address, *options, "--local-directory", str(folder / "scratch")), log
+    )
     try:
         _wait(log, workers, (scheduler, kept_by))
         yield Running(address, scheduler, kept_by, log)
@@ -111,8 +139,11 @@ def _wait(log: Path, workers: int, processes: "tuple[subprocess.Popen[bytes], ..
         time.sleep(0.1)
 
 
-def noting(item: Any, *, workspace: str, run: str, fatal: Any = None, always: bool = False, bad: Any = None) -> int:
-    """A step that notes that it begins; `fatal` ends the worker, the first time or `always`; `bad` is refused."""
+def noting(
+    item: Any, *, workspace: str, run: str, fatal: Any = None, always: bool = False, bad: Any = None
+) -> int:
+    """A step that notes that it begins; `fatal` ends the worker, the first time or `always`; `bad`
+    is refused."""
     told = Path(workspace) / "begun.txt"
     again = told.exists() and f"{item}\n" in told.read_text()
     with told.open("a") as file:

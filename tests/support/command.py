@@ -1,4 +1,5 @@
-"""How tests call the command line: as a process of its own, or through the runner of the library that it is made with."""
+"""How tests call the command line: as a process of its own, or through the runner of the library
+that it is made with."""
 
 import json
 import os
@@ -15,16 +16,28 @@ from tests.support.paths import ROOT
 from tests.support.small_glider import NAME, write_files
 
 
-def aerodb(workspace: Path, *arguments: str, folder: Path | None = None) -> subprocess.CompletedProcess[str]:
+def aerodb(
+    workspace: Path, *arguments: str, folder: Path | None = None
+) -> subprocess.CompletedProcess[str]:
     """The command as the shell runs it."""
     kept = {name: value for name, value in os.environ.items() if not name.startswith("AERODB_")}
     environment = {**kept, "PYTHONPATH": str(ROOT), "PYTHONUTF8": "1"}
-    command = [sys.executable, "-c", "from aerodb.flows.cli import main; main()", "--workspace", str(workspace), *arguments]
-    return subprocess.run(command, capture_output=True, text=True, env=environment, cwd=folder, timeout=600)
+    command = [
+        sys.executable,
+        "-c",
+        "from aerodb.flows.cli import main; main()",
+        "--workspace",
+        str(workspace),
+        *arguments,
+    ]
+    return subprocess.run(
+        command, capture_output=True, text=True, env=environment, cwd=folder, timeout=600
+    )
 
 
 def document(text: str) -> Any:
-    """The one JSON document that `text` is; fails on anything beside it and on numbers that JSON does not know."""
+    """The one JSON document that `text` is; fails on anything beside it and on numbers that JSON
+    does not know."""
     return json.loads(text, parse_constant=lambda name: pytest.fail(f"{name} is no JSON"))
 
 
@@ -36,7 +49,8 @@ def asked(workspace: Path, *arguments: str) -> Any:
 
 
 def six_flights(folder: Path, workspace: Path) -> list[Path]:
-    """A workspace made by commands: vehicle, database, and six flights from logs in `folder`; returns the logs."""
+    """A workspace made by commands: vehicle, database, and six flights from logs in `folder`;
+    returns the logs."""
     logs = write_files(folder)
     asked(workspace, "vehicle", "add", str(folder / "vehicle.toml"))
     asked(workspace, "database", "import", str(folder / "database.toml"), "--vehicle", NAME)

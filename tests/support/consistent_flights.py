@@ -1,4 +1,5 @@
-"""Flights of known truth as log tables: the motion of `simulated_path` with planted sensor errors, wind and gusts."""
+"""Flights of known truth as log tables: the motion of `simulated_path` with planted sensor errors,
+wind and gusts."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -44,7 +45,8 @@ def table(
     start: float = 0.0,
     without: tuple[str, ...] = (),
 ) -> dict[str, np.ndarray]:
-    """Columns of one flight; `gusts`: rms speed (m/s) of gusts with a correlation time of 1 s on V, alpha and beta."""
+    """Columns of one flight; `gusts`: rms speed (m/s) of gusts with a correlation time of 1 s on V,
+    alpha and beta."""
     rng = np.random.default_rng(seed)
     time = start + np.arange(round(seconds * RATE)) / RATE
     wind = tuple(planted.get(f"wind_{axis}", 0.0) for axis in ("north", "east", "down"))
@@ -55,7 +57,9 @@ def table(
         shown = truth(time - planted.get(f"{name}_delay", 0.0), wind)[name]
         if name in moving:
             shown = shown + moving[name] / (1.0 if name == "V" else 60.0)
-        columns[name] = shown + planted.get(f"{name}_bias", 0.0) + sigma * rng.standard_normal(len(time))
+        columns[name] = (
+            shown + planted.get(f"{name}_bias", 0.0) + sigma * rng.standard_normal(len(time))
+        )
     columns["qbar"] = 0.5 * DENSITY * columns["V"] ** 2
     return {name: values for name, values in columns.items() if name not in without}
 
@@ -82,4 +86,8 @@ def stored_sigma(opened: Stores, key: str) -> dict[str, np.ndarray]:
     """Channel -> (n,) one standard error, of the consistent flight stored under `key`."""
     path = opened.path_of(key)
     assert path is not None
-    return {name.removeprefix("sigma_"): x for name, x in read_results(path)[0].items() if name.startswith("sigma_")}
+    return {
+        name.removeprefix("sigma_"): x
+        for name, x in read_results(path)[0].items()
+        if name.startswith("sigma_")
+    }

@@ -1,4 +1,5 @@
-"""A workspace for the console's tests, and the console on it: in this process, or as a server for a browser."""
+"""A workspace for the console's tests, and the console on it: in this process, or as a server for a
+browser."""
 
 import shutil
 import threading
@@ -34,7 +35,8 @@ LONG = "a" * 10_000
 
 @dataclass(frozen=True)
 class Made:
-    """A workspace with a handbook database, an update proved on flights, and flights whose logs have hostile names."""
+    """A workspace with a handbook database, an update proved on flights, and flights whose logs
+    have hostile names."""
 
     workspace: Workspace
     document: dict[str, Any]
@@ -79,16 +81,27 @@ def _flown(folder: Path) -> Made:
 
 
 def add_named(workspace: Workspace, id: str, log_name: str) -> None:
-    """A flight without a file, of a log with any name; rejected and retracted for reasons that hold the name too."""
+    """A flight without a file, of a log with any name; rejected and retracted for reasons that hold
+    the name too."""
     with Catalogue.open(workspace.catalogue) as catalogue:
-        catalogue.add_log(id, name=log_name, size=10, format="ulog", status="stored", reason=log_name)
-        record: dict[str, Any] = {"mapping": log_name, "start_utc": None, "duration": 20.0, "samples": 1001, "step": 0.02}
+        catalogue.add_log(
+            id, name=log_name, size=10, format="ulog", status="stored", reason=log_name
+        )
+        record: dict[str, Any] = {
+            "mapping": log_name,
+            "start_utc": None,
+            "duration": 20.0,
+            "samples": 1001,
+            "step": 0.02,
+        }
         catalogue.add_flight(id, vehicle=NAME, log_sha256=id, **record)
         catalogue.judge_flight(id, "rejected", [log_name])
         catalogue.retract_flight(id, log_name)
 
 
-def client_of(workspace: Workspace, host: str = "127.0.0.1", environment: dict[str, str] | None = None) -> TestClient:
+def client_of(
+    workspace: Workspace, host: str = "127.0.0.1", environment: dict[str, str] | None = None
+) -> TestClient:
     """The console in this process; an error that nobody turned into an answer is raised."""
     app = create_app(workspace.root, guard_of(host, 8050, (), environment or {}))
     return TestClient(app, base_url="http://127.0.0.1:8050")
@@ -113,28 +126,50 @@ def served(workspace: Workspace) -> Iterator[str]:
         assert not thread.is_alive()
 
 
-def add_long_flight(workspace: Workspace, seconds: float = 3600.0, rate: float = 100.0) -> tuple[str, Flight]:
-    """An hour of 12 channels in the product's own store, with one spike of a single sample; its id and channels."""
+def add_long_flight(
+    workspace: Workspace, seconds: float = 3600.0, rate: float = 100.0
+) -> tuple[str, Flight]:
+    """An hour of 12 channels in the product's own store, with one spike of a single sample; its id
+    and channels."""
     rng = np.random.default_rng(7)
     t = np.arange(round(seconds * rate)) / rate
     slow = np.sin(2 * np.pi * t / 60.0)
     names = ("V", "alpha", "beta", "p", "q", "r", "ax", "ay", "az", "phi", "theta", "altitude")
-    channels = {name: 0.1 * slow * (k + 1) + 0.01 * rng.standard_normal(len(t)) for k, name in enumerate(names)}
+    channels = {
+        name: 0.1 * slow * (k + 1) + 0.01 * rng.standard_normal(len(t))
+        for k, name in enumerate(names)
+    }
     channels["alpha"][len(t) // 3] = 1.25
     id = h("an hour")
-    flight = Flight(id, NAME, t, channels, {"flight": (t < 10.0).astype(np.uint8)}, log_sha256=id, mapping="canonical")
+    flight = Flight(
+        id,
+        NAME,
+        t,
+        channels,
+        {"flight": (t < 10.0).astype(np.uint8)},
+        log_sha256=id,
+        mapping="canonical",
+    )
     opened = stores(str(workspace.root))
     path = workspace.flight_path(id)
     write_flight(path, flight)
     opened.catalogue.add_log(id, name="hour.ulg", size=10, format="ulog", status="stored")
-    record: dict[str, Any] = {"mapping": "canonical", "start_utc": None, "duration": float(t[-1]), "samples": len(t)}
-    opened.catalogue.add_flight(id, vehicle=NAME, log_sha256=id, step=1 / rate, name="hour", **record)
+    record: dict[str, Any] = {
+        "mapping": "canonical",
+        "start_utc": None,
+        "duration": float(t[-1]),
+        "samples": len(t),
+    }
+    opened.catalogue.add_flight(
+        id, vehicle=NAME, log_sha256=id, step=1 / rate, name="hour", **record
+    )
     opened.keep_result(id, path, step="ingest", kind="flight", flight=id, result_version=1)
     return id, flight
 
 
 def add_loop(workspace: Workspace, made: Made) -> str:
-    """A closed loop that added nothing: its run, and its document with every part, whose words are hostile; its key."""
+    """A closed loop that added nothing: its run, and its document with every part, whose words are
+    hostile; its key."""
     opened, key = stores(str(workspace.root)), h("a loop")
     vote = {"flight": made.flight, "value": 0.1, "se": 0.02}
     finding = {
@@ -153,10 +188,24 @@ def add_loop(workspace: Workspace, made: Made) -> str:
         "fallen": {"beta_slope@CY": f"explains less {HOSTILE}"},
         "because": f"force that grows with alpha {HOSTILE}",
     }
-    missed = {"hypothesis": "beta_slope@CY", "effect": "beta_slope", "axis": ["CY"], "subject": "", "parameter": "CY_beta"}
-    bounds = {"unit": "rad", "verdict": "not_excited", "upper_bound": None, "minimum_detectable": 0.1}
+    missed = {
+        "hypothesis": "beta_slope@CY",
+        "effect": "beta_slope",
+        "axis": ["CY"],
+        "subject": "",
+        "parameter": "CY_beta",
+    }
+    bounds = {
+        "unit": "rad",
+        "verdict": "not_excited",
+        "upper_bound": None,
+        "minimum_detectable": 0.1,
+    }
     document = {
-        **{name: made.document[name] for name in ("vehicle", "baseline", "flights", "validation", "axes")},
+        **{
+            name: made.document[name]
+            for name in ("vehicle", "baseline", "flights", "validation", "axes")
+        },
         "candidate": None,
         "increments": [],
         "findings": [finding],
@@ -166,7 +215,9 @@ def add_loop(workspace: Workspace, made: Made) -> str:
         "remarks": [f"nothing entered {HOSTILE}"],
         "library": {"sha256": h("library"), "rounds": 1},
     }
-    run = opened.catalogue.start_run("close_loop_flow", how="direct", parameters={"vehicle": NAME, "flights": [made.flight]})
+    run = opened.catalogue.start_run(
+        "close_loop_flow", how="direct", parameters={"vehicle": NAME, "flights": [made.flight]}
+    )
     path = workspace.result_path(key, ".json")
     write_document(path, document)
     opened.keep_result(key, path, step="close_loop", kind="findings", result_version=1, run=run.id)

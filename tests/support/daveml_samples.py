@@ -1,4 +1,5 @@
-"""Small DAVE-ML files for tests: a frame with reference geometry, two inputs and one output, around what a test is about."""
+"""Small DAVE-ML files for tests: a frame with reference geometry, two inputs and one output, around
+what a test is about."""
 
 FRAME = """<?xml version="1.0"?>
 <DAVEfunc xmlns="http://daveml.org/2010/DAVEML">
@@ -23,7 +24,10 @@ def small(body: str, output: str = "") -> bytes:
 
 def variable(identity: str, inside: str = "", **attributes: str) -> str:
     """A variableDef."""
-    text = "".join(f' {key}="{value}"' for key, value in {"name": identity, "units": "nd", **attributes}.items())
+    text = "".join(
+        f' {key}="{value}"'
+        for key, value in {"name": identity, "units": "nd", **attributes}.items()
+    )
     return f'<variableDef varID="{identity}"{text}>{inside}</variableDef>'
 
 

@@ -1,6 +1,7 @@
 """The pictures of README.md, out of the report of the demo: ``make pictures``.
 
-They are what the report shows, byte for byte; a test asserts that every one of them is used and small enough for a repository.
+They are what the report shows, byte for byte; a test asserts that every one of them is used and
+small enough for a repository.
 """
 
 import base64
@@ -23,7 +24,8 @@ _FOUND: Final = re.compile(r'src="data:image/svg\+xml;base64,([^"]+)" alt="([^"]
 
 
 def pictures(page: str) -> dict[str, str]:
-    """File -> SVG of the first picture of its kind on a report's page; KeyError where there is none."""
+    """File -> SVG of the first picture of its kind on a report's page; KeyError where there is
+    none."""
     shown: dict[str, str] = {}
     for source, alt in _FOUND.findall(page):
         for file, begins in PICTURES.items():

@@ -1,7 +1,9 @@
-"""Flights whose forces and moments are exactly those of a database: what templates and sensor tangents are tried on.
+"""Flights whose forces and moments are exactly those of a database: what templates and sensor
+tangents are tried on.
 
-Air angles, speed and deflections are prescribed; body rates are integrated from the database's moments, so that a perfect log
-leaves no residual. Accelerometer and air-data probe sit off the CG, the CG off the moment reference, thrust off both.
+Air angles, speed and deflections are prescribed; body rates are integrated from the database's
+moments, so that a perfect log leaves no residual. Accelerometer and air-data probe sit off the CG,
+the CG off the moment reference, thrust off both.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -157,9 +159,16 @@ def database(wind: bool = False) -> AeroDatabase:
     return read_native(HEADER_ONLY + _MOMENTS + (_WIND if wind else _BODY))
 
 
-def _wave(rng: np.random.Generator, size: float, mean: float = 0.0, fast: float = 0.7) -> Callable[[Array], Array]:
+def _wave(
+    rng: np.random.Generator, size: float, mean: float = 0.0, fast: float = 0.7
+) -> Callable[[Array], Array]:
     frequency, phase = rng.uniform(0.1, fast, 5), rng.uniform(0, 2 * np.pi, 5)
-    return lambda t: mean + size * np.sin(2 * np.pi * np.multiply.outer(t, frequency) + phase).sum(axis=-1) / np.sqrt(2.5)
+    return lambda t: (
+        mean
+        + size
+        * np.sin(2 * np.pi * np.multiply.outer(t, frequency) + phase).sum(axis=-1)
+        / np.sqrt(2.5)
+    )
 
 
 def prescribed(seed: int) -> dict[str, Callable[[Array], Array]]:
@@ -204,16 +213,22 @@ def channel_names() -> tuple[str, ...]:
 
 
 def flown(seed: int, truth: AeroDatabase, of: Vehicle | None = None) -> Flight:
-    """A flight at the CG of a vehicle whose aerodynamics are `truth`, with true specific force and angular acceleration."""
+    """A flight at the CG of a vehicle whose aerodynamics are `truth`, with true specific force and
+    angular acceleration."""
     return flown_together([seed], truth, of)[0]
 
 
-def flown_together(seeds: Sequence[int], truth: AeroDatabase, of: Vehicle | None = None) -> list[Flight]:
-    """A flight per seed, as `flown` gives it, integrated side by side: many cost little more than one."""
+def flown_together(
+    seeds: Sequence[int], truth: AeroDatabase, of: Vehicle | None = None
+) -> list[Flight]:
+    """A flight per seed, as `flown` gives it, integrated side by side: many cost little more than
+    one."""
     of = of or vehicle()
     t = np.arange(round(SECONDS * RATE)) / RATE
     cg, properties = np.asarray(of.mass.cg, dtype=float), of.mass
-    inertia = inertia_matrix(*(float(np.asarray(getattr(properties, f"I{a}"))) for a in ("xx", "yy", "zz", "xz")))
+    inertia = inertia_matrix(
+        *(float(np.asarray(getattr(properties, f"I{a}"))) for a in ("xx", "yy", "zz", "xz"))
+    )
     inverse, lengths = np.linalg.inv(inertia), np.array([SPAN, CHORD, SPAN])
 
     def loads(state: Mapping[str, Array], rates: Array) -> tuple[Array, Array]:
@@ -224,7 +239,9 @@ def flown_together(seeds: Sequence[int], truth: AeroDatabase, of: Vehicle | None
         pull = np.outer(state["thrust"], [1.0, 0.0, 0.0])
         force = np.column_stack([about[a] for a in ("CX", "CY", "CZ")]) * scale + pull
         arm = np.asarray(of.thrust.point) - cg
-        moment = np.column_stack([about[a] for a in ("Cl", "Cm", "Cn")]) * scale * lengths + np.cross(arm, pull)
+        moment = np.column_stack(
+            [about[a] for a in ("Cl", "Cm", "Cn")]
+        ) * scale * lengths + np.cross(arm, pull)
         speeding = (moment - np.cross(rates, rates @ inertia)) @ inverse
         return force / float(np.asarray(properties.mass)), speeding
 
@@ -233,7 +250,9 @@ def flown_together(seeds: Sequence[int], truth: AeroDatabase, of: Vehicle | None
     together = {name: np.column_stack([state[name] for state in states]) for name in states[0]}
     rates = np.zeros((len(t), len(seeds), 3))
     for k in range(len(t) - 1):  # Runge-Kutta of fourth order, deflections at half steps
-        at = [{name: values[2 * k + half] for name, values in together.items()} for half in (0, 1, 2)]
+        at = [
+            {name: values[2 * k + half] for name, values in together.items()} for half in (0, 1, 2)
+        ]
         now, h = rates[k], 1.0 / RATE
         one = loads(at[0], now)[1]
         two = loads(at[1], now + h / 2 * one)[1]
@@ -255,7 +274,8 @@ def flown_together(seeds: Sequence[int], truth: AeroDatabase, of: Vehicle | None
 
 
 def logged(flight: Flight, of: Vehicle) -> Flight:
-    """What a perfect log holds: specific force at the accelerometer, air data at the probe, no combined deflections."""
+    """What a perfect log holds: specific force at the accelerometer, air data at the probe, no
+    combined deflections."""
     channels = dict(flight.channels)
     rates = np.column_stack([channels[name] for name in "pqr"])
     speeding = np.column_stack([channels.pop(name) for name in ("pdot", "qdot", "rdot")])
@@ -265,8 +285,16 @@ def logged(flight: Flight, of: Vehicle) -> Flight:
     moved = force + np.cross(speeding, imu) + np.cross(rates, np.cross(rates, imu))
     channels.update(zip(("ax_imu", "ay_imu", "az_imu"), moved.T, strict=True))
     speed, alpha, beta = (channels[name] for name in ("V", "alpha", "beta"))
-    air = np.column_stack([speed * np.cos(beta) * np.cos(alpha), speed * np.sin(beta), speed * np.cos(beta) * np.sin(alpha)])
-    u, v, w = velocity_at_cg(air, rates, -(np.asarray(of.points.air_data) - cg)[None, :] + 0 * rates).T
+    air = np.column_stack(
+        [
+            speed * np.cos(beta) * np.cos(alpha),
+            speed * np.sin(beta),
+            speed * np.cos(beta) * np.sin(alpha),
+        ]
+    )
+    u, v, w = velocity_at_cg(
+        air, rates, -(np.asarray(of.points.air_data) - cg)[None, :] + 0 * rates
+    ).T
     total = np.sqrt(u * u + v * v + w * w)
     channels.update(V=total, alpha=np.arctan2(w, u), beta=np.arcsin(v / total))
     for name in ("alphadot", "delta_aileron", "delta_flaperon"):

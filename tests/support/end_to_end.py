@@ -1,4 +1,5 @@
-"""From logs to a proved candidate by the commands that people type; whichever way they run, they store the same."""
+"""From logs to a proved candidate by the commands that people type; whichever way they run, they
+store the same."""
 
 import json
 import os
@@ -29,37 +30,55 @@ for command in (second[:first], second[first + 1:]):
 
 
 def environment(**more: str) -> dict[str, str]:
-    """The environment of a process of the product's: nothing of this one's orchestrator and workspace, and `more`."""
-    kept = {name: value for name, value in os.environ.items() if not name.startswith(("PREFECT_", "AERODB_"))}
+    """The environment of a process of the product's: nothing of this one's orchestrator and
+    workspace, and `more`."""
+    kept = {
+        name: value
+        for name, value in os.environ.items()
+        if not name.startswith(("PREFECT_", "AERODB_"))
+    }
     return {**kept, "PYTHONPATH": str(ROOT), "PYTHONUTF8": "1", **more}
 
 
-def by_commands(root: Path, folder: Path, logs: list[Path], *options: str, **more: str) -> subprocess.CompletedProcess[str]:
-    """Ingests and updates in one process of its own; a workspace with vehicle and database must be there."""
+def by_commands(
+    root: Path, folder: Path, logs: list[Path], *options: str, **more: str
+) -> subprocess.CompletedProcess[str]:
+    """Ingests and updates in one process of its own; a workspace with vehicle and database must be
+    there."""
     common = ["--workspace", str(root), "--json"]
     ingest = [*common, "flight", "ingest", *map(str, logs), "--vehicle", NAME, *options]
     update = [*common, "update", "--vehicle", NAME, "--model", str(folder / "model.toml"), *options]
     command = [sys.executable, "-c", BOTH, *ingest, "--then", *update]
-    return subprocess.run(command, env=environment(**more), capture_output=True, text=True, timeout=600)
+    return subprocess.run(
+        command, env=environment(**more), capture_output=True, text=True, timeout=600
+    )
 
 
 def same_as_direct(
-    workspace: Workspace, done: subprocess.CompletedProcess[str], direct: tuple[Workspace, dict[str, Any]]
+    workspace: Workspace,
+    done: subprocess.CompletedProcess[str],
+    direct: tuple[Workspace, dict[str, Any]],
 ) -> None:
-    """Asserts that commands ended well, and that `workspace` and their answer hold what the run without Prefect stored."""
+    """Asserts that commands ended well, and that `workspace` and their answer hold what the run
+    without Prefect stored."""
     assert done.returncode == 0, done.stderr
     assert stored(workspace) == stored(direct[0])
     first = json.JSONDecoder().raw_decode(done.stdout)
     document = json.loads(done.stdout[first[1] :])
     assert document["candidate"] == direct[1]["candidate"]
-    assert [entry["terms"] for entry in document["increments"]] == [entry["terms"] for entry in direct[1]["increments"]]
-    assert "prefect" not in (done.stdout + done.stderr).lower().replace(str(workspace.root).lower(), "")
+    assert [entry["terms"] for entry in document["increments"]] == [
+        entry["terms"] for entry in direct[1]["increments"]
+    ]
+    assert "prefect" not in (done.stdout + done.stderr).lower().replace(
+        str(workspace.root).lower(), ""
+    )
     assert "INFO" not in done.stderr
 
 
 @contextmanager
 def prefect_server(home: Path) -> Iterator[str]:
-    """A real Prefect server, its files in `home`: its address. Its process is ended whatever happens."""
+    """A real Prefect server, its files in `home`: its address. Its process is ended whatever
+    happens."""
     port = free_port()
     url, log = f"http://127.0.0.1:{port}/api", home / "prefect-server.log"
     settings = {
@@ -68,14 +87,29 @@ def prefect_server(home: Path) -> Iterator[str]:
         "DO_NOT_TRACK": "1",
         "PREFECT_SERVER_ANALYTICS_ENABLED": "false",
     }
-    command = [sys.executable, "-m", "prefect", "server", "start", "--host", "127.0.0.1", "--port", str(port), "--no-ui"]
+    command = [
+        sys.executable,
+        "-m",
+        "prefect",
+        "server",
+        "start",
+        "--host",
+        "127.0.0.1",
+        "--port",
+        str(port),
+        "--no-ui",
+    ]
     with log.open("wb") as said:
-        process = subprocess.Popen(command, env=environment(**settings), stdout=said, stderr=said, start_new_session=True)
+        process = subprocess.Popen(
+            command, env=environment(**settings), stdout=said, stderr=said, start_new_session=True
+        )
     try:
         until = time.monotonic() + 300
         while not _answers(f"{url}/health"):
             if process.poll() is not None or time.monotonic() > until:
-                raise RuntimeError(f"the Prefect server did not start:\n{log.read_text(errors='replace')[-2000:]}")
+                raise RuntimeError(
+                    f"the Prefect server did not start:\n{log.read_text(errors='replace')[-2000:]}"
+                )
             time.sleep(0.3)
         yield url
     finally:
@@ -83,7 +117,9 @@ def prefect_server(home: Path) -> Iterator[str]:
         try:
             process.wait(timeout=120)
         except subprocess.TimeoutExpired:
-            os.killpg(process.pid, signal.SIGKILL)  # its own session: the workers that it started go with it
+            os.killpg(
+                process.pid, signal.SIGKILL
+            )  # its own session: the workers that it started go with it
             process.wait(timeout=120)
 
 

@@ -22,18 +22,35 @@ def prepared(root: Path, folder: Path) -> Workspace:
     workspace = Workspace.open(root)
     with Catalogue.open(workspace.catalogue) as catalogue:
         catalogue.add_vehicle(NAME, VEHICLE)
-    run_flow(import_flow, {"file": str(folder / "database.toml"), "vehicle": NAME, "bindings": {}}, workspace, "direct")
+    run_flow(
+        import_flow,
+        {"file": str(folder / "database.toml"), "vehicle": NAME, "bindings": {}},
+        workspace,
+        "direct",
+    )
     return workspace
 
 
 def stored(workspace: Workspace) -> dict[str, Any]:
-    """Everything that a second way must store under the same names, read from the catalogue itself."""
+    """Everything that a second way must store under the same names, read from the catalogue
+    itself."""
     with Catalogue.open(workspace.catalogue) as catalogue:
         flights = [row.id for row in catalogue.flights(NAME)]
-        results = {flight: sorted((r.step, r.key) for r in catalogue.results_of(flight)) for flight in flights}
+        results = {
+            flight: sorted((r.step, r.key) for r in catalogue.results_of(flight))
+            for flight in flights
+        }
         versions = [(row.label, row.id, row.content_sha256) for row in catalogue.versions(NAME)]
-        roles = {id: sorted((use.flight, use.role) for use in catalogue.version_flights(id)) for _, id, _ in versions}
-        return {"flights": sorted(flights), "results": results, "versions": versions, "roles": roles}
+        roles = {
+            id: sorted((use.flight, use.role) for use in catalogue.version_flights(id))
+            for _, id, _ in versions
+        }
+        return {
+            "flights": sorted(flights),
+            "results": results,
+            "versions": versions,
+            "roles": roles,
+        }
 
 
 def ways(workspace: Workspace) -> list[tuple[str, str, str]]:
@@ -44,14 +61,21 @@ def ways(workspace: Workspace) -> list[tuple[str, str, str]]:
 
 def rows(workspace: Workspace) -> dict[str, int]:
     """Table -> number of rows, without the tables about runs."""
-    with Catalogue.open(workspace.catalogue) as catalogue, catalogue._database.reading() as connection:
+    with (
+        Catalogue.open(workspace.catalogue) as catalogue,
+        catalogue._database.reading() as connection,
+    ):
         tables = [name for name in sa.inspect(connection).get_table_names() if name not in OF_RUNS]
-        counts = {name: connection.execute(sa.text(f'SELECT count(*) FROM "{name}"')).scalar() for name in tables}
+        counts = {
+            name: connection.execute(sa.text(f'SELECT count(*) FROM "{name}"')).scalar()
+            for name in tables
+        }
     return {name: int(count or 0) for name, count in counts.items()}
 
 
 def ingest_and_update(workspace: Workspace, logs: list[Path]) -> dict[str, Any]:
-    """Takes the logs in and updates the released database, without the orchestrator; returns the update's document."""
+    """Takes the logs in and updates the released database, without the orchestrator; returns the
+    update's document."""
     parameters: dict[str, Any] = {"logs": [str(log) for log in logs], "vehicle": NAME}
     outcomes = run_flow(flight_flow, parameters, workspace, "direct")
     with Catalogue.open(workspace.catalogue) as catalogue:

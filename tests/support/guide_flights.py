@@ -1,6 +1,8 @@
-"""Logs for the guides in docs/: a small glider flown by simulation, as PX4 would have logged it, with a boom or without.
+"""Logs for the guides in docs/: a small glider flown by simulation, as PX4 would have logged it,
+with a boom or without.
 
-The vehicle and its handbook are those that the guide lets the reader write down; what flies has a steeper lift curve.
+The vehicle and its handbook are those that the guide lets the reader write down; what flies has a
+steeper lift curve.
 """
 
 import re
@@ -32,7 +34,8 @@ _SERVOS = ("aileron_right", "aileron_left", "elevator", "rudder")
 
 @dataclass
 class Pilot:
-    """Turns that show the wind, and test inputs of each flight's own; a Controller of `aerodb.simulation.flight`."""
+    """Turns that show the wind, and test inputs of each flight's own; a Controller of
+    `aerodb.simulation.flight`."""
 
     autopilot: Autopilot
     inputs: Mapping[str, Array]
@@ -40,18 +43,30 @@ class Pilot:
     def __call__(self, time: float, channels: Mapping[str, Array]) -> Mapping[str, Array]:
         given = {name: values[round(time / STEP)] for name, values in self.inputs.items()}
         climbing = channels["theta"] - channels["alpha"] * np.cos(channels["phi"]) + GLIDE
-        wanted = np.clip(ALPHA / np.cos(channels["phi"]) - 0.5 * climbing, 0.0, 0.16)  # damps the phugoid
-        elevator = self.autopilot.elevator(channels, wanted + given["alpha"], {}) + given["elevator"]
+        wanted = np.clip(
+            ALPHA / np.cos(channels["phi"]) - 0.5 * climbing, 0.0, 0.16
+        )  # damps the phugoid
+        elevator = (
+            self.autopilot.elevator(channels, wanted + given["alpha"], {}) + given["elevator"]
+        )
         aileron = self.autopilot.aileron(channels, given["bank"]) + given["aileron"]
         rudder = self.autopilot.rudder(channels) + given["rudder"]
-        return {"elevator": elevator, "aileron_right": aileron, "aileron_left": -aileron, "rudder": rudder}
+        return {
+            "elevator": elevator,
+            "aileron_right": aileron,
+            "aileron_left": -aileron,
+            "rudder": rudder,
+        }
 
 
 def _inputs(generator: np.random.Generator, flights: int) -> dict[str, Array]:
     degree, events = np.deg2rad(1.0), []
     for number in range(flights):
         sign = 1.0 if number % 2 else -1.0
-        own = [Event("bank", 1.0, 15.0, sign * 22 * degree), Event("bank", 36.0, 11.0, sign * 18 * degree, "pulse")]
+        own = [
+            Event("bank", 1.0, 15.0, sign * 22 * degree),
+            Event("bank", 36.0, 11.0, sign * 18 * degree, "pulse"),
+        ]
         quick = [
             ("elevator", 0.35, 3.0, "3211"), ("elevator", 0.6, 3.0, "doublet"), ("alpha", 1.0, 4.5, "doublet"),
             ("aileron", 0.4, 3.0, "doublet"), ("rudder", 0.6, 5.0, "3211"),
@@ -64,7 +79,10 @@ def _inputs(generator: np.random.Generator, flights: int) -> dict[str, Array]:
             start += generator.uniform(4.0, 4.6)
         events.append(tuple(own))
     clock = STEP * np.arange(round(SECONDS / STEP) + 1)
-    return {name: superposed(tuple(events), name, clock) for name in ("alpha", "bank", "elevator", "aileron", "rudder")}
+    return {
+        name: superposed(tuple(events), name, clock)
+        for name in ("alpha", "bank", "elevator", "aileron", "rudder")
+    }
 
 
 @dataclass(frozen=True)
@@ -79,13 +97,24 @@ class Flown:
         return self.history.time, self.history.channels[name][:, number]
 
 
-def fly_glider(vehicle: Vehicle, handbook: AeroDatabase, flown: AeroDatabase, flights: int, seed: int) -> Flown:
-    """`flights` of the vehicle with the aerodynamics `flown`, by an autopilot that knows the handbook."""
+def fly_glider(
+    vehicle: Vehicle, handbook: AeroDatabase, flown: AeroDatabase, flights: int, seed: int
+) -> Flown:
+    """`flights` of the vehicle with the aerodynamics `flown`, by an autopilot that knows the
+    handbook."""
     generator = np.random.default_rng(seed)
     frame = airframe(vehicle, flown)
-    condition = dict.fromkeys(handbook.inputs, 0.0) | {"V": SPEED, "alpha": ALPHA, "qbar": 0.6 * SPEED**2}
+    condition = dict.fromkeys(handbook.inputs, 0.0) | {
+        "V": SPEED,
+        "alpha": ALPHA,
+        "qbar": 0.6 * SPEED**2,
+    }
     known = control_derivatives(
-        airframe(vehicle, handbook), condition, {"elevator": ("delta_elevator",)}, ("delta_aileron",), "delta_rudder"
+        airframe(vehicle, handbook),
+        condition,
+        {"elevator": ("delta_elevator",)},
+        ("delta_aileron",),
+        "delta_rudder",
     )
     heading = generator.uniform(-np.pi, np.pi, flights)
     wind = np.zeros((3, flights))
@@ -100,36 +129,60 @@ def fly_glider(vehicle: Vehicle, handbook: AeroDatabase, flown: AeroDatabase, fl
         duration=SECONDS,
         wind=wind,
     )
-    commands = {f"servo_{k}": history.commands[name] / vehicle.surfaces[name].scale for k, name in enumerate(_SERVOS)}
+    commands = {
+        f"servo_{k}": history.commands[name] / vehicle.surfaces[name].scale
+        for k, name in enumerate(_SERVOS)
+    }
     attitude = {f"q{n}": history.quaternion[:, n] for n in range(4)}
     return Flown(history, at_instruments({**history.channels, **commands, **attitude}, vehicle))
 
 
-def write_logs(folder: Path, flown: Flown, instruments: tuple[Instrument, ...], seed: int) -> list[Path]:
-    """Writes ``flight-1.ulg`` and so on into `folder`, as PX4 would have logged them; returns them."""
+def write_logs(
+    folder: Path, flown: Flown, instruments: tuple[Instrument, ...], seed: int
+) -> list[Path]:
+    """Writes ``flight-1.ulg`` and so on into `folder`, as PX4 would have logged them; returns
+    them."""
     paths = []
     for number in range(len(flown.history.samples)):
-        topics = measure(flown.history, flown.channels, number, instruments, np.random.default_rng([seed, number]), 20.0)
+        topics = measure(
+            flown.history,
+            flown.channels,
+            number,
+            instruments,
+            np.random.default_rng([seed, number]),
+            20.0,
+        )
         taken_off = datetime(2026, 5, 8, 9, 0, tzinfo=UTC) + timedelta(hours=number)
         paths.append(folder / f"flight-{number + 1}.ulg")
-        write_ulog(paths[-1], topics, metadata={"sys_name": "PX4", "ver_hw": "SIMULATED"}, start_utc=taken_off)
+        write_ulog(
+            paths[-1],
+            topics,
+            metadata={"sys_name": "PX4", "ver_hw": "SIMULATED"},
+            start_utc=taken_off,
+        )
     return paths
 
 
 def steeper(database_text: str) -> str:
-    """The handbook with the lift curve that flies. Raises ValueError where it is not that of the guide."""
+    """The handbook with the lift curve that flies. Raises ValueError where it is not that of the
+    guide."""
     if database_text.count(HANDBOOK) != 1:
         raise ValueError(f"the handbook has no {HANDBOOK}")
     return database_text.replace(HANDBOOK, FLOWN)
 
 
-def write_flights(folder: Path, vehicle_text: str, database_text: str, flights: int, *, boom: bool = False) -> list[Path]:
-    """Flies `flights` of the vehicle and writes ``flight-1.ulg`` and so on into `folder`; returns them.
+def write_flights(
+    folder: Path, vehicle_text: str, database_text: str, flights: int, *, boom: bool = False
+) -> list[Path]:
+    """Flies `flights` of the vehicle and writes ``flight-1.ulg`` and so on into `folder`; returns
+    them.
 
     Raises ValueError where the handbook is not that of the guide.
     """
     vehicle = parse_vehicle(vehicle_text)
-    flown = fly_glider(vehicle, read_native(database_text), read_native(steeper(database_text)), flights, 7)
+    flown = fly_glider(
+        vehicle, read_native(database_text), read_native(steeper(database_text)), flights, 7
+    )
     return write_logs(folder, flown, instruments(vehicle, boom=boom), 7)
 
 
@@ -145,23 +198,38 @@ def _start(heading: Array, wind: Array) -> Array:
     return state
 
 
-def instruments(vehicle: Vehicle, *, boom: bool = False, heave_bias: float = 0.01) -> tuple[Instrument, ...]:
-    """PX4's topics; with `boom` those of its vanes too, biased and late by what is usual. heave_bias : of the accelerometer along
-    z, m/s^2."""
+def instruments(
+    vehicle: Vehicle, *, boom: bool = False, heave_bias: float = 0.01
+) -> tuple[Instrument, ...]:
+    """PX4's topics; with `boom` those of its vanes too, biased and late by what is usual.
+    heave_bias : of the accelerometer along z, m/s^2."""
     carried = (
         Instrument(
-            "vehicle_angular_velocity", 50.0, tuple(Signal(f"xyz[{n}]", x, 6e-4, 3e-4 * (n - 1)) for n, x in enumerate("pqr"))
+            "vehicle_angular_velocity",
+            50.0,
+            tuple(Signal(f"xyz[{n}]", x, 6e-4, 3e-4 * (n - 1)) for n, x in enumerate("pqr")),
         ),
         Instrument(
             "vehicle_acceleration",
             50.0,
-            tuple(Signal(f"xyz[{n}]", f"a{x}_imu", 0.03, heave_bias if x == "z" else 0.01) for n, x in enumerate("xyz")),
+            tuple(
+                Signal(f"xyz[{n}]", f"a{x}_imu", 0.03, heave_bias if x == "z" else 0.01)
+                for n, x in enumerate("xyz")
+            ),
         ),
-        Instrument("vehicle_attitude", 50.0, tuple(Signal(f"q[{n}]", f"q{n}", 3e-4) for n in range(4)), phase=0.003),
+        Instrument(
+            "vehicle_attitude",
+            50.0,
+            tuple(Signal(f"q[{n}]", f"q{n}", 3e-4) for n in range(4)),
+            phase=0.003,
+        ),
         Instrument(
             "airspeed_validated",
             10.0,
-            (Signal("true_airspeed_m_s", "V_probe", 0.1, 0.05), Signal("calibrated_airspeed_m_s", "calibrated_airspeed", 0.1)),
+            (
+                Signal("true_airspeed_m_s", "V_probe", 0.1, 0.05),
+                Signal("calibrated_airspeed_m_s", "calibrated_airspeed", 0.1),
+            ),
             phase=0.004,
         ),
         Instrument(
@@ -179,36 +247,69 @@ def instruments(vehicle: Vehicle, *, boom: bool = False, heave_bias: float = 0.0
             "vehicle_local_position",
             20.0,
             (
-                *(Signal(field, channel, 0.2) for field, channel in (("x", "north"), ("y", "east"))),
-                *(Signal(f"v{x}", f"velocity_{to}", 0.04) for x, to in zip("xyz", ("north", "east", "down"), strict=True)),
+                *(
+                    Signal(field, channel, 0.2)
+                    for field, channel in (("x", "north"), ("y", "east"))
+                ),
+                *(
+                    Signal(f"v{x}", f"velocity_{to}", 0.04)
+                    for x, to in zip("xyz", ("north", "east", "down"), strict=True)
+                ),
             ),
             delay=0.03,
             phase=0.001,
         ),
-        Instrument("actuator_servos", 50.0, tuple(Signal(f"control[{n}]", f"servo_{n}", held=True) for n in range(4))),
+        Instrument(
+            "actuator_servos",
+            50.0,
+            tuple(Signal(f"control[{n}]", f"servo_{n}", held=True) for n in range(4)),
+        ),
     )
     vanes = (
-        Instrument("airflow_aoa", 50.0, (Signal("aoa_rad", "alpha_probe", 1e-3, np.deg2rad(0.8)),), 0.02, 0.002),
-        Instrument("airflow_slip", 50.0, (Signal("slip_rad", "beta_probe", 1e-3, np.deg2rad(-0.5)),), 0.02, 0.002),
+        Instrument(
+            "airflow_aoa",
+            50.0,
+            (Signal("aoa_rad", "alpha_probe", 1e-3, np.deg2rad(0.8)),),
+            0.02,
+            0.002,
+        ),
+        Instrument(
+            "airflow_slip",
+            50.0,
+            (Signal("slip_rad", "beta_probe", 1e-3, np.deg2rad(-0.5)),),
+            0.02,
+            0.002,
+        ),
     )
     return (*carried, *(vanes if boom else ()))
 
 
 def blocks(guide: str) -> Iterator[tuple[str, str, str]]:
     """Kind, title (empty: none) and text of the fenced blocks of a guide, in order."""
-    for found in re.finditer(r'^```(\w+)(?: title="([^"]+)")?\n(.*?)^```$', guide, re.DOTALL | re.MULTILINE):
+    for found in re.finditer(
+        r'^```(\w+)(?: title="([^"]+)")?\n(.*?)^```$', guide, re.DOTALL | re.MULTILINE
+    ):
         yield found[1], found[2] or "", found[3]
 
 
 def prepare(guide: str, folder: Path) -> None:
-    """What a reader of a guide has before the first command: the files that it shows, and logs where it asks for flights."""
+    """What a reader of a guide has before the first command: the files that it shows, and logs
+    where it asks for flights."""
     files = {title: text for _, title, text in blocks(guide) if title}
     for name, text in files.items():
         (folder / name).write_text(text, encoding="utf-8")
     wanted = re.search(r"<!-- flights: (\d+)(, with a boom)? -->", guide)
     if wanted:
-        write_flights(folder, files["my-glider.toml"], files["handbook.toml"], int(wanted[1]), boom=bool(wanted[2]))
+        write_flights(
+            folder,
+            files["my-glider.toml"],
+            files["handbook.toml"],
+            int(wanted[1]),
+            boom=bool(wanted[2]),
+        )
 
 
-if __name__ == "__main__":  # python -m tests.support.guide_flights docs/with-a-boom.md FOLDER: to follow a guide by hand
+if (
+    __name__ == "__main__"
+):  # python -m tests.support.guide_flights docs/with-a-boom.md FOLDER: to follow a guide by hand
     prepare(Path(sys.argv[1]).read_text(encoding="utf-8"), Path(sys.argv[2]))

@@ -1,5 +1,6 @@
-"""The flight of `simulated_path` through further sensors, by plain formulas of their own: antenna and air-data boom off the CG
-and mounted askew, ports with errors, a five-hole probe, heights over terrain."""
+"""The flight of `simulated_path` through further sensors, by plain formulas of their own: antenna
+and air-data boom off the CG and mounted askew, ports with errors, a five-hole probe, heights over
+terrain."""
 
 from collections.abc import Mapping
 
@@ -25,28 +26,45 @@ PRESSURE = 90000.0
 
 
 def motion(time: np.ndarray, planted: Mapping[str, float]) -> dict[str, np.ndarray]:
-    """True channels (n,) that the sensors look at, at the times (n,), with planted wind, arms, mounts, terrain and ports."""
+    """True channels (n,) that the sensors look at, at the times (n,), with planted wind, arms,
+    mounts, terrain and ports."""
     get = lambda name, start=0.0: start + planted.get(name, 0.0)  # noqa: E731
     wind = np.array([get(f"wind_{axis}") for axis in ("north", "east", "down")])
     fine = np.arange(-1.0, time[-1] + 1.5, 0.01)
     along = truth(fine, wind)
     exact = truth(time, wind)
-    to_earth = Rotation.from_euler("ZYX", np.column_stack([exact["psi"], exact["theta"], exact["phi"]]))
+    to_earth = Rotation.from_euler(
+        "ZYX", np.column_stack([exact["psi"], exact["theta"], exact["phi"]])
+    )
     rates = np.column_stack([exact[name] for name in "pqr"])
     velocity = np.column_stack([exact[f"velocity_{axis}"] for axis in ("north", "east", "down")])
-    place = np.column_stack([CubicSpline(fine, along[f"velocity_{a}"]).antiderivative()(time) for a in ("north", "east", "down")])
+    place = np.column_stack(
+        [
+            CubicSpline(fine, along[f"velocity_{a}"]).antiderivative()(time)
+            for a in ("north", "east", "down")
+        ]
+    )
     antenna = np.array([get(f"gps_{axis}", known) for axis, known in zip("xyz", GPS, strict=True)])
     seen = velocity + to_earth.apply(np.cross(rates, antenna))
     where = place + to_earth.apply(antenna)
-    boom = np.array([get(f"air_data_{axis}", known) for axis, known in zip("xyz", BOOM, strict=True)])
-    mount = Rotation.from_euler("ZYX", [get("air_data_yaw"), get("air_data_pitch"), get("air_data_roll")])
+    boom = np.array(
+        [get(f"air_data_{axis}", known) for axis, known in zip("xyz", BOOM, strict=True)]
+    )
+    mount = Rotation.from_euler(
+        "ZYX", [get("air_data_yaw"), get("air_data_pitch"), get("air_data_roll")]
+    )
     flow = mount.inv().apply(to_earth.inv().apply(velocity - wind) + np.cross(rates, boom))
     speed = np.linalg.norm(flow, axis=1)
     alpha, beta = np.arctan2(flow[:, 2], flow[:, 0]), np.arcsin(flow[:, 1] / speed)
     altitude = START_ALTITUDE - place[:, 2]
-    static, offset, total = get("static_port_error"), get("static_port_offset"), get("total_port_error")
+    static, offset, total = (
+        get("static_port_error"),
+        get("static_port_offset"),
+        get("total_port_error"),
+    )
     q = 0.5 * DENSITY * speed**2
-    # density was computed with the pressure that the static port shows; that pressure is PRESSURE throughout
+    # density was computed with the pressure that the static port shows; that pressure is PRESSURE
+    # throughout
     for _ in range(30):
         q = 0.5 * DENSITY * (PRESSURE - static * q - offset) / PRESSURE * speed**2
     shown = q * (1.0 + total - static) - offset
@@ -66,9 +84,18 @@ def motion(time: np.ndarray, planted: Mapping[str, float]) -> dict[str, np.ndarr
 
 def _holes(which: str, x: np.ndarray, y: np.ndarray, planted: Mapping[str, float]) -> np.ndarray:
     curve = getattr(PROBE, which)
-    part = {name: planted.get(f"probe_{which}_{name}", 0.0) for name in ("offset", "slope", "square", "cross", "bend")}
+    part = {
+        name: planted.get(f"probe_{which}_{name}", 0.0)
+        for name in ("offset", "slope", "square", "cross", "bend")
+    }
     over = np.maximum(x - curve.break_angle, 0.0) + np.minimum(x + curve.break_angle, 0.0)
-    shape = part["offset"] + (1 + part["slope"]) * x + part["square"] * x**2 + part["cross"] * y**2 + part["bend"] * over
+    shape = (
+        part["offset"]
+        + (1 + part["slope"]) * x
+        + part["square"] * x**2
+        + part["cross"] * y**2
+        + part["bend"] * over
+    )
     return curve.slope * shape
 
 
@@ -83,18 +110,26 @@ def instrumented(
     start: float = 0.0,
     name: str = "flight",
 ) -> Record:
-    """A record with these channels and `planted` errors; the installation that it declares knows nothing of them."""
+    """A record with these channels and `planted` errors; the installation that it declares knows
+    nothing of them."""
     time = start + step * np.arange(round(seconds / step))
     exact = motion(time, planted)
 
     def shown(key: str, sigma: float) -> np.ndarray:
         delay = planted.get(f"{key}_delay", 0.0)
-        delay += planted.get("gps_delay", 0.0) if key.startswith("velocity_") or key in ("north", "east", "altitude") else 0.0
+        delay += (
+            planted.get("gps_delay", 0.0)
+            if key.startswith("velocity_") or key in ("north", "east", "altitude")
+            else 0.0
+        )
         values = motion(time - delay, planted)[key] if delay else exact[key]
         biased = (1 + planted.get(f"{key}_scale", 0.0)) * values + planted.get(f"{key}_bias", 0.0)
         return biased + noise * sigma * rng.standard_normal(len(time))
 
-    inputs = [shown(key, sigma) for key, sigma in zip(("ax", "ay", "az", "p", "q", "r"), INERTIAL_NOISE, strict=True)]
+    inputs = [
+        shown(key, sigma)
+        for key, sigma in zip(("ax", "ay", "az", "p", "q", "r"), INERTIAL_NOISE, strict=True)
+    ]
     full = np.ones(len(time))
     return Record(
         name, step, np.column_stack(inputs), {key: shown(key, NOISE[key]) for key in channels}, name, BOOM,

@@ -1,8 +1,10 @@
-"""Campaigns of JSBSim flights whose database lacks one term: truth that shares no code with the product.
+"""Campaigns of JSBSim flights whose database lacks one term: truth that shares no code with the
+product.
 
-JSBSim flies its own aircraft file. The database is imported from the text of that file with one term taken out or scaled. What is
-logged is what instruments show: accelerations at the pilot's seat, rates, air data, deflections, thrust, each with white and
-a little coloured noise. JSBSim's aerodynamic forces never enter.
+JSBSim flies its own aircraft file. The database is imported from the text of that file with one
+term taken out or scaled. What is logged is what instruments show: accelerations at the pilot's
+seat, rates, air data, deflections, thrust, each with white and a little coloured noise. JSBSim's
+aerodynamic forces never enter.
 """
 
 from collections.abc import Callable, Mapping
@@ -23,14 +25,17 @@ from tests.support.jsbsim_flights import FOOT, INCH, POUND, aircraft_file, simul
 STEP, INTEGRATION = 0.04, 0.01
 FINER = round(STEP / INTEGRATION)
 SETTLING, MARGIN = 5.0, 1.0  # s flown before the log begins and after it ends
-#: Of second order: with JSBSim's default, rates lag half a step behind the moments, which tracing finds (as damping).
+#: Of second order: with JSBSim's default, rates lag half a step behind the moments, which tracing
+#: finds (as damping).
 ADAMS_BASHFORTH = 3
 SLUG, SLUG_FT2 = POUND / FOOT, POUND * FOOT  # kg, kg m2
 
-#: A known force in place of a propeller, whose torque and gyroscopic moments are in no vehicle file.
+#: A known force in place of a propeller, whose torque and gyroscopic moments are in no vehicle
+#: file.
 PUSHER = "external_reactions/pusher/magnitude"
 
-#: Noise of the instruments, one sigma of the white part; the coloured part has a third of it and remembers for a second.
+#: Noise of the instruments, one sigma of the white part; the coloured part has a third of it and
+#: remembers for a second.
 NOISE: Mapping[str, float] = {
     "V": 0.2, "qbar": 4.0, "alpha": 1.5e-3, "beta": 1.5e-3, "p": 5e-4, "q": 5e-4, "r": 5e-4,
     "ax_imu": 0.02, "ay_imu": 0.02, "az_imu": 0.02, "phi": 1e-3, "theta": 1e-3, "psi": 1e-3, "altitude": 0.3,
@@ -40,7 +45,8 @@ DEFLECTION_NOISE = 3e-4
 COLOURED, MEMORY = 1.0 / 3.0, 1.0
 GAINS = (1.5, 0.5, 0.8, 0.15)  # of held angle, q, bank and p, in full travel per rad and rad/s
 
-#: Channel -> JSBSim's property and the number that makes it SI. State, controls and thrust belong together after a step.
+#: Channel -> JSBSim's property and the number that makes it SI. State, controls and thrust belong
+#: together after a step.
 STATE: Mapping[str, tuple[str, float]] = {
     "V": ("velocities/vt-fps", FOOT), "qbar": ("aero/qbar-psf", POUND / FOOT**2), "mach": ("velocities/mach", 1.0),
     "rho": ("atmosphere/rho-slugs_ft3", POUND / FOOT**4), "alpha": ("aero/alpha-rad", 1.0), "beta": ("aero/beta-rad", 1.0),
@@ -87,10 +93,11 @@ def nothing(time: float) -> float:
 class Plan:
     """One flight: where it begins and what the pilot does.
 
-    start : JSBSim's initial conditions. elevator, aileron, rudder : added to what holds attitude, of full travel. bank, pitch :
-    attitudes to hold [rad], pitch about the trim. height : feet above ground to hold instead of a pitch, or None. other :
-    property -> what it is set to over time. hold_alpha : hold the angle of attack, not the pitch. pushed : pounds of PUSHER's
-    thrust in level flight, which also holds the speed; then there is no engine and no trim.
+    start : JSBSim's initial conditions. elevator, aileron, rudder : added to what holds attitude,
+    of full travel. bank, pitch : attitudes to hold [rad], pitch about the trim. height : feet above
+    ground to hold instead of a pitch, or None. other : property -> what it is set to over time.
+    hold_alpha : hold the angle of attack, not the pitch. pushed : pounds of PUSHER's thrust in
+    level flight, which also holds the speed; then there is no engine and no trim.
     """
 
     start: Mapping[str, float]
@@ -108,7 +115,8 @@ class Plan:
 
 @dataclass(frozen=True)
 class Aircraft:
-    """How one aircraft is flown and logged: channels beside STATE, what its own properties mean, thrust and its line.
+    """How one aircraft is flown and logged: channels beside STATE, what its own properties mean,
+    thrust and its line.
 
     edit : of the file that JSBSim flies and that the database is imported from.
     """
@@ -131,7 +139,9 @@ class Aircraft:
 
 def flown(aircraft: Aircraft, plan: Plan) -> dict[str, np.ndarray]:
     """Channels without noise, from SETTLING s after the trim."""
-    executive = simulator(aircraft.name) if aircraft.edit is None else loaded_in_jsbsim(aircraft.file())
+    executive = (
+        simulator(aircraft.name) if aircraft.edit is None else loaded_in_jsbsim(aircraft.file())
+    )
     executive.set_dt(INTEGRATION)
     for name, value in plan.start.items():
         executive[name] = value
@@ -153,7 +163,9 @@ def flown(aircraft: Aircraft, plan: Plan) -> dict[str, np.ndarray]:
         if number % FINER == 0:
             _steer(executive, plan, time, trim, held)
         executive.run()
-        assert not any(executive[f"gear/unit[{wheel}]/WOW"] for wheel in range(3)), f"on the ground at {time:.1f} s"
+        assert not any(executive[f"gear/unit[{wheel}]/WOW"] for wheel in range(3)), (
+            f"on the ground at {time:.1f} s"
+        )
         rows.append(row + [executive[place] * scale for place, scale in SEAT.values()])
     table = np.array(rows)
     names = [*places, "thrust", *SEAT]
@@ -169,27 +181,39 @@ def _steer(executive: Any, plan: Plan, time: float, trim: dict[str, float], held
     q, p = executive["velocities/q-rad_sec"], executive["velocities/p-rad_sec"]
     tilt = trim["angle"] + plan.pitch(time)
     if plan.height is not None:
-        wanted = float(np.clip(0.3 * (plan.height(time) - executive["position/h-agl-ft"]), -8.0, 10.0))
+        wanted = float(
+            np.clip(0.3 * (plan.height(time) - executive["position/h-agl-ft"]), -8.0, 10.0)
+        )
         miss = wanted - executive["velocities/h-dot-fps"]
         trim["angle"] = float(np.clip(trim["angle"] + 0.004 * miss * STEP, -0.05, 0.15))
         tilt += float(np.clip(0.01 * miss, -0.1, 0.1))
     if plan.pushed is not None:  # never trimmed: the pilot finds the elevator
         trim["elevator"] -= 1.0 * (tilt - angle) * STEP
-    executive["fcs/elevator-cmd-norm"] = trim["elevator"] - on_theta * (tilt - angle) + on_q * q + plan.elevator(time)
-    executive["fcs/aileron-cmd-norm"] = trim["aileron"] + on_phi * (plan.bank(time) - phi) - on_p * p + plan.aileron(time)
+    executive["fcs/elevator-cmd-norm"] = (
+        trim["elevator"] - on_theta * (tilt - angle) + on_q * q + plan.elevator(time)
+    )
+    executive["fcs/aileron-cmd-norm"] = (
+        trim["aileron"] + on_phi * (plan.bank(time) - phi) - on_p * p + plan.aileron(time)
+    )
     executive["fcs/rudder-cmd-norm"] = trim["rudder"] + plan.rudder(time)
     if plan.pushed is not None:
-        executive[PUSHER] = max(plan.pushed + 15.0 * (plan.start["ic/vt-fps"] - executive["velocities/vt-fps"]), 0.0)
+        executive[PUSHER] = max(
+            plan.pushed + 15.0 * (plan.start["ic/vt-fps"] - executive["velocities/vt-fps"]), 0.0
+        )
     for name, signal in plan.other.items():
         executive[name] = signal(time)
 
 
-def as_logged(channels: Mapping[str, np.ndarray], name: str, vehicle: str, rng: np.random.Generator) -> Flight:
+def as_logged(
+    channels: Mapping[str, np.ndarray], name: str, vehicle: str, rng: np.random.Generator
+) -> Flight:
     """What instruments show of it."""
     shown = {}
     for channel, values in channels.items():
         sigma = NOISE.get(channel, DEFLECTION_NOISE if channel.startswith("delta_") else 0.0)
-        shown[channel] = values + sigma * (rng.standard_normal(len(values)) + COLOURED * _coloured(len(values), rng))
+        shown[channel] = values + sigma * (
+            rng.standard_normal(len(values)) + COLOURED * _coloured(len(values), rng)
+        )
     time = STEP * np.arange(len(next(iter(shown.values()))))
     return Flight(name, vehicle, time, shown)
 
@@ -198,7 +222,9 @@ def _coloured(samples: int, rng: np.random.Generator) -> np.ndarray:
     """Noise of unit size with a memory of MEMORY s."""
     keep = np.exp(-STEP / MEMORY)
     first = rng.standard_normal()
-    values, _ = lfilter([np.sqrt(1 - keep**2)], [1.0, -keep], rng.standard_normal(samples), zi=[keep * first])
+    values, _ = lfilter(
+        [np.sqrt(1 - keep**2)], [1.0, -keep], rng.standard_normal(samples), zi=[keep * first]
+    )
     return np.asarray(values)
 
 
@@ -237,7 +263,9 @@ def imported(aircraft: Aircraft, edit: Edit | None = None) -> AeroDatabase:
     return import_jsbsim(aircraft.file(edit), bindings=aircraft.bindings, name=aircraft.name)
 
 
-def function_of(root: ElementTree.Element, name: str) -> tuple[ElementTree.Element, ElementTree.Element]:
+def function_of(
+    root: ElementTree.Element, name: str
+) -> tuple[ElementTree.Element, ElementTree.Element]:
     """A function of the aerodynamics and the element that it stands in."""
     for parent in root.iter():
         for child in parent.findall("function"):
@@ -258,7 +286,8 @@ def without(*names: str) -> Edit:
 
 
 def scaled_slope(name: str, factor: float) -> Edit:
-    """Scales how far the table of a function differs from its own row at alpha = 0: an alpha slope that is wrong."""
+    """Scales how far the table of a function differs from its own row at alpha = 0: an alpha slope
+    that is wrong."""
 
     def edit(root: ElementTree.Element) -> None:
         data = function_of(root, name)[1].find(".//tableData")
@@ -279,7 +308,9 @@ def set_to_one(*names: str) -> Edit:
         for name in names:
             data = function_of(root, name)[1].find("table/tableData")
             assert data is not None
-            data.text = "\n".join(f"{line.split()[0]} 1.0" for line in (data.text or "").splitlines() if line.split())
+            data.text = "\n".join(
+                f"{line.split()[0]} 1.0" for line in (data.text or "").splitlines() if line.split()
+            )
 
     return edit
 
@@ -304,7 +335,9 @@ def one_branch(name: str, argument: str) -> Edit:
 
 def ramp(start: float, top: float, end: float, size: float) -> Signal:
     """Straight up from `start` to `size` at `top`, kept until `end`, then nothing."""
-    return lambda time: 0.0 if not start < time < end else min(1.0, (time - start) / (top - start)) * size
+    return lambda time: (
+        0.0 if not start < time < end else min(1.0, (time - start) / (top - start)) * size
+    )
 
 
 def pushed(root: ElementTree.Element) -> None:
@@ -316,7 +349,9 @@ def pushed(root: ElementTree.Element) -> None:
     propulsion.remove(engine)
     place = engine.find("thruster/location")
     assert place is not None
-    force = ElementTree.SubElement(ElementTree.SubElement(root, "external_reactions"), "force", name="pusher", frame="BODY")
+    force = ElementTree.SubElement(
+        ElementTree.SubElement(root, "external_reactions"), "force", name="pusher", frame="BODY"
+    )
     force.append(place)
     direction = ElementTree.SubElement(force, "direction")
     for axis, value in zip("xyz", "100", strict=True):

@@ -58,7 +58,11 @@ B737 = Aircraft(
         "delta_speed_brake": ("fcs/speedbrake-pos-norm", 1.0),
         **_GEAR,
     },
-    {"fcs/flap-pos-norm": "delta_flap", "fcs/speedbrake-pos-norm": "delta_speed_brake", "fcs/spoiler-pos-norm": "0"},
+    {
+        "fcs/flap-pos-norm": "delta_flap",
+        "fcs/speedbrake-pos-norm": "delta_speed_brake",
+        "fcs/spoiler-pos-norm": "0",
+    },
     ("propulsion/engine[0]/thrust-lbs", "propulsion/engine[1]/thrust-lbs"),
     (-540 * INCH, 0.0, 40 * INCH),
 )
@@ -78,7 +82,10 @@ def _sign(number: int) -> int:
 
 def braking(number: int) -> Plan:
     """Speed brakes out and in at one angle of attack, as the template asks for."""
-    s, start = _sign(number), {"ic/h-sl-ft": 10000.0 + 1000 * (number % 3), "ic/vc-kts": 200.0 + 4 * (number % 4)}
+    s, start = (
+        _sign(number),
+        {"ic/h-sl-ft": 10000.0 + 1000 * (number % 3), "ic/vc-kts": 200.0 + 4 * (number % 4)},
+    )
     return Plan(
         start | {"gear/gear-cmd-norm": 0.0},
         60.0,
@@ -86,15 +93,27 @@ def braking(number: int) -> Plan:
         aileron=together(doublet(12, 1, 0.12 * s), doublet(39, 1, -0.1 * s)),
         rudder=together(doublet(9, 2, s), doublet(27, 1.5, s), doublet(53, 2, s)),
         hold_alpha=True,
-        other={"fcs/speedbrake-cmd-norm": pulses((16 + number / 2, 1), (20 + number / 2, 0), (33, 1), (36.5, 0))},
+        other={
+            "fcs/speedbrake-cmd-norm": pulses(
+                (16 + number / 2, 1), (20 + number / 2, 0), (33, 1), (36.5, 0)
+            )
+        },
     )
 
 
 def pitching(number: int) -> Plan:
-    """Angle of attack up and down within the band of the short period, at dynamic pressures far apart: what grows with alpha must
-    be told from what grows with alpha and Mach number."""
-    s, start = _sign(number), {"ic/h-sl-ft": 8000.0 + 1500 * (number % 4), "ic/vc-kts": 190.0 + 27 * (2 * number % 5)}
-    pulls = ladder(2, 1.4, 0.2 * s), ladder(15, 1.0, -0.25 * s), ladder(31, 1.2, 0.22 * s), ladder(46, 1.1, -0.22 * s)
+    """Angle of attack up and down within the band of the short period, at dynamic pressures far
+    apart: what grows with alpha must be told from what grows with alpha and Mach number."""
+    s, start = (
+        _sign(number),
+        {"ic/h-sl-ft": 8000.0 + 1500 * (number % 4), "ic/vc-kts": 190.0 + 27 * (2 * number % 5)},
+    )
+    pulls = (
+        ladder(2, 1.4, 0.2 * s),
+        ladder(15, 1.0, -0.25 * s),
+        ladder(31, 1.2, 0.22 * s),
+        ladder(46, 1.1, -0.22 * s),
+    )
     return Plan(
         start | {"gear/gear-cmd-norm": 0.0},
         60.0,
@@ -116,22 +135,35 @@ def lowering(number: int) -> Plan:
         elevator=together(ladder(2 + late, 1.0, 0.1 * s), ladder(32 + late, 0.8, -0.12 * s)),
         aileron=together(doublet(12 + late, 1.5, 0.25 * s), doublet(48 + late, 1.5, -0.25 * s)),
         rudder=together(doublet(17 + late, 1.2, 0.3 * s), doublet(54 + late, 1, 0.3 * s)),
-        other={"gear/gear-cmd-norm": cycle, "fcs/speedbrake-cmd-norm": pulses((25 + late, 0.05), (29 + late, 0))},
+        other={
+            "gear/gear-cmd-norm": cycle,
+            "fcs/speedbrake-cmd-norm": pulses((25 + late, 0.05), (29 + late, 0)),
+        },
     )
 
 
 def approaching(number: int) -> Plan:
     """Down to a wing's height and along the ground, at several speeds, and up again."""
     s, incidence = _sign(number), 5.5 - 0.9 * (number % 4)
-    start = {"ic/h-sl-ft": 50.0, "ic/vt-fps": 104.0 + 6 * (number % 4), "ic/alpha-deg": incidence, "ic/theta-deg": incidence}
+    start = {
+        "ic/h-sl-ft": 50.0,
+        "ic/vt-fps": 104.0 + 6 * (number % 4),
+        "ic/alpha-deg": incidence,
+        "ic/theta-deg": incidence,
+    }
     return Plan(
         start,
         75.0,
         elevator=together(
-            ladder(4, 0.5, 0.06 * s), ladder(33, 0.5, 0.04 * s), ladder(43, 0.7, -0.04 * s), ladder(66, 0.5, 0.06 * s)
+            ladder(4, 0.5, 0.06 * s),
+            ladder(33, 0.5, 0.04 * s),
+            ladder(43, 0.7, -0.04 * s),
+            ladder(66, 0.5, 0.06 * s),
         ),
         aileron=together(doublet(9, 0.8, 0.08 * s), doublet(43, 0.8, -0.08 * s)),
-        rudder=together(doublet(12, 1, 0.25 * s), doublet(47, 1, 0.25 * s), doublet(68, 1, -0.2 * s)),
+        rudder=together(
+            doublet(12, 1, 0.25 * s), doublet(47, 1, 0.25 * s), doublet(68, 1, -0.2 * s)
+        ),
         height=pulses((-9, 45), (12 + number, 7.3 + 0.4 * (number % 3)), (51 + number, 55)),
         pushed=200.0,
     )
@@ -140,7 +172,12 @@ def approaching(number: int) -> Plan:
 def stalling(number: int) -> Plan:
     """Twice up beyond the stall, the last part with full elevator, and back."""
     s, first, second = _sign(number), 10 + number / 2, 44 - number / 2
-    start = {"ic/h-sl-ft": 5000.0, "ic/vt-fps": 140.0 + 2 * (number % 4), "ic/alpha-deg": 4.0, "ic/theta-deg": 4.0}
+    start = {
+        "ic/h-sl-ft": 5000.0,
+        "ic/vt-fps": 140.0 + 2 * (number % 4),
+        "ic/alpha-deg": 4.0,
+        "ic/theta-deg": 4.0,
+    }
     pulls = (pulses((begin + 3.5, -1.0), (begin + 9, 0.0)) for begin in (first, second))
     return Plan(
         start,
@@ -156,8 +193,9 @@ def stalling(number: int) -> Plan:
 
 @dataclass(frozen=True)
 class Case:
-    """An aircraft whose imported database lacks what `lacks` takes away; `effects`: hypotheses that must be confirmed, each with
-    the axis on which its size is judged. seed : of the noise. stall : whether a loop of the lift is fitted and sought."""
+    """An aircraft whose imported database lacks what `lacks` takes away; `effects`: hypotheses that
+    must be confirmed, each with the axis on which its size is judged. seed : of the noise. stall :
+    whether a loop of the lift is fitted and sought."""
 
     aircraft: Aircraft
     plan: Callable[[int], Plan]
@@ -175,7 +213,10 @@ CASES = {
         B737, lowering, without("aero/coefficient/CDgear"), {"landing_gear@C_drag": "C_drag"}
     ),
     "f16 with an alpha slope 8 % too small": Case(
-        F16, pitching, scaled_slope("aero/coefficient/CLDh", 1 / 1.08), {"alpha_slope@C_lift": "C_lift"}
+        F16,
+        pitching,
+        scaled_slope("aero/coefficient/CLDh", 1 / 1.08),
+        {"alpha_slope@C_lift": "C_lift"},
     ),
     "c172p without ground effect": Case(
         C172P,
@@ -195,13 +236,19 @@ CASES = {
 
 @lru_cache(maxsize=8)
 def campaign(name: str) -> tuple[Vehicle, tuple[Flight, ...]]:
-    """The vehicle of a case and its flights as logged, the last FLOWN - IDENTIFIED of them to be held out."""
+    """The vehicle of a case and its flights as logged, the last FLOWN - IDENTIFIED of them to be
+    held out."""
     case = CASES[name]
     vehicle = vehicle_of(case.aircraft, imported(case.aircraft))
     flights = []
     for number in range(FLOWN):
         channels = flown(case.aircraft, case.plan(number))
         flights.append(
-            as_logged(channels, f"{vehicle.name}-{number}", vehicle.name, np.random.default_rng(7 * number + case.seed))
+            as_logged(
+                channels,
+                f"{vehicle.name}-{number}",
+                vehicle.name,
+                np.random.default_rng(7 * number + case.seed),
+            )
         )
     return vehicle, tuple(flights)

@@ -1,7 +1,7 @@
 """JSBSim in the same process, for tests: its aircraft, random conditions, its own coefficients.
 
-The aircraft files come from the installed package. JSBSim evaluates functions when they are asked for, and right after
-`run_ic` its state, its controls and its forces belong together.
+The aircraft files come from the installed package. JSBSim evaluates functions when they are asked
+for, and right after `run_ic` its state, its controls and its forces belong together.
 """
 
 from pathlib import Path
@@ -27,7 +27,8 @@ def aircraft_file(name: str) -> bytes:
 
 
 def simulator(name: str, planet: Path | None = None) -> Any:
-    """An aircraft ready to be flown, over another `planet` than the earth when its file is given."""
+    """An aircraft ready to be flown, over another `planet` than the earth when its file is
+    given."""
     executive = jsbsim.FGFDMExec(jsbsim.get_default_root_dir())
     executive.set_debug_level(0)
     assert planet is None or executive.load_planet(str(planet), False)
@@ -41,7 +42,9 @@ def own_coefficients(executive: Any) -> list[float]:
     """JSBSim's forces and moments about the CG as coefficients on AXES."""
     force = executive["aero/qbar-psf"] * executive["metrics/Sw-sqft"]
     lengths = [executive[f"metrics/{name}"] for name in ("bw-ft", "cbarw-ft", "bw-ft")]
-    moments = [executive[name] / force / length for name, length in zip(MOMENTS, lengths, strict=True)]
+    moments = [
+        executive[name] / force / length for name, length in zip(MOMENTS, lengths, strict=True)
+    ]
     return [executive[name] / force for name in FORCES] + moments
 
 
@@ -92,13 +95,21 @@ _MEANING = {
 
 
 def channels_of(executive: Any, database: AeroDatabase) -> dict[str, float]:
-    """What `database` needs, each by its physical meaning; its free inputs by the property that they name."""
-    free = {name: text.removeprefix("JSBSim property ").split(":")[0] for name, text in database.free_inputs.items()}
-    sources = {name: (free[name], 1.0) if name in free else _MEANING[name] for name in database.inputs}
+    """What `database` needs, each by its physical meaning; its free inputs by the property that
+    they name."""
+    free = {
+        name: text.removeprefix("JSBSim property ").split(":")[0]
+        for name, text in database.free_inputs.items()
+    }
+    sources = {
+        name: (free[name], 1.0) if name in free else _MEANING[name] for name in database.inputs
+    }
     return {name: executive[path] * scale for name, (path, scale) in sources.items()}
 
 
-def compare(database: AeroDatabase, channels: dict[str, Any], cg: np.ndarray, theirs: np.ndarray) -> dict[str, float]:
+def compare(
+    database: AeroDatabase, channels: dict[str, Any], cg: np.ndarray, theirs: np.ndarray
+) -> dict[str, float]:
     """Largest error per axis over its tolerance of 1e-9 max(|C|, 1e-3)."""
     ours = database.predict(channels).coefficients
     ours = transfer_moments(ours, database.reference.moment_reference, cg, database.reference)

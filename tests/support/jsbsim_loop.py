@@ -1,4 +1,5 @@
-"""The closed loop on flights of JSBSim, before any store: traced, added, fitted once more, and judged on flights not used."""
+"""The closed loop on flights of JSBSim, before any store: traced, added, fitted once more, and
+judged on flights not used."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -30,14 +31,16 @@ from aerodb.vehicle import Vehicle
 from tests.support.jsbsim_campaign import as_logged
 from tests.support.jsbsim_cases import IDENTIFIED
 
-#: What a flight-path reconstruction gives; its noise is added once more for the systematic bound (SIMEX).
+#: What a flight-path reconstruction gives; its noise is added once more for the systematic bound
+#: (SIMEX).
 STATES = ("V", "qbar", "alpha", "beta", "p", "q", "r")
 COPIES, MOST_ROUNDS = 2, 4
 
 
 @dataclass(frozen=True)
 class Closed:
-    """Where the loop ended: the database, what was found round by round, and the flights' coefficients."""
+    """Where the loop ended: the database, what was found round by round, and the flights'
+    coefficients."""
 
     database: AeroDatabase
     rounds: tuple[tuple[Finding, ...], ...]
@@ -47,7 +50,12 @@ class Closed:
     @property
     def confirmed(self) -> list[str]:
         """Hypotheses that were added, in the order in which they were found."""
-        return [finding.hypothesis for found in self.rounds for finding in found if finding.verdict == "confirmed"]
+        return [
+            finding.hypothesis
+            for found in self.rounds
+            for finding in found
+            if finding.verdict == "confirmed"
+        ]
 
     @property
     def aerodynamic(self) -> list[tuple[str, str]]:
@@ -60,10 +68,13 @@ class Closed:
         ]
 
 
-def closed(database: AeroDatabase, vehicle: Vehicle, flights: Sequence[Flight], *, stall: bool = False) -> Closed:
+def closed(
+    database: AeroDatabase, vehicle: Vehicle, flights: Sequence[Flight], *, stall: bool = False
+) -> Closed:
     """Traces the first IDENTIFIED flights, adds what is confirmed, and again until nothing is.
 
-    stall : whether a loop of the lift is fitted, for each flight on the others, and joins the library.
+    stall : whether a loop of the lift is fitted, for each flight on the others, and joins the
+    library.
     """
     law, others = _loops(database, vehicle, flights[:IDENTIFIED]) if stall else (None, {})
     user = [] if law is None else [stall_loop.template(law, others)]
@@ -77,49 +88,101 @@ def closed(database: AeroDatabase, vehicle: Vehicle, flights: Sequence[Flight], 
     wrong = set[str]()
     for _ in range(MOST_ROUNDS):
         grams, views = [], []
-        for number, (flight, made) in enumerate(zip(flights[:IDENTIFIED], coefficients, strict=False)):
+        for number, (flight, made) in enumerate(
+            zip(flights[:IDENTIFIED], coefficients, strict=False)
+        ):
             comparison = compare(flight, made, database, vehicle.reference)
-            noisy = [_noisier(flight, database, vehicle, 100 * number + copy) for copy in range(COPIES)]
+            noisy = [
+                _noisier(flight, database, vehicle, 100 * number + copy) for copy in range(COPIES)
+            ]
             evidence = evidence_of(flight, comparison, database, vehicle, hypotheses, noisy)
             grams.append(gram(with_shapes(evidence, flight, hypotheses), settings))
             views.append(view_of(flight, comparison, database, vehicle))
-        rounds.append(beside_wrong_shapes(trace(grams, hypotheses, settings, earlier).findings, wrong))
+        rounds.append(
+            beside_wrong_shapes(trace(grams, hypotheses, settings, earlier).findings, wrong)
+        )
         new = [finding for finding in rounds[-1] if finding.verdict == "confirmed"]
         if not new:
             break
-        accepted, values = [known[finding.hypothesis] for finding in new], np.array([finding.value for finding in new])
-        if law is not None and any(hypothesis.subject == stall_loop.SUBJECT for hypothesis in accepted):
+        accepted, values = (
+            [known[finding.hypothesis] for finding in new],
+            np.array([finding.value for finding in new]),
+        )
+        if law is not None and any(
+            hypothesis.subject == stall_loop.SUBJECT for hypothesis in accepted
+        ):
             database = stall_loop.with_state(database, law)
             state = database.states[-1]
-            along = [state.along(view.time, view.channels, database.reference.chord) for view in views]
-            views = [replace(view, channels={**view.channels, state.name: x}) for view, x in zip(views, along, strict=True)]
+            along = [
+                state.along(view.time, view.channels, database.reference.chord) for view in views
+            ]
+            views = [
+                replace(view, channels={**view.channels, state.name: x})
+                for view, x in zip(views, along, strict=True)
+            ]
         earlier |= {finding.hypothesis: finding.value for finding in new}
-        covariance, ids = joint_covariance(new, settings.prior_dof), [flight.id for flight in flights[:IDENTIFIED]]
-        candidate = add_effects(database, accepted, values, covariance, envelopes_of(accepted, views, database), ids)
+        covariance, ids = (
+            joint_covariance(new, settings.prior_dof),
+            [flight.id for flight in flights[:IDENTIFIED]],
+        )
+        candidate = add_effects(
+            database, accepted, values, covariance, envelopes_of(accepted, views, database), ids
+        )
         pairs = zip(flights[:IDENTIFIED], coefficients, strict=False)
-        beside = [(flight, compare(flight, made, candidate, vehicle.reference)) for flight, made in pairs]
-        finer = refined(beside, candidate, vehicle, accepted, [h for h in hypotheses if h.kind == "sensor"], settings)
+        beside = [
+            (flight, compare(flight, made, candidate, vehicle.reference)) for flight, made in pairs
+        ]
+        finer = refined(
+            beside,
+            candidate,
+            vehicle,
+            accepted,
+            [h for h in hypotheses if h.kind == "sensor"],
+            settings,
+        )
         if finer is not None:
             values, covariance = finer.beside(values, covariance)
-            candidate = add_effects(database, finer.terms, values, covariance, envelopes_of(finer.terms, views, database), ids)
-            wrong |= {axis for hypothesis in accepted if hypothesis.id in finer.variables for axis in hypothesis.axes}
+            candidate = add_effects(
+                database,
+                finer.terms,
+                values,
+                covariance,
+                envelopes_of(finer.terms, views, database),
+                ids,
+            )
+            wrong |= {
+                axis
+                for hypothesis in accepted
+                if hypothesis.id in finer.variables
+                for axis in hypothesis.axes
+            }
         shapes.append(finer)
         database = candidate
     return Closed(database, tuple(rounds), coefficients, tuple(shapes))
 
 
-def _loops(database: AeroDatabase, vehicle: Vehicle, flights: Sequence[Flight]) -> tuple[Relay, dict[str, Relay]]:
+def _loops(
+    database: AeroDatabase, vehicle: Vehicle, flights: Sequence[Flight]
+) -> tuple[Relay, dict[str, Relay]]:
     """The loop of all flights, and for each that of the others."""
     seen = []
     for flight in flights:
-        comparison = compare(flight, total_coefficients(flight, vehicle), database, vehicle.reference)
+        comparison = compare(
+            flight, total_coefficients(flight, vehicle), database, vehicle.reference
+        )
         residual, usable = {"C_lift": comparison.residual("C_lift")}, comparison.usable["C_lift"]
         motion = (flight.time, flight["alpha"], flight["V"], vehicle.reference.chord)
-        seen.append(StallFlight(flight.id, *motion, residual, {}, usable, zero_lift_alpha(database)))
-    return fitted(seen), {one.flight: fitted([other for other in seen if other is not one]) for one in seen}
+        seen.append(
+            StallFlight(flight.id, *motion, residual, {}, usable, zero_lift_alpha(database))
+        )
+    return fitted(seen), {
+        one.flight: fitted([other for other in seen if other is not one]) for one in seen
+    }
 
 
-def _noisier(flight: Flight, database: AeroDatabase, vehicle: Vehicle, seed: int) -> tuple[Flight, Comparison]:
+def _noisier(
+    flight: Flight, database: AeroDatabase, vehicle: Vehicle, seed: int
+) -> tuple[Flight, Comparison]:
     """The flight with the noise of its states once more."""
     silent = {name: np.zeros(len(flight.time)) for name in STATES}
     noise = as_logged(silent, flight.id, flight.vehicle, np.random.default_rng(seed))
@@ -129,8 +192,9 @@ def _noisier(flight: Flight, database: AeroDatabase, vehicle: Vehicle, seed: int
 
 @dataclass(frozen=True)
 class Judged:
-    """One axis on the held-out flights. size : rms of what was added over rms of what was lacking, along these flights.
-    floor, before, after : rms of the residual beside the whole, the lacking and the candidate database."""
+    """One axis on the held-out flights. size : rms of what was added over rms of what was lacking,
+    along these flights. floor, before, after : rms of the residual beside the whole, the lacking
+    and the candidate database."""
 
     size: float
     floor: float
@@ -147,16 +211,28 @@ class Judged:
 
 
 def judged(
-    axis: str, whole: AeroDatabase, lacking: AeroDatabase, found: Closed, vehicle: Vehicle, flights: Sequence[Flight]
+    axis: str,
+    whole: AeroDatabase,
+    lacking: AeroDatabase,
+    found: Closed,
+    vehicle: Vehicle,
+    flights: Sequence[Flight],
 ) -> Judged:
     """Error and size on `axis` over the flights that did not identify."""
-    parts: dict[str, list[np.ndarray]] = {name: [] for name in ("truth", "added", "floor", "before", "after")}
+    parts: dict[str, list[np.ndarray]] = {
+        name: [] for name in ("truth", "added", "floor", "before", "after")
+    }
     for flight, made in zip(flights[IDENTIFIED:], found.coefficients[IDENTIFIED:], strict=True):
-        true, old, new = (compare(flight, made, database, vehicle.reference) for database in (whole, lacking, found.database))
+        true, old, new = (
+            compare(flight, made, database, vehicle.reference)
+            for database in (whole, lacking, found.database)
+        )
         good = true.usable[axis] & old.usable[axis] & new.usable[axis]
         parts["truth"].append((true.predicted[axis] - old.predicted[axis])[good])
         parts["added"].append((new.predicted[axis] - old.predicted[axis])[good])
         for name, comparison in (("floor", true), ("before", old), ("after", new)):
             parts[name].append(comparison.residual(axis)[good])
-    size = {name: float(np.sqrt(np.mean(np.concatenate(values) ** 2))) for name, values in parts.items()}
+    size = {
+        name: float(np.sqrt(np.mean(np.concatenate(values) ** 2))) for name, values in parts.items()
+    }
     return Judged(size["added"] / size["truth"], size["floor"], size["before"], size["after"])

@@ -1,8 +1,9 @@
-"""Flights by JSBSim, planted sensor errors put on them: truth that shares no code with the reconstruction.
+"""Flights by JSBSim, planted sensor errors put on them: truth that shares no code with the
+reconstruction.
 
-The light aircraft of JSBSim's own examples is flown with wind over a planet that does not turn and is all but flat, so that what
-a flat-earth reconstruction must find is exact. Air data off the CG, delays and errors are made here, from four times the
-sampling rate, without any interpolation.
+The light aircraft of JSBSim's own examples is flown with wind over a planet that does not turn and
+is all but flat, so that what a flat-earth reconstruction must find is exact. Air data off the CG,
+delays and errors are made here, from four times the sampling rate, without any interpolation.
 """
 
 from collections.abc import Mapping
@@ -15,7 +16,8 @@ from aerodb.consistency.sensors.prediction import Record
 from tests.support.jsbsim_flights import FOOT, POUND, simulator
 
 GRAVITY, STEP, FASTER = 9.80665, 0.02, 4
-SUBSTEPS = 4  # of JSBSim per logged sample: its rates and velocities are half a step apart, which is a delay
+# of JSBSim per logged sample: its rates and velocities are half a step apart, which is a delay
+SUBSTEPS = 4
 SLUG_FT3 = POUND / FOOT**4  # kg/m3 per slug/ft3
 WIND = {"wind_north": 5.0, "wind_east": -7.0}
 SETTLING = 8.0  # s, until the wind's onset has died away
@@ -37,13 +39,14 @@ _PLACES = {
 
 
 def flown(folder: Path, seconds: float = 60.0) -> dict[str, np.ndarray]:
-    """Channels at FASTER times the sampling rate: turns to both sides, pitch and rudder doublets, trimmed start."""
+    """Channels at FASTER times the sampling rate: turns to both sides, pitch and rudder doublets,
+    trimmed start."""
     radius = 6.378e8
     planet = folder / "planet.xml"
     planet.write_text(
-        f'<planet name="flat"><semimajor_axis unit="M">{radius}</semimajor_axis>'
-        f'<semiminor_axis unit="M">{radius}</semiminor_axis><rotation_rate unit="RAD/SEC">0</rotation_rate>'
-        f'<GM unit="M3/SEC2">{GRAVITY * radius**2}</GM><J2>0</J2></planet>'
+        f'<planet name="flat"><semimajor_axis unit="M">{radius}</semimajor_axis><semiminor_axis'
+        f' unit="M">{radius}</semiminor_axis><rotation_rate unit="RAD/SEC">0</rotation_rate><GM'
+        f' unit="M3/SEC2">{GRAVITY * radius**2}</GM><J2>0</J2></planet>'
     )
     executive = simulator("c172p", planet)
     executive.set_dt(STEP / FASTER / SUBSTEPS)
@@ -89,8 +92,8 @@ def measured_record(
     noise: float = 1.0,
     channels: tuple[str, ...] = tuple(NOISE)[6:],
 ) -> Record:
-    """A record at STEP of what sensors with `planted` errors show; `arm` is what is believed of the air-data point. Delays
-    must be multiples of STEP / FASTER."""
+    """A record at STEP of what sensors with `planted` errors show; `arm` is what is believed of the
+    air-data point. Delays must be multiples of STEP / FASTER."""
     boom = np.array(arm) + [planted.get(f"air_data_{axis}", 0.0) for axis in "xyz"]
     rates = np.stack([flight[name] for name in "pqr"])
     u, v, w = np.stack([flight[name] for name in "uvw"]) + np.cross(rates.T, boom).T
@@ -98,7 +101,12 @@ def measured_record(
     truth = {
         **flight,
         **{f"a{axis}": flight[f"f{axis}"] / flight["mass"] for axis in "xyz"},
-        **{"V": speed, "alpha": np.arctan2(w, u), "beta": np.arcsin(v / speed), "qbar": 0.5 * flight["rho"] * speed**2},
+        **{
+            "V": speed,
+            "alpha": np.arctan2(w, u),
+            "beta": np.arcsin(v / speed),
+            "qbar": 0.5 * flight["rho"] * speed**2,
+        },
     }
 
     def shown(name: str) -> np.ndarray:
@@ -106,7 +114,9 @@ def measured_record(
         assert abs(late - round(late)) < 1e-9
         assert abs(late) <= LATEST
         values = truth[name][LATEST - round(late) : len(speed) - LATEST - round(late) : FASTER]
-        wrong = (1.0 + planted.get(f"{name}_scale", 0.0)) * values + planted.get(f"{name}_bias", 0.0)
+        wrong = (1.0 + planted.get(f"{name}_scale", 0.0)) * values + planted.get(
+            f"{name}_bias", 0.0
+        )
         return np.asarray(wrong + noise * NOISE[name] * rng.standard_normal(len(values)))
 
     inputs = np.column_stack([shown(name) for name in ("ax", "ay", "az", "p", "q", "r")])

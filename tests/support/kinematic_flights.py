@@ -1,4 +1,5 @@
-"""Flights whose channels follow from one motion by differentiation: consistent by construction, without aerodynamics."""
+"""Flights whose channels follow from one motion by differentiation: consistent by construction,
+without aerodynamics."""
 
 import numpy as np
 
@@ -8,16 +9,25 @@ from aerodb.support.arrays import Array
 GRAVITY = 9.80665
 
 
-def waves(rng: np.random.Generator, time: Array, size: float, slow: float = 0.08, fast: float = 0.9) -> Array:
+def waves(
+    rng: np.random.Generator, time: Array, size: float, slow: float = 0.08, fast: float = 0.9
+) -> Array:
     """A sum of six sines of random frequencies [Hz] and phases, rms about `size`."""
     frequencies, phases = rng.uniform(slow, fast, 6), rng.uniform(0.0, 2.0 * np.pi, 6)
-    result: Array = size * np.sqrt(2.0 / 6.0) * np.sin(2 * np.pi * np.outer(time, frequencies) + phases).sum(axis=1)
+    result: Array = (
+        size
+        * np.sqrt(2.0 / 6.0)
+        * np.sin(2 * np.pi * np.outer(time, frequencies) + phases).sum(axis=1)
+    )
     return result
 
 
-def kinematic_flight(seed: int, seconds: float = 40.0, rate: float = 50.0, noise: float = 1.0) -> Flight:
-    """A manoeuvring flight of an aircraft at 60 m/s: air angles, attitude, rates, specific forces, altitude; `noise` times
-    usual sensor noise. Side force opposes sideslip and lift grows with alpha, as they must."""
+def kinematic_flight(
+    seed: int, seconds: float = 40.0, rate: float = 50.0, noise: float = 1.0
+) -> Flight:
+    """A manoeuvring flight of an aircraft at 60 m/s: air angles, attitude, rates, specific forces,
+    altitude; `noise` times usual sensor noise. Side force opposes sideslip and lift grows with
+    alpha, as they must."""
     rng = np.random.default_rng(seed)
     fine = np.arange(0.0, seconds, 1.0 / (4.0 * rate))
     dt = fine[1]
@@ -31,7 +41,11 @@ def kinematic_flight(seed: int, seconds: float = 40.0, rate: float = 50.0, noise
     p = dot(phi) - np.sin(theta) * dot(psi)
     q = np.cos(phi) * dot(theta) + np.sin(phi) * np.cos(theta) * dot(psi)
     r = np.cos(phi) * np.cos(theta) * dot(psi) - np.sin(phi) * dot(theta)
-    u, v, w = speed * np.cos(alpha) * np.cos(beta), speed * np.sin(beta), speed * np.sin(alpha) * np.cos(beta)
+    u, v, w = (
+        speed * np.cos(alpha) * np.cos(beta),
+        speed * np.sin(beta),
+        speed * np.sin(alpha) * np.cos(beta),
+    )
     channels = {
         "V": speed,
         "alpha": alpha,
@@ -47,8 +61,19 @@ def kinematic_flight(seed: int, seconds: float = 40.0, rate: float = 50.0, noise
         "az": dot(w) + p * v - q * u - GRAVITY * np.cos(theta) * np.cos(phi),
         "qbar": 0.5 * 1.1 * speed**2,
     }
-    usual = {"V": 0.1, "alpha": 1e-3, "beta": 1e-3, "theta": 5e-4, "phi": 5e-4, "psi": 5e-4, "qbar": 5.0}
+    usual = {
+        "V": 0.1,
+        "alpha": 1e-3,
+        "beta": 1e-3,
+        "theta": 5e-4,
+        "phi": 5e-4,
+        "psi": 5e-4,
+        "qbar": 5.0,
+    }
     kept = slice(None, None, 4)
     sizes = {name: usual.get(name, 2e-3 if name in "pqr" else 0.03) for name in channels}
-    noisy = {name: x[kept] + noise * sizes[name] * rng.standard_normal(len(fine[kept])) for name, x in channels.items()}
+    noisy = {
+        name: x[kept] + noise * sizes[name] * rng.standard_normal(len(fine[kept]))
+        for name, x in channels.items()
+    }
     return Flight(f"kinematic-{seed}", "synthetic", fine[kept], noisy)

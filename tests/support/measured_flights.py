@@ -19,7 +19,10 @@ moment_reference = "cg"
 [mass]
 source = "channels"
 """
-ATTAS = tuple(f"attas/{name}" for name in ("fAttasElv1.mat", "fAttasAil1.mat", "fAttasRud1.mat", "fAttasAilRud1.mat"))
+ATTAS = tuple(
+    f"attas/{name}"
+    for name in ("fAttasElv1.mat", "fAttasAil1.mat", "fAttasRud1.mat", "fAttasAilRud1.mat")
+)
 STALLS = ("attas/fAttas_qst01.asc", "attas/fAttas_qst02.asc")
 TWIN_OTTER = tuple(f"twin_otter/totter_{name}_data.mat" for name in ("f1_017", "9752ed20", "demo"))
 HFB320, CITATION = "hfb320/hfb320_1_10.asc", "citation/flight_2019-03-12.parquet"

@@ -1,4 +1,5 @@
-"""The flight of formulas (`simulated_path`) in turbulence after Dryden: over the ground it flies the formulas, the air moves."""
+"""The flight of formulas (`simulated_path`) in turbulence after Dryden: over the ground it flies
+the formulas, the air moves."""
 
 from dataclasses import replace
 
@@ -18,7 +19,9 @@ CHANNELS = tuple(name for name in NOISE if name != "qbar")
 def gusts(seed: int, n: int, step: float, strength: float) -> np.ndarray:
     """(3, n) m/s at 60 m/s and 200 m above ground; `strength` m/s is the steady wind at 6 m."""
     model = DrydenGusts(np.array([strength]), np.random.default_rng(seed))
-    return np.column_stack([model.advance(step, np.array([60.0]), np.array([200.0]))[:, 0] for _ in range(n)])
+    return np.column_stack(
+        [model.advance(step, np.array([60.0]), np.array([200.0]))[:, 0] for _ in range(n)]
+    )
 
 
 def moving_air(
@@ -54,7 +57,10 @@ def moving_air(
     )
     late = {**true, "alpha": np.interp(np.arange(n) - delay / step, np.arange(n), true["alpha"])}
     outputs = {key: late[key] + NOISE[key] * rng.standard_normal(n) for key in channels}
-    return Record(name, step, inputs, outputs, name, density=np.full(n, DENSITY), gravity=GRAVITY), true
+    return (
+        Record(name, step, inputs, outputs, name, density=np.full(n, DENSITY), gravity=GRAVITY),
+        true,
+    )
 
 
 def parts(record: Record, number: int) -> list[Record]:
@@ -65,7 +71,9 @@ def parts(record: Record, number: int) -> list[Record]:
             record,
             name=f"{record.name}/{k}",
             inputs=record.inputs[k * size : (k + 1) * size],
-            outputs={key: values[k * size : (k + 1) * size] for key, values in record.outputs.items()},
+            outputs={
+                key: values[k * size : (k + 1) * size] for key, values in record.outputs.items()
+            },
             density=record.density[k * size : (k + 1) * size],
             first=k * size,
         )

@@ -1,4 +1,5 @@
-"""A real S3 service (moto's server) on this machine, which tests can stop and start again; what it holds outlives that."""
+"""A real S3 service (moto's server) on this machine, which tests can stop and start again; what it
+holds outlives that."""
 
 import logging
 import os
@@ -12,7 +13,8 @@ from moto.server import ThreadedMotoServer
 
 
 class ObjectService:
-    """The service and, beside the product's own way to it, a client of another make that looks at it and spoils things in it."""
+    """The service and, beside the product's own way to it, a client of another make that looks at
+    it and spoils things in it."""
 
     def __init__(self) -> None:
         self._server = ThreadedMotoServer(ip_address="127.0.0.1", port=0, verbose=False)
@@ -36,11 +38,14 @@ class ObjectService:
     def bucket(self) -> str:
         """The name of a new, empty bucket."""
         name = f"aerodb-{secrets.token_hex(6)}"
-        self.client.create_bucket(Bucket=name, CreateBucketConfiguration={"LocationConstraint": "eu-central-1"})
+        self.client.create_bucket(
+            Bucket=name, CreateBucketConfiguration={"LocationConstraint": "eu-central-1"}
+        )
         return name
 
     def names(self, url: str) -> list[str]:
-        """What is below ``s3://bucket/prefix``, without the prefix; not the library's marks of folders."""
+        """What is below ``s3://bucket/prefix``, without the prefix; not the library's marks of
+        folders."""
         bucket, _, prefix = url.removeprefix("s3://").partition("/")
         pages = self.client.get_paginator("list_objects_v2").paginate(Bucket=bucket, Prefix=prefix)
         keys = [entry["Key"] for page in pages for entry in page.get("Contents", ())]
@@ -70,7 +75,8 @@ class ObjectService:
 
 @contextmanager
 def object_service() -> Iterator[ObjectService]:
-    """A service of its own, with the environment that leads to it; other credentials of whoever runs the tests are put away."""
+    """A service of its own, with the environment that leads to it; other credentials of whoever
+    runs the tests are put away."""
     logging.getLogger("werkzeug").setLevel(logging.ERROR)
     before = {name: value for name, value in os.environ.items() if name.startswith("AWS_")}
     for name in before:

@@ -1,4 +1,5 @@
-"""A workspace with an object store, as its tests take it apart: its files, its cache, its catalogue, what verifying says."""
+"""A workspace with an object store, as its tests take it apart: its files, its cache, its
+catalogue, what verifying says."""
 
 import shutil
 import sqlite3
@@ -45,12 +46,15 @@ def named(workspace: Workspace) -> list[StoredFile]:
 
 
 def read_all(workspace: Workspace) -> int:
-    """Reads every file that the catalogue names by the way in which the product does; how many there are."""
+    """Reads every file that the catalogue names by the way in which the product does; how many
+    there are."""
     found = named(workspace)
     with Catalogue.open(workspace.catalogue) as catalogue:
         for file in found:
             if file.path.endswith(INDEX):
-                folder = local_recording(workspace, catalogue, Path(file.path).parent.name.partition(".")[0])
+                folder = local_recording(
+                    workspace, catalogue, Path(file.path).parent.name.partition(".")[0]
+                )
                 assert all(len(topic.time) for topic in read_recording(folder).topics.values())
             assert measured(local(workspace, catalogue, file.path)) == (file.sha256, file.size)
     return len(found)
@@ -62,7 +66,8 @@ def flight_of(workspace: Workspace) -> str:
 
 
 def the(workspace: Workspace, kind: str) -> StoredFile:
-    """The first flight's file (``flight``), its recording's index (``index``), or what conditioning found in it."""
+    """The first flight's file (``flight``), its recording's index (``index``), or what conditioning
+    found in it."""
     with Catalogue.open(workspace.catalogue) as catalogue:
         row = catalogue.flights(NAME)[0]
         if kind == "index":
@@ -94,8 +99,11 @@ def name(file: StoredFile) -> str:
     return f"{file.path}.{file.sha256}"
 
 
-def another(made: Workspace, made_url: str, root: Path, service: ObjectService) -> tuple[Workspace, str]:
-    """A workspace in `root` like the one that was `made`, with a bucket of its own, to be spoiled; and its address."""
+def another(
+    made: Workspace, made_url: str, root: Path, service: ObjectService
+) -> tuple[Workspace, str]:
+    """A workspace in `root` like the one that was `made`, with a bucket of its own, to be spoiled;
+    and its address."""
     url = f"s3://{service.bucket()}/spoiled"
     for each in service.names(made_url):
         service.client.copy_object(**service.at(url, each), CopySource=service.at(made_url, each))

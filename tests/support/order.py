@@ -1,17 +1,20 @@
-"""Which tests run first, and which in the same process, when several processes share them (pytest-xdist, by files)."""
+"""Which tests run first, and which in the same process, when several processes share them
+(pytest-xdist, by files)."""
 
 from typing import Any
 
 import pytest
 from xdist.scheduler import LoadFileScheduling
 
-#: Files that share what takes long to make and is made once in a process: the flights of `tracing_flights`.
+#: Files that share what takes long to make and is made once in a process: the flights of
+#: `tracing_flights`.
 TOGETHER = (
     "test_tracing_campaign.py",
     "test_tracing_commands.py",
     "test_tracing_manoeuvres.py",
 )
-#: Files that take longest, as `pytest --durations` tells, the longest first: one that was begun last would keep others waiting.
+#: Files that take longest, as `pytest --durations` tells, the longest first: one that was begun
+#: last would keep others waiting.
 LONGEST = (
     "test_demo.py",
     *TOGETHER,
@@ -51,7 +54,8 @@ def long_first(items: list[pytest.Item]) -> None:
 
 
 class ByFiles(LoadFileScheduling):
-    """A file, or those that stand together, to a process at a time, in the order in which they were collected."""
+    """A file, or those that stand together, to a process at a time, in the order in which they were
+    collected."""
 
     def __init__(self, config: pytest.Config, log: Any = None) -> None:
         config.option.loadscopereorder = False

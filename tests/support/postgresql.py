@@ -1,4 +1,5 @@
-"""A real PostgreSQL server for tests, from the binaries of the machine: in a folder of its own, on loopback only."""
+"""A real PostgreSQL server for tests, from the binaries of the machine: in a folder of its own, on
+loopback only."""
 
 import ctypes
 import os
@@ -22,7 +23,12 @@ USER = "aerodb"
 _PR_SET_PDEATHSIG = 1
 _BINARIES = ("initdb", "postgres")
 #: Tests need no power cut to be survived.
-_QUICK = {"fsync": "off", "full_page_writes": "off", "shared_buffers": "64MB", "max_connections": "60"}
+_QUICK = {
+    "fsync": "off",
+    "full_page_writes": "off",
+    "shared_buffers": "64MB",
+    "max_connections": "60",
+}
 
 
 def binaries() -> Path | None:
@@ -30,8 +36,18 @@ def binaries() -> Path | None:
     found = [shutil.which(name) for name in _BINARIES]
     if all(found):
         return Path(str(found[0])).resolve().parent
-    folders = sorted(Path("/usr/lib/postgresql").glob("*/bin"), key=lambda path: int(path.parent.name.split(".")[0]))
-    return next((folder for folder in reversed(folders) if all((folder / name).exists() for name in _BINARIES)), None)
+    folders = sorted(
+        Path("/usr/lib/postgresql").glob("*/bin"),
+        key=lambda path: int(path.parent.name.split(".")[0]),
+    )
+    return next(
+        (
+            folder
+            for folder in reversed(folders)
+            if all((folder / name).exists() for name in _BINARIES)
+        ),
+        None,
+    )
 
 
 def _somebody() -> dict[str, Any]:
@@ -46,7 +62,8 @@ def _somebody() -> dict[str, Any]:
 
 
 def _end_with_tests() -> None:
-    """In the new process: the system ends it when the tests were killed. It must be started by a thread that stays."""
+    """In the new process: the system ends it when the tests were killed. It must be started by a
+    thread that stays."""
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGQUIT)
 
 
@@ -62,12 +79,31 @@ class Server:
         if self._who:
             os.chown(self.folder, self._who["user"], self._who["group"])
         self.port = free_port()
-        made = [str(self._binaries / "initdb"), "-D", str(self.folder / "data"), "-U", USER, "-A", "trust", "-E", "UTF8", "-N"]
+        made = [
+            str(self._binaries / "initdb"),
+            "-D",
+            str(self.folder / "data"),
+            "-U",
+            USER,
+            "-A",
+            "trust",
+            "-E",
+            "UTF8",
+            "-N",
+        ]
         # In English text is not in the order of its bytes: the catalogue's must be all the same.
         english = ["--locale-provider=icu", "--icu-locale=en", "--locale=C.UTF-8"]
-        if subprocess.run([*made, *english], capture_output=True, cwd=self.folder, **self._who).returncode:
+        if subprocess.run(
+            [*made, *english], capture_output=True, cwd=self.folder, **self._who
+        ).returncode:
             shutil.rmtree(self.folder / "data", ignore_errors=True)  # a server before version 15
-            subprocess.run([*made, "--locale=C.UTF-8"], check=True, capture_output=True, cwd=self.folder, **self._who)
+            subprocess.run(
+                [*made, "--locale=C.UTF-8"],
+                check=True,
+                capture_output=True,
+                cwd=self.folder,
+                **self._who,
+            )
         self._number = 0
         self._template = ""
         self.start()
@@ -98,11 +134,14 @@ class Server:
                 return self.execute("SELECT 1")
             except psycopg.OperationalError:
                 if time.monotonic() > until or self._process.poll() is not None:
-                    raise AssertionError((self.folder / "log").read_text(errors="replace")[-2000:]) from None
+                    raise AssertionError(
+                        (self.folder / "log").read_text(errors="replace")[-2000:]
+                    ) from None
                 time.sleep(0.05)
 
     def stop(self, how: int = signal.SIGINT) -> None:
-        """Ends it: SIGINT cuts all connections and shuts down, SIGQUIT does so without a word, as a crash would."""
+        """Ends it: SIGINT cuts all connections and shuts down, SIGQUIT does so without a word, as a
+        crash would."""
         self._process.send_signal(how)
         self._process.wait(timeout=300)
 
@@ -123,9 +162,13 @@ class Server:
     def cut(self, database: str) -> None:
         """Cuts all connections to a database, as a network would; returns when they are gone."""
         with psycopg.connect(self.url("postgres"), autocommit=True) as connection:
-            chosen = "SELECT pid, pg_terminate_backend(pid) FROM pg_stat_activity WHERE datname = %s"
+            chosen = (
+                "SELECT pid, pg_terminate_backend(pid) FROM pg_stat_activity WHERE datname = %s"
+            )
             pids = [row[0] for row in connection.execute(chosen, [database])]
-            while connection.execute("SELECT 1 FROM pg_stat_activity WHERE pid = ANY(%s)", [pids]).fetchone():
+            while connection.execute(
+                "SELECT 1 FROM pg_stat_activity WHERE pid = ANY(%s)", [pids]
+            ).fetchone():
                 time.sleep(0.01)
 
     def empty(self) -> str:
@@ -136,7 +179,8 @@ class Server:
         return name
 
     def copy_of(self, database: str) -> str:
-        """The name of a new database with the same rows; whoever has the other one open is cut off."""
+        """The name of a new database with the same rows; whoever has the other one open is cut
+        off."""
         self._number += 1
         name = f"test_{self._number}"
         self.cut(database)
@@ -163,6 +207,7 @@ def name_in_settings(root: Path, url: str, more: str = "") -> None:
 
 
 def by_hand(path: Path) -> Any:
-    """A connection to the catalogue whose file is, or would be, at `path`, as anybody can have who knows where it is."""
+    """A connection to the catalogue whose file is, or would be, at `path`, as anybody can have who
+    knows where it is."""
     url = place_of(path).url
     return psycopg.connect(url) if url else sqlite3.connect(path)

@@ -1,7 +1,8 @@
-"""A clock that tests can set: processes that are started with it see the time of the machine and what the tests add to it.
+"""A clock that tests can set: processes that are started with it see the time of the machine and
+what the tests add to it.
 
-A library of a few lines, compiled here, that the system loads before the C library. Only the time of day is changed, as by an
-administrator or NTP; what measures durations goes on.
+A library of a few lines, compiled here, that the system loads before the C library. Only the time
+of day is changed, as by an administrator or NTP; what measures durations goes on.
 """
 
 import shutil
@@ -56,20 +57,26 @@ time_t time(time_t *now) {
 
 
 class Clock:
-    """The clock of all processes that are given its `environment`; it is set for all of them at once."""
+    """The clock of all processes that are given its `environment`; it is set for all of them at
+    once."""
 
     def __init__(self, folder: Path) -> None:
         folder.mkdir(parents=True)
         library, source = folder / "clock.so", folder / "clock.c"
         source.write_text(_SOURCE, encoding="ascii")
-        subprocess.run(["cc", "-shared", "-fPIC", "-O2", "-o", library, source, "-ldl"], check=True, capture_output=True)
+        subprocess.run(
+            ["cc", "-shared", "-fPIC", "-O2", "-o", library, source, "-ldl"],
+            check=True,
+            capture_output=True,
+        )
         self.added = folder / "added"
         self.added.write_bytes(bytes(8))
         self.environment = {"LD_PRELOAD": str(library), "AERODB_TEST_CLOCK": str(self.added)}
 
 
 def set_clock(added: Path, seconds: int) -> None:
-    """Sets a clock (its `added`) to that of the machine and so many seconds more; fewer, below zero."""
+    """Sets a clock (its `added`) to that of the machine and so many seconds more; fewer, below
+    zero."""
     with added.open("r+b") as file:
         file.write(struct.pack("=q", seconds))
 

@@ -1,5 +1,5 @@
-"""A flight given by formulas: attitude and air velocity are sums of sines, so rates and specific force follow exactly,
-without any integration. What the reconstruction must find again."""
+"""A flight given by formulas: attitude and air velocity are sums of sines, so rates and specific
+force follow exactly, without any integration. What the reconstruction must find again."""
 
 from collections.abc import Mapping
 
@@ -32,19 +32,29 @@ def _wave(name: str, time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def truth(time: np.ndarray, wind=(0.0, 0.0, 0.0), arm=(0.0, 0.0, 0.0)) -> dict[str, np.ndarray]:
-    """Channels at the times (n,): inputs at the CG, air data at the arm, velocity over the earth with the wind."""
+    """Channels at the times (n,): inputs at the CG, air data at the arm, velocity over the earth
+    with the wind."""
     wave = {name: _wave(name, time) for name in _MOTION}
     (v, dv), (a, da), (b, db) = wave["V"], wave["alpha"], wave["beta"]
     (f, df), (t, dt), (p, dp) = wave["phi"], wave["theta"], wave["psi"]
     rates = np.stack(
-        [df - dp * np.sin(t), dt * np.cos(f) + dp * np.cos(t) * np.sin(f), -dt * np.sin(f) + dp * np.cos(t) * np.cos(f)]
+        [
+            df - dp * np.sin(t),
+            dt * np.cos(f) + dp * np.cos(t) * np.sin(f),
+            -dt * np.sin(f) + dp * np.cos(t) * np.cos(f),
+        ]
     )
     unit = np.stack([np.cos(b) * np.cos(a), np.sin(b), np.cos(b) * np.sin(a)])
     by_alpha = np.stack([-np.cos(b) * np.sin(a), 0 * a, np.cos(b) * np.cos(a)])
     by_beta = np.stack([-np.sin(b) * np.cos(a), np.cos(b), -np.sin(b) * np.sin(a)])
     air = v * unit
     down = np.stack([-np.sin(t), np.cos(t) * np.sin(f), np.cos(t) * np.cos(f)])
-    force = dv * unit + v * (da * by_alpha + db * by_beta) + np.cross(rates, air, axis=0) - GRAVITY * down
+    force = (
+        dv * unit
+        + v * (da * by_alpha + db * by_beta)
+        + np.cross(rates, air, axis=0)
+        - GRAVITY * down
+    )
     probe = air + np.cross(rates, np.broadcast_to(np.array(arm)[:, None], air.shape), axis=0)
     ahead = air[0] * np.cos(t) + (air[1] * np.sin(f) + air[2] * np.cos(f)) * np.sin(t)
     across = air[1] * np.cos(f) - air[2] * np.sin(f)
@@ -71,10 +81,13 @@ def simulated(
     arm: tuple[float, float, float] = (0.0, 0.0, 0.0),
     name: str = "simulated",
 ) -> Record:
-    """A record with `planted` sensor errors, wind and boom position; `arm` is what the vehicle file says of the boom."""
+    """A record with `planted` sensor errors, wind and boom position; `arm` is what the vehicle file
+    says of the boom."""
     time = start + step * np.arange(round(seconds / step))
     wind = tuple(planted.get(f"wind_{axis}", 0.0) for axis in ("north", "east", "down"))
-    boom = tuple(known + planted.get(f"air_data_{axis}", 0.0) for known, axis in zip(arm, "xyz", strict=True))
+    boom = tuple(
+        known + planted.get(f"air_data_{axis}", 0.0) for known, axis in zip(arm, "xyz", strict=True)
+    )
     exact = truth(time, wind, boom)
 
     def shown(key: str, values: np.ndarray, sigma: float) -> np.ndarray:
@@ -82,11 +95,18 @@ def simulated(
         return biased + noise * sigma * rng.standard_normal(len(values))
 
     inputs = np.column_stack(
-        [shown(key, exact[key], s) for key, s in zip(("ax", "ay", "az", "p", "q", "r"), INERTIAL_NOISE, strict=True)]
+        [
+            shown(key, exact[key], s)
+            for key, s in zip(("ax", "ay", "az", "p", "q", "r"), INERTIAL_NOISE, strict=True)
+        ]
     )
     outputs = {}
     for key in channels:
         delay = planted.get(f"{key}_delay", 0.0)
         assert abs(delay) < LONGEST_DELAY
-        outputs[key] = shown(key, truth(time - delay, wind, boom)[key] if delay else exact[key], NOISE[key])
-    return Record(name, step, inputs, outputs, name, arm, density=np.full(len(time), DENSITY), gravity=GRAVITY)
+        outputs[key] = shown(
+            key, truth(time - delay, wind, boom)[key] if delay else exact[key], NOISE[key]
+        )
+    return Record(
+        name, step, inputs, outputs, name, arm, density=np.full(len(time), DENSITY), gravity=GRAVITY
+    )

@@ -1,7 +1,8 @@
-"""A small glider whose flights are written as CSV tables in a moment: what the tests of flows and commands fly.
+"""A small glider whose flights are written as CSV tables in a moment: what the tests of flows and
+commands fly.
 
-Pitching motion only. The flown aircraft differs from its handbook database by known amounts on CX and CZ, so that an
-update has something to find.
+Pitching motion only. The flown aircraft differs from its handbook database by known amounts on CX
+and CZ, so that an update has something to find.
 """
 
 import hashlib
@@ -85,7 +86,8 @@ terms = ["1", "alpha"]
 
 
 def channels(seed: int, seconds: float = 12.0, rate: float = 25.0) -> dict[str, np.ndarray]:
-    """Canonical channels of one flight: a pitching motion of random frequencies, accelerations with sensor noise."""
+    """Canonical channels of one flight: a pitching motion of random frequencies, accelerations with
+    sensor noise."""
     rng = np.random.default_rng(seed)
     t = np.arange(round(seconds * rate)) / rate
     alpha, alphadot = np.full_like(t, np.deg2rad(4.0)), np.zeros_like(t)
@@ -93,11 +95,18 @@ def channels(seed: int, seconds: float = 12.0, rate: float = 25.0) -> dict[str, 
         omega, phase = rng.uniform(0.8, 5.0), rng.uniform(0, 2 * np.pi)
         alpha += amplitude * np.sin(omega * t + phase)
         alphadot += amplitude * omega * np.cos(omega * t + phase)
-    q = alphadot + 0.05 * np.sin(2.3 * t)  # what the flight path adds tells the pitch rate from alpha-dot
+    q = alphadot + 0.05 * np.sin(
+        2.3 * t
+    )  # what the flight path adds tells the pitch rate from alpha-dot
     qbar = np.full_like(t, 0.5 * RHO * V**2)
     q_hat = q * CHORD / (2 * V)
     breaks, values = np.deg2rad([-4, 0, 4, 8, 12]), [0.05, -0.3, -0.65, -1.0, -1.3]
-    cz = np.interp(alpha, breaks, values) + TRUTH["CZ"]["1"] + TRUTH["CZ"]["alpha"] * alpha + TRUTH["CZ"]["q_hat"] * q_hat
+    cz = (
+        np.interp(alpha, breaks, values)
+        + TRUTH["CZ"]["1"]
+        + TRUTH["CZ"]["alpha"] * alpha
+        + TRUTH["CZ"]["q_hat"] * q_hat
+    )
     cx = -0.03 + 0.4 * alpha + TRUTH["CX"]["1"] + TRUTH["CX"]["alpha"] * alpha
     noise = 0.02 * rng.standard_normal((2, len(t)))
     zero = np.zeros_like(t)
@@ -133,16 +142,30 @@ def write_parquet(path: Path, table: dict[str, np.ndarray]) -> Path:
 
 
 def write_files(folder: Path, flights: int = 6) -> list[Path]:
-    """Vehicle, database and model file, and `flights` logs, into `folder`; returns the logs in the order flown."""
+    """Vehicle, database and model file, and `flights` logs, into `folder`; returns the logs in the
+    order flown."""
     folder.mkdir(parents=True, exist_ok=True)
-    for name, text in (("vehicle.toml", VEHICLE), ("database.toml", DATABASE), ("model.toml", MODEL)):
+    for name, text in (
+        ("vehicle.toml", VEHICLE),
+        ("database.toml", DATABASE),
+        ("model.toml", MODEL),
+    ):
         (folder / name).write_text(text, encoding="utf-8")
     return [write_csv(folder / f"flight{k + 1}.csv", channels(k)) for k in range(flights)]
 
 
-def state_of(root: Path, but: tuple[str, ...] = ("catalogue.sqlite", "prefect", "quarantine")) -> dict[str, str]:
-    """Relative path -> sha256 of every file of a workspace, leaving out what begins with one of `but`."""
-    found = {path.relative_to(root).as_posix(): path for path in sorted(root.rglob("*")) if path.is_file()}
+def state_of(
+    root: Path, but: tuple[str, ...] = ("catalogue.sqlite", "prefect", "quarantine")
+) -> dict[str, str]:
+    """Relative path -> sha256 of every file of a workspace, leaving out what begins with one of
+    `but`."""
+    found = {
+        path.relative_to(root).as_posix(): path
+        for path in sorted(root.rglob("*"))
+        if path.is_file()
+    }
     return {
-        name: hashlib.sha256(path.read_bytes()).hexdigest() for name, path in found.items() if not name.startswith(tuple(but))
+        name: hashlib.sha256(path.read_bytes()).hexdigest()
+        for name, path in found.items()
+        if not name.startswith(tuple(but))
     }

@@ -30,4 +30,8 @@ def events(workspace: Workspace, kind: Any) -> list[str]:
 
 def left(workspace: Workspace) -> list[str]:
     """What still lies in the inbox."""
-    return sorted(path.relative_to(workspace.inbox).as_posix() for path in workspace.inbox.rglob("*") if not path.is_dir())
+    return sorted(
+        path.relative_to(workspace.inbox).as_posix()
+        for path in workspace.inbox.rglob("*")
+        if not path.is_dir()
+    )

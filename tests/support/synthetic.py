@@ -1,4 +1,5 @@
-"""Flights and comparisons of known truth, without sensors or equations of motion: what estimators are tried on."""
+"""Flights and comparisons of known truth, without sensors or equations of motion: what estimators
+are tried on."""
 
 from collections.abc import Mapping
 
@@ -38,7 +39,8 @@ def database() -> AeroDatabase:
 
 
 def smooth_noise(rng: np.random.Generator, n: int, lag: float, size: float = 1.0) -> Array:
-    """Coloured noise (n,): white noise through a first-order lag of `lag` s, standard deviation `size`."""
+    """Coloured noise (n,): white noise through a first-order lag of `lag` s, standard deviation
+    `size`."""
     keep = np.exp(-1.0 / (RATE * lag))
     values = np.empty(n)
     values[0] = rng.standard_normal()
@@ -49,7 +51,8 @@ def smooth_noise(rng: np.random.Generator, n: int, lag: float, size: float = 1.0
 
 
 def flight(rng: np.random.Generator, name: str = "f", seconds: float = 40.0) -> Flight:
-    """A flight that moves everything: alpha from about 0 to 0.25 rad, rates, two surfaces; V = 70 m/s."""
+    """A flight that moves everything: alpha from about 0 to 0.25 rad, rates, two surfaces; V = 70
+    m/s."""
     n = round(seconds * RATE)
     channels = {
         "V": np.full(n, 70.0),
@@ -65,7 +68,8 @@ def flight(rng: np.random.Generator, name: str = "f", seconds: float = 40.0) -> 
 
 
 def comparison(flown: Flight, residual: Mapping[str, Array], sigma: float = 0.01) -> Comparison:
-    """A comparison whose residual on each axis is what is given; measured is the residual, predicted zero."""
+    """A comparison whose residual on each axis is what is given; measured is the residual,
+    predicted zero."""
     n = len(flown.time)
     return Comparison(
         flight=flown.id,

@@ -1,4 +1,5 @@
-"""What can be wrong in a simulated campaign, and how often tracing says what: the cells of the Monte Carlo proof."""
+"""What can be wrong in a simulated campaign, and how often tracing says what: the cells of the
+Monte Carlo proof."""
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
@@ -36,7 +37,9 @@ SETTINGS = Settings(bandwidth=1.5)
 
 def reads(**channels: Callable[[Array, np.random.Generator], Array]) -> Instruments:
     """Instruments that show something else on these channels."""
-    return lambda flight, generator: flight.with_channels({n: change(flight[n], generator) for n, change in channels.items()})
+    return lambda flight, generator: flight.with_channels(
+        {n: change(flight[n], generator) for n, change in channels.items()}
+    )
 
 
 def _elevators_scaled(flight: Flight, _: np.random.Generator) -> Flight:
@@ -47,7 +50,9 @@ def _elevators_scaled(flight: Flight, _: np.random.Generator) -> Flight:
 def _other_mass(factor: float = 1.0, forward: float = 0.0) -> Vehicle:
     mass = vehicle().mass
     cg = np.asarray(mass.cg, dtype=np.float64) + np.array([forward, 0.0, 0.0])
-    changed = mass.model_copy(update={"mass": float(np.asarray(mass.mass)) * factor, "cg": tuple(cg.tolist())})
+    changed = mass.model_copy(
+        update={"mass": float(np.asarray(mass.mass)) * factor, "cg": tuple(cg.tolist())}
+    )
     return vehicle().model_copy(update={"mass": changed})
 
 
@@ -85,7 +90,8 @@ def coupled(correlation: float) -> Callable[[Flight], Flight]:
 
 @dataclass
 class Tally:
-    """How often what came out of the campaigns of one cell, against what was planted (hypothesis id -> value).
+    """How often what came out of the campaigns of one cell, against what was planted (hypothesis id
+    -> value).
 
     also : hypotheses that say the same of it, or a part of it.
     """
@@ -103,7 +109,9 @@ class Tally:
         single = result.named("confirmed")
         claims = result.named("confirmed", "alias_group", "suspected")
         self.counts["false confirmed"] += any(f.hypothesis not in truth | self.also for f in single)
-        self.counts["false claim"] += any(not (truth | self.also) & set(f.explanation_set) for f in claims)
+        self.counts["false claim"] += any(
+            not (truth | self.also) & set(f.explanation_set) for f in claims
+        )
         self.counts["sensor"] += bool(result.named("sensor", "ambiguous_sensor"))
         if not truth:
             return
@@ -113,10 +121,15 @@ class Tally:
         self.counts["found"] += in_set or len(result.findings) >= len(truth)
         self.counts["named"] += all(name in named for name in truth)
         self.counts["in set"] += in_set
-        self.counts["confirmed"] += all(name in named and named[name].verdict == "confirmed" for name in truth)
-        self.counts["alias"] += any(f.verdict == "alias_group" and truth & set(f.explanation_set) for f in result.findings)
+        self.counts["confirmed"] += all(
+            name in named and named[name].verdict == "confirmed" for name in truth
+        )
+        self.counts["alias"] += any(
+            f.verdict == "alias_group" and truth & set(f.explanation_set) for f in result.findings
+        )
         self.counts["ambiguous"] += any(
-            f.verdict == "ambiguous_sensor" and truth & set(f.explanation_set) for f in result.findings
+            f.verdict == "ambiguous_sensor" and truth & set(f.explanation_set)
+            for f in result.findings
         )
         for name, value in self.planted.items():
             if name in named:
@@ -140,7 +153,11 @@ class Tally:
 
     def row(self) -> str:
         """One line of the table."""
-        names = ("found", "named", "in set", "confirmed", "alias", "ambiguous") if self.planted else ("sensor",)
+        names = (
+            ("found", "named", "in set", "confirmed", "alias", "ambiguous")
+            if self.planted
+            else ("sensor",)
+        )
         parts = [f"{name} {self.share(name):.2f}" for name in names]
         parts += [f"{name} {self.counts[name]}" for name in ("false confirmed", "false claim")]
         parts += [f"coverage {self.coverage:.2f}"] if self.planted else []
@@ -148,16 +165,27 @@ class Tally:
 
 
 def campaigns(
-    bank: Bank, flights: int, trials: int, seed: int, planted: Mapping[str, float] | None = None, overconfident: float = 1.0
+    bank: Bank,
+    flights: int,
+    trials: int,
+    seed: int,
+    planted: Mapping[str, float] | None = None,
+    overconfident: float = 1.0,
 ) -> list[Traced]:
     """`trials` campaigns of `flights` flights each, drawn from a bank."""
     hypotheses = library(overconfident)
-    drawn = (bank.draw(flights, np.random.default_rng([seed, number, flights]), planted) for number in range(trials))
+    drawn = (
+        bank.draw(flights, np.random.default_rng([seed, number, flights]), planted)
+        for number in range(trials)
+    )
     return [trace(grams, hypotheses, SETTINGS) for grams in drawn]
 
 
 def tally(
-    name: str, results: Sequence[Traced], planted: Mapping[str, float] | None = None, also: frozenset[str] = frozenset()
+    name: str,
+    results: Sequence[Traced],
+    planted: Mapping[str, float] | None = None,
+    also: frozenset[str] = frozenset(),
 ) -> Tally:
     """The tally of these campaigns."""
     found = Tally(name, planted or {}, also)
@@ -168,13 +196,19 @@ def tally(
 
 def wrongly_singled_out(results: Sequence[Traced], truth: str) -> float:
     """Part of the campaigns in which another hypothesis is confirmed in its place."""
-    return float(np.mean([any(f.hypothesis != truth for f in result.named("confirmed")) for result in results]))
+    return float(
+        np.mean(
+            [any(f.hypothesis != truth for f in result.named("confirmed")) for result in results]
+        )
+    )
 
 
 def excess_left(bank: Bank, result: Traced, planted: Mapping[str, float]) -> float:
-    """Excess rms after the update over that before, on two flights of the bank that the campaign did not use; the worse one.
+    """Excess rms after the update over that before, on two flights of the bank that the campaign
+    did not use; the worse one.
 
-    The bank has no residual noise, so that excess is what of the effect is left; axes are weighted by their floors.
+    The bank has no residual noise, so that excess is what of the effect is left; axes are weighted
+    by their floors.
     """
     values = {f.hypothesis: f.value for f in result.named("confirmed")}
     unused = [n for n, flight in enumerate(bank.flights) if flight.id not in result.flights][:2]
@@ -210,7 +244,8 @@ def misshapen(
     flights: int,
     along: Callable[[Flight, Array], Array] = over_alpha,
 ) -> Bank:
-    """A bank with an effect that varies with alpha, or what `along` gives, by `error` of itself over one sigma of it."""
+    """A bank with an effect that varies with alpha, or what `along` gives, by `error` of itself
+    over one sigma of it."""
     wrong = Bank(bank.cell, bank.flights[:flights], bank.hypotheses, bank.settings)
     for number, flight in enumerate(wrong.flights):
         evidence = evidence_in(bank.cell, flight, bank.hypotheses, number)
@@ -225,20 +260,26 @@ def misshapen(
 
 
 def answering(gain: float, instruments: bool, trials: int) -> list[Traced]:
-    """Campaigns without a defect in which the pitch rate holds `gain` of its own spread in answer to the noise of Cm.
+    """Campaigns without a defect in which the pitch rate holds `gain` of its own spread in answer
+    to the noise of Cm.
 
-    instruments : what the rate would make without that answer is given as instruments: the best that commands can do.
+    instruments : what the rate would make without that answer is given as instruments: the best
+    that commands can do.
     """
     found = []
     for number in range(trials):
         generator = np.random.default_rng([10, number])
         chosen = generator.choice(len(flown()), 6, replace=False)
-        grams = [gram(_answered(flown()[int(n)], gain, instruments, generator), SETTINGS) for n in chosen]
+        grams = [
+            gram(_answered(flown()[int(n)], gain, instruments, generator), SETTINGS) for n in chosen
+        ]
         found.append(trace(grams, library(), SETTINGS))
     return found
 
 
-def _answered(flight: Flight, gain: float, instruments: bool, generator: np.random.Generator) -> Evidence:
+def _answered(
+    flight: Flight, gain: float, instruments: bool, generator: np.random.Generator
+) -> Evidence:
     noise = {axis: coloured(generator, len(flight.time)) for axis in FLOOR}
     answer = flight["q"] + gain * flight["q"].std() * noise["Cm"]
     seen = evidence_in(NOTHING, flight.with_channels({"q": answer}), library(), 0)
@@ -248,9 +289,15 @@ def _answered(flight: Flight, gain: float, instruments: bool, generator: np.rand
         given = {
             name: without[name]
             for name, columns in seen.columns.items()
-            if any(not np.array_equal(column, without[name][axis]) for axis, column in columns.items())
+            if any(
+                not np.array_equal(column, without[name][axis]) for axis, column in columns.items()
+            )
         }
-    return replace(seen, residual={axis: FLOOR[axis] * values for axis, values in noise.items()}, instruments=given)
+    return replace(
+        seen,
+        residual={axis: FLOOR[axis] * values for axis, values in noise.items()},
+        instruments=given,
+    )
 
 
 def chain(planted: Mapping[str, float], trials: int) -> list[Traced]:
@@ -260,6 +307,9 @@ def chain(planted: Mapping[str, float], trials: int) -> list[Traced]:
         generator = np.random.default_rng([12, number])
         chosen = generator.choice(len(flown_finely()), 6, replace=False)
         finely = [flown_finely()[int(n)] for n in chosen]
-        flights = [through_the_chain(flight, generator, library(), planted, SETTINGS.bandwidth) for flight in finely]
+        flights = [
+            through_the_chain(flight, generator, library(), planted, SETTINGS.bandwidth)
+            for flight in finely
+        ]
         found.append(trace([gram(flight, SETTINGS) for flight in flights], library(), SETTINGS))
     return found

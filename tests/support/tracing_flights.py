@@ -1,8 +1,10 @@
-"""Campaigns of Phoenix-like flights for tracing: flown closed loop by the example's simulator, with the real effect library.
+"""Campaigns of Phoenix-like flights for tracing: flown closed loop by the example's simulator, with
+the real effect library.
 
-A bank of flights is flown once on the preflight database. A campaign draws some of them, adds an effect on the true state, gives
-its instruments an error, recomputes everything through the chain from sensors to coefficients, and adds a coloured residual as
-buffet and unmodelled flow leave it. What is drawn anew per campaign is the flights and the noise.
+A bank of flights is flown once on the preflight database. A campaign draws some of them, adds an
+effect on the true state, gives its instruments an error, recomputes everything through the chain
+from sensors to coefficients, and adds a coloured residual as buffet and unmodelled flow leave it.
+What is drawn anew per campaign is the flights and the noise.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -39,11 +41,34 @@ DEGREE = np.pi / 180.0
 STRIDE = 4
 STEP = 0.04
 #: Residual of the true model (one sigma) and its time constant [s]: buffet and unsteady flow.
-FLOOR: Mapping[str, float] = {"CX": 0.0015, "CY": 0.002, "CZ": 0.005, "Cl": 0.0004, "Cm": 0.0004, "Cn": 0.0004}
+FLOOR: Mapping[str, float] = {
+    "CX": 0.0015,
+    "CY": 0.002,
+    "CZ": 0.005,
+    "Cl": 0.0004,
+    "Cm": 0.0004,
+    "Cn": 0.0004,
+}
 LAG = 0.8
-#: What the simulator knows and instruments of the campaign show. alpha, beta and V are those at the CG.
+#: What the simulator knows and instruments of the campaign show. alpha, beta and V are those at the
+#: CG.
 CHANNELS = (
-    *("V", "alpha", "beta", "p", "q", "r", "pdot", "qdot", "rdot", "rho", "qbar", "mach", "altitude", "height_above_ground"),
+    *(
+        "V",
+        "alpha",
+        "beta",
+        "p",
+        "q",
+        "r",
+        "pdot",
+        "qdot",
+        "rdot",
+        "rho",
+        "qbar",
+        "mach",
+        "altitude",
+        "height_above_ground",
+    ),
     *("ax_imu", "ay_imu", "az_imu", "phi", "theta", "psi"),
 )
 
@@ -71,7 +96,8 @@ def flown() -> tuple[Flight, ...]:
 
 
 def flown_finely() -> tuple[Flight, ...]:
-    """The first of them at the simulator's 100 Hz: rates can then be differentiated as in the product's chain."""
+    """The first of them at the simulator's 100 Hz: rates can then be differentiated as in the
+    product's chain."""
     return _flown()[1]
 
 
@@ -89,9 +115,16 @@ def _flown() -> tuple[tuple[Flight, ...], tuple[Flight, ...]]:
     return tuple(flight(n, STRIDE) for n in range(BANK)), tuple(flight(n, 1) for n in range(FINE))
 
 
-#: What reconstruction leaves uncertain (one sigma, SI): of the size of the errors that the cells plant.
+#: What reconstruction leaves uncertain (one sigma, SI): of the size of the errors that the cells
+#: plant.
 PRIORS: Mapping[str, float] = {
-    **{"qbar_scale": 0.03, "alpha_bias": 0.3 * DEGREE, "alpha_scale": 0.03, "beta_bias": 0.3 * DEGREE, "mass_share": 0.015},
+    **{
+        "qbar_scale": 0.03,
+        "alpha_bias": 0.3 * DEGREE,
+        "alpha_scale": 0.03,
+        "beta_bias": 0.3 * DEGREE,
+        "mass_share": 0.015,
+    },
     **{f"a{axis}_bias": 0.1 for axis in "xyz"},
     **{f"cg_{axis}_offset": 0.015 for axis in "xyz"},
 }
@@ -103,7 +136,10 @@ def library(overconfident: float = 1.0) -> tuple[Hypothesis, ...]:
     found = hypotheses_for(preflight(), vehicle(), flown_channels(), priors=PRIORS)
     if overconfident == 1.0:
         return found
-    return tuple(h if h.prior_sigma is None else replace(h, prior_sigma=h.prior_sigma / overconfident) for h in found)
+    return tuple(
+        h if h.prior_sigma is None else replace(h, prior_sigma=h.prior_sigma / overconfident)
+        for h in found
+    )
 
 
 def flown_channels() -> tuple[str, ...]:
@@ -118,9 +154,9 @@ Instruments = Callable[[Flight, np.random.Generator], Flight]
 
 @dataclass(frozen=True)
 class Cell:
-    """What is wrong in a campaign. effects : hypothesis id -> value, on the true state. instruments : sensor error. assumed :
-    the vehicle as the analyst has it. reshaped : changes the flight itself (coupled surfaces). noisy : adds the state noise once
-    more, for SIMEX."""
+    """What is wrong in a campaign. effects : hypothesis id -> value, on the true state. instruments
+    : sensor error. assumed : the vehicle as the analyst has it. reshaped : changes the flight
+    itself (coupled surfaces). noisy : adds the state noise once more, for SIMEX."""
 
     name: str
     effects: Mapping[str, float] = field(default_factory=dict)
@@ -131,10 +167,22 @@ class Cell:
 
 
 class Bank:
-    """The flights of a cell without their residual noise, in the tracing band, made once and drawn from."""
+    """The flights of a cell without their residual noise, in the tracing band, made once and drawn
+    from."""
 
-    def __init__(self, cell: Cell, flights: Sequence[Flight], hypotheses: Sequence[Hypothesis], settings: Settings) -> None:
-        self.cell, self.flights, self.hypotheses, self.settings = cell, flights, hypotheses, settings
+    def __init__(
+        self,
+        cell: Cell,
+        flights: Sequence[Flight],
+        hypotheses: Sequence[Hypothesis],
+        settings: Settings,
+    ) -> None:
+        self.cell, self.flights, self.hypotheses, self.settings = (
+            cell,
+            flights,
+            hypotheses,
+            settings,
+        )
         self._made: dict[int, Band] = {}
 
     def band(self, number: int) -> Band:
@@ -147,12 +195,17 @@ class Bank:
         """Takes this evidence for one of the flights."""
         self._made[number] = in_band(evidence, self.settings)
 
-    def draw(self, count: int, generator: np.random.Generator, planted: Mapping[str, float] | None = None) -> list[Gram]:
-        """Grams of `count` different flights with a fresh residual each, and `planted` columns of the library besides."""
+    def draw(
+        self, count: int, generator: np.random.Generator, planted: Mapping[str, float] | None = None
+    ) -> list[Gram]:
+        """Grams of `count` different flights with a fresh residual each, and `planted` columns of
+        the library besides."""
         chosen = generator.choice(len(self.flights), count, replace=False)
         return [self._gram(int(number), generator, planted or {}) for number in chosen]
 
-    def _gram(self, number: int, generator: np.random.Generator, planted: Mapping[str, float]) -> Gram:
+    def _gram(
+        self, number: int, generator: np.random.Generator, planted: Mapping[str, float]
+    ) -> Gram:
         band, n = self.band(number), len(self.flights[number].time)
         every = np.ones(n, dtype=bool)
         index = [band.names.index(name) + 1 for name in planted]
@@ -163,7 +216,9 @@ class Bank:
             added[axis] = limited + record[:, index] @ np.array(list(planted.values()))
 
         def with_added(records: Records) -> dict[str, list[Array]]:
-            result = {axis: [np.array(record) for record in parts] for axis, parts in records.items()}
+            result = {
+                axis: [np.array(record) for record in parts] for axis, parts in records.items()
+            }
             for axis, (record,) in result.items():
                 record[:, -1] += added[axis]
             return result
@@ -180,13 +235,20 @@ def coloured(generator: np.random.Generator, n: int, lag: float = LAG, step: flo
     return np.asarray(lfilter([1.0], [1.0, -keep], drive))
 
 
-def evidence_in(cell: Cell, flight: Flight, hypotheses: Sequence[Hypothesis], number: int) -> Evidence:
-    """Evidence of one flight of a cell without residual noise; `number` seeds its instruments' noise."""
+def evidence_in(
+    cell: Cell, flight: Flight, hypotheses: Sequence[Hypothesis], number: int
+) -> Evidence:
+    """Evidence of one flight of a cell without residual noise; `number` seeds its instruments'
+    noise."""
     flight = cell.reshaped(flight) if cell.reshaped else flight
     planted = planted_columns(flight, cell.effects, hypotheses)
     generator = np.random.default_rng([number, 5])
     read = cell.instruments(flight, generator) if cell.instruments else flight
-    noisy = _seen(cell, flight, cell.noisy(read, generator), hypotheses, planted) if cell.noisy else None
+    noisy = (
+        _seen(cell, flight, cell.noisy(read, generator), hypotheses, planted)
+        if cell.noisy
+        else None
+    )
     return _seen(cell, flight, read, hypotheses, planted, (noisy,) if noisy else ())
 
 
@@ -198,18 +260,23 @@ def _seen(
     planted: Mapping[str, Array],
     noisy: tuple[Evidence, ...] = (),
 ) -> Evidence:
-    """Evidence of the flight as its instruments read it, with the planted effect in what they measured."""
+    """Evidence of the flight as its instruments read it, with the planted effect in what they
+    measured."""
     assumed = cell.assumed or vehicle()
     measured = total_coefficients(read, assumed, angular_acceleration="logged")
     shift = _reshaping(cell, true)
-    values = {axis: measured.values[axis] + planted[axis] * true["qbar"] / read["qbar"] + shift[axis] for axis in measured.values}
+    values = {
+        axis: measured.values[axis] + planted[axis] * true["qbar"] / read["qbar"] + shift[axis]
+        for axis in measured.values
+    }
     comparison = compare(read, replace(measured, values=values), preflight(), assumed.reference)
     evidence = replace(evidence_of(read, comparison, preflight(), assumed, hypotheses), noisy=noisy)
     return with_shapes(evidence, read, hypotheses)
 
 
 def _reshaping(cell: Cell, flight: Flight) -> Mapping[str, Array]:
-    """What the vehicle's own database changes when a flight's surfaces have been reshaped after it was flown."""
+    """What the vehicle's own database changes when a flight's surfaces have been reshaped after it
+    was flown."""
     if cell.reshaped is None:
         return dict.fromkeys(AXES, np.zeros(len(flight.time)))
     original = next(other for other in flown() if other.id == flight.id)
@@ -232,25 +299,40 @@ def through_the_chain(
     effects: Mapping[str, float],
     bandwidth: float,
 ) -> Evidence:
-    """Evidence of noisy sensors' readings at 100 Hz: rates differentiated, forces moved to the CG; no made-up residual.
+    """Evidence of noisy sensors' readings at 100 Hz: rates differentiated, forces moved to the CG;
+    no made-up residual.
 
     Thinned to `bandwidth` [Hz], as the product does with what it takes to be long.
     """
-    noise = {name: sigma * generator.standard_normal(len(flight.time)) for name, sigma in SENSOR_NOISE.items()}
+    noise = {
+        name: sigma * generator.standard_normal(len(flight.time))
+        for name, sigma in SENSOR_NOISE.items()
+    }
     read = flight.with_channels({name: flight[name] + values for name, values in noise.items()})
     measured = total_coefficients(read, vehicle())
     planted = planted_columns(flight, effects, hypotheses)
-    measured = replace(measured, values={axis: values + planted[axis] for axis, values in measured.values.items()})
-    read, comparison = thinned(read, compare(read, measured, preflight(), vehicle().reference), bandwidth)
-    return with_shapes(evidence_of(read, comparison, preflight(), vehicle(), hypotheses), read, hypotheses)
+    measured = replace(
+        measured, values={axis: values + planted[axis] for axis, values in measured.values.items()}
+    )
+    read, comparison = thinned(
+        read, compare(read, measured, preflight(), vehicle().reference), bandwidth
+    )
+    return with_shapes(
+        evidence_of(read, comparison, preflight(), vehicle(), hypotheses), read, hypotheses
+    )
 
 
-def planted_columns(flight: Flight, effects: Mapping[str, float], hypotheses: Sequence[Hypothesis]) -> dict[str, Array]:
+def planted_columns(
+    flight: Flight, effects: Mapping[str, float], hypotheses: Sequence[Hypothesis]
+) -> dict[str, Array]:
     """The planted effects (n,) per axis, on the true state; aerodynamic ones only."""
     total = {axis: np.zeros(len(flight.time)) for axis in AXES}
     if effects:
         comparison = compare(
-            flight, total_coefficients(flight, vehicle(), angular_acceleration="logged"), preflight(), vehicle().reference
+            flight,
+            total_coefficients(flight, vehicle(), angular_acceleration="logged"),
+            preflight(),
+            vehicle().reference,
         )
         view = view_of(flight, comparison, preflight(), vehicle())
         by_id = {h.id: h for h in hypotheses}
@@ -261,7 +343,8 @@ def planted_columns(flight: Flight, effects: Mapping[str, float], hypotheses: Se
 
 
 def phoenix_size(name: str, bank: Bank, times: float = 3.0) -> float:
-    """The value at which the effect's rms about its mean is `times` the noise floor on its strongest axis (CONVENTIONS).
+    """The value at which the effect's rms about its mean is `times` the noise floor on its
+    strongest axis (CONVENTIONS).
 
     A constant has no rms about its mean: its own size counts.
     """
@@ -270,6 +353,9 @@ def phoenix_size(name: str, bank: Bank, times: float = 3.0) -> float:
     ratio = []
     for number in range(min(8, len(bank.flights))):
         band = bank.band(number)
-        spread = [float(record[:, band.names.index(name) + 1].std()) / FLOOR[axis] for axis, (record,) in band.records.items()]
+        spread = [
+            float(record[:, band.names.index(name) + 1].std()) / FLOOR[axis]
+            for axis, (record,) in band.records.items()
+        ]
         ratio.append(max(spread))
     return times / float(np.mean(ratio))

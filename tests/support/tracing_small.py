@@ -1,4 +1,5 @@
-"""A made-up vehicle of two axes with three terms and two sensors: what tracing's parts are tried on, fast."""
+"""A made-up vehicle of two axes with three terms and two sensors: what tracing's parts are tried
+on, fast."""
 
 from collections.abc import Mapping
 
@@ -15,18 +16,40 @@ SETTINGS = Settings()
 
 def term(name: str, axis: str, plausible: tuple[float, float] = (-50.0, 50.0)) -> Hypothesis:
     """An aerodynamic hypothesis on one axis."""
-    return Hypothesis(name, (axis,), axis, f"{axis}_{name}", "aerodynamic", "1", plausible, None, f"{axis} lacks {name}")
+    return Hypothesis(
+        name,
+        (axis,),
+        axis,
+        f"{axis}_{name}",
+        "aerodynamic",
+        "1",
+        plausible,
+        None,
+        f"{axis} lacks {name}",
+    )
 
 
-def instrument(name: str, sigma: float, plausible: tuple[float, float] = (-50.0, 50.0)) -> Hypothesis:
+def instrument(
+    name: str, sigma: float, plausible: tuple[float, float] = (-50.0, 50.0)
+) -> Hypothesis:
     """A sensor hypothesis on both axes."""
-    return Hypothesis(name, ("CX", "CZ"), "", name, "sensor", "1", plausible, sigma, f"{name} reads wrong")
+    return Hypothesis(
+        name, ("CX", "CZ"), "", name, "sensor", "1", plausible, sigma, f"{name} reads wrong"
+    )
 
 
-LIBRARY = (term("a", "CX"), term("b", "CX"), term("a", "CZ"), instrument("s", 0.5), instrument("u", 0.2))
+LIBRARY = (
+    term("a", "CX"),
+    term("b", "CX"),
+    term("a", "CZ"),
+    instrument("s", 0.5),
+    instrument("u", 0.2),
+)
 
 
-def evidence(seed: int, values: Mapping[str, float] | None = None, n: int = 1500, name: str = "") -> Evidence:
+def evidence(
+    seed: int, values: Mapping[str, float] | None = None, n: int = 1500, name: str = ""
+) -> Evidence:
     """One flight of a made-up vehicle: correlated columns on two axes, sensors on both."""
     rng = np.random.default_rng(seed)
     x, y, z = (coloured(rng, n, 0.6) for _ in range(3))
@@ -37,7 +60,9 @@ def evidence(seed: int, values: Mapping[str, float] | None = None, n: int = 1500
         LIBRARY[3].id: {"CX": 0.5 * x + z, "CZ": 0.7 * z + y},
         LIBRARY[4].id: {"CX": y * y, "CZ": x + 0.3 * z},
     }
-    residual = {axis: 0.3 * coloured(rng, n, 0.5) + 0.1 * rng.standard_normal() for axis in ("CX", "CZ")}
+    residual = {
+        axis: 0.3 * coloured(rng, n, 0.5) + 0.1 * rng.standard_normal() for axis in ("CX", "CZ")
+    }
     for key, value in (values or {}).items():
         for axis, column in columns[key].items():
             residual[axis] = residual[axis] + value * column

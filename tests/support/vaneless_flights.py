@@ -1,7 +1,8 @@
-"""The guide's glider without vanes, taken in through the real flows: what tracing and declared updates make of its flights.
+"""The guide's glider without vanes, taken in through the real flows: what tracing and declared
+updates make of its flights.
 
-What flies is always the same; what is wrong is the database that the flights are compared with, so that one bank of flights
-serves all cases.
+What flies is always the same; what is wrong is the database that the flights are compared with, so
+that one bank of flights serves all cases.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -56,7 +57,8 @@ PLANTED: Mapping[str, tuple[str, float]] = {
 
 @dataclass(frozen=True)
 class Fleet:
-    """Flights taken in: ids of those that got alpha and beta, versions by what is wrong, and the true alpha at their times."""
+    """Flights taken in: ids of those that got alpha and beta, versions by what is wrong, and the
+    true alpha at their times."""
 
     opened: Stores
     run: str
@@ -66,26 +68,46 @@ class Fleet:
 
     def plan(self, wrong: str) -> Plan:
         """All flights identify."""
-        return Plan(NAME, self.versions[wrong], "", HoldOut(self.flights, (), "cross-validated"), (), ())
+        return Plan(
+            NAME, self.versions[wrong], "", HoldOut(self.flights, (), "cross-validated"), (), ()
+        )
 
     def library(self, wrong: str) -> Library:
         """The library of these flights beside a database."""
-        return freeze_library(self.plan(wrong), workspace=str(self.opened.workspace.root), run=self.run)
+        return freeze_library(
+            self.plan(wrong), workspace=str(self.opened.workspace.root), run=self.run
+        )
 
     def traced(self, wrong: str, groups: Sequence[Sequence[int]]) -> list[Traced]:
         """What is found from each group of flights (places)."""
         where = {"workspace": str(self.opened.workspace.root), "run": self.run}
         library, database = self.library(wrong), self.opened.database(self.versions[wrong])
-        grams = [trace_flight(flight, **where, library=library, database=database) for flight in self.flights]
-        return [trace([grams[i] for i in group], library.hypotheses, library.settings) for group in groups]
+        grams = [
+            trace_flight(flight, **where, library=library, database=database)
+            for flight in self.flights
+        ]
+        return [
+            trace([grams[i] for i in group], library.hypotheses, library.settings)
+            for group in groups
+        ]
 
     def updated(self, wrong: str, groups: Sequence[Sequence[int]]) -> Iterator[Update]:
-        """The guide's declared increments, estimated as `aerodb update` does from each group of flights (places)."""
+        """The guide's declared increments, estimated as `aerodb update` does from each group of
+        flights (places)."""
         database, vehicle = self.opened.database(self.versions[wrong]), self.opened.vehicle(NAME)[0]
-        loaded = [load_comparison(self.opened, flight, self.versions[wrong], self.run) for flight in self.flights]
+        loaded = [
+            load_comparison(self.opened, flight, self.versions[wrong], self.run)
+            for flight in self.flights
+        ]
         flights, comparisons = [entry[0] for entry in loaded], [entry[1] for entry in loaded]
         source = StoredFlights(self.opened, NAME, self.run)
-        about = ({id: source.reconstruction(id) for id in self.flights}, vehicle, database, flights, comparisons)
+        about = (
+            {id: source.reconstruction(id) for id in self.flights},
+            vehicle,
+            database,
+            flights,
+            comparisons,
+        )
         doubts, again = consider_parameters(*about), noisier_flights(*about)
         model = parse_model_file(guide_files()["increments.toml"])
         for group in groups:
@@ -97,11 +119,14 @@ class Fleet:
 
     def consistent(self, flight: str) -> tuple[Flight, dict[str, Any]]:
         """A flight after its reconstruction, and the document of that."""
-        found, document, _ = load_consistent(self.opened, self.opened.catalogue.flight(flight), self.run)
+        found, document, _ = load_consistent(
+            self.opened, self.opened.catalogue.flight(flight), self.run
+        )
         return found, document
 
     def error_of_alpha(self, flight: str) -> tuple[float, float]:
-        """Root mean squares about the level: of the true error of a reconstructed alpha, and of what the smoother allows for."""
+        """Root mean squares about the level: of the true error of a reconstructed alpha, and of
+        what the smoother allows for."""
         found, document = self.consistent(flight)
         noise = noise_of(document)
         assert noise is not None
@@ -121,28 +146,42 @@ def _flown(flights: int, seed: int) -> Flown:
     return fly_glider(vehicle, read_native(handbook), read_native(steeper(handbook)), flights, seed)
 
 
-def fleet(folder: Path, flights: int, seed: int, heave_bias: float = 0.01, taken: int | None = None) -> Fleet:
-    """Flies, writes logs into `folder`, and takes them (the first `taken`) in. heave_bias : of the accelerometer along z,
-    m/s^2."""
+def fleet(
+    folder: Path, flights: int, seed: int, heave_bias: float = 0.01, taken: int | None = None
+) -> Fleet:
+    """Flies, writes logs into `folder`, and takes them (the first `taken`) in. heave_bias : of the
+    accelerometer along z, m/s^2."""
     files = guide_files()
     handbook, flown = files["handbook.toml"], _flown(flights, seed)
-    logs = write_logs(folder, flown, instruments(parse_vehicle(files["my-glider.toml"]), heave_bias=heave_bias), seed)[:taken]
+    logs = write_logs(
+        folder,
+        flown,
+        instruments(parse_vehicle(files["my-glider.toml"]), heave_bias=heave_bias),
+        seed,
+    )[:taken]
     workspace = Workspace.open(folder / "workspace")
     with Catalogue.open(workspace.catalogue) as catalogue:
         catalogue.add_vehicle(NAME, files["my-glider.toml"])
     versions = {}
     for name, (right, wrong) in WRONG.items():
         path = folder / "database.toml"
-        path.write_text(steeper(handbook).replace(right, wrong) if right else steeper(handbook), encoding="utf-8")
+        path.write_text(
+            steeper(handbook).replace(right, wrong) if right else steeper(handbook),
+            encoding="utf-8",
+        )
         asked = {"file": str(path), "vehicle": NAME, "bindings": {}}
         versions[name] = run_flow(import_flow, asked, workspace, "direct")["version"]
-    outcomes = run_flow(flight_flow, {"logs": [str(log) for log in logs], "vehicle": NAME}, workspace, "direct")
+    outcomes = run_flow(
+        flight_flow, {"logs": [str(log) for log in logs], "vehicle": NAME}, workspace, "direct"
+    )
     opened = stores(str(workspace.root))
     run = opened.catalogue.start_run("tracing", how="direct").id
     true_alpha, ids = {}, []
     for number, outcome in enumerate(outcomes):
         found, _, _ = load_consistent(opened, opened.catalogue.flight(outcome["flight"]), run)
-        if "alpha" in found and "beta" in found:  # others cannot be compared with the database, and are left out
+        if (
+            "alpha" in found and "beta" in found
+        ):  # others cannot be compared with the database, and are left out
             clock, alpha = flown.true("alpha", number)
             ids.append(outcome["flight"])
             true_alpha[ids[-1]] = np.interp(found.time - found.time[0], clock, alpha)
@@ -151,5 +190,8 @@ def fleet(folder: Path, flights: int, seed: int, heave_bias: float = 0.01, taken
 
 def groups(of: int, size: int, count: int) -> list[list[int]]:
     """`count` seeded choices of `size` flights out of `of`."""
-    drawn = (np.random.default_rng([5, number, size]).choice(of, size, replace=False) for number in range(count))
+    drawn = (
+        np.random.default_rng([5, number, size]).choice(of, size, replace=False)
+        for number in range(count)
+    )
     return [[int(i) for i in chosen] for chosen in drawn]

@@ -1,4 +1,5 @@
-"""The consistency step through the real flows and commands: what is corrected, what is refused, and what is left alone."""
+"""The consistency step through the real flows and commands: what is corrected, what is refused, and
+what is left alone."""
 
 import json
 from pathlib import Path
@@ -49,12 +50,21 @@ unit = "s"
 """
 _AP2_CHANNELS = {
     **{name: (f"{FLOW}.w", str(k), "rad/s", 1) for k, name in enumerate("pqr", start=1)},
-    **{name: (f"{FLOW}.rollPitchYaw", str(k), "rad", 1) for k, name in enumerate(("phi", "theta", "psi"), start=1)},
-    **{f"velocity_{axis}": (f"{FLOW}.v", str(k), "m/s", 1) for k, axis in enumerate(("north", "east", "down"), start=1)},
+    **{
+        name: (f"{FLOW}.rollPitchYaw", str(k), "rad", 1)
+        for k, name in enumerate(("phi", "theta", "psi"), start=1)
+    },
+    **{
+        f"velocity_{axis}": (f"{FLOW}.v", str(k), "m/s", 1)
+        for k, axis in enumerate(("north", "east", "down"), start=1)
+    },
     "north": (f"{FLOW}.p", "1", "m", 1),
     "east": (f"{FLOW}.p", "2", "m", 1),
     "altitude": (f"{FLOW}.p", "3", "m", -1),
-    **{f"wind_{axis}": ("validationData.controls.wind", str(k), "m/s", 1) for k, axis in enumerate(("north", "east", "down"), 1)},
+    **{
+        f"wind_{axis}": ("validationData.controls.wind", str(k), "m/s", 1)
+        for k, axis in enumerate(("north", "east", "down"), 1)
+    },
     "V": ("table_2467", f"{FLOW}.airspeed", "m/s", 1),
     "alpha": ("table_2467", f"{FLOW}.angleOfAttack", "rad", 1),
 }
@@ -79,7 +89,12 @@ def vehicle() -> Any:
 
 
 def _flight(columns: dict[str, np.ndarray]) -> Flight:
-    return Flight("0" * 64, NAME, columns["time"], {name: values for name, values in columns.items() if name != "time"})
+    return Flight(
+        "0" * 64,
+        NAME,
+        columns["time"],
+        {name: values for name, values in columns.items() if name != "time"},
+    )
 
 
 def _error(found: np.ndarray, true: np.ndarray) -> float:
@@ -93,7 +108,8 @@ def _workspace(folder: Path, text: str = VEHICLE) -> Path:
 
 
 def test_planted_errors_are_removed_and_the_flight_is_read_back(tmp_path: Path) -> None:
-    """By plain commands: planted biases within three standard errors, channels nearer the truth, and the same when read back."""
+    """By plain commands: planted biases within three standard errors, channels nearer the truth,
+    and the same when read back."""
     workspace = _workspace(tmp_path)
     columns = table()
     ingest = ("flight", "ingest", str(log(tmp_path, "one", columns)), "--vehicle", NAME, "--direct")
@@ -115,11 +131,16 @@ def test_planted_errors_are_removed_and_the_flight_is_read_back(tmp_path: Path) 
         assert _error(flight[name], true[name]) < 0.2 * _error(columns[name], true[name]), name
         assert _error(flight[name], true[name]) < 3 * np.sqrt(np.mean(sigma[name] ** 2)), name
     np.testing.assert_allclose(flight["qbar"], 0.5 * 1.1 * flight["V"] ** 2, rtol=1e-9)
-    assert all(abs(np.mean(flight[name] - true[name])) < 0.05 * abs(PLANTED[f"{name}_bias"]) for name in ("ax", "az", "p", "q"))
+    assert all(
+        abs(np.mean(flight[name] - true[name])) < 0.05 * abs(PLANTED[f"{name}_bias"])
+        for name in ("ax", "az", "p", "q")
+    )
     results = opened.catalogue.results_of(row.id)
     again = asked(workspace, *ingest)[0]["consistency"]
     assert again == json.loads(json.dumps(found))
-    assert [entry.key for entry in opened.catalogue.results_of(row.id)] == [entry.key for entry in results]
+    assert [entry.key for entry in opened.catalogue.results_of(row.id)] == [
+        entry.key for entry in results
+    ]
     shown = asked(workspace, "flight", "show", row.id)
     assert (shown["verdict"], shown["consistency"]["estimates"]) == ("good", document["estimates"])
     coefficients = next(entry for entry in results if entry.step == "coefficients")
@@ -129,12 +150,17 @@ def test_planted_errors_are_removed_and_the_flight_is_read_back(tmp_path: Path) 
 def test_the_table_is_printed(tmp_path: Path) -> None:
     workspace = _workspace(tmp_path)
     flown = str(log(tmp_path, "one", table(seconds=30.0)))
-    done = CliRunner().invoke(app, ["--workspace", str(workspace), "flight", "ingest", flown, "--vehicle", NAME, "--direct"])
+    done = CliRunner().invoke(
+        app,
+        ["--workspace", str(workspace), "flight", "ingest", flown, "--vehicle", NAME, "--direct"],
+    )
     assert done.exit_code == 0, done.stderr
     assert "consistency: good" in done.stdout
     assert "mismatch before" in done.stdout
     assert "corrected: ax_bias" in done.stdout
-    assert "good" in CliRunner().invoke(app, ["--workspace", str(workspace), "flight", "list"]).stdout
+    assert (
+        "good" in CliRunner().invoke(app, ["--workspace", str(workspace), "flight", "list"]).stdout
+    )
 
 
 def test_where_nothing_is_wrong_nothing_is_found(vehicle: Any) -> None:
@@ -147,26 +173,32 @@ def test_where_nothing_is_wrong_nothing_is_found(vehicle: Any) -> None:
 
 
 def test_gusts_stay_in_the_air_data(vehicle: Any) -> None:
-    """A path under a steady wind lacks the gusts. Here they stay in V, alpha and beta, which come out no worse than the sensors
-    show them; no delay or scale is sought."""
+    """A path under a steady wind lacks the gusts. Here they stay in V, alpha and beta, which come
+    out no worse than the sensors show them; no delay or scale is sought."""
     columns, calm = table(gusts=1.0), table()
     found = make_consistent(_flight(columns), vehicle)
     assert found.verdict.word == "limited"
     assert found.document["process_noise"]["matters"]
     names = [entry["parameter"] for entry in found.document["estimates"] if entry["applied"]]
-    assert not [name for name in names if name.startswith(("V_", "alpha_", "beta_")) and not name.endswith("_bias")]
+    assert not [
+        name
+        for name in names
+        if name.startswith(("V_", "alpha_", "beta_")) and not name.endswith("_bias")
+    ]
     for name in ("V", "alpha", "beta"):
         gusts = columns[name] - calm[name]  # the same noise in both
         true = exact(columns)[name] + gusts
         assert np.corrcoef(found.flight[name] - exact(columns)[name], gusts)[0, 1] > 0.9, name
         assert _error(found.flight[name], true) < 1.02 * _error(columns[name], true), name
     for name in ("p", "q", "r", "az"):
-        assert abs(np.mean(found.flight[name] - exact(columns)[name])) < 0.05 * abs(PLANTED[f"{name}_bias"]), name
+        assert abs(np.mean(found.flight[name] - exact(columns)[name])) < 0.05 * abs(
+            PLANTED[f"{name}_bias"]
+        ), name
 
 
 def test_flow_angles_without_vanes_have_their_price(vehicle: Any) -> None:
-    """Attitude, inertial sensors, velocity over the earth and an estimated wind give alpha and beta, with a standard error; gusts
-    that nobody measured are in it."""
+    """Attitude, inertial sensors, velocity over the earth and an estimated wind give alpha and
+    beta, with a standard error; gusts that nobody measured are in it."""
     columns = table(without=("alpha", "beta"))
     found = make_consistent(_flight(columns), vehicle)
     true = exact(columns)
@@ -181,8 +213,8 @@ def test_flow_angles_without_vanes_have_their_price(vehicle: Any) -> None:
 
 
 def test_nothing_is_invented_that_nothing_determines(vehicle: Any) -> None:
-    """Without velocity over the earth and a compass there is no heading, and it is said why; the sideslip that these strong
-    manoeuvres show all the same is within its standard error."""
+    """Without velocity over the earth and a compass there is no heading, and it is said why; the
+    sideslip that these strong manoeuvres show all the same is within its standard error."""
     columns = table(without=("beta", "psi", "velocity_north", "velocity_east", "velocity_down"))
     found = make_consistent(_flight(columns), vehicle)
     assert "psi" not in found.flight
@@ -203,21 +235,37 @@ def test_a_flight_that_cannot_be_checked_stays_as_it_is(vehicle: Any, absent: st
 
 
 def test_a_rejected_flight_is_kept_and_never_identifies(tmp_path: Path) -> None:
-    """A roll rate of the wrong sign: exit code 0, stored, the cause named, and an update leaves it out with that reason."""
+    """A roll rate of the wrong sign: exit code 0, stored, the cause named, and an update leaves it
+    out with that reason."""
     workspace = _workspace(tmp_path)
     columns = table(planted={})
     columns["p"] = -columns["p"]
-    (outcome,) = asked(workspace, "flight", "ingest", str(log(tmp_path, "bad", columns)), "--vehicle", NAME, "--direct")
+    (outcome,) = asked(
+        workspace,
+        "flight",
+        "ingest",
+        str(log(tmp_path, "bad", columns)),
+        "--vehicle",
+        NAME,
+        "--direct",
+    )
     assert outcome["status"] == "stored"
     assert outcome["consistency"]["verdict"] == "rejected"
-    assert any(reason.startswith("p has the wrong sign") for reason in outcome["consistency"]["reasons"])
+    assert any(
+        reason.startswith("p has the wrong sign") for reason in outcome["consistency"]["reasons"]
+    )
     (row,) = asked(workspace, "flight", "list")
     assert row["verdict"] == "rejected"
     (tmp_path / "database.toml").write_text(_DATABASE, encoding="utf-8")
-    (tmp_path / "model.toml").write_text('[[increment]]\naxis = "CZ"\nterms = ["1", "alpha"]\n', encoding="utf-8")
+    (tmp_path / "model.toml").write_text(
+        '[[increment]]\naxis = "CZ"\nterms = ["1", "alpha"]\n', encoding="utf-8"
+    )
     asked(workspace, "database", "import", str(tmp_path / "database.toml"), "--vehicle", NAME)
     model = str(tmp_path / "model.toml")
-    done = CliRunner().invoke(app, ["--workspace", str(workspace), "update", "--vehicle", NAME, "--model", model, "--direct"])
+    done = CliRunner().invoke(
+        app,
+        ["--workspace", str(workspace), "update", "--vehicle", NAME, "--model", model, "--direct"],
+    )
     assert isinstance(done.exception, InputError)
     assert "rejected: " in str(done.exception)
     assert "wrong sign" in str(done.exception)
@@ -237,7 +285,8 @@ alpha = -4.0
 
 
 def test_ap2_is_rejected_by_command_with_both_reasons(tmp_path: Path, measured: Any) -> None:
-    """No accelerations are logged: the navigation solution is held against itself and against the air data."""
+    """No accelerations are logged: the navigation solution is held against itself and against the
+    air data."""
     path = measured("ampyx_ap2/validationDataFC114_1_v2_pc.mat")
     entries = [
         f'[[channel]]\nname = "{name}"\n[[channel.sources]]\ntopic = "{topic}"\n'
@@ -247,21 +296,42 @@ def test_ap2_is_rejected_by_command_with_both_reasons(tmp_path: Path, measured: 
     (tmp_path / "ap2.toml").write_text(AP2_MAPPING + "".join(entries), encoding="utf-8")
     workspace = _workspace(tmp_path, AP2_VEHICLE)
     (outcome,) = asked(
-        workspace, "flight", "ingest", str(path), "--vehicle", "ap2", "--mapping", str(tmp_path / "ap2.toml"), "--direct"
+        workspace,
+        "flight",
+        "ingest",
+        str(path),
+        "--vehicle",
+        "ap2",
+        "--mapping",
+        str(tmp_path / "ap2.toml"),
+        "--direct",
     )
     found = outcome["consistency"]
     assert found["verdict"] == "rejected"
-    assert any("position is not the integral of velocity: off by 2.6, 1.7, 1.3 m/s rms" in reason for reason in found["reasons"])
-    assert any("differs from the probe by -1.1 deg mean, 2.4 deg std" in reason for reason in found["reasons"])
+    assert any(
+        "position is not the integral of velocity: off by 2.6, 1.7, 1.3 m/s rms" in reason
+        for reason in found["reasons"]
+    )
+    assert any(
+        "differs from the probe by -1.1 deg mean, 2.4 deg std" in reason
+        for reason in found["reasons"]
+    )
 
 
-@pytest.mark.parametrize(("name", "delay"), [("f1_017", ("beta", 0.018, 0.030)), ("demo", ("alpha", 0.018, 0.036))])
-def test_twin_otter_by_command(tmp_path: Path, measured: Any, name: str, delay: tuple[str, float, float]) -> None:
-    """The offset of the lateral accelerometer of f1_017 (.113 g, as NASA removed it) within two standard errors, found and
-    applied; air data late by .02-.03 s; neither record is rejected, for a compass alone takes no flight with it."""
+@pytest.mark.parametrize(
+    ("name", "delay"), [("f1_017", ("beta", 0.018, 0.030)), ("demo", ("alpha", 0.018, 0.036))]
+)
+def test_twin_otter_by_command(
+    tmp_path: Path, measured: Any, name: str, delay: tuple[str, float, float]
+) -> None:
+    """The offset of the lateral accelerometer of f1_017 (.113 g, as NASA removed it) within two
+    standard errors, found and applied; air data late by .02-.03 s; neither record is rejected, for
+    a compass alone takes no flight with it."""
     workspace = _workspace(tmp_path, TWIN_OTTER.read_text())
     path = measured(f"twin_otter/totter_{name}_data.mat")
-    (outcome,) = asked(workspace, "flight", "ingest", str(path), "--vehicle", "twin-otter", "--direct")
+    (outcome,) = asked(
+        workspace, "flight", "ingest", str(path), "--vehicle", "twin-otter", "--direct"
+    )
     found = outcome["consistency"]
     estimates = {entry["parameter"]: entry for entry in found["estimates"]}
     assert found["verdict"] == "limited"
@@ -278,21 +348,32 @@ def test_twin_otter_by_command(tmp_path: Path, measured: Any, name: str, delay: 
 
 
 @pytest.mark.heavy
-def test_citation_is_corrected_without_inventing_sideslip(tmp_path: Path, measured: Any, trials: Any) -> None:
-    """Six minutes of the climb, in the full campaign all 78 of the flight: the airborne part reconstructed, winds per layer, no
-    beta; of the whole flight the logged events within 20 s, and a flat earth, for these rates are free of the earth's own."""
+def test_citation_is_corrected_without_inventing_sideslip(
+    tmp_path: Path, measured: Any, trials: Any
+) -> None:
+    """Six minutes of the climb, in the full campaign all 78 of the flight: the airborne part
+    reconstructed, winds per layer, no beta; of the whole flight the logged events within 20 s, and
+    a flat earth, for these rates are free of the earth's own."""
     import pyarrow.parquet as pq
 
     part, full = measured("citation/flight_2019-03-12.parquet"), bool(trials(0, 1))
     if not full:
         part = tmp_path / "citation.parquet"
-        pq.write_table(pq.read_table(measured("citation/flight_2019-03-12.parquet")).slice(6000, 3600), part)
+        pq.write_table(
+            pq.read_table(measured("citation/flight_2019-03-12.parquet")).slice(6000, 3600), part
+        )
     workspace = _workspace(tmp_path, AP2_VEHICLE.replace('"ap2"', '"citation"'))
-    (outcome,) = asked(workspace, "flight", "ingest", str(part), "--vehicle", "citation", "--direct")
+    (outcome,) = asked(
+        workspace, "flight", "ingest", str(part), "--vehicle", "citation", "--direct"
+    )
     if full:
         segments = asked(workspace, "flight", "show", outcome["flight"])["segments"]
         for event, (logged, kind, channel) in LOGGED.items():
-            starts = [entry["start"] for entry in segments if (entry["kind"], entry["channel"]) == (kind, channel)]
+            starts = [
+                entry["start"]
+                for entry in segments
+                if (entry["kind"], entry["channel"]) == (kind, channel)
+            ]
             assert min(abs(start - logged) for start in starts) < 20.0, event
         assert outcome["consistency"]["records"] == pytest.approx(70, abs=3)
     found = outcome["consistency"]
@@ -304,6 +385,10 @@ def test_citation_is_corrected_without_inventing_sideslip(tmp_path: Path, measur
     flight, _, key = load_consistent(opened, opened.catalogue.flight(outcome["flight"]), "")
     assert "beta" not in flight
     assert "beta" not in read_results(opened.path_of(key))[0]
-    applied = {entry["parameter"]: entry["value"] for entry in found["estimates"] if entry["applied"]}
+    applied = {
+        entry["parameter"]: entry["value"] for entry in found["estimates"] if entry["applied"]
+    }
     assert {"p_bias", "q_bias", "az_bias"} <= set(applied)
-    assert all(abs(applied[name]) < 0.01 for name in ("p_bias", "q_bias", "r_bias") if name in applied)
+    assert all(
+        abs(applied[name]) < 0.01 for name in ("p_bias", "q_bias", "r_bias") if name in applied
+    )

@@ -1,5 +1,6 @@
-"""What a vehicle file says of its sensors' installation, through the real commands: errors planted behind an antenna's arm, the
-holes of a probe, the ports and a turning earth come back within their errors, and nothing where nothing is."""
+"""What a vehicle file says of its sensors' installation, through the real commands: errors planted
+behind an antenna's arm, the holes of a probe, the ports and a turning earth come back within their
+errors, and nothing where nothing is."""
 
 from pathlib import Path
 from typing import Any
@@ -20,7 +21,17 @@ from aerodb.tasks.workspace_access import stores
 from aerodb.vehicle import parse_vehicle
 from tests.support.command import asked
 from tests.support.consistent_flights import NAME, log, stored_sigma
-from tests.support.installed_flights import BIASES, POINTS, PORT, PRESSURES, VANES, around_the_earth, exact_at_cg, table, vehicle
+from tests.support.installed_flights import (
+    BIASES,
+    POINTS,
+    PORT,
+    PRESSURES,
+    VANES,
+    around_the_earth,
+    exact_at_cg,
+    table,
+    vehicle,
+)
 from tests.support.instrumented_path import GPS, NOISE, motion
 
 CALIBRATION = {
@@ -30,8 +41,11 @@ CALIBRATION = {
 WITH_HEIGHT = (*VANES, "pressure_altitude")
 
 
-def _ingested(folder: Path, text: str, columns: dict[str, np.ndarray]) -> tuple[dict[str, Any], Path]:
-    """The answer of ``aerodb flight ingest`` on these columns under this vehicle file, and the workspace."""
+def _ingested(
+    folder: Path, text: str, columns: dict[str, np.ndarray]
+) -> tuple[dict[str, Any], Path]:
+    """The answer of ``aerodb flight ingest`` on these columns under this vehicle file, and the
+    workspace."""
     folder.mkdir(exist_ok=True)
     (folder / "vehicle.toml").write_text(text, encoding="utf-8")
     asked(folder / "w", "vehicle", "add", str(folder / "vehicle.toml"))
@@ -51,20 +65,27 @@ def _estimates(outcome: dict[str, Any]) -> dict[str, dict[str, Any]]:
     return {entry["parameter"]: entry for entry in outcome["consistency"]["estimates"]}
 
 
-def _recovered(outcome: dict[str, Any], planted: dict[str, float], more: tuple[str, ...] = ()) -> None:
-    """All that was planted was estimated, all that was estimated is within 3.5 standard errors, and nothing else was freed but
-    what every flight has."""
+def _recovered(
+    outcome: dict[str, Any], planted: dict[str, float], more: tuple[str, ...] = ()
+) -> None:
+    """All that was planted was estimated, all that was estimated is within 3.5 standard errors, and
+    nothing else was freed but what every flight has."""
     found = _estimates(outcome)
-    usual = {f"{name}_bias" for name in ("ax", "ay", "az", "p", "q", "r", "alpha", "beta")} | {"wind_north", "wind_east"}
+    usual = {f"{name}_bias" for name in ("ax", "ay", "az", "p", "q", "r", "alpha", "beta")} | {
+        "wind_north",
+        "wind_east",
+    }
     assert set(planted) <= set(found) <= {*planted, *usual, *more}
     for name, entry in found.items():
         if name not in more:
-            assert abs(entry["value"] - planted.get(name, 0.0)) < 3.5 * entry["standard_error"], name
+            assert abs(entry["value"] - planted.get(name, 0.0)) < 3.5 * entry["standard_error"], (
+                name
+            )
 
 
 def test_an_antenna_off_the_cg_that_is_late(tmp_path: Path) -> None:
-    """Position and velocity are the antenna's, .12 s late: with its place in the vehicle file one delay explains them down to the
-    receiver's noise; without it, they cannot be."""
+    """Position and velocity are the antenna's, .12 s late: with its place in the vehicle file one
+    delay explains them down to the receiver's noise; without it, they cannot be."""
     planted = {**BIASES, "gps_delay": 0.12}
     columns = table(planted)
     outcome, _ = _ingested(tmp_path / "known", vehicle(), columns)
@@ -82,8 +103,9 @@ def test_an_antenna_off_the_cg_that_is_late(tmp_path: Path) -> None:
 
 
 def test_a_five_hole_probe_is_calibrated_from_its_raw_pressures(tmp_path: Path) -> None:
-    """No alpha, no beta in the log: they come from pressures whose calibration is off in offset, slope and dependence on the
-    other angle. All of it is found, and the angles at the CG are nearer the truth than the noise of the holes."""
+    """No alpha, no beta in the log: they come from pressures whose calibration is off in offset,
+    slope and dependence on the other angle. All of it is found, and the angles at the CG are nearer
+    the truth than the noise of the holes."""
     planted = {**BIASES, **CALIBRATION}
     columns = table(planted, PRESSURES)
     outcome, workspace = _ingested(tmp_path, vehicle(holes=True), columns)
@@ -93,7 +115,8 @@ def test_a_five_hole_probe_is_calibrated_from_its_raw_pressures(tmp_path: Path) 
     limit = np.deg2rad(0.5)
     assert {"alpha", "beta"} <= set(checked)
     assert all(
-        checked[name]["limit"] == pytest.approx(limit) and checked[name]["after"] < 0.3 * limit for name in ("alpha", "beta")
+        checked[name]["limit"] == pytest.approx(limit) and checked[name]["after"] < 0.3 * limit
+        for name in ("alpha", "beta")
     )
     flight, sigma = _consistent(outcome, workspace)
     exact = exact_at_cg(columns)
@@ -104,12 +127,32 @@ def test_a_five_hole_probe_is_calibrated_from_its_raw_pressures(tmp_path: Path) 
 
 
 def test_recalibrated_angles_are_the_true_ones() -> None:
-    """Without noise: the pressures that a probe of another calibration shows, and what is left of its error: nothing."""
+    """Without noise: the pressures that a probe of another calibration shows, and what is left of
+    its error: nothing."""
     time = 0.02 * np.arange(1500)
     shown = motion(time, CALIBRATION)
     described = parse_vehicle(vehicle(holes=True))
-    channels = {name: shown[name] for name in ("probe_dp_alpha", "probe_dp_beta", "qbar", "V", "p", "q", "r", "ax", "ay", "az")}
-    raw = Flight("f", NAME, time, {**channels, "phi": shown["phi"], "theta": shown["theta"], "rho": np.full(1500, 1.1)})
+    channels = {
+        name: shown[name]
+        for name in (
+            "probe_dp_alpha",
+            "probe_dp_beta",
+            "qbar",
+            "V",
+            "p",
+            "q",
+            "r",
+            "ax",
+            "ay",
+            "az",
+        )
+    }
+    raw = Flight(
+        "f",
+        NAME,
+        time,
+        {**channels, "phi": shown["phi"], "theta": shown["theta"], "rho": np.full(1500, 1.1)},
+    )
     flight = air_data_at_cg(raw, described)
     seen = at_probe(flight, inertial(flight, described))
     assert np.abs(seen["alpha"] - shown["alpha"]).max() > 0.01
@@ -122,7 +165,8 @@ def test_recalibrated_angles_are_the_true_ones() -> None:
 
 
 def test_what_stands_behind_ports_in_error() -> None:
-    """The air data of `instrumented_path`, whose density rests on the static pressure in error, turned round."""
+    """The air data of `instrumented_path`, whose density rests on the static pressure in error,
+    turned round."""
     time = 0.02 * np.arange(500)
     planted = {"static_port_error": PORT, "static_port_offset": 40.0, "total_port_error": -0.02}
     shown, true = motion(time, planted), motion(time, {})
@@ -133,8 +177,9 @@ def test_what_stands_behind_ports_in_error() -> None:
 
 @pytest.mark.parametrize("gusts", [0.0, 1.0])
 def test_the_phoenix_dynamic_pressure_error_end_to_end(tmp_path: Path, gusts: float) -> None:
-    """003, eq. 5, qbar = 1.101907 qbar_m: beside a GPS altitude the pressure altitude, off by an unknown weather, shows that it
-    is the static port; airspeed, dynamic pressure and density of the stored flight are right again, in gusts as well."""
+    """003, eq. 5, qbar = 1.101907 qbar_m: beside a GPS altitude the pressure altitude, off by an
+    unknown weather, shows that it is the static port; airspeed, dynamic pressure and density of the
+    stored flight are right again, in gusts as well."""
     planted = {**BIASES, "static_port_error": PORT}
     columns = table(planted, WITH_HEIGHT, weather=40.0, gusts=gusts)
     outcome, workspace = _ingested(tmp_path, vehicle(), columns)
@@ -153,24 +198,30 @@ def test_the_phoenix_dynamic_pressure_error_end_to_end(tmp_path: Path, gusts: fl
 
 
 def test_without_a_second_height_the_same_error_is_a_scale_of_the_airspeed(tmp_path: Path) -> None:
-    """Total and static port are then one: V shows sqrt(1/1.101907) of the truth, and the stored qbar is right."""
+    """Total and static port are then one: V shows sqrt(1/1.101907) of the truth, and the stored
+    qbar is right."""
     columns = table({**BIASES, "static_port_error": PORT})
     outcome, workspace = _ingested(tmp_path, vehicle(), columns)
     found = _estimates(outcome)
     assert not {"static_port_error", "total_port_error", "qbar_scale"} & set(found)
     scale = found["V_scale"]
-    assert abs(scale["value"] - (1.101907**-0.5 - 1.0)) < 3.5 * scale["standard_error"] + 1e-3  # density is off by .2 % as well
+    assert (
+        abs(scale["value"] - (1.101907**-0.5 - 1.0)) < 3.5 * scale["standard_error"] + 1e-3
+    )  # density is off by .2 % as well
     flight, _ = _consistent(outcome, workspace)
     assert np.mean(flight["qbar"]) / np.mean(columns["qbar"]) == pytest.approx(1.101907, abs=0.006)
 
 
 @pytest.mark.parametrize("holes", [False, True], ids=["vanes", "holes"])
 def test_where_nothing_is_planted_nothing_is_freed(tmp_path: Path, holes: bool) -> None:
-    """All sensors at once, none in error: no delay, port, slope or scale is kept, no bias is beyond its error."""
+    """All sensors at once, none in error: no delay, port, slope or scale is kept, no bias is beyond
+    its error."""
     channels = (*(PRESSURES if holes else VANES), "pressure_altitude")
     outcome, workspace = _ingested(tmp_path, vehicle(holes=holes), table({}, channels))
     usual = ("probe_alpha_offset", "probe_beta_offset") if holes else ()
-    _recovered(outcome, dict.fromkeys(usual, 0.0), ("pressure_altitude_bias", "pressure_altitude_scale"))
+    _recovered(
+        outcome, dict.fromkeys(usual, 0.0), ("pressure_altitude_bias", "pressure_altitude_scale")
+    )
     assert abs(_estimates(outcome)["pressure_altitude_bias"]["value"]) < 5.0
     assert outcome["consistency"]["verdict"] == "good"
     flight, _ = _consistent(outcome, workspace)
@@ -179,26 +230,35 @@ def test_where_nothing_is_planted_nothing_is_freed(tmp_path: Path, holes: bool) 
 
 
 def test_captive_flight_tells_of_the_sensors_and_not_of_the_aircraft(tmp_path: Path) -> None:
-    """A carrier holds the vehicle for the first 30 s: its motion says as much of the biases as the rest, which alone says less,
-    and no coefficient rests on it."""
+    """A carrier holds the vehicle for the first 30 s: its motion says as much of the biases as the
+    rest, which alone says less, and no coefficient rests on it."""
     columns = table(BIASES)
     held = columns["time"] < 30.0
-    outcome, workspace = _ingested(tmp_path / "held", vehicle(), {**columns, "captive": np.where(held, 1.0, 0.0)})
+    outcome, workspace = _ingested(
+        tmp_path / "held", vehicle(), {**columns, "captive": np.where(held, 1.0, 0.0)}
+    )
     _recovered(outcome, BIASES)
     free, _ = _ingested(tmp_path / "free", vehicle(), columns)
     for name, entry in _estimates(free).items():
-        assert entry["standard_error"] == pytest.approx(_estimates(outcome)[name]["standard_error"], rel=0.02), name
+        assert entry["standard_error"] == pytest.approx(
+            _estimates(outcome)[name]["standard_error"], rel=0.02
+        ), name
     opened = stores(str(workspace))
     flight, _ = _consistent(outcome, workspace)
     assert np.array_equal((flight.flags["flight"] & FLAGS["captive"]) > 0, held)
-    row = next(r for r in opened.catalogue.results_of(outcome["flight"]) if r.step == "coefficients")
+    row = next(
+        r for r in opened.catalogue.results_of(outcome["flight"]) if r.step == "coefficients"
+    )
     stored = read_results(opened.workspace.resolve(row.path))[0]
     assert not stored["usable"][stored["time"] < 29.9].any()
     assert stored["usable"][stored["time"] > 31.0].mean() > 0.9
 
 
-def test_a_long_flight_is_taken_over_a_turning_earth(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Eleven minutes at 52 deg with quiet gyros: their biases come out right, where a flat earth has its own rate in them."""
+def test_a_long_flight_is_taken_over_a_turning_earth(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Eleven minutes at 52 deg with quiet gyros: their biases come out right, where a flat earth
+    has its own rate in them."""
     planted = {"p_bias": 0.001, "q_bias": -0.0005, "r_bias": 0.0004, "ax_bias": 0.02}
     columns = around_the_earth(1, 0.9, 660.0, planted)
     text = vehicle(antenna=False).replace(POINTS, 'moment_reference = "cg"\n')
@@ -206,17 +266,25 @@ def test_a_long_flight_is_taken_over_a_turning_earth(tmp_path: Path, monkeypatch
     _recovered(outcome, planted)
     monkeypatch.setattr(records, "LONG", np.inf)
     flat, _ = _ingested(tmp_path / "flat", text, columns)
-    wrong = max(abs(_estimates(flat)[f"{name}_bias"]["value"] - planted[f"{name}_bias"]) for name in "pqr")
-    right = max(abs(_estimates(outcome)[f"{name}_bias"]["value"] - planted[f"{name}_bias"]) for name in "pqr")
+    wrong = max(
+        abs(_estimates(flat)[f"{name}_bias"]["value"] - planted[f"{name}_bias"]) for name in "pqr"
+    )
+    right = max(
+        abs(_estimates(outcome)[f"{name}_bias"]["value"] - planted[f"{name}_bias"])
+        for name in "pqr"
+    )
     assert right < 0.15 * RATE < 0.3 * RATE < wrong
 
 
 def test_records_know_where_things_are() -> None:
-    """The arm of the antenna from the CG, the earth of a long flight and of no other, and one dynamic pressure of one sensor."""
+    """The arm of the antenna from the CG, the earth of a long flight and of no other, and one
+    dynamic pressure of one sensor."""
     described = parse_vehicle(vehicle())
     columns = table({}, seconds=20.0)
     place = {"latitude": np.full(1000, 0.9), "longitude": np.full(1000, 0.1)}
-    flight = Flight("f", NAME, columns["time"], {**{n: x for n, x in columns.items() if n != "time"}, **place})
+    flight = Flight(
+        "f", NAME, columns["time"], {**{n: x for n, x in columns.items() if n != "time"}, **place}
+    )
     moved = air_data_at_cg(flight, described)
     (record,) = records_from_flight(moved, described)
     assert record.installation.gps == GPS

@@ -1,7 +1,9 @@
-"""Golden keys: what each step makes of one tiny fixed input, under which key. A reminder, not a proof.
+"""Golden keys: what each step makes of one tiny fixed input, under which key. A reminder, not a
+proof.
 
-A key is made of inputs, settings and the step's RESULT_VERSION, not of what the step computes. Whoever changes what a
-step returns must bump its number in ``tasks/result_versions.py``, or old results would be taken for new ones.
+A key is made of inputs, settings and the step's RESULT_VERSION, not of what the step computes.
+Whoever changes what a step returns must bump its number in ``tasks/result_versions.py``, or old
+results would be taken for new ones.
 """
 
 import hashlib
@@ -41,7 +43,8 @@ MAPPING = 'name = "golden"\nformats = ["tabular"]\n[time]\ntopic = "table"\nfiel
 
 
 def _table(shift: float) -> dict[str, np.ndarray]:
-    """A short flight in which everything moves, to six decimals: the same bytes on every machine."""
+    """A short flight in which everything moves, to six decimals: the same bytes on every
+    machine."""
     t = np.arange(150) / 25.0
     wave = {
         "V": 25.0 + 0.5 * np.sin(0.7 * t + shift),
@@ -60,7 +63,8 @@ def _table(shift: float) -> dict[str, np.ndarray]:
 
 
 def _digest(columns: dict[str, Any]) -> str:
-    """sha256 of numbers to nine digits of the largest of their column: rounding elsewhere must not show."""
+    """sha256 of numbers to nine digits of the largest of their column: rounding elsewhere must not
+    show."""
     digest = hashlib.sha256()
     for name in sorted(columns):
         values = np.asarray(columns[name])
@@ -69,18 +73,27 @@ def _digest(columns: dict[str, Any]) -> str:
             scale = np.nanmax(np.abs(values), initial=0.0) or 1.0
             values = np.round(values / scale, 9) + 0.0
             digest.update(f"{scale:.8e}".encode())
-        digest.update(np.ascontiguousarray(values).tobytes() if values.dtype.kind in "fbiu" else repr(values.tolist()).encode())
+        digest.update(
+            np.ascontiguousarray(values).tobytes()
+            if values.dtype.kind in "fbiu"
+            else repr(values.tolist()).encode()
+        )
     return digest.hexdigest()[:16]
 
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[str, str]]:
     """step -> (key, digest) of a run on the fixed input."""
-    folder, workspace = tmp_path_factory.mktemp("files"), Workspace.open(tmp_path_factory.mktemp("w"))
+    folder, workspace = (
+        tmp_path_factory.mktemp("files"),
+        Workspace.open(tmp_path_factory.mktemp("w")),
+    )
     logs = [str(write_csv(folder / f"golden{k}.csv", _table(0.9 * k))) for k in range(2)]
     (folder / "database.toml").write_text(DATABASE, encoding="utf-8")
     entries = [
-        f'[[channel]]\nname = "{n}"\nsources = [{{ topic = "table", field = "{n}" }}]\n' for n in _table(0.0) if n != "time"
+        f'[[channel]]\nname = "{n}"\nsources = [{{ topic = "table", field = "{n}" }}]\n'
+        for n in _table(0.0)
+        if n != "time"
     ]
     (folder / "golden.toml").write_text(MAPPING + "".join(entries), encoding="utf-8")
     with Catalogue.open(workspace.catalogue) as catalogue:
@@ -92,10 +105,19 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[str, str]]
         flights = [outcome["flight"] for outcome in outcomes]
         update = {"vehicle": NAME, "baseline": baseline, "flights": flights, "model": MODEL}
         candidate = run_flow(update_flow, update, workspace, "direct")["candidate"]
-        loop = run_flow(close_loop_flow, {name: update[name] for name in ("vehicle", "baseline", "flights")}, workspace, "direct")
+        loop = run_flow(
+            close_loop_flow,
+            {name: update[name] for name in ("vehicle", "baseline", "flights")},
+            workspace,
+            "direct",
+        )
         found = {}
         for step in ("ingest", "conditioning", "consistency", "coefficients", "compare", "gram"):
-            row = next(r for r in catalogue.results_of(flights[0], step) if step != "compare" or baseline in r.inputs)
+            row = next(
+                r
+                for r in catalogue.results_of(flights[0], step)
+                if step != "compare" or baseline in r.inputs
+            )
             path = workspace.resolve(row.path)
             if step == "ingest":
                 flight = read_flight(path)
@@ -104,14 +126,23 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[str, str]]
             elif step == "conditioning":
                 columns = _findings(read_results(path)[1])
             elif step == "consistency":  # this log has no attitude: what is said of it
-                columns = {name: np.array(read_results(path)[1][name]) for name in ("verdict", "reasons", "changed")}
+                columns = {
+                    name: np.array(read_results(path)[1][name])
+                    for name in ("verdict", "reasons", "changed")
+                }
             else:
                 columns = dict(read_results(path)[0])
             found[step] = (row.key, _digest(columns))
-        said = {name: np.array([f"{e['hypothesis']} {e['verdict']}" for e in loop[name]]) for name in ("findings", "not_found")}
+        said = {
+            name: np.array([f"{e['hypothesis']} {e['verdict']}" for e in loop[name]])
+            for name in ("findings", "not_found")
+        }
         found["close_loop"] = (loop["report"], _digest(said))
         for step, version in (("import", baseline), ("update", candidate)):
-            found[step] = (version, _digest(_numbers(json.loads(catalogue.version_documents(version).content))))
+            found[step] = (
+                version,
+                _digest(_numbers(json.loads(catalogue.version_documents(version).content))),
+            )
     return found
 
 
@@ -119,9 +150,18 @@ def _findings(document: dict[str, Any]) -> dict[str, Any]:
     """What conditioning says, but for digits that rounding on another machine may turn."""
     return {
         "suspicions": np.array([entry["sentence"] for entry in document["suspicions"]]),
-        "segments": np.array([f"{s['kind']} {s['channel']} {s['start']:.3f} {s['end']:.3f}" for s in document["segments"]]),
+        "segments": np.array(
+            [
+                f"{s['kind']} {s['channel']} {s['start']:.3f} {s['end']:.3f}"
+                for s in document["segments"]
+            ]
+        ),
         "delays": np.array(
-            [f"{d['channel']} {d['observable']} {d['seconds']:.3f}" for d in document["delays"] if d["observable"]]
+            [
+                f"{d['channel']} {d['observable']} {d['seconds']:.3f}"
+                for d in document["delays"]
+                if d["observable"]
+            ]
         ),
     }
 
@@ -131,7 +171,9 @@ def _numbers(document: dict[str, Any]) -> dict[str, Any]:
     found: dict[str, Any] = {"terms": [term["expression"] for term in document["terms"]]}
     for name, table in document["tables"].items():
         found[f"table {name}"] = np.array(table["values"], dtype=float)
-        found[f"breakpoints {name}"] = np.concatenate([np.array(axis, dtype=float) for axis in table["breakpoints"]])
+        found[f"breakpoints {name}"] = np.concatenate(
+            [np.array(axis, dtype=float) for axis in table["breakpoints"]]
+        )
     for increment in document["increments"]:
         found[f"estimates {increment['axis']}"] = np.array(increment["estimates"], dtype=float)
         found[f"covariance {increment['axis']}"] = np.array(increment["covariance"], dtype=float)
@@ -139,20 +181,36 @@ def _numbers(document: dict[str, Any]) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("step", sorted(RESULT_VERSION))
-def test_what_a_step_returns_and_its_version_change_together(made: dict[str, tuple[str, str]], step: str) -> None:
+def test_what_a_step_returns_and_its_version_change_together(
+    made: dict[str, tuple[str, str]], step: str
+) -> None:
     key, digest = made[step]
     now = (RESULT_VERSION[step], key[:16], digest)
     assert step in GOLDEN, f"a new step: add {step!r}: {now} to GOLDEN"
     version, golden_key, golden_digest = GOLDEN[step]
     if RESULT_VERSION[step] == version:
         assert digest == golden_digest, (
-            f"step '{step}' (or one before it) returns something else for the same input. If that is meant, bump "
-            f"RESULT_VERSION['{step}'] in tasks/result_versions.py, then set GOLDEN['{step}'] to {now} with the new number"
+            f"step '{step}' (or one before it) returns something else for the same input. If that"
+            f" is meant, bump RESULT_VERSION['{step}'] in tasks/result_versions.py, then set"
+            f" GOLDEN['{step}'] to {now} with the new number"
         )
-    assert now == (version, golden_key, golden_digest), f"the key of step '{step}' changed: if that is meant, set it to {now}"
+    assert now == (
+        version,
+        golden_key,
+        golden_digest,
+    ), f"the key of step '{step}' changed: if that is meant, set it to {now}"
 
 
 def test_the_version_is_part_of_the_key_and_the_order_of_settings_is_not() -> None:
     one = result_key({"log": "a"}, {"x": 1, "y": 2.0}, "ingest", 1)
     assert one == result_key({"log": "a"}, {"y": 2, "x": 1}, "ingest", 1)
-    assert len({one, result_key({"log": "a"}, {"x": 1, "y": 2.0}, "ingest", 2), result_key({"log": "b"}, {}, "ingest", 1)}) == 3
+    assert (
+        len(
+            {
+                one,
+                result_key({"log": "a"}, {"x": 1, "y": 2.0}, "ingest", 2),
+                result_key({"log": "b"}, {}, "ingest", 1),
+            }
+        )
+        == 3
+    )

@@ -1,4 +1,5 @@
-"""What a thousand logs at once cost beside their time: memory that stays as it was after the first ones, and queries that answer.
+"""What a thousand logs at once cost beside their time: memory that stays as it was after the first
+ones, and queries that answer.
 
 That each ends where it belongs is in `test_inbox.py`.
 """
@@ -22,13 +23,15 @@ from tests.support.sweeps import QUICK, swept
 
 #: Megabytes that may come beside those of the first logs.
 _GROWTH = 30.0
-#: Bytes that a process may keep at hand (`aerodb.tasks.memory_cache`): less than in use, so that this is full after the first logs.
+#: Bytes that a process may keep at hand (`aerodb.tasks.memory_cache`): less than in use, so that
+#: this is full after the first logs.
 _KEPT = 4_000_000
 
 
 @dataclass
 class Seen:
-    """What was seen while a sweep lasted: flights stored, megabytes of this process and those it started, seconds of queries."""
+    """What was seen while a sweep lasted: flights stored, megabytes of this process and those it
+    started, seconds of queries."""
 
     flights: list[int] = field(default_factory=list)
     megabytes: list[float] = field(default_factory=list)
@@ -51,7 +54,11 @@ class Seen:
 
     def between(self, first: float, last: float, of: int) -> float:
         """The median of the megabytes while between these shares of the logs were stored."""
-        chosen = [mb for mb, flights in zip(self.megabytes, self.flights, strict=True) if first * of <= flights <= last * of]
+        chosen = [
+            mb
+            for mb, flights in zip(self.megabytes, self.flights, strict=True)
+            if first * of <= flights <= last * of
+        ]
         return statistics.median(chosen)
 
 
@@ -62,12 +69,19 @@ def test_memory_stays_as_it_was_and_queries_answer(
     monkeypatch: pytest.MonkeyPatch,
     record_property: Callable[[str, object], None],
 ) -> None:
-    monkeypatch.setattr("aerodb.tasks.memory_cache._kept", LRUCache(_KEPT, getsizeof=lambda entry: entry[1]))
-    workspace, number = prepared(tmp_path / "w", write_files(tmp_path / "logs", 1)[0].parent), trials(64, 1000)
+    monkeypatch.setattr(
+        "aerodb.tasks.memory_cache._kept", LRUCache(_KEPT, getsizeof=lambda entry: entry[1])
+    )
+    workspace, number = (
+        prepared(tmp_path / "w", write_files(tmp_path / "logs", 1)[0].parent),
+        trials(64, 1000),
+    )
     (workspace.root / "settings.toml").write_text(QUICK, encoding="utf-8")
     (workspace.inbox / NAME).mkdir()
     for k in range(number):
-        write_parquet(workspace.inbox / NAME / f"flight{k}.parquet", channels(1000 + k, seconds=6.0))
+        write_parquet(
+            workspace.inbox / NAME / f"flight{k}.parquet", channels(1000 + k, seconds=6.0)
+        )
     seen, over = Seen(), threading.Event()
 
     def watch() -> None:
@@ -84,7 +98,12 @@ def test_memory_stays_as_it_was_and_queries_answer(
     assert {entry["kind"] for entry in document["files"]} == {"stored"}
     assert seen.flights == sorted(seen.flights)
     early, late = seen.between(0.2, 0.4, number), seen.between(0.8, 1.0, number)
-    told = {"early MB": early, "late MB": late, "median s": statistics.median(seen.seconds), "longest s": max(seen.seconds)}
+    told = {
+        "early MB": early,
+        "late MB": late,
+        "median s": statistics.median(seen.seconds),
+        "longest s": max(seen.seconds),
+    }
     for name, value in told.items():
         record_property(name, round(value, 3))
     print(f"{number} logs, {len(seen.seconds)} queries: {told}")

@@ -1,4 +1,5 @@
-"""Conditioning in the per-flight run, through the command line: faults said, segments and delays kept, repetitions found."""
+"""Conditioning in the per-flight run, through the command line: faults said, segments and delays
+kept, repetitions found."""
 
 import sqlite3
 from collections.abc import Callable
@@ -46,7 +47,9 @@ def table(flight: Flight) -> dict[str, Any]:
 
 
 def ingested(workspace: Path, *logs: Path) -> list[dict[str, Any]]:
-    found: list[dict[str, Any]] = asked(workspace, "flight", "ingest", *map(str, logs), "--vehicle", NAME, "--direct")
+    found: list[dict[str, Any]] = asked(
+        workspace, "flight", "ingest", *map(str, logs), "--vehicle", NAME, "--direct"
+    )
     return found
 
 
@@ -90,30 +93,46 @@ def test_a_fault_of_the_sensors_is_said_in_a_plain_sentence(tmp_path: Path, faul
     workspace = added(tmp_path / "w", tmp_path)
     log = write_csv(tmp_path / "flight.csv", table(plant(kinematic_flight(3, rate=25.0))))
     (outcome,) = ingested(workspace, log)
-    assert outcome["status"] == "stored", "it is kept: what follows from the fault is for flight-path reconstruction"
+    assert outcome["status"] == "stored", (
+        "it is kept: what follows from the fault is for flight-path reconstruction"
+    )
     assert kind in [entry["kind"] for entry in outcome["suspicions"]]
     assert any(words in entry["sentence"] for entry in outcome["suspicions"])
-    assert asked(workspace, "flight", "show", outcome["flight"])["suspicions"] == outcome["suspicions"]
+    assert (
+        asked(workspace, "flight", "show", outcome["flight"])["suspicions"] == outcome["suspicions"]
+    )
     looked = asked(tmp_path / "none", "log", "inspect", str(log))
-    assert [entry["sentence"] for entry in looked["suspicions"]] == [entry["sentence"] for entry in outcome["suspicions"]]
-    said = CliRunner().invoke(app, ["--workspace", str(workspace), "flight", "show", outcome["flight"]])
+    assert [entry["sentence"] for entry in looked["suspicions"]] == [
+        entry["sentence"] for entry in outcome["suspicions"]
+    ]
+    said = CliRunner().invoke(
+        app, ["--workspace", str(workspace), "flight", "show", outcome["flight"]]
+    )
     assert f"suspicion: {outcome['suspicions'][0]['sentence']}" in said.stdout
 
 
 def test_a_sound_flight_raises_no_suspicion_and_repeats_nothing(tmp_path: Path) -> None:
     workspace = added(tmp_path / "w", tmp_path)
-    logs = [write_csv(tmp_path / f"flight{seed}.csv", table(kinematic_flight(seed, rate=25.0))) for seed in (3, 4, 5)]
+    logs = [
+        write_csv(tmp_path / f"flight{seed}.csv", table(kinematic_flight(seed, rate=25.0)))
+        for seed in (3, 4, 5)
+    ]
     for outcome in ingested(workspace, *logs):
         assert (outcome["status"], outcome["suspicions"], outcome["repeats"]) == ("stored", [], [])
 
 
 def own_mapping(path: Path) -> Path:
     """A mapping for ULogs with the rates in one topic and the rest in another."""
-    units = {"V": "m/s", "qbar": "Pa", "alpha": "rad", "theta": "rad"} | dict.fromkeys(("ax", "ay", "az"), "m/s^2")
+    units = {"V": "m/s", "qbar": "Pa", "alpha": "rad", "theta": "rad"} | dict.fromkeys(
+        ("ax", "ay", "az"), "m/s^2"
+    )
     text = 'name = "own"\nformats = ["ulog"]\ndetect = ["gyro"]\n'
     for topic, fields in (("gyro", dict.fromkeys("pqr", "rad/s")), ("other", units)):
         for name, unit in fields.items():
-            text += f'[[channel]]\nname = "{name}"\nsources = [{{ topic = "{topic}", field = "{name}", unit = "{unit}" }}]\n'
+            text += (
+                f'[[channel]]\nname = "{name}"\nsources = [{{ topic = "{topic}", field = "{name}",'
+                f' unit = "{unit}" }}]\n'
+            )
     path.write_text(text)
     return path
 
@@ -123,8 +142,15 @@ def two_clocks(path: Path, later: float) -> Path:
     flight = kinematic_flight(6, rate=25.0)
     fields = {name: values.astype(np.float32) for name, values in flight.channels.items()}
     rates = {name: fields.pop(name) for name in ("p", "q", "r")}
-    topics = [Topic("gyro", flight.time + 1.0, rates), Topic("status", flight.time + 1.0, {"ok": rates["p"]})]
-    write_ulog(path, [*topics, Topic("other", flight.time + 1.0 + later, fields)], metadata={"sys_name": "TEST"})
+    topics = [
+        Topic("gyro", flight.time + 1.0, rates),
+        Topic("status", flight.time + 1.0, {"ok": rates["p"]}),
+    ]
+    write_ulog(
+        path,
+        [*topics, Topic("other", flight.time + 1.0 + later, fields)],
+        metadata={"sys_name": "TEST"},
+    )
     return path
 
 
@@ -161,13 +187,23 @@ def test_wild_points_and_ground_are_flagged_and_segments_are_stored_once(tmp_pat
     workspace = added(tmp_path / "w", tmp_path)
     flight = kinematic_flight(7, seconds=80.0, rate=25.0)
     time, on_ground = flight.time, flight.time < 20.0
-    values = {name: np.where(on_ground, x * np.clip(time / 20.0, 0.0, 1.0) ** 4, x) for name, x in flight.channels.items()}
-    values["V"], values["altitude"] = np.where(on_ground, 0.1, flight["V"]), np.clip(2.0 * (time - 20.0), 0.0, None)
+    values = {
+        name: np.where(on_ground, x * np.clip(time / 20.0, 0.0, 1.0) ** 4, x)
+        for name, x in flight.channels.items()
+    }
+    values["V"], values["altitude"] = (
+        np.where(on_ground, 0.1, flight["V"]),
+        np.clip(2.0 * (time - 20.0), 0.0, None),
+    )
     values["az"], values["q"] = np.where(on_ground, -9.81, flight["az"]), flight["q"].copy()
     values["q"][1200] += 1.0
     (outcome,) = ingested(workspace, write_csv(tmp_path / "flight.csv", {"time": time, **values}))
     shown = asked(workspace, "flight", "show", outcome["flight"])
-    states = [(s["kind"], s["start"], s["end"]) for s in shown["segments"] if s["kind"] in ("on_ground", "airborne")]
+    states = [
+        (s["kind"], s["start"], s["end"])
+        for s in shown["segments"]
+        if s["kind"] in ("on_ground", "airborne")
+    ]
     assert [kind for kind, *_ in states] == ["on_ground", "airborne"]
     assert states[0][2] == pytest.approx(21.0, abs=1.5), "it rolls until it is four metres up"
     assert all(s["reason"] for s in shown["segments"])
@@ -181,17 +217,28 @@ def test_wild_points_and_ground_are_flagged_and_segments_are_stored_once(tmp_pat
     assert stored.usable()[time > 23.0].all()
     assert np.flatnonzero(stored.flags["q"]).tolist() == [1200]
     assert any("q: 1 spikes, the first at 48 s" in note for note in stored.notes)
-    assert stored["q"][1200] == pytest.approx(values["q"][1200]), "what is kept is what was measured"
-    used, _ = load_flight(stores(str(workspace)), opened.flight(outcome["flight"]), opened.runs()[0].id)
-    assert used["q"][1200] == pytest.approx(0.5 * (stored["q"][1199] + stored["q"][1201])), "no later step smears it"
+    assert stored["q"][1200] == pytest.approx(values["q"][1200]), (
+        "what is kept is what was measured"
+    )
+    used, _ = load_flight(
+        stores(str(workspace)), opened.flight(outcome["flight"]), opened.runs()[0].id
+    )
+    assert used["q"][1200] == pytest.approx(0.5 * (stored["q"][1199] + stored["q"][1201])), (
+        "no later step smears it"
+    )
 
 
 def test_a_planted_delay_is_kept_with_the_flight(tmp_path: Path) -> None:
     workspace = added(tmp_path / "w", tmp_path)
     flight = kinematic_flight(8, seconds=90.0)
     late = np.interp(flight.time - 0.06, flight.time, flight["alpha"])
-    (outcome,) = ingested(workspace, write_csv(tmp_path / "late.csv", table(flight.with_channels({"alpha": late}))))
-    delays = {entry["channel"]: entry for entry in asked(workspace, "flight", "show", outcome["flight"])["delays"]}
+    (outcome,) = ingested(
+        workspace, write_csv(tmp_path / "late.csv", table(flight.with_channels({"alpha": late})))
+    )
+    delays = {
+        entry["channel"]: entry
+        for entry in asked(workspace, "flight", "show", outcome["flight"])["delays"]
+    }
     alpha, theta = delays["alpha"], delays["theta"]
     assert alpha["observable"]
     assert abs(alpha["seconds"] - 0.06) < 4 * alpha["standard_error"] + 1e-3
@@ -199,12 +246,16 @@ def test_a_planted_delay_is_kept_with_the_flight(tmp_path: Path) -> None:
 
 
 def test_thinning_before_the_delay_loses_nothing() -> None:
-    """At 100 Hz four of five samples go. The delay differs from that of all samples by less than its standard error."""
+    """At 100 Hz four of five samples go. The delay differs from that of all samples by less than
+    its standard error."""
 
     differences, errors = [], []
     for seed in range(3):
         flight = kinematic_flight(seed, seconds=120.0, rate=100.0)
-        whole, thinned = with_accelerations(flight), {delay.channel: delay for delay in delays(flight)}
+        whole, thinned = (
+            with_accelerations(flight),
+            {delay.channel: delay for delay in delays(flight)},
+        )
         for name in ("theta", "psi", "V"):
             path = cumulative_simpson(KINEMATICS[name][0](whole), dx=flight.step, initial=0.0)
             full = delay_between(whole[name], path, flight.step, BAND)
@@ -227,13 +278,18 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return workspace
 
 
-def test_a_repetition_is_kept_said_and_left_out_of_updates_until_the_other_is_retracted(flown: Path, tmp_path: Path) -> None:
+def test_a_repetition_is_kept_said_and_left_out_of_updates_until_the_other_is_retracted(
+    flown: Path, tmp_path: Path
+) -> None:
     rows = asked(flown, "flight", "list")
     assert all(row["counts"] for row in rows)
     third = channels(2)
     again = write_parquet(tmp_path / "third.parquet", third)
     part = write_csv(tmp_path / "part.csv", {name: values[40:] for name, values in third.items()})
-    (whole,), (partly,) = ingested(flown, again), ingested(flown, part)  # one after the other: the first that is stored counts
+    (whole,), (partly,) = (
+        ingested(flown, again),
+        ingested(flown, part),
+    )  # one after the other: the first that is stored counts
     original = next(row["flight"] for row in rows if row["flight"] == whole["repeats"][0]["flight"])
     assert whole["status"] == partly["status"] == "duplicate"
     assert whole["repeats"][0]["share"] == 1.0
@@ -243,27 +299,47 @@ def test_a_repetition_is_kept_said_and_left_out_of_updates_until_the_other_is_re
     model = tmp_path / "model.toml"
     model.write_text('[[increment]]\naxis = "CZ"\nterms = ["1", "alpha", "q_hat"]\n')
     update = ["update", "--vehicle", NAME, "--model", str(model), "--direct"]
-    excluded = {entry["flight"]: entry["reason"] for entry in asked(flown, *update)["flights"]["excluded"]}
+    excluded = {
+        entry["flight"]: entry["reason"] for entry in asked(flown, *update)["flights"]["excluded"]
+    }
     assert set(excluded) == {whole["flight"], partly["flight"]}
     assert excluded[whole["flight"]] == f"repeats flight {original[:12]} from 0 to 11.96 s"
-    shown = CliRunner().invoke(app, ["--workspace", str(flown), "flight", "show", whole["flight"]]).stdout
+    shown = (
+        CliRunner()
+        .invoke(app, ["--workspace", str(flown), "flight", "show", whole["flight"]])
+        .stdout
+    )
     assert f"repeats flight {original[:12]}: 0 to 11.96 s are its 0 to 11.96 s" in shown
     assert "left out of updates" in shown
     listed = {row["flight"]: row["counts"] for row in asked(flown, "flight", "list")}
-    assert [flight for flight, counts in listed.items() if not counts] == [f for f in listed if f in excluded]
+    assert [flight for flight, counts in listed.items() if not counts] == [
+        f for f in listed if f in excluded
+    ]
     asked(flown, "flight", "retract", original, "--reason", "its file is not the original")
-    excluded = {entry["flight"]: entry["reason"] for entry in asked(flown, *update)["flights"]["excluded"]}
-    assert set(excluded) == {original, partly["flight"]}, "the copy counts now, and its part does not"
+    excluded = {
+        entry["flight"]: entry["reason"] for entry in asked(flown, *update)["flights"]["excluded"]
+    }
+    assert set(excluded) == {
+        original,
+        partly["flight"],
+    }, "the copy counts now, and its part does not"
 
 
-def test_attas_ail_rud_is_recognised_through_the_command_line(measured: Callable[[str], Path], tmp_path: Path) -> None:
+def test_attas_ail_rud_is_recognised_through_the_command_line(
+    measured: Callable[[str], Path], tmp_path: Path
+) -> None:
     workspace = added(tmp_path / "w", tmp_path)
-    ail, rud = ingested(workspace, *(measured(f"attas/fAttas{name}1.mat") for name in ("Ail", "Rud")))
+    ail, rud = ingested(
+        workspace, *(measured(f"attas/fAttas{name}1.mat") for name in ("Ail", "Rud"))
+    )
     (both,) = ingested(workspace, measured("attas/fAttasAilRud1.mat"))
     assert (ail["status"], rud["status"], both["status"]) == ("stored", "stored", "duplicate")
     assert [entry["flight"] for entry in both["repeats"]] == [ail["flight"], rud["flight"]]
     places = [(s["start"], s["end"]) for entry in both["repeats"] for s in entry["stretches"]]
-    assert places == [pytest.approx((50.08, 80.08), abs=0.1), pytest.approx((110.16, 140.16), abs=0.1)]
+    assert places == [
+        pytest.approx((50.08, 80.08), abs=0.1),
+        pytest.approx((110.16, 140.16), abs=0.1),
+    ]
     assert all(entry["share"] == pytest.approx(0.5, abs=0.005) for entry in both["repeats"])
     assert ail["repeats"] == rud["repeats"] == []
 
@@ -275,7 +351,12 @@ def test_two_files_of_one_flight_that_come_at_once_do_not_both_count(tmp_path: P
     catalogue = Catalogue.open(Workspace.open(workspace).catalogue)
     run = catalogue.start_run("test", how="direct").id
     with ThreadPoolExecutor(2) as pool:
-        outcomes = list(pool.map(lambda log: store_log(str(log), workspace=str(workspace), run=run, vehicle=NAME), logs))
+        outcomes = list(
+            pool.map(
+                lambda log: store_log(str(log), workspace=str(workspace), run=run, vehicle=NAME),
+                logs,
+            )
+        )
     assert sorted(outcome["status"] for outcome in outcomes) == ["duplicate", "stored"]
     assert len(counted_out(catalogue, NAME)) == 1
 
@@ -283,7 +364,10 @@ def test_two_files_of_one_flight_that_come_at_once_do_not_both_count(tmp_path: P
 def test_a_look_up_of_marks_reads_an_index_only(flown: Path) -> None:
     """However many flights are stored: the search is by mark, and nothing is scanned."""
     raw = sqlite3.connect(Workspace.open(flown).catalogue)
-    plan = raw.execute("EXPLAIN QUERY PLAN SELECT flight, count(*) FROM flight_fingerprints WHERE mark IN (1, 2) GROUP BY flight")
+    plan = raw.execute(
+        "EXPLAIN QUERY PLAN SELECT flight, count(*) FROM flight_fingerprints WHERE mark IN (1, 2)"
+        " GROUP BY flight"
+    )
     steps = [row[3] for row in plan]
     assert "SEARCH flight_fingerprints USING PRIMARY KEY (mark=?)" in steps
     assert not any(step.startswith("SCAN") for step in steps)
@@ -291,8 +375,11 @@ def test_a_look_up_of_marks_reads_an_index_only(flown: Path) -> None:
     raw.close()
 
 
-def test_of_a_chain_of_repetitions_the_first_counts_and_what_repeats_only_the_second(tmp_path: Path) -> None:
-    """f2 repeats f1 and contains f3: f1 and f3 share nothing, so both count. A retracted f1 lets f2 count instead of f3."""
+def test_of_a_chain_of_repetitions_the_first_counts_and_what_repeats_only_the_second(
+    tmp_path: Path,
+) -> None:
+    """f2 repeats f1 and contains f3: f1 and f3 share nothing, so both count. A retracted f1 lets f2
+    count instead of f3."""
     with Catalogue.open(tmp_path / "catalogue.sqlite") as catalogue:
         catalogue.add_vehicle(VEHICLE, "text")
         add_family(catalogue)

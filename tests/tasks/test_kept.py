@@ -1,4 +1,5 @@
-"""What stays at hand: as it was made, not to be written to, bounded, and made anew when its file changes."""
+"""What stays at hand: as it was made, not to be written to, bounded, and made anew when its file
+changes."""
 
 import os
 from dataclasses import dataclass
@@ -29,7 +30,9 @@ def test_what_is_kept_is_made_once_and_cannot_be_written_to() -> None:
         first.values["a"][0] = 1.0
 
 
-def test_the_oldest_goes_first_and_what_is_too_large_is_not_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_oldest_goes_first_and_what_is_too_large_is_not_kept(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr(module, "_ROOM", 4000)
     monkeypatch.setattr(module, "_kept", type(module._kept)(4000, getsizeof=lambda entry: entry[1]))
     for name in "abcdef":

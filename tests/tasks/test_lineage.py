@@ -1,4 +1,5 @@
-"""Where a number comes from, and what a flight stands behind; lineage as PROV-JSON, read by the package's own reader."""
+"""Where a number comes from, and what a flight stands behind; lineage as PROV-JSON, read by the
+package's own reader."""
 
 import json
 from collections.abc import Mapping
@@ -7,7 +8,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from prov.model import ProvActivity, ProvAgent, ProvDerivation, ProvDocument, ProvEntity, ProvGeneration
+from prov.model import (
+    ProvActivity,
+    ProvAgent,
+    ProvDerivation,
+    ProvDocument,
+    ProvEntity,
+    ProvGeneration,
+)
 from typer.testing import CliRunner
 
 from aerodb.errors import InputError, UnknownNameError
@@ -26,16 +34,21 @@ SECOND_MODEL = '[[increment]]\naxis = "Cm"\nterms = ["alpha"]\n'
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[dict[str, Any]]]:
-    """A line of three versions: the handbook, increments on CZ and CX, and one on Cm on top; the updates' documents."""
+    """A line of three versions: the handbook, increments on CZ and CX, and one on Cm on top; the
+    updates' documents."""
     workspace, folder = tmp_path_factory.mktemp("made") / "w", tmp_path_factory.mktemp("files")
     six_flights(folder, workspace)
     (folder / "second.toml").write_text(SECOND_MODEL, encoding="utf-8")
-    first = asked(workspace, "update", "--vehicle", NAME, "--model", str(folder / "model.toml"), "--direct")
+    first = asked(
+        workspace, "update", "--vehicle", NAME, "--model", str(folder / "model.toml"), "--direct"
+    )
     again = ("--model", str(folder / "second.toml"), "--baseline", "candidate", "--direct")
     return workspace, [first, asked(workspace, "update", "--vehicle", NAME, *again)]
 
 
-def test_from_a_table_node_to_log_hashes_settings_steps_and_run(made: tuple[Path, list[dict[str, Any]]]) -> None:
+def test_from_a_table_node_to_log_hashes_settings_steps_and_run(
+    made: tuple[Path, list[dict[str, Any]]],
+) -> None:
     workspace, (first, _) = made
     answer = asked(workspace, "version", "lineage", "v0003", "--node", "CZ0[2]")
     (entry,) = answer["increments"]
@@ -48,18 +61,30 @@ def test_from_a_table_node_to_log_hashes_settings_steps_and_run(made: tuple[Path
         for flight in entry["flights"]:
             assert catalogue.flight(flight["flight"]).log_sha256 == flight["log_sha256"]
         run = catalogue.run(entry["run"])
-    assert (run.flow, run.state, run.code_version) == ("update_flow", "completed", entry["code_version"])
+    assert (run.flow, run.state, run.code_version) == (
+        "update_flow",
+        "completed",
+        entry["code_version"],
+    )
     assert entry["settings"]["model"] == MODEL
-    steps = {step: [RESULT_VERSION[step]] for step in ("ingest", "consistency", "coefficients", "compare", "update")}
+    steps = {
+        step: [RESULT_VERSION[step]]
+        for step in ("ingest", "consistency", "coefficients", "compare", "update")
+    }
     assert entry["step_versions"] == steps
 
 
-def test_from_a_point_to_all_increments_that_act_there(made: tuple[Path, list[dict[str, Any]]]) -> None:
+def test_from_a_point_to_all_increments_that_act_there(
+    made: tuple[Path, list[dict[str, Any]]],
+) -> None:
     workspace, (first, second) = made
     answer = asked(workspace, "version", "lineage", "v0003", "--at", "alpha=5deg,V=25")
     makers = {entry["axis"]: entry["made_by"] for entry in answer["increments"]}
     assert makers == {"CZ": first["candidate"], "CX": first["candidate"], "Cm": second["candidate"]}
-    assert asked(workspace, "version", "lineage", "v0003", "--at", "alpha=80deg,V=25")["increments"] == []
+    assert (
+        asked(workspace, "version", "lineage", "v0003", "--at", "alpha=80deg,V=25")["increments"]
+        == []
+    )
     assert asked(workspace, "version", "lineage", "v0001", "--node", "CZ0[2]")["increments"] == []
 
 
@@ -78,20 +103,38 @@ def test_from_a_point_to_all_increments_that_act_there(made: tuple[Path, list[di
 def test_a_node_or_point_that_is_none_is_refused(
     made: tuple[Path, list[dict[str, Any]]], arguments: list[str], kind: type[Exception], words: str
 ) -> None:
-    result = CliRunner().invoke(app, ["--workspace", str(made[0]), "version", "lineage", "v0003", *arguments])
+    result = CliRunner().invoke(
+        app, ["--workspace", str(made[0]), "version", "lineage", "v0003", *arguments]
+    )
     assert isinstance(result.exception, kind)
     assert words in str(result.exception)
 
 
-def test_lists_are_paged_and_a_diff_names_flights_and_draws(made: tuple[Path, list[dict[str, Any]]], tmp_path: Path) -> None:
+def test_lists_are_paged_and_a_diff_names_flights_and_draws(
+    made: tuple[Path, list[dict[str, Any]]], tmp_path: Path
+) -> None:
     workspace, (first, second) = made
-    assert [row["label"] for row in asked(workspace, "version", "list", "--limit", "2")] == ["v0002", "v0003"]
+    assert [row["label"] for row in asked(workspace, "version", "list", "--limit", "2")] == [
+        "v0002",
+        "v0003",
+    ]
     assert len(asked(workspace, "version", "list", "--all")) == 3
-    assert [move["to"] for move in asked(workspace, "version", "history", "--limit", "1")] == [second["candidate"]]
-    answer = asked(workspace, "version", "diff", "v0001", "v0003", "--figure", str(tmp_path / "d.svg"))
+    assert [move["to"] for move in asked(workspace, "version", "history", "--limit", "1")] == [
+        second["candidate"]
+    ]
+    answer = asked(
+        workspace, "version", "diff", "v0001", "v0003", "--figure", str(tmp_path / "d.svg")
+    )
     assert (answer["before"], answer["after"]) == (first["baseline"], second["candidate"])
     terms = {(term["axis"], term["name"]): term for term in answer["terms"]}
-    assert set(terms) == {("CZ", "1"), ("CZ", "alpha"), ("CZ", "q_hat"), ("CX", "1"), ("CX", "alpha"), ("Cm", "alpha")}
+    assert set(terms) == {
+        ("CZ", "1"),
+        ("CZ", "alpha"),
+        ("CZ", "q_hat"),
+        ("CX", "1"),
+        ("CX", "alpha"),
+        ("Cm", "alpha"),
+    }
     slope = terms["CZ", "alpha"]
     assert abs(slope["change"] - TRUTH["CZ"]["alpha"]) < 4 * slope["sigma"]
     assert slope["flights"] == first["flights"]["identified"]
@@ -102,7 +145,17 @@ def test_lists_are_paged_and_a_diff_names_flights_and_draws(made: tuple[Path, li
     nothing = asked(workspace, "version", "diff", "v0002", "v0002")
     assert nothing["terms"] == nothing["nodes"] == []
     refused = CliRunner().invoke(
-        app, ["--workspace", str(workspace), "version", "diff", "v0001", "v0002", "--figure", str(tmp_path / "d.exe")]
+        app,
+        [
+            "--workspace",
+            str(workspace),
+            "version",
+            "diff",
+            "v0001",
+            "v0002",
+            "--figure",
+            str(tmp_path / "d.exe"),
+        ],
     )
     assert isinstance(refused.exception, InputError)
     assert not (tmp_path / "d.exe").exists()
@@ -111,13 +164,17 @@ def test_lists_are_paged_and_a_diff_names_flights_and_draws(made: tuple[Path, li
 # PROV
 
 
-def _edges(document: ProvDocument, kind: type[Any], first: str, second: str) -> set[tuple[str, str]]:
+def _edges(
+    document: ProvDocument, kind: type[Any], first: str, second: str
+) -> set[tuple[str, str]]:
     records = (record.formal_attributes for record in document.get_records(kind))
     named = ({str(name): str(value) for name, value in attributes} for attributes in records)
     return {(entry[f"prov:{first}"], entry[f"prov:{second}"]) for entry in named}
 
 
-def test_prov_json_says_what_the_catalogue_says(made: tuple[Path, list[dict[str, Any]]], tmp_path: Path) -> None:
+def test_prov_json_says_what_the_catalogue_says(
+    made: tuple[Path, list[dict[str, Any]]], tmp_path: Path
+) -> None:
     workspace, _ = made
     lineage = asked(workspace, "version", "lineage", "v0003", "--prov", str(tmp_path / "p.json"))
     document = ProvDocument.deserialize(str(tmp_path / "p.json"), format="json")
@@ -136,7 +193,11 @@ def test_prov_json_says_what_the_catalogue_says(made: tuple[Path, list[dict[str,
     assert set(made_by) == set(versions)
     activities = {str(record.identifier) for record in document.get_records(ProvActivity)}
     assert set(made_by.values()) <= activities
-    labels = {str(value) for record in document.get_records(ProvAgent) for value in record.get_attribute("prov:label")}
+    labels = {
+        str(value)
+        for record in document.get_records(ProvAgent)
+        for value in record.get_attribute("prov:label")
+    }
     assert "aerodb" in labels
     assert len(labels) == 2  # and the user who moved the names
     raw = json.loads((tmp_path / "p.json").read_text(encoding="utf-8"))
@@ -151,9 +212,17 @@ def test_hostile_users_and_reasons_are_text_in_prov(tmp_path: Path) -> None:
         catalogue.move_name(V, "released", h("c"), user=user, reason=reason, expected=None)
         data = prov_json(catalogue.lineage(h("c")), {}, catalogue.moves_to(V, [h("c")]))
     document = ProvDocument.deserialize(content=data, format="json")
-    agents = {str(value) for record in document.get_records(ProvAgent) for value in record.get_attribute("prov:label")}
+    agents = {
+        str(value)
+        for record in document.get_records(ProvAgent)
+        for value in record.get_attribute("prov:label")
+    }
     assert user in agents
-    reasons = {str(v) for record in document.get_records(ProvActivity) for v in record.get_attribute("aerodb:reason")}
+    reasons = {
+        str(v)
+        for record in document.get_records(ProvActivity)
+        for v in record.get_attribute("aerodb:reason")
+    }
     assert reason in reasons
 
 
@@ -169,8 +238,20 @@ def branched(tmp_path: Path) -> Any:
             add_flight(catalogue, name)
         settings: Mapping[str, Any] = {"model": "text"}
         add_version(catalogue, "base")
-        add_version(catalogue, "a", h("base"), flights=[FlightRole(h("f1"), "identified")], settings=settings)
-        add_version(catalogue, "b", h("a"), flights=[FlightRole(h("f3"), "identified")], settings={**settings, "name": "b"})
+        add_version(
+            catalogue,
+            "a",
+            h("base"),
+            flights=[FlightRole(h("f1"), "identified")],
+            settings=settings,
+        )
+        add_version(
+            catalogue,
+            "b",
+            h("a"),
+            flights=[FlightRole(h("f3"), "identified")],
+            settings={**settings, "name": "b"},
+        )
         add_version(catalogue, "c", h("b"))
         add_version(catalogue, "d", h("a"), settings={**settings, "name": "d"})
         yield catalogue
@@ -184,7 +265,10 @@ def test_what_to_make_again_comes_in_order_and_with_the_command(branched: Catalo
         ("v0004", ""),
         ("v0005", "v0005 --baseline NEW-v0002"),
     ]
-    assert [entry["label"] for entry in rebuilds(branched, branched.impact(h("f3")))] == ["v0003", "v0004"]
+    assert [entry["label"] for entry in rebuilds(branched, branched.impact(h("f3")))] == [
+        "v0003",
+        "v0004",
+    ]
     assert rebuilds(branched, ()) == []
 
 
@@ -192,4 +276,11 @@ def test_the_nearest_use_of_a_flight_counts_for_a_descendant(branched: Catalogue
     add_version(branched, "e", h("c"), flights=[FlightRole(h("f1"), "identified")])
     add_version(branched, "f", h("e"))
     through = {impact.version.id: impact.through for impact in branched.impact(h("f1"))}
-    assert through == {h("a"): h("a"), h("b"): h("a"), h("c"): h("a"), h("d"): h("a"), h("e"): h("e"), h("f"): h("e")}
+    assert through == {
+        h("a"): h("a"),
+        h("b"): h("a"),
+        h("c"): h("a"),
+        h("d"): h("a"),
+        h("e"): h("e"),
+        h("f"): h("e"),
+    }

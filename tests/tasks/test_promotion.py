@@ -1,4 +1,5 @@
-"""Names of versions: ``released`` only through the gate, everything by logged events, one winner per step, and the way out."""
+"""Names of versions: ``released`` only through the gate, everything by logged events, one winner
+per step, and the way out."""
 
 import json
 import multiprocessing
@@ -48,29 +49,53 @@ def released(workspace: Path) -> str:
 def test_from_candidate_to_released_and_back(flown: tuple[Path, Path]) -> None:
     workspace, folder = flown
     before = asked(workspace, "version", "history")[-1]["at_utc"]
-    done = asked(workspace, "version", "promote", "candidate", "--reason", "lift slope proved on two flights")
+    done = asked(
+        workspace, "version", "promote", "candidate", "--reason", "lift slope proved on two flights"
+    )
     assert (done["label"], done["moved"], len(done["checks"])) == ("v0002", True, 7)
-    assert asked(workspace, "version", "promote", "candidate", "--reason", "twice")["moved"] is False
+    assert (
+        asked(workspace, "version", "promote", "candidate", "--reason", "twice")["moved"] is False
+    )
     assert released(workspace) == "v0002"
     # v0003 is made on v0002; the gate compares it with what is released at that time.
     model = ("--model", str(folder / "model.toml"), "--direct")
     asked(workspace, "update", "--vehicle", NAME, *model)
-    back = asked(workspace, "version", "rollback", "--vehicle", NAME, "--reason", "simulator diverges")
+    back = asked(
+        workspace, "version", "rollback", "--vehicle", NAME, "--reason", "simulator diverges"
+    )
     assert (back["label"], back["stale"]) == ("v0001", [])
     refused = aerodb(workspace, "version", "promote", "v0003", "--reason", "all the same")
     assert refused.returncode == 4
-    assert refused.stderr.startswith(f"aerodb: the gate refused v0003 of {NAME}: its parent v0002 is not released")
+    assert refused.stderr.startswith(
+        f"aerodb: the gate refused v0003 of {NAME}: its parent v0002 is not released"
+    )
     assert len(refused.stderr.splitlines()) == 2
     moves = asked(workspace, "version", "history", "--name", "released")
-    assert [move["reason"] for move in moves[1:]] == ["lift slope proved on two flights", "simulator diverges"]
+    assert [move["reason"] for move in moves[1:]] == [
+        "lift slope proved on two flights",
+        "simulator diverges",
+    ]
     assert all(move["user"] for move in moves)
     assert asked(workspace, "version", "show", "released", "--as-of", before)["label"] == "v0001"
-    assert asked(workspace, "version", "show", "released", "--as-of", moves[1]["at_utc"])["label"] == "v0002"
-    assert asked(workspace, "version", "show", "released", "--as-of", moves[2]["at_utc"])["label"] == "v0001"
+    assert (
+        asked(workspace, "version", "show", "released", "--as-of", moves[1]["at_utc"])["label"]
+        == "v0002"
+    )
+    assert (
+        asked(workspace, "version", "show", "released", "--as-of", moves[2]["at_utc"])["label"]
+        == "v0001"
+    )
     # Attempts are runs, also those that were refused, with their reasons.
     with Catalogue.open(workspace / "catalogue.sqlite") as catalogue:
-        attempts = [(run.flow, run.state, run.error) for run in catalogue.runs() if run.flow != "update_flow"][:4]
-    assert [entry[:2] for entry in attempts[:2]] == [("promote_flow", "failed"), ("roll_back_flow", "completed")]
+        attempts = [
+            (run.flow, run.state, run.error)
+            for run in catalogue.runs()
+            if run.flow != "update_flow"
+        ][:4]
+    assert [entry[:2] for entry in attempts[:2]] == [
+        ("promote_flow", "failed"),
+        ("roll_back_flow", "completed"),
+    ]
     assert "its parent v0002 is not released" in attempts[0][2]
 
 
@@ -79,7 +104,14 @@ def test_a_stale_version_is_refused_and_says_why(flown: tuple[Path, Path], tmp_p
     six_flights(tmp_path / "files", workspace)
     model = ("--model", str(tmp_path / "files" / "model.toml"), "--direct")
     made = asked(workspace, "update", "--vehicle", NAME, *model)
-    asked(workspace, "flight", "retract", made["flights"]["held_out"][0][:12], "--reason", "pitot cover left on")
+    asked(
+        workspace,
+        "flight",
+        "retract",
+        made["flights"]["held_out"][0][:12],
+        "--reason",
+        "pitot cover left on",
+    )
     refused = aerodb(workspace, "version", "promote", "candidate", "--reason", "r")
     assert refused.returncode == 4
     assert "pitot cover left on" in refused.stderr
@@ -87,7 +119,9 @@ def test_a_stale_version_is_refused_and_says_why(flown: tuple[Path, Path], tmp_p
     unexplained = aerodb(workspace, "version", "promote", "candidate", "--reason", " ")
     assert (unexplained.returncode, "needs a reason" in unexplained.stderr) == (3, True)
     # A name of the user's own needs no gate, and moves by events all the same.
-    assert asked(workspace, "version", "promote", "candidate", "--name", "wind-tunnel-2", "--reason", "mine")["moved"]
+    assert asked(
+        workspace, "version", "promote", "candidate", "--name", "wind-tunnel-2", "--reason", "mine"
+    )["moved"]
     assert asked(workspace, "version", "show", "wind-tunnel-2")["label"] == "v0002"
 
 
@@ -97,7 +131,10 @@ def test_a_stale_version_is_refused_and_says_why(flown: tuple[Path, Path], tmp_p
 def _events(*versions: str) -> tuple[NameEvent, ...]:
     with_previous = zip(versions, (None, *versions), strict=False)
     when: Any = None
-    return tuple(NameEvent(k, V, "released", k, v, p, when, "me", "r") for k, (v, p) in enumerate(with_previous, start=1))
+    return tuple(
+        NameEvent(k, V, "released", k, v, p, when, "me", "r")
+        for k, (v, p) in enumerate(with_previous, start=1)
+    )
 
 
 @pytest.mark.parametrize(
@@ -125,13 +162,25 @@ def workspace(tmp_path: Path) -> Workspace:
 
 
 def provable(catalogue: Catalogue, name: str, parent: str | None, value: float = -0.02) -> str:
-    """A version that passes the gate: the glider's handbook with an increment on CZ, and a report that proves it."""
+    """A version that passes the gate: the glider's handbook with an increment on CZ, and a report
+    that proves it."""
     base = read_native(DATABASE)
     envelope = {"alpha": Interval(0.0, 0.1, 0.07)}
-    increment = Increment("CZ", (parse("1"),), np.array([value]), np.array([[1e-6]]), envelope, ("f1",))
-    increments = from_document(json.loads(catalogue.version_documents(parent).content)).increments if parent else ()
+    increment = Increment(
+        "CZ", (parse("1"),), np.array([value]), np.array([[1e-6]]), envelope, ("f1",)
+    )
+    increments = (
+        from_document(json.loads(catalogue.version_documents(parent).content)).increments
+        if parent
+        else ()
+    )
     database = replace(base, increments=(*increments, increment))
-    axis = {"held_out_rms_before": 0.02, "held_out_rms_after": 0.01, "noise_floor": 0.001, "repeatability": 0.001}
+    axis = {
+        "held_out_rms_before": 0.02,
+        "held_out_rms_after": 0.01,
+        "noise_floor": 0.001,
+        "repeatability": 0.001,
+    }
     report = {
         "axes": {"CZ": {**axis, "excess_before": 0.02, "excess_after": 0.01}},
         "check_cases": [asdict(case) for case in make_check_cases(database)],
@@ -159,7 +208,14 @@ def test_rollback_goes_back_step_by_step_and_not_beyond(workspace: Workspace) ->
         with pytest.raises(InputError, match="no version to go back to"):
             roll_back(V, **place)
         assert promote(second, **place)["previous"] == first
-        assert [event.version for event in catalogue.name_history(V)] == [first, second, third, second, first, second]
+        assert [event.version for event in catalogue.name_history(V)] == [
+            first,
+            second,
+            third,
+            second,
+            first,
+            second,
+        ]
 
 
 def test_a_version_whose_content_was_changed_by_hand_is_refused(workspace: Workspace) -> None:
@@ -172,7 +228,10 @@ def test_a_version_whose_content_was_changed_by_hand_is_refused(workspace: Works
         third, fourth = provable(catalogue, "third", second), provable(catalogue, "fourth", second)
     raw = sqlite3.connect(workspace.catalogue)
     raw.execute("DROP TRIGGER versions_no_update")
-    raw.execute("UPDATE versions SET content = replace(content, '-0.65', '-0.66') WHERE id IN (?, ?)", (third, first))
+    raw.execute(
+        "UPDATE versions SET content = replace(content, '-0.65', '-0.66') WHERE id IN (?, ?)",
+        (third, first),
+    )
     raw.execute("UPDATE versions SET content = 'x' WHERE id = ?", (fourth,))
     raw.commit()
     raw.close()
@@ -197,11 +256,16 @@ def _worker(root: str, number: int, rounds: int, barrier: Barrier, outcomes: Any
             barrier.wait(300)
             event = catalogue.named(V, "released")
             assert event is not None
-            # Up and down in turn: increments of one sign would add up to a new lift peak, which the gate refuses.
-            mine = provable(catalogue, f"{number}/{k}", event.version, 0.001 * (number + 1) * (-1) ** k)
+            # Up and down in turn: increments of one sign would add up to a new lift peak, which the
+            # gate refuses.
+            mine = provable(
+                catalogue, f"{number}/{k}", event.version, 0.001 * (number + 1) * (-1) ** k
+            )
             barrier.wait(300)
             try:
-                promote(mine, workspace=root, run="", name="released", reason=f"round {k} of {number}")
+                promote(
+                    mine, workspace=root, run="", name="released", reason=f"round {k} of {number}"
+                )
                 won.append((k, mine))
             except GateRefusal:
                 pass
@@ -212,13 +276,16 @@ def _worker(root: str, number: int, rounds: int, barrier: Barrier, outcomes: Any
 def test_eight_processes_promote_at_once_and_each_step_has_one_winner(
     workspace: Workspace, trials: Callable[[int, int], int]
 ) -> None:
-    """1,000 promotions in full: 125 rounds in which eight processes race for the same step, through the whole gate."""
+    """1,000 promotions in full: 125 rounds in which eight processes race for the same step, through
+    the whole gate."""
     rounds = trials(3, 125)
     with Catalogue.open(workspace.catalogue) as catalogue:
         first = provable(catalogue, "first", None)
         catalogue.move_name(V, "released", first, user="me", reason="import", expected=None)
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(["tests.tasks.test_promotion"])  # eight processes, and what they import once
+    context.set_forkserver_preload(
+        ["tests.tasks.test_promotion"]
+    )  # eight processes, and what they import once
     barrier, outcomes = context.Barrier(8), context.Queue()
     arguments = [(str(workspace.root), number, rounds, barrier, outcomes) for number in range(8)]
     processes = [context.Process(target=_worker, args=given) for given in arguments]
@@ -232,9 +299,15 @@ def test_eight_processes_promote_at_once_and_each_step_has_one_winner(
     with Catalogue.open(workspace.catalogue) as catalogue:
         history = catalogue.name_history(V, "released")
         parents = {row.id: row.parent for row in catalogue.versions(V)}
-    assert [event.version for event in history] == [first, *(version for _, version in sorted(winners))]
+    assert [event.version for event in history] == [
+        first,
+        *(version for _, version in sorted(winners)),
+    ]
     assert [event.step for event in history] == list(range(1, rounds + 2))
-    assert [event.previous for event in history] == [None, *(event.version for event in history[:-1])]
+    assert [event.previous for event in history] == [
+        None,
+        *(event.version for event in history[:-1]),
+    ]
     # No winner undid another: each stands on the one before.
     assert [parents[event.version] for event in history] == [event.previous for event in history]
     assert len(parents) == 1 + 8 * rounds
@@ -244,14 +317,26 @@ def test_eight_processes_promote_at_once_and_each_step_has_one_winner(
 
 
 @pytest.mark.parametrize("format", sorted(FORMS))
-def test_an_export_is_read_back_with_its_check_cases(flown: tuple[Path, Path], tmp_path: Path, format: str) -> None:
+def test_an_export_is_read_back_with_its_check_cases(
+    flown: tuple[Path, Path], tmp_path: Path, format: str
+) -> None:
     target = tmp_path / f"out.{format}"
-    done = asked(flown[0], "version", "export", "v0002", "--format", format, "--output", str(target))
+    done = asked(
+        flown[0], "version", "export", "v0002", "--format", format, "--output", str(target)
+    )
     assert done["check_cases"] >= 10
     database = FORMS[format].read(target.read_bytes(), "again")
     with Catalogue.open(flown[0] / "catalogue.sqlite") as catalogue:
         stored = from_document(json.loads(catalogue.version_documents(done["version"]).content))
-    point = {"alpha": np.linspace(-0.2, 0.4, 500), "V": 25.0, "q": 0.1, "beta": 0.02, "p": 0.0, "r": 0.0, "delta_elevator": 0.1}
+    point = {
+        "alpha": np.linspace(-0.2, 0.4, 500),
+        "V": 25.0,
+        "q": 0.1,
+        "beta": 0.02,
+        "p": 0.0,
+        "r": 0.0,
+        "delta_elevator": 0.1,
+    }
     given, wanted = (each.predict(point).coefficients for each in (database, stored))
     for axis in wanted:
         np.testing.assert_allclose(given[axis], wanted[axis], rtol=0, atol=1e-12)
@@ -262,7 +347,16 @@ def test_an_export_that_fails_its_check_cases_leaves_nothing(
 ) -> None:
     other = read_native(DATABASE.replace("-0.65", "-0.66"))
     monkeypatch.setitem(FORMS, "csv", replace(FORMS["csv"], read=lambda data, name: other))
-    refused = invoked(flown[0], "version", "export", "v0001", "--format", "csv", "--output", str(tmp_path / "out.zip"))
+    refused = invoked(
+        flown[0],
+        "version",
+        "export",
+        "v0001",
+        "--format",
+        "csv",
+        "--output",
+        str(tmp_path / "out.zip"),
+    )
     assert isinstance(refused.exception, InputError)
     assert "check values differ when it is read back" in str(refused.exception)
     assert list(tmp_path.iterdir()) == []
@@ -272,7 +366,17 @@ def invoked(workspace: Path, *arguments: str) -> Any:
     return CliRunner().invoke(app, ["--workspace", str(workspace), *arguments])
 
 
-HOSTILE = ["../x", "'; DROP TABLE versions; --", "a\nb", "\ud800", "x" * 5000, "", "v0001", "Released", "\x1b[31m"]
+HOSTILE = [
+    "../x",
+    "'; DROP TABLE versions; --",
+    "a\nb",
+    "\ud800",
+    "x" * 5000,
+    "",
+    "v0001",
+    "Released",
+    "\x1b[31m",
+]
 
 
 @pytest.mark.parametrize("name", HOSTILE, ids=range(len(HOSTILE)))
@@ -295,7 +399,9 @@ def test_hostile_names_move_nothing(flown: tuple[Path, Path], name: str) -> None
     assert state_of(workspace) == files
 
 
-def test_output_never_lands_on_the_workspaces_own_files(flown: tuple[Path, Path], tmp_path: Path) -> None:
+def test_output_never_lands_on_the_workspaces_own_files(
+    flown: tuple[Path, Path], tmp_path: Path
+) -> None:
     workspace = flown[0]
     before = state_of(workspace, but=("prefect",))
     (tmp_path / "link.xml").symlink_to(workspace / "catalogue.sqlite")
@@ -313,9 +419,17 @@ def test_output_never_lands_on_the_workspaces_own_files(flown: tuple[Path, Path]
         with pytest.raises(InputError):
             write_for_user(Workspace(workspace), target, b"x")
     assert state_of(workspace, but=("prefect",)) == before
-    assert write_for_user(Workspace(workspace), workspace / "reports" / "x.xml", b"x").read_bytes() == b"x"
+    assert (
+        write_for_user(Workspace(workspace), workspace / "reports" / "x.xml", b"x").read_bytes()
+        == b"x"
+    )
     (workspace / "reports" / "x.xml").unlink()
-    assert aerodb(workspace, "version", "export", "v0001", "--format", "xls", "--output", "x").returncode == 3
+    assert (
+        aerodb(
+            workspace, "version", "export", "v0001", "--format", "xls", "--output", "x"
+        ).returncode
+        == 3
+    )
 
 
 def test_the_names_of_a_vehicle_are_found_without_their_history(workspace: Workspace) -> None:

@@ -1,4 +1,5 @@
-"""Sensor errors of one or several flights: what is worth estimating is, with what was known beforehand added to it."""
+"""Sensor errors of one or several flights: what is worth estimating is, with what was known
+beforehand added to it."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -13,7 +14,14 @@ from aerodb.conditioning import bridge
 from aerodb.consistency.calibration import Calibration
 from aerodb.consistency.output_error.initial_states import first_states
 from aerodb.consistency.output_error.normal_equations import residuals
-from aerodb.consistency.output_error.posterior import Knowledge, replaced_by, shared, significant, with_calibration, with_stated
+from aerodb.consistency.output_error.posterior import (
+    Knowledge,
+    replaced_by,
+    shared,
+    significant,
+    with_calibration,
+    with_stated,
+)
 from aerodb.consistency.output_error.reconstruction import Path, Reconstruction, reconstruct
 from aerodb.consistency.plan import Plan, make_plan
 from aerodb.consistency.records import flight_of, records_from_flight
@@ -24,14 +32,16 @@ from aerodb.flight import Flight
 from aerodb.support import Array
 from aerodb.vehicle import Accuracy, Vehicle
 
-#: Interval at which sensor errors are estimated, s: rigid-body motion is slower; corrections are applied to every sample.
+#: Interval at which sensor errors are estimated, s: rigid-body motion is slower; corrections are
+#: applied to every sample.
 SLOW = 0.04
 
-#: So many stretches of a minute say what a flight has to say of its sensors, and so many what several flights together have.
+#: So many stretches of a minute say what a flight has to say of its sensors, and so many what
+#: several flights together have.
 MOST_STRETCHES, MOST_STRETCHES_JOINT = 8, 48
 
-#: A rotating earth must make the residuals more likely by this (natural logarithm): the rates of an attitude reference are often
-#: free of the earth's own already.
+#: A rotating earth must make the residuals more likely by this (natural logarithm): the rates of an
+#: attitude reference are often free of the earth's own already.
 TURNS = 10.0
 
 #: So often parameters that turn out not to be significant are left out.
@@ -42,7 +52,8 @@ ASTRAY, _NO_WEIGHT = 0.5, 100.0
 
 
 def slow_records(flight: Flight, vehicle: Vehicle) -> tuple[Record, ...]:
-    """The records of a mapped flight at the interval `SLOW`, over the earth that its rates are measured against."""
+    """The records of a mapped flight at the interval `SLOW`, over the earth that its rates are
+    measured against."""
     records = records_from_flight(flight, vehicle, decimation=max(1, round(SLOW / flight.step)))
     if records[0].earth is None:
         return records
@@ -53,7 +64,8 @@ def slow_records(flight: Flight, vehicle: Vehicle) -> tuple[Record, ...]:
 
 
 def _misfit(result: Reconstruction) -> float:
-    """Negative log-likelihood of a reconstruction, up to a constant: the sum of N ln(rms) of the channels' residuals."""
+    """Negative log-likelihood of a reconstruction, up to a constant: the sum of N ln(rms) of the
+    channels' residuals."""
     pieces: dict[str, list[Array]] = {}
     for path in result.paths:
         for name, residual in path.residuals.items():
@@ -61,21 +73,32 @@ def _misfit(result: Reconstruction) -> float:
     total = 0.0
     for parts in pieces.values():
         values = np.concatenate(parts)
-        total += 0.5 * len(values) * float(np.log(max(float(np.mean(values**2)), 1e-30))) if len(values) else 0.0
+        total += (
+            0.5 * len(values) * float(np.log(max(float(np.mean(values**2)), 1e-30)))
+            if len(values)
+            else 0.0
+        )
     return total
 
 
-def estimate(records: Sequence[Record], plan: Plan, accuracy: Accuracy) -> tuple[Reconstruction, Plan]:
-    """The reconstruction with the parameters of `plan` that are worth keeping, and the plan of these.
+def estimate(
+    records: Sequence[Record], plan: Plan, accuracy: Accuracy
+) -> tuple[Reconstruction, Plan]:
+    """The reconstruction with the parameters of `plan` that are worth keeping, and the plan of
+    these.
 
-    A heading that has nothing to do with the motion gets no weight. Where the air moved, the air data count for as many samples
-    as are independent in their residuals, and their delays and scales are not sought: the aircraft answers gusts at once, so that
-    the vane's gusts and the inertial motion agree for another reason than the vane's delay.
+    A heading that has nothing to do with the motion gets no weight. Where the air moved, the air
+    data count for as many samples as are independent in their residuals, and their delays and
+    scales are not sought: the aircraft answers gusts at once, so that the vane's gusts and the
+    inertial motion agree for another reason than the vane's delay.
     """
     result = solved(records, plan)
     lost = _rms(result.paths, "psi")
     if lost > ASTRAY:
-        sentence = f"heading has no weight: it is {np.rad2deg(lost):.0f} deg (rms) from the reconstructed motion"
+        sentence = (
+            f"heading has no weight: it is {np.rad2deg(lost):.0f} deg (rms) from the reconstructed"
+            " motion"
+        )
         plan = plan.trusting({"psi": _NO_WEIGHT}, [sentence])
         result = solved(records, plan)
     if moving_air(result.paths).matters:
@@ -92,42 +115,58 @@ def estimate(records: Sequence[Record], plan: Plan, accuracy: Accuracy) -> tuple
 def settled(
     records: Sequence[Record], own: Reconstruction, plan: Plan, calibration: Calibration | None
 ) -> tuple[Reconstruction, Knowledge, dict[str, float]]:
-    """The reconstruction of all `records`, what is known of the sensors once what was known beforehand is added to what the
-    flight says (`own`, from its busiest stretches), and what was held at a calibration's value.
+    """The reconstruction of all `records`, what is known of the sensors once what was known
+    beforehand is added to what the flight says (`own`, from its busiest stretches), and what was
+    held at a calibration's value.
 
-    Under a calibration the parameters are those that it names. In moving air its delays and scales of the air data are taken as
-    they are. Stretches of one wind are solved together, with the sensors as they are known by then.
+    Under a calibration the parameters are those that it names. In moving air its delays and scales
+    of the air data are taken as they are. Stretches of one wind are solved together, with the
+    sensors as they are known by then.
     """
     held: dict[str, float] = {}
     stated = plan.stated
     if calibration is not None:
         logged = {name for record in records for name in record.outputs}
         plan = plan.knowing(calibration.names, logged)
-        held = {n: v for n, (v, _) in calibration.by_name.items() if n not in plan.free and logged & set(channels_of(n))}
+        held = {
+            n: v
+            for n, (v, _) in calibration.by_name.items()
+            if n not in plan.free and logged & set(channels_of(n))
+        }
         own = solved(busiest(records), plan, fixed=held)
         stated = {name: sigma for name, sigma in stated.items() if name not in calibration.names}
     found = with_stated(shared(own), stated)
     if calibration is not None:
         # a flight that the calibration was made from is in it already, and is not counted twice
         part_of_it = flight_of(records[0]) in calibration.flights
-        found = replaced_by(found, calibration) if part_of_it else with_calibration(found, calibration)
+        found = (
+            replaced_by(found, calibration) if part_of_it else with_calibration(found, calibration)
+        )
     fixed = {**held, **{name: value for name, (value, _) in found.by_name.items()}}
     winds = [name for name in plan.free if parameter(name).kind in PER_FLIGHT]
-    parts = [solved(list(group), plan, winds, fixed) for _, group in groupby(records, key=lambda record: record.flight)]
+    parts = [
+        solved(list(group), plan, winds, fixed)
+        for _, group in groupby(records, key=lambda record: record.flight)
+    ]
     return _joined(own, parts, found), found, held
 
 
 def busiest(records: Sequence[Record], most: int = MOST_STRETCHES) -> list[Record]:
-    """The stretches with the most motion, in their order: sensor errors are alike in all of them."""
+    """The stretches with the most motion, in their order: sensor errors are alike in all of
+    them."""
     chosen = sorted(records, key=_motion, reverse=True)[:most]
     return sorted(chosen, key=lambda record: record.first)
 
 
 def solved(
-    records: Sequence[Record], plan: Plan, free: Sequence[str] | None = None, fixed: Mapping[str, float] | None = None
+    records: Sequence[Record],
+    plan: Plan,
+    free: Sequence[str] | None = None,
+    fixed: Mapping[str, float] | None = None,
 ) -> Reconstruction:
-    """The reconstruction of records with the parameters of a plan (or only those in `free`), under its priors, bounds and least
-    noise; `fixed`: values (SI) of others. What the records cannot tell apart stays as uncertain as its prior.
+    """The reconstruction of records with the parameters of a plan (or only those in `free`), under
+    its priors, bounds and least noise; `fixed`: values (SI) of others. What the records cannot tell
+    apart stays as uncertain as its prior.
 
     Raises InputError as `reconstruct` does.
     """
@@ -142,18 +181,24 @@ def solved(
     )
 
 
-def _joined(own: Reconstruction, parts: Sequence[Reconstruction], found: Knowledge) -> Reconstruction:
-    """The stretches solved part by part, with the standard errors of the joint solution where they are larger, and the sensor
-    parameters as they are known."""
+def _joined(
+    own: Reconstruction, parts: Sequence[Reconstruction], found: Knowledge
+) -> Reconstruction:
+    """The stretches solved part by part, with the standard errors of the joint solution where they
+    are larger, and the sensor parameters as they are known."""
     joint = {path.record.name: path for path in own.paths}
     state = np.sqrt(np.mean([np.mean(path.state_sigma**2, axis=1) for path in own.paths], axis=0))
     air = np.sqrt(np.mean([np.mean(path.air_sigma**2, axis=1) for path in own.paths], axis=0))
     paths = []
     for path in (path for part in parts for path in part.paths):
         same = joint.get(path.record.name)
-        least = (state[:, None], air[:, None]) if same is None else (same.state_sigma, same.air_sigma)
+        least = (
+            (state[:, None], air[:, None]) if same is None else (same.state_sigma, same.air_sigma)
+        )
         sigma = (np.maximum(path.state_sigma, least[0]), np.maximum(path.air_sigma, least[1]))
-        paths.append(replace(path, state_sigma=sigma[0], air_sigma=sigma[1], before=_untouched(path.record)))
+        paths.append(
+            replace(path, state_sigma=sigma[0], air_sigma=sigma[1], before=_untouched(path.record))
+        )
     known = found.by_name
     sensors = [
         replace(entry, value=known[name][0], standard_error=known[name][1], at_bound=False)
@@ -163,23 +208,33 @@ def _joined(own: Reconstruction, parts: Sequence[Reconstruction], found: Knowled
     others = [entry for part in parts for entry in part.estimates]
     converged = own.converged and sum(part.converged for part in parts) > 0.5 * len(parts)
     spread = block_diag(found.covariance, *(part.covariance for part in parts))
-    return replace(own, estimates=(*sensors, *others), covariance=spread, paths=tuple(paths), converged=converged)
+    return replace(
+        own,
+        estimates=(*sensors, *others),
+        covariance=spread,
+        paths=tuple(paths),
+        converged=converged,
+    )
 
 
 def _untouched(record: Record) -> dict[str, Array]:
-    """Residuals by channel of the motion from the first samples on, with no sensor corrected and no wind."""
+    """Residuals by channel of the motion from the first samples on, with no sensor corrected and no
+    wind."""
     return residuals(record, respond(record, {}, first_states(record), (), slopes=False))
 
 
 def independent_noise(paths: Sequence[Path]) -> dict[str, float]:
-    """Noise (one sigma) of the air data that would say as much as their residuals do: n samples of a coloured residual
-    are n / (1 + 2 sum of its autocorrelation) independent ones (Bartlett 1946; here up to its first zero)."""
+    """Noise (one sigma) of the air data that would say as much as their residuals do: n samples of
+    a coloured residual are n / (1 + 2 sum of its autocorrelation) independent ones (Bartlett 1946;
+    here up to its first zero)."""
     found = {}
     for name in AIR_DATA:
         pieces = [path.residuals[name] for path in paths if name in path.residuals]
         pieces = [bridge(piece) - np.nanmean(piece) for piece in pieces if np.isfinite(piece).any()]
         if pieces:
-            inflation = np.average([_inflation(piece) for piece in pieces], weights=[len(piece) for piece in pieces])
+            inflation = np.average(
+                [_inflation(piece) for piece in pieces], weights=[len(piece) for piece in pieces]
+            )
             found[name] = float(np.sqrt(inflation * np.mean(np.concatenate(pieces) ** 2)))
     return found
 
@@ -200,24 +255,37 @@ def _rms(paths: Sequence[Path], name: str) -> float:
 
 
 def joint_calibration(
-    flights: Sequence[Flight], vehicle: Vehicle, valid_from: datetime | None = None, valid_until: datetime | None = None
+    flights: Sequence[Flight],
+    vehicle: Vehicle,
+    valid_from: datetime | None = None,
+    valid_until: datetime | None = None,
 ) -> Calibration:
-    """The sensor parameters that several mapped flights share, with their covariance: one reconstruction of all of them, each
-    with its own winds and first states.
+    """The sensor parameters that several mapped flights share, with their covariance: one
+    reconstruction of all of them, each with its own winds and first states.
 
-    Of long flights the busiest stretches are taken, evenly from all flights, `MOST_STRETCHES_JOINT` in all. Raises InputError
-    when no flight can be reconstructed, or nothing is determined.
+    Of long flights the busiest stretches are taken, evenly from all flights, `MOST_STRETCHES_JOINT`
+    in all. Raises InputError when no flight can be reconstructed, or nothing is determined.
     """
     room = max(1, MOST_STRETCHES_JOINT // max(len(flights), 1))
-    records = [record for flight in flights for record in busiest(slow_records(flight, vehicle), room)]
+    records = [
+        record for flight in flights for record in busiest(slow_records(flight, vehicle), room)
+    ]
     if not records:
-        raise InputError("no flight", f"calibration of {vehicle.name}", "name flights to calibrate from")
+        raise InputError(
+            "no flight", f"calibration of {vehicle.name}", "name flights to calibrate from"
+        )
     result, plan = estimate(records, make_plan(records, vehicle), vehicle.accuracy)
     found = with_stated(shared(result), plan.stated)
     if not found.names:
-        raise InputError("these flights determine no sensor parameter", f"calibration of {vehicle.name}", "fly more manoeuvres")
+        raise InputError(
+            "these flights determine no sensor parameter",
+            f"calibration of {vehicle.name}",
+            "fly more manoeuvres",
+        )
     ids = tuple(sorted({flight.id for flight in flights}))
-    return Calibration(vehicle.name, found.names, found.values, found.covariance, ids, valid_from, valid_until)
+    return Calibration(
+        vehicle.name, found.names, found.values, found.covariance, ids, valid_from, valid_until
+    )
 
 
 def _motion(record: Record) -> float:

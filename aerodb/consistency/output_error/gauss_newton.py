@@ -1,4 +1,5 @@
-"""The problem that a reconstruction solves, and its solution: Gauss-Newton with bounds and Levenberg damping."""
+"""The problem that a reconstruction solves, and its solution: Gauss-Newton with bounds and
+Levenberg damping."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -13,23 +14,26 @@ from aerodb.support import Array
 
 MOST_ITERATIONS = 100
 
-#: Converged when no step exceeds this share of its standard error, or the log-likelihood gains less than this.
+#: Converged when no step exceeds this share of its standard error, or the log-likelihood gains less
+#: than this.
 SMALL_STEP, SMALL_GAIN = 1e-3, 1e-4
 
-#: So many steps in a row that gain less than this end the search as well: a likelihood ratio of one per cent is no evidence.
+#: So many steps in a row that gain less than this end the search as well: a likelihood ratio of one
+#: per cent is no evidence.
 _IDLE, NO_GAIN = 4, 1e-2
 
 #: Damping (share of the diagonal) below which a step is as good as undamped.
 _LIGHT = 1e-2
 
-#: A sensor whose scale is off by more than this shows something else; bounds may be given to say otherwise.
+#: A sensor whose scale is off by more than this shows something else; bounds may be given to say
+#: otherwise.
 LARGEST_SCALE = 0.5
 
 
 @dataclass(frozen=True)
 class Problem:
-    """What is to be solved: records with first states, unknowns, values held, prior standard deviations (inf: none), bounds,
-    and least believable noise by channel."""
+    """What is to be solved: records with first states, unknowns, values held, prior standard
+    deviations (inf: none), bounds, and least believable noise by channel."""
 
     records: tuple[Record, ...]
     starts: tuple[Array, ...]
@@ -60,17 +64,36 @@ def make_problem(
     """The problem of `reconstruction.reconstruct`, whose arguments these are."""
     names = [record.name for record in records]
     if not records or len(set(names)) < len(names):
-        raise InputError("records must have unique names, and be at least one", "reconstruction", "name them apart")
+        raise InputError(
+            "records must have unique names, and be at least one",
+            "reconstruction",
+            "name them apart",
+        )
     measured = {name for record in records for name in record.outputs}
-    wanted = [*free, *(f"initial_{state}" for state in initial if not any(state in record.given for record in records))]
+    wanted = [
+        *free,
+        *(
+            f"initial_{state}"
+            for state in initial
+            if not any(state in record.given for record in records)
+        ),
+    ]
     items = unknowns(wanted, [record.flight for record in records], names)
     limit = bounds or {}
     usual = {"delay": (-LONGEST_DELAY, LONGEST_DELAY), "scale": (-LARGEST_SCALE, LARGEST_SCALE)}
-    span = np.array([limit.get(item.name, usual.get(item.kind, (-np.inf, np.inf))) for item in items]).reshape(-1, 2)
+    span = np.array(
+        [limit.get(item.name, usual.get(item.kind, (-np.inf, np.inf))) for item in items]
+    ).reshape(-1, 2)
     sigma = np.array([(priors or {}).get(item.name, np.inf) for item in items])
-    first = tuple(starts) if starts is not None else tuple(first_states(record, fixed) for record in records)
+    first = (
+        tuple(starts)
+        if starts is not None
+        else tuple(first_states(record, fixed) for record in records)
+    )
     floor = {name: value for name, value in (noise_floor or {}).items() if name in measured}
-    return Problem(tuple(records), first, items, dict(fixed or {}), sigma, span[:, 0], span[:, 1], floor)
+    return Problem(
+        tuple(records), first, items, dict(fixed or {}), sigma, span[:, 0], span[:, 1], floor
+    )
 
 
 def information(problem: Problem, sums: Sums) -> Array:
@@ -83,14 +106,20 @@ def information(problem: Problem, sums: Sums) -> Array:
 
 
 def gauss_newton(problem: Problem, vector: Array, sums: Sums) -> tuple[Array, Sums, bool, int]:
-    """Steps until none matters; damping grows when the likelihood does not improve and fades when it does."""
+    """Steps until none matters; damping grows when the likelihood does not improve and fades when
+    it does."""
     damping, cost, idle = 0.0, problem.cost(vector, sums), 0
     size = np.array([item.size for item in problem.items])
     for iteration in range(1, MOST_ITERATIONS + 1):
         noise = sums.variance(problem.floor)
         matrix = information(problem, sums)
-        slope = sum((sums.gradient[name] / noise[name] for name in noise), np.zeros(len(vector))) - vector / problem.prior**2
-        stuck = ((vector <= problem.lower) & (slope < 0)) | ((vector >= problem.upper) & (slope > 0))
+        slope = (
+            sum((sums.gradient[name] / noise[name] for name in noise), np.zeros(len(vector)))
+            - vector / problem.prior**2
+        )
+        stuck = ((vector <= problem.lower) & (slope < 0)) | (
+            (vector >= problem.upper) & (slope > 0)
+        )
         go = np.flatnonzero(~stuck)
         step, error = _step(matrix[np.ix_(go, go)], slope[go], size[go], damping)
         trial = vector.copy()
@@ -101,7 +130,9 @@ def gauss_newton(problem: Problem, vector: Array, sums: Sums) -> tuple[Array, Su
         except InputError:
             better = np.inf
         if better <= cost + 1e-9 * abs(cost):
-            small = len(go) == 0 or bool(np.max(np.abs(trial[go] - vector[go]) / error) < SMALL_STEP)
+            small = len(go) == 0 or bool(
+                np.max(np.abs(trial[go] - vector[go]) / error) < SMALL_STEP
+            )
             small = small or cost - better < SMALL_GAIN
             idle = idle + 1 if cost - better < NO_GAIN else 0
             vector, sums, cost = trial, after, better
@@ -111,7 +142,12 @@ def gauss_newton(problem: Problem, vector: Array, sums: Sums) -> tuple[Array, Su
         else:
             _, sure = _step(matrix[np.ix_(go, go)], slope[go], size[go], 0.0)
             if np.max(np.abs(trial[go] - vector[go]) / sure) < SMALL_STEP:
-                return vector, sums, True, iteration  # no step of any note helps: a minimum, if a pointed one
+                return (
+                    vector,
+                    sums,
+                    True,
+                    iteration,
+                )  # no step of any note helps: a minimum, if a pointed one
             damping = max(4 * damping, 1e-4)
     return vector, sums, False, iteration
 
@@ -119,6 +155,8 @@ def gauss_newton(problem: Problem, vector: Array, sums: Sums) -> tuple[Array, Su
 def _step(matrix: Array, slope: Array, size: Array, damping: float) -> tuple[Array, Array]:
     """Damped Newton step (k,) and standard errors (k,), solved in natural sizes."""
     scaled = matrix * np.outer(size, size)
-    ridge = damping * np.diag(np.diag(scaled)) + 1e-12 * np.trace(scaled) / max(len(size), 1) * np.eye(len(size))
+    ridge = damping * np.diag(np.diag(scaled)) + 1e-12 * np.trace(scaled) / max(
+        len(size), 1
+    ) * np.eye(len(size))
     inverse = np.linalg.inv(scaled + ridge)
     return size * (inverse @ (size * slope)), size * np.sqrt(np.diag(inverse))

@@ -1,5 +1,5 @@
-"""What the noise of accelerometers and gyros does to the estimates: integrated, it is a drift that output error mistakes for
-sensor errors, and that its residuals show only in part."""
+"""What the noise of accelerometers and gyros does to the estimates: integrated, it is a drift that
+output error mistakes for sensor errors, and that its residuals show only in part."""
 
 from collections.abc import Mapping, Sequence
 
@@ -10,13 +10,14 @@ from aerodb.consistency.output_error.normal_equations import blocked, usable
 from aerodb.consistency.sensors import Parameter, Record, corrected_inputs, parameter, respond
 from aerodb.support import Array
 
-#: A record is taken in so many blocks at least: the effect of a sample's noise changes slowly along it.
+#: A record is taken in so many blocks at least: the effect of a sample's noise changes slowly along
+#: it.
 BLOCKS = 150
 
 
 def inertial_noise(record: Record) -> Array:
-    """(6,) one sigma of the white noise in the specific force and rates: as the record states, else from their second
-    differences (variance 6 s^2)."""
+    """(6,) one sigma of the white noise in the specific force and rates: as the record states, else
+    from their second differences (variance 6 s^2)."""
     if record.input_noise is not None:
         return np.array(record.input_noise)
     return np.asarray(np.sqrt(np.mean(np.diff(record.inputs, 2, axis=0) ** 2, axis=0) / 6.0))
@@ -30,12 +31,13 @@ def drift_information(
     slopes: Mapping[str, Array],
     noise: Mapping[str, float],
 ) -> Array:
-    """(k, k) covariance of the normal equations' right-hand side that the inertial sensors' white noise causes.
+    """(k, k) covariance of the normal equations' right-hand side that the inertial sensors' white
+    noise causes.
 
-    A sample's noise w at time i moves the states by ``B_i w step``, later ones by ``S_k S_i^-1`` of that, with S the
-    derivative of the states by the first ones; so the gradient takes ``sum_i A_i S_i^-1 B_i w_i step`` with
-    ``A_i = sum_(k > i) J_k' W S_k``.
-    slopes : channel -> (n, k) derivatives of the outputs by the unknowns. noise : channel -> variance.
+    A sample's noise w at time i moves the states by ``B_i w step``, later ones by ``S_k S_i^-1`` of
+    that, with S the derivative of the states by the first ones; so the gradient takes ``sum_i A_i
+    S_i^-1 B_i w_i step`` with ``A_i = sum_(k > i) J_k' W S_k``. slopes : channel -> (n, k)
+    derivatives of the outputs by the unknowns. noise : channel -> variance.
     """
     integrated = [name for name in STATES if name not in record.given]
     everything = [parameter(f"initial_{name}", record.name) for name in integrated]
@@ -46,7 +48,10 @@ def drift_information(
     pull = np.zeros((blocks, k, m))
     for name in swing.outputs:
         good = usable(record, name, unknowns, values)[:, None] / noise[name]
-        left, right = blocked(slopes[name] * good, blocks, size), blocked(swing.slopes[name], blocks, size)
+        left, right = (
+            blocked(slopes[name] * good, blocks, size),
+            blocked(swing.slopes[name], blocks, size),
+        )
         pull += np.swapaxes(left, 1, 2) @ right
     later = np.cumsum(pull[::-1], axis=0)[::-1]
     rows, at = [STATES.index(name) for name in integrated], np.arange(0, n, size)
@@ -54,7 +59,9 @@ def drift_information(
     effect = _input_effect(swing.states[:, at], corrected_inputs(record, values)[at])[:, rows]
     sigma = record.step * np.sqrt(size) * inertial_noise(record)
     # the transposed solve gives A S^-1 without inverting
-    weight = np.moveaxis(np.linalg.solve(np.swapaxes(moved, 1, 2), np.swapaxes(later, 1, 2)), 1, 2) @ (effect * sigma)
+    weight = np.moveaxis(
+        np.linalg.solve(np.swapaxes(moved, 1, 2), np.swapaxes(later, 1, 2)), 1, 2
+    ) @ (effect * sigma)
     return np.asarray(np.einsum("nki,nli->kl", weight, weight, optimize=True))
 
 

@@ -1,6 +1,8 @@
-"""Sums of squares of a joint reconstruction: each channel's residual and normal equations, record by record.
+"""Sums of squares of a joint reconstruction: each channel's residual and normal equations, record
+by record.
 
-Kept per channel, they give the solution for every weighting of the channels without another pass over the samples.
+Kept per channel, they give the solution for every weighting of the channels without another pass
+over the samples.
 """
 
 from collections.abc import Mapping, Sequence
@@ -10,7 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerodb.consistency.kinematics import STATES
-from aerodb.consistency.sensors import LONGEST_DELAY, Parameter, Record, Response, delays_of, respond
+from aerodb.consistency.sensors import (
+    LONGEST_DELAY,
+    Parameter,
+    Record,
+    Response,
+    delays_of,
+    respond,
+)
 from aerodb.errors import InputError
 from aerodb.support import Array
 
@@ -23,7 +32,8 @@ VERTICAL = float(np.deg2rad(80.0))
 
 @dataclass(frozen=True)
 class Sums:
-    """Over all records, by channel: samples used, sum of squared residuals, information (k, k) and gradient (k,)."""
+    """Over all records, by channel: samples used, sum of squared residuals, information (k, k) and
+    gradient (k,)."""
 
     count: Mapping[str, int]
     squares: Mapping[str, float]
@@ -32,12 +42,19 @@ class Sums:
 
     def variance(self, floor: Mapping[str, float]) -> dict[str, float]:
         """Residual variance by channel, not below the square of `floor`."""
-        return {name: max(self.squares[name] / n, floor.get(name, 0.0) ** 2, 1e-30) for name, n in self.count.items()}
+        return {
+            name: max(self.squares[name] / n, floor.get(name, 0.0) ** 2, 1e-30)
+            for name, n in self.count.items()
+        }
 
     def cost(self, floor: Mapping[str, float]) -> float:
-        """Negative log-likelihood with the noise variance estimated, ``sum N/2 (ln R + S/(N R))``."""
+        """Negative log-likelihood with the noise variance estimated, ``sum N/2 (ln R + S/(N
+        R))``."""
         noise = self.variance(floor)
-        return sum(0.5 * (n * np.log(noise[name]) + self.squares[name] / noise[name]) for name, n in self.count.items())
+        return sum(
+            0.5 * (n * np.log(noise[name]) + self.squares[name] / noise[name])
+            for name, n in self.count.items()
+        )
 
 
 def belongs(item: Parameter, record: Record) -> bool:
@@ -45,12 +62,16 @@ def belongs(item: Parameter, record: Record) -> bool:
     return item.scope in ("", record.name if item.kind == "initial" else record.flight)
 
 
-def usable(record: Record, name: str, free: Sequence[Parameter], values: Mapping[str, float]) -> NDArray[np.bool_]:
-    """(n,) samples of an output that count: finite, not near the ends when the channel is delayed, and no Euler angle near the
-    vertical, where noise turns bank and heading over."""
+def usable(
+    record: Record, name: str, free: Sequence[Parameter], values: Mapping[str, float]
+) -> NDArray[np.bool_]:
+    """(n,) samples of an output that count: finite, not near the ends when the channel is delayed,
+    and no Euler angle near the vertical, where noise turns bank and heading over."""
     good = np.isfinite(record.outputs[name])
     delays = delays_of(name)
-    if any(values.get(each, 0.0) != 0.0 for each in delays) or any(item.name in delays for item in free):
+    if any(values.get(each, 0.0) != 0.0 for each in delays) or any(
+        item.name in delays for item in free
+    ):
         margin = int(np.ceil(LONGEST_DELAY / record.step)) + 2
         good[:margin] = False
         good[len(good) - margin :] = False
@@ -68,9 +89,13 @@ def residuals(record: Record, response: Response) -> dict[str, Array]:
     return found
 
 
-def split(items: Sequence[Parameter], vector: Array, record: Record, fixed: Mapping[str, float]) -> dict[str, float]:
+def split(
+    items: Sequence[Parameter], vector: Array, record: Record, fixed: Mapping[str, float]
+) -> dict[str, float]:
     """The parameter values that act on a record: fixed ones and this vector's."""
-    own = {item.name: float(v) for item, v in zip(items, vector, strict=True) if belongs(item, record)}
+    own = {
+        item.name: float(v) for item, v in zip(items, vector, strict=True) if belongs(item, record)
+    }
     return {**fixed, **own}
 
 
@@ -80,7 +105,11 @@ def first_state(start: Array, values: Mapping[str, float]) -> Array:
 
 
 def accumulate(
-    records: Sequence[Record], starts: Sequence[Array], items: Sequence[Parameter], vector: Array, fixed: Mapping[str, float]
+    records: Sequence[Record],
+    starts: Sequence[Array],
+    items: Sequence[Parameter],
+    vector: Array,
+    fixed: Mapping[str, float],
 ) -> Sums:
     """Sums over the records at the unknowns `items` with values `vector` (k,)."""
     k = len(items)
@@ -91,7 +120,9 @@ def accumulate(
     for record, start in zip(records, starts, strict=True):
         index = [number for number, item in enumerate(items) if belongs(item, record)]
         values = split(items, vector, record, fixed)
-        response = respond(record, values, first_state(start, values), [items[number] for number in index])
+        response = respond(
+            record, values, first_state(start, values), [items[number] for number in index]
+        )
         for name, residual in residuals(record, response).items():
             good = usable(record, name, items, values)
             slope, error = response.slopes[name][good], residual[good]
@@ -104,7 +135,9 @@ def accumulate(
             gradient[name][index] += slope.T @ error
     empty = [name for name, n in count.items() if n == 0]
     if empty:
-        raise InputError(f"no usable sample of {', '.join(empty)}", records[0].name, "leave the channel out")
+        raise InputError(
+            f"no usable sample of {', '.join(empty)}", records[0].name, "leave the channel out"
+        )
     return Sums(count, squares, information, gradient)
 
 
@@ -116,8 +149,9 @@ def blocked(values: Array, blocks: int, size: int) -> Array:
 
 
 def squared(slope: Array) -> Array:
-    """``slope' slope`` (k, k) of (n, k), block by block: products of this size do not wake BLAS threads, whose contention costs
-    more than they gain when several flights are processed at once."""
+    """``slope' slope`` (k, k) of (n, k), block by block: products of this size do not wake BLAS
+    threads, whose contention costs more than they gain when several flights are processed at
+    once."""
     size = max(8, _SINGLE_THREAD // max(slope.shape[1], 1) ** 2)
     if len(slope) <= size:
         return np.asarray(slope.T @ slope)

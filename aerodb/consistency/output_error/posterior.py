@@ -1,7 +1,9 @@
-"""What a flight says of its sensors beside what was known before: normal variables combined, conditioned and judged.
+"""What a flight says of its sensors beside what was known before: normal variables combined,
+conditioned and judged.
 
-Priors act here, on the estimates and their covariance for coloured residuals, and not as weights in the search: its white
-weights are too large where gusts or drift colour the residuals, and would outvote any calibration sheet.
+Priors act here, on the estimates and their covariance for coloured residuals, and not as weights in
+the search: its white weights are too large where gusts or drift colour the residuals, and would
+outvote any calibration sheet.
 """
 
 from collections.abc import Mapping
@@ -19,10 +21,12 @@ from aerodb.vehicle import Accuracy
 #: A correction of which the vehicle file says nothing is applied from so many standard errors on.
 SIGNIFICANT = 3.0
 
-#: An estimate whose standard error is not below this share of what was known beforehand corrects nothing.
+#: An estimate whose standard error is not below this share of what was known beforehand corrects
+#: nothing.
 WORTH = 0.7
 
-#: A correction that the vehicle file does not state must move its channel by this share of the accuracy limit.
+#: A correction that the vehicle file does not state must move its channel by this share of the
+#: accuracy limit.
 MATTERS = 0.03
 
 
@@ -46,20 +50,30 @@ class Knowledge:
         return dict(zip(self.names, pairs, strict=True))
 
     def given(self, names: tuple[str, ...], values: Array, covariance: Array) -> "Knowledge":
-        """Updated by independent knowledge of some of its parameters (m,), (m, m): the Kalman update."""
+        """Updated by independent knowledge of some of its parameters (m,), (m, m): the Kalman
+        update."""
         index = [self.names.index(name) for name in names]
         across = self.covariance[:, index]
         gain = across @ np.linalg.inv(self.covariance[np.ix_(index, index)] + covariance)
         spread = self.covariance - gain @ across.T
-        return Knowledge(self.names, self.values + gain @ (values - self.values[index]), 0.5 * (spread + spread.T))
+        return Knowledge(
+            self.names,
+            self.values + gain @ (values - self.values[index]),
+            0.5 * (spread + spread.T),
+        )
 
     def without(self, name: str) -> "Knowledge":
         """The others, given that this one is zero."""
         gone = self.names.index(name)
         gain = self.covariance[:, gone] / self.covariance[gone, gone]
         rest = [number for number in range(len(self.names)) if number != gone]
-        values, spread = self.values - gain * self.values[gone], self.covariance - np.outer(gain, self.covariance[gone])
-        return Knowledge(tuple(self.names[number] for number in rest), values[rest], spread[np.ix_(rest, rest)])
+        values, spread = (
+            self.values - gain * self.values[gone],
+            self.covariance - np.outer(gain, self.covariance[gone]),
+        )
+        return Knowledge(
+            tuple(self.names[number] for number in rest), values[rest], spread[np.ix_(rest, rest)]
+        )
 
 
 def shared(result: Reconstruction) -> Knowledge:
@@ -67,7 +81,11 @@ def shared(result: Reconstruction) -> Knowledge:
     index = [number for number, entry in enumerate(result.estimates) if not entry.parameter.scope]
     chosen = [result.estimates[number] for number in index]
     values = np.array([entry.value for entry in chosen])
-    return Knowledge(tuple(entry.parameter.name for entry in chosen), values, result.covariance[np.ix_(index, index)])
+    return Knowledge(
+        tuple(entry.parameter.name for entry in chosen),
+        values,
+        result.covariance[np.ix_(index, index)],
+    )
 
 
 def with_stated(found: Knowledge, stated: Mapping[str, float]) -> Knowledge:
@@ -95,19 +113,26 @@ def replaced_by(found: Knowledge, calibration: Calibration) -> Knowledge:
 
 
 def significant(result: Reconstruction, plan: Plan, accuracy: Accuracy) -> tuple[str, ...]:
-    """Names of the sensor parameters worth keeping, in the order of `plan.free`: stated ones, and those that matter and stand out
-    by `SIGNIFICANT` standard errors once the others that do not are held at zero.
+    """Names of the sensor parameters worth keeping, in the order of `plan.free`: stated ones, and
+    those that matter and stand out by `SIGNIFICANT` standard errors once the others that do not are
+    held at zero.
 
-    Those at a bound or that do not matter go first, then the least significant, and the rest is conditioned on their being zero:
-    of two that trade off one stays.
+    Those at a bound or that do not matter go first, then the least significant, and the rest is
+    conditioned on their being zero: of two that trade off one stays.
     """
     left = with_stated(shared(result), plan.stated)
     for entry in result.estimates:
         name = entry.parameter.name
-        if name in left.names and name not in plan.stated and (entry.at_bound or not _matters(entry, result, accuracy)):
+        if (
+            name in left.names
+            and name not in plan.stated
+            and (entry.at_bound or not _matters(entry, result, accuracy))
+        ):
             left = left.without(name)
     while True:
-        distance = {name: abs(value) / max(error, 1e-300) for name, (value, error) in left.by_name.items()}
+        distance = {
+            name: abs(value) / max(error, 1e-300) for name, (value, error) in left.by_name.items()
+        }
         open_to = {name: far for name, far in distance.items() if name not in plan.stated}
         worst = min(open_to, key=lambda name: open_to[name], default=None)
         if worst is None or open_to[worst] >= SIGNIFICANT:
@@ -116,7 +141,8 @@ def significant(result: Reconstruction, plan: Plan, accuracy: Accuracy) -> tuple
 
 
 def _matters(entry: Estimate, result: Reconstruction, accuracy: Accuracy) -> bool:
-    """Whether a correction moves its channel by more than `MATTERS` of its limit (rms); those without a limit always do."""
+    """Whether a correction moves its channel by more than `MATTERS` of its limit (rms); those
+    without a limit always do."""
     item = entry.parameter
     if item.kind == "probe":
         return abs(entry.value) * _probe_effect(item.name, result) > MATTERS * accuracy.flow_angle
@@ -125,20 +151,34 @@ def _matters(entry: Estimate, result: Reconstruction, accuracy: Accuracy) -> boo
     pieces = [getattr(path, item.subject) for path in result.paths]
     motion = [piece - piece.mean() for piece in pieces]
     if item.kind == "delay":
-        motion = [np.gradient(piece, path.record.step) for piece, path in zip(pieces, result.paths, strict=True)]
+        motion = [
+            np.gradient(piece, path.record.step)
+            for piece, path in zip(pieces, result.paths, strict=True)
+        ]
     size = 1.0 if item.kind == "bias" else float(np.sqrt(np.mean(np.concatenate(motion) ** 2)))
     if item.subject == "V":
-        return item.kind == "scale" or abs(entry.value) * size > MATTERS * accuracy.qbar_fraction * float(np.mean(pieces[0]))
+        return item.kind == "scale" or abs(
+            entry.value
+        ) * size > MATTERS * accuracy.qbar_fraction * float(np.mean(pieces[0]))
     return abs(entry.value) * size > MATTERS * accuracy.flow_angle
 
 
 def _probe_effect(name: str, result: Reconstruction) -> float:
-    """Rms angle (rad), about its mean, that one unit of a five-hole probe's parameter adds to what it shows."""
+    """Rms angle (rad), about its mean, that one unit of a five-hole probe's parameter adds to what
+    it shows."""
     _, angle, part = name.split("_")
-    own, other = (np.concatenate([getattr(path, each) for path in result.paths]) for each in _both(angle))
-    curve = next(c for path in result.paths if (c := path.record.installation.five_hole) is not None)
+    own, other = (
+        np.concatenate([getattr(path, each) for path in result.paths]) for each in _both(angle)
+    )
+    curve = next(
+        c for path in result.paths if (c := path.record.installation.five_hole) is not None
+    )
     over = beyond(Signal(own, {}), getattr(curve, angle).break_angle).value
-    return float(np.std({"slope": own, "square": own**2, "cross": other**2, "bend": over}[part])) if part != "offset" else 1.0
+    return (
+        float(np.std({"slope": own, "square": own**2, "cross": other**2, "bend": over}[part]))
+        if part != "offset"
+        else 1.0
+    )
 
 
 def _both(angle: str) -> tuple[str, str]:
@@ -146,14 +186,15 @@ def _both(angle: str) -> tuple[str, str]:
 
 
 def _worth(name: str, plan: Plan) -> float:
-    """Standard error from which on an estimate corrects nothing; half as much where only the natural size is known."""
+    """Standard error from which on an estimate corrects nothing; half as much where only the
+    natural size is known."""
     stated = plan.stated.get(name, np.inf)
     return WORTH * stated * (1.0 if stated < parameter(name).size else 0.5)
 
 
 def applied(found: Knowledge, plan: Plan, calibration: Calibration | None) -> dict[str, float]:
-    """Name -> value of what is corrected: what the flight or a calibration says. A parameter of which little more is known than
-    what the vehicle file states stays as it is."""
+    """Name -> value of what is corrected: what the flight or a calibration says. A parameter of
+    which little more is known than what the vehicle file states stays as it is."""
     known = {} if calibration is None else calibration.by_name
     worth = {
         name: value

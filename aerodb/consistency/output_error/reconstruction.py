@@ -1,8 +1,10 @@
-"""Flight-path reconstruction by output error: sensor errors, winds and first states that make all channels one motion.
+"""Flight-path reconstruction by output error: sensor errors, winds and first states that make all
+channels one motion.
 
-Maximum likelihood with the measurement noise estimated (Jategaonkar 2015, chapters 4 and 10): Gauss-Newton with bounds and
-Levenberg damping, any number of records jointly. Priors keep unknowns within reason that the manoeuvres cannot tell apart. The
-covariance is corrected for coloured residuals (Morelli & Klein, JGCD 20(1), 1997).
+Maximum likelihood with the measurement noise estimated (Jategaonkar 2015, chapters 4 and 10):
+Gauss-Newton with bounds and Levenberg damping, any number of records jointly. Priors keep unknowns
+within reason that the manoeuvres cannot tell apart. The covariance is corrected for coloured
+residuals (Morelli & Klein, JGCD 20(1), 1997).
 """
 
 from collections.abc import Mapping, Sequence
@@ -10,9 +12,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aerodb.consistency.output_error.gauss_newton import Problem, gauss_newton, information, make_problem
+from aerodb.consistency.output_error.gauss_newton import (
+    Problem,
+    gauss_newton,
+    information,
+    make_problem,
+)
 from aerodb.consistency.output_error.input_noise import drift_information
-from aerodb.consistency.output_error.normal_equations import Sums, belongs, first_state, residuals, split, usable
+from aerodb.consistency.output_error.normal_equations import (
+    Sums,
+    belongs,
+    first_state,
+    residuals,
+    split,
+    usable,
+)
 from aerodb.consistency.sensors import Parameter, Record, Response, corrected_inputs, respond
 from aerodb.errors import InputError
 from aerodb.estimation import coloured_sum
@@ -21,7 +35,8 @@ from aerodb.support import Array
 
 @dataclass(frozen=True)
 class Estimate:
-    """One estimated parameter in SI, its standard error (coloured residuals) and that for white residuals; `at_bound`."""
+    """One estimated parameter in SI, its standard error (coloured residuals) and that for white
+    residuals; `at_bound`."""
 
     parameter: Parameter
     value: float
@@ -32,9 +47,10 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Path:
-    """One record reconstructed: `states` (9, n) of kinematics.STATES; `air` (3, n) air-relative velocity at the CG; `inputs`
-    (n, 6) corrected; `residuals` and `before` (n,) by channel, measured minus reconstructed after and before the estimation
-    (nan where not used); `state_sigma` (9, n) and `air_sigma` (3, n) standard errors, of V, alpha, beta the latter."""
+    """One record reconstructed: `states` (9, n) of kinematics.STATES; `air` (3, n) air-relative
+    velocity at the CG; `inputs` (n, 6) corrected; `residuals` and `before` (n,) by channel,
+    measured minus reconstructed after and before the estimation (nan where not used); `state_sigma`
+    (9, n) and `air_sigma` (3, n) standard errors, of V, alpha, beta the latter."""
 
     record: Record
     states: Array
@@ -63,8 +79,9 @@ class Path:
 
 @dataclass(frozen=True)
 class Reconstruction:
-    """A joint reconstruction. `covariance` (k, k) of `estimates` in their order; `noise` one sigma of each channel's residual;
-    `converged` and `iterations` of Gauss-Newton; one `paths` per record."""
+    """A joint reconstruction. `covariance` (k, k) of `estimates` in their order; `noise` one sigma
+    of each channel's residual; `converged` and `iterations` of Gauss-Newton; one `paths` per
+    record."""
 
     estimates: tuple[Estimate, ...]
     covariance: Array
@@ -74,7 +91,8 @@ class Reconstruction:
     iterations: int
 
     def __getitem__(self, label: str) -> Estimate:
-        """The estimate of a label (``ax_bias``, ``wind_north[flight]``); KeyError when it was not estimated."""
+        """The estimate of a label (``ax_bias``, ``wind_north[flight]``); KeyError when it was not
+        estimated."""
         return {estimate.parameter.label: estimate for estimate in self.estimates}[label]
 
 
@@ -92,22 +110,25 @@ def reconstruct(
     """Estimates sensor errors, winds and first states of all records together.
 
     Parameters
-    ----------
-    records : stretches of flight, names unique. free : parameter names (`parameters.known_names`) to estimate.
-    initial : first states to estimate, per record. fixed : other parameters' values, SI.
-    priors : name -> standard deviation about zero of what a calibration sheet says. bounds : name -> (lower, upper);
-    without, delays stay within LONGEST_DELAY and scales within LARGEST_SCALE.
-    noise_floor : channel -> least noise (one sigma, SI) that it is believed to have.
-    starts : (9,) first states; None: `initial.first_states`.
+    ---------- records : stretches of flight, names unique. free : parameter names
+    (`parameters.known_names`) to estimate. initial : first states to estimate, per record. fixed :
+    other parameters' values, SI. priors : name -> standard deviation about zero of what a
+    calibration sheet says. bounds : name -> (lower, upper); without, delays stay within
+    LONGEST_DELAY and scales within LARGEST_SCALE. noise_floor : channel -> least noise (one sigma,
+    SI) that it is believed to have. starts : (9,) first states; None: `initial.first_states`.
 
-    Nothing is held for want of information: what the manoeuvres cannot tell apart needs a prior, which its standard error then
-    shows; without one a LinAlgError of the solver may come.
+    Nothing is held for want of information: what the manoeuvres cannot tell apart needs a prior,
+    which its standard error then shows; without one a LinAlgError of the solver may come.
 
     Raises InputError when nothing can be estimated or the search leaves all bounds.
     """
     problem = make_problem(records, free, initial, fixed, priors, bounds, noise_floor, starts)
     if not problem.items:
-        raise InputError("these records determine none of the parameters", records[0].name, "fly manoeuvres that move more")
+        raise InputError(
+            "these records determine none of the parameters",
+            records[0].name,
+            "fly manoeuvres that move more",
+        )
     vector = np.zeros(len(problem.items))
     vector, sums, converged, iterations = gauss_newton(problem, vector, problem.sums(vector))
     covariance, white = _covariances(problem, vector, sums)
@@ -117,21 +138,28 @@ def reconstruct(
             float(vector[number]),
             float(np.sqrt(covariance[number, number])),
             float(np.sqrt(white[number, number])),
-            bool(vector[number] <= problem.lower[number] or vector[number] >= problem.upper[number]),
+            bool(
+                vector[number] <= problem.lower[number] or vector[number] >= problem.upper[number]
+            ),
         )
         for number, item in enumerate(problem.items)
     )
-    # responses are made again, one at a time: together they would not fit in memory for a long flight
+    # responses are made again, one at a time: together they would not fit in memory for a long
+    # flight
     paths = tuple(_path(problem, vector, covariance, number) for number in range(len(records)))
     noise = {name: float(np.sqrt(value)) for name, value in sums.variance(problem.floor).items()}
     return Reconstruction(estimates, covariance, noise, paths, converged, iterations)
 
 
 def _covariances(problem: Problem, vector: Array, sums: Sums) -> tuple[Array, Array]:
-    """Covariance (k, k) of the unknowns for coloured residuals and inertial drift, and that for white residuals."""
+    """Covariance (k, k) of the unknowns for coloured residuals and inertial drift, and that for
+    white residuals."""
     noise = sums.variance(problem.floor)
     size = np.array([item.size for item in problem.items])
-    white = np.asarray(np.linalg.inv(information(problem, sums) * np.outer(size, size)) * np.outer(size, size), dtype=np.float64)
+    white = np.asarray(
+        np.linalg.inv(information(problem, sums) * np.outer(size, size)) * np.outer(size, size),
+        dtype=np.float64,
+    )
     middle = np.diag(problem.prior**-2.0)
     drift = np.zeros_like(middle)
     for record, start in zip(problem.records, problem.starts, strict=True):
@@ -139,22 +167,35 @@ def _covariances(problem: Problem, vector: Array, sums: Sums) -> tuple[Array, Ar
         for name, error in residuals(record, response).items():
             good = usable(record, name, problem.items, values)
             block = coloured_sum(response.slopes[name] * good[:, None], np.where(good, error, 0.0))
-            middle[np.ix_(index, index)] += block * len(good) / max(good.sum(), 1) / noise[name] ** 2
+            middle[np.ix_(index, index)] += (
+                block * len(good) / max(good.sum(), 1) / noise[name] ** 2
+            )
         own = [problem.items[number] for number in index]
-        part = drift_information(record, values, first_state(start, values), own, response.slopes, noise)
+        part = drift_information(
+            record, values, first_state(start, values), own, response.slopes, noise
+        )
         drift[np.ix_(index, index)] += part
     covariance = white + white @ drift @ white
-    # residuals more coloured than white sensors and inertial drift make them: the estimates are as much less certain
+    # residuals more coloured than white sensors and inertial drift make them: the estimates are as
+    # much less certain
     coloured = np.diag(white @ middle @ white)
     grow = np.sqrt(np.maximum(coloured / np.diag(covariance), 1.0))
     return np.asarray(covariance * np.outer(grow, grow)), white
 
 
-def _along(problem: Problem, vector: Array, record: Record, start: Array) -> tuple[list[int], dict[str, float], Response]:
+def _along(
+    problem: Problem, vector: Array, record: Record, start: Array
+) -> tuple[list[int], dict[str, float], Response]:
     """Which unknowns act on a record, their values, and its response with derivatives by them."""
     index = [number for number, item in enumerate(problem.items) if belongs(item, record)]
     values = split(problem.items, vector, record, problem.fixed)
-    return index, values, respond(record, values, first_state(start, values), [problem.items[number] for number in index])
+    return (
+        index,
+        values,
+        respond(
+            record, values, first_state(start, values), [problem.items[number] for number in index]
+        ),
+    )
 
 
 def _path(problem: Problem, vector: Array, covariance: Array, number: int) -> Path:
@@ -179,7 +220,11 @@ def _path(problem: Problem, vector: Array, covariance: Array, number: int) -> Pa
     )
 
     def sigma(slopes: Array) -> Array:
-        return np.asarray(np.sqrt(np.maximum(np.einsum("snk,kl,snl->sn", slopes, own, slopes, optimize=True), 0.0)))
+        return np.asarray(
+            np.sqrt(
+                np.maximum(np.einsum("snk,kl,snl->sn", slopes, own, slopes, optimize=True), 0.0)
+            )
+        )
 
     return Path(
         record,

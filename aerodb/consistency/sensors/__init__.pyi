@@ -1,7 +1,16 @@
 from .expected import Fault, faults
 from .models import installed
 from .navigation import FlowCheck, VelocityCheck, flow_against_velocity, position_against_velocity
-from .parameters import AIR_DATA, OUTPUTS, PER_FLIGHT, Parameter, channels_of, delays_of, parameter, unknowns
+from .parameters import (
+    AIR_DATA,
+    OUTPUTS,
+    PER_FLIGHT,
+    Parameter,
+    channels_of,
+    delays_of,
+    parameter,
+    unknowns,
+)
 from .prediction import LONGEST_DELAY, Record, Response, corrected_inputs, delayed, respond, to_body
 from .whiteness import CALM, ProcessNoise, colour, process_noise
 

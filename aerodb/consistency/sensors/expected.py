@@ -1,5 +1,6 @@
-"""What accelerometers and gyros ought to show, from attitude and velocity alone: differentiated, hence rough, but blunt faults
-(signs, units, axes, missing gravity) stand out, and each is named in one plain sentence."""
+"""What accelerometers and gyros ought to show, from attitude and velocity alone: differentiated,
+hence rough, but blunt faults (signs, units, axes, missing gravity) stand out, and each is named in
+one plain sentence."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -27,14 +28,18 @@ class Fault:
 
 
 def expected_inputs(record: Record) -> Array:
-    """(n, 6) specific force [m/s2] and rates [rad/s] that the other channels imply; nan columns where they cannot.
+    """(n, 6) specific force [m/s2] and rates [rad/s] that the other channels imply; nan columns
+    where they cannot.
 
-    Rates need phi, theta and psi: ``p = phi' - psi' sin theta`` etc. Specific force needs attitude and velocity over the
-    earth, ``C (v' - g)``, or else the air data, ``v' + omega x v - C g`` in still air. Klein & Morelli (2006), chapter 10.
+    Rates need phi, theta and psi: ``p = phi' - psi' sin theta`` etc. Specific force needs attitude
+    and velocity over the earth, ``C (v' - g)``, or else the air data, ``v' + omega x v - C g`` in
+    still air. Klein & Morelli (2006), chapter 10.
     """
     n = len(record.inputs)
     found = np.full((n, 6), np.nan)
-    known = {name: bridge(values) for name, values in record.outputs.items() if np.isfinite(values).any()}
+    known = {
+        name: bridge(values) for name, values in record.outputs.items() if np.isfinite(values).any()
+    }
     known.update({name: bridge(values) for name, values in record.given.items()})
     if not {"phi", "theta"} <= set(known):
         return found
@@ -61,7 +66,9 @@ def expected_inputs(record: Record) -> Array:
         found[:, :3] = (np.einsum("ijn,jn->in", rotation, change) - gravity).T
     elif {"V", "alpha"} <= set(known):
         alpha, beta = known["alpha"], known.get("beta", np.zeros(n))
-        air = known["V"] * np.stack([np.cos(beta) * np.cos(alpha), np.sin(beta), np.cos(beta) * np.sin(alpha)])
+        air = known["V"] * np.stack(
+            [np.cos(beta) * np.cos(alpha), np.sin(beta), np.cos(beta) * np.sin(alpha)]
+        )
         turning = found[:, 3:] if "psi" in known else record.inputs[:, 3:]
         air = air - np.cross(turning, record.arm).T
         change = np.stack([rate(part) for part in air])
@@ -70,7 +77,8 @@ def expected_inputs(record: Record) -> Array:
 
 
 def faults(record: Record) -> tuple[Fault, ...]:
-    """Blunt faults of a record's inertial sensors and angles, in order: stuck, units, signs, swapped axes, missing gravity."""
+    """Blunt faults of a record's inertial sensors and angles, in order: stuck, units, signs,
+    swapped axes, missing gravity."""
     found = [*_stuck(record), *_units(record)]
     if found:
         return tuple(found)  # what follows would only repeat them in other words
@@ -78,7 +86,9 @@ def faults(record: Record) -> tuple[Fault, ...]:
     for first, names, least in ((3, INPUTS[3:], _LEAST[0]), (0, INPUTS[:3], _LEAST[1])):
         block = slice(first, first + 3)
         if np.isfinite(expected[:, block]).all():
-            smoothed = np.column_stack([_low(record.inputs[:, k], record.step) for k in range(first, first + 3)])
+            smoothed = np.column_stack(
+                [_low(record.inputs[:, k], record.step) for k in range(first, first + 3)]
+            )
             if first == 0:
                 found += _gravity(expected, smoothed, record.gravity)
             if not found:
@@ -99,25 +109,41 @@ def _stuck(record: Record) -> list[Fault]:
             still.append(name)
     if len(still) == len(channels):
         return []
-    return [Fault((name,), f"{name} does not change at all: the sensor is stuck or not connected") for name in still]
+    return [
+        Fault((name,), f"{name} does not change at all: the sensor is stuck or not connected")
+        for name in still
+    ]
 
 
 def _units(record: Record) -> list[Fault]:
     found = []
     for name in ("phi", "theta", "alpha", "beta"):
         values = record.outputs.get(name)
-        if values is not None and np.nanmax(np.abs(values)) > (np.pi if name == "phi" else np.pi / 2) * 1.05:
-            found.append(Fault((name,), f"{name} reaches {np.nanmax(np.abs(values)):.0f} rad: degrees declared as radians"))
+        if (
+            values is not None
+            and np.nanmax(np.abs(values)) > (np.pi if name == "phi" else np.pi / 2) * 1.05
+        ):
+            found.append(
+                Fault(
+                    (name,),
+                    f"{name} reaches {np.nanmax(np.abs(values)):.0f} rad: degrees declared as"
+                    " radians",
+                )
+            )
     return found
 
 
 def _gravity(expected: Array, shown: Array, gravity: float) -> list[Fault]:
-    """The mean specific force (n, 3) in g: an axis that lacks gravity, shows it upside down, or another's."""
+    """The mean specific force (n, 3) in g: an axis that lacks gravity, shows it upside down, or
+    another's."""
     across, down = np.mean(shown - expected[:, :3], axis=0)[1:] / gravity
     if 0.8 < down < 1.2 and -1.2 < across < -0.8:
         return [Fault(("ay", "az"), "ay and az are swapped: ay shows gravity, az does not")]
     if 0.8 < down < 1.2:
-        sentence = "az lacks gravity: its mean is 1 g above what attitude and velocity imply (logged as nz - 1?); subtract g"
+        sentence = (
+            "az lacks gravity: its mean is 1 g above what attitude and velocity imply (logged as nz"
+            " - 1?); subtract g"
+        )
         return [Fault(("az",), sentence)]
     if 1.6 < down < 2.4:
         return [Fault(("az",), "az has the wrong sign: at rest and level it must show -9.81 m/s2")]
@@ -125,7 +151,8 @@ def _gravity(expected: Array, shown: Array, gravity: float) -> list[Fault]:
 
 
 def _axes(expected: Array, shown: Array, names: Sequence[str], least: float) -> list[Fault]:
-    """Each expected axis against each sensor: correlation says which belongs to which, slope says sign and unit."""
+    """Each expected axis against each sensor: correlation says which belongs to which, slope says
+    sign and unit."""
     moves = expected - expected.mean(axis=0)
     seen = shown - shown.mean(axis=0)
     size, answer = moves.std(axis=0), seen.std(axis=0)
@@ -139,11 +166,32 @@ def _axes(expected: Array, shown: Array, names: Sequence[str], least: float) -> 
         slope = alike[k, best] * answer[best] / size[k]
         if best != k and int(np.argmax(np.abs(alike[best]))) == k and abs(alike[k, k]) < 0.6:
             if k < best:
-                found.append(Fault((name, names[best]), f"{name} and {names[best]} are swapped: each shows the other's motion"))
+                found.append(
+                    Fault(
+                        (name, names[best]),
+                        f"{name} and {names[best]} are swapped: each shows the other's motion",
+                    )
+                )
         elif best == k and slope < 0:
-            found.append(Fault((name,), f"{name} has the wrong sign: it runs against the motion that the other sensors show"))
+            found.append(
+                Fault(
+                    (name,),
+                    f"{name} has the wrong sign: it runs against the motion that the other sensors"
+                    " show",
+                )
+            )
         elif best == k and 30.0 < slope < 90.0:
-            found.append(Fault((name,), f"{name} is {slope:.0f} times too large: degrees declared as radians"))
+            found.append(
+                Fault(
+                    (name,), f"{name} is {slope:.0f} times too large: degrees declared as radians"
+                )
+            )
         elif best == k and 1 / 90.0 < slope < 1 / 30.0:
-            found.append(Fault((name,), f"{name} is {1 / slope:.0f} times too small: radians converted to radians once more"))
+            found.append(
+                Fault(
+                    (name,),
+                    f"{name} is {1 / slope:.0f} times too small: radians converted to radians once"
+                    " more",
+                )
+            )
     return found

@@ -1,13 +1,16 @@
-"""What each sensor looks at, as formulas in states, rates and unknowns; derivatives come with them (`aerodb.support.signals`).
+"""What each sensor looks at, as formulas in states, rates and unknowns; derivatives come with them
+(`aerodb.support.signals`).
 
-Air data are those of the air-data point, ``v - C w + omega x r`` with the wind w, attitude C and arm r from the CG, in axes of
-the boom; ``alpha = atan2(w, u)``, ``beta = asin(v / V)``, ``qbar = rho V^2 / 2`` (Klein & Morelli 2006, section 10.2;
-Jategaonkar 2015, section 10.3). Velocity over the earth and position are those of the antenna. A five-hole probe shows the same
-angles as vanes there would, by the pressure differences of `five_hole`.
+Air data are those of the air-data point, ``v - C w + omega x r`` with the wind w, attitude C and
+arm r from the CG, in axes of the boom; ``alpha = atan2(w, u)``, ``beta = asin(v / V)``, ``qbar =
+rho V^2 / 2`` (Klein & Morelli 2006, section 10.2; Jategaonkar 2015, section 10.3). Velocity over
+the earth and position are those of the antenna. A five-hole probe shows the same angles as vanes
+there would, by the pressure differences of `five_hole`.
 
-The pressures behind V, qbar and pressure altitude share their errors (003, eq. 5): the static port shows ``p + e_s qbar + o_s``,
-the total port ``p + (1 + e_t) qbar``, so ``qbar_m = (1 + e_t - e_s) qbar - o_s``, ``V_m = sqrt(2 qbar_m / rho)`` and pressure
-altitude is low by ``(e_s qbar + o_s) / (rho g)``. Exact below the compressible range; above, e stands for its mean effect.
+The pressures behind V, qbar and pressure altitude share their errors (003, eq. 5): the static port
+shows ``p + e_s qbar + o_s``, the total port ``p + (1 + e_t) qbar``, so ``qbar_m = (1 + e_t - e_s)
+qbar - o_s``, ``V_m = sqrt(2 qbar_m / rho)`` and pressure altitude is low by ``(e_s qbar + o_s) /
+(rho g)``. Exact below the compressible range; above, e stands for its mean effect.
 """
 
 from collections.abc import Callable, Mapping
@@ -18,7 +21,19 @@ import numpy as np
 
 from aerodb.errors import InputError
 from aerodb.five_hole import Curve, FiveHole, relative
-from aerodb.support import Array, Signal, Triple, angle, arcsine, beyond, body_to_earth, cross, dot, root, sine
+from aerodb.support import (
+    Array,
+    Signal,
+    Triple,
+    angle,
+    arcsine,
+    beyond,
+    body_to_earth,
+    cross,
+    dot,
+    root,
+    sine,
+)
 from aerodb.vehicle import Vehicle
 
 _PORTS = ("static_port_error", "static_port_offset", "total_port_error")
@@ -26,11 +41,13 @@ _PORTS = ("static_port_error", "static_port_offset", "total_port_error")
 
 @dataclass(frozen=True)
 class Installation:
-    """How the sensors behind a record's outputs are installed; nothing of it is taken out of the outputs already.
+    """How the sensors behind a record's outputs are installed; nothing of it is taken out of the
+    outputs already.
 
-    gps : (3,) antenna from the CG, m, body axes. boom : roll, pitch, yaw of the air-data probe, rad. upwash : shares of alpha
-    and beta. flank : beta is atan2(v, u), as a free vane shows it. five_hole : calibration, for raw pressures. beam : tilt of
-    the slant range's beam forward and to the right of body z, rad.
+    gps : (3,) antenna from the CG, m, body axes. boom : roll, pitch, yaw of the air-data probe,
+    rad. upwash : shares of alpha and beta. flank : beta is atan2(v, u), as a free vane shows it.
+    five_hole : calibration, for raw pressures. beam : tilt of the slant range's beam forward and to
+    the right of body z, rad.
     """
 
     gps: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -44,23 +61,32 @@ class Installation:
 def installed(vehicle: Vehicle, cg: Array, raw: bool) -> Installation:
     """The installation that a vehicle file declares; cg (3,) m, body axes from the datum.
 
-    raw : air data are as the probe shows them; otherwise boom, upwash and calibration were taken out (`probe.air_data_at_cg`).
+    raw : air data are as the probe shows them; otherwise boom, upwash and calibration were taken
+    out (`probe.air_data_at_cg`).
     """
-    gps = (0.0, 0.0, 0.0) if vehicle.points.gps is None else tuple(float(x) for x in np.asarray(vehicle.points.gps) - cg)
+    gps = (
+        (0.0, 0.0, 0.0)
+        if vehicle.points.gps is None
+        else tuple(float(x) for x in np.asarray(vehicle.points.gps) - cg)
+    )
     probe = vehicle.air_data
     arm = (gps[0], gps[1], gps[2])
     if not raw:
         return Installation(arm)
-    return Installation(arm, probe.orientation, probe.upwash, probe.beta == "flank", probe.five_hole)
+    return Installation(
+        arm, probe.orientation, probe.upwash, probe.beta == "flank", probe.five_hole
+    )
 
 
 class Sight:
-    """One record as its sensors see it: `channel(name)` is the true quantity that a sensor looks at.
+    """One record as its sensors see it: `channel(name)` is the true quantity that a sensor looks
+    at.
 
-    states : by name, with derivatives by themselves. rates : p, q, r likewise. values : parameter name -> value. free : names
-    by which to differentiate. arm : (3,) air-data point from the CG, m. density, pressure : (n,) kg/m3, Pa; without pressure
-    the density is taken as the true one, otherwise as computed from that (measured) pressure. Over a rotating earth the rates
-    hold the earth's own, whose share in ``omega x r`` (7e-5 m/s per metre) is left in.
+    states : by name, with derivatives by themselves. rates : p, q, r likewise. values : parameter
+    name -> value. free : names by which to differentiate. arm : (3,) air-data point from the CG, m.
+    density, pressure : (n,) kg/m3, Pa; without pressure the density is taken as the true one,
+    otherwise as computed from that (measured) pressure. Over a rotating earth the rates hold the
+    earth's own, whose share in ``omega x r`` (7e-5 m/s per metre) is left in.
     """
 
     def __init__(
@@ -82,7 +108,9 @@ class Sight:
 
     def unknown(self, name: str, declared: float = 0.0) -> Signal:
         """A parameter on top of what is declared, with its derivative when it is free."""
-        return Signal(declared + self.values.get(name, 0.0), {name: 1.0} if name in self.free else {})
+        return Signal(
+            declared + self.values.get(name, 0.0), {name: 1.0} if name in self.free else {}
+        )
 
     def acts(self, *names: str) -> bool:
         """Whether any of these parameters is free or differs from zero."""
@@ -153,8 +181,13 @@ class Sight:
         names = ("air_data_roll", "air_data_pitch", "air_data_yaw")
         if not any(self.installation.boom) and not self.acts(*names):
             return moved
-        roll, pitch, yaw = (self.unknown(name, known) for name, known in zip(names, self.installation.boom, strict=True))
-        a, b, c = (dot(column, moved) for column in zip(*body_to_earth(roll, pitch, yaw), strict=True))
+        roll, pitch, yaw = (
+            self.unknown(name, known)
+            for name, known in zip(names, self.installation.boom, strict=True)
+        )
+        a, b, c = (
+            dot(column, moved) for column in zip(*body_to_earth(roll, pitch, yaw), strict=True)
+        )
         return a, b, c
 
     @cached_property
@@ -174,7 +207,9 @@ class Sight:
         """These angles as vanes there show them."""
         a, b, _ = self.probe
         slip = angle(b, a) if self.installation.flank else self.flow[1]
-        return self.flow[0] * (1.0 + self.installation.upwash[0]), slip * (1.0 + self.installation.upwash[1])
+        return self.flow[0] * (1.0 + self.installation.upwash[0]), slip * (
+            1.0 + self.installation.upwash[1]
+        )
 
     @cached_property
     def over_earth(self) -> Triple:
@@ -192,7 +227,8 @@ class Sight:
 
     @cached_property
     def dynamic_pressure(self) -> Signal:
-        """True dynamic pressure at the air-data point: where density rests on the measured static pressure, both are solved."""
+        """True dynamic pressure at the air-data point: where density rests on the measured static
+        pressure, both are solved."""
         made = self.speed * self.speed * (0.5 * self._density())
         if self.pressure is None or not self.acts(*_PORTS):
             return made
@@ -214,7 +250,11 @@ class Sight:
         if not self.acts(*_PORTS):
             return self.speed
         if not np.min(self.shown_pressure.value) > 0.0:
-            raise InputError("errors of the pressure ports leave no dynamic pressure", "flight-path reconstruction", "bound them")
+            raise InputError(
+                "errors of the pressure ports leave no dynamic pressure",
+                "flight-path reconstruction",
+                "bound them",
+            )
         return root(self.shown_pressure * (2.0 / self._density()))
 
     def _density(self) -> Array:
@@ -227,7 +267,9 @@ class Sight:
             height = height - dot(self.rotation[2], arm)
         if not self.acts("static_port_error", "static_port_offset"):
             return height
-        excess = self.unknown("static_port_error") * self.dynamic_pressure + self.unknown("static_port_offset")
+        excess = self.unknown("static_port_error") * self.dynamic_pressure + self.unknown(
+            "static_port_offset"
+        )
         return height - excess / (self._density() * self.gravity)
 
     @cached_property
@@ -240,7 +282,10 @@ class Sight:
         if not any(self.installation.beam) and not self.acts("beam_forward", "beam_right"):
             return self.height / down[2]
         forward, right = (
-            self.unknown(name, known) for name, known in zip(("beam_forward", "beam_right"), self.installation.beam, strict=True)
+            self.unknown(name, known)
+            for name, known in zip(
+                ("beam_forward", "beam_right"), self.installation.beam, strict=True
+            )
         )
         ahead, aside = sine(forward), sine(right)
         beam = (ahead, aside, root(1.0 - ahead * ahead - aside * aside))
@@ -259,6 +304,7 @@ class Sight:
         return self.dynamic_pressure * shape * curve.slope
 
     def _shape(self, name: str, x: Signal, y: Signal, curve: Curve) -> Signal:
-        """What is estimated of the calibration's curvature, dependence on the other angle and bend."""
+        """What is estimated of the calibration's curvature, dependence on the other angle and
+        bend."""
         bend = self.unknown(f"{name}_bend") * beyond(x, curve.break_angle)
         return x * x * self.unknown(f"{name}_square") + y * y * self.unknown(f"{name}_cross") + bend

@@ -1,12 +1,15 @@
-"""What flight-path reconstruction can estimate: names, natural sizes, scope, and the vector that is solved for.
+"""What flight-path reconstruction can estimate: names, natural sizes, scope, and the vector that is
+solved for.
 
-Names: ``<channel>_bias``, ``_scale``, ``_delay`` of a sensor, which shows ``(1 + scale) true(t - delay) + bias``; ``gps_delay``
-of all that comes from the antenna; ``wind_north _east _down`` and ``terrain_elevation`` of a flight; ``air_data_x _y _z`` and
-``gps_x _y _z``, corrections to where the air-data point and the antenna are; ``air_data_roll _pitch _yaw`` of the boom and
-``beam_forward _right`` of a slant range, how they are mounted; ``static_port_error _offset`` and ``total_port_error`` of the
-pressures behind V, qbar and pressure altitude; ``probe_<angle>_offset _slope _square _cross _bend`` of a five-hole probe's
-calibration (`aerodb.five_hole`); ``initial_<state>`` of a record. Bias and scale of a pressure altitude are the weather of a
-flight, no error of a sensor.
+Names: ``<channel>_bias``, ``_scale``, ``_delay`` of a sensor, which shows ``(1 + scale) true(t -
+delay) + bias``; ``gps_delay`` of all that comes from the antenna; ``wind_north _east _down`` and
+``terrain_elevation`` of a flight; ``air_data_x _y _z`` and ``gps_x _y _z``, corrections to where
+the air-data point and the antenna are; ``air_data_roll _pitch _yaw`` of the boom and ``beam_forward
+_right`` of a slant range, how they are mounted; ``static_port_error _offset`` and
+``total_port_error`` of the pressures behind V, qbar and pressure altitude; ``probe_<angle>_offset
+_slope _square _cross _bend`` of a five-hole probe's calibration (`aerodb.five_hole`);
+``initial_<state>`` of a record. Bias and scale of a pressure altitude are the weather of a flight,
+no error of a sensor.
 """
 
 from collections.abc import Mapping, Sequence
@@ -21,25 +24,44 @@ OUTPUTS: Final = (
     "north", "east", "altitude",
 )  # fmt: skip
 
-#: Channels that need something declared or estimated (terrain, calibration, a standard atmosphere) before they say something.
-FURTHER_OUTPUTS: Final = ("pressure_altitude", "height_above_ground", "slant_range", "probe_dp_alpha", "probe_dp_beta")
+#: Channels that need something declared or estimated (terrain, calibration, a standard atmosphere)
+#: before they say something.
+FURTHER_OUTPUTS: Final = (
+    "pressure_altitude",
+    "height_above_ground",
+    "slant_range",
+    "probe_dp_alpha",
+    "probe_dp_beta",
+)
 
-#: What the antenna's position and delay act on. An altitude that is barometric is called ``pressure_altitude``.
-GPS_OUTPUTS: Final = ("velocity_north", "velocity_east", "velocity_down", "north", "east", "altitude")
+#: What the antenna's position and delay act on. An altitude that is barometric is called
+#: ``pressure_altitude``.
+GPS_OUTPUTS: Final = (
+    "velocity_north",
+    "velocity_east",
+    "velocity_down",
+    "north",
+    "east",
+    "altitude",
+)
 
 _CHANNELS: Final = (*INPUTS, *OUTPUTS, *FURTHER_OUTPUTS)
 
 #: Air data: what gusts move.
 AIR_DATA: Final = ("V", "alpha", "beta", "qbar", "probe_dp_alpha", "probe_dp_beta")
 
-#: Size of error that a serviceable sensor may have: below it an estimate says something, beyond it it says nothing.
+#: Size of error that a serviceable sensor may have: below it an estimate says something, beyond it
+#: it says nothing.
 _SIZE: Final[Mapping[str, float]] = {
     **dict.fromkeys(("ax", "ay", "az"), 0.5),
     **dict.fromkeys(("p", "q", "r"), 0.02),
     **dict.fromkeys(("alpha", "beta", "phi", "theta", "psi"), 0.03),
     **dict.fromkeys(("V", "velocity_north", "velocity_east", "velocity_down"), 3.0),
     **dict.fromkeys(("u", "v", "w"), 3.0),
-    **dict.fromkeys(("north", "east", "altitude", "pressure_altitude", "height_above_ground", "slant_range"), 20.0),
+    **dict.fromkeys(
+        ("north", "east", "altitude", "pressure_altitude", "height_above_ground", "slant_range"),
+        20.0,
+    ),
     **dict.fromkeys(("qbar", "probe_dp_alpha", "probe_dp_beta"), 200.0),
 }
 _SCALE, _DELAY, _WIND, _ARM, _MOUNT = 0.2, 0.2, 10.0, 1.0, 0.03
@@ -55,10 +77,17 @@ _OWN: Final[Mapping[str, tuple[str, float]]] = {
     "pressure_altitude_bias": ("weather", 300.0),
     "pressure_altitude_scale": ("weather", 0.1),
     **{f"{point}_{axis}": ("arm", _ARM) for point in ("air_data", "gps") for axis in "xyz"},
-    **dict.fromkeys(("air_data_roll", "air_data_pitch", "air_data_yaw", "beam_forward", "beam_right"), ("mount", _MOUNT)),
+    **dict.fromkeys(
+        ("air_data_roll", "air_data_pitch", "air_data_yaw", "beam_forward", "beam_right"),
+        ("mount", _MOUNT),
+    ),
     **dict.fromkeys(("static_port_error", "total_port_error"), ("port", 0.2)),
     "static_port_offset": ("port", 200.0),
-    **{f"probe_{flow}_{part}": ("probe", size) for flow in ("alpha", "beta") for part, size in _PROBE.items()},
+    **{
+        f"probe_{flow}_{part}": ("probe", size)
+        for flow in ("alpha", "beta")
+        for part, size in _PROBE.items()
+    },
 }
 
 #: Kinds whose value belongs to one flight.
@@ -67,9 +96,9 @@ PER_FLIGHT: Final = ("wind", "terrain", "weather")
 
 @dataclass(frozen=True)
 class Parameter:
-    """One unknown: `kind` of correction (bias, scale, delay, wind, terrain, weather, arm, mount, port, probe, initial) of
-    `subject`; `scope` is empty for what all records share, else the flight (`PER_FLIGHT`) or record (initial states) that it
-    belongs to; `size` is its natural size."""
+    """One unknown: `kind` of correction (bias, scale, delay, wind, terrain, weather, arm, mount,
+    port, probe, initial) of `subject`; `scope` is empty for what all records share, else the flight
+    (`PER_FLIGHT`) or record (initial states) that it belongs to; `size` is its natural size."""
 
     name: str
     kind: str
@@ -92,21 +121,27 @@ def parameter(name: str, scope: str = "") -> Parameter:
     head, _, tail = name.rpartition("_")
     if name in _OWN:
         kind, size = _OWN[name]
-        return Parameter(name, kind, head if kind == "delay" else tail if kind == "wind" else name, scope, size)
+        return Parameter(
+            name, kind, head if kind == "delay" else tail if kind == "wind" else name, scope, size
+        )
     if tail in ("bias", "scale") and head in _CHANNELS:
         return Parameter(name, tail, head, scope, _SIZE[head] if tail == "bias" else _SCALE)
     if tail == "delay" and head in _CHANNELS and head not in INPUTS:
         return Parameter(name, tail, head, scope, _DELAY)
     if name.startswith("initial_") and name[8:] in STATES:
         return Parameter(name, "initial", name[8:], scope, _SIZE[name[8:]])
-    raise UnknownNameError(f"unknown reconstruction parameter '{name}'", remedy=nearest(name, known_names()))
+    raise UnknownNameError(
+        f"unknown reconstruction parameter '{name}'", remedy=nearest(name, known_names())
+    )
 
 
 def known_names() -> tuple[str, ...]:
     """Every parameter name."""
     sensors = [f"{channel}_{kind}" for channel in _CHANNELS for kind in ("bias", "scale")]
     delays = [f"{channel}_delay" for channel in _CHANNELS if channel not in INPUTS]
-    return tuple(dict.fromkeys((*sensors, *delays, *_OWN, *(f"initial_{state}" for state in STATES))))
+    return tuple(
+        dict.fromkeys((*sensors, *delays, *_OWN, *(f"initial_{state}" for state in STATES)))
+    )
 
 
 def delays_of(channel: str) -> tuple[str, ...]:
@@ -120,7 +155,8 @@ def delays_of(channel: str) -> tuple[str, ...]:
 
 
 def channels_of(name: str) -> tuple[str, ...]:
-    """Measured channels that a parameter of a sensor acts on; none of those of a flight or a first state.
+    """Measured channels that a parameter of a sensor acts on; none of those of a flight or a first
+    state.
 
     >>> channels_of("probe_beta_slope")
     ('probe_dp_beta',)
@@ -137,12 +173,20 @@ def channels_of(name: str) -> tuple[str, ...]:
     return (item.subject,) if item.kind in ("bias", "scale", "delay") else ()
 
 
-def unknowns(names: Sequence[str], flights: Sequence[str], records: Sequence[str]) -> tuple[Parameter, ...]:
-    """The parameters of a joint reconstruction: winds and terrain once per flight, initial states once per record, all others
-    shared."""
+def unknowns(
+    names: Sequence[str], flights: Sequence[str], records: Sequence[str]
+) -> tuple[Parameter, ...]:
+    """The parameters of a joint reconstruction: winds and terrain once per flight, initial states
+    once per record, all others shared."""
     found: list[Parameter] = []
     for name in dict.fromkeys(names):
         kind = parameter(name).kind
-        scopes = tuple(dict.fromkeys(flights)) if kind in PER_FLIGHT else tuple(records) if kind == "initial" else ("",)
+        scopes = (
+            tuple(dict.fromkeys(flights))
+            if kind in PER_FLIGHT
+            else tuple(records)
+            if kind == "initial"
+            else ("",)
+        )
         found += [parameter(name, scope) for scope in scopes]
     return tuple(found)

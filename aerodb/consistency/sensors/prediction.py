@@ -1,4 +1,5 @@
-"""What each sensor would have shown along a reconstructed path, and how that depends on every unknown.
+"""What each sensor would have shown along a reconstructed path, and how that depends on every
+unknown.
 
 A sensor shows ``(1 + scale) true(t - delay) + bias``; what it looks at is said in `models`.
 """
@@ -17,7 +18,8 @@ from aerodb.errors import InputError, UnknownNameError, nearest
 from aerodb.physics import Earth
 from aerodb.support import Array, Signal
 
-#: Delays are sought within this (s); samples that near to either end of a record are left out for a delayed channel.
+#: Delays are sought within this (s); samples that near to either end of a record are left out for a
+#: delayed channel.
 LONGEST_DELAY = 0.3
 
 
@@ -25,15 +27,17 @@ LONGEST_DELAY = 0.3
 class Record:
     """One uninterrupted stretch of flight as the reconstruction sees it.
 
-    name : unique. flight : which flight it is a part of (winds are per flight). step : s.
-    inputs : (n, 6) measured specific force [m/s2] at the CG and rates [rad/s], finite, order of `kinematics.INPUTS`.
-    outputs : measured channels of `OUTPUTS` and `FURTHER_OUTPUTS` -> (n,), nan where they must not be used. arm : (3,) air-data
-    point from the CG, m, body axes. installation : of the other sensors. given : states -> (n,) taken from measurement instead
-    of integrated. density, pressure : (n,) kg/m3, Pa (`models.Sight`) for qbar, raw pressures and errors of the ports.
-    pivot : value of a channel about which its scale acts, zero unless given (a heading's scale needs one).
-    held : inputs are taken to hold until the next sample instead of being linear between samples.
-    first : number of its first sample in the flight. earth : rotating oblate earth for long records; `gravity` is then for
-    what is not integrated. input_noise : (6,) one sigma of the inputs' white noise; None: that of their second differences.
+    name : unique. flight : which flight it is a part of (winds are per flight). step : s. inputs :
+    (n, 6) measured specific force [m/s2] at the CG and rates [rad/s], finite, order of
+    `kinematics.INPUTS`. outputs : measured channels of `OUTPUTS` and `FURTHER_OUTPUTS` -> (n,), nan
+    where they must not be used. arm : (3,) air-data point from the CG, m, body axes. installation :
+    of the other sensors. given : states -> (n,) taken from measurement instead of integrated.
+    density, pressure : (n,) kg/m3, Pa (`models.Sight`) for qbar, raw pressures and errors of the
+    ports. pivot : value of a channel about which its scale acts, zero unless given (a heading's
+    scale needs one). held : inputs are taken to hold until the next sample instead of being linear
+    between samples. first : number of its first sample in the flight. earth : rotating oblate earth
+    for long records; `gravity` is then for what is not integrated. input_noise : (6,) one sigma of
+    the inputs' white noise; None: that of their second differences.
     """
 
     name: str
@@ -56,26 +60,45 @@ class Record:
     def __post_init__(self) -> None:
         n = len(self.inputs)
         if self.inputs.shape != (n, 6) or n < 8:
-            raise InputError(f"inputs have shape {self.inputs.shape}", self.name, "give (n, 6) with at least 8 samples")
+            raise InputError(
+                f"inputs have shape {self.inputs.shape}",
+                self.name,
+                "give (n, 6) with at least 8 samples",
+            )
         if not np.isfinite(self.inputs).all():
-            raise InputError("specific force or rates are not finite everywhere", self.name, "bridge or cut the gaps first")
+            raise InputError(
+                "specific force or rates are not finite everywhere",
+                self.name,
+                "bridge or cut the gaps first",
+            )
         for known, channels in (((*OUTPUTS, *FURTHER_OUTPUTS), self.outputs), (STATES, self.given)):
             for name, values in channels.items():
                 if name not in known:
-                    raise UnknownNameError(f"no sensor or state '{name}'", self.name, nearest(name, known))
+                    raise UnknownNameError(
+                        f"no sensor or state '{name}'", self.name, nearest(name, known)
+                    )
                 if values.shape != (n,):
-                    raise InputError(f"{name} has shape {values.shape}, the inputs {n} samples", self.name)
+                    raise InputError(
+                        f"{name} has shape {values.shape}, the inputs {n} samples", self.name
+                    )
         for name in ("qbar", "probe_dp_alpha", "probe_dp_beta"):
             if name in self.outputs and self.density is None:
-                raise InputError(f"{name} without density", self.name, f"give the density, or leave {name} out")
+                raise InputError(
+                    f"{name} without density", self.name, f"give the density, or leave {name} out"
+                )
             if name in self.outputs and name != "qbar" and self.installation.five_hole is None:
-                raise InputError(f"{name} without a calibration", self.name, "give [air_data.five_hole], or leave it out")
+                raise InputError(
+                    f"{name} without a calibration",
+                    self.name,
+                    "give [air_data.five_hole], or leave it out",
+                )
 
 
 @dataclass(frozen=True)
 class Response:
-    """Along one record: `states` (9, n); `air` (3, n) air-relative velocity at the CG, body axes; `outputs` and their
-    derivatives `slopes` (n, k) by the unknowns, both by channel; `state_slopes` (9, n, k); `air_slopes` (3, n, k)."""
+    """Along one record: `states` (9, n); `air` (3, n) air-relative velocity at the CG, body axes;
+    `outputs` and their derivatives `slopes` (n, k) by the unknowns, both by channel; `state_slopes`
+    (9, n, k); `air_slopes` (3, n, k)."""
 
     states: Array
     air: Array
@@ -92,18 +115,26 @@ def corrected_inputs(record: Record, values: Mapping[str, float]) -> Array:
 
 
 def respond(
-    record: Record, values: Mapping[str, float], initial: Array, unknowns: Sequence[Parameter], slopes: bool = True
+    record: Record,
+    values: Mapping[str, float],
+    initial: Array,
+    unknowns: Sequence[Parameter],
+    slopes: bool = True,
 ) -> Response:
     """Path and sensor outputs of a record.
 
-    values : parameter name -> value, of this record's scope. initial : (9,) first state. unknowns : k parameters of this
-    record by which to differentiate. Raises InputError where an error of the pressure ports is sought without density.
+    values : parameter name -> value, of this record's scope. initial : (9,) first state. unknowns :
+    k parameters of this record by which to differentiate. Raises InputError where an error of the
+    pressure ports is sought without density.
     """
     wanted = tuple(unknowns) if slopes else ()
     inputs = corrected_inputs(record, values)
     path = _path(record, values, initial, wanted, inputs)
     sight = Sight(
-        {name: Signal(path.states[number], {name: 1.0} if wanted else {}) for number, name in enumerate(STATES)},
+        {
+            name: Signal(path.states[number], {name: 1.0} if wanted else {})
+            for number, name in enumerate(STATES)
+        },
         (_rate("p", inputs, wanted), _rate("q", inputs, wanted), _rate("r", inputs, wanted)),
         values,
         frozenset(item.name for item in wanted),
@@ -113,16 +144,31 @@ def respond(
         record.density,
         record.pressure,
     )
-    if record.density is None and sight.acts("static_port_error", "static_port_offset", "total_port_error"):
-        raise InputError("errors of the pressure ports without density", record.name, "give the density, or leave them out")
+    if record.density is None and sight.acts(
+        "static_port_error", "static_port_offset", "total_port_error"
+    ):
+        raise InputError(
+            "errors of the pressure ports without density",
+            record.name,
+            "give the density, or leave them out",
+        )
     outputs, derivative = {}, {}
     for name in record.outputs:
         true = sight.channel(name)
-        outputs[name], derivative[name] = _shown(name, _full(true.value, path), path.along(true), values, wanted, record)
+        outputs[name], derivative[name] = _shown(
+            name, _full(true.value, path), path.along(true), values, wanted, record
+        )
     full = np.zeros((9, len(inputs), len(wanted)))
     full[:, :, path.columns] = path.sensitivity
     air = np.stack([_full(part.value, path) for part in sight.air])
-    return Response(path.states, air, outputs, derivative, full, np.stack([path.along(part) for part in sight.air]))
+    return Response(
+        path.states,
+        air,
+        outputs,
+        derivative,
+        full,
+        np.stack([path.along(part) for part in sight.air]),
+    )
 
 
 def _full(value: Array | float, path: "_Path") -> Array:
@@ -136,8 +182,9 @@ def _rate(name: str, inputs: Array, wanted: Sequence[Parameter]) -> Signal:
 
 @dataclass(frozen=True)
 class _Path:
-    """States (9, n) and their `sensitivity` (9, n, m) to those unknowns, at `columns` of `wanted`, that move the path; `rates`
-    holds for each of these names the columns that correct it, and their effect (n,) or number; `number` the column of a name."""
+    """States (9, n) and their `sensitivity` (9, n, m) to those unknowns, at `columns` of `wanted`,
+    that move the path; `rates` holds for each of these names the columns that correct it, and their
+    effect (n,) or number; `number` the column of a name."""
 
     states: Array
     sensitivity: Array
@@ -167,8 +214,11 @@ class _Path:
 
 
 @njit(cache=True)
-def _chain(parts: Array, rows: NDArray[np.int64], along: Array, columns: NDArray[np.int64], slope: Array) -> None:
-    """Adds to slope (n, k), at `columns` (m,), the sum over j of parts (j, n) times along[rows[j]] (n, m)."""
+def _chain(
+    parts: Array, rows: NDArray[np.int64], along: Array, columns: NDArray[np.int64], slope: Array
+) -> None:
+    """Adds to slope (n, k), at `columns` (m,), the sum over j of parts (j, n) times along[rows[j]]
+    (n, m)."""
     for i in range(parts.shape[1]):
         for j in range(rows.shape[0]):
             part = parts[j, i]
@@ -180,8 +230,15 @@ def _gain(values: Mapping[str, float]) -> Array:
     return 1.0 / (1.0 + np.array([values.get(f"{name}_scale", 0.0) for name in INPUTS]))
 
 
-def _path(record: Record, values: Mapping[str, float], initial: Array, wanted: Sequence[Parameter], inputs: Array) -> _Path:
-    """The motion, its sensitivities, and which unknowns these columns are: only those that move the path are integrated."""
+def _path(
+    record: Record,
+    values: Mapping[str, float],
+    initial: Array,
+    wanted: Sequence[Parameter],
+    inputs: Array,
+) -> _Path:
+    """The motion, its sensitivities, and which unknowns these columns are: only those that move the
+    path are integrated."""
     columns, kinds, first = [], [], []
     rates: dict[str, list[tuple[int, Array | float]]] = {name: [] for name in INPUTS[3:]}
     gain = _gain(values)
@@ -196,7 +253,9 @@ def _path(record: Record, values: Mapping[str, float], initial: Array, wanted: S
             kinds.append(axis + (6 if item.kind == "scale" else 0))
             first.append(np.zeros(9))
             if item.subject in rates:
-                rates[item.subject].append((number, -gain[axis] * (1.0 if item.kind == "bias" else inputs[:, axis])))
+                rates[item.subject].append(
+                    (number, -gain[axis] * (1.0 if item.kind == "bias" else inputs[:, axis]))
+                )
     given = None
     if record.given:
         given = np.full((len(inputs), 9), np.nan)
@@ -214,7 +273,14 @@ def _path(record: Record, values: Mapping[str, float], initial: Array, wanted: S
         record.held,
         record.earth,
     )
-    return _Path(states, along, columns, wanted, rates, {item.name: number for number, item in enumerate(wanted)})
+    return _Path(
+        states,
+        along,
+        columns,
+        wanted,
+        rates,
+        {item.name: number for number, item in enumerate(wanted)},
+    )
 
 
 def to_body(states: Array) -> Array:
@@ -229,7 +295,12 @@ def to_body(states: Array) -> Array:
 
 
 def _shown(
-    name: str, true: Array, slope: Array, values: Mapping[str, float], wanted: Sequence[Parameter], record: Record
+    name: str,
+    true: Array,
+    slope: Array,
+    values: Mapping[str, float],
+    wanted: Sequence[Parameter],
+    record: Record,
 ) -> tuple[Array, Array]:
     """What the sensor shows of the truth (n,), and its derivatives (n, k)."""
     gain = 1.0 + values.get(f"{name}_scale", 0.0)
@@ -253,7 +324,8 @@ def _shown(
 
 
 def delayed(values: Array, samples: float, derivative: bool = False) -> Array:
-    """`values` (n, ...) as seen `samples` sampling intervals later, by cubic interpolation; end values are repeated.
+    """`values` (n, ...) as seen `samples` sampling intervals later, by cubic interpolation; end
+    values are repeated.
 
     derivative : by `samples` instead.
 
@@ -264,12 +336,22 @@ def delayed(values: Array, samples: float, derivative: bool = False) -> Array:
     x = -samples - whole
     if derivative:
         weight = np.array(
-            [(-3 * x * x + 6 * x - 2) / 6, (3 * x * x - 4 * x - 1) / 2, (-3 * x * x + 2 * x + 2) / 2, (3 * x * x - 1) / 6]
+            [
+                (-3 * x * x + 6 * x - 2) / 6,
+                (3 * x * x - 4 * x - 1) / 2,
+                (-3 * x * x + 2 * x + 2) / 2,
+                (3 * x * x - 1) / 6,
+            ]
         )
         weight = -weight
     else:
         weight = np.array(
-            [-x * (x - 1) * (x - 2) / 6, (x + 1) * (x - 1) * (x - 2) / 2, -(x + 1) * x * (x - 2) / 2, (x + 1) * x * (x - 1) / 6]
+            [
+                -x * (x - 1) * (x - 2) / 6,
+                (x + 1) * (x - 1) * (x - 2) / 2,
+                -(x + 1) * x * (x - 2) / 2,
+                (x + 1) * x * (x - 1) / 6,
+            ]
         )
     index = np.arange(len(values)) + whole
     total = np.zeros_like(values)

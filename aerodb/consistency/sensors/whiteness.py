@@ -1,7 +1,8 @@
 """What the residuals are made of: white sensor noise, slow disagreement, or air that moved.
 
-Output error assumes that nothing but the sensors is random. In turbulence the residuals of the air data hold the gusts, of
-the order of .1-2 Hz, while attitude still agrees: the test that output error of the aerodynamics would be biased there.
+Output error assumes that nothing but the sensors is random. In turbulence the residuals of the air
+data hold the gusts, of the order of .1-2 Hz, while attitude still agrees: the test that output
+error of the aerodynamics would be biased there.
 """
 
 from collections.abc import Mapping
@@ -21,8 +22,8 @@ CALM = 0.2
 
 @dataclass(frozen=True)
 class Colour:
-    """A residual's rms, its white part (one sigma, from second differences) and the part within `GUSTS` (rms), all in the
-    channel's unit."""
+    """A residual's rms, its white part (one sigma, from second differences) and the part within
+    `GUSTS` (rms), all in the channel's unit."""
 
     rms: float
     white: float
@@ -32,8 +33,8 @@ class Colour:
 def colour(residual: Array, step: float) -> Colour:
     """Colour of a residual (n,), nan where not used, sampled every `step` s.
 
-    White noise of sigma s has second differences of variance 6 s^2 (Morelli 1995 gives the idea; von Neumann 1941 the
-    statistic). Raises ValueError without a finite sample.
+    White noise of sigma s has second differences of variance 6 s^2 (Morelli 1995 gives the idea;
+    von Neumann 1941 the statistic). Raises ValueError without a finite sample.
 
     >>> round(colour(np.random.default_rng(0).standard_normal(4000), 0.02).white, 1)
     1.0
@@ -45,14 +46,17 @@ def colour(residual: Array, step: float) -> Colour:
     centred = values - values.mean()
     power = np.abs(np.fft.rfft(centred)) ** 2
     frequency = np.fft.rfftfreq(len(values), step)
-    inside = power[(frequency >= GUSTS[0]) & (frequency < GUSTS[1])].sum() / max(power.sum(), 1e-300)
+    inside = power[(frequency >= GUSTS[0]) & (frequency < GUSTS[1])].sum() / max(
+        power.sum(), 1e-300
+    )
     square = float(np.mean(centred**2))
     return Colour(rms, white, float(np.sqrt(square * inside)))
 
 
 @dataclass(frozen=True)
 class ProcessNoise:
-    """Gust speeds (rms, m/s) along body x, z, y by channel (V, alpha, beta), and whether they `matter`; `because` says why."""
+    """Gust speeds (rms, m/s) along body x, z, y by channel (V, alpha, beta), and whether they
+    `matter`; `because` says why."""
 
     gusts: Mapping[str, float]
     matters: bool
@@ -60,22 +64,37 @@ class ProcessNoise:
 
 
 def process_noise(residuals: Mapping[str, Array], speed: float, step: float) -> ProcessNoise:
-    """Whether the air moved: gust-band residuals of V, alpha and beta against calm air and against the attitude's.
+    """Whether the air moved: gust-band residuals of V, alpha and beta against calm air and against
+    the attitude's.
 
-    residuals : channel -> (n,), SI. speed : mean true airspeed, m/s. Gusts matter when two of the air-data channels exceed
-    `CALM` and exceed what an attitude error of the observed size would cause.
+    residuals : channel -> (n,), SI. speed : mean true airspeed, m/s. Gusts matter when two of the
+    air-data channels exceed `CALM` and exceed what an attitude error of the observed size would
+    cause.
     """
-    present = {name: colour(values, step) for name, values in residuals.items() if np.isfinite(values).any()}
+    present = {
+        name: colour(values, step)
+        for name, values in residuals.items()
+        if np.isfinite(values).any()
+    }
     channels: tuple[str, ...] = ("V", "alpha", "beta")
-    gusts = {name: present[name].gusts * (1.0 if name == "V" else speed) for name in channels if name in present}
+    gusts = {
+        name: present[name].gusts * (1.0 if name == "V" else speed)
+        for name in channels
+        if name in present
+    }
     wobble = {name: present[name].gusts * speed for name in ("theta", "psi") if name in present}
     rival = {"V": 0.0, "alpha": wobble.get("theta", 0.0), "beta": wobble.get("psi", 0.0)}
     felt = [name for name, size in gusts.items() if size > CALM and size > 2.0 * rival[name]]
     figures = ", ".join(f"{name} {size:.2f}" for name, size in gusts.items())
     if len(felt) >= 2:
         because = (
-            f"the air moved: residuals of {' and '.join(felt)} hold gusts (m/s rms at {GUSTS[0]:g}-{GUSTS[1]:g} Hz: {figures})"
-            " that the attitude does not share; output error of the aerodynamics would be biased here"
+            f"the air moved: residuals of {' and '.join(felt)} hold gusts (m/s rms at"
+            f" {GUSTS[0]:g}-{GUSTS[1]:g} Hz: {figures}) that the attitude does not share; output"
+            " error of the aerodynamics would be biased here"
         )
         return ProcessNoise(gusts, True, because)
-    return ProcessNoise(gusts, False, f"calm air (m/s rms at {GUSTS[0]:g}-{GUSTS[1]:g} Hz: {figures or 'no air data'})")
+    return ProcessNoise(
+        gusts,
+        False,
+        f"calm air (m/s rms at {GUSTS[0]:g}-{GUSTS[1]:g} Hz: {figures or 'no air data'})",
+    )

@@ -1,9 +1,11 @@
-"""How strong and how quick the gusts are, and how noisy each sensor: maximum likelihood of a smoother's innovations.
+"""How strong and how quick the gusts are, and how noisy each sensor: maximum likelihood of a
+smoother's innovations.
 
-Gusts are first-order Gauss-Markov processes in earth axes, one intensity and correlation time for the two horizontal components
-and one for the vertical (so that one vane speaks for what another would have seen). Drifts of the inertial sensors are such
-processes too. What the data do not show is left to weak log-normal expectations, a factor e or so wide: light turbulence after
-MIL-F-8785C (1980), 3.7, scale lengths of 200 m, and intensities and scales not far from isotropic.
+Gusts are first-order Gauss-Markov processes in earth axes, one intensity and correlation time for
+the two horizontal components and one for the vertical (so that one vane speaks for what another
+would have seen). Drifts of the inertial sensors are such processes too. What the data do not show
+is left to weak log-normal expectations, a factor e or so wide: light turbulence after MIL-F-8785C
+(1980), 3.7, scale lengths of 200 m, and intensities and scales not far from isotropic.
 """
 
 from collections.abc import Mapping, Sequence
@@ -13,23 +15,33 @@ import numpy as np
 from scipy.optimize import minimize
 
 from aerodb.consistency.smoother.kalman import Pass, Score, Transition, smooth
-from aerodb.consistency.smoother.path_error import ATTITUDE, FORCE, GUST, POSITION, VELOCITY, PathError
+from aerodb.consistency.smoother.path_error import (
+    ATTITUDE,
+    FORCE,
+    GUST,
+    POSITION,
+    VELOCITY,
+    PathError,
+)
 from aerodb.support import Array
 
-#: Expected intensity (m/s) and scale length (m) of gusts; drift of accelerometers (m/s2) and gyros (rad/s) in run, and its
-#: correlation time (s).
+#: Expected intensity (m/s) and scale length (m) of gusts; drift of accelerometers (m/s2) and gyros
+#: (rad/s) in run, and its correlation time (s).
 _LIGHT, _LENGTH, _DRIFT, DRIFT_TIME = 0.77, 200.0, (3e-3, 3e-5), 60.0
 
-#: How wide the expectations are (natural logarithm): of horizontal intensity, vertical to horizontal, horizontal time, vertical
-#: to horizontal, drifts; and how far from the start intensities, times, drifts and noise are sought.
+#: How wide the expectations are (natural logarithm): of horizontal intensity, vertical to
+#: horizontal, horizontal time, vertical to horizontal, drifts; and how far from the start
+#: intensities, times, drifts and noise are sought.
 _WIDTHS = np.array([1.5, 0.4, 1.0, 0.7, 1.0, 1.0])
 _SPAN = np.array([6.0, 6.0, 3.0, 3.0, 3.0, 3.0, 6.0])
 
-#: A channel is coloured when its slow noise exceeds its white noise by this factor, more than chance makes it; residuals more
-#: alike from one grid point to the next than `_SLOWEST` say nothing more about how slow they are.
+#: A channel is coloured when its slow noise exceeds its white noise by this factor, more than
+#: chance makes it; residuals more alike from one grid point to the next than `_SLOWEST` say nothing
+#: more about how slow they are.
 _COLOURED, _SLOWEST = 1.5, 0.98
 
-#: First states are unknown: one sigma of attitude (rad), velocity (m/s) and position (m), beyond any path's error.
+#: First states are unknown: one sigma of attitude (rad), velocity (m/s) and position (m), beyond
+#: any path's error.
 _UNKNOWN = (0.5, 20.0, 300.0)
 
 #: Records to estimate the intensities from, spread over a flight: more add little.
@@ -44,7 +56,8 @@ _PASSES, _ENOUGH = 60, 0.01
 
 @dataclass(frozen=True)
 class Gusts:
-    """One sigma of each horizontal component and of the vertical one (m/s), and their correlation times (s)."""
+    """One sigma of each horizontal component and of the vertical one (m/s), and their correlation
+    times (s)."""
 
     horizontal: float
     vertical: float
@@ -54,8 +67,9 @@ class Gusts:
 
 @dataclass(frozen=True)
 class Intensities:
-    """What drives the errors of a flight's paths: `gusts`; one sigma of the drift of accelerometers (m/s2) and gyros (rad/s);
-    `noise` one sigma of each channel's block means (SI), of those that count."""
+    """What drives the errors of a flight's paths: `gusts`; one sigma of the drift of accelerometers
+    (m/s2) and gyros (rad/s); `noise` one sigma of each channel's block means (SI), of those that
+    count."""
 
     gusts: Gusts
     force_drift: float
@@ -78,7 +92,9 @@ def transition(system: PathError, by: Intensities) -> Transition:
     first[drifting] = sizes**2
     diagonal[drifting] = np.exp(-system.step / times)
     noise[drifting] = sizes**2 * (1.0 - diagonal[drifting] ** 2)
-    return Transition(system.rows, system.columns, system.values, diagonal, system.block, noise, first)
+    return Transition(
+        system.rows, system.columns, system.values, diagonal, system.block, noise, first
+    )
 
 
 def variances(system: PathError, by: Intensities) -> Array:
@@ -88,7 +104,8 @@ def variances(system: PathError, by: Intensities) -> Array:
 
 
 def _markov(by: Intensities) -> tuple[Array, Array]:
-    """One sigma (9,) and correlation time (9,) of gusts and drifts, in the order of the error states."""
+    """One sigma (9,) and correlation time (9,) of gusts and drifts, in the order of the error
+    states."""
     gusts = by.gusts
     sizes = [gusts.horizontal] * 2 + [gusts.vertical] + [by.gyro_drift] * 3 + [by.force_drift] * 3
     times = [gusts.horizontal_time] * 2 + [gusts.vertical_time] + [DRIFT_TIME] * 6
@@ -98,16 +115,22 @@ def _markov(by: Intensities) -> tuple[Array, Array]:
 def estimate(systems: Sequence[PathError], floor: Mapping[str, float] | None = None) -> Intensities:
     """Intensities of one flight from some of its records; the likelihood's slope is exact.
 
-    Channels whose residuals stay coloured show something that is no process here (a scale error, a lag): they get the noise of
-    `slow_noise`, and the rest is estimated again, so that nothing else has to explain them. floor : channel -> least noise of a
-    sample that it is believed to have.
+    Channels whose residuals stay coloured show something that is no process here (a scale error, a
+    lag): they get the noise of `slow_noise`, and the rest is estimated again, so that nothing else
+    has to explain them. floor : channel -> least noise of a sample that it is believed to have.
     """
     names = tuple(dict.fromkeys(name for system in systems for name in _counting(system)))
-    speed = float(np.mean([np.sqrt(np.sum(system.states[:3] ** 2, axis=0)).mean() for system in systems]))
+    speed = float(
+        np.mean([np.sqrt(np.sum(system.states[:3] ** 2, axis=0)).mean() for system in systems])
+    )
     white = np.array([_white(systems, name) for name in names])
     known = np.array([(floor or {}).get(name, 0.0) / np.sqrt(systems[0].size) for name in names])
     least = np.maximum(white[:, 1], known)
-    start = np.log(np.r_[_LIGHT, _LIGHT, _LENGTH / speed, _LENGTH / speed, _DRIFT, np.maximum(white[:, 0], known)])
+    start = np.log(
+        np.r_[
+            _LIGHT, _LIGHT, _LENGTH / speed, _LENGTH / speed, _DRIFT, np.maximum(white[:, 0], known)
+        ]
+    )
     span = np.r_[_SPAN[:6], np.full(len(names), _SPAN[6])]
     low, high = start - span, start + span
     low[6:] = np.log(least)
@@ -123,21 +146,32 @@ def estimate(systems: Sequence[PathError], floor: Mapping[str, float] | None = N
 
 
 def complete(by: Intensities, system: PathError) -> Intensities:
-    """With the noise of the channels that count in this record and in none that the intensities were estimated from."""
+    """With the noise of the channels that count in this record and in none that the intensities
+    were estimated from."""
     more = {name: _white([system], name)[0] for name in _counting(system) if name not in by.noise}
-    return replace(by, noise={name: size for name, size in {**by.noise, **more}.items() if name in _counting(system)})
+    return replace(
+        by,
+        noise={
+            name: size for name, size in {**by.noise, **more}.items() if name in _counting(system)
+        },
+    )
 
 
 def _counting(system: PathError) -> tuple[str, ...]:
     """Channels with a measurement."""
-    return tuple(name for name, used in zip(system.channels, np.any(system.count > 0, axis=0), strict=True) if used)
+    return tuple(
+        name
+        for name, used in zip(system.channels, np.any(system.count > 0, axis=0), strict=True)
+        if used
+    )
 
 
 def slow_noise(system: PathError, left: Array, name: str) -> float:
-    """One sigma of the white noise that has a channel's own power at low frequency: ``s^2 (1 + r)/(1 - r)`` for a first-order
-    colour r from one measurement to the next.
+    """One sigma of the white noise that has a channel's own power at low frequency: ``s^2 (1 +
+    r)/(1 - r)`` for a first-order colour r from one measurement to the next.
 
-    left : (g, c) residual after smoothing. In terms of whole blocks; zero when fewer than eight were measured.
+    left : (g, c) residual after smoothing. In terms of whole blocks; zero when fewer than eight
+    were measured.
     """
     column = system.channels.index(name)
     count = system.count[:, column]
@@ -153,7 +187,13 @@ def _slowest(systems: Sequence[PathError], by: Intensities, names: Sequence[str]
     """Root mean square over the records of each channel's `slow_noise` after smoothing."""
     squares: list[list[float]] = [[] for _ in names]
     for system in systems:
-        result = smooth(transition(system, by), system.residual[:, :, None], variances(system, by), system.seen, False)
+        result = smooth(
+            transition(system, by),
+            system.residual[:, :, None],
+            variances(system, by),
+            system.seen,
+            False,
+        )
         left = left_over(system, system.residual, system.seen, result.states[:, :, 0])
         for name in _counting(system):
             squares[names.index(name)].append(slow_noise(system, left, name) ** 2)
@@ -165,7 +205,9 @@ def left_over(system: PathError, measured: Array, seen: Array, error: Array) -> 
     return measured - np.asarray(np.einsum("gcm,gm->gc", seen, error))
 
 
-def _most_likely(systems: Sequence[PathError], names: Sequence[str], start: Array, low: Array, high: Array) -> Array:
+def _most_likely(
+    systems: Sequence[PathError], names: Sequence[str], start: Array, low: Array, high: Array
+) -> Array:
     """Logarithms of the intensities that make the innovations most likely, within bounds."""
     expected = np.r_[np.log([_LIGHT]), 0.0, start[2], 0.0, np.log(_DRIFT)]
 
@@ -173,35 +215,60 @@ def _most_likely(systems: Sequence[PathError], names: Sequence[str], start: Arra
         by = _intensities(vector, names)
         value, slope = _expectation(vector, expected)
         for system in systems:
-            result = smooth(transition(system, by), system.residual[:, :, None], variances(system, by), system.seen, False)
+            result = smooth(
+                transition(system, by),
+                system.residual[:, :, None],
+                variances(system, by),
+                system.seen,
+                False,
+            )
             value -= result.log_likelihood
             slope -= _slope(system, by, result.score, names)
         return value, slope
 
     gain = _ENOUGH / max(abs(cost(start)[0]), 1.0)
     limits = list(zip(low, high, strict=True))
-    found = minimize(cost, start, jac=True, method="L-BFGS-B", bounds=limits, options={"maxiter": _PASSES, "ftol": gain})
-    return np.asarray(np.clip(np.round(found.x, 3), low, high))  # finer than the data know, coarser than rounding
+    found = minimize(
+        cost,
+        start,
+        jac=True,
+        method="L-BFGS-B",
+        bounds=limits,
+        options={"maxiter": _PASSES, "ftol": gain},
+    )
+    return np.asarray(
+        np.clip(np.round(found.x, 3), low, high)
+    )  # finer than the data know, coarser than rounding
 
 
 def adapted(by: Intensities, result: Pass) -> Intensities:
-    """The gust intensities of one record: one step of expectation and maximisation from those of its flight (Shumway & Stoffer,
-    J. Time Series Anal. 3(4), 1982)."""
-    square = np.mean(result.states[:, GUST, 0] ** 2 + np.diagonal(result.covariance[:, GUST, GUST], axis1=1, axis2=2), axis=0)
+    """The gust intensities of one record: one step of expectation and maximisation from those of
+    its flight (Shumway & Stoffer, J. Time Series Anal. 3(4), 1982)."""
+    square = np.mean(
+        result.states[:, GUST, 0] ** 2
+        + np.diagonal(result.covariance[:, GUST, GUST], axis1=1, axis2=2),
+        axis=0,
+    )
     horizontal, vertical = float(np.sqrt(square[:2].mean())), float(np.sqrt(square[2]))
     return replace(by, gusts=replace(by.gusts, horizontal=horizontal, vertical=vertical))
 
 
 def between(gusts: Gusts, step: float) -> Array:
-    """(3,) variance of the gusts within a block of length `step` about its mean: ``s^2 step / (3 tau)``, a random walk's."""
-    horizontal, vertical = gusts.horizontal**2 / gusts.horizontal_time, gusts.vertical**2 / gusts.vertical_time
+    """(3,) variance of the gusts within a block of length `step` about its mean: ``s^2 step / (3
+    tau)``, a random walk's."""
+    horizontal, vertical = (
+        gusts.horizontal**2 / gusts.horizontal_time,
+        gusts.vertical**2 / gusts.vertical_time,
+    )
     return np.array([horizontal, horizontal, vertical]) * step / 3.0
 
 
 def _white(systems: Sequence[PathError], name: str) -> tuple[float, float]:
-    """White part of a channel's block means (one sigma), from second differences of the means, and from those of single samples.
+    """White part of a channel's block means (one sigma), from second differences of the means, and
+    from those of single samples.
 
-    The first holds a part of the gusts as well. Where it is the smaller, single samples shake in a way that means do not.
+    The first holds a part of the gusts as well. Where it is the smaller, single samples shake in a
+    way that means do not.
     """
     coarse, fine = [], []
     for system in systems:
@@ -211,14 +278,20 @@ def _white(systems: Sequence[PathError], name: str) -> tuple[float, float]:
             means = system.residual[count > 0, column]
             coarse.append(np.diff(means, 2) ** 2 * np.mean(count[count > 0]))
             fine.append(np.diff(single[np.isfinite(single)], 2) ** 2 / system.size)
-    first, second = (max(float(np.sqrt(np.mean(np.concatenate(squares)) / 6.0)), _FAINT) for squares in (coarse, fine))
+    first, second = (
+        max(float(np.sqrt(np.mean(np.concatenate(squares)) / 6.0)), _FAINT)
+        for squares in (coarse, fine)
+    )
     return first, min(first, second)
 
 
 def _intensities(vector: Array, names: Sequence[str]) -> Intensities:
     sizes = np.exp(vector)
     return Intensities(
-        Gusts(*map(float, sizes[:4])), float(sizes[4]), float(sizes[5]), dict(zip(names, map(float, sizes[6:]), strict=True))
+        Gusts(*map(float, sizes[:4])),
+        float(sizes[4]),
+        float(sizes[5]),
+        dict(zip(names, map(float, sizes[6:]), strict=True)),
     )
 
 
@@ -237,9 +310,18 @@ def _slope(system: PathError, by: Intensities, score: Score, names: Sequence[str
     sizes, times = _markov(by)
     phi = np.exp(-system.step / times)
     by_size = score.noise[part] * sizes**2 * (1.0 - phi**2) + score.first[part] * sizes**2
-    by_time = (score.diagonal[part] - score.noise[part] * sizes**2 * phi) * phi * system.step / times
+    by_time = (
+        (score.diagonal[part] - score.noise[part] * sizes**2 * phi) * phi * system.step / times
+    )
     slope = np.zeros(6 + len(names))
-    slope[:6] = by_size[:2].sum(), by_size[2], by_time[:2].sum(), by_time[2], by_size[6:].sum(), by_size[3:6].sum()
+    slope[:6] = (
+        by_size[:2].sum(),
+        by_size[2],
+        by_time[:2].sum(),
+        by_time[2],
+        by_size[6:].sum(),
+        by_size[3:6].sum(),
+    )
     for name in _counting(system):
         column = system.channels.index(name)
         slope[6 + names.index(name)] += 2.0 * score.measurement[column]

@@ -1,8 +1,10 @@
-"""Compiled Kalman filter and fixed-interval smoother for sparse linear models, several right-hand sides at once.
+"""Compiled Kalman filter and fixed-interval smoother for sparse linear models, several right-hand
+sides at once.
 
-The smoother is Bryson & Frazier's in its modified form (Bierman, *Automatica* 9(6), 1973): measurements one by one, no inverse,
-so singular noise and wide first covariances do no harm. The adjoint variables that it carries give the exact derivative of
-the likelihood by every noise variance (Koopman & Shephard, *Biometrika* 79(4), 1992).
+The smoother is Bryson & Frazier's in its modified form (Bierman, *Automatica* 9(6), 1973):
+measurements one by one, no inverse, so singular noise and wide first covariances do no harm. The
+adjoint variables that it carries give the exact derivative of the likelihood by every noise
+variance (Koopman & Shephard, *Biometrika* 79(4), 1992).
 """
 
 from dataclasses import dataclass
@@ -16,8 +18,9 @@ from aerodb.support import Array
 
 @dataclass(frozen=True)
 class Transition:
-    """``x(i+1) = F x(i) + w``: F has the diagonal `diagonal` (m,) and, beside it, `values` (n-1, e) at `rows`, `columns` (e,);
-    w has the covariance `block` (n-1, b, b) of the first b states plus `diagonal_noise` (m,); `first` (m,) variances of x(0)."""
+    """``x(i+1) = F x(i) + w``: F has the diagonal `diagonal` (m,) and, beside it, `values` (n-1, e)
+    at `rows`, `columns` (e,); w has the covariance `block` (n-1, b, b) of the first b states plus
+    `diagonal_noise` (m,); `first` (m,) variances of x(0)."""
 
     rows: NDArray[np.int64]
     columns: NDArray[np.int64]
@@ -30,9 +33,10 @@ class Transition:
 
 @dataclass(frozen=True)
 class Score:
-    """Sums of the adjoints, from which derivatives of the log-likelihood follow: by a state's noise variance over all steps
-    (`noise`, (m,), twice the derivative) and at the start (`first`, alike), by its diagonal of F where it moves no other state
-    (`diagonal`, (m,)), and by the logarithm of a common factor on each channel's variances (`measurement`, (c,))."""
+    """Sums of the adjoints, from which derivatives of the log-likelihood follow: by a state's noise
+    variance over all steps (`noise`, (m,), twice the derivative) and at the start (`first`, alike),
+    by its diagonal of F where it moves no other state (`diagonal`, (m,)), and by the logarithm of a
+    common factor on each channel's variances (`measurement`, (c,))."""
 
     noise: Array
     first: Array
@@ -42,8 +46,9 @@ class Score:
 
 @dataclass(frozen=True)
 class Pass:
-    """A smoother's pass: `states` (n, m, k), `covariance` (n, m, m), `innovations` (n, c) of the first right-hand side in units
-    of their own sigma (nan: no measurement), its `log_likelihood`, and the `score`."""
+    """A smoother's pass: `states` (n, m, k), `covariance` (n, m, m), `innovations` (n, c) of the
+    first right-hand side in units of their own sigma (nan: no measurement), its `log_likelihood`,
+    and the `score`."""
 
     states: Array
     covariance: Array
@@ -52,11 +57,14 @@ class Pass:
     score: Score
 
 
-def smooth(model: Transition, measured: Array, variance: Array, seen: Array, covariances: bool = True) -> Pass:
+def smooth(
+    model: Transition, measured: Array, variance: Array, seen: Array, covariances: bool = True
+) -> Pass:
     """Smooths k right-hand sides that share gains.
 
-    measured : (n, c, k) measurements. variance : (n, c) of their noise, zero or less where there is no measurement. seen :
-    (n, c, m) the rows that see the states. covariances : false leaves `covariance` empty, for speed.
+    measured : (n, c, k) measurements. variance : (n, c) of their noise, zero or less where there is
+    no measurement. seen : (n, c, m) the rows that see the states. covariances : false leaves
+    `covariance` empty, for speed.
     """
     n, c, k = measured.shape
     m = len(model.first)
@@ -74,7 +82,9 @@ def smooth(model: Transition, measured: Array, variance: Array, seen: Array, cov
     )  # fmt: skip
     with np.errstate(divide="ignore", invalid="ignore"):
         innovations = np.where(spread > 0, error[:, :, 0] / np.sqrt(spread), np.nan)
-    return Pass(states, after, innovations, float(total), Score(sums[0], sums[1], sums[2], by_channel))
+    return Pass(
+        states, after, innovations, float(total), Score(sums[0], sums[1], sums[2], by_channel)
+    )
 
 
 @njit(cache=True)
@@ -106,10 +116,17 @@ def _forward(
     rows: NDArray[np.int64], columns: NDArray[np.int64], values: Array, diagonal: Array, block: Array, noise: Array, first: Array,
     measured: Array, variance: Array, seen: Array, filtered: Array, known: Array, gain: Array, spread: Array, error: Array,
 ) -> float:  # fmt: skip
-    """Filter; fills filtered states and covariances, gains, innovations and their variances; returns the log-likelihood."""
+    """Filter; fills filtered states and covariances, gains, innovations and their variances;
+    returns the log-likelihood."""
     n, c, k = measured.shape
     m = first.shape[0]
-    x, moved, p, half, ph = np.zeros((m, k)), np.empty((m, k)), np.zeros((m, m)), np.empty((m, m)), np.empty(m)
+    x, moved, p, half, ph = (
+        np.zeros((m, k)),
+        np.empty((m, k)),
+        np.zeros((m, m)),
+        np.empty((m, m)),
+        np.empty(m),
+    )
     for a in range(m):
         p[a, a] = first[a]
     total = 0.0
@@ -122,7 +139,9 @@ def _forward(
                 for q in range(k):
                     moved[rows[e], q] += values[i - 1, e] * x[columns[e], q]
             x[:] = moved
-            _predict_covariance(rows, columns, values[i - 1], diagonal, block[i - 1], noise, p, half)
+            _predict_covariance(
+                rows, columns, values[i - 1], diagonal, block[i - 1], noise, p, half
+            )
         for j in range(c):
             if not variance[i, j] > 0.0:
                 continue
@@ -157,7 +176,8 @@ def _adjoint_step(
     rows: NDArray[np.int64], columns: NDArray[np.int64], values: Array, diagonal: Array, pull: Array, load: Array, half: Array,
     moved: Array,
 ) -> None:  # fmt: skip
-    """pull (m, k) becomes F' pull, load (m, m) becomes F' load F; half and moved are working space."""
+    """pull (m, k) becomes F' pull, load (m, m) becomes F' load F; half and moved are working
+    space."""
     m, k = pull.shape
     for a in range(m):
         for q in range(k):
@@ -179,9 +199,17 @@ def _adjoint_step(
 
 @njit(cache=True)
 def _adjoint_measurements(
-    variance: Array, seen: Array, gain: Array, spread: Array, error: Array, pull: Array, load: Array, by_channel: Array
+    variance: Array,
+    seen: Array,
+    gain: Array,
+    spread: Array,
+    error: Array,
+    pull: Array,
+    load: Array,
+    by_channel: Array,
 ) -> None:
-    """The measurements of one step in reverse: seen, gain (c, m), error (c, k); adds to `by_channel`."""
+    """The measurements of one step in reverse: seen, gain (c, m), error (c, k); adds to
+    `by_channel`."""
     m, k = pull.shape
     tied = np.empty(m)
     for j in range(seen.shape[0] - 1, -1, -1):
@@ -236,7 +264,9 @@ def _backward(
             for b in range(m):
                 own -= load[a, b] * known[i, b, a]
             sums[2, a] += own / diagonal[a]
-        _adjoint_measurements(variance[i], seen[i], gain[i], spread[i], error[i], pull, load, by_channel)
+        _adjoint_measurements(
+            variance[i], seen[i], gain[i], spread[i], error[i], pull, load, by_channel
+        )
         for a in range(m):
             sums[0 if i > 0 else 1, a] += pull[a, 0] ** 2 - load[a, a]
 

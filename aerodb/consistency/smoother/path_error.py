@@ -1,12 +1,15 @@
-"""The error of a reconstructed path and the gusts as a linear system on a coarse grid, which the smoother solves.
+"""The error of a reconstructed path and the gusts as a linear system on a coarse grid, which the
+smoother solves.
 
-The reconstruction integrates the inertial sensors at their full rate; what is left, its slow error and the gusts, is small and
-slow. Error states, in this order: attitude `e` [rad] and velocity `s` [m/s] with ``R = Exp(e) R_path``,
-``v = Exp(e) v_path + s`` (R from body to earth, v over the earth), gusts [m/s], gyro drift [rad/s], accelerometer drift [m/s2],
-and, where a channel shows it, position [m]; vectors north, east, down, the drifts in body axes. With the invariant error of
-Barrau & Bonnabel (IEEE Trans. Autom. Control 62(4), 2017) ``e' = -R b``, ``s' = g x e - v x (R b) - R c`` for drifts b, c: the
-path enters only with the noise, so large attitude errors and any attitude are as good as small ones. Coriolis terms of a
-rotating earth are neglected in the error (1e-4 of it per second).
+The reconstruction integrates the inertial sensors at their full rate; what is left, its slow error
+and the gusts, is small and slow. Error states, in this order: attitude `e` [rad] and velocity `s`
+[m/s] with ``R = Exp(e) R_path``, ``v = Exp(e) v_path + s`` (R from body to earth, v over the
+earth), gusts [m/s], gyro drift [rad/s], accelerometer drift [m/s2], and, where a channel shows it,
+position [m]; vectors north, east, down, the drifts in body axes. With the invariant error of Barrau
+& Bonnabel (IEEE Trans. Autom. Control 62(4), 2017) ``e' = -R b``, ``s' = g x e - v x (R b) - R c``
+for drifts b, c: the path enters only with the noise, so large attitude errors and any attitude are
+as good as small ones. Coriolis terms of a rotating earth are neglected in the error (1e-4 of it per
+second).
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -23,7 +26,8 @@ from aerodb.support import Array
 #: Where error states stand.
 ATTITUDE, VELOCITY, GUST, GYRO, FORCE, POSITION = (slice(k, k + 3) for k in range(0, 18, 3))
 
-#: Step of the coarse grid, s: short against gusts and aircraft motion, and no shorter than a record's own step.
+#: Step of the coarse grid, s: short against gusts and aircraft motion, and no shorter than a
+#: record's own step.
 COARSE = 0.05
 
 #: The sensors are linearised again when what is left out exceeds this share of their noise (rms).
@@ -35,14 +39,16 @@ _NUDGE = ((ATTITUDE, 1e-6), (VELOCITY, 1e-4), (POSITION, 1e-2))
 
 @dataclass(frozen=True)
 class PathError:
-    """One record's linear system on g grid points, m error states, c channels, k unknowns of the reconstruction.
+    """One record's linear system on g grid points, m error states, c channels, k unknowns of the
+    reconstruction.
 
-    path : the reconstructed record. at : (g,) samples of the grid points, `size` samples apart. channels : c names; air : which
-    of them the wind moves. residual : (g, c) measured minus path, mean of each block; count : (g, c) share of the block that was
-    measured. base : (g, c) what the path shows; seen : (g, c, m) its derivatives by the error states. rows, columns, values :
-    the moving part of the transition (`kalman.Transition`); block : (g-1, 6, 6) its noise. pull : (g, c, k) derivatives of the
-    channels along the path by the unknowns; push : (g, m, k) those of the error states. values_of : parameter name -> value.
-    thin : the record on the grid.
+    path : the reconstructed record. at : (g,) samples of the grid points, `size` samples apart.
+    channels : c names; air : which of them the wind moves. residual : (g, c) measured minus path,
+    mean of each block; count : (g, c) share of the block that was measured. base : (g, c) what the
+    path shows; seen : (g, c, m) its derivatives by the error states. rows, columns, values : the
+    moving part of the transition (`kalman.Transition`); block : (g-1, 6, 6) its noise. pull : (g,
+    c, k) derivatives of the channels along the path by the unknowns; push : (g, m, k) those of the
+    error states. values_of : parameter name -> value. thin : the record on the grid.
     """
 
     path: Path
@@ -75,18 +81,29 @@ class PathError:
 
 
 def path_error(
-    path: Path, values: Mapping[str, float], free: Sequence[Parameter], coarse: float = COARSE, unused: Sequence[str] = ()
+    path: Path,
+    values: Mapping[str, float],
+    free: Sequence[Parameter],
+    coarse: float = COARSE,
+    unused: Sequence[str] = (),
 ) -> PathError:
     """The linear system of one record.
 
-    values : parameter name -> value, fixed and estimated. free : the k unknowns that are known with a covariance only; first
-    states are not among them. coarse : step of the grid, s. unused : channels that are shown but do not count. Raises InputError
-    for records with given states, fewer than eight grid points, or a pitch attitude near +-90 deg.
+    values : parameter name -> value, fixed and estimated. free : the k unknowns that are known with
+    a covariance only; first states are not among them. coarse : step of the grid, s. unused :
+    channels that are shown but do not count. Raises InputError for records with given states, fewer
+    than eight grid points, or a pitch attitude near +-90 deg.
     """
     record = path.record
     if record.given:
-        raise InputError("states taken from measurement", record.name, "a smoother needs all states integrated: use output error")
-    size = 2 * max(0, round((coarse / record.step - 1) / 2)) + 1  # odd, so that a block has a middle sample
+        raise InputError(
+            "states taken from measurement",
+            record.name,
+            "a smoother needs all states integrated: use output error",
+        )
+    size = (
+        2 * max(0, round((coarse / record.step - 1) / 2)) + 1
+    )  # odd, so that a block has a middle sample
     g = len(record.inputs) // size
     at = size * np.arange(g) + size // 2
     thin = _thinned(record, at, size, np.asarray(path.states[:, at]))
@@ -100,7 +117,20 @@ def path_error(
     none = np.zeros((g, len(names), 0))
     empty = np.zeros((g, 18))
     system = PathError(
-        path, at, size, names, air, residual, count, empty, none, *_dynamics(path, at, size), none, none, prompt, thin
+        path,
+        at,
+        size,
+        names,
+        air,
+        residual,
+        count,
+        empty,
+        none,
+        *_dynamics(path, at, size),
+        none,
+        none,
+        prompt,
+        thin,
     )
     base, seen = _sensitivity(system, empty)
     m = 18 if np.any(seen[:, :, POSITION]) else POSITION.start
@@ -118,19 +148,29 @@ def path_error(
 
 
 def shown(system: PathError, error: Array) -> Array:
-    """(b, g, c) what the sensors, without their delays, show along the path corrected by b sets of error states (b, g, m)."""
+    """(b, g, c) what the sensors, without their delays, show along the path corrected by b sets of
+    error states (b, g, m)."""
     sets, g, m = error.shape
     flat = error.reshape(sets * g, m)
     states = corrected(np.tile(system.states, sets), flat)
-    thin = _with_samples(system.thin, lambda values: np.tile(values, (sets,) + (1,) * (values.ndim - 1)))
+    thin = _with_samples(
+        system.thin, lambda values: np.tile(values, (sets,) + (1,) * (values.ndim - 1))
+    )
     still = dict(zip(STATES, states, strict=True))
     ridden = np.einsum("ijn,nj->in", to_body(states), flat[:, GUST])
-    moving = {**still, **{name: still[name] - gust for name, gust in zip("uvw", ridden, strict=True)}}
+    moving = {
+        **still,
+        **{name: still[name] - gust for name, gust in zip("uvw", ridden, strict=True)},
+    }
     result = np.empty((sets * g, len(system.channels)))
     for given, in_air in ((moving, True), (still, False)):
-        names = [name for name, flag in zip(system.channels, system.air, strict=True) if flag is in_air]
+        names = [
+            name for name, flag in zip(system.channels, system.air, strict=True) if flag is in_air
+        ]
         if names:
-            record = replace(thin, given=given, outputs={name: thin.outputs[name] for name in names})
+            record = replace(
+                thin, given=given, outputs={name: thin.outputs[name] for name in names}
+            )
             outputs = respond(record, system.values_of, states[:, 0], (), slopes=False).outputs
             for name in names:
                 result[:, system.channels.index(name)] = outputs[name]
@@ -138,9 +178,12 @@ def shown(system: PathError, error: Array) -> Array:
 
 
 def _sensitivity(system: PathError, error: Array) -> tuple[Array, Array]:
-    """(g, c) what is `shown` at `error` (g, m), and (g, c, m) its derivative by the error states; drifts are not seen."""
+    """(g, c) what is `shown` at `error` (g, m), and (g, c, m) its derivative by the error states;
+    drifts are not seen."""
     g, m = error.shape
-    nudges = [(state, size) for part, size in _NUDGE for state in range(part.start, min(part.stop, m))]
+    nudges = [
+        (state, size) for part, size in _NUDGE for state in range(part.start, min(part.stop, m))
+    ]
     moved = np.repeat(error[None], len(nudges) + 1, axis=0)
     for number, (state, size) in enumerate(nudges, start=1):
         moved[number, :, state] += size
@@ -158,9 +201,11 @@ def late_by(channel: str, values: Mapping[str, float]) -> float:
 
 
 def linearised(system: PathError, error: Array, seen: Array, noise: Array) -> tuple[Array, Array]:
-    """Measurements (g, c) and rows (g, c, m) of the system linearised about the error states (g, m).
+    """Measurements (g, c) and rows (g, c, m) of the system linearised about the error states (g,
+    m).
 
-    `seen` are the rows so far: kept where what they leave out is small against the `noise` (c,) of the channels.
+    `seen` are the rows so far: kept where what they leave out is small against the `noise` (c,) of
+    the channels.
     """
     here = shown(system, error[None])[0]
     step = _circular(here - system.base, system.channels)
@@ -172,14 +217,20 @@ def linearised(system: PathError, error: Array, seen: Array, noise: Array) -> tu
 
 
 def corrected(states: Array, error: Array) -> Array:
-    """(9, n) states corrected by error states (n, m); bank and heading stay on their turn of the circle."""
+    """(9, n) states corrected by error states (n, m); bank and heading stay on their turn of the
+    circle."""
     tilt, velocity = error[:, ATTITUDE].T, error[:, VELOCITY].T
     swing = _rotation(tilt)
     to_earth = np.einsum("ijn,kjn->ikn", swing, to_body(states))
     over_earth = np.einsum("jin,jn->in", to_body(states), states[:3])
     result = np.array(states)
-    result[:3] = np.einsum("jin,jn->in", to_earth, np.einsum("ijn,jn->in", swing, over_earth) + velocity)
-    bank, heading = np.arctan2(to_earth[2, 1], to_earth[2, 2]), np.arctan2(to_earth[1, 0], to_earth[0, 0])
+    result[:3] = np.einsum(
+        "jin,jn->in", to_earth, np.einsum("ijn,jn->in", swing, over_earth) + velocity
+    )
+    bank, heading = (
+        np.arctan2(to_earth[2, 1], to_earth[2, 2]),
+        np.arctan2(to_earth[1, 0], to_earth[0, 0]),
+    )
     result[3] += np.angle(np.exp(1j * (bank - states[3])))
     result[4] = np.arcsin(np.clip(-to_earth[2, 0], -1.0, 1.0))
     result[5] += np.angle(np.exp(1j * (heading - states[5])))
@@ -191,8 +242,9 @@ def corrected(states: Array, error: Array) -> Array:
 def flow_rows(states: Array, air: Array, wind: Array, m: int) -> Array:
     """(g, 6, m) derivatives of V, alpha, beta, phi, theta, psi by the error states.
 
-    states (9, g); air (3, g) velocity through the air, body axes; wind (3, g) with its gusts, earth axes. As
-    ``a = R' (v_path + s + e x wind - gust)``, attitude moves the air velocity only as far as there is wind.
+    states (9, g); air (3, g) velocity through the air, body axes; wind (3, g) with its gusts, earth
+    axes. As ``a = R' (v_path + s + e x wind - gust)``, attitude moves the air velocity only as far
+    as there is wind.
     """
     body, g = to_body(states), states.shape[1]
     by_air = np.zeros((g, 3, m))
@@ -256,7 +308,9 @@ def _thinned(record: Record, at: np.ndarray, size: int, states: Array) -> Record
 
 def _with_samples(record: Record, change: Callable[[Array], Array]) -> Record:
     """The record with every array of one value per sample changed alike."""
-    changed: dict[str, object] = {"outputs": {name: change(values) for name, values in record.outputs.items()}}
+    changed: dict[str, object] = {
+        "outputs": {name: change(values) for name, values in record.outputs.items()}
+    }
     for entry in fields(record):
         value = getattr(record, entry.name)
         if isinstance(value, np.ndarray):
@@ -264,8 +318,11 @@ def _with_samples(record: Record, change: Callable[[Array], Array]) -> Record:
     return replace(record, given={}, **changed)  # type: ignore[arg-type]
 
 
-def _blocked_residuals(path: Path, names: Sequence[str], values: Mapping[str, float], size: int, g: int) -> tuple[Array, Array]:
-    """(g, c) mean residual per block and share of its samples; what a late sensor shows belongs to an earlier block."""
+def _blocked_residuals(
+    path: Path, names: Sequence[str], values: Mapping[str, float], size: int, g: int
+) -> tuple[Array, Array]:
+    """(g, c) mean residual per block and share of its samples; what a late sensor shows belongs to
+    an earlier block."""
     residual, count = np.zeros((g, len(names))), np.zeros((g, len(names)))
     for column, name in enumerate(names):
         late = round(late_by(name, values) / path.record.step)
@@ -280,7 +337,8 @@ def _blocked_residuals(path: Path, names: Sequence[str], values: Mapping[str, fl
 
 
 def _dynamics(path: Path, at: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray, Array, Array]:
-    """Pattern and values (g-1, e) of the transition beside its diagonal, and noise (g-1, 6, 6) of the inertial sensors."""
+    """Pattern and values (g-1, e) of the transition beside its diagonal, and noise (g-1, 6, 6) of
+    the inertial sensors."""
     record = path.record
     step = record.step * size
     middle = path.states[:, at[:-1] + (size + 1) // 2]
@@ -297,18 +355,26 @@ def _dynamics(path: Path, at: np.ndarray, size: int) -> tuple[np.ndarray, np.nda
     rows, columns = np.nonzero(pattern)
     noise = inertial_noise(record)
     kick = np.zeros((len(full), 6, 6))
-    kick[:, :3, 3:], kick[:, 3:, 3:] = full[:, ATTITUDE, GYRO] * noise[3:], full[:, VELOCITY, GYRO] * noise[3:]
+    kick[:, :3, 3:], kick[:, 3:, 3:] = (
+        full[:, ATTITUDE, GYRO] * noise[3:],
+        full[:, VELOCITY, GYRO] * noise[3:],
+    )
     kick[:, 3:, :3] = full[:, VELOCITY, FORCE] * noise[:3]
     block = step * record.step * kick @ kick.transpose(0, 2, 1)
     return rows, columns, np.ascontiguousarray(step * full[:, rows, columns]), block
 
 
-def _by_unknowns(system: PathError, values: Mapping[str, float], free: Sequence[Parameter], m: int) -> tuple[Array, Array]:
-    """Derivatives of the channels (g, c, k) and of the error states (g, m, k) by the unknowns, the first state held."""
+def _by_unknowns(
+    system: PathError, values: Mapping[str, float], free: Sequence[Parameter], m: int
+) -> tuple[Array, Array]:
+    """Derivatives of the channels (g, c, k) and of the error states (g, m, k) by the unknowns, the
+    first state held."""
     g, k = len(system.at), len(free)
     plain = replace(system.thin, given={}, earth=system.path.record.earth)
     response = respond(plain, system.values_of, system.states[:, 0], free)
-    pull = np.stack([response.slopes[name] for name in system.channels], axis=1).reshape(g, len(system.channels), k)
+    pull = np.stack([response.slopes[name] for name in system.channels], axis=1).reshape(
+        g, len(system.channels), k
+    )
     push = np.zeros((g, m, k))
     d = response.state_slopes
     f, t = system.states[3][:, None], system.states[4][:, None]
@@ -326,5 +392,7 @@ def _by_unknowns(system: PathError, values: Mapping[str, float], free: Sequence[
             index = INPUTS.index(item.subject)
             gain = 1.0 / (1.0 + values.get(f"{item.subject}_scale", 0.0))
             true = gain * (system.thin.inputs[:, index] - values.get(f"{item.subject}_bias", 0.0))
-            push[:, (FORCE if index < 3 else GYRO).start + index % 3, number] += gain * (true if item.kind == "scale" else 1.0)
+            push[:, (FORCE if index < 3 else GYRO).start + index % 3, number] += gain * (
+                true if item.kind == "scale" else 1.0
+            )
     return pull, push

@@ -1,11 +1,12 @@
-"""Extended Kalman smoother: the best combination of inertial sensors, attitude, air data and velocity over the earth, in air that
-moves.
+"""Extended Kalman smoother: the best combination of inertial sensors, attitude, air data and
+velocity over the earth, in air that moves.
 
-Output error (`reconstruction`) takes the wind as steady and the inertial sensors as free of noise: in turbulence its path lacks
-the gusts, and the raw air data have them with all their noise. The smoother starts from that path and its sensor errors, adds
-gusts, drifts and the inertial noise as random processes, and weighs every sensor by what it is worth (Jategaonkar 2015, chapter
-5; Teixeira et al., J. Aircraft 48(1), 2011). In calm air it returns the path. Where a vane is missing the standard error grows
-by the gusts that nobody saw.
+Output error (`reconstruction`) takes the wind as steady and the inertial sensors as free of noise:
+in turbulence its path lacks the gusts, and the raw air data have them with all their noise. The
+smoother starts from that path and its sensor errors, adds gusts, drifts and the inertial noise as
+random processes, and weighs every sensor by what it is worth (Jategaonkar 2015, chapter 5; Teixeira
+et al., J. Aircraft 48(1), 2011). In calm air it returns the path. Where a vane is missing the
+standard error grows by the gusts that nobody saw.
 """
 
 from collections.abc import Mapping, Sequence
@@ -50,7 +51,8 @@ from aerodb.support import Array
 #: What the smoother gives a standard error for.
 CHANNELS = (*STATES, "V", "alpha", "beta", "wind_north", "wind_east", "wind_down", *INPUTS)
 
-#: Passes over each record: the sensors are linearised again, and the gusts' intensity is that of the record.
+#: Passes over each record: the sensors are linearised again, and the gusts' intensity is that of
+#: the record.
 _PASSES = 2
 
 
@@ -60,11 +62,13 @@ _ONE_SENSOR = 0.7
 
 @dataclass(frozen=True)
 class SmoothedPath:
-    """One record smoothed: `path`, a `reconstruction.Path` whose air moves, and the `steady` one that it started from; `wind`
-    (3, n) north, east, down with its gusts, m/s; `sigma` (n,) standard errors by `CHANNELS`; on the `grid` (g,) of samples that
-    the smoother works on, `innovations` (g,) by channel in units of their sigma (nan: none) and `draws` (d, g) by `CHANNELS`,
-    random samples of the error (true minus smoothed) with its correlation in time and across channels; `within`, by `CHANNELS`,
-    one sigma of what gusts do between grid points, which the draws lack; `intensities` of this record."""
+    """One record smoothed: `path`, a `reconstruction.Path` whose air moves, and the `steady` one
+    that it started from; `wind` (3, n) north, east, down with its gusts, m/s; `sigma` (n,) standard
+    errors by `CHANNELS`; on the `grid` (g,) of samples that the smoother works on, `innovations`
+    (g,) by channel in units of their sigma (nan: none) and `draws` (d, g) by `CHANNELS`, random
+    samples of the error (true minus smoothed) with its correlation in time and across channels;
+    `within`, by `CHANNELS`, one sigma of what gusts do between grid points, which the draws lack;
+    `intensities` of this record."""
 
     path: Path
     steady: Path
@@ -79,8 +83,8 @@ class SmoothedPath:
 
 @dataclass(frozen=True)
 class Smoothed:
-    """A flight smoothed: one entry of `paths` per record, the parameters' `values` by name, the `intensities` of the flight, and
-    the innovations' log-likelihood."""
+    """A flight smoothed: one entry of `paths` per record, the parameters' `values` by name, the
+    `intensities` of the flight, and the innovations' log-likelihood."""
 
     flight: str
     paths: tuple[SmoothedPath, ...]
@@ -107,18 +111,21 @@ def smooth_flight(
 ) -> Smoothed:
     """Smooths the records of one flight of a reconstruction.
 
-    The reconstruction's sensor errors and mean winds are taken as they are, with their covariance (a mean wind that it did not
-    estimate is none); first states, gusts and drifts are estimated anew. fixed : the values that `reconstruct` was given as
-    fixed. noise_floor : channel -> least noise (one sigma of a sample, SI) that it is believed to have. coarse : step (s) of the
-    grid on which errors and gusts are estimated; quicker gusts are not followed, and stand in the standard errors. draws : how
-    many random samples of the error to make, from `seed`. intensities : of gusts, drifts and noise, from `intensities_of`; None:
-    those of this flight.
+    The reconstruction's sensor errors and mean winds are taken as they are, with their covariance
+    (a mean wind that it did not estimate is none); first states, gusts and drifts are estimated
+    anew. fixed : the values that `reconstruct` was given as fixed. noise_floor : channel -> least
+    noise (one sigma of a sample, SI) that it is believed to have. coarse : step (s) of the grid on
+    which errors and gusts are estimated; quicker gusts are not followed, and stand in the standard
+    errors. draws : how many random samples of the error to make, from `seed`. intensities : of
+    gusts, drifts and noise, from `intensities_of`; None: those of this flight.
 
-    The standard errors are those of the posterior under this model, ``Cov(x) = Cov(x | p) + (dx/dp) Cov(p) (dx/dp)'`` for the
-    reconstruction's parameters p. Sensors with coloured residuals are trusted as far as their slow part allows. Airspeed and
-    qbar with one error in common count once. Linear in time and memory.
+    The standard errors are those of the posterior under this model, ``Cov(x) = Cov(x | p) + (dx/dp)
+    Cov(p) (dx/dp)'`` for the reconstruction's parameters p. Sensors with coloured residuals are
+    trusted as far as their slow part allows. Airspeed and qbar with one error in common count once.
+    Linear in time and memory.
 
-    Raises UnknownNameError when the reconstruction has no such flight, InputError when states were taken from measurement.
+    Raises UnknownNameError when the reconstruction has no such flight, InputError when states were
+    taken from measurement.
     """
     own = _paths(result, flight)
     free, values, index = _parameters(result, flight, fixed)
@@ -144,8 +151,9 @@ def intensities_of(
     noise_floor: Mapping[str, float] | None = None,
     coarse: float = COARSE,
 ) -> Intensities:
-    """Gusts, drifts and noise that these flights of a reconstruction (stretches of one flight, say) have in common, from a few
-    records spread over all of them; arguments and errors as `smooth_flight`."""
+    """Gusts, drifts and noise that these flights of a reconstruction (stretches of one flight, say)
+    have in common, from a few records spread over all of them; arguments and errors as
+    `smooth_flight`."""
     own = [path for flight in flights for path in _paths(result, flight)]
     systems = []
     for number in np.unique(np.linspace(0, len(own) - 1, MOST_RECORDS).round().astype(int)):
@@ -158,14 +166,17 @@ def _paths(result: Reconstruction, flight: str) -> list[Path]:
     own = [path for path in result.paths if path.record.flight == flight]
     if not own:
         known = {path.record.flight for path in result.paths}
-        raise UnknownNameError(f"no flight '{flight}' in this reconstruction", "smoother", nearest(flight, known))
+        raise UnknownNameError(
+            f"no flight '{flight}' in this reconstruction", "smoother", nearest(flight, known)
+        )
     return own
 
 
 def _parameters(
     result: Reconstruction, flight: str, fixed: Mapping[str, float] | None
 ) -> tuple[list[Parameter], dict[str, float], list[int]]:
-    """Estimated sensor errors and winds of a flight, the values of these and of the fixed ones, and their places."""
+    """Estimated sensor errors and winds of a flight, the values of these and of the fixed ones, and
+    their places."""
     chosen = {
         number: entry
         for number, entry in enumerate(result.estimates)
@@ -195,9 +206,15 @@ def _root(covariance: Array) -> Array:
 
 
 def _smoothed(
-    system: PathError, flight: Intensities, spread: Array, values: Mapping[str, float], draws: int, generator: np.random.Generator
+    system: PathError,
+    flight: Intensities,
+    spread: Array,
+    values: Mapping[str, float],
+    draws: int,
+    generator: np.random.Generator,
 ) -> tuple[SmoothedPath, float]:
-    """One record: passes until linearisation and intensities have settled, the last with the unknowns and the draws."""
+    """One record: passes until linearisation and intensities have settled, the last with the
+    unknowns and the draws."""
     by = complete(flight, system)
     error, seen = np.zeros((len(system.at), system.seen.shape[2])), system.seen
     measured = system.residual
@@ -206,7 +223,10 @@ def _smoothed(
         error, by = result.states[:, :, 0], adapted(by, result)
         measured, seen = linearised(system, error, seen, by.of(system.channels))
     left = left_over(system, measured, seen, error)
-    by = replace(by, noise={name: max(size, slow_noise(system, left, name)) for name, size in by.noise.items()})
+    by = replace(
+        by,
+        noise={name: max(size, slow_noise(system, left, name)) for name, size in by.noise.items()},
+    )
     model, noise = transition(system, by), variances(system, by)
     drawn, drawn_measured = _drawn(model, noise, seen, draws, generator)
     sides = np.concatenate([measured[:, :, None], -system.pull @ spread, drawn_measured], axis=2)
@@ -218,7 +238,9 @@ def _smoothed(
     return _expanded(system, by, result, common, lack, values), result.log_likelihood
 
 
-def _drawn(model: Transition, noise: Array, seen: Array, draws: int, generator: np.random.Generator) -> tuple[Array, Array]:
+def _drawn(
+    model: Transition, noise: Array, seen: Array, draws: int, generator: np.random.Generator
+) -> tuple[Array, Array]:
     """Random states (g, m, d) of the model and what the sensors would show of them (g, c, d)."""
     g, c, m = seen.shape
     states = np.zeros((g, m, draws))
@@ -229,15 +251,24 @@ def _drawn(model: Transition, noise: Array, seen: Array, draws: int, generator: 
     for i in range(g):
         states[i] = x
         if i + 1 < g and draws:
-            moved = model.diagonal[:, None] * x + np.sqrt(model.diagonal_noise)[:, None] * generator.standard_normal((m, draws))
+            moved = model.diagonal[:, None] * x + np.sqrt(model.diagonal_noise)[
+                :, None
+            ] * generator.standard_normal((m, draws))
             np.add.at(moved, model.rows, model.values[i][:, None] * x[model.columns])
             moved[:size] += root[i] @ generator.standard_normal((size, draws))
             x = moved
-    return states, seen @ states + np.sqrt(noise)[:, :, None] * generator.standard_normal((g, c, draws))
+    return states, seen @ states + np.sqrt(noise)[:, :, None] * generator.standard_normal(
+        (g, c, draws)
+    )
 
 
 def _expanded(
-    system: PathError, by: Intensities, result: Pass, common: Array, lack: Array, values: Mapping[str, float]
+    system: PathError,
+    by: Intensities,
+    result: Pass,
+    common: Array,
+    lack: Array,
+    values: Mapping[str, float],
 ) -> SmoothedPath:
     """From error states on the grid to the path at the record's own rate."""
     record, grid, n = system.path.record, system.at, len(system.path.record.inputs)
@@ -247,10 +278,18 @@ def _expanded(
     states, wind = corrected(system.path.states, fine), fine[:, GUST].T + mean_wind[:, None]
     air = states[:3] - np.einsum("ijn,jn->in", to_body(states), wind)
     rows = _rows(states[:, grid], air[:, grid], wind[:, grid], error.shape[1])
-    inside = rows[:, :, GUST] ** 2 @ (between(by.gusts, system.step) if len(grid) < n else np.zeros(3))
-    variance = np.sum((rows @ result.covariance) * rows, axis=2) + np.sum((rows @ common) ** 2, axis=2) + inside
+    inside = rows[:, :, GUST] ** 2 @ (
+        between(by.gusts, system.step) if len(grid) < n else np.zeros(3)
+    )
+    variance = (
+        np.sum((rows @ result.covariance) * rows, axis=2)
+        + np.sum((rows @ common) ** 2, axis=2)
+        + inside
+    )
     variance[:, len(CHANNELS) - 6 :] += inertial_noise(record) ** 2
-    sigma = dict(zip(CHANNELS, _interpolated(np.sqrt(np.maximum(variance, 0.0)), grid, n).T, strict=True))
+    sigma = dict(
+        zip(CHANNELS, _interpolated(np.sqrt(np.maximum(variance, 0.0)), grid, n).T, strict=True)
+    )
     state_sigma = np.stack([sigma[name] for name in STATES])
     if error.shape[1] <= POSITION.start:
         state_sigma[6:] = system.path.state_sigma[6:]
@@ -285,7 +324,8 @@ def _rows(states: Array, air: Array, wind: Array, m: int) -> Array:
 
 
 def _interpolated(values: Array, grid: np.ndarray, n: int, shift: float = 0.0) -> Array:
-    """(g, q) on the grid as (n, q) at samples 0 to n-1, `shift` samples later; end values are repeated."""
+    """(g, q) on the grid as (n, q) at samples 0 to n-1, `shift` samples later; end values are
+    repeated."""
     if len(grid) == n and shift == 0.0:
         return values
     at = np.arange(n) - shift
@@ -297,7 +337,13 @@ def _residuals(system: PathError, error: Array, values: Mapping[str, float]) -> 
     change = shown(system, error[None])[0] - system.base
     found, n = {}, len(system.path.record.inputs)
     for column, name in enumerate(system.channels):
-        turned = np.angle(np.exp(1j * change[:, column])) if name in ("phi", "psi") else change[:, column]
+        turned = (
+            np.angle(np.exp(1j * change[:, column]))
+            if name in ("phi", "psi")
+            else change[:, column]
+        )
         late = late_by(name, values) / system.path.record.step
-        found[name] = system.path.residuals[name] - _interpolated(turned[:, None], system.at, n, late)[:, 0]
+        found[name] = (
+            system.path.residuals[name] - _interpolated(turned[:, None], system.at, n, late)[:, 0]
+        )
     return found

@@ -1,10 +1,13 @@
-"""The error of a consistent flight's channels as a process in time: one sigma and colour, from which more of it can be drawn.
+"""The error of a consistent flight's channels as a process in time: one sigma and colour, from
+which more of it can be drawn.
 
-Whoever asks what the states' own error does to a result (simulation-extrapolation, Cook & Stefanski, JASA 89, 1994) needs errors
-with the right spectrum: alpha that is wrong for seconds acts otherwise than white noise of the same size. The truth given the
-data is the smoothed flight plus the smoother's error, whose draws are exact under its model; so the error of any other estimate
-is its difference from the smoothed flight, less such a draw. Their periodograms, averaged over draws and records in bands of
-constant ratio, are the spectrum. Channels are drawn independently, but for qbar, which follows V.
+Whoever asks what the states' own error does to a result (simulation-extrapolation, Cook &
+Stefanski, JASA 89, 1994) needs errors with the right spectrum: alpha that is wrong for seconds acts
+otherwise than white noise of the same size. The truth given the data is the smoothed flight plus
+the smoother's error, whose draws are exact under its model; so the error of any other estimate is
+its difference from the smoothed flight, less such a draw. Their periodograms, averaged over draws
+and records in bands of constant ratio, are the spectrum. Channels are drawn independently, but for
+qbar, which follows V.
 """
 
 from collections.abc import Iterator, Mapping
@@ -24,7 +27,8 @@ from aerodb.support import Array
 #: Channels of a consistent flight whose error is described.
 DESCRIBED: Final = ("V", "alpha", "beta", "phi", "theta", "psi", *INPUTS)
 
-#: Which estimate: smoothed; the reconstruction's path in steady wind; the air data and attitude as measured, corrected.
+#: Which estimate: smoothed; the reconstruction's path in steady wind; the air data and attitude as
+#: measured, corrected.
 Source = Literal["smoother", "path", "sensor"]
 
 #: Bands of the spectrum, equal in ratio of frequencies.
@@ -33,9 +37,10 @@ _BANDS = 24
 
 @dataclass(frozen=True)
 class StateNoise:
-    """Errors of the channels of one `source`: `offset`, one sigma of what is constant over a record, and `density`, one-sided
-    power spectral density (unit^2/Hz) in each band between the `edges` (Hz), by channel; zero outside the edges. `pressure_slope`
-    (Pa s/m) makes the error of V one of qbar; zero where the density of the air is not known."""
+    """Errors of the channels of one `source`: `offset`, one sigma of what is constant over a
+    record, and `density`, one-sided power spectral density (unit^2/Hz) in each band between the
+    `edges` (Hz), by channel; zero outside the edges. `pressure_slope` (Pa s/m) makes the error of V
+    one of qbar; zero where the density of the air is not known."""
 
     source: Source
     edges: tuple[float, ...]
@@ -44,7 +49,8 @@ class StateNoise:
     pressure_slope: float = 0.0
 
     def rms(self, channel: str, low: float = 0.0, high: float = np.inf) -> float:
-        """One sigma of a channel's error between two frequencies (Hz); with the constant part when `low` is zero."""
+        """One sigma of a channel's error between two frequencies (Hz); with the constant part when
+        `low` is zero."""
         edges = np.clip(np.asarray(self.edges), low, high)
         power = float(np.diff(edges) @ np.asarray(self.density[channel]))
         return float(np.sqrt(power + (self.offset[channel] ** 2 if low == 0.0 else 0.0)))
@@ -52,8 +58,8 @@ class StateNoise:
     def draw(self, rng: np.random.Generator, n: int, step: float) -> dict[str, Array]:
         """One more realisation of the errors: channel -> (n,) at intervals of `step` seconds, SI.
 
-        Drawn at twice the length or a little more, since a Fourier sum repeats itself. Frequencies beyond the edges have no
-        power: those below are in the offset.
+        Drawn at twice the length or a little more, since a Fourier sum repeats itself. Frequencies
+        beyond the edges have no power: those below are in the offset.
         """
         size = next_fast_len(2 * n, real=True)
         frequency = np.fft.rfftfreq(size, step)
@@ -83,19 +89,32 @@ class StateNoise:
 def state_noise_from(document: Mapping[str, Any]) -> StateNoise:
     """The errors that `StateNoise.document` wrote."""
     density = {name: tuple(values) for name, values in document["density"].items()}
-    return StateNoise(document["source"], tuple(document["edges"]), document["offset"], density, document["pressure_slope"])
+    return StateNoise(
+        document["source"],
+        tuple(document["edges"]),
+        document["offset"],
+        density,
+        document["pressure_slope"],
+    )
 
 
 def state_noise(smoothed: Smoothed, source: Source = "smoother", seed: int = 0) -> StateNoise:
-    """The errors of a flight's channels, from the draws of its smoother (`smooth_flight(..., draws=8)` or more).
+    """The errors of a flight's channels, from the draws of its smoother (`smooth_flight(...,
+    draws=8)` or more).
 
-    With source ``sensor``, channels without a sensor are left out. seed : of the inertial sensors' noise. Raises InputError when
-    the flight was smoothed without draws.
+    With source ``sensor``, channels without a sensor are left out. seed : of the inertial sensors'
+    noise. Raises InputError when the flight was smoothed without draws.
     """
     if not smoothed.drawn:
-        raise InputError("smoothed without draws", f"flight {smoothed.flight}", "give smooth_flight draws=8 or more")
+        raise InputError(
+            "smoothed without draws",
+            f"flight {smoothed.flight}",
+            "give smooth_flight draws=8 or more",
+        )
     generator = np.random.default_rng(seed)
-    shortest = min(len(entry.path.record.inputs) * entry.path.record.step for entry in smoothed.paths)
+    shortest = min(
+        len(entry.path.record.inputs) * entry.path.record.step for entry in smoothed.paths
+    )
     highest = max(0.5 / entry.path.record.step for entry in smoothed.paths)
     edges = np.geomspace(0.75 / shortest, highest, _BANDS + 1)
     edges[-1] *= 1.0 + 1e-9  # the band of the highest frequency includes it
@@ -110,20 +129,33 @@ def state_noise(smoothed: Smoothed, source: Source = "smoother", seed: int = 0) 
         if constant:
             offset[name] = float(np.sqrt(np.mean(constant)))
             density[name] = tuple(_filled(power, count))
-    slopes = [entry.path.record.density * entry.path.V for entry in smoothed.paths if entry.path.record.density is not None]
+    slopes = [
+        entry.path.record.density * entry.path.V
+        for entry in smoothed.paths
+        if entry.path.record.density is not None
+    ]
     slope = float(np.mean(np.concatenate(slopes))) if slopes else 0.0
     return StateNoise(source, tuple(edges.tolist()), offset, density, slope)
 
 
 def _errors(
-    entry: SmoothedPath, smoothed: Smoothed, name: str, source: Source, generator: np.random.Generator
+    entry: SmoothedPath,
+    smoothed: Smoothed,
+    name: str,
+    source: Source,
+    generator: np.random.Generator,
 ) -> Iterator[Array]:
-    """Random samples (n,) of the error of one channel of one record, estimate minus truth, at the record's own rate."""
+    """Random samples (n,) of the error of one channel of one record, estimate minus truth, at the
+    record's own rate."""
     n = len(entry.path.record.inputs)
     at, draws = np.arange(n), entry.draws[name]
     if name in INPUTS:
         white = float(inertial_noise(entry.path.record)[INPUTS.index(name)])
-        drift = _channel(entry.steady, name) - _channel(entry.path, name) if source != "smoother" else np.zeros(n)
+        drift = (
+            _channel(entry.steady, name) - _channel(entry.path, name)
+            if source != "smoother"
+            else np.zeros(n)
+        )
         for draw in draws:
             yield drift - np.interp(at, entry.grid, draw) + white * generator.standard_normal(n)
         return
@@ -137,7 +169,11 @@ def _errors(
             return
         apart = bridge(left) / (1.0 + smoothed.values.get(f"{name}_scale", 0.0))
     for draw in draws:
-        yield apart - np.interp(at, entry.grid, draw) + entry.within[name] * generator.standard_normal(n)
+        yield (
+            apart
+            - np.interp(at, entry.grid, draw)
+            + entry.within[name] * generator.standard_normal(n)
+        )
 
 
 def _channel(path: Any, name: str) -> Array:
@@ -147,10 +183,13 @@ def _channel(path: Any, name: str) -> Array:
 
 
 def _add_periodogram(error: Array, step: float, edges: Array, power: Array, count: Array) -> None:
-    """Adds a series' one-sided periodogram under a Hann window, its mean removed, to the bands' sums and counts."""
+    """Adds a series' one-sided periodogram under a Hann window, its mean removed, to the bands'
+    sums and counts."""
     n = len(error)
     window = np.hanning(n + 2)[1:-1]
-    spectrum = np.abs(np.fft.rfft((error - error.mean()) * window)) ** 2 * 2.0 * step / np.sum(window**2)
+    spectrum = (
+        np.abs(np.fft.rfft((error - error.mean()) * window)) ** 2 * 2.0 * step / np.sum(window**2)
+    )
     band = np.searchsorted(edges, np.fft.rfftfreq(n, step), side="right") - 1
     good = (band >= 0) & (band < len(power))
     power += np.bincount(band[good], spectrum[good], minlength=len(power))

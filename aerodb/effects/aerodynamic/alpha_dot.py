@@ -1,8 +1,10 @@
-"""A force or moment that follows the rate of change of alpha: the wing's downwash reaches the tail late.
+"""A force or moment that follows the rate of change of alpha: the wing's downwash reaches the tail
+late.
 
-``C += k alphadot_hat``, ``alphadot_hat = alphadot c/(2V)``. Size: Cm_alphadot is a quarter to a half of Cm_q, -2 to -15. In
-pitching alone q and alphadot are one motion; they are told apart where the flight path curves without pitching against it:
-plunging, turbulence, rolling at alpha, steady turns (000).
+``C += k alphadot_hat``, ``alphadot_hat = alphadot c/(2V)``. Size: Cm_alphadot is a quarter to a
+half of Cm_q, -2 to -15. In pitching alone q and alphadot are one motion; they are told apart where
+the flight path curves without pitching against it: plunging, turbulence, rolling at alpha, steady
+turns (000).
 
 >>> from aerodb.effects.template import value
 >>> value(REGRESSOR, alphadot_hat=0.004)

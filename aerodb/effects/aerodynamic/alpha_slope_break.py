@@ -1,8 +1,9 @@
 """A slope over angle of attack that changes where the database's does not, or the other way round.
 
-``C += k max(alpha - alpha_break, 0)``. The break is chosen before flights are looked at: 0.175 rad (003, eq. 7), and the
-sharpest kink that the database's own curve has among attached-flow angles, which flight may not show (the Twin Otter's
-lift in DHC6.xml bends at alpha 0). Size: as `alpha_slope`. Needs flight on both sides of the break.
+``C += k max(alpha - alpha_break, 0)``. The break is chosen before flights are looked at: 0.175 rad
+(003, eq. 7), and the sharpest kink that the database's own curve has among attached-flow angles,
+which flight may not show (the Twin Otter's lift in DHC6.xml bends at alpha 0). Size: as
+`alpha_slope`. Needs flight on both sides of the break.
 
 >>> from aerodb.effects.template import value
 >>> value(regressor(0.175), alpha=0.2), value(regressor(0.0), alpha=-0.01)
@@ -24,11 +25,18 @@ _SHARE, _TIMES = 0.05, 3.0
 
 def regressor(at: float) -> str:
     """Zero up to `at` [rad], alpha - `at` beyond."""
-    return "max(alpha, 0)" if at == 0.0 else f"max(alpha - {at!r}, 0)" if at > 0 else f"max(alpha + {-at!r}, 0)"
+    return (
+        "max(alpha, 0)"
+        if at == 0.0
+        else f"max(alpha - {at!r}, 0)"
+        if at > 0
+        else f"max(alpha + {-at!r}, 0)"
+    )
 
 
 def sharpest_kink(scene: Scene, axis: str, widest: float = 0.21) -> float | None:
-    """Alpha [rad] within +-`widest` at which the database's own curve bends most, if it bends there and hardly elsewhere."""
+    """Alpha [rad] within +-`widest` at which the database's own curve bends most, if it bends there
+    and hardly elsewhere."""
     points = breakpoints_over("alpha", scene.database)
     if not points:
         return None
@@ -36,7 +44,9 @@ def sharpest_kink(scene: Scene, axis: str, widest: float = 0.21) -> float | None
     alpha = alpha[np.abs(alpha) <= widest]
     if alpha.size < 4:
         return None
-    curves = scene.database.predict(spread(neutral_point(scene.database), {"alpha": alpha})).coefficients
+    curves = scene.database.predict(
+        spread(neutral_point(scene.database), {"alpha": alpha})
+    ).coefficients
     if axis in WIND_AXES:
         wind = body_to_wind(curves["CX"], curves["CY"], curves["CZ"], alpha, 0.0)
         curves = dict(zip(WIND_AXES, wind, strict=True))
@@ -71,4 +81,10 @@ def _hypotheses(scene: Scene) -> list[Hypothesis]:
     return found
 
 
-TEMPLATE = Template("alpha_slope_break", "aerodynamic", "CX, CZ, Cm += k*max(alpha - alpha_break, 0)", SOURCE, _hypotheses)
+TEMPLATE = Template(
+    "alpha_slope_break",
+    "aerodynamic",
+    "CX, CZ, Cm += k*max(alpha - alpha_break, 0)",
+    SOURCE,
+    _hypotheses,
+)

@@ -1,8 +1,9 @@
-"""A side force or lateral moment that is the same for sideslip to either side: what symmetry forbids.
+"""A side force or lateral moment that is the same for sideslip to either side: what symmetry
+forbids.
 
-``C += k |beta|``. No symmetric aircraft has it. A database gains it by a lost sign, with which it is then an exact twin of
-`table_sign` where that table is linear in beta; a damaged or asymmetric aircraft has it truly. Size: as `beta_slope`. Needs
-sideslip to both sides.
+``C += k |beta|``. No symmetric aircraft has it. A database gains it by a lost sign, with which it
+is then an exact twin of `table_sign` where that table is linear in beta; a damaged or asymmetric
+aircraft has it truly. Size: as `beta_slope`. Needs sideslip to both sides.
 
 >>> from aerodb.effects.template import value
 >>> value(REGRESSOR, beta=-0.05)

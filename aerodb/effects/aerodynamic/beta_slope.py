@@ -1,7 +1,8 @@
 """A side force or lateral moment that grows with sideslip at another rate than the database says.
 
-``C += k beta``: weathercock stability, dihedral effect, side force. Size: for the Twin Otter, CY -.85, Cl -.11, Cn .085
-per rad; a handbook database was off by .42 in Cn (DHC6.xml). Needs sideslip of a degree.
+``C += k beta``: weathercock stability, dihedral effect, side force. Size: for the Twin Otter, CY
+-.85, Cl -.11, Cn .085 per rad; a handbook database was off by .42 in Cn (DHC6.xml). Needs sideslip
+of a degree.
 
 >>> from aerodb.effects.template import value
 >>> value(REGRESSOR, beta=-0.05)

@@ -1,7 +1,7 @@
 """A body flap that acts otherwise than the database says.
 
-``C += k delta``. Size: Cm_bf -.05 per rad on Phoenix-like shapes. Moves as a trim surface, often together with the speed
-brake: see there. Needs its own motion.
+``C += k delta``. Size: Cm_bf -.05 per rad on Phoenix-like shapes. Moves as a trim surface, often
+together with the speed brake: see there. Needs its own motion.
 
 >>> from aerodb.effects.template import value
 >>> value(regressor("delta"), delta=-0.1)

@@ -1,8 +1,9 @@
 """A control surface that moves the vehicle more or less than the database says.
 
-``C += k delta``. Size: effectiveness of preflight databases is seldom wrong by more than a third (Cm_de -1 to -2, Cl_da
--.2, Cn_dr -.13 per rad). In Cm it is a near twin of the surface's calibration, of Iyy and of the CG; only several axes
-tell them apart. Needs the surface to move by a degree, apart from the motion that it causes.
+``C += k delta``. Size: effectiveness of preflight databases is seldom wrong by more than a third
+(Cm_de -1 to -2, Cl_da -.2, Cn_dr -.13 per rad). In Cm it is a near twin of the surface's
+calibration, of Iyy and of the CG; only several axes tell them apart. Needs the surface to move by a
+degree, apart from the motion that it causes.
 
 >>> from aerodb.effects.template import value
 >>> value(regressor("delta"), delta=0.1)

@@ -1,7 +1,9 @@
-"""Forces and moments across the axes of a rate: roll due to yaw rate, yaw due to roll rate, side force due to both.
+"""Forces and moments across the axes of a rate: roll due to yaw rate, yaw due to roll rate, side
+force due to both.
 
-``Cl += k r_hat``, ``Cn += k p_hat``, ``CY += k p_hat``, ``CY += k r_hat``. Size: Cl_r .1 to .3 and more with lift, Cn_p
--.1 to .1, CY_r up to 1 (Twin Otter .96, as flown). Needs rolling and yawing that are not one Dutch roll.
+``Cl += k r_hat``, ``Cn += k p_hat``, ``CY += k p_hat``, ``CY += k r_hat``. Size: Cl_r .1 to .3 and
+more with lift, Cn_p -.1 to .1, CY_r up to 1 (Twin Otter .96, as flown). Needs rolling and yawing
+that are not one Dutch roll.
 
 >>> from aerodb.effects.template import value
 >>> value("r_hat", r_hat=0.02)
@@ -35,4 +37,6 @@ def _hypotheses(scene: Scene) -> list[Hypothesis]:
     ]
 
 
-TEMPLATE = Template("cross_rate", "aerodynamic", "CY, Cl += k*r_hat; CY, Cn += k*p_hat", SOURCE, _hypotheses)
+TEMPLATE = Template(
+    "cross_rate", "aerodynamic", "CY, Cl += k*r_hat; CY, Cn += k*p_hat", SOURCE, _hypotheses
+)

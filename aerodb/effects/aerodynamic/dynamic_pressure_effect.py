@@ -1,8 +1,9 @@
 """An elastic airframe: slopes that change with dynamic pressure.
 
-``C += k (alpha - alpha_0) qbar`` on CZ and Cm: the first term of the divergence series ``1/(1 - qbar/qbar_D)``. Size: a
-swept wing loses a tenth of its lift slope at 10 kPa, k = 5e-5 per rad Pa. Needs dynamic pressures apart at like angle of
-attack; at one altitude it cannot be told from `mach_effect`.
+``C += k (alpha - alpha_0) qbar`` on CZ and Cm: the first term of the divergence series ``1/(1 -
+qbar/qbar_D)``. Size: a swept wing loses a tenth of its lift slope at 10 kPa, k = 5e-5 per rad Pa.
+Needs dynamic pressures apart at like angle of attack; at one altitude it cannot be told from
+`mach_effect`.
 
 >>> from aerodb.effects.template import value
 >>> value("alpha*qbar", alpha=0.1, qbar=5000.0)
@@ -34,4 +35,10 @@ def _hypotheses(scene: Scene) -> list[Hypothesis]:
     ]
 
 
-TEMPLATE = Template("dynamic_pressure_effect", "aerodynamic", "CZ, Cm += k*(alpha - alpha_0)*qbar", SOURCE, _hypotheses)
+TEMPLATE = Template(
+    "dynamic_pressure_effect",
+    "aerodynamic",
+    "CZ, Cm += k*(alpha - alpha_0)*qbar",
+    SOURCE,
+    _hypotheses,
+)

@@ -1,7 +1,7 @@
 """High-lift flaps that act otherwise than the database says.
 
-``C += k delta``. Size: lift 1 to 3 per rad, drag .1 to .4, a nose-down moment with it. Needs flight with several flap
-settings: within one setting it is a constant.
+``C += k delta``. Size: lift 1 to 3 per rad, drag .1 to .4, a nose-down moment with it. Needs flight
+with several flap settings: within one setting it is a constant.
 
 >>> from aerodb.effects.template import value
 >>> value(regressor("delta"), delta=0.35)

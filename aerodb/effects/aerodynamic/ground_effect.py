@@ -1,10 +1,12 @@
-"""The ground under the wing: more lift, less induced drag, another moment, all of it gone within a span.
+"""The ground under the wing: more lift, less induced drag, another moment, all of it gone within a
+span.
 
-``C += k sigma (alpha - alpha_0)`` on CZ (C_lift) and Cm, ``C += k sigma (alpha - alpha_0)^2`` on CX (C_drag), with
-Wieselsberger's influence factor ``sigma = exp(-2.48 (2h/b)^0.768)`` in its usual fit (h above ground, b span) and alpha_0
-the database's own angle of zero lift. Beyond REACH spans it is taken as nothing, so that what is left of it there (5e-5)
-is no rival of every slope in alpha. Size: a tenth to a quarter of the lift slope. Needs flight within half a span of
-the ground at several angles of attack.
+``C += k sigma (alpha - alpha_0)`` on CZ (C_lift) and Cm, ``C += k sigma (alpha - alpha_0)^2`` on CX
+(C_drag), with Wieselsberger's influence factor ``sigma = exp(-2.48 (2h/b)^0.768)`` in its usual fit
+(h above ground, b span) and alpha_0 the database's own angle of zero lift. Beyond REACH spans it is
+taken as nothing, so that what is left of it there (5e-5) is no rival of every slope in alpha. Size:
+a tenth to a quarter of the lift slope. Needs flight within half a span of the ground at several
+angles of attack.
 
 >>> from aerodb.effects.template import value
 >>> value(influence(10.0), height_above_ground=5.0), value(influence(10.0), height_above_ground=1.0)
@@ -16,7 +18,10 @@ from aerodb.effects.hypothesis import Hypothesis
 from aerodb.effects.template import Scene, Template, additive
 
 SIZES = {"CX": 5.0, "CZ": 3.0, "Cm": 2.0}
-SOURCE = "Wieselsberger, NACA TM-77, 1922; fit as in Torenbeek, Synthesis of Subsonic Airplane Design, 1982"
+SOURCE = (
+    "Wieselsberger, NACA TM-77, 1922; fit as in Torenbeek, Synthesis of Subsonic Airplane Design,"
+    " 1982"
+)
 
 
 #: Height in spans beyond which there is no ground.
@@ -25,7 +30,10 @@ REACH = 3.0
 
 def influence(span: float) -> str:
     """sigma, 1 on the ground and 0 from REACH spans upwards; `span` in m."""
-    return f"step({REACH * span!r} - height_above_ground)*exp(-2.48*(2*max(height_above_ground, 0)/{span!r})^0.768)"
+    return (
+        f"step({REACH * span!r} - height_above_ground)*exp(-2.48*(2*max(height_above_ground,"
+        f" 0)/{span!r})^0.768)"
+    )
 
 
 def _hypotheses(scene: Scene) -> list[Hypothesis]:

@@ -1,7 +1,7 @@
 """A landing gear whose drag, lift or moment differ from the database's.
 
-``C += k delta_gear``, 0 up to 1 down. Size: C_drag .01 to .04, the moment a few hundredths. Needs the gear to move in
-flight, or flights with it up and down.
+``C += k delta_gear``, 0 up to 1 down. Size: C_drag .01 to .04, the moment a few hundredths. Needs
+the gear to move in flight, or flights with it up and down.
 
 >>> from aerodb.effects.template import value
 >>> value(regressor("delta"), delta=1.0)

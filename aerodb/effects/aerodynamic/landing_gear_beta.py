@@ -1,7 +1,8 @@
 """A landing gear that changes what sideslip does.
 
-``C += k delta_gear beta`` on CY and Cn, ``C += k delta_gear |beta|`` on CZ: the terms of 003, eq. 6. Size: a gear ahead
-of the CG takes some hundredths per rad off Cn_beta. Needs sideslip with the gear down and up.
+``C += k delta_gear beta`` on CY and Cn, ``C += k delta_gear |beta|`` on CZ: the terms of 003, eq.
+6. Size: a gear ahead of the CG takes some hundredths per rad off Cn_beta. Needs sideslip with the
+gear down and up.
 
 >>> from aerodb.effects.template import value
 >>> value(regressor("delta", "Cn"), beta=-0.1, delta=1.0), value(regressor("delta", "CZ"), beta=-0.1, delta=0.5)

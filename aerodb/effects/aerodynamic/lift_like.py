@@ -1,4 +1,5 @@
-"""Angle of attack from zero lift: what ground, Mach number and dynamic pressure act on is the lift, not alpha itself."""
+"""Angle of attack from zero lift: what ground, Mach number and dynamic pressure act on is the lift,
+not alpha itself."""
 
 from functools import lru_cache
 
@@ -9,7 +10,8 @@ from aerodb.tables import AeroDatabase, body_to_wind, neutral_point, spread
 
 @lru_cache(maxsize=64)
 def zero_lift_alpha(database: AeroDatabase) -> float:
-    """Alpha [rad] in +-20 deg, nearest to zero, at which the database's clean lift vanishes, to 1e-4; 0 where it never does."""
+    """Alpha [rad] in +-20 deg, nearest to zero, at which the database's clean lift vanishes, to
+    1e-4; 0 where it never does."""
     if "alpha" not in database.inputs:
         return 0.0
     alpha = np.linspace(-0.35, 0.35, 141)
@@ -19,7 +21,10 @@ def zero_lift_alpha(database: AeroDatabase) -> float:
     curves = database.predict(spread(at, {"alpha": alpha})).coefficients
     _, _, lift = body_to_wind(curves["CX"], curves["CY"], curves["CZ"], alpha, 0.0)
     crossings = np.flatnonzero(lift[:-1] * lift[1:] <= 0.0)
-    roots = [alpha[k] - lift[k] * (alpha[k + 1] - alpha[k]) / ((lift[k + 1] - lift[k]) or 1.0) for k in crossings]
+    roots = [
+        alpha[k] - lift[k] * (alpha[k + 1] - alpha[k]) / ((lift[k + 1] - lift[k]) or 1.0)
+        for k in crossings
+    ]
     return round(float(min(roots, key=abs, default=0.0)), 4) + 0.0
 
 

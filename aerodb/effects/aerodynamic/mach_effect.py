@@ -1,8 +1,9 @@
 """Compressibility that the database lacks: slopes that grow with Mach number.
 
-``C += k (alpha - alpha_0) M^2`` on CZ and Cm: the first term of Prandtl and Glauert's ``1/sqrt(1 - M^2) - 1 = M^2/2 +
-...``. Size: half the slope itself, 1 to 3 per rad on CZ. Valid below M = .6. Needs Mach numbers apart at like angle of
-attack; at one altitude it cannot be told from `dynamic_pressure_effect`.
+``C += k (alpha - alpha_0) M^2`` on CZ and Cm: the first term of Prandtl and Glauert's ``1/sqrt(1 -
+M^2) - 1 = M^2/2 +
+...``. Size: half the slope itself, 1 to 3 per rad on CZ. Valid below M = .6. Needs Mach numbers
+apart at like angle of attack; at one altitude it cannot be told from `dynamic_pressure_effect`.
 
 >>> from aerodb.effects.template import value
 >>> value("alpha*mach^2", alpha=0.1, mach=0.5)
@@ -34,4 +35,6 @@ def _hypotheses(scene: Scene) -> list[Hypothesis]:
     ]
 
 
-TEMPLATE = Template("mach_effect", "aerodynamic", "CZ, Cm += k*(alpha - alpha_0)*mach^2", SOURCE, _hypotheses)
+TEMPLATE = Template(
+    "mach_effect", "aerodynamic", "CZ, Cm += k*(alpha - alpha_0)*mach^2", SOURCE, _hypotheses
+)

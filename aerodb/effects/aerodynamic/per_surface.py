@@ -1,4 +1,5 @@
-"""What the templates about deflections share: one hypothesis per axis on which a surface of that kind acts."""
+"""What the templates about deflections share: one hypothesis per axis on which a surface of that
+kind acts."""
 
 from collections.abc import Callable, Mapping
 
@@ -23,8 +24,8 @@ def per_surface(
 ) -> Template:
     """The template ``C_axis += k * regressor(delta)`` for every surface of the kinds in `sizes`.
 
-    grows and name hold ``{surface}``, which becomes the surface's words and channel. named : whether the surface stands in the
-    hypothesis' id also where it is the only one of its kind.
+    grows and name hold ``{surface}``, which becomes the surface's words and channel. named :
+    whether the surface stands in the hypothesis' id also where it is the only one of its kind.
     """
 
     def hypotheses(scene: Scene) -> list[Hypothesis]:
@@ -50,4 +51,6 @@ def per_surface(
         )
 
     axes = sorted({axis for by_axis in sizes.values() for axis in by_axis})
-    return Template(effect, "aerodynamic", f"{', '.join(axes)} += k*({regressor('delta')})", source, hypotheses)
+    return Template(
+        effect, "aerodynamic", f"{', '.join(axes)} += k*({regressor('delta')})", source, hypotheses
+    )

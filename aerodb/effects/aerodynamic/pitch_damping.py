@@ -1,7 +1,8 @@
 """A pitching moment due to pitch rate other than the database says.
 
-``Cm += k q_hat``. The total is negative, -5 to -40; the correction has either sign. With alpha-dot not separated (000) it
-takes over Cm_alphadot too. Needs pitch manoeuvres faster than the short period is damped.
+``Cm += k q_hat``. The total is negative, -5 to -40; the correction has either sign. With alpha-dot
+not separated (000) it takes over Cm_alphadot too. Needs pitch manoeuvres faster than the short
+period is damped.
 
 >>> from aerodb.effects.template import value
 >>> value(REGRESSOR, q_hat=-0.01)

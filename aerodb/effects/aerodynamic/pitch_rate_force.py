@@ -1,7 +1,8 @@
 """A force due to pitch rate that the database lacks: the effect that 003 found undeclared in CX.
 
-``C += k q_hat``, ``q_hat = q c/(2V)``. Size: CZ_q is 0 to -40 (tail volume; Twin Otter C_lift_q 20), CX_q a tenth of it
-to a third; either sign as a correction. Needs pitch rate that alpha does not follow at once.
+``C += k q_hat``, ``q_hat = q c/(2V)``. Size: CZ_q is 0 to -40 (tail volume; Twin Otter C_lift_q
+20), CX_q a tenth of it to a third; either sign as a correction. Needs pitch rate that alpha does
+not follow at once.
 
 >>> from aerodb.effects.template import value
 >>> value(REGRESSOR, q_hat=0.01)

@@ -1,7 +1,7 @@
 """A rolling moment due to roll rate other than the database says.
 
-``Cl += k p_hat``, ``p_hat = p b/(2V)``. The total is negative, -.1 (slender) to -.6; the correction has either sign.
-Needs aileron doublets.
+``Cl += k p_hat``, ``p_hat = p b/(2V)``. The total is negative, -.1 (slender) to -.6; the correction
+has either sign. Needs aileron doublets.
 
 >>> from aerodb.effects.template import value
 >>> value(REGRESSOR, p_hat=0.02)

@@ -1,8 +1,9 @@
-"""Sideslip that acts on the longitudinal axes, or sideslip derivatives that change with angle of attack.
+"""Sideslip that acts on the longitudinal axes, or sideslip derivatives that change with angle of
+attack.
 
-``C += k |beta|`` on CX, CZ, Cm (eq. 6 of 003 has these terms) and ``C += k alpha beta`` on CY, Cl, Cn (DHC6.xml: Cn_beta
-grows with alpha by 4 to 6 per rad2, which the Twin Otter's flights do not show). Size: up to a few per rad2. Needs
-sideslip at several angles of attack.
+``C += k |beta|`` on CX, CZ, Cm (eq. 6 of 003 has these terms) and ``C += k alpha beta`` on CY, Cl,
+Cn (DHC6.xml: Cn_beta grows with alpha by 4 to 6 per rad2, which the Twin Otter's flights do not
+show). Size: up to a few per rad2. Needs sideslip at several angles of attack.
 
 >>> from aerodb.effects.template import value
 >>> value(LONGITUDINAL, beta=-0.1), value(LATERAL, alpha=0.1, beta=-0.1)
@@ -25,10 +26,26 @@ def _hypotheses(scene: Scene) -> list[Hypothesis]:
     }
     found = []
     for axis, size in SIZES.items():
-        name, regressor = ("abs_beta", LONGITUDINAL) if axis in ("CX", "CZ", "Cm") else ("alpha_beta", LATERAL)
+        name, regressor = (
+            ("abs_beta", LONGITUDINAL) if axis in ("CX", "CZ", "Cm") else ("alpha_beta", LATERAL)
+        )
         unit = "1/rad" if name == "abs_beta" else "1/rad^2"
-        found.append(additive(scene, EFFECT, axis, regressor, size=size, unit=unit, grows=grows[name], name=name, source=SOURCE))
+        found.append(
+            additive(
+                scene,
+                EFFECT,
+                axis,
+                regressor,
+                size=size,
+                unit=unit,
+                grows=grows[name],
+                name=name,
+                source=SOURCE,
+            )
+        )
     return found
 
 
-TEMPLATE = Template(EFFECT, "aerodynamic", "CX, CZ, Cm += k*|beta|; CY, Cl, Cn += k*alpha*beta", SOURCE, _hypotheses)
+TEMPLATE = Template(
+    EFFECT, "aerodynamic", "CX, CZ, Cm += k*|beta|; CY, Cl, Cn += k*alpha*beta", SOURCE, _hypotheses
+)

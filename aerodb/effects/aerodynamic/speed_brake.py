@@ -1,8 +1,8 @@
 """A speed brake that acts otherwise than the database says.
 
-``C += k delta``. 003 found its drag overestimated. Size: C_drag .05 to .3 per rad. 003 and 000 disagree about speed brake
-and body flap in the pitching moment: where both move together they are one alias group. Needs brakes in and out in like
-conditions.
+``C += k delta``. 003 found its drag overestimated. Size: C_drag .05 to .3 per rad. 003 and 000
+disagree about speed brake and body flap in the pitching moment: where both move together they are
+one alias group. Needs brakes in and out in like conditions.
 
 >>> from aerodb.effects.template import value
 >>> value(regressor("delta"), delta=0.5)

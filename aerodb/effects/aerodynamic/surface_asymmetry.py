@@ -1,8 +1,10 @@
-"""A left and a right surface that are not alike: rolling out of a symmetric deflection, pitching out of an asymmetric one.
+"""A left and a right surface that are not alike: rolling out of a symmetric deflection, pitching
+out of an asymmetric one.
 
-``Cl += k delta_symmetric``, ``Cm += k delta_asymmetric`` (a symmetric aircraft has neither; |delta_asymmetric| in Cm is
-no asymmetry). Size: the share by which one side is weaker, times the effect of the pair; all of it for a surface that is
-stuck, of which `surface_calibration` has the other view. Needs both deflections of the pair to move by themselves.
+``Cl += k delta_symmetric``, ``Cm += k delta_asymmetric`` (a symmetric aircraft has neither;
+|delta_asymmetric| in Cm is no asymmetry). Size: the share by which one side is weaker, times the
+effect of the pair; all of it for a surface that is stuck, of which `surface_calibration` has the
+other view. Needs both deflections of the pair to move by themselves.
 
 >>> from aerodb.effects.template import value
 >>> value("delta_elevator", delta_elevator=-0.1)
@@ -12,7 +14,8 @@ stuck, of which `surface_calibration` has the other view. Needs both deflections
 from aerodb.effects.hypothesis import Hypothesis
 from aerodb.effects.template import Scene, Template, additive
 
-#: Kind of combination -> axis on which symmetry forbids an odd effect, and the largest believable one.
+#: Kind of combination -> axis on which symmetry forbids an odd effect, and the largest believable
+#: one.
 FORBIDDEN = {"symmetric": ("Cl", 0.2), "asymmetric": ("Cm", 1.0)}
 SOURCE = "symmetry; 003, below eq. 6, for the combinations"
 
@@ -32,7 +35,10 @@ def _hypotheses(scene: Scene) -> list[Hypothesis]:
                 surface.channel,
                 size=size,
                 unit="1/rad",
-                grows=f"out of {combination.kind} {surface.words} deflection: left and right are not alike",
+                grows=(
+                    f"out of {combination.kind} {surface.words} deflection: left and right are not"
+                    " alike"
+                ),
                 name=surface.channel,
                 subject=surface.name,
                 source=SOURCE,

@@ -1,9 +1,10 @@
 """A table whose symmetry or sign in sideslip is wrong; the table's own column is the template.
 
-Reversing sideslip reverses CY, Cl, Cn of a symmetric aircraft and leaves CX, CZ, Cm. Where a table does not obey, ``C +=
-k T_wrong`` with its part of the wrong symmetry, ``T_wrong(beta) = (T(beta) + T(-beta))/2`` on the lateral axes: k = -1
-takes it out (and `beta_slope` puts in what a lost sign lost). Where it obeys, ``C += k T``, and k = -2 is a sign turned
-round. Linear in beta near zero, it is an exact twin of `beta_even` there. Needs sideslip to both sides.
+Reversing sideslip reverses CY, Cl, Cn of a symmetric aircraft and leaves CX, CZ, Cm. Where a table
+does not obey, ``C += k T_wrong`` with its part of the wrong symmetry, ``T_wrong(beta) = (T(beta) +
+T(-beta))/2`` on the lateral axes: k = -1 takes it out (and `beta_slope` puts in what a lost sign
+lost). Where it obeys, ``C += k T``, and k = -2 is a sign turned round. Linear in beta near zero, it
+is an exact twin of `beta_even` there. Needs sideslip to both sides.
 
 >>> from aerodb.tables.table import Table
 >>> table = Table("Clb", ("beta",), (np.array([-0.1, 0.0, 0.1]),), np.array([0.04, 0.0, 0.04]))
@@ -23,13 +24,15 @@ from aerodb.support import Array
 from aerodb.tables import MAX_LENGTH, Call, Expression, Name, Site, Table, number, sites, times
 
 SOURCE = "DHC6.xml, table Clb, against the Twin Otter records"
-#: Part of the wrong symmetry, relative to the table's largest value, below which a table counts as right.
+#: Part of the wrong symmetry, relative to the table's largest value, below which a table counts as
+#: right.
 _RIGHT = 0.01
 
 
 @dataclass(frozen=True)
 class Defect:
-    """What of a table may be wrong: the regressor, whether it is only a part (else all of it), where it acts."""
+    """What of a table may be wrong: the regressor, whether it is only a part (else all of it),
+    where it acts."""
 
     site: Site
     regressor: Expression
@@ -37,9 +40,11 @@ class Defect:
 
 
 def wrong_part(table: Table, axis: int, odd: bool) -> tuple[Array, Array]:
-    """Breakpoints >= 0 along `axis` and the part (in the table's shape over them) that should vanish.
+    """Breakpoints >= 0 along `axis` and the part (in the table's shape over them) that should
+    vanish.
 
-    odd : whether the table should be odd along that axis; its even part is then wrong, else its odd part.
+    odd : whether the table should be odd along that axis; its even part is then wrong, else its odd
+    part.
     """
     points = np.unique(np.abs(np.append(table.breakpoints[axis], 0.0)))
     axes = [*table.breakpoints]
@@ -52,16 +57,27 @@ def wrong_part(table: Table, axis: int, odd: bool) -> tuple[Array, Array]:
 
 
 def defects(scene: Scene) -> list[Defect]:
-    """Tables with sideslip among their own arguments that enter a coefficient linearly, and what may be wrong with them."""
+    """Tables with sideslip among their own arguments that enter a coefficient linearly, and what
+    may be wrong with them."""
     found = []
     for site in sites(scene.database):
         names = [channel.name if channel else None for channel in site.channels]
         table = scene.database.tables[site.table]
-        if None in names or "beta" not in names or not _usable_factors(site) or {"p", "r"} & set(names):
+        if (
+            None in names
+            or "beta" not in names
+            or not _usable_factors(site)
+            or {"p", "r"} & set(names)
+        ):
             continue
         k = names.index("beta")
         behind = site.channels[k]
-        if behind is None or behind.offset != 0.0 or table.breakpoints[k][0] >= 0 or table.breakpoints[k][-1] <= 0:
+        if (
+            behind is None
+            or behind.offset != 0.0
+            or table.breakpoints[k][0] >= 0
+            or table.breakpoints[k][-1] <= 0
+        ):
             continue  # given for one side only: its symmetry is in the argument
         odd = site.axis in ("CY", "Cl", "Cn", "C_side")
         points, wrong = wrong_part(table, k, odd)
@@ -76,7 +92,11 @@ def _usable_factors(site: Site) -> bool:
     """Whether what stands in front of the table is even in sideslip and made of channels alone."""
     names = frozenset[str]().union(*(factor.names for factor in site.factors))
     channels = all(name in CHANNELS or is_surface(name) for name in names)
-    return channels and not any(factor.tables for factor in site.factors) and not names & {"beta", "p", "r", "betadot"}
+    return (
+        channels
+        and not any(factor.tables for factor in site.factors)
+        and not names & {"beta", "p", "r", "betadot"}
+    )
 
 
 def _regressor(site: Site, table: Table, even: tuple[int, Array, Array] | None) -> Expression:
@@ -119,4 +139,10 @@ def _one(defect: Defect) -> Hypothesis:
     )
 
 
-TEMPLATE = Template("table_sign", "aerodynamic", "C += k*T, or k*T_wrong where its symmetry is wrong", SOURCE, _hypotheses)
+TEMPLATE = Template(
+    "table_sign",
+    "aerodynamic",
+    "C += k*T, or k*T_wrong where its symmetry is wrong",
+    SOURCE,
+    _hypotheses,
+)

@@ -1,7 +1,9 @@
-"""Power effects: the jet or slipstream changes lift, moment, and in a single-engined propeller aircraft yaw and roll.
+"""Power effects: the jet or slipstream changes lift, moment, and in a single-engined propeller
+aircraft yaw and roll.
 
-``C += k CT``, ``CT = thrust/(qbar S)``, on CZ, Cm, Cn and Cl. CX is left out: there it is the thrust itself
-(`thrust_scale`). Size: a thrust line one chord off the CG would be k = 1 in Cm. Needs throttle changes at like speed.
+``C += k CT``, ``CT = thrust/(qbar S)``, on CZ, Cm, Cn and Cl. CX is left out: there it is the
+thrust itself (`thrust_scale`). Size: a thrust line one chord off the CG would be k = 1 in Cm. Needs
+throttle changes at like speed.
 
 >>> from aerodb.effects.template import value
 >>> value(regressor(40.0), thrust=8000.0, qbar=2000.0)
@@ -39,4 +41,6 @@ def _hypotheses(scene: Scene) -> list[Hypothesis]:
     ]
 
 
-TEMPLATE = Template("thrust_effect", "aerodynamic", "CZ, Cl, Cm, Cn += k*thrust/(qbar*S)", SOURCE, _hypotheses)
+TEMPLATE = Template(
+    "thrust_effect", "aerodynamic", "CZ, Cl, Cm, Cn += k*thrust/(qbar*S)", SOURCE, _hypotheses
+)

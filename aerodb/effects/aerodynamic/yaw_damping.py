@@ -1,7 +1,7 @@
 """A yawing moment due to yaw rate other than the database says.
 
-``Cn += k r_hat``, ``r_hat = r b/(2V)``. The total is negative, -.05 to -.4; the correction has either sign. Needs rudder
-doublets.
+``Cn += k r_hat``, ``r_hat = r b/(2V)``. The total is negative, -.05 to -.4; the correction has
+either sign. Needs rudder doublets.
 
 >>> from aerodb.effects.template import value
 >>> value(REGRESSOR, r_hat=0.02)

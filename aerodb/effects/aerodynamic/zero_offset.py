@@ -1,9 +1,10 @@
 """A constant force or moment that the database lacks.
 
-``C += k`` on every axis, forces along the body also where the database writes them along the wind: there each flight's own
-constants stand, and a constant lift beside them would be seen in CX alone, as a force that changes with alpha. Instrument
-constants look alike, so that tracing usually leaves it to each flight's own constant. Size: 003, section IV.D, reports zero
-terms of some thousandths to hundredths, of either sign. Valid everywhere.
+``C += k`` on every axis, forces along the body also where the database writes them along the wind:
+there each flight's own constants stand, and a constant lift beside them would be seen in CX alone,
+as a force that changes with alpha. Instrument constants look alike, so that tracing usually leaves
+it to each flight's own constant. Size: 003, section IV.D, reports zero terms of some thousandths to
+hundredths, of either sign. Valid everywhere.
 
 >>> from aerodb.effects.template import value
 >>> value(REGRESSOR)
@@ -35,4 +36,6 @@ def _hypotheses(scene: Scene) -> list[Hypothesis]:
     ]
 
 
-TEMPLATE = Template("zero_offset", "aerodynamic", "CX, CY, CZ, Cl, Cm, Cn += k", SOURCE, _hypotheses, version=2)
+TEMPLATE = Template(
+    "zero_offset", "aerodynamic", "CX, CY, CZ, Cl, Cm, Cn += k", SOURCE, _hypotheses, version=2
+)

@@ -1,9 +1,11 @@
 """What a reconstructed angle of attack leaves wrong in declared increments: errors in variables.
 
-An angle from the motion carries an error e of its own. Three things follow, and no residual shows them. The estimates err with e,
-slow as it is, each flight for itself. The angle is wrong in proportion where the airspeed is, in all flights alike. And where a
-regressor is wrong, its coefficient comes out flatter and its neighbours take what it lost (Fuller, *Measurement Error Models*,
-1987, section 2.2): estimates from flights with e once more are off by as much again (Cook & Stefanski, JASA 89, 1994).
+An angle from the motion carries an error e of its own. Three things follow, and no residual shows
+them. The estimates err with e, slow as it is, each flight for itself. The angle is wrong in
+proportion where the airspeed is, in all flights alike. And where a regressor is wrong, its
+coefficient comes out flatter and its neighbours take what it lost (Fuller, *Measurement Error
+Models*, 1987, section 2.2): estimates from flights with e once more are off by as much again (Cook
+& Stefanski, JASA 89, 1994).
 """
 
 from collections.abc import Sequence
@@ -25,9 +27,11 @@ _DRAWS: Final = 16
 
 
 def doubts_of_alpha(view: FlightView, noise: StateNoise) -> tuple[Doubt, ...]:
-    """The doubts in what one flight with a reconstructed alpha gives: in proportion, and in `_DRAWS` realisations of e.
+    """The doubts in what one flight with a reconstructed alpha gives: in proportion, and in
+    `_DRAWS` realisations of e.
 
-    noise : of the flight's channels, that of alpha no larger than its residual allows (`aerodb.tracing.evidence.noise_limits`).
+    noise : of the flight's channels, that of alpha no larger than its residual allows
+    (`aerodb.tracing.evidence.noise_limits`).
     """
     if "alpha" not in noise.density:
         return ()
@@ -35,27 +39,39 @@ def doubts_of_alpha(view: FlightView, noise: StateNoise) -> tuple[Doubt, ...]:
     def doubt(name: str, sigma: float, shared: bool, error: Array) -> Doubt:
         return Doubt(name, sigma, shared, with_wind(view, predicted_change(view, alpha=error)))
 
-    generator = np.random.default_rng(int.from_bytes(view.flight.encode()[:8].ljust(8, b"0"), "big"))
+    generator = np.random.default_rng(
+        int.from_bytes(view.flight.encode()[:8].ljust(8, b"0"), "big")
+    )
     drawn = [noise.draw(generator, len(view.time), view.step)["alpha"] for _ in range(_DRAWS)]
     return (
         doubt("alpha_scale", NATURAL["scale"], True, view["alpha"]),
-        *(doubt(f"alpha_{number}", _DRAWS**-0.5, False, error) for number, error in enumerate(drawn)),
+        *(
+            doubt(f"alpha_{number}", _DRAWS**-0.5, False, error)
+            for number, error in enumerate(drawn)
+        ),
     )
 
 
 def with_flattening(update: Update, noisier: Sequence[Update], factor: float) -> Update:
     """The update with the doubt that errors in its regressors have flattened it.
 
-    noisier : the same estimated from the same flights with their states' error once more. `factor` times their mean distance is
-    one standard error, of all estimates of an axis together.
+    noisier : the same estimated from the same flights with their states' error once more. `factor`
+    times their mean distance is one standard error, of all estimates of an axis together.
     """
     if not noisier:
         return update
     first = len(update.candidate.increments) - len(update.axes)
     kept, added = update.candidate.increments[:first], update.candidate.increments[first:]
-    axes = tuple(_flattened(axis, [other.axes[number] for other in noisier], factor) for number, axis in enumerate(update.axes))
-    increments = tuple(replace(inc, covariance=axis.covariance) for inc, axis in zip(added, axes, strict=True))
-    return replace(update, axes=axes, candidate=replace(update.candidate, increments=(*kept, *increments)))
+    axes = tuple(
+        _flattened(axis, [other.axes[number] for other in noisier], factor)
+        for number, axis in enumerate(update.axes)
+    )
+    increments = tuple(
+        replace(inc, covariance=axis.covariance) for inc, axis in zip(added, axes, strict=True)
+    )
+    return replace(
+        update, axes=axes, candidate=replace(update.candidate, increments=(*kept, *increments))
+    )
 
 
 def _flattened(axis: AxisUpdate, noisier: Sequence[AxisUpdate], factor: float) -> AxisUpdate:
@@ -63,9 +79,14 @@ def _flattened(axis: AxisUpdate, noisier: Sequence[AxisUpdate], factor: float) -
     moved = np.zeros(len(axis.names))
     for other in noisier:
         found = dict(zip(other.names, other.estimates, strict=True))
-        moved += [(found.get(name, value) - value) / len(noisier) for name, value in zip(axis.names, axis.estimates, strict=True)]
+        moved += [
+            (found.get(name, value) - value) / len(noisier)
+            for name, value in zip(axis.names, axis.estimates, strict=True)
+        ]
     covariance = axis.covariance + factor**2 * np.outer(moved, moved)
     deviation = np.sqrt(np.diag(covariance))
     scale = np.where(deviation > 0, deviation, 1.0)
     correlation = covariance / np.outer(scale, scale) + np.diag(np.where(deviation > 0, 0.0, 1.0))
-    return replace(axis, covariance=covariance, standard_errors=deviation, correlation=np.asarray(correlation))
+    return replace(
+        axis, covariance=covariance, standard_errors=deviation, correlation=np.asarray(correlation)
+    )

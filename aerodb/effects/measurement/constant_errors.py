@@ -1,7 +1,9 @@
-"""What stays wrong with a flight's channels, bias or delay, as doubt in whatever is estimated from it.
+"""What stays wrong with a flight's channels, bias or delay, as doubt in whatever is estimated from
+it.
 
-A bias that stays looks like an aerodynamic coefficient and leaves no trace in the residual, a late angle like one by rates: no
-regression of the residual knows of them. The flight-path reconstruction does; the columns are those of the sensors.
+A bias that stays looks like an aerodynamic coefficient and leaves no trace in the residual, a late
+angle like one by rates: no regression of the residual knows of them. The flight-path reconstruction
+does; the columns are those of the sensors.
 """
 
 from collections.abc import Callable, Collection, Mapping
@@ -19,27 +21,36 @@ from aerodb.support import Array
 from aerodb.tables import WIND_AXES, body_to_wind
 
 
-def doubts(view: FlightView, sigma: Mapping[str, float], own: Collection[str] = ()) -> tuple[Doubt, ...]:
+def doubts(
+    view: FlightView, sigma: Mapping[str, float], own: Collection[str] = ()
+) -> tuple[Doubt, ...]:
     """The doubts in what one flight gives.
 
-    sigma : ``<channel>_bias`` and ``<angle>_delay`` -> one standard error of what is left of it, SI. own : those that this flight
-    alone has; all others are one error in all flights of the vehicle, as that of a calibration is.
+    sigma : ``<channel>_bias`` and ``<angle>_delay`` -> one standard error of what is left of it,
+    SI. own : those that this flight alone has; all others are one error in all flights of the
+    vehicle, as that of a calibration is.
     """
     found = []
     for name, columns in _COLUMNS.items():
         channel = name.rpartition("_")[0]
-        if sigma.get(name, 0.0) > 0 and (channel in view.channels or f"{channel}_imu" in view.channels):
+        if sigma.get(name, 0.0) > 0 and (
+            channel in view.channels or f"{channel}_imu" in view.channels
+        ):
             found.append(Doubt(name, sigma[name], name not in own, with_wind(view, columns(view))))
     return tuple(found)
 
 
 def with_wind(view: FlightView, columns: Columns) -> Columns:
-    """The columns along the body, and what they are along the wind: both sides of a residual are turned by the same angles."""
+    """The columns along the body, and what they are along the wind: both sides of a residual are
+    turned by the same angles."""
     if not view.has(["alpha"]):
         return columns
     cx, cy, cz = (columns.get(axis, np.zeros_like(view["alpha"])) for axis in ("CX", "CY", "CZ"))
     beta = view["beta"] if view.has(["beta"]) else np.zeros_like(view["alpha"])
-    return {**columns, **dict(zip(WIND_AXES, body_to_wind(cx, cy, cz, view["alpha"], beta), strict=True))}
+    return {
+        **columns,
+        **dict(zip(WIND_AXES, body_to_wind(cx, cy, cz, view["alpha"], beta), strict=True)),
+    }
 
 
 def _airspeed(view: FlightView) -> Columns:
@@ -52,7 +63,13 @@ def _airspeed(view: FlightView) -> Columns:
 
 _COLUMNS: Final[Mapping[str, Callable[[FlightView], Columns]]] = {
     "V_bias": _airspeed,
-    **{f"{angle}_bias": partial(sensor_flow_angles.bias, angle=angle) for angle in ("alpha", "beta")},
-    **{f"{angle}_delay": partial(sensor_flow_angles.delay, angle=angle) for angle in ("alpha", "beta")},
+    **{
+        f"{angle}_bias": partial(sensor_flow_angles.bias, angle=angle)
+        for angle in ("alpha", "beta")
+    },
+    **{
+        f"{angle}_delay": partial(sensor_flow_angles.delay, angle=angle)
+        for angle in ("alpha", "beta")
+    },
     **{f"a{axis}_bias": partial(sensor_accelerometer.bias, axis=axis) for axis in "xyz"},
 }

@@ -1,10 +1,11 @@
-"""Mass, centre of gravity and inertia that the vehicle file has wrong, and thrust that its channel has wrong.
+"""Mass, centre of gravity and inertia that the vehicle file has wrong, and thrust that its channel
+has wrong.
 
-Mass: ``(C qbar S + T)/(qbar S)`` per unit of its share, on the forces and through the arm on the moments. CG: the moment
-of the forces about a point that is off, and what the accelerometer and the probe were moved by. Inertia: ``dI wdot + w x
-(dI w)``. Thrust: minus itself, and its moment. Forces and accelerations are the model's: with the measured ones these
-columns span any residual (TRACING step 2). Sizes: mass 1-2 %, CG 1-2 cm, inertia 3-10 %, thrust 3-10 %. Source: 003, eqs.
-1-4.
+Mass: ``(C qbar S + T)/(qbar S)`` per unit of its share, on the forces and through the arm on the
+moments. CG: the moment of the forces about a point that is off, and what the accelerometer and the
+probe were moved by. Inertia: ``dI wdot + w x (dI w)``. Thrust: minus itself, and its moment. Forces
+and accelerations are the model's: with the measured ones these columns span any residual (TRACING
+step 2). Sizes: mass 1-2 %, CG 1-2 cm, inertia 3-10 %, thrust 3-10 %. Source: 003, eqs. 1-4.
 """
 
 from functools import partial
@@ -32,7 +33,9 @@ def centre_of_gravity(view: FlightView, axis: str) -> Columns:
     unit = np.broadcast_to(np.eye(3)["xyz".index(axis)], view.cg.shape)
     force = np.zeros_like(view.cg)
     if view.imu_arm.any():
-        moved = specific_force_at_cg(np.zeros_like(view.cg), view.rates, view.angular_acceleration, -unit)
+        moved = specific_force_at_cg(
+            np.zeros_like(view.cg), view.rates, view.angular_acceleration, -unit
+        )
         force = view["mass"][:, None] * moved
     placed = view.force if view.thrust_moment.any() else view.force - view.thrust
     columns = view.as_coefficients(force, np.cross(unit, placed))
@@ -42,7 +45,8 @@ def centre_of_gravity(view: FlightView, axis: str) -> Columns:
 
 
 def inertia(view: FlightView, name: str) -> Columns:
-    """Columns of inertia_error, the share by which the assumed `name` is too large; of Ixz a share of sqrt(Ixx Izz)."""
+    """Columns of inertia_error, the share by which the assumed `name` is too large; of Ixz a share
+    of sqrt(Ixx Izz)."""
     only = {other: np.zeros(len(view.time)) for other in INERTIAS}
     only[name] = np.sqrt(view["Ixx"] * view["Izz"]) if name == "Ixz" else view[name]
     moment = inertial_moment(view.rates, view.angular_acceleration, only)
@@ -134,7 +138,9 @@ def _thrust(scene: Scene) -> list[Hypothesis]:
 
 
 MASS = Template("mass_error", "sensor", "(C*qbar*S + T)/(qbar*S), and its moment", SOURCE, _mass)
-CG = Template("cg_offset", "sensor", "e x (F + T)/(qbar*S*l), and the arms", SOURCE, _centre_of_gravity)
+CG = Template(
+    "cg_offset", "sensor", "e x (F + T)/(qbar*S*l), and the arms", SOURCE, _centre_of_gravity
+)
 INERTIA = Template("inertia_error", "sensor", "(dI*wdot + w x dI*w)/(qbar*S*l)", SOURCE, _inertia)
 THRUST = Template("thrust_scale", "sensor", "-T/(qbar*S), and its moment", SOURCE, _thrust)
 TEMPLATES = (MASS, CG, INERTIA, THRUST)

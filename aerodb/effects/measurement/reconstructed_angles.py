@@ -1,10 +1,13 @@
-"""Sensors as rivals where a flow angle was reconstructed: what can be wrong, and how far the reconstruction leaves it open.
+"""Sensors as rivals where a flow angle was reconstructed: what can be wrong, and how far the
+reconstruction leaves it open.
 
-Where alpha comes from the motion there is no vane that could be biased or late. The angle itself can be: off by a constant
-(wind), in proportion (airspeed, gusts that nobody saw), late (velocity over the earth), and so it stands among the rivals under
-its own name. And it is made of the accelerations that tracing explains: a trim's alpha goes with one over qbar, as a bias of the
-accelerometer does. But the reconstruction compared the accelerations with what the velocity over the earth did: a bias far beyond
-the standard error of what it took off is not believable (TRACING step 2).
+Where alpha comes from the motion there is no vane that could be biased or late. The angle itself
+can be: off by a constant (wind), in proportion (airspeed, gusts that nobody saw), late (velocity
+over the earth), and so it stands among the rivals under its own name. And it is made of the
+accelerations that tracing explains: a trim's alpha goes with one over qbar, as a bias of the
+accelerometer does. But the reconstruction compared the accelerations with what the velocity over
+the earth did: a bias far beyond the standard error of what it took off is not believable (TRACING
+step 2).
 """
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
@@ -16,7 +19,11 @@ from aerodb.effects.measurement.sensor_flow_angles import WORDS
 
 #: What is believed of a bias that the reconstruction took off, in its standard errors.
 BELIEVED = 3.0
-_SAYS: Final = {"bias": "is off by a constant", "scale": "is off in proportion", "delay": "is late or early"}
+_SAYS: Final = {
+    "bias": "is off by a constant",
+    "scale": "is off in proportion",
+    "delay": "is late or early",
+}
 _OF_PROBE: Final = "air_data_position"
 _INERTIAL: Final = ("accelerometer_bias", "gyro_bias")
 
@@ -24,9 +31,11 @@ _INERTIAL: Final = ("accelerometer_bias", "gyro_bias")
 def of_flow_angles(
     hypotheses: Iterable[Hypothesis], shown: Collection[str], reconstructed: Collection[str]
 ) -> tuple[Hypothesis, ...]:
-    """The hypotheses about the angles (`alpha`, `beta`) that a sensor showed, and about those that were reconstructed.
+    """The hypotheses about the angles (`alpha`, `beta`) that a sensor showed, and about those that
+    were reconstructed.
 
-    In a campaign where some flights have a vane, an angle may be both. Where no angle was shown, the place of the probe is none.
+    In a campaign where some flights have a vane, an angle may be both. Where no angle was shown,
+    the place of the probe is none.
 
     >>> of_flow_angles((), (), ("alpha", "beta"))
     ()
@@ -53,26 +62,39 @@ def _of_reconstructed(hypothesis: Hypothesis, angle: str, kind: str) -> Hypothes
     )
 
 
-def columns_of(hypotheses: Iterable[Hypothesis], reconstructed: Collection[str]) -> tuple[Hypothesis, ...]:
-    """Those of a campaign's hypotheses that make sense for one flight, some of whose angles were `reconstructed`."""
+def columns_of(
+    hypotheses: Iterable[Hypothesis], reconstructed: Collection[str]
+) -> tuple[Hypothesis, ...]:
+    """Those of a campaign's hypotheses that make sense for one flight, some of whose angles were
+    `reconstructed`."""
     left_out = {f"{angle}_{kind}" for angle in reconstructed for kind in _SAYS}
     left_out |= {f"reconstructed_{angle}" for angle in WORDS if angle not in reconstructed}
     left_out |= {_OF_PROBE} if set(WORDS) <= set(reconstructed) else set()
     return tuple(hypothesis for hypothesis in hypotheses if hypothesis.effect not in left_out)
 
 
-def within_what_is_known(hypotheses: Iterable[Hypothesis], known: Sequence[Mapping[str, float]]) -> tuple[Hypothesis, ...]:
-    """The hypotheses, biases of inertial sensors believed only as far as the reconstruction of every flight leaves them open.
+def within_what_is_known(
+    hypotheses: Iterable[Hypothesis], known: Sequence[Mapping[str, float]]
+) -> tuple[Hypothesis, ...]:
+    """The hypotheses, biases of inertial sensors believed only as far as the reconstruction of
+    every flight leaves them open.
 
-    known : one per flight, ``<channel>_bias`` -> standard error (SI) of what was taken off. The least certain flight counts.
+    known : one per flight, ``<channel>_bias`` -> standard error (SI) of what was taken off. The
+    least certain flight counts.
     """
     common = set[str]().union(*known).intersection(*known)
     largest = {name: BELIEVED * max(flight[name] for flight in known) for name in common}
-    return tuple(_narrowed(hypothesis, largest.get(hypothesis.parameter)) for hypothesis in hypotheses)
+    return tuple(
+        _narrowed(hypothesis, largest.get(hypothesis.parameter)) for hypothesis in hypotheses
+    )
 
 
 def _narrowed(hypothesis: Hypothesis, size: float | None) -> Hypothesis:
     if size is None or hypothesis.effect not in _INERTIAL:
         return hypothesis
     low, high = hypothesis.plausible
-    return replace(hypothesis, plausible=(max(low, -size), min(high, size)), known_by="the flight-path reconstruction")
+    return replace(
+        hypothesis,
+        plausible=(max(low, -size), min(high, size)),
+        known_by="the flight-path reconstruction",
+    )

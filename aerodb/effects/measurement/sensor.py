@@ -1,8 +1,9 @@
-"""What the explanations by sensors and vehicle data share: one parameter, felt on all axes through the whole chain.
+"""What the explanations by sensors and vehicle data share: one parameter, felt on all axes through
+the whole chain.
 
-A sensor shows ``(1 + scale) true(t - delay) + bias``. A tangent is the derivative of measured - predicted by such a
-parameter at the current model: where the measurement itself would appear (a mass error scales it), the model's prediction
-takes its place.
+A sensor shows ``(1 + scale) true(t - delay) + bias``. A tangent is the derivative of measured -
+predicted by such a parameter at the current model: where the measurement itself would appear (a
+mass error scales it), the model's prediction takes its place.
 """
 
 from collections.abc import Callable
@@ -34,7 +35,8 @@ def sensor(
     subject: str = "",
     declared: float = 0.0,
 ) -> Hypothesis:
-    """A sensor hypothesis; its sigma is the scene's prior for `parameter`, else `declared`, else `natural`."""
+    """A sensor hypothesis; its sigma is the scene's prior for `parameter`, else `declared`, else
+    `natural`."""
     return Hypothesis(
         effect=effect,
         axes=AXES,
@@ -54,7 +56,9 @@ def sensor(
 
 def bias_prior(scene: Scene, *channels: str) -> float:
     """The first bias prior that the vehicle file declares for one of `channels`, else 0."""
-    found = (scene.vehicle.sensors[name].bias_prior for name in channels if name in scene.vehicle.sensors)
+    found = (
+        scene.vehicle.sensors[name].bias_prior for name in channels if name in scene.vehicle.sensors
+    )
     return next((sigma for sigma in found if sigma > 0), 0.0)
 
 
@@ -64,13 +68,20 @@ def delay_prior(scene: Scene, channel: str) -> float:
 
 
 def predicted_change(view: FlightView, **changes: Array | float) -> dict[str, Array]:
-    """Minus what the prediction changes when inputs of the model change by these amounts (each (n,) or a number): axis -> (n,).
+    """Minus what the prediction changes when inputs of the model change by these amounts (each (n,)
+    or a number): axis -> (n,).
 
     Where the log holds no alphadot or betadot, it was made of the angle and changes with it.
     """
     for angle in ("alpha", "beta"):
-        if np.ndim(changes.get(angle, 0.0)) and f"{angle}dot" in view.derived and view.slope(f"{angle}dot"):
-            changes[f"{angle}dot"] = smooth(np.asarray(changes[angle]), view.step, view.bandwidth).rate
+        if (
+            np.ndim(changes.get(angle, 0.0))
+            and f"{angle}dot" in view.derived
+            and view.slope(f"{angle}dot")
+        ):
+            changes[f"{angle}dot"] = smooth(
+                np.asarray(changes[angle]), view.step, view.bandwidth
+            ).rate
     total = {axis: np.zeros(len(view.time)) for axis in AXES}
     for variable, change in changes.items():
         for axis, slope in view.slope(variable).items():

@@ -1,7 +1,8 @@
-"""An accelerometer that reads too much by a constant: a force that grows as dynamic pressure falls, and its moment.
+"""An accelerometer that reads too much by a constant: a force that grows as dynamic pressure falls,
+and its moment.
 
-``dC_x = m/(qbar S)`` on its own force, and through the arm from the CG to the moment reference on the moments about that.
-Size: .01 to .2 m/s2. Source: 003, eqs. 1-3; TRACING step 2.
+``dC_x = m/(qbar S)`` on its own force, and through the arm from the CG to the moment reference on
+the moments about that. Size: .01 to .2 m/s2. Source: 003, eqs. 1-3; TRACING step 2.
 """
 
 from functools import partial
@@ -44,4 +45,6 @@ def _hypotheses(scene: Scene) -> list[Hypothesis]:
     ]
 
 
-TEMPLATE = Template("accelerometer_bias", "sensor", "m/(qbar*S), and its moment", SOURCE, _hypotheses)
+TEMPLATE = Template(
+    "accelerometer_bias", "sensor", "m/(qbar*S), and its moment", SOURCE, _hypotheses
+)

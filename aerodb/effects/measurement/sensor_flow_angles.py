@@ -1,9 +1,11 @@
-"""Angle of attack or sideslip that reads wrong: by a constant, in proportion, late, or from elsewhere than was assumed.
+"""Angle of attack or sideslip that reads wrong: by a constant, in proportion, late, or from
+elsewhere than was assumed.
 
-A reading that is off by d changes the prediction by d dC/dangle, so that the column is minus that: bias ``-dC/dalpha``,
-scale ``-alpha dC/dalpha``, delay ``+alphadot dC/dalpha``, of what the probe shows; a rate that was made from the angle is
-off alike. A probe that sits dx further ahead than assumed shows the rotation of more arm, on both angles. Sizes: .2 to .5
-deg, some %, .01 to .03 s (Twin Otter), and 13 m for a boom taken as the CG (ATTAS stall records). Source: TRACING step 2;
+A reading that is off by d changes the prediction by d dC/dangle, so that the column is minus that:
+bias ``-dC/dalpha``, scale ``-alpha dC/dalpha``, delay ``+alphadot dC/dalpha``, of what the probe
+shows; a rate that was made from the angle is off alike. A probe that sits dx further ahead than
+assumed shows the rotation of more arm, on both angles. Sizes: .2 to .5 deg, some %, .01 to .03 s
+(Twin Otter), and 13 m for a boom taken as the CG (ATTAS stall records). Source: TRACING step 2;
 Klein & Morelli 2006, section 10.2.
 
 >>> changes = flow_changes(np.array([[0.0], [0.0], [-0.5]]), 50.0, 0.0, 0.0)  # 0.5 rad/s nose up, seen one metre ahead
@@ -42,8 +44,11 @@ def scale(view: FlightView, angle: str) -> Columns:
 
 
 def delay(view: FlightView, angle: str) -> Columns:
-    """Columns of ``<angle>_delay``, 1/s: a reading that is late by t is off by ``-t`` times its rate."""
-    return predicted_change(view, **{angle: -smooth(at_probe(view, angle), view.step, view.bandwidth).rate})
+    """Columns of ``<angle>_delay``, 1/s: a reading that is late by t is off by ``-t`` times its
+    rate."""
+    return predicted_change(
+        view, **{angle: -smooth(at_probe(view, angle), view.step, view.bandwidth).rate}
+    )
 
 
 def at_probe(view: FlightView, angle: str) -> Array:
@@ -51,7 +56,9 @@ def at_probe(view: FlightView, angle: str) -> Array:
     if not view.air_data_arm.any():
         return view[angle]
     speed, alpha, beta = view["V"], view["alpha"], view["beta"]
-    air = speed * np.stack([np.cos(beta) * np.cos(alpha), np.sin(beta), np.cos(beta) * np.sin(alpha)])
+    air = speed * np.stack(
+        [np.cos(beta) * np.cos(alpha), np.sin(beta), np.cos(beta) * np.sin(alpha)]
+    )
     u, v, w = air + np.cross(view.rates, view.air_data_arm).T
     return np.arctan2(w, u) if angle == "alpha" else np.arctan2(v, np.hypot(u, w))
 
@@ -59,33 +66,46 @@ def at_probe(view: FlightView, angle: str) -> Array:
 def position(view: FlightView, axis: str) -> Columns:
     """Columns of ``air_data_<axis>``, 1/m: the probe is further along body `axis` than assumed.
 
-    The assumed arm is taken off, ``v - omega x r``, so that what is too little is left in: ``+omega x e``.
+    The assumed arm is taken off, ``v - omega x r``, so that what is too little is left in: ``+omega
+    x e``.
     """
     return predicted_change(view, **moved_probe(view, axis))
 
 
 def moved_probe(view: FlightView, axis: str) -> dict[str, Array]:
-    """Changes (n,) of alpha, beta [rad/m] and V [1/s] at the CG per metre that the probe is further along body `axis`."""
+    """Changes (n,) of alpha, beta [rad/m] and V [1/s] at the CG per metre that the probe is further
+    along body `axis`."""
     unit = np.eye(3)["xyz".index(axis)]
-    return flow_changes(np.cross(view.rates, unit).T, np.maximum(view["V"], SLOWEST), view["alpha"], view["beta"])
+    return flow_changes(
+        np.cross(view.rates, unit).T, np.maximum(view["V"], SLOWEST), view["alpha"], view["beta"]
+    )
 
 
 def flow_changes(velocity: Array, speed: Value, alpha: Value, beta: Value) -> dict[str, Array]:
-    """Changes (n,) of alpha, beta [rad] and V [m/s] when the velocity in body axes changes by `velocity` (3, n) [m/s].
+    """Changes (n,) of alpha, beta [rad] and V [m/s] when the velocity in body axes changes by
+    `velocity` (3, n) [m/s].
 
-    ``dalpha = (cos alpha dw - sin alpha du)/(V cos beta)``, ``dbeta = (cos beta dv - sin beta (cos alpha du + sin alpha dw))/V``,
-    ``dV = cos beta (cos alpha du + sin alpha dw) + sin beta dv``.
+    ``dalpha = (cos alpha dw - sin alpha du)/(V cos beta)``, ``dbeta = (cos beta dv - sin beta (cos
+    alpha du + sin alpha dw))/V``, ``dV = cos beta (cos alpha du + sin alpha dw) + sin beta dv``.
     """
     du, dv, dw = velocity
     ca, sa, cb, sb = np.cos(alpha), np.sin(alpha), np.cos(beta), np.sin(beta)
     along = ca * du + sa * dw
-    return {"alpha": (ca * dw - sa * du) / (speed * cb), "beta": (cb * dv - sb * along) / speed, "V": cb * along + sb * dv}
+    return {
+        "alpha": (ca * dw - sa * du) / (speed * cb),
+        "beta": (cb * dv - sb * along) / speed,
+        "V": cb * along + sb * dv,
+    }
 
 
 def _template(angle: str, kind: str) -> Template:
     effect, words = f"{angle}_{kind}", WORDS[angle]
     tangent = {"bias": bias, "scale": scale, "delay": delay}[kind]
-    formula = {"bias": f"-dC/d{angle}", "scale": f"-{angle}*dC/d{angle}", "delay": f"{angle}dot*dC/d{angle}"}[kind]
+    formula = {
+        "bias": f"-dC/d{angle}",
+        "scale": f"-{angle}*dC/d{angle}",
+        "delay": f"{angle}dot*dC/d{angle}",
+    }[kind]
     because = {
         "bias": f"{words} reads too high or too low by a constant",
         "scale": f"{words} reads in proportion too high or too low",
@@ -94,7 +114,11 @@ def _template(angle: str, kind: str) -> Template:
     unit, size = {"bias": ("rad", 0.06), "scale": ("1", 0.3), "delay": ("s", 0.2)}[kind]
 
     def hypotheses(scene: Scene) -> list[Hypothesis]:
-        declared = {"bias": bias_prior(scene, angle), "scale": 0.0, "delay": delay_prior(scene, angle)}[kind]
+        declared = {
+            "bias": bias_prior(scene, angle),
+            "scale": 0.0,
+            "delay": delay_prior(scene, angle),
+        }[kind]
         return [
             sensor(
                 scene,
@@ -136,5 +160,10 @@ def _position(scene: Scene) -> list[Hypothesis]:
     ]
 
 
-POSITION = Template("air_data_position", "sensor", "-dC/dalpha*dalpha/dx - dC/dbeta*dbeta/dx", SOURCE, _position)
-TEMPLATES = (*(_template(angle, kind) for angle in WORDS for kind in ("bias", "scale", "delay")), POSITION)
+POSITION = Template(
+    "air_data_position", "sensor", "-dC/dalpha*dalpha/dx - dC/dbeta*dbeta/dx", SOURCE, _position
+)
+TEMPLATES = (
+    *(_template(angle, kind) for angle in WORDS for kind in ("bias", "scale", "delay")),
+    POSITION,
+)

@@ -1,9 +1,9 @@
 """A gyro that reads wrong: by a constant or in proportion.
 
-The wrong rate goes everywhere at once: into the prediction through the rate derivatives, into the measured moment ``I
-wdot + w x (I w)``, into the specific force that is moved from the accelerometer to the CG, into the air data that are
-moved from the probe. Accelerations in the column are those of the model. Size: 1e-3 rad/s, a few parts in a thousand.
-Source: 003, eqs. 1-4.
+The wrong rate goes everywhere at once: into the prediction through the rate derivatives, into the
+measured moment ``I wdot + w x (I w)``, into the specific force that is moved from the accelerometer
+to the CG, into the air data that are moved from the probe. Accelerations in the column are those of
+the model. Size: 1e-3 rad/s, a few parts in a thousand. Source: 003, eqs. 1-4.
 """
 
 from functools import partial
@@ -36,16 +36,22 @@ def scale(view: FlightView, rate: str) -> Columns:
 
 
 def wrong_rates(view: FlightView, change: Array, acceleration_change: Array) -> dict[str, Array]:
-    """Columns of rates that read `change` (n, 3) and angular accelerations that read `acceleration_change` too much.
+    """Columns of rates that read `change` (n, 3) and angular accelerations that read
+    `acceleration_change` too much.
 
-    Force and moment are quadratic in the rates: half the difference between more and less is the derivative, exactly.
+    Force and moment are quadratic in the rates: half the difference between more and less is the
+    derivative, exactly.
     """
     inertia = {name: view[name] for name in ("Ixx", "Iyy", "Izz", "Ixz")}
     rates, acceleration = view.rates, view.angular_acceleration
     force, moment = np.zeros_like(rates), np.zeros_like(rates)
     for sign in (0.5, -0.5):
         turn, speeding = rates + 2 * sign * change, acceleration + 2 * sign * acceleration_change
-        force += sign * view["mass"][:, None] * specific_force_at_cg(np.zeros_like(rates), turn, speeding, view.imu_arm)
+        force += (
+            sign
+            * view["mass"][:, None]
+            * specific_force_at_cg(np.zeros_like(rates), turn, speeding, view.imu_arm)
+        )
         moment += sign * inertial_moment(turn, speeding, inertia)
     changes = dict(zip("pqr", change.T, strict=True))
     if view.air_data_arm.any():
@@ -55,8 +61,13 @@ def wrong_rates(view: FlightView, change: Array, acceleration_change: Array) -> 
 
 
 def _template(kind: str) -> Template:
-    effect, formula = f"gyro_{kind}", "d(I wdot + w x I w, m a at CG)/drate - dC/drate - dC/dalpha*dalpha/drate"
-    tangent, unit, size, natural = (bias, "rad/s", 0.03, 0.001) if kind == "bias" else (scale, "1", 0.2, 0.005)
+    effect, formula = (
+        f"gyro_{kind}",
+        "d(I wdot + w x I w, m a at CG)/drate - dC/drate - dC/dalpha*dalpha/drate",
+    )
+    tangent, unit, size, natural = (
+        (bias, "rad/s", 0.03, 0.001) if kind == "bias" else (scale, "1", 0.2, 0.005)
+    )
     how = "by a constant" if kind == "bias" else "in proportion"
 
     def hypotheses(scene: Scene) -> list[Hypothesis]:

@@ -1,8 +1,10 @@
-"""Dynamic pressure that reads wrong: in proportion (pitot coefficient), or by a constant (zero shift).
+"""Dynamic pressure that reads wrong: in proportion (pitot coefficient), or by a constant (zero
+shift).
 
-``qbar_scale``: ``-C - qbar dC/dqbar``; ``qbar_offset``: ``-C/qbar - dC/dqbar``; the second part only where the database
-looks at qbar. C is the model's. All coefficients shrink together, which no one aerodynamic effect does. Size: 2 % (003's
-limit); 10.19 % was found by 003 on one flight. Source: 003, eq. 5; TRACING step 2.
+``qbar_scale``: ``-C - qbar dC/dqbar``; ``qbar_offset``: ``-C/qbar - dC/dqbar``; the second part
+only where the database looks at qbar. C is the model's. All coefficients shrink together, which no
+one aerodynamic effect does. Size: 2 % (003's limit); 10.19 % was found by 003 on one flight.
+Source: 003, eq. 5; TRACING step 2.
 """
 
 from aerodb.effects.flight_view import FlightView

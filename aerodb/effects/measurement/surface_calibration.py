@@ -1,10 +1,12 @@
-"""Deflections that are not what the log says: a wrong calibration of a surface or a pair, or one side of a pair that fails.
+"""Deflections that are not what the log says: a wrong calibration of a surface or a pair, or one
+side of a pair that fails.
 
-``surface_scale``: the log shows ``(1 + s)`` times the deflection: ``-sum delta dC/ddelta`` over a surface, or over both
-deflections of a pair of surfaces (right and left of one kind, calibrated alike). ``surface_asymmetry`` as a fault of the
-vehicle: one surface of a pair moves less than its log says by a share k, 1 when it is stuck: ``-delta dC/ddelta`` of that
-surface alone. Sizes: 3 % of calibration; a fault is anything up to 1, for a single surface too. Source: 003, eq. 6;
-CONVENTIONS (logs hold commands).
+``surface_scale``: the log shows ``(1 + s)`` times the deflection: ``-sum delta dC/ddelta`` over a
+surface, or over both deflections of a pair of surfaces (right and left of one kind, calibrated
+alike). ``surface_asymmetry`` as a fault of the vehicle: one surface of a pair moves less than its
+log says by a share k, 1 when it is stuck: ``-delta dC/ddelta`` of that surface alone. Sizes: 3 % of
+calibration; a fault is anything up to 1, for a single surface too. Source: 003, eq. 6; CONVENTIONS
+(logs hold commands).
 """
 
 from functools import partial
@@ -24,7 +26,8 @@ def scale(view: FlightView, channels: tuple[str, ...]) -> Columns:
 
 
 def fault(view: FlightView, surface: str, symmetric: str, asymmetric: str, side: float) -> Columns:
-    """Columns of a surface (`side` +1 right, -1 left) that moves less than logged, through the deflections that it is part of."""
+    """Columns of a surface (`side` +1 right, -1 left) that moves less than logged, through the
+    deflections that it is part of."""
     half = 0.5 * view[surface]
     changes = {symmetric: half, asymmetric: side * half}
     return predicted_change(view, **{name: change for name, change in changes.items() if name})
@@ -45,12 +48,16 @@ def pair_name(right: str, left: str) -> str:
     >>> pair_name("elevon_inboard_right", "elevon_inboard_left"), pair_name("a", "b")
     ('elevon_inboard', 'a_b')
     """
-    common = [one for one, other in zip(right.split("_"), left.split("_"), strict=False) if one == other]
+    common = [
+        one for one, other in zip(right.split("_"), left.split("_"), strict=False) if one == other
+    ]
     return "_".join(common) or f"{right}_{left}"
 
 
 def _scale(scene: Scene) -> list[Hypothesis]:
-    groups = {pair_name(*sides): tuple(s.channel for s in found) for sides, found in pairs(scene).items()}
+    groups = {
+        pair_name(*sides): tuple(s.channel for s in found) for sides, found in pairs(scene).items()
+    }
     groups |= {surface.name: (surface.channel,) for surface in scene.surfaces if not surface.right}
     return [
         sensor(
@@ -61,7 +68,10 @@ def _scale(scene: Scene) -> list[Hypothesis]:
             unit="1",
             plausible=(-0.5, 1.1),
             natural=0.03,
-            because=f"the {name.replace('_', ' ')} deflects in proportion less or more than the log says",
+            because=(
+                f"the {name.replace('_', ' ')} deflects in proportion less or more than the log"
+                " says"
+            ),
             formula=" ".join(f"- {channel}*dC/d{channel}" for channel in channels),
             needs=channels,
             source=SOURCE,
@@ -75,7 +85,9 @@ def _scale(scene: Scene) -> list[Hypothesis]:
 def _fault(scene: Scene) -> list[Hypothesis]:
     found = []
     for sides, combined in pairs(scene).items():
-        kinds = {scene.vehicle.combinations[surface.name].kind: surface.channel for surface in combined}
+        kinds = {
+            scene.vehicle.combinations[surface.name].kind: surface.channel for surface in combined
+        }
         symmetric, asymmetric = kinds.get("symmetric", ""), kinds.get("asymmetric", "")
         for name, side in zip(sides, (1.0, -1.0), strict=True):
             channel = f"delta_{name}"
@@ -84,11 +96,19 @@ def _fault(scene: Scene) -> list[Hypothesis]:
                     scene,
                     "surface_asymmetry",
                     f"{channel}_lost",
-                    partial(fault, surface=channel, symmetric=symmetric, asymmetric=asymmetric, side=side),
+                    partial(
+                        fault,
+                        surface=channel,
+                        symmetric=symmetric,
+                        asymmetric=asymmetric,
+                        side=side,
+                    ),
                     unit="1",
                     plausible=(-0.3, 1.1),
                     natural=0.02,
-                    because=f"the {name.replace('_', ' ')} moves less than the log says, or is stuck",
+                    because=(
+                        f"the {name.replace('_', ' ')} moves less than the log says, or is stuck"
+                    ),
                     formula=f"-{channel}*dC/d{channel}",
                     needs=(channel, *kinds.values()),
                     source=SOURCE,

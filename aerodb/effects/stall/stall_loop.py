@@ -1,10 +1,11 @@
 """A stall whose lift has two branches that meet where the flow switches: a closed static loop.
 
-With X of a relay (`flow_attachment`, 0 from `high` until alpha falls below `low`):
-``C_lift += k (1 - X)(alpha - alpha_0) max(alpha - low, 0) max(high - alpha, 0)``. Unlike the loss of a share of the lift
-(`stall_hysteresis`), nothing jumps at either end: the lift is lost in between, on the way back. Size: at most half the
-attached lift, 200 per rad^3 for a loop 15 deg wide. Needs flight through the stall and back. Source: static loops of airfoils
-as Mueller, J. Aircraft 22(9), 1985, shows them; light aircraft of JSBSim (aero/stall-hyst-norm).
+With X of a relay (`flow_attachment`, 0 from `high` until alpha falls below `low`): ``C_lift += k (1
+- X)(alpha - alpha_0) max(alpha - low, 0) max(high - alpha, 0)``. Unlike the loss of a share of the
+lift (`stall_hysteresis`), nothing jumps at either end: the lift is lost in between, on the way
+back. Size: at most half the attached lift, 200 per rad^3 for a loop 15 deg wide. Needs flight
+through the stall and back. Source: static loops of airfoils as Mueller, J. Aircraft 22(9), 1985,
+shows them; light aircraft of JSBSim (aero/stall-hyst-norm).
 
 The two angles are chosen by `fitted`, and for each flight's vote on the *other* flights.
 
@@ -46,18 +47,23 @@ def regressor(database: AeroDatabase, law: Relay) -> Expression:
 
 
 def template(law: Relay, others: Mapping[str, Relay] | None = None) -> Template:
-    """The loop with this law, beside the stalls of the library; others : flight -> the law by which that flight is judged."""
+    """The loop with this law, beside the stalls of the library; others : flight -> the law by which
+    that flight is judged."""
     by_flight = dict(others or {})
     text = "; ".join([str(law), *(f"{flight}: {one}" for flight, one in sorted(by_flight.items()))])
 
     def expanded(scene: Scene) -> list[Hypothesis]:
-        lift = next(h for h in stall_hysteresis.hypotheses(scene, law, SUBJECT) if h.parameter == "C_lift_X")
+        lift = next(
+            h for h in stall_hysteresis.hypotheses(scene, law, SUBJECT) if h.parameter == "C_lift_X"
+        )
         term = regressor(scene.database, law)
 
         def tangent(view: FlightView) -> Columns:
             own = by_flight.get(view.flight, law)
             column = regressor(scene.database, own)
-            return stall_hysteresis.columns(view, axis="C_lift", regressor=column, laws={"": own}, one=True)
+            return stall_hysteresis.columns(
+                view, axis="C_lift", regressor=column, laws={"": own}, one=True
+            )
 
         return [
             replace(
@@ -73,7 +79,13 @@ def template(law: Relay, others: Mapping[str, Relay] | None = None) -> Template:
             )
         ]
 
-    return Template("stall_hysteresis", "aerodynamic", f"C_lift += k*{LOOP.format('(alpha - alpha_0)', 0, 0)}", SOURCE, expanded)
+    return Template(
+        "stall_hysteresis",
+        "aerodynamic",
+        f"C_lift += k*{LOOP.format('(alpha - alpha_0)', 0, 0)}",
+        SOURCE,
+        expanded,
+    )
 
 
 def with_state(database: AeroDatabase, law: Relay) -> AeroDatabase:
@@ -88,11 +100,13 @@ def with_state(database: AeroDatabase, law: Relay) -> AeroDatabase:
 
 
 def fitted(flights: Sequence[StallFlight]) -> Relay:
-    """The angles between which the flights' lift has its loop: least squares over a grid, then over a finer one.
+    """The angles between which the flights' lift has its loop: least squares over a grid, then over
+    a finer one.
 
     Each flight keeps a constant of its own; samples are means over blocks (`stall_shape.blocked`).
 
-    Raises InputError without flights and where no flight goes far enough up and back for a loop to be seen.
+    Raises InputError without flights and where no flight goes far enough up and back for a loop to
+    be seen.
     """
     if not flights:
         raise InputError("no flight", "loop of a stall", "give flights through the stall and back")
@@ -110,7 +124,9 @@ def fitted(flights: Sequence[StallFlight]) -> Relay:
                 if explained > (best[0] if best else 0.0):
                     best = explained, law
     if best is None:
-        raise InputError("no flight goes through a stall and back", "loop of a stall", "fly a deeper stall")
+        raise InputError(
+            "no flight goes through a stall and back", "loop of a stall", "fly a deeper stall"
+        )
     return best[1]
 
 
@@ -120,7 +136,12 @@ def _explained(flights: Sequence[StallFlight], law: Relay) -> float:
     for flight in flights:
         lost = 1.0 - flight.attached(law)
         within = np.maximum(flight.alpha - law.low, 0.0) * np.maximum(law.high - flight.alpha, 0.0)
-        pair = blocked(flight, np.column_stack([lost * (flight.alpha - flight.alpha_0) * within, flight.residual["C_lift"]]))
+        pair = blocked(
+            flight,
+            np.column_stack(
+                [lost * (flight.alpha - flight.alpha_0) * within, flight.residual["C_lift"]]
+            ),
+        )
         column, residual = (pair - pair.mean(axis=0)).T
         columns.append(column)
         residuals.append(residual)

@@ -1,11 +1,14 @@
-"""How stalled flow takes lift, adds drag and pitches: families of shapes, and the one that flights agree with best.
+"""How stalled flow takes lift, adds drag and pitches: families of shapes, and the one that flights
+agree with best.
 
-A shape has few nonlinear parameters; given them, everything else is linear: on every axis a gain beside the attached flow's
-own corrections (nuisances). So the shape alone is searched, the rest is projected out (variable projection; Golub & Pereyra,
-SIAM J. Numer. Anal. 10(2), 1973). All axes share one shape: it is one flow. Lift alone hardly determines it, three axes do.
+A shape has few nonlinear parameters; given them, everything else is linear: on every axis a gain
+beside the attached flow's own corrections (nuisances). So the shape alone is searched, the rest is
+projected out (variable projection; Golub & Pereyra, SIAM J. Numer. Anal. 10(2), 1973). All axes
+share one shape: it is one flow. Lift alone hardly determines it, three axes do.
 
-Shapes are bounded to the data: one that leaves more than half of the flow attached in every flight has an unknown gain and is
-not tried. A shape that was chosen on a flight must not be judged on it: `cross_fitted` chooses each flight's on the others.
+Shapes are bounded to the data: one that leaves more than half of the flow attached in every flight
+has an unknown gain and is not tried. A shape that was chosen on a flight must not be judged on it:
+`cross_fitted` chooses each flight's on the others.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -22,19 +25,27 @@ from aerodb.errors import InputError, UnknownNameError, nearest
 from aerodb.support import Array
 from aerodb.tables import STATE_CHANNEL, Kirchhoff, Law, Relay, StateModel, slow_rate
 
-#: Axis -> believable range of its gain: lift slope that separates [1/rad], drag and pitching moment of separated flow.
-GAINS: Final[Mapping[str, tuple[float, float]]] = {"C_lift": (0.0, 7.0), "C_drag": (0.0, 2.0), "Cm": (-2.0, 2.0)}
+#: Axis -> believable range of its gain: lift slope that separates [1/rad], drag and pitching moment
+#: of separated flow.
+GAINS: Final[Mapping[str, tuple[float, float]]] = {
+    "C_lift": (0.0, 7.0),
+    "C_drag": (0.0, 2.0),
+    "Cm": (-2.0, 2.0),
+}
 
-#: Shapes are compared in means over this time [s], which keeps what is slower than about 2 Hz: above that a stall is buffet.
+#: Shapes are compared in means over this time [s], which keeps what is slower than about 2 Hz:
+#: above that a stall is buffet.
 BLOCK: Final = 0.25
 
 #: Least separated flow that some flight must show.
 _SEPARATED: Final = 0.5
 
-#: Bounds of the shapes: sharpness [1/rad] (beyond 200 the step is narrower than alpha is known), lag and relaxation [chords].
+#: Bounds of the shapes: sharpness [1/rad] (beyond 200 the step is narrower than alpha is known),
+#: lag and relaxation [chords].
 _SHARPNESS, _LAG, _RELAXATION = (5.0, 200.0), (0.0, 40.0), (0.0, 40.0)
 
-#: How far beyond the greatest angle of attack [rad] flow may be half separated: a lag carries the effective angle there.
+#: How far beyond the greatest angle of attack [rad] flow may be half separated: a lag carries the
+#: effective angle there.
 _BEYOND: Final = 0.1
 
 
@@ -42,8 +53,9 @@ _BEYOND: Final = 0.1
 class StallFlight:
     """One flight as shapes see it.
 
-    time (n,) s; alpha, V (n,) SI; chord m; alpha_0 [rad], the database's angle of zero lift. residual : axis of GAINS -> (n,),
-    measured - predicted. nuisance : axis -> (n, k), what may be corrected of the attached flow, constant included. usable (n,).
+    time (n,) s; alpha, V (n,) SI; chord m; alpha_0 [rad], the database's angle of zero lift.
+    residual : axis of GAINS -> (n,), measured - predicted. nuisance : axis -> (n, k), what may be
+    corrected of the attached flow, constant included. usable (n,).
     """
 
     flight: str
@@ -62,12 +74,15 @@ class StallFlight:
         return float(self.time[-1] - self.time[0]) / (len(self.time) - 1)
 
     def attached(self, law: Law, quickly: bool = False) -> Array:
-        """(n,) how far the flow is attached under a law; `quickly`: alphadot between those of two lags near the law's."""
+        """(n,) how far the flow is attached under a law; `quickly`: alphadot between those of two
+        lags near the law's."""
         channels = {"alpha": self.alpha, "V": self.V}
         if quickly and not isinstance(law, Relay) and law.lag > 0.0:
             place = float(np.clip(np.log2(law.lag), 0.0, len(self._rates) - 1.001))
             below, share = int(place), place % 1.0
-            channels["alphadot"] = (1.0 - share) * self._rates[below] + share * self._rates[below + 1]
+            channels["alphadot"] = (1.0 - share) * self._rates[below] + share * self._rates[
+                below + 1
+            ]
         return StateModel(STATE_CHANNEL, law).along(self.time, channels, self.chord)
 
     @cached_property
@@ -78,7 +93,8 @@ class StallFlight:
 
 
 def lift_factor(attached: Array) -> Array:
-    """What separation takes of the attached lift slope: ``((1 + sqrt X)/2)^2 - 1``, 0 attached, -3/4 separated.
+    """What separation takes of the attached lift slope: ``((1 + sqrt X)/2)^2 - 1``, 0 attached,
+    -3/4 separated.
 
     >>> lift_factor(np.array([1.0, 0.0])).tolist()
     [0.0, -0.75]
@@ -87,7 +103,8 @@ def lift_factor(attached: Array) -> Array:
 
 
 def blocked(flight: StallFlight, values: Array) -> Array:
-    """Means (m, ...) of `values` (n, ...) over blocks of `BLOCK`, in which all samples are usable."""
+    """Means (m, ...) of `values` (n, ...) over blocks of `BLOCK`, in which all samples are
+    usable."""
     size = max(1, round(BLOCK / flight.step))
     whole = len(flight.time) // size * size
     good = flight.usable[:whole].reshape(-1, size).all(axis=1)
@@ -99,9 +116,10 @@ Parameters = tuple[float, ...]
 
 @dataclass(frozen=True)
 class Family:
-    """Shapes of one kind. law : of its parameters, None for static ones without a state; static : of alpha and the parameters,
-    (n,), what replaces separated flow. names, bounds : of the parameters; those that are called ``alpha_*`` are bounded to
-    the flights. starts : where the search begins, as shares of the bounds."""
+    """Shapes of one kind. law : of its parameters, None for static ones without a state; static :
+    of alpha and the parameters, (n,), what replaces separated flow. names, bounds : of the
+    parameters; those that are called ``alpha_*`` are bounded to the flights. starts : where the
+    search begins, as shares of the bounds."""
 
     name: str
     names: tuple[str, ...]
@@ -110,41 +128,62 @@ class Family:
     static: Callable[[Array, Parameters], Array] | None = None
     starts: tuple[tuple[float, ...], ...] = ()
 
-    def columns(self, flight: StallFlight, parameters: Parameters, quickly: bool = False) -> dict[str, Array]:
-        """Axis -> (n,): what a gain of one adds to the residual; `quickly` as `StallFlight.attached`."""
+    def columns(
+        self, flight: StallFlight, parameters: Parameters, quickly: bool = False
+    ) -> dict[str, Array]:
+        """Axis -> (n,): what a gain of one adds to the residual; `quickly` as
+        `StallFlight.attached`."""
         if self.law is None:
             assert self.static is not None
             return dict.fromkeys(GAINS, self.static(flight.alpha, parameters))
         attached = flight.attached(self.law(parameters), quickly)
-        return {"C_lift": (flight.alpha - flight.alpha_0) * lift_factor(attached), "C_drag": 1.0 - attached, "Cm": 1.0 - attached}
+        return {
+            "C_lift": (flight.alpha - flight.alpha_0) * lift_factor(attached),
+            "C_drag": 1.0 - attached,
+            "Cm": 1.0 - attached,
+        }
 
     def gains(self, axis: str) -> tuple[float, float]:
-        """Bounds of the gain on an axis: flow that separates is believed, static curves may bend either way."""
+        """Bounds of the gain on an axis: flow that separates is believed, static curves may bend
+        either way."""
         return GAINS[axis] if self.law is not None else (-np.inf, np.inf)
 
     def seen(self, flights: Sequence[StallFlight], parameters: Parameters) -> bool:
         """Whether some flight shows enough separated flow for a gain to be known."""
         if self.law is None:
-            return any(bool(np.any(self.static(f.alpha, parameters) != 0.0)) for f in flights if self.static)
+            return any(
+                bool(np.any(self.static(f.alpha, parameters) != 0.0))
+                for f in flights
+                if self.static
+            )
         law = self.law(parameters)
-        return any(float(np.nanmin(flight.attached(law, quickly=True))) < 1.0 - _SEPARATED for flight in flights)
+        return any(
+            float(np.nanmin(flight.attached(law, quickly=True))) < 1.0 - _SEPARATED
+            for flight in flights
+        )
 
     def refined(self, cost: Callable[[Array], float], share: Array) -> Array:
-        """The best shares of the bounds (k,) near a start. A relay's cost has steps: a finer and finer grid finds them."""
+        """The best shares of the bounds (k,) near a start. A relay's cost has steps: a finer and
+        finer grid finds them."""
         if not len(share):
             return share
         if self.name != "relay":
             size = {"xatol": 1e-3, "fatol": 1e-2, "maxiter": 300}
             span = [(0.0, 1.0)] * len(share)
-            return np.asarray(minimize(cost, share, method="Nelder-Mead", bounds=span, options=size).x)  # type: ignore[call-overload]
+            found = minimize(cost, share, method="Nelder-Mead", bounds=span, options=size)  # type: ignore[call-overload]
+            return np.asarray(found.x)
         for reach in (0.05, 0.01, 0.002):
             for number in range(len(share)):
-                tried = [np.where(np.arange(len(share)) == number, x, share) for x in share[number] + reach * _FINE]
+                tried = [
+                    np.where(np.arange(len(share)) == number, x, share)
+                    for x in share[number] + reach * _FINE
+                ]
                 share = min(tried, key=cost)
         return share
 
     def limits(self, flights: Sequence[StallFlight]) -> Array:
-        """(k, 2) bounds of the parameters; angles between the usual and the greatest of these flights (a lag: beyond)."""
+        """(k, 2) bounds of the parameters; angles between the usual and the greatest of these
+        flights (a lag: beyond)."""
         high = max(float(np.max(flight.alpha[flight.usable])) for flight in flights)
         low = min(float(np.median(flight.alpha[flight.usable])) for flight in flights)
         beyond = _BEYOND if "lag" in self.names else 0.0
@@ -154,7 +193,9 @@ class Family:
             "alpha_low": (0.0, high),
             "alpha_high": (low, high),
         }
-        return np.array([span.get(name, bound) for name, bound in zip(self.names, self.bounds, strict=True)]).reshape(-1, 2)
+        return np.array(
+            [span.get(name, bound) for name, bound in zip(self.names, self.bounds, strict=True)]
+        ).reshape(-1, 2)
 
 
 _ANGLE: Final = (0.0, 1.0)
@@ -198,9 +239,19 @@ FAMILIES: Final[Mapping[str, Family]] = {
             law=lambda p: Kirchhoff(p[0], p[1]),
             starts=_grid((0.1, 0.3, 0.6), _SHARES),
         ),
-        Family("slope_break", ("alpha_break",), (_ANGLE,), static=lambda a, p: np.maximum(a - p[0], 0.0), starts=_grid(_SHARES)),
         Family(
-            "square_break", ("alpha_break",), (_ANGLE,), static=lambda a, p: np.maximum(a - p[0], 0.0) ** 2, starts=_grid(_SHARES)
+            "slope_break",
+            ("alpha_break",),
+            (_ANGLE,),
+            static=lambda a, p: np.maximum(a - p[0], 0.0),
+            starts=_grid(_SHARES),
+        ),
+        Family(
+            "square_break",
+            ("alpha_break",),
+            (_ANGLE,),
+            static=lambda a, p: np.maximum(a - p[0], 0.0) ** 2,
+            starts=_grid(_SHARES),
         ),
         Family("alpha_squared", (), (), static=lambda a, p: a**2, starts=((),)),
     )
@@ -211,8 +262,9 @@ FAMILIES: Final[Mapping[str, Family]] = {
 class Shape:
     """The shape of a family that flights agree with best, and the linear rest at it.
 
-    parameters : name -> value; at_bound : names at a bound. gains : axis -> gain; nuisance : axis -> (k,). cost : minus the log
-    likelihood but for a constant, samples being block means; they are no independent votes. flights : those that chose it.
+    parameters : name -> value; at_bound : names at a bound. gains : axis -> gain; nuisance : axis
+    -> (k,). cost : minus the log likelihood but for a constant, samples being block means; they are
+    no independent votes. flights : those that chose it.
     """
 
     family: str
@@ -234,24 +286,37 @@ class Shape:
         return FAMILIES[self.family].columns(flight, tuple(self.parameters.values()))
 
     def left(self, flight: StallFlight) -> dict[str, Array]:
-        """Axis -> (n,): the residual of a flight without nuisances and stall as they were identified."""
+        """Axis -> (n,): the residual of a flight without nuisances and stall as they were
+        identified."""
         columns = self.columns(flight)
         return {
-            axis: flight.residual[axis] - flight.nuisance[axis] @ self.nuisance[axis] - self.gains[axis] * columns[axis]
+            axis: flight.residual[axis]
+            - flight.nuisance[axis] @ self.nuisance[axis]
+            - self.gains[axis] * columns[axis]
             for axis in self.gains
         }
 
 
-def profiled(flights: Sequence[StallFlight], family: str, *, axes: Sequence[str] = tuple(GAINS)) -> Shape:
-    """The best shape of `family` for all flights together, on the axes of GAINS that all of them give.
+def profiled(
+    flights: Sequence[StallFlight], family: str, *, axes: Sequence[str] = tuple(GAINS)
+) -> Shape:
+    """The best shape of `family` for all flights together, on the axes of GAINS that all of them
+    give.
 
-    Raises InputError when no shape separates the flow in any flight, and without flights; UnknownNameError for a family.
+    Raises InputError when no shape separates the flow in any flight, and without flights;
+    UnknownNameError for a family.
     """
     if family not in FAMILIES:
-        raise UnknownNameError(f"no family of stall shapes '{family}'", remedy=nearest(family, FAMILIES))
+        raise UnknownNameError(
+            f"no family of stall shapes '{family}'", remedy=nearest(family, FAMILIES)
+        )
     common = [axis for axis in axes if all(axis in flight.residual for flight in flights)]
     if not flights or not common:
-        raise InputError("no flight with a residual on these axes", f"stall shape {family}", "give C_lift, C_drag or Cm")
+        raise InputError(
+            "no flight with a residual on these axes",
+            f"stall shape {family}",
+            "give C_lift, C_drag or Cm",
+        )
     kind, problem = FAMILIES[family], _Problem(tuple(flights), tuple(common))
     limits = kind.limits(flights)
     wide = np.diff(limits, axis=1).ravel()
@@ -262,14 +327,20 @@ def profiled(flights: Sequence[StallFlight], family: str, *, axes: Sequence[str]
 
     costs = [cost(np.array(start)) for start in kind.starts]
     if not np.isfinite(min(costs)):
-        raise InputError("no flight separates the flow far enough", f"stall shape {family}", "fly a deeper stall")
+        raise InputError(
+            "no flight separates the flow far enough", f"stall shape {family}", "fly a deeper stall"
+        )
     share = kind.refined(cost, np.array(kind.starts[int(np.argmin(costs))]))
     parameters = tuple((limits[:, 0] + np.clip(share, 0.0, 1.0) * wide).tolist())
     linear = problem.solved(kind, parameters)
     return Shape(
         family=family,
         parameters=dict(zip(kind.names, parameters, strict=True)),
-        at_bound=tuple(name for name, part in zip(kind.names, share, strict=True) if min(part, 1.0 - part) < 1e-3),
+        at_bound=tuple(
+            name
+            for name, part in zip(kind.names, share, strict=True)
+            if min(part, 1.0 - part) < 1e-3
+        ),
         gains={axis: gain for axis, (gain, _) in linear.items()},
         nuisance={axis: values for axis, (_, values) in linear.items()},
         cost=problem.cost(kind, parameters),
@@ -278,28 +349,42 @@ def profiled(flights: Sequence[StallFlight], family: str, *, axes: Sequence[str]
 
 
 def cross_fitted(flights: Sequence[StallFlight], family: str) -> dict[str, Shape]:
-    """Flight -> the shape that all *other* flights agree with: on its own flight it is a prediction.
+    """Flight -> the shape that all *other* flights agree with: on its own flight it is a
+    prediction.
 
     Raises InputError with fewer than two flights, and as `profiled`.
     """
     if len(flights) < 2:
-        raise InputError("one flight cannot check a shape that it chose", f"stall shape {family}", "fly a second stall")
-    return {flight.flight: profiled([other for other in flights if other is not flight], family) for flight in flights}
+        raise InputError(
+            "one flight cannot check a shape that it chose",
+            f"stall shape {family}",
+            "fly a second stall",
+        )
+    return {
+        flight.flight: profiled([other for other in flights if other is not flight], family)
+        for flight in flights
+    }
 
 
 class _Problem:
-    """What is compared with shapes: responses of all flights per axis in block means, the nuisances projected out once."""
+    """What is compared with shapes: responses of all flights per axis in block means, the nuisances
+    projected out once."""
 
     def __init__(self, flights: Sequence[StallFlight], axes: Sequence[str]) -> None:
         self.axes = tuple(axes)
         self._flights = tuple(flights)
-        self._nuisance = {axis: np.concatenate([blocked(f, f.nuisance[axis]) for f in flights]) for axis in axes}
-        self._response = {axis: np.concatenate([blocked(f, f.residual[axis]) for f in flights]) for axis in axes}
+        self._nuisance = {
+            axis: np.concatenate([blocked(f, f.nuisance[axis]) for f in flights]) for axis in axes
+        }
+        self._response = {
+            axis: np.concatenate([blocked(f, f.residual[axis]) for f in flights]) for axis in axes
+        }
         self._basis = {axis: _basis(self._nuisance[axis]) for axis in axes}
         self._rest = {axis: self._without_nuisance(axis, self._response[axis]) for axis in axes}
 
     def cost(self, kind: Family, parameters: Parameters) -> float:
-        """Minus the log likelihood but for a constant, the noise of every axis being what is left there."""
+        """Minus the log likelihood but for a constant, the noise of every axis being what is left
+        there."""
         total = 0.0
         for axis, column in self._columns(kind, parameters, quickly=True).items():
             own = self._without_nuisance(axis, column)
@@ -312,13 +397,20 @@ class _Problem:
         found = {}
         for axis, column in self._columns(kind, parameters).items():
             gain = self._gain(kind, axis, self._without_nuisance(axis, column))
-            rest: Array = np.linalg.lstsq(self._nuisance[axis], self._response[axis] - gain * column, rcond=None)[0]
+            rest: Array = np.linalg.lstsq(
+                self._nuisance[axis], self._response[axis] - gain * column, rcond=None
+            )[0]
             found[axis] = (gain, rest)
         return found
 
-    def _columns(self, kind: Family, parameters: Parameters, quickly: bool = False) -> dict[str, Array]:
+    def _columns(
+        self, kind: Family, parameters: Parameters, quickly: bool = False
+    ) -> dict[str, Array]:
         found = [(flight, kind.columns(flight, parameters, quickly)) for flight in self._flights]
-        return {axis: np.concatenate([blocked(f, each[axis]) for f, each in found]) for axis in self.axes}
+        return {
+            axis: np.concatenate([blocked(f, each[axis]) for f, each in found])
+            for axis in self.axes
+        }
 
     def _without_nuisance(self, axis: str, values: Array) -> Array:
         basis = self._basis[axis]
@@ -327,7 +419,9 @@ class _Problem:
     def _gain(self, kind: Family, axis: str, own: Array) -> float:
         """The best gain of a column without its nuisance part; 0 where nothing is left of it."""
         size = float(own @ own)
-        return float(np.clip(own @ self._rest[axis] / size, *kind.gains(axis))) if size > 0.0 else 0.0
+        return (
+            float(np.clip(own @ self._rest[axis] / size, *kind.gains(axis))) if size > 0.0 else 0.0
+        )
 
 
 def _basis(matrix: Array) -> Array:

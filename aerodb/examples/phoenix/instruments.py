@@ -1,7 +1,8 @@
 """The instruments of the example vehicle, as the topics and fields in which PX4 logs them.
 
-Noise is that of vehicle.toml; biases are drawn once per vehicle from what vehicle.toml says beforehand of them. Time
-stamps have no jitter. Not simulated: scale-factor errors, misalignment, quantisation beyond float32.
+Noise is that of vehicle.toml; biases are drawn once per vehicle from what vehicle.toml says
+beforehand of them. Time stamps have no jitter. Not simulated: scale-factor errors, misalignment,
+quantisation beyond float32.
 """
 
 import numpy as np
@@ -11,15 +12,23 @@ from aerodb.support import Array
 from aerodb.vehicle import Vehicle
 
 SERVOS = (
-    *("elevon_outboard_right", "elevon_outboard_left", "elevon_inboard_right", "elevon_inboard_left"),
+    *(
+        "elevon_outboard_right",
+        "elevon_outboard_left",
+        "elevon_inboard_right",
+        "elevon_inboard_left",
+    ),
     *("rudder", "body_flap", "speed_brake"),
 )
 
 
 def instruments(vehicle: Vehicle, generator: np.random.Generator) -> tuple[Instrument, ...]:
-    """All topics of a log. Biases are uniform within the prior's sigma: a calibrated vehicle, not a faulty one."""
+    """All topics of a log. Biases are uniform within the prior's sigma: a calibrated vehicle, not a
+    faulty one."""
 
-    def signal(field: str, channel: str, sensor: str, scale: float = 1.0, offset: float = 0.0) -> Signal:
+    def signal(
+        field: str, channel: str, sensor: str, scale: float = 1.0, offset: float = 0.0
+    ) -> Signal:
         declared = vehicle.sensors[sensor]
         bias = declared.bias_prior * generator.uniform(-1.0, 1.0)
         return Signal(field, channel, declared.noise, bias, scale, offset)
@@ -29,22 +38,46 @@ def instruments(vehicle: Vehicle, generator: np.random.Generator) -> tuple[Instr
 
     # A small rotation changes the quaternion by half its angle.
     half = 0.5 * vehicle.sensors["phi"].noise
-    velocity = zip(("vx", "vy", "vz"), ("velocity_north", "velocity_east", "velocity_down"), strict=True)
+    velocity = zip(
+        ("vx", "vy", "vz"), ("velocity_north", "velocity_east", "velocity_down"), strict=True
+    )
     return (
-        Instrument("vehicle_angular_velocity", 100.0, tuple(signal(f"xyz[{n}]", x, x) for n, x in enumerate("pqr"))),
         Instrument(
-            "vehicle_acceleration", 100.0, tuple(signal(f"xyz[{n}]", f"a{x}_imu", f"a{x}_imu") for n, x in enumerate("xyz"))
+            "vehicle_angular_velocity",
+            100.0,
+            tuple(signal(f"xyz[{n}]", x, x) for n, x in enumerate("pqr")),
         ),
-        Instrument("vehicle_attitude", 50.0, tuple(Signal(f"q[{n}]", f"q{n}", half) for n in range(4)), phase=0.003),
+        Instrument(
+            "vehicle_acceleration",
+            100.0,
+            tuple(signal(f"xyz[{n}]", f"a{x}_imu", f"a{x}_imu") for n, x in enumerate("xyz")),
+        ),
+        Instrument(
+            "vehicle_attitude",
+            50.0,
+            tuple(Signal(f"q[{n}]", f"q{n}", half) for n in range(4)),
+            phase=0.003,
+        ),
         Instrument(
             "airspeed_validated",
             50.0,
-            (signal("true_airspeed_m_s", "V_probe", "V"), signal("calibrated_airspeed_m_s", "calibrated_airspeed", "V")),
+            (
+                signal("true_airspeed_m_s", "V_probe", "V"),
+                signal("calibrated_airspeed_m_s", "calibrated_airspeed", "V"),
+            ),
             delay("V"),
             0.004,
         ),
-        Instrument("airflow_aoa", 100.0, (signal("aoa_rad", "alpha_probe", "alpha"),), delay("alpha"), 0.002),
-        Instrument("airflow_slip", 100.0, (signal("slip_rad", "beta_probe", "beta"),), delay("beta"), 0.002),
+        Instrument(
+            "airflow_aoa",
+            100.0,
+            (signal("aoa_rad", "alpha_probe", "alpha"),),
+            delay("alpha"),
+            0.002,
+        ),
+        Instrument(
+            "airflow_slip", 100.0, (signal("slip_rad", "beta_probe", "beta"),), delay("beta"), 0.002
+        ),
         Instrument(
             "vehicle_air_data",
             20.0,
@@ -69,14 +102,21 @@ def instruments(vehicle: Vehicle, generator: np.random.Generator) -> tuple[Instr
             delay("north"),
             0.001,
         ),
-        Instrument("actuator_servos", 100.0, tuple(Signal(f"control[{n}]", f"servo_{n}", held=True) for n in range(8))),
-        Instrument("landing_gear", 50.0, (Signal("landing_gear", "gear_command", dtype="int8", held=True),)),
+        Instrument(
+            "actuator_servos",
+            100.0,
+            tuple(Signal(f"control[{n}]", f"servo_{n}", held=True) for n in range(8)),
+        ),
+        Instrument(
+            "landing_gear", 50.0, (Signal("landing_gear", "gear_command", dtype="int8", held=True),)
+        ),
     )
 
 
 def servo_channels(vehicle: Vehicle, history: History) -> dict[str, Array]:
-    """Normalised commands within the limits, ``servo_0 .. servo_7`` (the last is not connected: nan, as PX4 logs it),
-    ``gear_command`` (1 up, -1 down) and the attitude quaternion ``q0 .. q3``; each (n, k)."""
+    """Normalised commands within the limits, ``servo_0 .. servo_7`` (the last is not connected:
+    nan, as PX4 logs it), ``gear_command`` (1 up, -1 down) and the attitude quaternion ``q0 .. q3``;
+    each (n, k)."""
     found = {}
     for number, name in enumerate(SERVOS):
         surface = vehicle.surfaces[name]

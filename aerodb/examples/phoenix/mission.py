@@ -1,8 +1,10 @@
-"""The mission of 003, section II, flown by simulation: drop, dive, steep approach, flare, end at touchdown.
+"""The mission of 003, section II, flown by simulation: drop, dive, steep approach, flare, end at
+touchdown.
 
-Each flight superposes its own test inputs on the autopilot: elevator 3-2-1-1 and doublets, speed-brake and body-flap holds that
-are not perfectly correlated, aileron, rudder and bank doublets, at its own approach speed, wind and turbulence. Wheel
-forces and the roll after touchdown are left out.
+Each flight superposes its own test inputs on the autopilot: elevator 3-2-1-1 and doublets,
+speed-brake and body-flap holds that are not perfectly correlated, aileron, rudder and bank
+doublets, at its own approach speed, wind and turbulence. Wheel forces and the roll after touchdown
+are left out.
 """
 
 from collections.abc import Mapping
@@ -56,7 +58,8 @@ AILERON = ("delta_aileron_outboard", "delta_aileron_inboard")
 
 @dataclass(frozen=True)
 class SimulatedLog:
-    """What one flight leaves behind: a name, PX4 topics and the UTC at which the log's clock starts."""
+    """What one flight leaves behind: a name, PX4 topics and the UTC at which the log's clock
+    starts."""
 
     name: str
     topics: tuple[Topic, ...]
@@ -65,8 +68,9 @@ class SimulatedLog:
 
 @dataclass(frozen=True)
 class Plan:
-    """How the flights differ, each (k,): approach speed [m/s EAS], path angle [rad], angle of attack in the dive [rad],
-    heading [rad], share of the body flap that goes with the speed brake, wind (3, k) [m/s]; events per flight."""
+    """How the flights differ, each (k,): approach speed [m/s EAS], path angle [rad], angle of
+    attack in the dive [rad], heading [rad], share of the body flap that goes with the speed brake,
+    wind (3, k) [m/s]; events per flight."""
 
     speed: Array
     path: Array
@@ -96,7 +100,8 @@ def plan(generator: np.random.Generator, flights: int) -> Plan:
 
 
 def _events(generator: np.random.Generator, number: int) -> tuple[Event, ...]:
-    """Test inputs of one flight: slots of the approach in an order of its own; slow surfaces run beside quick ones."""
+    """Test inputs of one flight: slots of the approach in an order of its own; slow surfaces run
+    beside quick ones."""
     degree = np.deg2rad(1.0)
     sign = 1.0 if number % 2 else -1.0
     quick = [
@@ -110,31 +115,63 @@ def _events(generator: np.random.Generator, number: int) -> tuple[Event, ...]:
         Event("bank", 0.0, 2.0, 20.0 * sign * degree),
         Event("alpha", 0.0, 1.0, 7.0 * degree, "pulse"),
     ]
-    # Slow flight right after the dive is where a large angle of attack costs little load factor. Each flight opens its speed
-    # brakes and body flap once as far as any will: an increment holds only where flights have been.
+    # Slow flight right after the dive is where a large angle of attack costs little load factor.
+    # Each flight opens its speed brakes and body flap once as far as any will: an increment holds
+    # only where flights have been.
     placed = [
-        Event("alpha", generator.uniform(9.5, 10.5), generator.uniform(3.0, 4.0), generator.uniform(5.0, 8.0) * degree, "hold"),
-        Event("speed_brake", generator.uniform(10.5, 11.5), 3.5, generator.uniform(35.0, 38.0) * degree, "hold"),
-        Event("body_flap", generator.uniform(11.0, 12.5), 3.5, generator.uniform(6.0, 8.0) * degree, "hold"),
+        Event(
+            "alpha",
+            generator.uniform(9.5, 10.5),
+            generator.uniform(3.0, 4.0),
+            generator.uniform(5.0, 8.0) * degree,
+            "hold",
+        ),
+        Event(
+            "speed_brake",
+            generator.uniform(10.5, 11.5),
+            3.5,
+            generator.uniform(35.0, 38.0) * degree,
+            "hold",
+        ),
+        Event(
+            "body_flap",
+            generator.uniform(11.0, 12.5),
+            3.5,
+            generator.uniform(6.0, 8.0) * degree,
+            "hold",
+        ),
     ]
     start = 15.0 + generator.uniform(0.0, 1.0)
     for index in generator.permutation(len(quick)):
         event = quick[index]
         size = generator.uniform(0.8, 1.2)
-        placed.append(Event(event.target, start, event.width * generator.uniform(0.9, 1.1), size * event.amplitude, event.shape))
+        placed.append(
+            Event(
+                event.target,
+                start,
+                event.width * generator.uniform(0.9, 1.1),
+                size * event.amplitude,
+                event.shape,
+            )
+        )
         start += generator.uniform(3.2, 4.0)
     for target, low, high in (("speed_brake", -12.0, 14.0), ("body_flap", -7.0, 9.0)):
         start = 16.0 + generator.uniform(0.0, 4.0)
         for amplitude in (low, high, low / 2, high / 2):
             width = generator.uniform(3.5, 6.0)
-            placed.append(Event(target, start, width, amplitude * generator.uniform(0.7, 1.1) * degree, "hold"))
+            placed.append(
+                Event(
+                    target, start, width, amplitude * generator.uniform(0.7, 1.1) * degree, "hold"
+                )
+            )
             start += width + generator.uniform(0.5, 3.0)
     return tuple(placed)
 
 
 @dataclass
 class Guidance:
-    """Guidance, autopilot and test inputs of the campaign: a Controller of `aerodb.simulation.flight`."""
+    """Guidance, autopilot and test inputs of the campaign: a Controller of
+    `aerodb.simulation.flight`."""
 
     frame: Airframe
     autopilot: Autopilot
@@ -158,9 +195,13 @@ class Guidance:
         height = c["height_above_ground"]
         equivalent = np.sqrt(2 * c["qbar"] / DENSITY_0)
         self.capture = self.capture | (equivalent > CAPTURE_SPEED)
-        self.flare = self.flare | (height + FLARE_SINK * FLARE_TIME < FLARE_TIME * c["velocity_down"])
+        self.flare = self.flare | (
+            height + FLARE_SINK * FLARE_TIME < FLARE_TIME * c["velocity_down"]
+        )
         testing = np.where(self.flare, 0.0, 1.0)
-        inputs = {name: testing * values[round(time / STEP)] for name, values in self.inputs.items()}
+        inputs = {
+            name: testing * values[round(time / STEP)] for name, values in self.inputs.items()
+        }
         brake = self._speed_brake(equivalent) + inputs["speed_brake"]
         flap = np.deg2rad(-3.0) + self.plan.coupling * brake + inputs["body_flap"]
         alpha = np.clip(self._alpha(c) + inputs["alpha"], np.deg2rad(1.0), np.deg2rad(15.0))
@@ -168,8 +209,12 @@ class Guidance:
         course = np.arctan2(c["velocity_east"], c["velocity_north"])
         turn = np.angle(np.exp(1j * (self.plan.heading - course)))
         aileron = self.autopilot.aileron(c, np.clip(1.2 * turn, -0.25, 0.25) + inputs["bank"])
-        outboard, inboard = (elevator + inputs[f"elevator_{where}"] for where in ("outboard", "inboard"))
-        roll_outboard, roll_inboard = (aileron + inputs[f"aileron_{where}"] for where in ("outboard", "inboard"))
+        outboard, inboard = (
+            elevator + inputs[f"elevator_{where}"] for where in ("outboard", "inboard")
+        )
+        roll_outboard, roll_inboard = (
+            aileron + inputs[f"aileron_{where}"] for where in ("outboard", "inboard")
+        )
         return {
             "elevon_outboard_right": outboard + roll_outboard,
             "elevon_outboard_left": outboard - roll_outboard,
@@ -182,46 +227,75 @@ class Guidance:
         }
 
     def _alpha(self, c: Mapping[str, Array]) -> Array:
-        """Commanded angle of attack (k,): fixed in the dive, then the load factor that turns the path onto its target."""
-        ground_speed = np.sqrt(c["velocity_north"] ** 2 + c["velocity_east"] ** 2 + c["velocity_down"] ** 2)
+        """Commanded angle of attack (k,): fixed in the dive, then the load factor that turns the
+        path onto its target."""
+        ground_speed = np.sqrt(
+            c["velocity_north"] ** 2 + c["velocity_east"] ** 2 + c["velocity_down"] ** 2
+        )
         path = -np.arcsin(c["velocity_down"] / ground_speed)
         sink = np.maximum(c["height_above_ground"] / FLARE_TIME + FLARE_SINK, 0.0)
-        wanted = np.where(self.flare, -np.arcsin(np.clip(sink / ground_speed, 0.0, 0.7)), self.plan.path)
+        wanted = np.where(
+            self.flare, -np.arcsin(np.clip(sink / ground_speed, 0.0, 0.7)), self.plan.path
+        )
         gain = np.where(self.flare, 0.9, 0.8)
         bend = np.where(self.flare, c["velocity_down"] / FLARE_TIME / GRAVITY, 0.0)
         load = np.cos(path) + bend + ground_speed * gain * (wanted - path) / GRAVITY
         known = self.autopilot.known
         lift = np.clip(load, 0.2, 1.8) * self.frame.mass * GRAVITY / (c["qbar"] * self.frame.area)
-        alpha = np.clip(known.alpha + (-lift - known.CZ) / known.CZ_alpha, np.deg2rad(1.0), np.deg2rad(14.0))
+        alpha = np.clip(
+            known.alpha + (-lift - known.CZ) / known.CZ_alpha, np.deg2rad(1.0), np.deg2rad(14.0)
+        )
         change = np.where(self.capture, alpha, self.plan.dive) - self.wanted_alpha
-        self.wanted_alpha = self.wanted_alpha + np.clip(change, -STEP * ALPHA_RATE, STEP * ALPHA_RATE)
+        self.wanted_alpha = self.wanted_alpha + np.clip(
+            change, -STEP * ALPHA_RATE, STEP * ALPHA_RATE
+        )
         return self.wanted_alpha
 
     def _speed_brake(self, equivalent: Array) -> Array:
-        """Speed-brake angle (k,) that holds the approach speed; closed in the dive and nearly so in the flare."""
+        """Speed-brake angle (k,) that holds the approach speed; closed in the dive and nearly so in
+        the flare."""
         error = equivalent - self.plan.speed
         approaching = self.capture & ~self.flare
-        self.brake = np.where(approaching, np.clip(self.brake + STEP * 0.006 * error, 0.0, 0.5), self.brake)
-        wanted = np.where(self.flare, np.deg2rad(4.0), np.where(self.capture, 0.15 + self.brake + 0.035 * error, 0.0))
+        self.brake = np.where(
+            approaching, np.clip(self.brake + STEP * 0.006 * error, 0.0, 0.5), self.brake
+        )
+        wanted = np.where(
+            self.flare,
+            np.deg2rad(4.0),
+            np.where(self.capture, 0.15 + self.brake + 0.035 * error, 0.0),
+        )
         return np.clip(wanted, 0.0, np.deg2rad(40.0))
 
 
 _TARGETS = (
-    *("alpha", "bank", "elevator_outboard", "elevator_inboard", "aileron_outboard", "aileron_inboard"),
+    *(
+        "alpha",
+        "bank",
+        "elevator_outboard",
+        "elevator_inboard",
+        "aileron_outboard",
+        "aileron_inboard",
+    ),
     *("rudder", "speed_brake", "body_flap"),
 )
 
 
 def known_derivatives(vehicle: Vehicle, preflight: AeroDatabase) -> ControlDerivatives:
-    """What the autopilot is designed with: the preflight database at the approach, never the truth."""
+    """What the autopilot is designed with: the preflight database at the approach, never the
+    truth."""
     frame = airframe(vehicle, preflight)
     condition = dict.fromkeys(preflight.inputs, 0.0) | APPROACH
-    pitch = {"elevator": ELEVATOR, "body_flap": ("delta_body_flap",), "speed_brake": ("delta_speed_brake",)}
+    pitch = {
+        "elevator": ELEVATOR,
+        "body_flap": ("delta_body_flap",),
+        "speed_brake": ("delta_speed_brake",),
+    }
     return control_derivatives(frame, condition, pitch, AILERON, "delta_rudder")
 
 
 def drop_state(planned: Plan) -> Array:
-    """State (13, k) at the drop: level at DROP_SPEED through the moving air, at the angle of attack of the dive."""
+    """State (13, k) at the drop: level at DROP_SPEED through the moving air, at the angle of attack
+    of the dive."""
     k = len(planned.speed)
     density = float(standard_atmosphere(GROUND + DROP_HEIGHT).density)
     speed = np.full(k, DROP_SPEED * np.sqrt(DENSITY_0 / density))
@@ -229,14 +303,21 @@ def drop_state(planned: Plan) -> Array:
     theta = planned.dive
     along = planned.wind[0] * np.cos(planned.heading) + planned.wind[1] * np.sin(planned.heading)
     across = planned.wind[1] * np.cos(planned.heading) - planned.wind[0] * np.sin(planned.heading)
-    state[0], state[1], state[2] = (speed + along) * np.cos(theta), across, (speed + along) * np.sin(theta)
+    state[0], state[1], state[2] = (
+        (speed + along) * np.cos(theta),
+        across,
+        (speed + along) * np.sin(theta),
+    )
     state[6:10] = quaternion_from_euler(np.zeros(k), theta, planned.heading)
     state[12] = -DROP_HEIGHT
     return state
 
 
-def simulate(vehicle: Vehicle, database: AeroDatabase, preflight: AeroDatabase, seed: int, flights: int) -> History:
-    """Flies the campaign on `database` with an autopilot designed on `preflight`; all randomness from `seed`."""
+def simulate(
+    vehicle: Vehicle, database: AeroDatabase, preflight: AeroDatabase, seed: int, flights: int
+) -> History:
+    """Flies the campaign on `database` with an autopilot designed on `preflight`; all randomness
+    from `seed`."""
     generator = np.random.default_rng([seed, 1])
     planned = plan(generator, flights)
     frame = airframe(vehicle, database, GROUND)
@@ -246,7 +327,8 @@ def simulate(vehicle: Vehicle, database: AeroDatabase, preflight: AeroDatabase, 
     def guidance() -> Guidance:
         return Guidance(frame, Autopilot(frame, known, STEP), planned)
 
-    # The servos have been following the autopilot on the tow: they start where its first command puts them.
+    # The servos have been following the autopilot on the tow: they start where its first command
+    # puts them.
     resting = {name: np.zeros(flights) for name in vehicle.surfaces}
     seen, _ = frame.evaluate(start, MovingAir(planned.wind, 0 * planned.wind), resting)
     first = guidance()(0.0, seen)
@@ -264,7 +346,9 @@ def simulate(vehicle: Vehicle, database: AeroDatabase, preflight: AeroDatabase, 
     )
 
 
-def fly(seed: int = 0, flights: int = 8, effects: tuple[Effect, ...] = EFFECTS) -> list[SimulatedLog]:
+def fly(
+    seed: int = 0, flights: int = 8, effects: tuple[Effect, ...] = EFFECTS
+) -> list[SimulatedLog]:
     """Logs of a campaign flown on the sealed truth, in the order flown, one day apart."""
     vehicle = parse_vehicle(text("vehicle.toml"), "vehicle.toml")
     preflight = read_native(text("preflight.toml"), "preflight.toml")
@@ -273,7 +357,8 @@ def fly(seed: int = 0, flights: int = 8, effects: tuple[Effect, ...] = EFFECTS) 
 
 
 def logs(vehicle: Vehicle, history: History, seed: int) -> list[SimulatedLog]:
-    """What the instruments log of simulated flights; biases are the vehicle's own, alike in all flights of a seed."""
+    """What the instruments log of simulated flights; biases are the vehicle's own, alike in all
+    flights of a seed."""
     carried = instruments(vehicle, np.random.default_rng([seed, 2]))
     channels = at_instruments({**history.channels, **servo_channels(vehicle, history)}, vehicle)
     found = []

@@ -1,9 +1,10 @@
 """The formulas behind preflight.toml. INVENTED: no measured or published Phoenix table is in them.
 
-The form is that of 003, eq. 6: tables over angle of attack and deflection, even effects of asymmetric deflections,
-uncertainty factors UD and UF at their nominal values, landing gear, ground effect, rates over L_ref/V. The size of the numbers
-is chosen so that the vehicle is what 003 prints: glide ratio near 5.5, unstable in pitch, time to double below 0.5 s.
-`preflight_text` is what wrote preflight.toml; a test keeps the two equal.
+The form is that of 003, eq. 6: tables over angle of attack and deflection, even effects of
+asymmetric deflections, uncertainty factors UD and UF at their nominal values, landing gear, ground
+effect, rates over L_ref/V. The size of the numbers is chosen so that the vehicle is what 003
+prints: glide ratio near 5.5, unstable in pitch, time to double below 0.5 s. `preflight_text` is
+what wrote preflight.toml; a test keeps the two equal.
 """
 
 from collections.abc import Callable, Sequence
@@ -36,7 +37,8 @@ def near_ground(h: Array) -> Array:
 
 
 def lift(a: Array) -> Array:
-    """Lift coefficient of the clean vehicle at angle of attack `a` [rad]: slender wing with some vortex lift."""
+    """Lift coefficient of the clean vehicle at angle of attack `a` [rad]: slender wing with some
+    vortex lift."""
     return -0.02 + 2.1 * a + 0.6 * a * np.abs(a)
 
 
@@ -46,8 +48,11 @@ def drag(a: Array) -> Array:
 
 
 def _flap_x(friction: float, induced: float, lift_slope: float) -> Shape:
-    """CX of a trailing-edge flap: its own drag, induced drag with alpha, and the forward tilt of its lift."""
-    return lambda a, d: -(friction * d**2 + induced * a * d) * np.cos(a) + lift_slope * d * np.sin(a)
+    """CX of a trailing-edge flap: its own drag, induced drag with alpha, and the forward tilt of
+    its lift."""
+    return lambda a, d: (
+        -(friction * d**2 + induced * a * d) * np.cos(a) + lift_slope * d * np.sin(a)
+    )
 
 
 def _odd(slope: float) -> Shape:
@@ -55,7 +60,8 @@ def _odd(slope: float) -> Shape:
     return lambda a, d: slope * d * (1 - 0.6 * d**2) * (1 - 0.5 * a**2)
 
 
-#: name -> (arguments, formula). Prefix D: increments by deflection; d: derivatives. Eq. 6's own names, axis by axis.
+#: name -> (arguments, formula). Prefix D: increments by deflection; d: derivatives. Eq. 6's own
+#: names, axis by axis.
 TABLES: dict[str, tuple[tuple[str, ...], Shape]] = {
     "CX_0": (("alpha",), lambda a: -drag(a) * np.cos(a) + lift(a) * np.sin(a)),
     "DCX_EO": (("alpha", "dEO"), _flap_x(0.05, 0.23, 0.32)),
@@ -112,7 +118,8 @@ TABLES: dict[str, tuple[tuple[str, ...], Shape]] = {
     "dCn_LG_beta": (("alpha",), lambda a: -0.006 + 0 * a),
 }
 
-#: Names in tables and terms -> canonical channels (003, below eq. 6; D: landing gear, UD and UF: uncertainty factors).
+#: Names in tables and terms -> canonical channels (003, below eq. 6; D: landing gear, UD and UF:
+#: uncertainty factors).
 VARIABLES = {
     "dEO": "delta_elevator_outboard",
     "dEI": "delta_elevator_inboard",
@@ -133,29 +140,80 @@ VARIABLES = {
 #: axis -> its application rule, term by term.
 RULES: dict[str, tuple[str, ...]] = {
     "CX": (
-        *("CX_0(alpha)", "DCX_EO(alpha, dEO)", "DCX_EI(alpha, dEI)", "DCX_AO(alpha, abs(dAO))", "DCX_AI(alpha, abs(dAI))"),
-        *("DCX_RU(alpha, dRU)", "DCX_BF(alpha, dBF)", "UF*DCX_SB(alpha, dSB)", "dCX_beta(alpha)*abs(beta)"),
+        *(
+            "CX_0(alpha)",
+            "DCX_EO(alpha, dEO)",
+            "DCX_EI(alpha, dEI)",
+            "DCX_AO(alpha, abs(dAO))",
+            "DCX_AI(alpha, abs(dAI))",
+        ),
+        *(
+            "DCX_RU(alpha, dRU)",
+            "DCX_BF(alpha, dBF)",
+            "UF*DCX_SB(alpha, dSB)",
+            "dCX_beta(alpha)*abs(beta)",
+        ),
         *("DCX_LG(alpha)*dLG", "DCX_GE(alpha, hAGL)"),
     ),
     "CZ": (
-        *("CZ_0(alpha)", "UD*dCZ_alpha(alpha)*alpha", "DCZ_EO(alpha, dEO)", "DCZ_EI(alpha, dEI)", "DCZ_AO(alpha, abs(dAO))"),
-        *("DCZ_AI(alpha, abs(dAI))", "DCZ_RU(alpha, dRU)", "DCZ_BF(alpha, dBF)", "UF*DCZ_SB(alpha, dSB)"),
-        *("(dCZ_beta(alpha) + dCZ_LG_beta(alpha)*dLG)*abs(beta)", "DCZ_LG(alpha)*dLG", "DCZ_GE(alpha, hAGL)"),
+        *(
+            "CZ_0(alpha)",
+            "UD*dCZ_alpha(alpha)*alpha",
+            "DCZ_EO(alpha, dEO)",
+            "DCZ_EI(alpha, dEI)",
+            "DCZ_AO(alpha, abs(dAO))",
+        ),
+        *(
+            "DCZ_AI(alpha, abs(dAI))",
+            "DCZ_RU(alpha, dRU)",
+            "DCZ_BF(alpha, dBF)",
+            "UF*DCZ_SB(alpha, dSB)",
+        ),
+        *(
+            "(dCZ_beta(alpha) + dCZ_LG_beta(alpha)*dLG)*abs(beta)",
+            "DCZ_LG(alpha)*dLG",
+            "DCZ_GE(alpha, hAGL)",
+        ),
         "dCZ_q(alpha)*q_ref",
     ),
     "Cm": (
-        *("Cm_0(alpha)", "DCm_EO(alpha, dEO)", "DCm_EI(alpha, dEI)", "DCm_AO(alpha, abs(dAO))", "DCm_AI(alpha, abs(dAI))"),
-        *("DCm_BF(alpha, dBF)", "UF*DCm_SB(alpha, dSB)", "dCm_beta(alpha)*abs(beta)", "DCm_LG(alpha)*dLG"),
+        *(
+            "Cm_0(alpha)",
+            "DCm_EO(alpha, dEO)",
+            "DCm_EI(alpha, dEI)",
+            "DCm_AO(alpha, abs(dAO))",
+            "DCm_AI(alpha, abs(dAI))",
+        ),
+        *(
+            "DCm_BF(alpha, dBF)",
+            "UF*DCm_SB(alpha, dSB)",
+            "dCm_beta(alpha)*abs(beta)",
+            "DCm_LG(alpha)*dLG",
+        ),
         *("DCm_GE(alpha, hAGL)", "dCm_q(alpha)*q_ref"),
     ),
-    "CY": ("dCY_beta(alpha)*beta", "DCY_RU(alpha, dRU)", "dCY_p(alpha)*p_ref", "dCY_r(alpha)*r_ref"),
+    "CY": (
+        "dCY_beta(alpha)*beta",
+        "DCY_RU(alpha, dRU)",
+        "dCY_p(alpha)*p_ref",
+        "dCY_r(alpha)*r_ref",
+    ),
     "Cl": (
-        *("dCl_beta(alpha)*beta", "sign(dAO)*DCl_AO(alpha, abs(dAO))", "sign(dAI)*DCl_AI(alpha, abs(dAI))"),
+        *(
+            "dCl_beta(alpha)*beta",
+            "sign(dAO)*DCl_AO(alpha, abs(dAO))",
+            "sign(dAI)*DCl_AI(alpha, abs(dAI))",
+        ),
         *("DCl_RU(alpha, dRU)", "dCl_p(alpha)*p_ref", "dCl_r(alpha)*r_ref"),
     ),
     "Cn": (
         *("(dCn_beta(alpha) + dCn_LG_beta(alpha)*dLG)*beta", "sign(dAO)*DCn_AO(alpha, abs(dAO))"),
-        *("sign(dAI)*DCn_AI(alpha, abs(dAI))", "DCn_RU(alpha, dRU)", "dCn_p(alpha)*p_ref", "dCn_r(alpha)*r_ref"),
+        *(
+            "sign(dAI)*DCn_AI(alpha, abs(dAI))",
+            "DCn_RU(alpha, dRU)",
+            "dCn_p(alpha)*p_ref",
+            "dCn_r(alpha)*r_ref",
+        ),
     ),
 }
 
@@ -182,7 +240,10 @@ moment_reference = [-3.8, 0.0, 0.0]
 def table_values(name: str) -> Array:
     """Node values of a table, rounded to the 6 decimals that are written."""
     arguments, formula = TABLES[name]
-    axes = [np.deg2rad(points) if unit == "deg" else np.array(points) for unit, points in map(BREAKPOINTS.__getitem__, arguments)]
+    axes = [
+        np.deg2rad(points) if unit == "deg" else np.array(points)
+        for unit, points in map(BREAKPOINTS.__getitem__, arguments)
+    ]
     rounded: Array = np.round(formula(*np.meshgrid(*axes, indexing="ij")), 6) + 0.0
     return rounded
 
@@ -190,7 +251,9 @@ def table_values(name: str) -> Array:
 def preflight_text() -> str:
     """The text of preflight.toml."""
     lines = [_HEADER.rstrip("\n")]
-    lines += [f'{name} = {{ expression = "{expression}" }}' for name, expression in VARIABLES.items()]
+    lines += [
+        f'{name} = {{ expression = "{expression}" }}' for name, expression in VARIABLES.items()
+    ]
     for name, (arguments, _) in TABLES.items():
         lines += ["", f"[tables.{name}]", f"arguments = {_quoted(arguments)}"]
         lines.append(f"units = {_quoted([BREAKPOINTS[a][0] for a in arguments])}")
@@ -200,7 +263,13 @@ def preflight_text() -> str:
         lines += ["values = [", *rows, "]"] if len(arguments) > 1 else [f"values = {values}"]
     for axis, rules in RULES.items():
         for number, rule in enumerate(rules, 1):
-            lines += ["", "[[terms]]", f'name = "{axis}_{number:02d}"', f'axis = "{axis}"', f'expression = "{rule}"']
+            lines += [
+                "",
+                "[[terms]]",
+                f'name = "{axis}_{number:02d}"',
+                f'axis = "{axis}"',
+                f'expression = "{rule}"',
+            ]
     return "\n".join(lines) + "\n"
 
 

@@ -1,9 +1,10 @@
 """The sealed truth of the example: how the vehicle that flies differs from preflight.toml.
 
-Only the simulated flight (mission.py) and whoever opens the envelope after all results are stored may import this.
-The effects are those that 003, section IV.D reports, in its sizes: more lift than predicted by 9-10 %, with another slope
-beyond 0.175 rad; a force along x due to pitch rate that the preflight database does not have; clean CX
-underestimated and speed brakes overestimated; less than 3 % in the pitching-moment slope; zero terms.
+Only the simulated flight (mission.py) and whoever opens the envelope after all results are stored
+may import this. The effects are those that 003, section IV.D reports, in its sizes: more lift than
+predicted by 9-10 %, with another slope beyond 0.175 rad; a force along x due to pitch rate that the
+preflight database does not have; clean CX underestimated and speed brakes overestimated; less than
+3 % in the pitching-moment slope; zero terms.
 """
 
 from dataclasses import dataclass, replace
@@ -15,7 +16,8 @@ from aerodb.tables import AeroDatabase, Term, parse
 
 @dataclass(frozen=True)
 class Effect:
-    """One difference: ``value * regressor`` is added on `axis`; `effect` is its name in the contract's list."""
+    """One difference: ``value * regressor`` is added on `axis`; `effect` is its name in the
+    contract's list."""
 
     effect: str
     axis: str
@@ -37,13 +39,22 @@ EFFECTS: tuple[Effect, ...] = (
     Effect("zero_offset", "Cm", "Cm_0", "1", 0.0015),
     Effect("alpha_slope", "Cm", "Cm_alpha", "min(alpha, 0.175)", 0.0022),
     Effect("alpha_slope_break", "Cm", "Cm_alpha > 0.175", "max(alpha - 0.175, 0)", -0.006),
-    Effect("control_effectiveness", "Cm", "Cm_delta_elevator_outboard", "delta_elevator_outboard", -0.005),
-    Effect("control_effectiveness", "Cm", "Cm_delta_elevator_inboard", "delta_elevator_inboard", 0.004),
+    Effect(
+        "control_effectiveness",
+        "Cm",
+        "Cm_delta_elevator_outboard",
+        "delta_elevator_outboard",
+        -0.005,
+    ),
+    Effect(
+        "control_effectiveness", "Cm", "Cm_delta_elevator_inboard", "delta_elevator_inboard", 0.004
+    ),
     Effect("body_flap", "Cm", "Cm_delta_body_flap", "delta_body_flap", 0.003),
 )
 
 
-#: What `drawn` draws from: each with the size that shows clearly in these flights (CONVENTIONS, "Phoenix size"); either sign.
+#: What `drawn` draws from: each with the size that shows clearly in these flights (CONVENTIONS,
+#: "Phoenix size"); either sign.
 SET: tuple[Effect, ...] = (
     Effect("pitch_rate_force", "CX", "CX_q", "q_hat", 0.8),
     Effect("pitch_rate_force", "CZ", "CZ_q", "q_hat", 3.0),
@@ -53,8 +64,16 @@ SET: tuple[Effect, ...] = (
     Effect("beta_slope", "Cn", "Cn_beta", "beta", 0.03),
     Effect("roll_damping", "Cl", "Cl_p", "p_hat", 0.04),
     Effect("yaw_damping", "Cn", "Cn_r", "r_hat", 0.08),
-    Effect("control_effectiveness", "Cm", "Cm_delta_elevator_outboard", "delta_elevator_outboard", 0.012),
-    Effect("control_effectiveness", "Cl", "Cl_delta_aileron_outboard", "delta_aileron_outboard", 0.02),
+    Effect(
+        "control_effectiveness",
+        "Cm",
+        "Cm_delta_elevator_outboard",
+        "delta_elevator_outboard",
+        0.012,
+    ),
+    Effect(
+        "control_effectiveness", "Cl", "Cl_delta_aileron_outboard", "delta_aileron_outboard", 0.02
+    ),
     Effect("control_effectiveness", "Cn", "Cn_delta_rudder", "delta_rudder", 0.02),
     Effect("speed_brake", "CX", "CX_delta_speed_brake", "delta_speed_brake", 0.03),
     Effect("body_flap", "Cm", "Cm_delta_body_flap", "delta_body_flap", 0.01),
@@ -73,10 +92,18 @@ def drawn(seed: int) -> tuple[Effect, ...]:
     return tuple(chosen)
 
 
-def truth(preflight: AeroDatabase, effects: tuple[Effect, ...] = EFFECTS) -> tuple[AeroDatabase, tuple[Effect, ...]]:
-    """The database that flies, made of the preflight database and the effects, and the effects as data."""
+def truth(
+    preflight: AeroDatabase, effects: tuple[Effect, ...] = EFFECTS
+) -> tuple[AeroDatabase, tuple[Effect, ...]]:
+    """The database that flies, made of the preflight database and the effects, and the effects as
+    data."""
     added = tuple(
-        Term(name=f"truth_{e.axis}_{n}", axis=e.axis, expression=parse(f"{e.value!r}*({e.regressor})"), description=e.effect)
+        Term(
+            name=f"truth_{e.axis}_{n}",
+            axis=e.axis,
+            expression=parse(f"{e.value!r}*({e.regressor})"),
+            description=e.effect,
+        )
         for n, e in enumerate(effects)
     )
     return replace(preflight, name="truth", terms=(*preflight.terms, *added)), effects

@@ -1,8 +1,10 @@
-"""A database taken apart for formats that hold arrays and texts: what stands where in CSV, MAT and NetCDF files.
+"""A database taken apart for formats that hold arrays and texts: what stands where in CSV, MAT and
+NetCDF files.
 
-Numbers of tables, increments and check cases stand once, in the arrays of the format, where its users look for them and may
-change them; definitions stand once, as text; whatever else a database has is in the manifest (JSON). So nothing can be
-silently lost or contradict itself. `put_together` tests the result against the check cases that the file carries.
+Numbers of tables, increments and check cases stand once, in the arrays of the format, where its
+users look for them and may change them; definitions stand once, as text; whatever else a database
+has is in the manifest (JSON). So nothing can be silently lost or contradict itself. `put_together`
+tests the result against the check cases that the file carries.
 """
 
 import json
@@ -27,7 +29,8 @@ ENVELOPE: Final = ("low", "high", "cell")
 
 @dataclass(frozen=True)
 class IncrementNumbers:
-    """estimates (k,), covariance (k, k), envelope (m, 3): low, high, cell of the variables that the manifest names."""
+    """estimates (k,), covariance (k, k), envelope (m, 3): low, high, cell of the variables that the
+    manifest names."""
 
     estimates: Array
     covariance: Array
@@ -36,7 +39,8 @@ class IncrementNumbers:
 
 @dataclass(frozen=True)
 class CaseNumbers:
-    """Check cases: inputs (n, len(names)) by name, coefficients (n, 6) in the order CX CY CZ Cl Cm Cn."""
+    """Check cases: inputs (n, len(names)) by name, coefficients (n, 6) in the order CX CY CZ Cl Cm
+    Cn."""
 
     names: tuple[str, ...]
     inputs: Array
@@ -45,7 +49,8 @@ class CaseNumbers:
 
 @dataclass(frozen=True)
 class Parts:
-    """manifest : what is neither in the texts nor in the arrays. tables : name -> breakpoints per axis, and values."""
+    """manifest : what is neither in the texts nor in the arrays. tables : name -> breakpoints per
+    axis, and values."""
 
     manifest: dict[str, Any]
     terms: list[dict[str, str]]
@@ -60,14 +65,19 @@ class Parts:
         return json.dumps(self.manifest, indent=1, ensure_ascii=True)
 
 
-def take_apart(database: AeroDatabase, kind: str, check_cases: Sequence[CheckCase] | None = None) -> Parts:
-    """The parts of `database` for a file of `kind`, with `check_cases` (by default 25 made of the database).
+def take_apart(
+    database: AeroDatabase, kind: str, check_cases: Sequence[CheckCase] | None = None
+) -> Parts:
+    """The parts of `database` for a file of `kind`, with `check_cases` (by default 25 made of the
+    database).
 
     Raises InputError for text that the formats cannot hold.
     """
     document = to_document(database)
     if "\\u0000" in json.dumps(document):
-        raise InputError("a text contains the character NUL", f"database {database.name}", "remove it")
+        raise InputError(
+            "a text contains the character NUL", f"database {database.name}", "remove it"
+        )
     tables = {}
     for name, entry in document["tables"].items():
         axes = [np.array(axis, dtype=np.float64) for axis in entry.pop("breakpoints")]
@@ -76,15 +86,29 @@ def take_apart(database: AeroDatabase, kind: str, check_cases: Sequence[CheckCas
     for entry in document["increments"]:
         bounds = [[interval[key] for key in ENVELOPE] for interval in entry["envelope"].values()]
         entry["envelope"] = list(entry["envelope"])
-        estimates, covariance = (np.array(entry.pop(key), dtype=np.float64) for key in ("estimates", "covariance"))
-        increments.append(IncrementNumbers(estimates, covariance, np.array(bounds, dtype=np.float64).reshape(-1, 3)))
+        estimates, covariance = (
+            np.array(entry.pop(key), dtype=np.float64) for key in ("estimates", "covariance")
+        )
+        increments.append(
+            IncrementNumbers(
+                estimates, covariance, np.array(bounds, dtype=np.float64).reshape(-1, 3)
+            )
+        )
     terms = [{key: entry.pop(key) for key in TERM_TEXTS} for entry in document["terms"]]
     variables = [
-        {"name": name, **{key: entry.pop(key) for key in VARIABLE_TEXTS[1:]}} for name, entry in document["variables"].items()
+        {"name": name, **{key: entry.pop(key) for key in VARIABLE_TEXTS[1:]}}
+        for name, entry in document["variables"].items()
     ]
     if not any(document["terms"]):
-        del document["terms"]  # all that there is to a term stands in the texts: rows may be added there
-    manifest = {"file": f"aerodb {kind}", "version": FORMAT, "conventions": conventions(database), "database": document}
+        del document[
+            "terms"
+        ]  # all that there is to a term stands in the texts: rows may be added there
+    manifest = {
+        "file": f"aerodb {kind}",
+        "version": FORMAT,
+        "conventions": conventions(database),
+        "database": document,
+    }
     cases = make_check_cases(database) if check_cases is None else tuple(check_cases)
     return Parts(manifest, terms, variables, tables, increments, _case_numbers(cases))
 
@@ -92,26 +116,40 @@ def take_apart(database: AeroDatabase, kind: str, check_cases: Sequence[CheckCas
 def put_together(parts: Parts, kind: str, where: str) -> AeroDatabase:
     """The database of `parts` from a file of `kind`, tested against its check cases.
 
-    Raises InputError where the parts do not fit together, are not of this format, or fail a check case.
+    Raises InputError where the parts do not fit together, are not of this format, or fail a check
+    case.
     """
     document = _document(parts, kind, where)
     try:
         for name, (axes, values) in parts.tables.items():
-            document["tables"][name] |= {"breakpoints": [axis.tolist() for axis in axes], "values": values.tolist()}
+            document["tables"][name] |= {
+                "breakpoints": [axis.tolist() for axis in axes],
+                "values": values.tolist(),
+            }
         for entry, numbers in zip(document["increments"], parts.increments, strict=True):
             bounds = [dict(zip(ENVELOPE, row, strict=True)) for row in numbers.envelope.tolist()]
             entry["envelope"] = dict(zip(entry["envelope"], bounds, strict=True))
-            entry |= {"estimates": numbers.estimates.tolist(), "covariance": numbers.covariance.tolist()}
+            entry |= {
+                "estimates": numbers.estimates.tolist(),
+                "covariance": numbers.covariance.tolist(),
+            }
         document["terms"] = [
-            {**texts, **rest} for texts, rest in zip(parts.terms, document.get("terms") or [{}] * len(parts.terms), strict=True)
+            {**texts, **rest}
+            for texts, rest in zip(
+                parts.terms, document.get("terms") or [{}] * len(parts.terms), strict=True
+            )
         ]
         rest = document.get("variables") or {}
         document["variables"] = {
-            texts["name"]: {key: texts[key] for key in VARIABLE_TEXTS[1:]} | rest.get(texts["name"], {})
+            texts["name"]: (
+                {key: texts[key] for key in VARIABLE_TEXTS[1:]} | rest.get(texts["name"], {})
+            )
             for texts in parts.variables
         }
     except (AttributeError, KeyError, TypeError, ValueError) as error:
-        raise InputError(f"manifest and data do not fit together ({error!r})", where, "export the database again") from error
+        raise InputError(
+            f"manifest and data do not fit together ({error!r})", where, "export the database again"
+        ) from error
     database = from_document(document, where)
     try:
         said = failures(database, _cases(parts.cases, where))
@@ -128,7 +166,9 @@ def parsed_manifest(text: str, where: str) -> dict[str, Any]:
     try:
         manifest = json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise InputError(f"the manifest is not JSON: {error}", where, "export the database again") from error
+        raise InputError(
+            f"the manifest is not JSON: {error}", where, "export the database again"
+        ) from error
     if not isinstance(manifest, dict):
         raise InputError("the manifest is not a JSON object", where, "export the database again")
     return manifest
@@ -141,26 +181,39 @@ def checked_size(data: bytes, where: str) -> None:
 
 
 def conventions(database: AeroDatabase) -> dict[str, Any]:
-    """What a reader must know to use the numbers: axes and signs, units of the inputs, reference lengths and point."""
+    """What a reader must know to use the numbers: axes and signs, units of the inputs, reference
+    lengths and point."""
     reference = database.reference
     point = ", ".join(f"{x:g}" for x in reference.moment_reference)
     return {
         "units": "SI and radians; coefficients have none",
         "axes": {axis: axis_description(axis) for axis in (*AXES, "C_lift", "C_drag", "C_side")},
-        "moments": f"about ({point}) m from the vehicle's datum, body axes: x forward, y right, z down",
-        "coefficients": f"forces over qbar S with S = {reference.area!r} m^2; Cl and Cn over qbar S b with b = "
-        f"{reference.span!r} m; Cm over qbar S c with c = {reference.chord!r} m",
+        "moments": (
+            f"about ({point}) m from the vehicle's datum, body axes: x forward, y right, z down"
+        ),
+        "coefficients": (
+            f"forces over qbar S with S = {reference.area!r} m^2; Cl and Cn over qbar S b with b = "
+            f"{reference.span!r} m; Cm over qbar S c with c = {reference.chord!r} m"
+        ),
         "inputs": {name: _input(name, database) for name in database.inputs},
-        "tables": "multilinear between breakpoints and held outside, unless a table says otherwise; the last argument varies "
-        "fastest",
-        "envelope": "beyond low..high a regressor's variables are held; its weight is 1 for one cell beyond and then falls to 0 "
-        "over one further cell, for its own variables and alpha, beta, mach",
+        "tables": (
+            "multilinear between breakpoints and held outside, unless a table says otherwise; the"
+            " last argument varies fastest"
+        ),
+        "envelope": (
+            "beyond low..high a regressor's variables are held; its weight is 1 for one cell beyond"
+            " and then falls to 0 over one further cell, for its own variables and alpha, beta,"
+            " mach"
+        ),
     }
 
 
 def argument_units(database: AeroDatabase) -> dict[str, list[str]]:
-    """Per table, the SI unit of every argument that is a channel as it is; empty for a formula, whose unit nobody declares."""
-    units: dict[str, list[str]] = {name: [""] * len(table.arguments) for name, table in database.tables.items()}
+    """Per table, the SI unit of every argument that is a channel as it is; empty for a formula,
+    whose unit nobody declares."""
+    units: dict[str, list[str]] = {
+        name: [""] * len(table.arguments) for name, table in database.tables.items()
+    }
     for call in calls(database):
         for k, argument in enumerate(call.arguments if call.table in units else ()):
             name = channel_of(argument, database)
@@ -181,7 +234,11 @@ def _document(parts: Parts, kind: str, where: str) -> dict[str, Any]:
     manifest = parts.manifest
     if manifest.get("file") != f"aerodb {kind}" or manifest.get("version") != FORMAT:
         found = f"{manifest.get('file')!r}, version {manifest.get('version')!r}"
-        raise InputError(f"the manifest is of {found}", where, f"this version reads 'aerodb {kind}', version {FORMAT}")
+        raise InputError(
+            f"the manifest is of {found}",
+            where,
+            f"this version reads 'aerodb {kind}', version {FORMAT}",
+        )
     document = manifest.get("database")
     if not isinstance(document, dict):
         raise InputError("the manifest holds no database", where, "export the database again")
@@ -189,16 +246,24 @@ def _document(parts: Parts, kind: str, where: str) -> dict[str, Any]:
     tables, increments = document.get("tables"), document.get("increments")
     if not isinstance(tables, dict) or tables.keys() != parts.tables.keys():
         listed = sorted(tables.keys() ^ parts.tables.keys()) if isinstance(tables, dict) else "all"
-        raise InputError(f"tables in the manifest and in the data differ: {listed}", where, "export the database again")
+        raise InputError(
+            f"tables in the manifest and in the data differ: {listed}",
+            where,
+            "export the database again",
+        )
     if not isinstance(increments, list) or len(increments) != len(parts.increments):
-        raise InputError("increments in the manifest and in the data differ", where, "export the database again")
+        raise InputError(
+            "increments in the manifest and in the data differ", where, "export the database again"
+        )
     return dict(document)
 
 
 def _case_numbers(cases: Sequence[CheckCase]) -> CaseNumbers:
     names = tuple(sorted(cases[0].inputs)) if cases else ()
     inputs = np.array([[case.inputs[name] for name in names] for case in cases], dtype=np.float64)
-    values = np.array([[case.coefficients[axis] for axis in AXES] for case in cases], dtype=np.float64)
+    values = np.array(
+        [[case.coefficients[axis] for axis in AXES] for case in cases], dtype=np.float64
+    )
     return CaseNumbers(names, inputs.reshape(len(cases), len(names)), values.reshape(len(cases), 6))
 
 

@@ -1,9 +1,12 @@
-"""CSV: a ZIP of plain CSV files, one per table, that every spreadsheet opens, with a manifest beside them.
+"""CSV: a ZIP of plain CSV files, one per table, that every spreadsheet opens, with a manifest
+beside them.
 
 One file of many sections would be no CSV that other programs read, so there are several:
 
-- ``tables/<name>.csv``: a row per node, one column per argument, then ``value``; rows may stand in any order;
-- ``terms.csv``, ``variables.csv``: how tables become coefficients; ``check_cases.csv``: inputs and coefficients;
+- ``tables/<name>.csv``: a row per node, one column per argument, then ``value``; rows may stand in
+  any order;
+- ``terms.csv``, ``variables.csv``: how tables become coefficients; ``check_cases.csv``: inputs and
+  coefficients;
 - ``increments/<n>_<axis>.csv``: estimate and covariance per regressor, and ``..._envelope.csv``;
 - ``manifest.json``: everything else, with axes, signs, units and moment reference in words.
 
@@ -48,36 +51,58 @@ def export_csv(database: AeroDatabase, check_cases: Sequence[CheckCase] | None =
     parts = take_apart(database, _KIND, check_cases)
     files = {
         "manifest.json": parts.manifest_text,
-        "terms.csv": _text(TERM_TEXTS, ([entry[key] for key in TERM_TEXTS] for entry in parts.terms)),
-        "variables.csv": _text(VARIABLE_TEXTS, ([entry[key] for key in VARIABLE_TEXTS] for entry in parts.variables)),
+        "terms.csv": _text(
+            TERM_TEXTS, ([entry[key] for key in TERM_TEXTS] for entry in parts.terms)
+        ),
+        "variables.csv": _text(
+            VARIABLE_TEXTS, ([entry[key] for key in VARIABLE_TEXTS] for entry in parts.variables)
+        ),
     }
     units = argument_units(database)
     for name, (axes, values) in parts.tables.items():
         arguments = database.tables[name].arguments
-        header = [f"{label} [{unit}]" if unit else label for label, unit in zip(arguments, units[name], strict=True)]
+        header = [
+            f"{label} [{unit}]" if unit else label
+            for label, unit in zip(arguments, units[name], strict=True)
+        ]
         mesh = [x.ravel() for x in np.meshgrid(*axes, indexing="ij")]
-        files[f"tables/{name}.csv"] = _text([*header, "value"], np.column_stack([*mesh, values.ravel()]).tolist())
+        files[f"tables/{name}.csv"] = _text(
+            [*header, "value"], np.column_stack([*mesh, values.ravel()]).tolist()
+        )
     for k, numbers in enumerate(parts.increments):
         entry, stem = parts.manifest["database"]["increments"][k], _stem(k, parts)
-        rows = zip(entry["regressors"], numbers.estimates.tolist(), numbers.covariance.tolist(), strict=True)
-        header = ["regressor", "estimate", *[f"covariance with {j + 1}" for j in range(len(numbers.estimates))]]
+        rows = zip(
+            entry["regressors"],
+            numbers.estimates.tolist(),
+            numbers.covariance.tolist(),
+            strict=True,
+        )
+        header = [
+            "regressor",
+            "estimate",
+            *[f"covariance with {j + 1}" for j in range(len(numbers.estimates))],
+        ]
         files[f"{stem}.csv"] = _text(header, ([text, value, *row] for text, value, row in rows))
         bounds = zip(entry["envelope"], numbers.envelope.tolist(), strict=True)
-        files[f"{stem}_envelope.csv"] = _text(["variable", *ENVELOPE], ([name, *row] for name, row in bounds))
+        files[f"{stem}_envelope.csv"] = _text(
+            ["variable", *ENVELOPE], ([name, *row] for name, row in bounds)
+        )
     cases = np.hstack([parts.cases.inputs, parts.cases.coefficients]).tolist()
     files["check_cases.csv"] = _text([*parts.cases.names, *AXES], cases)
     packed = io.BytesIO()
     with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, text in files.items():
-            archive.writestr(zipfile.ZipInfo(name, _EPOCH), text.encode("utf-8"), zipfile.ZIP_DEFLATED)
+            archive.writestr(
+                zipfile.ZipInfo(name, _EPOCH), text.encode("utf-8"), zipfile.ZIP_DEFLATED
+            )
     return packed.getvalue()
 
 
 def import_csv(data: bytes, where: str = "CSV file") -> AeroDatabase:
     """The database of a ZIP that `export_csv` wrote, tables changed in a spreadsheet or not.
 
-    Raises InputError that names the file in the archive: damaged or too large ones, grids with missing or repeated nodes,
-    text where numbers belong, and check cases that fail.
+    Raises InputError that names the file in the archive: damaged or too large ones, grids with
+    missing or repeated nodes, text where numbers belong, and check cases that fail.
     """
     checked_size(data, where)
     files = _unpacked(data, where)
@@ -93,7 +118,9 @@ def import_csv(data: bytes, where: str = "CSV file") -> AeroDatabase:
     terms = _texts(files, "terms.csv", TERM_TEXTS, where)
     parts = Parts(manifest, terms, named, tables, [], _case_table(files, where))
     increments = listed if isinstance(listed, list) else []
-    parts.increments.extend(_increment(files, _stem(k, parts), entry, where) for k, entry in enumerate(increments))
+    parts.increments.extend(
+        _increment(files, _stem(k, parts), entry, where) for k, entry in enumerate(increments)
+    )
     return put_together(parts, _KIND, where)
 
 
@@ -125,18 +152,24 @@ def _unpacked(data: bytes, where: str) -> dict[str, str]:
                     content = member.read(left + 1)
                 left -= len(content)
                 if left < 0:
-                    raise InputError("its content is too large", where, f"at most {MAX_BYTES} bytes")
+                    raise InputError(
+                        "its content is too large", where, f"at most {MAX_BYTES} bytes"
+                    )
                 files[info.filename] = content.decode("utf-8-sig")
     except InputError:
         raise
     except Exception as error:  # zipfile raises whatever damaged bytes lead it to
-        raise InputError(f"not a ZIP of UTF-8 texts: {error}", where, "export the database again as CSV") from error
+        raise InputError(
+            f"not a ZIP of UTF-8 texts: {error}", where, "export the database again as CSV"
+        ) from error
     return files
 
 
 def _file(files: dict[str, str], name: str, where: str) -> str:
     if name not in files:
-        raise InputError(f"no {name} in the archive", where, "keep all files of the export together")
+        raise InputError(
+            f"no {name} in the archive", where, "keep all files of the export together"
+        )
     return files[name]
 
 
@@ -149,13 +182,19 @@ def _rows(text: str, where: str) -> tuple[list[str], list[list[str]]]:
         raise InputError("empty", where, "export the database again")
     wrong = next((k for k, row in enumerate(rows) if len(row) != len(rows[0])), None)
     if wrong is not None:
-        raise InputError(f"row {wrong + 1} has {len(rows[wrong])} columns, the header {len(rows[0])}", where, "use commas")
+        raise InputError(
+            f"row {wrong + 1} has {len(rows[wrong])} columns, the header {len(rows[0])}",
+            where,
+            "use commas",
+        )
     return rows[0], rows[1:]
 
 
 def _numbers(rows: Sequence[Sequence[str]], width: int, where: str) -> Array:
     try:
-        return np.array([[float(cell) for cell in row] for row in rows], dtype=np.float64).reshape(len(rows), width)
+        return np.array([[float(cell) for cell in row] for row in rows], dtype=np.float64).reshape(
+            len(rows), width
+        )
     except ValueError as error:
         raise InputError(f"{error}", where, "write numbers with a decimal point") from error
 
@@ -174,7 +213,9 @@ def _grid(text: str, where: str) -> tuple[list[Array], Array]:
     remedy = "give each combination of breakpoints exactly one row"
     if math.prod(shape) != len(points):
         raise InputError(what, where, remedy)
-    index = np.ravel_multi_index([np.searchsorted(a, x) for a, x in zip(axes, points[:, :-1].T, strict=True)], shape)
+    index = np.ravel_multi_index(
+        [np.searchsorted(a, x) for a, x in zip(axes, points[:, :-1].T, strict=True)], shape
+    )
     if np.unique(index).size != len(points):
         raise InputError(f"{what}, some of them repeated", where, remedy)
     values = np.empty(len(points))
@@ -182,25 +223,37 @@ def _grid(text: str, where: str) -> tuple[list[Array], Array]:
     return axes, values.reshape(shape)
 
 
-def _texts(files: dict[str, str], name: str, keys: Sequence[str], where: str) -> list[dict[str, str]]:
+def _texts(
+    files: dict[str, str], name: str, keys: Sequence[str], where: str
+) -> list[dict[str, str]]:
     header, rows = _rows(_file(files, name, where), f"{where}: {name}")
     if header != list(keys):
-        raise InputError(f"columns {', '.join(header)}", f"{where}: {name}", f"they must be {', '.join(keys)}")
+        raise InputError(
+            f"columns {', '.join(header)}", f"{where}: {name}", f"they must be {', '.join(keys)}"
+        )
     return [dict(zip(keys, row, strict=True)) for row in rows]
 
 
-def _increment(files: dict[str, str], stem: str, entry: dict[str, object], where: str) -> IncrementNumbers:
+def _increment(
+    files: dict[str, str], stem: str, entry: dict[str, object], where: str
+) -> IncrementNumbers:
     place = f"{where}: {stem}.csv"
     header, rows = _rows(_file(files, f"{stem}.csv", where), place)
     regressors = [row[0] for row in rows]
     if not isinstance(entry, dict) or entry.get("regressors") != regressors:
-        raise InputError("regressors differ from the manifest's", place, "estimates belong to the regressors that were fitted")
+        raise InputError(
+            "regressors differ from the manifest's",
+            place,
+            "estimates belong to the regressors that were fitted",
+        )
     numbers = _numbers([row[1:] for row in rows], len(header) - 1, place)
     place = f"{where}: {stem}_envelope.csv"
     header, rows = _rows(_file(files, f"{stem}_envelope.csv", where), place)
     if [row[0] for row in rows] != entry.get("envelope") or header[1:] != list(ENVELOPE):
         raise InputError("variables differ from the manifest's", place, "export the database again")
-    return IncrementNumbers(numbers[:, 0], numbers[:, 1:], _numbers([row[1:] for row in rows], 3, place))
+    return IncrementNumbers(
+        numbers[:, 0], numbers[:, 1:], _numbers([row[1:] for row in rows], 3, place)
+    )
 
 
 def _case_table(files: dict[str, str], where: str) -> CaseNumbers:
@@ -210,6 +263,8 @@ def _case_table(files: dict[str, str], where: str) -> CaseNumbers:
     place = f"{where}: check_cases.csv"
     header, rows = _rows(files["check_cases.csv"], place)
     if header[-6:] != list(AXES):
-        raise InputError("the last columns are not CX CY CZ Cl Cm Cn", place, "export the database again")
+        raise InputError(
+            "the last columns are not CX CY CZ Cl Cm Cn", place, "export the database again"
+        )
     numbers = _numbers(rows, len(header), place)
     return CaseNumbers(tuple(header[:-6]), numbers[:, :-6], numbers[:, -6:])

@@ -1,11 +1,12 @@
 """MAT: one struct ``aerodb`` that MATLAB and Octave load, MAT-file version 5 through scipy.
 
-``aerodb.tables(k)`` has name, arguments, breakpoints (a cell of columns) and values: ``values(i, j)`` belongs to
-``breakpoints{1}(i)``, ``breakpoints{2}(j)``, so that ``interpn`` takes it as it is. ``aerodb.terms(k)`` and
-``aerodb.variables(k)`` have name, axis and expression as text; ``aerodb.increments(k)`` has estimates, covariance and
-envelope; ``aerodb.check_cases`` has inputs and coefficients. ``aerodb.manifest`` is JSON (``jsondecode``) with everything
-else, axes, signs, units and moment reference among it; where a text stands there and in a struct of increments or table
-arguments, the manifest is what is read.
+``aerodb.tables(k)`` has name, arguments, breakpoints (a cell of columns) and values: ``values(i,
+j)`` belongs to ``breakpoints{1}(i)``, ``breakpoints{2}(j)``, so that ``interpn`` takes it as it is.
+``aerodb.terms(k)`` and ``aerodb.variables(k)`` have name, axis and expression as text;
+``aerodb.increments(k)`` has estimates, covariance and envelope; ``aerodb.check_cases`` has inputs
+and coefficients. ``aerodb.manifest`` is JSON (``jsondecode``) with everything else, axes, signs,
+units and moment reference among it; where a text stands there and in a struct of increments or
+table arguments, the manifest is what is read.
 """
 
 import io
@@ -33,9 +34,19 @@ from aerodb.support import Array
 from aerodb.tables import AeroDatabase, CheckCase
 
 _KIND: Final = "MAT"
-_HEADER: Final = b"MATLAB 5.0 MAT-file, aerodynamic database (aerodb)".ljust(116)  # no date: equal databases, equal bytes
+_HEADER: Final = b"MATLAB 5.0 MAT-file, aerodynamic database (aerodb)".ljust(
+    116
+)  # no date: equal databases, equal bytes
 _TABLE: Final = ("name", "arguments", "breakpoints", "values")
-_INCREMENT: Final = ("axis", "regressors", "estimates", "covariance", "envelope_variables", "envelope", "flights")
+_INCREMENT: Final = (
+    "axis",
+    "regressors",
+    "estimates",
+    "covariance",
+    "envelope_variables",
+    "envelope",
+    "flights",
+)
 
 
 def export_mat(database: AeroDatabase, check_cases: Sequence[CheckCase] | None = None) -> bytes:
@@ -62,7 +73,9 @@ def export_mat(database: AeroDatabase, check_cases: Sequence[CheckCase] | None =
             "envelope": numbers.envelope,
             "flights": _cell(entry["flights"]),
         }
-        for entry, numbers in zip(parts.manifest["database"]["increments"], parts.increments, strict=True)
+        for entry, numbers in zip(
+            parts.manifest["database"]["increments"], parts.increments, strict=True
+        )
     ]
     cases = parts.cases
     content = {
@@ -84,14 +97,19 @@ def export_mat(database: AeroDatabase, check_cases: Sequence[CheckCase] | None =
 
 
 def import_mat(data: bytes, where: str = "MAT file") -> AeroDatabase:
-    """The database of a MAT file that `export_mat` wrote or MATLAB saved again (``-v7`` or ``-v6``).
+    """The database of a MAT file that `export_mat` wrote or MATLAB saved again (``-v7`` or
+    ``-v6``).
 
-    Raises InputError for damaged or too large files, missing fields, fields of another kind, and check cases that fail.
+    Raises InputError for damaged or too large files, missing fields, fields of another kind, and
+    check cases that fail.
     """
     checked_size(data, where)
     try:
         (content,) = read_mat(data, MAX_BYTES)["aerodb"]
-        tables = {entry["name"]: _table(entry["breakpoints"], entry["values"]) for entry in content["tables"]}
+        tables = {
+            entry["name"]: _table(entry["breakpoints"], entry["values"])
+            for entry in content["tables"]
+        }
         increments = [
             IncrementNumbers(
                 _numbers(entry["estimates"]).ravel(),
@@ -101,7 +119,9 @@ def import_mat(data: bytes, where: str = "MAT file") -> AeroDatabase:
             for entry in content["increments"]
         ]
         terms = [{key: _string(entry[key]) for key in TERM_TEXTS} for entry in content["terms"]]
-        named = [{key: _string(entry[key]) for key in VARIABLE_TEXTS} for entry in content["variables"]]
+        named = [
+            {key: _string(entry[key]) for key in VARIABLE_TEXTS} for entry in content["variables"]
+        ]
         manifest = parsed_manifest(_string(content["manifest"]), where)
         parts = Parts(manifest, terms, named, tables, increments, _case_numbers(content))
     except InputError:
@@ -109,7 +129,9 @@ def import_mat(data: bytes, where: str = "MAT file") -> AeroDatabase:
     except OverflowError as error:
         raise InputError(str(error), where, f"at most {MAX_BYTES} bytes when expanded") from error
     except (LookupError, TypeError, ValueError) as error:
-        raise InputError(f"no MAT file with a struct 'aerodb' as exported: {error}", where, "export it again") from error
+        raise InputError(
+            f"no MAT file with a struct 'aerodb' as exported: {error}", where, "export it again"
+        ) from error
     return put_together(parts, _KIND, where)
 
 
@@ -154,4 +176,6 @@ def _case_numbers(content: Mapping[str, Any]) -> CaseNumbers:
     (entry,) = content["check_cases"]
     names = tuple(_string(name) for name in entry["inputs"])
     coefficients = _numbers(entry["coefficients"]).reshape(-1, 6)
-    return CaseNumbers(names, _numbers(entry["input_values"]).reshape(len(coefficients), len(names)), coefficients)
+    return CaseNumbers(
+        names, _numbers(entry["input_values"]).reshape(len(coefficients), len(names)), coefficients
+    )

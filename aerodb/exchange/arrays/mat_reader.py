@@ -1,7 +1,8 @@
 """MAT-files of version 5 to 7 read element by element: structs, cells, text and numbers.
 
-Why not scipy's reader: bytes that were changed on their way crash it (segmentation fault), and a database file may come from
-anywhere. This one is plain Python on bounded slices: whatever the bytes say, the worst is a ValueError.
+Why not scipy's reader: bytes that were changed on their way crash it (segmentation fault), and a
+database file may come from anywhere. This one is plain Python on bounded slices: whatever the bytes
+say, the worst is a ValueError.
 
 Source: MathWorks, "MAT-File Format" (version 5).
 """
@@ -15,8 +16,26 @@ import numpy as np
 
 _MATRIX: Final = 14
 _COMPRESSED: Final = 15
-_NUMBERS: Final = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
-_ENCODINGS: Final = {1: "latin-1", 2: "latin-1", 4: "utf-16", 16: "utf-8", 17: "utf-16", 18: "utf-32"}
+_NUMBERS: Final = {
+    1: "i1",
+    2: "u1",
+    3: "i2",
+    4: "u2",
+    5: "i4",
+    6: "u4",
+    7: "f4",
+    9: "f8",
+    12: "i8",
+    13: "u8",
+}
+_ENCODINGS: Final = {
+    1: "latin-1",
+    2: "latin-1",
+    4: "utf-16",
+    16: "utf-8",
+    17: "utf-16",
+    18: "utf-32",
+}
 _CELL, _STRUCT, _CHAR, _DOUBLE, _LAST_NUMBER = 1, 2, 4, 6, 15
 _MAX_DEPTH: Final = 20
 
@@ -24,8 +43,9 @@ _MAX_DEPTH: Final = 20
 def read_mat(data: bytes, limit: int) -> dict[str, Any]:
     """The variables of a MAT-file by name; `limit` bytes at most when expanded.
 
-    Numbers are arrays (float64), text is str, a cell a flat list, a struct (of any size) a flat list of dicts.
-    Raises ValueError for anything that is not such a file, and OverflowError beyond the limit.
+    Numbers are arrays (float64), text is str, a cell a flat list, a struct (of any size) a flat
+    list of dicts. Raises ValueError for anything that is not such a file, and OverflowError beyond
+    the limit.
     """
     if data.startswith(b"MATLAB 7.3"):
         raise ValueError("a MAT-file of version 7.3 (in MATLAB: save with -v7)")
@@ -105,15 +125,22 @@ class _Reader:
             return name, [self._inner(depth) for _ in range(count)]
         if kind == _STRUCT:
             fields = self._fields()
-            return name, [{field: self._inner(depth) for field in fields} for _ in range(count if fields else 0)]
+            return name, [
+                {field: self._inner(depth) for field in fields}
+                for _ in range(count if fields else 0)
+            ]
         if kind == _CHAR:
             return name, self._text(shape)
         if _DOUBLE <= kind <= _LAST_NUMBER:
             values = self.numbers()
             if values.size != count:
-                raise ValueError(f"{values.size} numbers for an array of {' x '.join(map(str, shape))}")
+                raise ValueError(
+                    f"{values.size} numbers for an array of {' x '.join(map(str, shape))}"
+                )
             return name, np.array(values.reshape(shape, order="F"), dtype=np.float64, order="C")
-        raise ValueError(f"an array of class {kind}, which is neither struct, cell, text nor numbers")
+        raise ValueError(
+            f"an array of class {kind}, which is neither struct, cell, text nor numbers"
+        )
 
     def _inner(self, depth: int) -> Any:
         kind, content = self.element()
@@ -126,7 +153,9 @@ class _Reader:
         if len(length) != 1 or not 0 < length[0] <= 64 or len(names) % int(length[0]):
             raise ValueError("a struct without names")
         step = int(length[0])
-        return [names[k : k + step].split(b"\0")[0].decode("ascii") for k in range(0, len(names), step)]
+        return [
+            names[k : k + step].split(b"\0")[0].decode("ascii") for k in range(0, len(names), step)
+        ]
 
     def _text(self, shape: list[int]) -> str:
         kind, content = self.element()
@@ -136,5 +165,7 @@ class _Reader:
             raise ValueError("text of several rows")
         encoding = _ENCODINGS[kind]
         return content.decode(
-            f"{encoding}-{'le' if self._order == '<' else 'be'}" if encoding in ("utf-16", "utf-32") else encoding
+            f"{encoding}-{'le' if self._order == '<' else 'be'}"
+            if encoding in ("utf-16", "utf-32")
+            else encoding
         )

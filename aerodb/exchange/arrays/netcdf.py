@@ -1,11 +1,14 @@
-"""NetCDF: classic format (64-bit offset), which every NetCDF reader opens, through scipy's own reader and writer.
+"""NetCDF: classic format (64-bit offset), which every NetCDF reader opens, through scipy's own
+reader and writer.
 
-Classic rather than NetCDF-4: a database is a few megabytes of float64 arrays, which need neither groups nor compression, and
-scipy, which the product has anyway, keeps a pure-Python implementation; NetCDF-4 would add HDF5 and a second package.
+Classic rather than NetCDF-4: a database is a few megabytes of float64 arrays, which need neither
+groups nor compression, and scipy, which the product has anyway, keeps a pure-Python implementation;
+NetCDF-4 would add HDF5 and a second package.
 
-``table_<name>`` has dimensions ``breakpoints_<name>_<k>``, whose coordinate variables of the same name hold the breakpoints;
-``increment_<n>_estimates``, ``_covariance``, ``_envelope``; ``check_inputs`` and ``check_coefficients``. The global attribute
-``manifest`` is JSON with terms and everything else, axes, signs, units and moment reference among it.
+``table_<name>`` has dimensions ``breakpoints_<name>_<k>``, whose coordinate variables of the same
+name hold the breakpoints; ``increment_<n>_estimates``, ``_covariance``, ``_envelope``;
+``check_inputs`` and ``check_coefficients``. The global attribute ``manifest`` is JSON with terms
+and everything else, axes, signs, units and moment reference among it.
 """
 
 import io
@@ -51,22 +54,34 @@ def export_netcdf(database: AeroDatabase, check_cases: Sequence[CheckCase] | Non
     for name, (axes, values) in parts.tables.items():
         arguments = database.tables[name].arguments
         dimensions = [f"breakpoints_{name}_{k}" for k in range(len(axes))]
-        for dimension, argument, unit, axis in zip(dimensions, arguments, units[name], axes, strict=True):
+        for dimension, argument, unit, axis in zip(
+            dimensions, arguments, units[name], axes, strict=True
+        ):
             _write(file, dimension, [dimension], axis, long_name=argument, units=unit)
         _write(file, f"table_{name}", dimensions, values, long_name=name)
     for k, numbers in enumerate(parts.increments, start=1):
-        one, other, bounds = f"increment_{k}_regressor", f"increment_{k}_with", f"increment_{k}_variable"
+        one, other, bounds = (
+            f"increment_{k}_regressor",
+            f"increment_{k}_with",
+            f"increment_{k}_variable",
+        )
         _write(file, f"increment_{k}_estimates", [one], numbers.estimates)
         _write(file, f"increment_{k}_covariance", [one, other], numbers.covariance)
         _write(file, f"increment_{k}_envelope", [bounds, "low_high_cell"], numbers.envelope)
     _write(file, "check_inputs", ["check_case", "check_input"], parts.cases.inputs)
-    _write(file, "check_coefficients", ["check_case", "axis_CX_CY_CZ_Cl_Cm_Cn"], parts.cases.coefficients)
+    _write(
+        file,
+        "check_coefficients",
+        ["check_case", "axis_CX_CY_CZ_Cl_Cm_Cn"],
+        parts.cases.coefficients,
+    )
     file.flush()
     return written.getvalue()
 
 
 def import_netcdf(data: bytes, where: str = "NetCDF file") -> AeroDatabase:
-    """The database of a NetCDF file that `export_netcdf` wrote, its numbers changed by other tools or not.
+    """The database of a NetCDF file that `export_netcdf` wrote, its numbers changed by other tools
+    or not.
 
     Raises InputError for damaged or too large files, missing variables, and check cases that fail.
     """
@@ -77,21 +92,33 @@ def import_netcdf(data: bytes, where: str = "NetCDF file") -> AeroDatabase:
         document = manifest["database"]
         terms = [dict(entry) for entry in document.pop("terms")]
         named = [
-            {"name": name, **{key: entry.pop(key) for key in VARIABLE_TEXTS[1:]}} for name, entry in document["variables"].items()
+            {"name": name, **{key: entry.pop(key) for key in VARIABLE_TEXTS[1:]}}
+            for name, entry in document["variables"].items()
         ]
-        tables = {name: _table(name, len(entry["arguments"]), arrays) for name, entry in document["tables"].items()}
-        increments = [_increment(k, len(entry["envelope"]), arrays) for k, entry in enumerate(document["increments"], start=1)]
+        tables = {
+            name: _table(name, len(entry["arguments"]), arrays)
+            for name, entry in document["tables"].items()
+        }
+        increments = [
+            _increment(k, len(entry["envelope"]), arrays)
+            for k, entry in enumerate(document["increments"], start=1)
+        ]
         names = tuple(map(str, manifest.get("check_inputs", ())))
         cases = arrays.get("check_coefficients", np.empty((0, 6)))
         inputs = arrays.get("check_inputs", np.empty((len(cases), len(names))))
     except (AttributeError, KeyError, TypeError, ValueError) as error:
-        raise InputError(f"manifest and variables do not fit together ({error!r})", where, "export it again") from error
+        raise InputError(
+            f"manifest and variables do not fit together ({error!r})", where, "export it again"
+        ) from error
     parts = Parts(manifest, terms, named, tables, increments, CaseNumbers(names, inputs, cases))
     return put_together(parts, _KIND, where)
 
 
-def _write(file: Any, name: str, dimensions: Sequence[str], values: Array, **attributes: str) -> None:
-    """A variable of float64; one without values is left out, since a length of 0 means "unlimited" in this format."""
+def _write(
+    file: Any, name: str, dimensions: Sequence[str], values: Array, **attributes: str
+) -> None:
+    """A variable of float64; one without values is left out, since a length of 0 means "unlimited"
+    in this format."""
     if values.size == 0:
         return
     for dimension, size in zip(dimensions, values.shape, strict=True):
@@ -105,7 +132,8 @@ def _write(file: Any, name: str, dimensions: Sequence[str], values: Array, **att
 
 
 class _Metered(io.BytesIO):
-    """A file of which no more is read than it has: headers can point many large variables at the same bytes."""
+    """A file of which no more is read than it has: headers can point many large variables at the
+    same bytes."""
 
     def __init__(self, data: bytes) -> None:
         super().__init__(data)
@@ -125,10 +153,16 @@ def _read(data: bytes, where: str) -> tuple[dict[str, Array], str]:
 
     try:
         file: Any = netcdf_file(_Metered(data), "r", mmap=False)
-        arrays = {name: np.array(v.data, dtype=np.float64) for name, v in file.variables.items() if v.data.dtype.kind in "fi"}
+        arrays = {
+            name: np.array(v.data, dtype=np.float64)
+            for name, v in file.variables.items()
+            if v.data.dtype.kind in "fi"
+        }
         return arrays, bytes(file.manifest).decode("utf-8")
     except Exception as error:  # scipy's reader raises whatever damaged bytes lead it to
-        raise InputError(f"not a NetCDF file with a manifest: {error!r}", where, "export the database again") from error
+        raise InputError(
+            f"not a NetCDF file with a manifest: {error!r}", where, "export the database again"
+        ) from error
 
 
 def _table(name: str, dimensions: int, arrays: dict[str, Array]) -> tuple[list[Array], Array]:
@@ -137,4 +171,6 @@ def _table(name: str, dimensions: int, arrays: dict[str, Array]) -> tuple[list[A
 
 def _increment(k: int, bounds: int, arrays: dict[str, Array]) -> IncrementNumbers:
     envelope = arrays[f"increment_{k}_envelope"] if bounds else np.empty((0, 3))
-    return IncrementNumbers(arrays[f"increment_{k}_estimates"], arrays[f"increment_{k}_covariance"], envelope)
+    return IncrementNumbers(
+        arrays[f"increment_{k}_estimates"], arrays[f"increment_{k}_covariance"], envelope
+    )

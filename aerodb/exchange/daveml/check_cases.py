@@ -1,7 +1,7 @@
 """DAVE-ML's check cases (static shots): read from a file, and a database held against them.
 
-A shot names its inputs and outputs as the outside sees them, by name and unit, and its internal signals by id. Here all are
-by id, in the unit that the variable is declared in.
+A shot names its inputs and outputs as the outside sees them, by name and unit, and its internal
+signals by id. Here all are by id, in the unit that the variable is declared in.
 """
 
 from collections.abc import Iterator, Mapping
@@ -12,10 +12,31 @@ import numpy as np
 
 from aerodb.errors import InputError
 from aerodb.exchange.daveml.names import Declared, read_unit, scale_of
-from aerodb.exchange.daveml.xml_elements import children, find, number, own_text, read_root, required, tag, unsupported
-from aerodb.tables import CONSTANTS, AeroDatabase, AnyTable, Expression, Name, Program, Value, compile_program, parse, rebuilt
+from aerodb.exchange.daveml.xml_elements import (
+    children,
+    find,
+    number,
+    own_text,
+    read_root,
+    required,
+    tag,
+    unsupported,
+)
+from aerodb.tables import (
+    CONSTANTS,
+    AeroDatabase,
+    AnyTable,
+    Expression,
+    Name,
+    Program,
+    Value,
+    compile_program,
+    parse,
+    rebuilt,
+)
 
-#: Where a file states no tolerance: relative to the value, with values below `_SMALL` taken as that.
+#: Where a file states no tolerance: relative to the value, with values below `_SMALL` taken as
+#: that.
 RELATIVE: Final = 1e-12
 _SMALL: Final = 1e-3
 
@@ -25,7 +46,8 @@ _INPUT_ROLES: Final = ("isInput", "isControl", "isDisturbance")
 
 @dataclass(frozen=True)
 class CheckSignal:
-    """A signal's value by id, in the unit of its declaration; tolerance None where the file states none."""
+    """A signal's value by id, in the unit of its declaration; tolerance None where the file states
+    none."""
 
     identity: str
     value: float
@@ -44,7 +66,8 @@ class CheckCase:
 
 @dataclass(frozen=True)
 class Verified:
-    """How a database met one check case: signals compared, and one sentence for each that is beyond its tolerance."""
+    """How a database met one check case: signals compared, and one sentence for each that is beyond
+    its tolerance."""
 
     name: str
     internals: int
@@ -59,7 +82,8 @@ class Verified:
 def check_cases(xml: bytes, *, name: str = "") -> tuple[CheckCase, ...]:
     """The check cases of a DAVE-ML file; empty when it has none.
 
-    Raises InputError for a signal that no variable answers to, or that several do and the unit does not decide.
+    Raises InputError for a signal that no variable answers to, or that several do and the unit does
+    not decide.
     """
     where = name or "DAVE-ML file"
     root = read_root(xml, where)
@@ -67,8 +91,13 @@ def check_cases(xml: bytes, *, name: str = "") -> tuple[CheckCase, ...]:
     for element in children(root):
         if tag(element) == "variableDef":
             identity = required(element, "varID", where)
-            shown, unit = (element.get("name") or identity).strip(), (element.get("units") or "nd").strip()
-            declared.append((Declared(identity, shown, unit), frozenset(map(tag, children(element)))))
+            shown, unit = (
+                (element.get("name") or identity).strip(),
+                (element.get("units") or "nd").strip(),
+            )
+            declared.append(
+                (Declared(identity, shown, unit), frozenset(map(tag, children(element))))
+            )
     cases: list[CheckCase] = []
     for block in children(root):
         for shot in children(block) if tag(block) == "checkData" else ():
@@ -79,14 +108,18 @@ def check_cases(xml: bytes, *, name: str = "") -> tuple[CheckCase, ...]:
     return tuple(cases)
 
 
-def _case(shot: Any, declared: list[tuple[Declared, frozenset[str]]], where: str, count: int) -> CheckCase:
+def _case(
+    shot: Any, declared: list[tuple[Declared, frozenset[str]]], where: str, count: int
+) -> CheckCase:
     name = (shot.get("name") or f"shot {count}").strip()
     parts: dict[str, tuple[CheckSignal, ...]] = {}
     for part in children(shot):
         if tag(part) in _PARTS:
             place = f"{where}: check case {name}"
             roles = {"checkInputs": _INPUT_ROLES, "checkOutputs": ("isOutput",)}.get(tag(part), ())
-            parts[tag(part)] = tuple(_signal(each, declared, roles, place) for each in _signals(part, place))
+            parts[tag(part)] = tuple(
+                _signal(each, declared, roles, place) for each in _signals(part, place)
+            )
         elif tag(part) not in ("description", "provenance", "provenanceRef"):
             raise unsupported(part, "<staticShot>", where)
     return CheckCase(name, *(parts.get(each, ()) for each in _PARTS))
@@ -99,7 +132,12 @@ def _signals(part: Any, where: str) -> Iterator[Any]:
         yield element
 
 
-def _signal(element: Any, declared: list[tuple[Declared, frozenset[str]]], roles: tuple[str, ...], where: str) -> CheckSignal:
+def _signal(
+    element: Any,
+    declared: list[tuple[Declared, frozenset[str]]],
+    roles: tuple[str, ...],
+    where: str,
+) -> CheckSignal:
     text = {tag(child): own_text(child).strip() for child in children(element)}
     if find(element, "signalValue") is None:
         raise InputError("a <signal> without <signalValue>", where)
@@ -113,19 +151,36 @@ def _signal(element: Any, declared: list[tuple[Declared, frozenset[str]]], roles
     unit = text.get("signalUnits", "")
     found = _named(text.get("signalName", ""), unit, declared, roles, where)
     scale, offset = _between(unit, found.unit) if unit else (1.0, 0.0)
-    return CheckSignal(found.identity, value * scale + offset, None if tolerance is None else tolerance * abs(scale))
+    return CheckSignal(
+        found.identity,
+        value * scale + offset,
+        None if tolerance is None else tolerance * abs(scale),
+    )
 
 
-def _named(name: str, unit: str, declared: list[tuple[Declared, frozenset[str]]], roles: tuple[str, ...], where: str) -> Declared:
-    """The variable that an outside name means: of its role if any has it, then of its unit: names alone may repeat."""
+def _named(
+    name: str,
+    unit: str,
+    declared: list[tuple[Declared, frozenset[str]]],
+    roles: tuple[str, ...],
+    where: str,
+) -> Declared:
+    """The variable that an outside name means: of its role if any has it, then of its unit: names
+    alone may repeat."""
     same = [(each, kinds) for each, kinds in declared if name in (each.name, each.identity)]
-    in_role = [each for each, kinds in same if kinds.intersection(roles)] or [each for each, _ in same]
+    in_role = [each for each, kinds in same if kinds.intersection(roles)] or [
+        each for each, _ in same
+    ]
     exact = [each for each in in_role if _spelling(each.unit) == _spelling(unit)]
     near = [each for each in in_role if scale_of(unit, read_unit(each.unit)) is not None]
     for candidates in (exact, near, in_role if not unit else []):
         if len(candidates) == 1:
             return candidates[0]
-    what = f"signal '{name}' in '{unit}' fits {len(in_role)} variables" if in_role else f"no variable is named '{name}'"
+    what = (
+        f"signal '{name}' in '{unit}' fits {len(in_role)} variables"
+        if in_role
+        else f"no variable is named '{name}'"
+    )
     if in_role and not near:
         what = f"signal '{name}' in '{unit}', the variable is in '{in_role[0].unit}'"
     raise InputError(what, where)
@@ -146,16 +201,24 @@ class Signals:
 
     def __init__(self, database: AeroDatabase) -> None:
         self._database = database
-        self._identities = {variable.declared.get("id", name): name for name, variable in database.variables.items()}
+        self._identities = {
+            variable.declared.get("id", name): name for name, variable in database.variables.items()
+        }
         self._given: dict[str, str] = {}  # id of an input -> the name that stands for its value
         definitions = {name: self._opened(name) for name in database.variables}
-        constants = {name: float(getattr(database.reference, attribute)) for name, attribute in CONSTANTS.items()}
+        constants = {
+            name: float(getattr(database.reference, attribute))
+            for name, attribute in CONSTANTS.items()
+        }
         tables: dict[str, AnyTable] = {**database.tables, **database.scattered}
         self._constants = constants
-        self._program: Program = compile_program([Name(name) for name in definitions], tables, definitions, constants)
+        self._program: Program = compile_program(
+            [Name(name) for name in definitions], tables, definitions, constants
+        )
 
     def _opened(self, name: str) -> Expression:
-        """A variable's expression; that of an input with a place for the value that is given, before its limits."""
+        """A variable's expression; that of an input with a place for the value that is given,
+        before its limits."""
         variable = self._database.variables[name]
         text = variable.declared.get("input")
         if text is None:
@@ -165,18 +228,34 @@ class Signals:
         return rebuilt(variable.expression, lambda node: place if node == raw else node)
 
     def at(self, inputs: Mapping[str, float]) -> dict[str, float]:
-        """Values of all variables and of the inputs, by id; InputError names inputs that are missing."""
-        channels: dict[str, Value] = {self._given.get(identity, identity): value for identity, value in inputs.items()}
+        """Values of all variables and of the inputs, by id; InputError names inputs that are
+        missing."""
+        channels: dict[str, Value] = {
+            self._given.get(identity, identity): value for identity, value in inputs.items()
+        }
         values = self._database.resolved(self._program.inputs, channels)
         run = self._program.run(values)
-        found = dict(zip(self._database.variables, (float(np.ravel(value)[0]) for value in run.values), strict=True))
+        found = dict(
+            zip(
+                self._database.variables,
+                (float(np.ravel(value)[0]) for value in run.values),
+                strict=True,
+            )
+        )
         signals = {identity: found[name] for identity, name in self._identities.items()}
-        return {**self._constants, **{k: float(np.ravel(v)[0]) for k, v in values.items()}, **inputs, **signals}
+        return {
+            **self._constants,
+            **{k: float(np.ravel(v)[0]) for k, v in values.items()},
+            **inputs,
+            **signals,
+        }
 
 
-def verify(database: AeroDatabase, cases: tuple[CheckCase, ...], relative: float = RELATIVE) -> tuple[Verified, ...]:
-    """`database`, imported from DAVE-ML, at check cases of its file: every internal signal and output by the stated tolerance,
-    where none is stated by `relative` times max(|value|, 1e-3).
+def verify(
+    database: AeroDatabase, cases: tuple[CheckCase, ...], relative: float = RELATIVE
+) -> tuple[Verified, ...]:
+    """`database`, imported from DAVE-ML, at check cases of its file: every internal signal and
+    output by the stated tolerance, where none is stated by `relative` times max(|value|, 1e-3).
 
     Raises InputError for an input or signal that the database does not have.
     """
@@ -188,9 +267,16 @@ def verify(database: AeroDatabase, cases: tuple[CheckCase, ...], relative: float
         for signal in (*case.internals, *case.outputs):
             if signal.identity not in values:
                 raise InputError(f"no signal '{signal.identity}'", f"check case {case.name}")
-            tolerance = relative * max(abs(signal.value), _SMALL) if signal.tolerance is None else signal.tolerance
+            tolerance = (
+                relative * max(abs(signal.value), _SMALL)
+                if signal.tolerance is None
+                else signal.tolerance
+            )
             given = values[signal.identity]
             if not abs(given - signal.value) <= tolerance:
-                failures.append(f"{signal.identity} is {given!r}, it should be {signal.value!r} within {tolerance:g}")
+                failures.append(
+                    f"{signal.identity} is {given!r}, it should be {signal.value!r} within"
+                    f" {tolerance:g}"
+                )
         results.append(Verified(case.name, len(case.internals), len(case.outputs), tuple(failures)))
     return tuple(results)

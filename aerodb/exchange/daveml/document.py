@@ -1,4 +1,5 @@
-"""A DAVE-ML document while it is written: ids, variables, breakpoints, tables, functions, check cases."""
+"""A DAVE-ML document while it is written: ids, variables, breakpoints, tables, functions, check
+cases."""
 
 import re
 from typing import Any, Final
@@ -8,7 +9,13 @@ from lxml import etree
 from numpy.typing import NDArray
 
 from aerodb.exchange.daveml.check_cases import CheckCase, CheckSignal
-from aerodb.exchange.daveml.names import STANDARD_INPUTS, STANDARD_SIGNS, Declared, output_axis, write_unit
+from aerodb.exchange.daveml.names import (
+    STANDARD_INPUTS,
+    STANDARD_SIGNS,
+    Declared,
+    output_axis,
+    write_unit,
+)
 from aerodb.exchange.daveml.writing import text_number, text_numbers, write_math
 from aerodb.nomenclature import CHANNELS, channel, is_surface
 from aerodb.tables import (
@@ -41,7 +48,9 @@ class Document:
         self._database = database
         self._root = etree.Element(f"{{{NAMESPACE}}}DAVEfunc", nsmap={None: NAMESPACE})
         self._header(created, author)
-        self._variables: dict[str, Any] = {}  # by the database's name, or the id of what only the file has
+        self._variables: dict[
+            str, Any
+        ] = {}  # by the database's name, or the id of what only the file has
         self._ids: dict[str, str] = {}
         self._calls: dict[Expression, str] = {}  # table call -> id of the variable that it gives
         self._arguments: dict[Expression, str] = {}
@@ -71,7 +80,9 @@ class Document:
     def given(self, name: str) -> None:
         """An input: a channel in SI, or a free input of the database."""
         known = name in CHANNELS or (is_surface(name) and name not in self._database.free_inputs)
-        unit = write_unit(channel(name).unit) if known else _unit_of(self._database.free_inputs[name])
+        unit = (
+            write_unit(channel(name).unit) if known else _unit_of(self._database.free_inputs[name])
+        )
         note = channel(name).description if known else self._database.free_inputs[name]
         sign = STANDARD_SIGNS.get(name, "")
         if known and is_surface(name) and name not in CHANNELS:
@@ -92,17 +103,31 @@ class Document:
         attributes: dict[str, str] | None = None,
         uncertainty: Uncertainty | None = None,
     ) -> None:
-        """One ``variableDef``: a constant, a calculation, the result of a table, or (without expression) an input."""
+        """One ``variableDef``: a constant, a calculation, the result of a table, or (without
+        expression) an input."""
         element = etree.Element(f"{{{NAMESPACE}}}variableDef")
         self._variables[identity] = element
         self._units[identity], self._shown[identity] = unit or "nd", name or identity
-        for key, text in {"name": name or identity, "varID": identity, "units": unit or "nd", **(attributes or {})}.items():
+        for key, text in {
+            "name": name or identity,
+            "varID": identity,
+            "units": unit or "nd",
+            **(attributes or {}),
+        }.items():
             if text:
                 element.set(key, _clean(text))
         if note:
             _child(element, "description", note)
         self._expression(element, identity, expression)
-        order = ("isInput", "isControl", "isDisturbance", "isState", "isStateDeriv", "isOutput", "isStdAIAA")
+        order = (
+            "isInput",
+            "isControl",
+            "isDisturbance",
+            "isState",
+            "isStateDeriv",
+            "isOutput",
+            "isStdAIAA",
+        )
         for role in (each for each in order if each in roles):
             _child(element, role)
         self._uncertainty(element, uncertainty)
@@ -117,14 +142,22 @@ class Document:
         value = _number(inner)
         if value is not None:
             element.set("initialValue", text_number(value))
-        elif isinstance(inner, TableCall) and low is None and high is None and inner not in self._calls:
+        elif (
+            isinstance(inner, TableCall)
+            and low is None
+            and high is None
+            and inner not in self._calls
+        ):
             self._calls[inner] = identity
             self._function(inner, identity)
         else:
             _child(element, "calculation").append(write_math(inner, self._refer))
 
-    def new(self, wanted: str, name: str, unit: str, note: str, expression: Expression, axis: str = "") -> str:
-        """A variable that only the file has; gives its name. With `axis`, it is that coefficient."""
+    def new(
+        self, wanted: str, name: str, unit: str, note: str, expression: Expression, axis: str = ""
+    ) -> str:
+        """A variable that only the file has; gives its name. With `axis`, it is that
+        coefficient."""
         identity = self._unused(re.sub(r"\W", "_", wanted), self._taken)
         self._taken.add(identity)
         roles = ("isOutput", "isStdAIAA") if axis else ()
@@ -135,12 +168,17 @@ class Document:
         return identity
 
     def keep(self, name: str, variable: Variable, output: bool) -> None:
-        """A variable of the database as it was declared. Only what is a total of the database stays an output on an axis."""
+        """A variable of the database as it was declared. Only what is a total of the database stays
+        an output on an axis."""
         declared, identity = variable.declared, self._ids[name]
         shown = declared.get("name", identity)
-        axis = output_axis(Declared(identity, shown, variable.unit, declared.get("sign", "")), self._database.name)
+        axis = output_axis(
+            Declared(identity, shown, variable.unit, declared.get("sign", "")), self._database.name
+        )
         roles = {
-            role for role in declared.get("role", "").split() if role in ("isOutput", "isStdAIAA", "isState", "isStateDeriv")
+            role
+            for role in declared.get("role", "").split()
+            if role in ("isOutput", "isStdAIAA", "isState", "isStateDeriv")
         }
         if output and axis:
             self.outputs[axis[0]] = identity
@@ -150,7 +188,16 @@ class Document:
         kept = {attribute: declared.get(key, "") for key, attribute in _KEPT.items()}
         note = variable.description
         unit = variable.unit if variable.unit not in ("", "1") else "nd"
-        self.variable(identity, shown, unit, note, variable.expression, tuple(roles), kept, variable.uncertainty)
+        self.variable(
+            identity,
+            shown,
+            unit,
+            note,
+            variable.expression,
+            tuple(roles),
+            kept,
+            variable.uncertainty,
+        )
 
     def finish(self) -> None:
         """Everything into the standard's order."""
@@ -179,7 +226,9 @@ class Document:
     def to_bytes(self) -> bytes:
         """The file."""
         etree.indent(self._root)
-        data: bytes = etree.tostring(self._root, encoding="UTF-8", xml_declaration=True, doctype=_DOCTYPE)
+        data: bytes = etree.tostring(
+            self._root, encoding="UTF-8", xml_declaration=True, doctype=_DOCTYPE
+        )
         return data
 
     def _header(self, created: str, author: str) -> None:
@@ -193,7 +242,10 @@ class Document:
         parts = [
             database.description,
             "Inputs in SI units and radians; surfaces positive trailing edge down (rudder left).",
-            "Coefficients on body axes (x forward, y right, z down) over qbar S; Cl and Cn over the span, Cm over the chord.",
+            (
+                "Coefficients on body axes (x forward, y right, z down) over qbar S; Cl and Cn over"
+                " the span, Cm over the chord."
+            ),
             f"Moments about ({point}) m from the vehicle's datum in body axes.",
             f"From: {database.source}" if database.source else "",
         ]
@@ -211,7 +263,8 @@ class Document:
             _child(element, "tol", text_number(signal.tolerance))
 
     def _refer(self, node: Expression) -> str:
-        """Id of a name, or of the variable that a table call gives; that is made where it is needed first."""
+        """Id of a name, or of the variable that a table call gives; that is made where it is needed
+        first."""
         if isinstance(node, Name):
             return self._ids.get(node.name, node.name)
         if node not in self._calls and isinstance(node, TableCall):
@@ -226,7 +279,9 @@ class Document:
         if isinstance(expression, (Name, TableCall)):
             return self._refer(expression)
         if expression not in self._arguments:
-            self._arguments[expression] = self.new(f"{table}_argument", "", "nd", f"argument of {table}", expression)
+            self._arguments[expression] = self.new(
+                f"{table}_argument", "", "nd", f"argument of {table}", expression
+            )
         return self._arguments[expression]
 
     def _function(self, call: TableCall, dependent: str) -> None:
@@ -236,7 +291,11 @@ class Document:
         for k, argument in enumerate(call.arguments):
             reference = _child(function, "independentVarRef")
             reference.set("varID", self._argument(call.table, argument))
-            for attribute, words in (("extrapolate", table.extrapolation), ("interpolate", table.interpolation)) if table else ():
+            for attribute, words in (
+                (("extrapolate", table.extrapolation), ("interpolate", table.interpolation))
+                if table
+                else ()
+            ):
                 if words:
                     reference.set(attribute, words[k])
         _child(function, "dependentVarRef").set("varID", dependent)
@@ -262,17 +321,25 @@ class Document:
         key = axis.tobytes()
         if key not in self._breakpoints:
             taken = set(self._breakpoints.values())
-            self._breakpoints[key] = self._unused(f"{re.sub(r'[^A-Za-z0-9_]', '_', label) or 'x'}_points", taken)
+            self._breakpoints[key] = self._unused(
+                f"{re.sub(r'[^A-Za-z0-9_]', '_', label) or 'x'}_points", taken
+            )
             element = etree.Element(f"{{{NAMESPACE}}}breakpointDef", bpID=self._breakpoints[key])
             _child(element, "bpVals", text_numbers(axis))
             self._breakpoint_elements.append(element)
         return self._breakpoints[key]
 
     def _points(self, table: ScatteredTable) -> Any:
-        element = etree.Element(f"{{{NAMESPACE}}}ungriddedTableDef", name=table.name, utID=table.name)
+        element = etree.Element(
+            f"{{{NAMESPACE}}}ungriddedTableDef", name=table.name, utID=table.name
+        )
         self._uncertainty(element, table.uncertainty)
         for point, value in zip(table.points, table.values, strict=True):
-            _child(element, "dataPoint", ", ".join(text_number(x) for x in (*point.tolist(), float(value))))
+            _child(
+                element,
+                "dataPoint",
+                ", ".join(text_number(x) for x in (*point.tolist(), float(value))),
+            )
         return element
 
     def _uncertainty(self, parent: Any, uncertainty: Uncertainty | None) -> None:
@@ -284,13 +351,20 @@ class Document:
         distribution = _child(element, "normalPDF" if normal else "uniformPDF")
         if normal:
             distribution.set(
-                "numSigmas", f"{uncertainty.sigmas:g}" if uncertainty.sigmas.is_integer() else repr(uncertainty.sigmas)
+                "numSigmas",
+                (
+                    f"{uncertainty.sigmas:g}"
+                    if uncertainty.sigmas.is_integer()
+                    else repr(uncertainty.sigmas)
+                ),
             )
         else:
             distribution.set("symmetric", "yes" if len(uncertainty.bounds) == 1 else "no")
         for bound in uncertainty.bounds:
             if isinstance(bound, str):
-                _child(_child(distribution, "bounds"), "variableRef").set("varID", self.identity(bound))
+                _child(_child(distribution, "bounds"), "variableRef").set(
+                    "varID", self.identity(bound)
+                )
             elif isinstance(bound, tuple):
                 _child(_child(distribution, "bounds"), "dataTable", text_numbers(np.array(bound)))
             else:
@@ -324,7 +398,8 @@ def _clean(text: str) -> str:
 
 
 def _unit_of(description: str) -> str:
-    """Unit of a free input, from the description that its import wrote: ``what it is [unit, positive sign]``."""
+    """Unit of a free input, from the description that its import wrote: ``what it is [unit,
+    positive sign]``."""
     found = re.search(r"\[([^\],]*)", description)
     return found[1].strip() if found else "nd"
 
@@ -338,7 +413,8 @@ def _number(expression: Expression) -> float | None:
 
 
 def _limits(expression: Expression) -> tuple[Expression, float | None, float | None]:
-    """What is inside an outermost limiter with fixed limits, and these: the standard has them as attributes."""
+    """What is inside an outermost limiter with fixed limits, and these: the standard has them as
+    attributes."""
     if isinstance(expression, Call) and expression.function in ("clip", "min", "max"):
         first, *rest = expression.arguments
         ends = [_number(each) for each in rest]
@@ -346,5 +422,9 @@ def _limits(expression: Expression) -> tuple[Expression, float | None, float | N
             if expression.function == "clip":
                 return first, ends[0], ends[1]
             if len(ends) == 1:
-                return (first, ends[0], None) if expression.function == "max" else (first, None, ends[0])
+                return (
+                    (first, ends[0], None)
+                    if expression.function == "max"
+                    else (first, None, ends[0])
+                )
     return expression, None, None

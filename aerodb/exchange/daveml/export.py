@@ -1,9 +1,10 @@
 """DAVE-ML 2.0 (AIAA S-119) out: an AeroDatabase as a file that its receiver can check.
 
-Inputs are channels in SI with this product's signs, outputs the six coefficients on the body axes about the stated moment
-reference. Variables and tables keep the ids, names and units that they came with. Increments become calculations that give
-the same numbers inside their envelope and beyond, state models what they settle at; what no such file can carry, covariance,
-flights and memory, stays behind.
+Inputs are channels in SI with this product's signs, outputs the six coefficients on the body axes
+about the stated moment reference. Variables and tables keep the ids, names and units that they came
+with. Increments become calculations that give the same numbers inside their envelope and beyond,
+state models what they settle at; what no such file can carry, covariance, flights and memory, stays
+behind.
 """
 
 from functools import reduce
@@ -15,7 +16,14 @@ from aerodb.errors import InputError
 from aerodb.exchange.daveml.check_cases import CheckCase, CheckSignal, Signals, verify
 from aerodb.exchange.daveml.document import Document
 from aerodb.exchange.daveml.model import hat_rate_expression
-from aerodb.exchange.daveml.names import POSITION_SIGNS, POSITIONS, REFERENCES, STANDARD_OUTPUTS, Declared, output_axis
+from aerodb.exchange.daveml.names import (
+    POSITION_SIGNS,
+    POSITIONS,
+    REFERENCES,
+    STANDARD_OUTPUTS,
+    Declared,
+    output_axis,
+)
 from aerodb.exchange.daveml.reader import import_daveml
 from aerodb.exchange.increment_terms import with_increments_as_terms
 from aerodb.exchange.state_terms import without_memory
@@ -40,12 +48,16 @@ _TOLERANCE: Final = 1e-9  # of max(|C|, 1e-3): what the receiving program must m
 _FILL: Final = 0.1  # an input that no coefficient depends on needs some value
 
 
-def export_daveml(database: AeroDatabase, *, check_cases: int = 25, created: str = "", author: str = "") -> bytes:
+def export_daveml(
+    database: AeroDatabase, *, check_cases: int = 25, created: str = "", author: str = ""
+) -> bytes:
     """`database` as the bytes of a DAVE-ML file with so many check cases.
 
-    The file is read again and must meet its own check cases before it is given out. created : a date, YYYY-MM-DD.
+    The file is read again and must meet its own check cases before it is given out. created : a
+    date, YYYY-MM-DD.
 
-    Raises InputError where a check case fails, which says that this database cannot be exported exactly.
+    Raises InputError where a check case fails, which says that this database cannot be exported
+    exactly.
     """
     flat = with_increments_as_terms(without_memory(database))
     document = _written(flat, created, author)
@@ -54,7 +66,9 @@ def export_daveml(database: AeroDatabase, *, check_cases: int = 25, created: str
     document.write_cases(cases)
     failed = [failure for result in verify(again, cases) for failure in result.failures]
     if failed:
-        raise InputError(f"the exported file does not meet check case: {failed[0]}", f"database {database.name}")
+        raise InputError(
+            f"the exported file does not meet check case: {failed[0]}", f"database {database.name}"
+        )
     return document.to_bytes()
 
 
@@ -64,16 +78,33 @@ def _written(database: AeroDatabase, created: str, author: str) -> Document:
         name = next(standard for standard, known in REFERENCES.items() if known == attribute)
         unit = "m2" if attribute == "area" else "m"
         note = f"reference {attribute}"
-        document.variable(key, name, unit, note, Number(getattr(database.reference, attribute)), roles=("isOutput", "isStdAIAA"))
+        document.variable(
+            key,
+            name,
+            unit,
+            note,
+            Number(getattr(database.reference, attribute)),
+            roles=("isOutput", "isStdAIAA"),
+        )
     for k, name in enumerate(POSITIONS):
         note = "moment reference from the vehicle's datum, body axes (x forward, y right, z down)"
         value = database.reference.moment_reference[k]
         expression: Expression = Negation(Number(-value)) if value < 0 else Number(value)
         sign = POSITION_SIGNS[k][0].split()[0]
-        document.variable(f"moment_reference_{'xyz'[k]}", name, "m", note, expression, ("isOutput", "isStdAIAA"), {"sign": sign})
+        document.variable(
+            f"moment_reference_{'xyz'[k]}",
+            name,
+            "m",
+            note,
+            expression,
+            ("isOutput", "isStdAIAA"),
+            {"sign": sign},
+        )
     totals = _totals(database)
     names = {name for v in database.variables.values() for name in v.expression.names}
-    names |= {name for term in database.terms for name in term.expression.names} | set(database.inputs)
+    names |= {name for term in database.terms for name in term.expression.names} | set(
+        database.inputs
+    )
     names |= {"alpha", "beta"} if any(axis in totals for axis in WIND_AXES) else set()
     hats = sorted(names & set(HAT_RATES))
     names |= {rate for hat in hats for rate in (HAT_RATES[hat][0], "V")}
@@ -82,7 +113,9 @@ def _written(database: AeroDatabase, created: str, author: str) -> Document:
     for hat in hats:
         rate, length = HAT_RATES[hat]
         constant = next(key for key, attribute in CONSTANTS.items() if attribute == length)
-        document.variable(hat, hat, "nd", "rate without dimension", hat_rate_expression(rate, constant))
+        document.variable(
+            hat, hat, "nd", "rate without dimension", hat_rate_expression(rate, constant)
+        )
     outputs = {axis: _present(axis, total, database) for axis, total in totals.items()}
     for name, variable in database.variables.items():
         document.keep(name, variable, output=name in outputs.values())
@@ -100,19 +133,26 @@ def _totals(database: AeroDatabase) -> dict[str, Expression]:
 
 
 def _present(axis: str, total: Expression, database: AeroDatabase) -> str:
-    """Name of the variable that is this total already, as after an import; empty when there is none."""
+    """Name of the variable that is this total already, as after an import; empty when there is
+    none."""
     if axis in WIND_AXES or any(term.axis in WIND_AXES for term in database.terms):
         return ""
     for name, variable in database.variables.items():
         declared = variable.declared
-        signal = Declared(declared.get("id", name), declared.get("name", ""), variable.unit, declared.get("sign", ""))
+        signal = Declared(
+            declared.get("id", name),
+            declared.get("name", ""),
+            variable.unit,
+            declared.get("sign", ""),
+        )
         if variable.expression == total and output_axis(signal, database.name) == (axis, 1):
             return name
     return ""
 
 
 def _write_outputs(document: Document, database: AeroDatabase, outputs: dict[str, str]) -> None:
-    """A variable per term, and the six body axes; forces along the wind axes are turned into them."""
+    """A variable per term, and the six body axes; forces along the wind axes are turned into
+    them."""
     parts: dict[str, list[Expression]] = {axis: [] for axis in (*AXES, *WIND_AXES)}
     for term in database.terms:
         if not outputs[term.axis]:
@@ -120,7 +160,9 @@ def _write_outputs(document: Document, database: AeroDatabase, outputs: dict[str
     if any(parts[axis] for axis in WIND_AXES):
         for axis in WIND_AXES:
             sum_of_terms = reduce(plus, parts[axis]) if parts[axis] else Number(0.0)
-            name = document.new(axis, "", "nd", "sum of the terms along this wind axis", sum_of_terms)
+            name = document.new(
+                axis, "", "nd", "sum of the terms along this wind axis", sum_of_terms
+            )
             parts[axis] = [Name(name)]
         for axis, expression in _wind_to_body(*(parts[axis][0] for axis in WIND_AXES)).items():
             parts[axis].append(expression)
@@ -135,12 +177,19 @@ def _term(document: Document, database: AeroDatabase, term: Term) -> Expression:
     """A term as a variable of its own, unless it is one already."""
     if isinstance(term.expression, Name) and term.expression.name in database.variables:
         return term.expression
-    return Name(document.new(term.name, "", "nd", term.description or f"term on {term.axis}", term.expression))
+    return Name(
+        document.new(
+            term.name, "", "nd", term.description or f"term on {term.axis}", term.expression
+        )
+    )
 
 
 def _wind_to_body(drag: Expression, side: Expression, lift: Expression) -> dict[str, Expression]:
-    """CX, CY, CZ of forces along the wind axes; as `aerodb.tables.reference.wind_to_body` has it."""
-    ca, sa, cb, sb = (parse(text) for text in ("cos(alpha)", "sin(alpha)", "cos(beta)", "sin(beta)"))
+    """CX, CY, CZ of forces along the wind axes; as `aerodb.tables.reference.wind_to_body` has
+    it."""
+    ca, sa, cb, sb = (
+        parse(text) for text in ("cos(alpha)", "sin(alpha)", "cos(beta)", "sin(beta)")
+    )
     along = Operation("+", Operation("*", drag, cb), Operation("*", side, sb))
     x = Operation("-", Operation("*", lift, sa), Operation("*", along, ca))
     y = Operation("-", Operation("*", side, cb), Operation("*", drag, sb))
@@ -148,8 +197,11 @@ def _wind_to_body(drag: Expression, side: Expression, lift: Expression) -> dict[
     return dict(zip(FORCE_AXES, (x, y, z), strict=True))
 
 
-def _cases(database: AeroDatabase, again: AeroDatabase, document: Document, count: int) -> tuple[CheckCase, ...]:
-    """Check cases: coefficients of `database` itself, internal signals of what the file gives when it is read."""
+def _cases(
+    database: AeroDatabase, again: AeroDatabase, document: Document, count: int
+) -> tuple[CheckCase, ...]:
+    """Check cases: coefficients of `database` itself, internal signals of what the file gives when
+    it is read."""
     signals = Signals(again)
     cases = []
     for k, case in enumerate(make_check_cases(database, count), start=1):
@@ -160,8 +212,14 @@ def _cases(database: AeroDatabase, again: AeroDatabase, document: Document, coun
             CheckCase(
                 f"case {k}",
                 tuple(CheckSignal(identity, value) for identity, value in inputs.items()),
-                tuple(CheckSignal(i, v) for i, v in values.items() if i in document.identities and np.isfinite(v)),
-                tuple(CheckSignal(i, v, _TOLERANCE * max(abs(v), 1e-3)) for i, v in outputs.items()),
+                tuple(
+                    CheckSignal(i, v)
+                    for i, v in values.items()
+                    if i in document.identities and np.isfinite(v)
+                ),
+                tuple(
+                    CheckSignal(i, v, _TOLERANCE * max(abs(v), 1e-3)) for i, v in outputs.items()
+                ),
             )
         )
     return tuple(cases)

@@ -1,7 +1,7 @@
 """MathML-2 content markup, in and out: the calculations of DAVE-ML as expressions.
 
-``quotient`` is MathML's integer division; files use it as a division (AIAA S-119's own examples do), and so do we. Angles
-are in radians; inverse functions give the principal value.
+``quotient`` is MathML's integer division; files use it as a division (AIAA S-119's own examples
+do), and so do we. Angles are in radians; inverse functions give the principal value.
 """
 
 import math
@@ -31,7 +31,14 @@ _CALLS: Final = {
     "min": "min", "max": "max", "and": "and", "or": "or", "not": "not",
     "eq": "eq", "neq": "ne", "lt": "lt", "leq": "le", "gt": "gt", "geq": "ge",
 }  # fmt: skip
-_RECIPROCALS: Final = {"sec": "cos", "csc": "sin", "cot": "tan", "sech": "cosh", "csch": "sinh", "coth": "tanh"}
+_RECIPROCALS: Final = {
+    "sec": "cos",
+    "csc": "sin",
+    "cot": "tan",
+    "sech": "cosh",
+    "csch": "sinh",
+    "coth": "tanh",
+}
 _OF_RECIPROCAL: Final = {
     "arcsec": "acos", "arccsc": "asin", "arccot": "atan", "arcsech": "acosh", "arccsch": "asinh", "arccoth": "atanh",
 }  # fmt: skip
@@ -42,7 +49,8 @@ _CSYMBOLS: Final = {"atan2": "atan2"}
 
 
 def read_math(element: Any, resolve: Resolve, where: str) -> Expression:
-    """The expression of a ``<math>`` or of one element inside it; `resolve` gives what a ``<ci>`` stands for.
+    """The expression of a ``<math>`` or of one element inside it; `resolve` gives what a ``<ci>``
+    stands for.
 
     Raises InputError that names an element, function or operand count outside of what is known.
     """
@@ -62,7 +70,9 @@ def _node(element: Any, resolve: Resolve, where: str, depth: int) -> Expression:
     inner = list(children(element))
     if name == "math":
         if len(inner) != 1:
-            raise InputError(f"<math> with {len(inner)} expressions", where, "exactly one is needed")
+            raise InputError(
+                f"<math> with {len(inner)} expressions", where, "exactly one is needed"
+            )
         return _node(inner[0], resolve, where, depth + 1)
     if name == "piecewise":
         return _piecewise(inner, resolve, where, depth)
@@ -84,7 +94,11 @@ def _constant(element: Any, where: str) -> Expression:
         return number(values[0] / values[1])
     if kind == "e-notation" and len(values) == 2:
         return number(read_number(f"{parts[0].strip()}e{parts[1].strip()}", where))
-    if kind in ("real", "integer", "constant") and len(values) == 1 and element.get("base", "10") == "10":
+    if (
+        kind in ("real", "integer", "constant")
+        and len(values) == 1
+        and element.get("base", "10") == "10"
+    ):
         return number(values[0])
     raise InputError(f"<cn> of type '{kind}' with {len(values)} parts", where)
 
@@ -111,16 +125,25 @@ def _apply(inner: list[Any], resolve: Resolve, where: str, depth: int) -> Expres
     operator, rest = inner[0], inner[1:]
     name = tag(operator)
     if name in ("piecewise", "apply", "ci", "cn") and not rest:
-        return _node(operator, resolve, where, depth + 1)  # files put a lone <piecewise> into an <apply>
+        return _node(
+            operator, resolve, where, depth + 1
+        )  # files put a lone <piecewise> into an <apply>
     if name == "csymbol":
         name = own_text(operator).strip()
         if name not in _CSYMBOLS:
-            raise InputError(f"unsupported function <csymbol> '{name}'", where, f"known: {', '.join(_CSYMBOLS)}")
+            raise InputError(
+                f"unsupported function <csymbol> '{name}'", where, f"known: {', '.join(_CSYMBOLS)}"
+            )
     qualifiers: dict[str, Expression] = {}
     operands: _Operands = []
     for child in rest:
         if tag(child) in _QUALIFIERS:
-            (content,) = _exactly([_node(each, resolve, where, depth + 1) for each in children(child)], 1, tag(child), where)
+            (content,) = _exactly(
+                [_node(each, resolve, where, depth + 1) for each in children(child)],
+                1,
+                tag(child),
+                where,
+            )
             qualifiers[tag(child)] = content
         else:
             operands.append(_node(child, resolve, where, depth + 1))
@@ -138,8 +161,11 @@ def _exactly(operands: _Operands, count: int, name: str, where: str) -> _Operand
     return operands
 
 
-def _built(name: str, operands: _Operands, qualifiers: dict[str, Expression], where: str) -> Expression | None:
-    """The operator `name` on its operands; takes the qualifiers that it uses out; None when it is not known."""
+def _built(
+    name: str, operands: _Operands, qualifiers: dict[str, Expression], where: str
+) -> Expression | None:
+    """The operator `name` on its operands; takes the qualifiers that it uses out; None when it is
+    not known."""
     if name in _FOLDS and operands:
         return reduce(lambda left, right: Operation(_FOLDS[name], left, right), operands)
     if name == "minus" and len(operands) == 1:
@@ -154,11 +180,17 @@ def _built(name: str, operands: _Operands, qualifiers: dict[str, Expression], wh
     if name == "log":
         (x,) = _exactly(operands, 1, name, where)
         base = qualifiers.pop("logbase", Number(10.0))
-        return Call("log10", (x,)) if base == Number(10.0) else Operation("/", Call("log", (x,)), Call("log", (base,)))
+        return (
+            Call("log10", (x,))
+            if base == Number(10.0)
+            else Operation("/", Call("log", (x,)), Call("log", (base,)))
+        )
     if name == "xor":
         return reduce(_either, operands) if operands else None
     if name in _RECIPROCALS:
-        return Operation("/", _ONE, Call(_RECIPROCALS[name], tuple(_exactly(operands, 1, name, where))))
+        return Operation(
+            "/", _ONE, Call(_RECIPROCALS[name], tuple(_exactly(operands, 1, name, where)))
+        )
     if name in _OF_RECIPROCAL:
         (x,) = _exactly(operands, 1, name, where)
         return Call(_OF_RECIPROCAL[name], (Operation("/", _ONE, x),))
@@ -171,7 +203,9 @@ def _built(name: str, operands: _Operands, qualifiers: dict[str, Expression], wh
         return None
     takes = FUNCTIONS[function]
     if len(operands) < takes.least or (takes.most is not None and len(operands) > takes.most):
-        raise InputError(f"<{name}> with {len(operands)} operands", where, f"it takes {takes.least}")
+        raise InputError(
+            f"<{name}> with {len(operands)} operands", where, f"it takes {takes.least}"
+        )
     return Call(function, tuple(operands))
 
 

@@ -1,4 +1,5 @@
-"""A DAVE-ML file's signals as an AeroDatabase: inputs from channels, outputs to coefficient axes, reference geometry."""
+"""A DAVE-ML file's signals as an AeroDatabase: inputs from channels, outputs to coefficient axes,
+reference geometry."""
 
 import re
 from collections.abc import Callable, Mapping
@@ -59,7 +60,8 @@ class Signal:
 
 @dataclass
 class Model:
-    """Signals and what defines them, by the file's ids. `bindings` as `import_daveml` takes them."""
+    """Signals and what defines them, by the file's ids. `bindings` as `import_daveml` takes
+    them."""
 
     where: str
     bindings: dict[str, str]
@@ -75,7 +77,8 @@ class Model:
     _taken: set[str] = field(default_factory=lambda: {*CHANNELS, *CONSTANTS, *FUNCTIONS})
 
     def declare(self, signal: Signal) -> str:
-        """Makes a signal known; gives its identifier in the database, which is its id wherever that can be one."""
+        """Makes a signal known; gives its identifier in the database, which is its id wherever that
+        can be one."""
         identity = signal.declared.identity
         self.signals[identity] = signal
         self._identifiers[identity] = self.unique(identity)
@@ -94,7 +97,8 @@ class Model:
         return identity in self._defined
 
     def define(self, identity: str, expression: Expression, where: str) -> None:
-        """Gives a signal its expression. Raises InputError for an unknown signal or a second definition."""
+        """Gives a signal its expression. Raises InputError for an unknown signal or a second
+        definition."""
         if identity not in self.signals:
             raise InputError(f"no variableDef '{identity}'", where)
         if identity in self._defined:
@@ -108,7 +112,9 @@ class Model:
     def unique(self, wanted: str) -> str:
         """An identifier like `wanted` that nothing has yet."""
         base = re.sub(r"\W", "_", wanted.strip(), flags=re.ASCII)
-        base = f"_{base}" if not base or base[0].isdigit() or is_surface(base) else base  # surfaces are channels
+        base = (
+            f"_{base}" if not base or base[0].isdigit() or is_surface(base) else base
+        )  # surfaces are channels
         name, count = base, 1
         while name in self._taken:
             count += 1
@@ -120,19 +126,29 @@ class Model:
         """The database of all that was read."""
         reference = reference or self._reference()
         free: dict[str, str] = {}
-        same: dict[str, Expression] = {}  # variables that only repeat a channel, a constant or a free input
+        same: dict[
+            str, Expression
+        ] = {}  # variables that only repeat a channel, a constant or a free input
         variables: dict[str, Variable] = {}
         used = set(self.bindings) & {*CONSTANTS, *AXES, *WIND_AXES}
         for identity, signal in self.signals.items():
             raw, extra = self._meaning(identity, signal, reference, free, used)
             name = self._identifiers[identity]
             value = self.limits.get(identity, lambda each: each)(raw)
-            repeats = isinstance(raw, Name) and raw.name == identity and (raw.name in free or raw.name != name)
+            repeats = (
+                isinstance(raw, Name)
+                and raw.name == identity
+                and (raw.name in free or raw.name != name)
+            )
             if repeats and value == raw and identity not in self.uncertainties:
                 same[name] = raw
                 continue
             notes = {"id": identity, **signal.notes, "role": " ".join(signal.roles), **extra}
-            notes = {key: text for key, text in notes.items() if text and not (key == "name" and text == identity)}
+            notes = {
+                key: text
+                for key, text in notes.items()
+                if text and not (key == "name" and text == identity)
+            }
             description = signal.description or self._notes.get(identity, "")
             doubt = self.uncertainties.get(identity)
             variables[name] = Variable(value, signal.declared.unit, description, notes, doubt)
@@ -140,18 +156,36 @@ class Model:
         terms = self._terms(variables)
         if same:
             variables, terms = _without(variables, terms, same)
-        for tree in [term.expression for term in terms] + [each.expression for each in variables.values()]:
-            parse(str(tree))  # what is stored must be readable: the limits of the language hold for imports too
+        for tree in [term.expression for term in terms] + [
+            each.expression for each in variables.values()
+        ]:
+            parse(
+                str(tree)
+            )  # what is stored must be readable: the limits of the language hold for imports too
         source = f"DAVE-ML file{f': {self.header}' if self.header else ''}"
         return AeroDatabase(
-            self.where, reference, variables, self.tables, tuple(terms), free_inputs=free, source=source, scattered=self.scattered
+            self.where,
+            reference,
+            variables,
+            self.tables,
+            tuple(terms),
+            free_inputs=free,
+            source=source,
+            scattered=self.scattered,
         )
 
     def _meaning(
-        self, identity: str, signal: Signal, reference: Reference, free: dict[str, str], used: set[str]
+        self,
+        identity: str,
+        signal: Signal,
+        reference: Reference,
+        free: dict[str, str],
+        used: set[str],
     ) -> tuple[Expression, dict[str, str]]:
         """What a signal is before its limits, and what to note of an input."""
-        key = next((each for each in (identity, signal.declared.name) if each in self.bindings), None)
+        key = next(
+            (each for each in (identity, signal.declared.name) if each in self.bindings), None
+        )
         given = any(role in _GIVEN for role in signal.roles) or identity not in self._defined
         if not given:
             return self._plain(identity, reference), {}
@@ -164,13 +198,16 @@ class Model:
         if raw is None and (key is None):
             found = input_channel(signal.declared, self.where)
             if found is not None:
-                raw = in_unit(Name(found[0]), signal.declared.unit, channel(found[0]).unit, found[1])
+                raw = in_unit(
+                    Name(found[0]), signal.declared.unit, channel(found[0]).unit, found[1]
+                )
         if raw is None:
             raw = Name(self._free(signal, free))
         return raw, {"input": str(raw)}
 
     def _plain(self, identity: str, reference: Reference) -> Expression:
-        """A defined signal; the database's own constants and hat rates, written out by an export, become these again."""
+        """A defined signal; the database's own constants and hat rates, written out by an export,
+        become these again."""
         expression = self._defined[identity]
         if identity in CONSTANTS and expression == number(getattr(reference, CONSTANTS[identity])):
             return Name(identity)
@@ -183,7 +220,8 @@ class Model:
         return expression
 
     def _bound(self, key: str, identity: str) -> Expression | None:
-        """The expression that a binding gives; None where it names the input itself, which leaves it free."""
+        """The expression that a binding gives; None where it names the input itself, which leaves
+        it free."""
         bound = self._parsed(key)
         return None if bound in (Name(self._identifiers[identity]), Name(key)) else bound
 
@@ -194,7 +232,8 @@ class Model:
             raise InputError(error.what, f"{self.where}: binding of {key}", error.remedy) from None
 
     def _free(self, signal: Signal, free: dict[str, str]) -> str:
-        """A free input for this signal: under the signal's id where that is its name too, else under its name."""
+        """A free input for this signal: under the signal's id where that is its name too, else
+        under its name."""
         declared = signal.declared
         plain_id = declared.name == declared.identity == self._identifiers[declared.identity]
         limited = declared.identity in self.limits or declared.identity in self.uncertainties
@@ -208,7 +247,11 @@ class Model:
         if unused:
             inputs = [i for i, s in self.signals.items() if any(role in _GIVEN for role in s.roles)]
             known = [*inputs, *AXES, *WIND_AXES, *CONSTANTS]
-            raise InputError(f"binding of '{unused[0]}', which is no input of the file", self.where, nearest(unused[0], known))
+            raise InputError(
+                f"binding of '{unused[0]}', which is no input of the file",
+                self.where,
+                nearest(unused[0], known),
+            )
 
     def _reference(self) -> Reference:
         """Reference geometry by standard names, in SI."""
@@ -227,38 +270,56 @@ class Model:
         if lacking:
             names = {attribute: name for name, attribute in REFERENCES.items()}
             what = f"no variable named {names[CONSTANTS[lacking[0]]]} with an initialValue"
-            raise InputError(what, self.where, f"bind {', '.join(f'{key}=NUMBER' for key in lacking)} in m2 and m")
+            raise InputError(
+                what,
+                self.where,
+                f"bind {', '.join(f'{key}=NUMBER' for key in lacking)} in m2 and m",
+            )
         point = [0.0, 0.0, 0.0]
         for signal in self.signals.values():
             if signal.declared.name in POSITIONS and signal.initial is not None:
                 k = POSITIONS.index(signal.declared.name)
                 point[k] = self._position(signal, k, found["chord"])
-        return Reference(found["area"], found["chord"], found["span"], (point[0], point[1], point[2]))
+        return Reference(
+            found["area"], found["chord"], found["span"], (point[0], point[1], point[2])
+        )
 
     def _metres(self, signal: Signal, unit: str) -> float:
         scale = scale_of(signal.declared.unit, unit)
         if scale is None or signal.initial is None:
-            raise InputError(f"{signal.declared.name} in '{signal.declared.unit}'", self.where, f"a unit of {unit} is needed")
+            raise InputError(
+                f"{signal.declared.name} in '{signal.declared.unit}'",
+                self.where,
+                f"a unit of {unit} is needed",
+            )
         return signal.initial * scale[0] + scale[1]
 
     def _position(self, signal: Signal, k: int, chord: float) -> float:
-        """One coordinate of the moment reference in body axes; a fraction of the chord is from its leading edge aft."""
+        """One coordinate of the moment reference in body axes; a fraction of the chord is from its
+        leading edge aft."""
         declared = signal.declared
         fraction = declared.unit.lower() == "fracmac"
         value = (signal.initial or 0.0) * chord if fraction else self._metres(signal, "m")
         sign = sign_of(declared.sign or ("aft" if fraction and k == 0 else ""), *POSITION_SIGNS[k])
         if sign == 0:
-            raise InputError(f"{declared.name} with sign '{declared.sign}'", self.where, f"known: {POSITION_SIGNS[k]}")
+            raise InputError(
+                f"{declared.name} with sign '{declared.sign}'",
+                self.where,
+                f"known: {POSITION_SIGNS[k]}",
+            )
         return sign * value
 
     def _terms(self, variables: Mapping[str, Variable]) -> list[Term]:
-        """The outputs that are coefficients, as terms: an output that is a sum gives a term per addend."""
+        """The outputs that are coefficients, as terms: an output that is a sum gives a term per
+        addend."""
         axes: dict[str, Expression] = {}
         for axis in (*AXES, *WIND_AXES):
             if axis in self.bindings:
                 names = {identity: Name(name) for identity, name in self._identifiers.items()}
                 axes[axis] = _renamed(self._parsed(axis), names)
-        marked = [s for s in self.signals.values() if "isOutput" in s.roles] or list(self.signals.values())
+        marked = [s for s in self.signals.values() if "isOutput" in s.roles] or list(
+            self.signals.values()
+        )
         found: dict[str, str] = {}
         for signal in marked:
             axis_sign = output_axis(signal.declared, self.where)
@@ -267,13 +328,19 @@ class Model:
             axis, sign = axis_sign
             if axis in found:
                 both = f"{found[axis]} and {signal.declared.identity}"
-                raise InputError(f"two outputs are {axis}: {both}", self.where, f"bind the axis: {axis}=EXPRESSION")
+                raise InputError(
+                    f"two outputs are {axis}: {both}",
+                    self.where,
+                    f"bind the axis: {axis}=EXPRESSION",
+                )
             found[axis] = signal.declared.identity
             axes[axis] = variable(self._identifiers[signal.declared.identity], sign)
         if not axes:
             outputs = ", ".join(s.declared.identity for s in marked[:12])
             raise InputError(
-                "no output that is known as a coefficient", self.where, f"bind axes, CX=EXPRESSION; outputs: {outputs}"
+                "no output that is known as a coefficient",
+                self.where,
+                f"bind axes, CX=EXPRESSION; outputs: {outputs}",
             )
         stability = "C_side" not in axes and "CY" in axes
         terms: list[Term] = []
@@ -286,8 +353,11 @@ class Model:
 
 
 def hat_rate_expression(rate: str, constant: str) -> Expression:
-    """``rate*(length/2)/V``, in the order in which `aerodb.tables.reference.hat_rate` computes it."""
-    return Operation("/", Operation("*", Name(rate), Operation("/", Name(constant), Number(2.0))), Name("V"))
+    """``rate*(length/2)/V``, in the order in which `aerodb.tables.reference.hat_rate` computes
+    it."""
+    return Operation(
+        "/", Operation("*", Name(rate), Operation("/", Name(constant), Number(2.0))), Name("V")
+    )
 
 
 def _along_stability_axis(axis: str, expression: Expression) -> list[Term]:
@@ -302,7 +372,8 @@ def _along_stability_axis(axis: str, expression: Expression) -> list[Term]:
 
 
 def _addends(axis: str, expression: Expression, variables: Mapping[str, Variable]) -> list[Term]:
-    """A term per addend of an output that is a variable with a sum for its expression, else one term."""
+    """A term per addend of an output that is a variable with a sum for its expression, else one
+    term."""
     if isinstance(expression, Name) and expression.name in variables:
         whole = variables[expression.name].expression
         parts: list[Expression] = []
@@ -311,7 +382,10 @@ def _addends(axis: str, expression: Expression, variables: Mapping[str, Variable
             whole = whole.left
         parts.append(whole)
         if len(parts) > 1:
-            return [Term(_label(axis, part), axis, part, _described(part, variables)) for part in reversed(parts)]
+            return [
+                Term(_label(axis, part), axis, part, _described(part, variables))
+                for part in reversed(parts)
+            ]
     return [Term(axis, axis, expression, _described(expression, variables))]
 
 
@@ -319,7 +393,11 @@ def _label(axis: str, part: Expression) -> str:
     inner = part.operand if isinstance(part, Negation) else part
     if isinstance(inner, (Name, TableCall)):
         return str(inner.name if isinstance(inner, Name) else inner.table)
-    return f"{axis}_{'_'.join(sorted(inner.names | inner.tables))}"[:80] if inner.names else f"{axis}_0"
+    return (
+        f"{axis}_{'_'.join(sorted(inner.names | inner.tables))}"[:80]
+        if inner.names
+        else f"{axis}_0"
+    )
 
 
 def _described(part: Expression, variables: Mapping[str, Variable]) -> str:
@@ -339,7 +417,9 @@ def _named(terms: list[Term]) -> list[Term]:
 
 
 def _renamed(expression: Expression, names: Mapping[str, Expression]) -> Expression:
-    return rebuilt(expression, lambda node: names.get(node.name, node) if isinstance(node, Name) else node)
+    return rebuilt(
+        expression, lambda node: names.get(node.name, node) if isinstance(node, Name) else node
+    )
 
 
 def _without(
@@ -347,7 +427,9 @@ def _without(
 ) -> tuple[dict[str, Variable], list[Term]]:
     """Variables and terms with names replaced by what they repeat."""
     kept = {
-        name: Variable(_renamed(v.expression, same), v.unit, v.description, v.declared, v.uncertainty)
+        name: Variable(
+            _renamed(v.expression, same), v.unit, v.description, v.declared, v.uncertainty
+        )
         for name, v in variables.items()
     }
     return kept, [Term(t.name, t.axis, _renamed(t.expression, same), t.description) for t in terms]

@@ -1,4 +1,5 @@
-"""What DAVE-ML's names, units and signs mean in this product's channels and axes (AIAA S-119 standard names)."""
+"""What DAVE-ML's names, units and signs mean in this product's channels and axes (AIAA S-119
+standard names)."""
 
 import re
 from dataclasses import dataclass
@@ -9,7 +10,8 @@ from aerodb.nomenclature import AXES, CHANNELS, channel, is_surface
 from aerodb.tables import WIND_AXES, Expression, Name, Negation, Number, Operation
 from aerodb.units import conversion
 
-#: Standard name of an input -> channel, and the sign conventions that agree with ours and that are opposite.
+#: Standard name of an input -> channel, and the sign conventions that agree with ours and that are
+#: opposite.
 _INPUTS: Final[dict[str, tuple[str, str, str]]] = {
     "angleOfAttack": ("alpha", "anu", "and"),
     "angleOfSideslip": ("beta", "anl wfr", "anr wfl"),
@@ -46,16 +48,32 @@ _OUTPUTS: Final[dict[str, tuple[str, str, str]]] = {
 #: Our axis or channel -> its standard name.
 STANDARD_OUTPUTS: Final = {axis: name for name, (axis, _, _) in _OUTPUTS.items()}
 STANDARD_INPUTS: Final = {known: name for name, (known, _, _) in reversed(_INPUTS.items())}
-STANDARD_SIGNS: Final = {row[0]: row[1].split()[0] for row in (*_INPUTS.values(), *_OUTPUTS.values()) if row[1]}
+STANDARD_SIGNS: Final = {
+    row[0]: row[1].split()[0] for row in (*_INPUTS.values(), *_OUTPUTS.values()) if row[1]
+}
 #: Reference geometry: standard name -> attribute of `Reference`; positions are from the datum.
-REFERENCES: Final = {"referenceWingArea": "area", "referenceWingChord": "chord", "referenceWingSpan": "span"}
+REFERENCES: Final = {
+    "referenceWingArea": "area",
+    "referenceWingChord": "chord",
+    "referenceWingSpan": "span",
+}
 POSITIONS: Final = ("vrsPositionOfMrc_X", "vrsPositionOfMrc_Y", "vrsPositionOfMrc_Z")
 POSITION_SIGNS: Final = (("fwd", "aft"), ("rt right", "lt left"), ("down dn", "up"))
 
 _DEFLECTION = re.compile(r"([A-Za-z]\w*)Deflection")
 _SURFACE_SIGNS: Final = ("ted tel ext", "teu ter ret")
 _FACTOR = re.compile(r"([A-Za-z%]+)\^?(-?\d*)")
-_UNITS: Final = {"f": "ft", "nd": "", "frac": "", "s": "s", "sec": "s", "d": "deg", "r": "rad", "pct": "percent", "k": "degK"}
+_UNITS: Final = {
+    "f": "ft",
+    "nd": "",
+    "frac": "",
+    "s": "s",
+    "sec": "s",
+    "d": "deg",
+    "r": "rad",
+    "pct": "percent",
+    "k": "degK",
+}
 
 
 @dataclass(frozen=True)
@@ -85,7 +103,9 @@ def _factor(text: str) -> str:
     found = _FACTOR.fullmatch(text)
     if found is None:
         return text
-    name = _UNITS.get(found[1].lower() if found[1].lower() in ("nd", "sec", "pct") else found[1], found[1])
+    name = _UNITS.get(
+        found[1].lower() if found[1].lower() in ("nd", "sec", "pct") else found[1], found[1]
+    )
     return f"{name}^{found[2]}" if name and found[2] else name
 
 
@@ -95,11 +115,14 @@ def write_unit(unit: str) -> str:
     >>> write_unit("rad/s"), write_unit("kg/m^3"), write_unit("1"), write_unit("m/s^2")
     ('rad_s', 'kg_m3', 'nd', 'm_s2')
     """
-    return unit.replace("/", "_").replace("^", "").replace(" ", "") if unit not in ("", "1") else "nd"
+    return (
+        unit.replace("/", "_").replace("^", "").replace(" ", "") if unit not in ("", "1") else "nd"
+    )
 
 
 def scale_of(unit: str, to: str) -> tuple[float, float] | None:
-    """Scale and offset from a unit in DAVE-ML's spelling; None where it is unknown or of another dimension."""
+    """Scale and offset from a unit in DAVE-ML's spelling; None where it is unknown or of another
+    dimension."""
     try:
         return conversion(read_unit(unit), to)
     except InputError:
@@ -117,19 +140,30 @@ def sign_of(sign: str, same: str, opposite: str) -> int:
 def input_channel(declared: Declared, where: str) -> tuple[str, int] | None:
     """Channel of an input and its sign, None for an input that is no channel of this product.
 
-    By its standard name, the name or id of a channel itself, or ``<surface>Deflection`` with a stated sign. Raises
-    InputError where a name says which channel it is and the sign or unit does not fit.
+    By its standard name, the name or id of a channel itself, or ``<surface>Deflection`` with a
+    stated sign. Raises InputError where a name says which channel it is and the sign or unit does
+    not fit.
     """
     known = _INPUTS.get(declared.name)
     if known is None:
-        own = next((each for each in (declared.name, declared.identity) if each in CHANNELS or is_surface(each)), None)
+        own = next(
+            (
+                each
+                for each in (declared.name, declared.identity)
+                if each in CHANNELS or is_surface(each)
+            ),
+            None,
+        )
         if own is None or scale_of(declared.unit, channel(own).unit) is None:
             return _surface(declared)
         known = next((row for row in _INPUTS.values() if row[0] == own), (own, *_SURFACE_SIGNS))
     sign = sign_of(declared.sign, known[1], known[2])
     unit = channel(known[0]).unit
     if sign == 0 or scale_of(declared.unit, unit) is None:
-        what = f"input {declared.name} in '{declared.unit}' with sign '{declared.sign}' cannot be {known[0]} in {unit}"
+        what = (
+            f"input {declared.name} in '{declared.unit}' with sign '{declared.sign}' cannot be"
+            f" {known[0]} in {unit}"
+        )
         raise InputError(what, where, f"bind it: {declared.identity}=EXPRESSION")
     return known[0], sign
 
@@ -138,7 +172,12 @@ def _surface(declared: Declared) -> tuple[str, int] | None:
     """A surface whose sign is stated: trailing edge down or left is ours."""
     found = _DEFLECTION.fullmatch(declared.name)
     sign = sign_of(declared.sign, *_SURFACE_SIGNS) if declared.sign.strip() else 0
-    if found is None or not sign or scale_of(declared.unit, "rad") is None or not read_unit(declared.unit):
+    if (
+        found is None
+        or not sign
+        or scale_of(declared.unit, "rad") is None
+        or not read_unit(declared.unit)
+    ):
         return None
     name = "delta_" + re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", found[1]).lower()
     return (name, sign) if is_surface(name) else None
@@ -155,7 +194,8 @@ def in_unit(quantity: Expression, unit: str, si: str, sign: int) -> Expression:
 
 
 def output_axis(declared: Declared, where: str) -> tuple[str, int] | None:
-    """Axis of an output and its sign, by standard name or by an axis's own name; None for another output."""
+    """Axis of an output and its sign, by standard name or by an axis's own name; None for another
+    output."""
     known = _OUTPUTS.get(declared.name)
     if known is None:
         own = (name for name in (declared.name, declared.identity) if name in (*AXES, *WIND_AXES))
@@ -165,7 +205,11 @@ def output_axis(declared: Declared, where: str) -> tuple[str, int] | None:
         return None
     sign = sign_of(declared.sign, known[1], known[2])
     if sign == 0:
-        raise InputError(f"output {declared.name} with sign '{declared.sign}'", where, f"bind the axis: {known[0]}=EXPRESSION")
+        raise InputError(
+            f"output {declared.name} with sign '{declared.sign}'",
+            where,
+            f"bind the axis: {known[0]}=EXPRESSION",
+        )
     return known[0], sign
 
 

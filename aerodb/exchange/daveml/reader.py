@@ -1,8 +1,8 @@
 """DAVE-ML 2.0 (AIAA S-119) in: variables, calculations and tables become an AeroDatabase.
 
-A file's variables stay as they are, in their own units; what its inputs are in channels, and which outputs are which
-coefficient, is worked out in `daveml_model`. Metadata (header, provenance, descriptions) is kept as text. What is not
-understood is refused by name.
+A file's variables stay as they are, in their own units; what its inputs are in channels, and which
+outputs are which coefficient, is worked out in `daveml_model`. Metadata (header, provenance,
+descriptions) is kept as text. What is not understood is refused by name.
 """
 
 import math
@@ -27,31 +27,61 @@ from aerodb.exchange.daveml.tables import (
     read_argument,
     read_breakpoints,
 )
-from aerodb.exchange.daveml.xml_elements import children, find, number, plain, read_root, required, tag, unsupported
+from aerodb.exchange.daveml.xml_elements import (
+    children,
+    find,
+    number,
+    plain,
+    read_root,
+    required,
+    tag,
+    unsupported,
+)
 from aerodb.tables import AeroDatabase, Expression, Reference, ScatteredTable, Table, TableCall
 from aerodb.tables import number as constant
 
-_ROLES: Final = ("isInput", "isControl", "isDisturbance", "isState", "isStateDeriv", "isOutput", "isStdAIAA")
+_ROLES: Final = (
+    "isInput",
+    "isControl",
+    "isDisturbance",
+    "isState",
+    "isStateDeriv",
+    "isOutput",
+    "isStdAIAA",
+)
 _GIVEN: Final = ("isInput", "isControl", "isDisturbance")
-_ATTRIBUTES: Final = {"name": "name", "sign": "sign", "symbol": "symbol", "axisSystem": "axis_system", "alias": "alias"}
+_ATTRIBUTES: Final = {
+    "name": "name",
+    "sign": "sign",
+    "symbol": "symbol",
+    "axisSystem": "axis_system",
+    "alias": "alias",
+}
 _TABLES: Final = ("griddedTableDef", "griddedTable", "ungriddedTableDef", "ungriddedTable")
 _TABLE_REFERENCES: Final = {"griddedTableRef": "gtID", "ungriddedTableRef": "utID"}
 
 
 def import_daveml(
-    xml: bytes, *, name: str = "", bindings: Mapping[str, str] | None = None, reference: Reference | None = None
+    xml: bytes,
+    *,
+    name: str = "",
+    bindings: Mapping[str, str] | None = None,
+    reference: Reference | None = None,
 ) -> AeroDatabase:
     """The aerodynamics of a DAVE-ML file.
 
-    xml : the file's bytes. bindings : of an input (by id or name) an expression over channels and S_ref, c_ref, b_ref, in the
-    file's own unit and sign; of an axis (CX .. Cn, C_drag, C_side, C_lift) an expression over the file's variables; of S_ref,
-    c_ref, b_ref a number in m2 or m. They take precedence over standard names. reference : instead of the file's.
+    xml : the file's bytes. bindings : of an input (by id or name) an expression over channels and
+    S_ref, c_ref, b_ref, in the file's own unit and sign; of an axis (CX .. Cn, C_drag, C_side,
+    C_lift) an expression over the file's variables; of S_ref, c_ref, b_ref a number in m2 or m.
+    They take precedence over standard names. reference : instead of the file's.
 
-    An input that is neither bound nor a channel becomes a free input of the database, in the file's unit. Lift and drag
-    beside a side force of the body axis are along the stability axes, beside one of the wind axes along these.
+    An input that is neither bound nor a channel becomes a free input of the database, in the file's
+    unit. Lift and drag beside a side force of the body axis are along the stability axes, beside
+    one of the wind axes along these.
 
-    Raises InputError for XML with entities or declarations, an element outside the standard's set (named), names that
-    nothing defines, and files without reference geometry or without an output that is a coefficient.
+    Raises InputError for XML with entities or declarations, an element outside the standard's set
+    (named), names that nothing defines, and files without reference geometry or without an output
+    that is a coefficient.
     """
     reading = _Reading(name or "DAVE-ML file", dict(bindings or {}))
     reading.read(read_root(xml, reading.where))
@@ -75,7 +105,15 @@ class _Reading:
         parts: dict[str, list[Any]] = {}
         for child in children(root):
             parts.setdefault(tag(child), []).append(child)
-        known = ("fileHeader", "variableDef", "breakpointDef", *_TABLES, "function", "checkData", *METADATA)
+        known = (
+            "fileHeader",
+            "variableDef",
+            "breakpointDef",
+            *_TABLES,
+            "function",
+            "checkData",
+            *METADATA,
+        )
         for kind, elements in parts.items():
             if kind not in known:
                 raise unsupported(elements[0], "<DAVEfunc>", self.where)
@@ -99,7 +137,9 @@ class _Reading:
         for identity in self._tables:
             if identity not in used:
                 self._make(
-                    identity, self._tables[identity], [Argument(f"x{k}") for k in range(_dimensions(self._tables[identity]))]
+                    identity,
+                    self._tables[identity],
+                    [Argument(f"x{k}") for k in range(_dimensions(self._tables[identity]))],
                 )
 
     def _new(self, identity: str, known: Mapping[str, Any], kind: str) -> None:
@@ -126,7 +166,9 @@ class _Reading:
         notes["provenance"] = plain(find(element, "provenance", "provenanceRef"))
         initial = element.get("initialValue")
         value = None if initial is None else number(initial, f"{self.where}: {identity}")
-        return self.model.declare(Signal(declared, roles, note, {k: text for k, text in notes.items() if text}, value))
+        return self.model.declare(
+            Signal(declared, roles, note, {k: text for k, text in notes.items() if text}, value)
+        )
 
     def _lift(self, element: Any) -> str:
         """A variableDef that stands inside an uncertainty's bounds, as one of the file."""
@@ -146,7 +188,11 @@ class _Reading:
     def _table(self, element: Any, identity: str) -> Grid | Points:
         where = f"{self.where}: {identity}"
         ungridded = tag(element).startswith("ungridded")
-        return self._reader.ungridded(element, where) if ungridded else self._reader.gridded(element, where)
+        return (
+            self._reader.ungridded(element, where)
+            if ungridded
+            else self._reader.gridded(element, where)
+        )
 
     def _function(self, element: Any) -> None:
         """A function defines the variable that depends on it."""
@@ -168,14 +214,18 @@ class _Reading:
                 raise unsupported(child, f"function {name}", self.where)
         if len(found) != 1 or len(dependents) != 1:
             raise InputError(
-                f"{len(dependents)} dependent variables, {len(found)} tables", where, "exactly one of each is needed"
+                f"{len(dependents)} dependent variables, {len(found)} tables",
+                where,
+                "exactly one of each is needed",
             )
         if tag(found[0]) in _TABLE_REFERENCES:
             identity = required(found[0], _TABLE_REFERENCES[tag(found[0])], where)
             if identity not in self._tables:
                 raise InputError(f"no table '{identity}'", where)
         elif tag(found[0]) in _TABLES:
-            identity = (found[0].get("gtID") or found[0].get("utID") or found[0].get("name") or name).strip()
+            identity = (
+                found[0].get("gtID") or found[0].get("utID") or found[0].get("name") or name
+            ).strip()
             if identity in self._tables:
                 identity = f"{identity} of {name}"
             self._tables[identity] = self._table(found[0], identity)
@@ -185,19 +235,33 @@ class _Reading:
         note = plain(find(element, "description"))
         self.model.annotate(dependents[0], " ".join(note.split()))
 
-    def _call(self, dependent: str, identity: str, table: Grid | Points, arguments: list[Argument], where: str) -> None:
+    def _call(
+        self,
+        dependent: str,
+        identity: str,
+        table: Grid | Points,
+        arguments: list[Argument],
+        where: str,
+    ) -> None:
         if len(arguments) != _dimensions(table):
-            raise InputError(f"{len(arguments)} independent variables, the table has {_dimensions(table)}", where)
+            raise InputError(
+                f"{len(arguments)} independent variables, the table has {_dimensions(table)}", where
+            )
         values = []
         for k, argument in enumerate(arguments):
             nodes = table.breakpoints[k] if isinstance(table, Grid) else table.points[:, k]
-            first, last = (float(nodes.min()), float(nodes.max())) if isinstance(table, Grid) else (-math.inf, math.inf)
+            first, last = (
+                (float(nodes.min()), float(nodes.max()))
+                if isinstance(table, Grid)
+                else (-math.inf, math.inf)
+            )
             values.append(argument.limited(self._resolve(argument.identity, where), first, last))
         name = self._make(identity, table, arguments)
         self.model.define(dependent, TableCall(name, tuple(values)), where)
 
     def _make(self, identity: str, table: Grid | Points, arguments: list[Argument]) -> str:
-        """The table in the database; the same one for every function that uses it in the same way."""
+        """The table in the database; the same one for every function that uses it in the same
+        way."""
         interpolation = tuple(argument.interpolation for argument in arguments)
         extrapolation = tuple(argument.extrapolation for argument in arguments)
         key = (identity, interpolation, extrapolation)
@@ -207,16 +271,35 @@ class _Reading:
         labels = tuple(argument.identity for argument in arguments)
         try:
             if isinstance(table, Grid):
-                made = Table(name, labels, table.breakpoints, table.values, interpolation, extrapolation, table.uncertainty)
+                made = Table(
+                    name,
+                    labels,
+                    table.breakpoints,
+                    table.values,
+                    interpolation,
+                    extrapolation,
+                    table.uncertainty,
+                )
                 self.model.tables[name] = made
             elif {*interpolation, *extrapolation} != {"linear", "neither"}:
-                raise InputError("interpolate or extrapolate other than the default", f"ungridded table {identity}")
+                raise InputError(
+                    "interpolate or extrapolate other than the default",
+                    f"ungridded table {identity}",
+                )
             elif len(labels) == 1:
                 order = np.argsort(table.points[:, 0], kind="stable")
-                made = Table(name, labels, (table.points[order, 0],), table.values[order], uncertainty=table.uncertainty)
+                made = Table(
+                    name,
+                    labels,
+                    (table.points[order, 0],),
+                    table.values[order],
+                    uncertainty=table.uncertainty,
+                )
                 self.model.tables[name] = made
             else:
-                self.model.scattered[name] = ScatteredTable(name, labels, table.points, table.values, table.uncertainty)
+                self.model.scattered[name] = ScatteredTable(
+                    name, labels, table.points, table.values, table.uncertainty
+                )
         except InputError as error:
             raise InputError(error.what, f"{self.where}: {error.where}", error.remedy) from None
         return name
@@ -234,9 +317,14 @@ class _Reading:
             inner = [child for child in children(calculation) if tag(child) not in METADATA]
             if len(inner) != 1 or tag(inner[0]) != "math":
                 raise InputError("<calculation> without one <math>", where)
-            self.model.define(identity, read_math(inner[0], lambda each: self._resolve(each, where), where), where)
+            self.model.define(
+                identity, read_math(inner[0], lambda each: self._resolve(each, where), where), where
+            )
         ends = [element.get(each) for each in ("minValue", "maxValue")]
-        low, high = (number(text, where) if text else end for text, end in zip(ends, (-math.inf, math.inf), strict=True))
+        low, high = (
+            number(text, where) if text else end
+            for text, end in zip(ends, (-math.inf, math.inf), strict=True)
+        )
         if low > high:
             raise InputError(f"minValue {low:g} above maxValue {high:g}", where)
         given = any(find(element, role) is not None for role in _GIVEN)

@@ -1,4 +1,5 @@
-"""DAVE-ML's tables in: breakpoints, gridded and ungridded tables, legacy point lists, and uncertainty."""
+"""DAVE-ML's tables in: breakpoints, gridded and ungridded tables, legacy point lists, and
+uncertainty."""
 
 import math
 from collections.abc import Callable
@@ -60,7 +61,8 @@ class Argument:
     high: float = math.inf
 
     def limited(self, value: Expression, first: float, last: float) -> Expression:
-        """The input within the stated limits, as far as the table's ends `first` and `last` do not hold it anyway."""
+        """The input within the stated limits, as far as the table's ends `first` and `last` do not
+        hold it anyway."""
         low = self.low if self.low > first or self.extrapolation in ("min", "both") else -math.inf
         high = self.high if self.high < last or self.extrapolation in ("max", "both") else math.inf
         return limited(value, low, high)
@@ -79,12 +81,22 @@ def read_argument(element: Any, where: str) -> Argument:
     """An ``independentVarRef`` or ``independentVarPts``."""
     interpolation = (element.get("interpolate") or "linear").strip()
     if interpolation in _SPLINES:
-        raise InputError(f"unsupported interpolate='{interpolation}'", where, "the standard leaves a spline's ends open")
+        raise InputError(
+            f"unsupported interpolate='{interpolation}'",
+            where,
+            "the standard leaves a spline's ends open",
+        )
     limits = [element.get(name) for name in ("min", "max")]
-    low, high = (number(text, where) if text else end for text, end in zip(limits, (-math.inf, math.inf), strict=True))
+    low, high = (
+        number(text, where) if text else end
+        for text, end in zip(limits, (-math.inf, math.inf), strict=True)
+    )
     if low > high:
         raise InputError(f"min {low:g} above max {high:g}", where)
-    words = choice(element, "interpolate", _INTERPOLATIONS, where), choice(element, "extrapolate", EXTRAPOLATIONS, where)
+    words = (
+        choice(element, "interpolate", _INTERPOLATIONS, where),
+        choice(element, "extrapolate", EXTRAPOLATIONS, where),
+    )
     return Argument(required(element, "varID", where), *words, low, high)
 
 
@@ -97,9 +109,12 @@ def read_breakpoints(element: Any, where: str) -> Array:
 
 
 class TableReader:
-    """Reads tables of one file; `breakpoints` by id, `refer` gives the name of a variable by its id."""
+    """Reads tables of one file; `breakpoints` by id, `refer` gives the name of a variable by its
+    id."""
 
-    def __init__(self, breakpoints: dict[str, Array], refer: Callable[[str], str], lift: Callable[[Any], str]) -> None:
+    def __init__(
+        self, breakpoints: dict[str, Array], refer: Callable[[str], str], lift: Callable[[Any], str]
+    ) -> None:
         self._breakpoints, self._refer, self._lift = breakpoints, refer, lift
 
     def gridded(self, element: Any, where: str) -> Grid:
@@ -119,13 +134,20 @@ class TableReader:
         values = numbers(inner["dataTable"], where)
         shape = tuple(axis.size for axis in axes)
         if values.size != math.prod(shape):
-            raise InputError(f"{values.size} numbers in <dataTable>, the breakpoints want {math.prod(shape)}", where)
+            raise InputError(
+                f"{values.size} numbers in <dataTable>, the breakpoints want {math.prod(shape)}",
+                where,
+            )
         return Grid(
-            tuple(axes), values.reshape(shape), self.uncertainty(inner.get("uncertainty"), where), plain(find(element, *METADATA))
+            tuple(axes),
+            values.reshape(shape),
+            self.uncertainty(inner.get("uncertainty"), where),
+            plain(find(element, *METADATA)),
         )
 
     def ungridded(self, element: Any, where: str) -> Points:
-        """An ``ungriddedTableDef`` or ``ungriddedTable``: each data point is its coordinates, then the value."""
+        """An ``ungriddedTableDef`` or ``ungriddedTable``: each data point is its coordinates, then
+        the value."""
         rows = []
         for child in children(element):
             if tag(child) == "dataPoint":
@@ -162,11 +184,17 @@ class TableReader:
         normal = tag(distribution) == "normalPDF"
         sigmas = number(distribution.get("numSigmas") or "1", where) if normal else 1.0
         effect = choice(element, "effect", EFFECTS, where)
-        if not normal and choice(distribution, "symmetric", ("yes", "no"), where) == "no" and len(bounds) == 1:
+        if (
+            not normal
+            and choice(distribution, "symmetric", ("yes", "no"), where) == "no"
+            and len(bounds) == 1
+        ):
             raise InputError("an asymmetric <uniformPDF> with one bound", where)
         try:
             kind = "normal" if normal else "uniform"
-            return Uncertainty(effect, kind, tuple(bounds), sigmas, tuple(dependents), tuple(correlations))
+            return Uncertainty(
+                effect, kind, tuple(bounds), sigmas, tuple(dependents), tuple(correlations)
+            )
         except InputError as error:
             raise InputError(error.what, where, error.remedy) from None
 
@@ -184,7 +212,8 @@ class TableReader:
 
 
 def legacy(element: Any, where: str) -> tuple[list[Argument], Grid, str]:
-    """A function written as lists of points: its arguments, its table, and the id of the variable that it gives."""
+    """A function written as lists of points: its arguments, its table, and the id of the variable
+    that it gives."""
     arguments, axes = [], []
     dependent = None
     for child in children(element):
@@ -200,5 +229,8 @@ def legacy(element: Any, where: str) -> tuple[list[Argument], Grid, str]:
     values = numbers(dependent, where)
     shape = tuple(axis.size for axis in axes)
     if values.size != math.prod(shape):
-        raise InputError(f"{values.size} numbers in <dependentVarPts>, the breakpoints want {math.prod(shape)}", where)
+        raise InputError(
+            f"{values.size} numbers in <dependentVarPts>, the breakpoints want {math.prod(shape)}",
+            where,
+        )
     return arguments, Grid(tuple(axes), values.reshape(shape)), required(dependent, "varID", where)

@@ -1,4 +1,5 @@
-"""Expressions as MathML-2 content markup, and lists of numbers as text: the writing side of `daveml_math`."""
+"""Expressions as MathML-2 content markup, and lists of numbers as text: the writing side of
+`daveml_math`."""
 
 from collections.abc import Callable
 from typing import Any, Final
@@ -39,7 +40,11 @@ def text_number(value: float) -> str:
 def text_numbers(values: NDArray[np.float64]) -> str:
     """Numbers separated by commas, a line for each run along the last axis."""
     rows = np.atleast_2d(values.reshape(-1, values.shape[-1]) if values.ndim > 1 else values)
-    return "\n" + ",\n".join(", ".join(text_number(value) for value in row.tolist()) for row in rows) + "\n"
+    return (
+        "\n"
+        + ",\n".join(", ".join(text_number(value) for value in row.tolist()) for row in rows)
+        + "\n"
+    )
 
 
 def _element(parent: Any, name: str, text: str | None = None) -> Any:
@@ -66,7 +71,8 @@ def _write(parent: Any, node: Expression, refer: Refer) -> None:
 
 
 def _operands(node: Operation) -> tuple[Expression, ...]:
-    """Both sides; of a sum or product all that stand to the left too: they are folded from the left when read."""
+    """Both sides; of a sum or product all that stand to the left too: they are folded from the left
+    when read."""
     operands: list[Expression] = [node.right]
     rest = node.left
     while node.operator in "+*" and isinstance(rest, Operation) and rest.operator == node.operator:
@@ -121,5 +127,7 @@ def _in_other_words(function: str, arguments: tuple[Expression, ...]) -> Express
     if function == "step":
         return Call("piecewise", (one, Call("gt", (x, zero)), zero))
     if function == "sign":
-        return Call("piecewise", (one, Call("gt", (x, zero)), Negation(one), Call("lt", (x, zero)), x))
+        return Call(
+            "piecewise", (one, Call("gt", (x, zero)), Negation(one), Call("lt", (x, zero)), x)
+        )
     raise TypeError(f"no MathML for the function {function}")

@@ -1,7 +1,9 @@
-"""DAVE-ML's XML: parsed without entities, external files or network; its elements, numbers and texts.
+"""DAVE-ML's XML: parsed without entities, external files or network; its elements, numbers and
+texts.
 
-A document type that only names the standard's DTD is normal in these files and is not followed; one that declares
-anything itself is refused. DAVE-ML 2.0 is AIAA S-119; its elements: https://daveml.org/DTDs/2p0/Ref.
+A document type that only names the standard's DTD is normal in these files and is not followed; one
+that declares anything itself is refused. DAVE-ML 2.0 is AIAA S-119; its elements:
+https://daveml.org/DTDs/2p0/Ref.
 """
 
 import math
@@ -27,18 +29,29 @@ _SEPARATORS = re.compile(r"[\s,;]+")
 def read_root(xml: bytes, where: str) -> Any:
     """The element ``<DAVEfunc>``.
 
-    Raises InputError for what is not such a file, declared entities, and sizes beyond the limits above.
+    Raises InputError for what is not such a file, declared entities, and sizes beyond the limits
+    above.
     """
     if len(xml) > MAX_BYTES:
         raise InputError(f"{len(xml)} bytes of XML", where, f"at most {MAX_BYTES}")
-    parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False, dtd_validation=False, remove_pis=True)
+    parser = etree.XMLParser(
+        resolve_entities=False,
+        no_network=True,
+        load_dtd=False,
+        dtd_validation=False,
+        remove_pis=True,
+    )
     try:
         root = etree.fromstring(xml, parser)
     except (etree.XMLSyntaxError, ValueError) as error:
         raise InputError(f"not valid XML: {error}", where) from None
     declared = root.getroottree().docinfo.internalDTD
     if declared is not None and (list(declared.iterentities()) or list(declared.iterelements())):
-        raise InputError("a document type with declarations of its own", where, "remove what stands between [ and ] of <!DOCTYPE")
+        raise InputError(
+            "a document type with declarations of its own",
+            where,
+            "remove what stands between [ and ] of <!DOCTYPE",
+        )
     _check_tree(root, where)
     if tag(root) != ROOT:
         raise InputError(f"root element <{tag(root)}>", where, f"a DAVE-ML file has <{ROOT}>")
@@ -47,7 +60,10 @@ def read_root(xml: bytes, where: str) -> Any:
 
 def is_daveml(xml: bytes) -> bool:
     """Whether the first element of a file is DAVE-ML's, judged without parsing it."""
-    start = re.search(rb"<(?![?!])(?:[\w.-]+:)?([\w.-]+)", re.sub(rb"<!--.*?-->", b"", xml[:1_000_000], flags=re.DOTALL))
+    start = re.search(
+        rb"<(?![?!])(?:[\w.-]+:)?([\w.-]+)",
+        re.sub(rb"<!--.*?-->", b"", xml[:1_000_000], flags=re.DOTALL),
+    )
     return start is not None and start.group(1) == ROOT.encode()
 
 
@@ -61,7 +77,9 @@ def _check_tree(root: Any, where: str) -> None:
             raise InputError(f"more than {MAX_DEPTH} elements inside each other", where)
         for name, value in element.attrib.items() if isinstance(element.tag, str) else ():
             if len(value) > MAX_ATTRIBUTE:
-                raise InputError(f"{len(value)} characters in attribute '{name}' of <{tag(element)}>", where)
+                raise InputError(
+                    f"{len(value)} characters in attribute '{name}' of <{tag(element)}>", where
+                )
         pending.extend((child, depth + 1) for child in element)
 
 
@@ -81,8 +99,13 @@ def find(element: Any, *tags: str) -> Any:
 
 
 def unsupported(element: Any, parent: str, where: str) -> InputError:
-    """The error for an element that is not known: what is not understood is never left out silently."""
-    return InputError(f"unsupported element <{tag(element)}> in {parent}", where, "its effect cannot be left out silently")
+    """The error for an element that is not known: what is not understood is never left out
+    silently."""
+    return InputError(
+        f"unsupported element <{tag(element)}> in {parent}",
+        where,
+        "its effect cannot be left out silently",
+    )
 
 
 def required(element: Any, attribute: str, where: str) -> str:
@@ -107,7 +130,13 @@ def plain(element: Any) -> str:
     parts += [text] if text else []
     for child in children(element):
         inside = plain(child)
-        parts.append(inside if tag(child) == "description" else f"{tag(child)}: {inside}" if inside else tag(child))
+        parts.append(
+            inside
+            if tag(child) == "description"
+            else f"{tag(child)}: {inside}"
+            if inside
+            else tag(child)
+        )
     return "; ".join(parts)
 
 
@@ -123,7 +152,8 @@ def number(text: str | None, where: str) -> float:
 
 
 def numbers(element: Any, where: str) -> NDArray[np.float64]:
-    """Numbers of a list, separated by blanks, commas, semicolons, line ends and comments in any mixture."""
+    """Numbers of a list, separated by blanks, commas, semicolons, line ends and comments in any
+    mixture."""
     words = [word for word in _SEPARATORS.split(own_text(element)) if word]
     if next(children(element), None) is not None:
         raise unsupported(next(children(element)), f"<{tag(element)}>", where)

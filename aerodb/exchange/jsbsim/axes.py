@@ -1,8 +1,10 @@
-"""JSBSim's axes: in which frame a function acts, which of our axes it reaches, and which factors it carries.
+"""JSBSim's axes: in which frame a function acts, which of our axes it reaches, and which factors it
+carries.
 
-Force axes come in four systems: DRAG SIDE LIFT, X Y Z in body axes, AXIAL SIDE NORMAL, and X Y Z with a ``frame``.
-In the frames STABILITY and WIND JSBSim turns the signs of x and z round before it rotates (forces only): X is then
-drag, aft, and Z lift, up. Moments have frames too, without that turn.
+Force axes come in four systems: DRAG SIDE LIFT, X Y Z in body axes, AXIAL SIDE NORMAL, and X Y Z
+with a ``frame``. In the frames STABILITY and WIND JSBSim turns the signs of x and z round before it
+rotates (forces only): X is then drag, aft, and Z lift, up. Moments have frames too, without that
+turn.
 """
 
 from collections.abc import Iterable
@@ -50,7 +52,11 @@ _WIND: Final[dict[str, Shares]] = {
     "Y": _PLAIN["SIDE"],
     "Z": _PLAIN["LIFT"],
     "ROLL": (("Cl", "cos(alpha)*cos(beta)"), ("Cm", "sin(beta)"), ("Cn", "sin(alpha)*cos(beta)")),
-    "PITCH": (("Cl", "-(cos(alpha)*sin(beta))"), ("Cm", "cos(beta)"), ("Cn", "-(sin(alpha)*sin(beta))")),
+    "PITCH": (
+        ("Cl", "-(cos(alpha)*sin(beta))"),
+        ("Cm", "cos(beta)"),
+        ("Cn", "-(sin(alpha)*sin(beta))"),
+    ),
     "YAW": (("Cl", "-sin(alpha)"), ("Cn", "cos(alpha)")),
 }
 _FRAMES: Final = {"": _PLAIN, "BODY": _PLAIN, "STABILITY": _STABILITY, "WIND": _WIND}
@@ -63,7 +69,8 @@ _POUNDS: Final = {"", "LB", "LBS", "LBF", "LBFT", "LBSFT", "FTLB", "FTLBS", "LBF
 
 
 def axis_frame(element: Any, where: str) -> tuple[str, str]:
-    """Name and frame ('' for body axes) of an ``<axis>``. Raises InputError for names, frames and units it cannot be."""
+    """Name and frame ('' for body axes) of an ``<axis>``. Raises InputError for names, frames and
+    units it cannot be."""
     axis, frame, unit = (element.get(key, "") for key in ("name", "frame", "unit"))
     if axis not in _PLAIN:
         raise InputError(f"axis '{axis}'", where, nearest(axis, _PLAIN))
@@ -71,18 +78,23 @@ def axis_frame(element: Any, where: str) -> tuple[str, str]:
     if unknown or frame not in _FRAMES or (frame and axis not in _FRAMED):
         raise InputError(f"unsupported attributes of axis {axis}: {dict(element.attrib)}", where)
     if "".join(filter(str.isalpha, unit)).upper() not in _POUNDS:
-        raise InputError(f"unit '{unit}' of axis {axis}", where, "JSBSim reads pounds and foot-pounds whatever stands there")
+        raise InputError(
+            f"unit '{unit}' of axis {axis}",
+            where,
+            "JSBSim reads pounds and foot-pounds whatever stands there",
+        )
     return axis, "" if frame == "BODY" else frame
 
 
 def shares(axis: str, frame: str) -> Shares:
-    """Our axes that a function on `axis` in `frame` reaches, each with its factor as an expression."""
+    """Our axes that a function on `axis` in `frame` reaches, each with its factor as an
+    expression."""
     return _FRAMES[frame][axis]
 
 
 def check_systems(acting: Iterable[tuple[str, str, str]], where: str) -> None:
-    """InputError unless all force axes that functions act on (axis, frame, function) belong to one system and frame, and
-    so do all moment axes."""
+    """InputError unless all force axes that functions act on (axis, frame, function) belong to one
+    system and frame, and so do all moment axes."""
     found = list(acting)
     forces = {axis for axis, _, _ in found if axis not in _MOMENTS}
     if not any(forces <= system for system in _SYSTEMS):
@@ -90,7 +102,11 @@ def check_systems(acting: Iterable[tuple[str, str, str]], where: str) -> None:
     for moment in (False, True):
         frames = {frame or "BODY" for axis, frame, _ in found if (axis in _MOMENTS) == moment}
         if len(frames) > 1:
-            raise InputError(f"{'moments' if moment else 'forces'} in different frames: {', '.join(sorted(frames))}", where)
+            raise InputError(
+                f"{'moments' if moment else 'forces'} in different frames:"
+                f" {', '.join(sorted(frames))}",
+                where,
+            )
 
 
 def body_forces(drag: str, side: str, lift: str) -> dict[str, str]:

@@ -1,9 +1,10 @@
 """Check cases of an export and how JSBSim itself is brought to their conditions.
 
-JSBSim is handed in as its ``FGFDMExec`` with the exported aircraft loaded, so that nothing here depends on the package.
-It takes speed, angles, rates, attitude, height, surfaces, density and temperature as initial conditions to the last digit;
-the rest of its state (the derivatives of alpha and beta, calibrated airspeed, the centre of gravity) follows from them. So
-the inputs are read back after each run, and the database is asked at exactly what JSBSim had.
+JSBSim is handed in as its ``FGFDMExec`` with the exported aircraft loaded, so that nothing here
+depends on the package. It takes speed, angles, rates, attitude, height, surfaces, density and
+temperature as initial conditions to the last digit; the rest of its state (the derivatives of alpha
+and beta, calibrated airspeed, the centre of gravity) follows from them. So the inputs are read back
+after each run, and the database is asked at exactly what JSBSim had.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -16,7 +17,15 @@ from aerodb.errors import InputError
 from aerodb.exchange.jsbsim.properties import CHANNEL_PROPERTIES, FOOT, INCH, SLUG_PER_FT3
 from aerodb.nomenclature import AXES, is_surface
 from aerodb.support import Array
-from aerodb.tables import AeroDatabase, CheckCase, Expression, Name, Reference, TableCall, transfer_moments
+from aerodb.tables import (
+    AeroDatabase,
+    CheckCase,
+    Expression,
+    Name,
+    Reference,
+    TableCall,
+    transfer_moments,
+)
 
 #: Relative agreement that is asked for, and the size of a coefficient below which it is absolute.
 TOLERANCE: Final = 1e-9
@@ -45,14 +54,17 @@ _RANGES: Final[dict[str, tuple[float, float]]] = {
 }
 _SURFACE_RANGE: Final = (-0.4, 0.4)
 _OTHER_RANGE: Final = (0.0, 1.0)
-_SOUND: Final = 340.0  # m/s: speeds are drawn so that the temperature of the case is one of the atmosphere
+_SOUND: Final = (
+    340.0  # m/s: speeds are drawn so that the temperature of the case is one of the atmosphere
+)
 _CREEP: Final = 1e-3  # m/s
 _KELVIN: Final = 1.8  # degrees Rankine
 
 
 @dataclass(frozen=True, eq=False)
 class Flown:
-    """What JSBSim had and gave: inputs and coefficients (n,) by name, moments about the database's reference."""
+    """What JSBSim had and gave: inputs and coefficients (n,) by name, moments about the database's
+    reference."""
 
     inputs: dict[str, Array]
     coefficients: dict[str, Array]
@@ -60,7 +72,8 @@ class Flown:
 
 @dataclass(frozen=True)
 class Agreement:
-    """Largest error per axis over ``max(|C|, 1e-3)``; `reached`: inputs that JSBSim took exactly as the cases had them."""
+    """Largest error per axis over ``max(|C|, 1e-3)``; `reached`: inputs that JSBSim took exactly as
+    the cases had them."""
 
     cases: int
     errors: dict[str, float]
@@ -74,7 +87,8 @@ class Agreement:
 
 
 def jsbsim_check_cases(database: AeroDatabase, n: int = 20, seed: int = 0) -> list[CheckCase]:
-    """`n` random cases over the breakpoints of the tables and a little beyond; the same for the same seed.
+    """`n` random cases over the breakpoints of the tables and a little beyond; the same for the
+    same seed.
 
     Speed, density, dynamic pressure, Mach number and hat rates belong together in each case.
     """
@@ -98,18 +112,26 @@ def jsbsim_check_cases(database: AeroDatabase, n: int = 20, seed: int = 0) -> li
 
 
 def _ranges(database: AeroDatabase) -> dict[str, tuple[float, float]]:
-    """Where each input is drawn from: the breakpoints of tables that look it up directly, else a usual range."""
+    """Where each input is drawn from: the breakpoints of tables that look it up directly, else a
+    usual range."""
     hulls: dict[str, tuple[float, float]] = {}
-    trees = [term.expression for term in database.terms] + [variable.expression for variable in database.variables.values()]
+    trees = [term.expression for term in database.terms] + [
+        variable.expression for variable in database.variables.values()
+    ]
     for call in (each for tree in trees for each in _calls(tree)):
-        for argument, axis in zip(call.arguments, database.tables[call.table].breakpoints, strict=True):
+        for argument, axis in zip(
+            call.arguments, database.tables[call.table].breakpoints, strict=True
+        ):
             if isinstance(argument, Name) and axis.size > 1:
                 low, high = hulls.get(argument.name, (np.inf, -np.inf))
                 hulls[argument.name] = (min(low, float(axis[0])), max(high, float(axis[-1])))
     for increment in database.increments:
         for name, interval in increment.envelope.items():
             low, high = hulls.get(name, (np.inf, -np.inf))
-            hulls[name] = (min(low, interval.low - 3 * interval.cell), max(high, interval.high + 3 * interval.cell))
+            hulls[name] = (
+                min(low, interval.low - 3 * interval.cell),
+                max(high, interval.high + 3 * interval.cell),
+            )
     return {name: _range(name, hulls.get(name)) for name in database.inputs}
 
 
@@ -119,12 +141,23 @@ def _range(name: str, hull: tuple[float, float] | None) -> tuple[float, float]:
     if hull is None:
         return usual
     margin = 0.0 if name in _POSITIVE else 0.1 * (hull[1] - hull[0])
-    low, high = max(hull[0] - margin, _LEAST.get(name, -np.inf)), min(hull[1] + margin, _MOST.get(name, np.inf))
+    low, high = (
+        max(hull[0] - margin, _LEAST.get(name, -np.inf)),
+        min(hull[1] + margin, _MOST.get(name, np.inf)),
+    )
     return (low, high) if low < high else usual
 
 
 _POSITIVE: Final = ("V", "mach", "rho", "qbar")
-_LEAST: Final = {"alpha": -1.5, "beta": -1.5, "mach": 0.05, "V": 10.0, "rho": 0.01, "qbar": 10.0, "height_above_ground": 1.0}
+_LEAST: Final = {
+    "alpha": -1.5,
+    "beta": -1.5,
+    "mach": 0.05,
+    "V": 10.0,
+    "rho": 0.01,
+    "qbar": 10.0,
+    "height_above_ground": 1.0,
+}
 _MOST: Final = {"alpha": 1.5, "beta": 1.5}
 
 
@@ -145,9 +178,10 @@ def fly_cases(
 ) -> Flown:
     """Brings `executive` to each of `conditions` and reads back inputs, forces and moments.
 
-    executive : JSBSim's FGFDMExec with the aircraft loaded. conditions : inputs in SI; what is absent is left at a usual
-    value. properties : input -> property and scale, as `input_properties` gives them. Moments are moved from JSBSim's
-    centre of gravity to the moment reference of `reference`.
+    executive : JSBSim's FGFDMExec with the aircraft loaded. conditions : inputs in SI; what is
+    absent is left at a usual value. properties : input -> property and scale, as `input_properties`
+    gives them. Moments are moved from JSBSim's centre of gravity to the moment reference of
+    `reference`.
     """
     had: dict[str, list[float]] = {name: [] for name in properties}
     rows, centres = [], []
@@ -167,22 +201,39 @@ def fly_cases(
 def _coefficients(executive: Any) -> list[float]:
     force = executive["aero/qbar-psf"] * executive["metrics/Sw-sqft"]
     if not (np.isfinite(force) and force > 0):
-        raise InputError(f"JSBSim has a dynamic pressure of {executive['aero/qbar-psf']} psf", "check case")
+        raise InputError(
+            f"JSBSim has a dynamic pressure of {executive['aero/qbar-psf']} psf", "check case"
+        )
     lengths = [executive[f"metrics/{name}"] for name in ("bw-ft", "cbarw-ft", "bw-ft")]
     forces = [executive[f"forces/fb{axis}-aero-lbs"] / force for axis in "xyz"]
-    moments = [executive[f"moments/{axis}-aero-lbsft"] / force / length for axis, length in zip("lmn", lengths, strict=True)]
+    moments = [
+        executive[f"moments/{axis}-aero-lbsft"] / force / length
+        for axis, length in zip("lmn", lengths, strict=True)
+    ]
     return forces + moments
 
 
-def _set(executive: Any, condition: Mapping[str, float], properties: Mapping[str, tuple[str, float]]) -> None:
-    """Initial conditions and properties of one case. At rest there are no coefficients: a case at rest creeps."""
-    speed = max(condition.get("V", _SOUND * condition["mach"] if "mach" in condition else 100.0), _CREEP)
+def _set(
+    executive: Any, condition: Mapping[str, float], properties: Mapping[str, tuple[str, float]]
+) -> None:
+    """Initial conditions and properties of one case. At rest there are no coefficients: a case at
+    rest creeps."""
+    speed = max(
+        condition.get("V", _SOUND * condition["mach"] if "mach" in condition else 100.0), _CREEP
+    )
     mach = max(condition.get("mach", speed / _SOUND), _CREEP / _SOUND)
     density = condition.get("rho", 2 * condition["qbar"] / speed**2 if "qbar" in condition else 1.0)
     height = condition.get("height_above_ground", 1000.0)
     altitude = condition.get("altitude", height)
-    # Angles are turned on top of each other: from where the case before left them, they could leave their range.
-    for name, value in (("u-fps", speed / FOOT), ("v-fps", 0.0), ("w-fps", 0.0), ("phi-rad", 0.0), ("theta-rad", 0.0)):
+    # Angles are turned on top of each other: from where the case before left them, they could leave
+    # their range.
+    for name, value in (
+        ("u-fps", speed / FOOT),
+        ("v-fps", 0.0),
+        ("w-fps", 0.0),
+        ("phi-rad", 0.0),
+        ("theta-rad", 0.0),
+    ):
         executive[f"ic/{name}"] = value
     executive["atmosphere/override/density"] = density / SLUG_PER_FT3
     executive["atmosphere/override/temperature"] = _temperature(executive, speed, mach)
@@ -214,19 +265,32 @@ def check_in_jsbsim(
 ) -> Agreement:
     """Whether JSBSim gives the coefficients of `database` at the cases, to `TOLERANCE`.
 
-    The database is asked at the inputs that JSBSim had; where those are the case's own, the case's stored coefficients
-    are what counts, so that a file and its check cases are judged by themselves. Inputs as in `fly_cases`.
+    The database is asked at the inputs that JSBSim had; where those are the case's own, the case's
+    stored coefficients are what counts, so that a file and its check cases are judged by
+    themselves. Inputs as in `fly_cases`.
     """
     if not cases:
         raise InputError("no check cases", f"database {database.name}")
     flown = fly_cases(executive, [case.inputs for case in cases], properties, database.reference)
-    wanted = {name: np.array([case.inputs[name] for case in cases]) for name in database.inputs if name in cases[0].inputs}
-    reached = sorted(name for name, values in wanted.items() if np.allclose(flown.inputs[name], values, rtol=1e-9, atol=1e-12))
+    wanted = {
+        name: np.array([case.inputs[name] for case in cases])
+        for name in database.inputs
+        if name in cases[0].inputs
+    }
+    reached = sorted(
+        name
+        for name, values in wanted.items()
+        if np.allclose(flown.inputs[name], values, rtol=1e-9, atol=1e-12)
+    )
     followed = sorted(set(database.inputs) - set(reached))
     predicted = database.predict(flown.inputs).coefficients
     errors = {}
     for axis in AXES:
         stored = np.array([case.coefficients[axis] for case in cases])
         expected = predicted[axis] if followed else stored
-        errors[axis] = float(np.max(np.abs(flown.coefficients[axis] - expected) / np.maximum(np.abs(expected), SMALLEST)))
+        errors[axis] = float(
+            np.max(
+                np.abs(flown.coefficients[axis] - expected) / np.maximum(np.abs(expected), SMALLEST)
+            )
+        )
     return Agreement(len(cases), errors, tuple(reached), tuple(followed))

@@ -1,9 +1,10 @@
 """Elements of JSBSim's XML that exports are made of, and tables among them.
 
-JSBSim's own tables are linear between breakpoints and held outside, over properties, with two breakpoints per axis or
-more and three dimensions (a fourth came only with its version 1.3). Everything else is made of them exactly: further
-dimensions are nested interpolations, a step in an argument is a sum of comparisons, and extrapolation adds the slope of the
-last cell times the distance beyond it.
+JSBSim's own tables are linear between breakpoints and held outside, over properties, with two
+breakpoints per axis or more and three dimensions (a fourth came only with its version 1.3).
+Everything else is made of them exactly: further dimensions are nested interpolations, a step in an
+argument is a sum of comparisons, and extrapolation adds the slope of the last cell times the
+distance beyond it.
 """
 
 import re
@@ -59,7 +60,8 @@ def clean(text: str) -> str:
 
 @dataclass(frozen=True)
 class Axis:
-    """One axis of a table: the property looked up, breakpoints, and the words of `Table` for in between and beyond."""
+    """One axis of a table: the property looked up, breakpoints, and the words of `Table` for in
+    between and beyond."""
 
     path: str
     breakpoints: Array
@@ -89,7 +91,11 @@ def table(axes: list[Axis], values: Array) -> Element:
             held = [*axes[:k], replace(axis, extrapolation="neither"), *axes[k + 1 :]]
             rest = axes[:k] + axes[k + 1 :]
             beyond = [
-                node("product", _distance(axis, side), table(rest, _slope(axis.breakpoints, values, k, side)))
+                node(
+                    "product",
+                    _distance(axis, side),
+                    table(rest, _slope(axis.breakpoints, values, k, side)),
+                )
                 for side in ("min", "max")
                 if axis.extrapolation in (side, "both")
             ]
@@ -107,7 +113,11 @@ def table(axes: list[Axis], values: Array) -> Element:
 def _distance(axis: Axis, side: str) -> Element:
     """How far the argument lies beyond one end: zero inside."""
     end = value(axis.breakpoints[0 if side == "min" else -1])
-    return node("difference", node(side, prop(axis.path), end), value(axis.breakpoints[0 if side == "min" else -1]))
+    return node(
+        "difference",
+        node(side, prop(axis.path), end),
+        value(axis.breakpoints[0 if side == "min" else -1]),
+    )
 
 
 def _slope(points: Array, values: Array, k: int, side: str) -> Array:
@@ -118,7 +128,10 @@ def _slope(points: Array, values: Array, k: int, side: str) -> Array:
 
 
 def _inline(axes: list[Axis], values: Array) -> Element:
-    lookups = [node("independentVar", text=axis.path, lookup=lookup) for axis, lookup in zip(axes, LOOKUPS, strict=False)]
+    lookups = [
+        node("independentVar", text=axis.path, lookup=lookup)
+        for axis, lookup in zip(axes, LOOKUPS, strict=False)
+    ]
     points = [axis.breakpoints for axis in axes]
     if len(axes) == 1:
         data = [node("tableData", text=_lines(np.column_stack([points[0], values])))]
@@ -126,7 +139,10 @@ def _inline(axes: list[Axis], values: Array) -> Element:
         data = [node("tableData", text=_plane(points, values))]
     else:
         planes = [_plane(points, values[..., k]) for k in range(points[2].size)]
-        data = [node("tableData", text=plane, breakPoint=repr(float(x))) for x, plane in zip(points[2], planes, strict=True)]
+        data = [
+            node("tableData", text=plane, breakPoint=repr(float(x)))
+            for x, plane in zip(points[2], planes, strict=True)
+        ]
     return node("table", *lookups, *data)
 
 

@@ -1,7 +1,9 @@
-"""An AeroDatabase out as a complete, minimal JSBSim aircraft file whose aerodynamics give the same coefficients.
+"""An AeroDatabase out as a complete, minimal JSBSim aircraft file whose aerodynamics give the same
+coefficients.
 
-Units, axes and the moment reference are converted explicitly (feet, slugs, inches, structural axes) and stated in the
-file. Mass, ground reactions and propulsion are not part of a database: the file holds a placeholder mass.
+Units, axes and the moment reference are converted explicitly (feet, slugs, inches, structural axes)
+and stated in the file. Mass, ground reactions and propulsion are not part of a database: the file
+holds a placeholder mass.
 """
 
 import re
@@ -33,8 +35,11 @@ _WIND: Final = {"C_drag": "DRAG", "C_side": "SIDE", "C_lift": "LIFT"}
 _BODY: Final = {"CX": "X", "CY": "Y", "CZ": "Z"}
 _MOMENTS: Final = {"Cl": "ROLL", "Cm": "PITCH", "Cn": "YAW"}
 _SOURCE_PROPERTY: Final = re.compile(r"JSBSim property ([^\s:]+)")
-#: Controls that every aircraft has in JSBSim, beside the properties that this product gives a meaning to.
-_NATIVE_CONTROL: Final = re.compile(r"fcs/(elevator|(left|right)-aileron|rudder|flap|speedbrake|spoiler)-(pos|cmd)-\w+")
+#: Controls that every aircraft has in JSBSim, beside the properties that this product gives a
+#: meaning to.
+_NATIVE_CONTROL: Final = re.compile(
+    r"fcs/(elevator|(left|right)-aileron|rudder|flap|speedbrake|spoiler)-(pos|cmd)-\w+"
+)
 
 _STATE: Final = {
     *(path for path, _ in CHANNEL_PROPERTIES.values()),
@@ -45,29 +50,38 @@ _STATE: Final = {
 }
 
 _STATEMENT: Final = (
-    "Converted from a database in SI and body axes (x forward, y right, z down). Every function on an axis is a coefficient "
-    "times aero/qbar-psf and metrics/Sw-sqft, moments also times metrics/bw-ft (ROLL, YAW) or metrics/cbarw-ft (PITCH): "
-    "pounds and foot-pounds. DRAG is positive aft, LIFT up, SIDE right; X forward, Y right, Z down; ROLL right wing down, "
-    "PITCH nose up, YAW nose right. Moments are about AERORP, which is the database's moment reference in structural axes "
-    "from its datum (inches, x aft, y right, z up). Surfaces: trailing edge down positive, rudder left; the aileron is "
-    "(right - left)/2, so JSBSim's left aileron enters with a minus sign. Rates are those relative to the air; angles "
-    "are in radians. Where a coefficient is divided by speed or dynamic pressure these are at least 1e-6 ft/s and 1e-9 psf."
+    "Converted from a database in SI and body axes (x forward, y right, z down). Every function on"
+    " an axis is a coefficient times aero/qbar-psf and metrics/Sw-sqft, moments also times"
+    " metrics/bw-ft (ROLL, YAW) or metrics/cbarw-ft (PITCH): pounds and foot-pounds. DRAG is"
+    " positive aft, LIFT up, SIDE right; X forward, Y right, Z down; ROLL right wing down, PITCH"
+    " nose up, YAW nose right. Moments are about AERORP, which is the database's moment reference"
+    " in structural axes from its datum (inches, x aft, y right, z up). Surfaces: trailing edge"
+    " down positive, rudder left; the aileron is (right - left)/2, so JSBSim's left aileron enters"
+    " with a minus sign. Rates are those relative to the air; angles are in radians. Where a"
+    " coefficient is divided by speed or dynamic pressure these are at least 1e-6 ft/s and 1e-9"
+    " psf."
 )
 _CASES: Final = (
-    "What the database gives at these inputs (SI, radians, names of the database; above: which property is which), moments "
-    "about AERORP. JSBSim passes over them; it agrees within 1e-9 of the larger of the coefficient and 0.001."
+    "What the database gives at these inputs (SI, radians, names of the database; above: which"
+    " property is which), moments about AERORP. JSBSim passes over them; it agrees within 1e-9 of"
+    " the larger of the coefficient and 0.001."
 )
-_MASS: Final = "Placeholder: a database has no mass. Put the vehicle's own mass, inertia and centre of gravity here."
+_MASS: Final = (
+    "Placeholder: a database has no mass. Put the vehicle's own mass, inertia and centre of gravity"
+    " here."
+)
 
 
 def export_jsbsim(database: AeroDatabase, *, name: str, cases: Sequence[CheckCase] = ()) -> bytes:
     """The JSBSim aircraft file of `database`, UTF-8.
 
-    name : the aircraft's name. cases : check cases that are written into the file (JSBSim passes over them).
+    name : the aircraft's name. cases : check cases that are written into the file (JSBSim passes
+    over them).
 
-    Terms, variables and tables become functions, increments functions with their envelope rule (not their covariance);
-    force terms stay on wind axes when all are, else all forces are written on body axes. A channel or free input that
-    JSBSim has no property for becomes a property below ``aerodb/`` that the user sets, 0 at first, listed in the file.
+    Terms, variables and tables become functions, increments functions with their envelope rule (not
+    their covariance); force terms stay on wind axes when all are, else all forces are written on
+    body axes. A channel or free input that JSBSim has no property for becomes a property below
+    ``aerodb/`` that the user sets, 0 at first, listed in the file.
 
     A relay is the one that JSBSim runs itself; any other state becomes what it settles at.
 
@@ -83,7 +97,13 @@ def export_jsbsim(database: AeroDatabase, *, name: str, cases: Sequence[CheckCas
         _mass_balance(plain.reference),
         node("ground_reactions"),
         _declarations(writer),
-        node("aerodynamics", *_statements(database, writer), *_hysteresis(plain), *writer.definitions, *axes),
+        node(
+            "aerodynamics",
+            *_statements(database, writer),
+            *_hysteresis(plain),
+            *writer.definitions,
+            *axes,
+        ),
         *([_check_cases(cases)] if cases else []),
         name=(name),
         version="2.0",
@@ -98,7 +118,9 @@ def free_properties(database: AeroDatabase) -> dict[str, str]:
     found = {}
     for name, description in database.free_inputs.items():
         match = _SOURCE_PROPERTY.match(description)
-        lost = match is not None and match[1] == HYSTERESIS and hysteresis_limits(description) is None
+        lost = (
+            match is not None and match[1] == HYSTERESIS and hysteresis_limits(description) is None
+        )
         found[name] = match[1] if match and not lost else f"{OWN_FREE}{name}"
     return found
 
@@ -106,11 +128,16 @@ def free_properties(database: AeroDatabase) -> dict[str, str]:
 def input_properties(database: AeroDatabase) -> dict[str, tuple[str, float]]:
     """Input of `predict` -> JSBSim property and the number that turns it into the input's unit."""
     free = free_properties(database)
-    return {name: (free[name], 1.0) if name in free else channel_property(name) for name in database.inputs}
+    return {
+        name: (free[name], 1.0) if name in free else channel_property(name)
+        for name in database.inputs
+    }
 
 
 def _header(database: AeroDatabase) -> Element:
-    text = "; ".join(part for part in (database.name, database.description, database.source) if part)
+    text = "; ".join(
+        part for part in (database.name, database.description, database.source) if part
+    )
     return node("fileheader", node("description", text=(text)))
 
 
@@ -128,19 +155,35 @@ def _location(reference: Reference, name: str) -> Element:
     """The moment reference in structural axes, which have their origin at the database's datum."""
     x, y, z = reference.moment_reference
     structural = {"x": -x / INCH + 0.0, "y": y / INCH, "z": -z / INCH + 0.0}
-    return node("location", *[node(axis, text=repr(position)) for axis, position in structural.items()], name=name, unit="IN")
+    return node(
+        "location",
+        *[node(axis, text=repr(position)) for axis, position in structural.items()],
+        name=name,
+        unit="IN",
+    )
 
 
 def _mass_balance(reference: Reference) -> Element:
     inertias = [node(tag, text="1000.0", unit="SLUG*FT2") for tag in ("ixx", "iyy", "izz")]
     weight = node("emptywt", text="1000.0", unit="LBS")
-    return node("mass_balance", node("documentation", text=_MASS), *inertias, weight, _location(reference, "CG"))
+    return node(
+        "mass_balance",
+        node("documentation", text=_MASS),
+        *inertias,
+        weight,
+        _location(reference, "CG"),
+    )
 
 
 def _declarations(writer: FunctionWriter) -> Element:
-    """Properties that nothing else creates; a system, because what stands in the aerodynamics are constants."""
+    """Properties that nothing else creates; a system, because what stands in the aerodynamics are
+    constants."""
     paths = sorted({path for path, _ in writer.inputs.values() if not _native(path)})
-    return node("system", *[node("property", text=path, value="0.0") for path in paths], name="aerodynamic inputs")
+    return node(
+        "system",
+        *[node("property", text=path, value="0.0") for path in paths],
+        name="aerodynamic inputs",
+    )
 
 
 def _native(path: str) -> bool:
@@ -151,15 +194,21 @@ def _statements(database: AeroDatabase, writer: FunctionWriter) -> Iterable[Elem
     yield node("documentation", text=_STATEMENT)
     for name, (path, scale) in sorted(writer.inputs.items()):
         if path.startswith((OWN_CHANNEL, OWN_FREE)):
-            meaning = database.free_inputs.get(name) or f"{channel(name).description} [{channel(name).unit}]"
-            yield node("documentation", text=(f"To be set from outside: {path}: {meaning}"))
+            meaning = (
+                database.free_inputs.get(name)
+                or f"{channel(name).description} [{channel(name).unit}]"
+            )
+            yield node("documentation", text=f"To be set from outside: {path}: {meaning}")
         else:
             factor = f" times {scale!r}" if scale != 1.0 else ""
-            yield node("documentation", text=(f"{name} is {path}{factor}"))
+            yield node("documentation", text=f"{name} is {path}{factor}")
     if database.increments:
-        flights = sorted({flight for increment in database.increments for flight in increment.flights})
+        flights = sorted(
+            {flight for increment in database.increments for flight in increment.flights}
+        )
         text = (
-            "Increments from flights are functions with their envelope rule; their covariance is not part of this file. Flights: "
+            "Increments from flights are functions with their envelope rule; their covariance is"
+            " not part of this file. Flights: "
         )
         yield node("documentation", text=(text + (", ".join(flights) or "none named")))
 
@@ -167,7 +216,9 @@ def _statements(database: AeroDatabase, writer: FunctionWriter) -> Iterable[Elem
 def _hysteresis(database: AeroDatabase) -> Iterable[Element]:
     """The relay that JSBSim runs itself, where a free input is that relay."""
     for limits in filter(None, map(hysteresis_limits, database.free_inputs.values())):
-        sides = [node(tag, text=repr(limit)) for tag, limit in zip(("min", "max"), limits, strict=True)]
+        sides = [
+            node(tag, text=repr(limit)) for tag, limit in zip(("min", "max"), limits, strict=True)
+        ]
         yield node("hysteresis_limits", *sides, unit="RAD")
         return
 
@@ -188,7 +239,9 @@ def _axes(database: AeroDatabase, writer: FunctionWriter) -> list[Element]:
         for axis, element in _turned(totals, writer, names):
             written[axis].append(element)
     theirs = {**forces, **_MOMENTS}
-    return [node("axis", *elements, name=theirs[axis]) for axis, elements in written.items() if elements]
+    return [
+        node("axis", *elements, name=theirs[axis]) for axis, elements in written.items() if elements
+    ]
 
 
 def _acting(term: Term, writer: FunctionWriter, names: "_Names") -> Element:
@@ -201,7 +254,9 @@ def _force(path: str, axis: str, coefficient: Element, note: str) -> Element:
     return function(path, node("product", *factors, coefficient), note)
 
 
-def _turned(totals: dict[str, list[Term]], writer: FunctionWriter, names: "_Names") -> Iterable[tuple[str, Element]]:
+def _turned(
+    totals: dict[str, list[Term]], writer: FunctionWriter, names: "_Names"
+) -> Iterable[tuple[str, Element]]:
     """The terms on wind axes as one function on each body axis."""
     sums = {f"wind_{axis}": axis for axis in WIND_AXES}
     for name, axis in sums.items():
@@ -210,7 +265,15 @@ def _turned(totals: dict[str, list[Term]], writer: FunctionWriter, names: "_Name
         writer.define(name, names.unique(f"total_{axis}"), total(parts), note)
     for axis, text in body_forces(*sums).items():
         coefficient = writer.write(parse(text))
-        yield axis, _force(names.unique(f"{axis}_of_wind_axes"), axis, coefficient, f"wind axes turned into {axis}")
+        yield (
+            axis,
+            _force(
+                names.unique(f"{axis}_of_wind_axes"),
+                axis,
+                coefficient,
+                f"wind axes turned into {axis}",
+            ),
+        )
 
 
 class _Names:
@@ -232,9 +295,15 @@ class _Names:
 
 def _check_cases(cases: Sequence[CheckCase]) -> Element:
     """Inputs in SI and the coefficients that the database gives for them; moments about AERORP."""
-    return node("check_cases", node("description", text=_CASES), *[_check_case(case) for case in cases])
+    return node(
+        "check_cases", node("description", text=_CASES), *[_check_case(case) for case in cases]
+    )
 
 
 def _check_case(case: CheckCase) -> Element:
     inputs = [node("input", text=repr(value), name=name) for name, value in case.inputs.items()]
-    return node("case", *inputs, *[node("output", text=repr(value), axis=axis) for axis, value in case.coefficients.items()])
+    return node(
+        "case",
+        *inputs,
+        *[node("output", text=repr(value), axis=axis) for axis, value in case.coefficients.items()],
+    )

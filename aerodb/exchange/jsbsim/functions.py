@@ -1,4 +1,5 @@
-"""JSBSim's functions: ``<function>`` elements become expressions, their tables become tables, properties identifiers.
+"""JSBSim's functions: ``<function>`` elements become expressions, their tables become tables,
+properties identifiers.
 
 What a property stands for is decided in `jsbsim`, once all functions are known.
 """
@@ -43,7 +44,9 @@ class Functions:
     def __init__(self, where: str) -> None:
         self.where = where
         self.identifiers: dict[str, str] = {}  # property -> identifier
-        self.defined: dict[str, tuple[Expression, str]] = {}  # property that a function defines -> expression, description
+        self.defined: dict[
+            str, tuple[Expression, str]
+        ] = {}  # property that a function defines -> expression, description
         self.tables: dict[str, Table] = {}
         self._taken: set[str] = {*CHANNELS, *CONSTANTS, *FUNCTIONS}
         self._counts: dict[str, int] = {}
@@ -51,7 +54,11 @@ class Functions:
 
     def refuse(self, element: Any, place: str) -> NoReturn:
         """The error for an element that the import does not know."""
-        raise InputError(f"unsupported element <{element.tag}> in {place}", self.where, "its effect cannot be left out silently")
+        raise InputError(
+            f"unsupported element <{element.tag}> in {place}",
+            self.where,
+            "its effect cannot be left out silently",
+        )
 
     def reserve(self, aerodynamics: Any) -> None:
         """Gives free inputs of an earlier export their own names, before tables can take them."""
@@ -69,22 +76,38 @@ class Functions:
         """Reads a function; gives the property that it defines."""
         name = (element.get("name") or f"function-{len(self.defined) + 1}").strip()
         if set(element.attrib) - {"name", "type"} or element.get("type", "pre") != "pre":
-            raise InputError(f"unsupported attributes of function {name}: {dict(element.attrib)}", self.where)
+            raise InputError(
+                f"unsupported attributes of function {name}: {dict(element.attrib)}", self.where
+            )
         if len(self.defined) >= MAX_FUNCTIONS:
             raise InputError(f"more than {MAX_FUNCTIONS} functions", self.where)
         if name in self.defined:
-            raise InputError(f"function '{name}' stands twice", self.where, "JSBSim refuses it, too: rename one of them")
+            raise InputError(
+                f"function '{name}' stands twice",
+                self.where,
+                "JSBSim refuses it, too: rename one of them",
+            )
         operations = [child for child in element if child.tag not in TEXT]
         if len(operations) != 1:
-            raise InputError(f"function '{name}' has {len(operations)} operations", self.where, "exactly one is needed")
-        description = " ".join(" ".join(text.text.split()) for text in element if text.tag in TEXT and text.text)
+            raise InputError(
+                f"function '{name}' has {len(operations)} operations",
+                self.where,
+                "exactly one is needed",
+            )
+        description = " ".join(
+            " ".join(text.text.split()) for text in element if text.tag in TEXT and text.text
+        )
         self.defined[name] = (self._tree(operations[0], name), description.replace("_", " "))
         return name
 
     def identifier(self, name: str) -> str:
         """The identifier of a property, the same each time."""
         if not name or len(name) > MAX_NAME:
-            raise InputError(f"a property with a name of {len(name)} characters", self.where, f"at least one, at most {MAX_NAME}")
+            raise InputError(
+                f"a property with a name of {len(name)} characters",
+                self.where,
+                f"at least one, at most {MAX_NAME}",
+            )
         if name not in self.identifiers:
             self.identifiers[name] = self.unique(own_name(name))
         return self.identifiers[name]
@@ -92,7 +115,8 @@ class Functions:
     def unique(self, wanted: str) -> str:
         """`wanted` as an identifier that nothing else has."""
         base = re.sub(r"\W", "_", wanted, flags=re.ASCII)
-        # A name in the form of a surface would be taken for that channel, whatever is counted up behind it.
+        # A name in the form of a surface would be taken for that channel, whatever is counted up
+        # behind it.
         base = f"_{base}" if not base or base[0].isdigit() or is_surface(base) else base
         name, count = base, self._counts.get(base, 1)
         while name in self._taken:
@@ -106,7 +130,11 @@ class Functions:
         """An expression that is not deeper than the language allows."""
         tree = self._node(element, function)
         if tree.depth > MAX_DEPTH:
-            raise InputError(f"function '{function}' of {tree.depth} levels", self.where, f"at most {MAX_DEPTH}: split it")
+            raise InputError(
+                f"function '{function}' of {tree.depth} levels",
+                self.where,
+                f"at most {MAX_DEPTH}: split it",
+            )
         return tree
 
     def _node(self, element: Any, function: str) -> Expression:
@@ -119,8 +147,12 @@ class Functions:
             return self._inline_table(element, function)
         elements = [child for child in element if child.tag not in TEXT]
         if tag == "interpolate1d":
-            return self._interpolation([self._tree(child, function) for child in elements], function)
-        found = interpreted(tag, [self._node(child, function) for child in elements], f"{self.where}: {function}")
+            return self._interpolation(
+                [self._tree(child, function) for child in elements], function
+            )
+        found = interpreted(
+            tag, [self._node(child, function) for child in elements], f"{self.where}: {function}"
+        )
         return found if found is not None else self.refuse(element, f"function {function}")
 
     def _property(self, name: str) -> Expression:
@@ -130,7 +162,10 @@ class Functions:
 
     def _inline_table(self, element: Any, function: str) -> Expression:
         if set(element.attrib) - {"name"}:
-            raise InputError(f"unsupported attributes of a table: {dict(element.attrib)}", f"{self.where}: {function}")
+            raise InputError(
+                f"unsupported attributes of a table: {dict(element.attrib)}",
+                f"{self.where}: {function}",
+            )
         found = read_table(element, f"{self.where}: {function}")
         arguments = tuple(self._property(each) for each in found.properties)
         call = self._table(function, arguments, found.properties, found.breakpoints, found.values)
@@ -139,12 +174,19 @@ class Functions:
         return call
 
     def _table(
-        self, function: str, arguments: tuple[Expression, ...], labels: tuple[str, ...], axes: tuple[Array, ...], values: Array
+        self,
+        function: str,
+        arguments: tuple[Expression, ...],
+        labels: tuple[str, ...],
+        axes: tuple[Array, ...],
+        values: Array,
     ) -> TableCall:
         self._numbers += values.size
         if self._numbers > MAX_TOTAL:
             raise InputError(
-                f"tables of more than {MAX_TOTAL} numbers", self.where, "their slices stand on different breakpoints"
+                f"tables of more than {MAX_TOTAL} numbers",
+                self.where,
+                "their slices stand on different breakpoints",
             )
         name = self.unique(function.rsplit("/", 1)[-1])
         try:
@@ -154,23 +196,38 @@ class Functions:
         return TableCall(name, arguments)
 
     def _interpolation(self, children: list[Expression], function: str) -> Expression:
-        """``interpolate1d``: x, then pairs of breakpoint and value; linear in between and held outside.
+        """``interpolate1d``: x, then pairs of breakpoint and value; linear in between and held
+        outside.
 
-        Tables at the breakpoints become one table with one more axis; anything else is weighted by a table of hats.
+        Tables at the breakpoints become one table with one more axis; anything else is weighted by
+        a table of hats.
         """
         where = f"{self.where}: {function}"
         if len(children) < 5 or len(children) % 2 == 0:
-            raise InputError(f"<interpolate1d> with {len(children)} operands", where, "x and two or more pairs are needed")
+            raise InputError(
+                f"<interpolate1d> with {len(children)} operands",
+                where,
+                "x and two or more pairs are needed",
+            )
         x, levels = children[0], np.array([_constant(level, where) for level in children[1::2]])
         ordinates, label = children[2::2], str(x)
         calls = [each for each in ordinates if isinstance(each, TableCall)]
-        if len(calls) == len(ordinates) == len({call.table for call in calls}) and len({c.arguments for c in calls}) == 1:
+        if (
+            len(calls) == len(ordinates) == len({call.table for call in calls})
+            and len({c.arguments for c in calls}) == 1
+        ):
             parts = [self.tables.pop(call.table) for call in calls]
             axes, values = stack(levels, [(part.breakpoints, part.values) for part in parts], where)
-            return self._table(function, (*calls[0].arguments, x), (*parts[0].arguments, label), axes, values)
+            return self._table(
+                function, (*calls[0].arguments, x), (*parts[0].arguments, label), axes, values
+            )
         indices = np.arange(levels.size, dtype=np.float64)
-        hats = self._table(function, (x, Number(0)), (label, "index"), (levels, indices), np.eye(levels.size))
-        return reduce(plus, [times(TableCall(hats.table, (x, Number(k))), y) for k, y in enumerate(ordinates)])
+        hats = self._table(
+            function, (x, Number(0)), (label, "index"), (levels, indices), np.eye(levels.size)
+        )
+        return reduce(
+            plus, [times(TableCall(hats.table, (x, Number(k))), y) for k, y in enumerate(ordinates)]
+        )
 
 
 def _constant(expression: Expression, where: str) -> float:

@@ -1,6 +1,7 @@
 """The operations of JSBSim's functions, each as an expression over its operands.
 
-Truth values are 1 and 0, as in JSBSim. Random numbers and the rotations of skydivers are not known here.
+Truth values are 1 and 0, as in JSBSim. Random numbers and the rotations of skydivers are not known
+here.
 """
 
 import math
@@ -32,7 +33,11 @@ def _fold(operator: str) -> Callable[[_Operands], Expression]:
 
 
 def _call(function: str) -> Callable[[_Operands], Expression]:
-    return lambda operands: Call(function, tuple(operands)) if len(operands) > 1 or function not in _ANY_NUMBER else operands[0]
+    return lambda operands: (
+        Call(function, tuple(operands))
+        if len(operands) > 1 or function not in _ANY_NUMBER
+        else operands[0]
+    )
 
 
 def _scaled(factor: float) -> Callable[[_Operands], Expression]:
@@ -45,7 +50,8 @@ def _choice(operands: _Operands) -> Expression:
 
 
 def _switch(operands: _Operands) -> Expression:
-    """The operand at the index that the first one rounds to. JSBSim stops at an index outside; here it holds."""
+    """The operand at the index that the first one rounds to. JSBSim stops at an index outside; here
+    it holds."""
     index, values = operands[0], operands[1:]
     pieces: list[Expression] = []
     for k, chosen in enumerate(values[:-1]):
@@ -64,7 +70,10 @@ _OPERATIONS: Final[dict[str, _Operation]] = {
     "difference": _Operation(_fold("-"), most=None),
     "quotient": _Operation(_fold("/"), 2, 2),
     "pow": _Operation(_fold("^"), 2, 2),
-    **{name: _Operation(_call(name)) for name in ("abs", "sqrt", "exp", "sin", "cos", "tan", "asin", "acos", "atan")},
+    **{
+        name: _Operation(_call(name))
+        for name in ("abs", "sqrt", "exp", "sin", "cos", "tan", "asin", "acos", "atan")
+    },
     **{name: _Operation(_call(name), most=None) for name in ("min", "max")},
     "atan2": _Operation(_call("atan2"), 2, 2),
     "ln": _Operation(_call("log")),
@@ -89,10 +98,13 @@ _OPERATIONS: Final[dict[str, _Operation]] = {
 
 
 def interpreted(tag: str, operands: list[Expression], where: str) -> Expression | None:
-    """The operation `tag` of `operands`, None when it is not known. Raises InputError for a wrong number of operands."""
+    """The operation `tag` of `operands`, None when it is not known. Raises InputError for a wrong
+    number of operands."""
     operation = _OPERATIONS.get(tag)
     if operation is None:
         return None
-    if len(operands) < operation.least or (operation.most is not None and len(operands) > operation.most):
+    if len(operands) < operation.least or (
+        operation.most is not None and len(operands) > operation.most
+    ):
         raise InputError(f"<{tag}> with {len(operands)} operands", where)
     return operation.build(operands)

@@ -1,8 +1,9 @@
 """What JSBSim's properties mean in this product's channels, SI and signs.
 
-Signs: JSBSim's control derivatives use elevator and left aileron positive trailing edge down, rudder positive
-trailing edge left. Only the ailerons differ from ours (asymmetric deflection (R - L)/2): JSBSim's left one enters
-with a minus sign. Rates `*-aero-*` are relative to the air; flights without gust rates give them as p, q, r.
+Signs: JSBSim's control derivatives use elevator and left aileron positive trailing edge down,
+rudder positive trailing edge left. Only the ailerons differ from ours (asymmetric deflection (R -
+L)/2): JSBSim's left one enters with a minus sign. Rates `*-aero-*` are relative to the air; flights
+without gust rates give them as p, q, r.
 """
 
 import math
@@ -26,7 +27,8 @@ HYSTERESIS: Final = "aero/stall-hyst-norm"
 WING_ALPHA: Final = "aero/alpha-wing-rad"
 WING_INCIDENCE: Final = "metrics/iw-rad"
 
-#: Properties that exports make: channels that JSBSim has no property for, free inputs and variables of a database.
+#: Properties that exports make: channels that JSBSim has no property for, free inputs and variables
+#: of a database.
 OWN_CHANNEL: Final = "aerodb/channel/"
 OWN_FREE: Final = "aerodb/free/"
 OWN_VARIABLE: Final = "aerodb/variable/"
@@ -67,7 +69,10 @@ PROPERTIES: Final[dict[str, str]] = {
     "attitude/theta-rad": "theta",
     "attitude/pitch-rad": "theta",
     "atmosphere/rho-slugs_ft3": f"rho/{SLUG_PER_FT3!r}",
-    **{f"inertia/cg-{axis}-in": f"{sign}cg_{axis}/{INCH!r}" for axis, sign in (("x", "-"), ("y", ""), ("z", "-"))},
+    **{
+        f"inertia/cg-{axis}-in": f"{sign}cg_{axis}/{INCH!r}"
+        for axis, sign in (("x", "-"), ("y", ""), ("z", "-"))
+    },
     "position/h-sl-ft": f"altitude/{FOOT!r}",
     "position/h-agl-ft": f"height_above_ground/{FOOT!r}",
     "gear/gear-pos-norm": "delta_landing_gear",
@@ -90,7 +95,8 @@ PROPERTIES: Final[dict[str, str]] = {
     },
 }
 
-#: Channel -> the property and the number that turns it into the channel: how exports read JSBSim's state.
+#: Channel -> the property and the number that turns it into the channel: how exports read JSBSim's
+#: state.
 CHANNEL_PROPERTIES: Final[dict[str, tuple[str, float]]] = {
     "V": ("velocities/vt-fps", FOOT),
     "alpha": ("aero/alpha-rad", 1.0),
@@ -120,18 +126,27 @@ CHANNEL_PROPERTIES: Final[dict[str, tuple[str, float]]] = {
 
 
 def height_of_reference_point(x: float, y: float, z: float) -> str:
-    """``aero/h_b-mac-ft``: height of the moment reference (x, y, z [m], body axes) above ground over the span."""
-    below_cg = f"-sin(theta)*({x!r} - cg_x) + cos(theta)*(sin(phi)*({y!r} - cg_y) + cos(phi)*({z!r} - cg_z))"
+    """``aero/h_b-mac-ft``: height of the moment reference (x, y, z [m], body axes) above ground
+    over the span."""
+    below_cg = (
+        f"-sin(theta)*({x!r} - cg_x) + cos(theta)*(sin(phi)*({y!r} - cg_y) + cos(phi)*({z!r} -"
+        " cg_z))"
+    )
     return f"(height_above_ground - ({below_cg}))/b_ref"
 
 
 def hysteresis_text(low: float, high: float) -> str:
-    """How a free input says that it is JSBSim's stall hysteresis between two angles of attack [rad]."""
-    return f"JSBSim property {HYSTERESIS}: relay on alpha, 1 above {high!r} rad, 0 below {low!r} rad, in between as it was"
+    """How a free input says that it is JSBSim's stall hysteresis between two angles of attack
+    [rad]."""
+    return (
+        f"JSBSim property {HYSTERESIS}: relay on alpha, 1 above {high!r} rad, 0 below {low!r} rad,"
+        " in between as it was"
+    )
 
 
 _HYSTERESIS_TEXT = re.compile(
-    re.escape(f"JSBSim property {HYSTERESIS}: relay on alpha, 1 above ") + r"(\S+) rad, 0 below (\S+) rad,.*"
+    re.escape(f"JSBSim property {HYSTERESIS}: relay on alpha, 1 above ")
+    + r"(\S+) rad, 0 below (\S+) rad,.*"
 )
 
 
@@ -146,7 +161,8 @@ def hysteresis_limits(text: str) -> tuple[float, float] | None:
 
 
 def own_name(name: str) -> str:
-    """The identifier that a property should have if it is free: its own name where an export made it."""
+    """The identifier that a property should have if it is free: its own name where an export made
+    it."""
     if name == HYSTERESIS:
         return "stall_hyst_norm"
     for prefix in (OWN_FREE, OWN_VARIABLE):

@@ -1,8 +1,9 @@
 """JSBSim aircraft files in: ``<metrics>`` and ``<aerodynamics>`` become an AeroDatabase.
 
-JSBSim's axis functions give forces in lbf and moments in lbf ft, already times dynamic pressure, area and length.
-These factors are cancelled out of the products that contain them; where they cannot be, the function is divided by
-them. Structural axes (inches, x aft, y right, z up) become metres in body axes with the structural origin as datum.
+JSBSim's axis functions give forces in lbf and moments in lbf ft, already times dynamic pressure,
+area and length. These factors are cancelled out of the products that contain them; where they
+cannot be, the function is divided by them. Structural axes (inches, x aft, y right, z up) become
+metres in body axes with the structural origin as datum.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -23,7 +24,13 @@ from aerodb.exchange.jsbsim.properties import (
     hysteresis_limits,
     hysteresis_text,
 )
-from aerodb.exchange.jsbsim.xml_elements import part, read_constants, read_limits, read_reference, read_root
+from aerodb.exchange.jsbsim.xml_elements import (
+    part,
+    read_constants,
+    read_limits,
+    read_reference,
+    read_root,
+)
 from aerodb.nomenclature import channel
 from aerodb.tables import (
     MAX_DEPTH,
@@ -52,23 +59,30 @@ _LIMITS: Final = ("alphalimits", "hysteresis_limits")
 
 
 def import_jsbsim(
-    xml: bytes, *, bindings: Mapping[str, str] | None = None, name: str, loader: Loader | None = None
+    xml: bytes,
+    *,
+    bindings: Mapping[str, str] | None = None,
+    name: str,
+    loader: Loader | None = None,
 ) -> AeroDatabase:
     """The aerodynamics of a JSBSim aircraft file.
 
-    xml : the file's bytes. bindings : property -> expression over channels and S_ref, c_ref, b_ref, in the property's
-    own unit; it takes precedence over the meaning in `jsbsim_properties`. A property that neither gives a meaning to, or
-    that is bound to its own identifier, becomes a free input of the database. Every property is kept as a variable
-    whose description holds its JSBSim name. loader : gives the bytes of a file that the aircraft names for its metrics
-    or aerodynamics (``file="..."``, as written there, always relative and without ``..``).
+    xml : the file's bytes. bindings : property -> expression over channels and S_ref, c_ref, b_ref,
+    in the property's own unit; it takes precedence over the meaning in `jsbsim_properties`. A
+    property that neither gives a meaning to, or that is bound to its own identifier, becomes a free
+    input of the database. Every property is kept as a variable whose description holds its JSBSim
+    name. loader : gives the bytes of a file that the aircraft names for its metrics or aerodynamics
+    (``file="..."``, as written there, always relative and without ``..``).
 
-    ``aero/cl-squared`` is the square of the total lift coefficient. JSBSim itself takes the lift of its previous
-    time step there; the two agree when nothing changes between steps. ``aero/stall-hyst-norm`` has memory and becomes the
-    free input `stall_hyst_norm`, which a state model makes of a flight. A reference point that shifts becomes terms on Cm and
-    Cn about the fixed one.
+    ``aero/cl-squared`` is the square of the total lift coefficient. JSBSim itself takes the lift of
+    its previous time step there; the two agree when nothing changes between steps.
+    ``aero/stall-hyst-norm`` has memory and becomes the free input `stall_hyst_norm`, which a state
+    model makes of a flight. A reference point that shifts becomes terms on Cm and Cn about the
+    fixed one.
 
-    Raises InputError for XML with a document type or entities, for an element outside the supported set (named), for a
-    file that is named without a `loader`, and for bindings of properties that the file does not use.
+    Raises InputError for XML with a document type or entities, for an element outside the supported
+    set (named), for a file that is named without a `loader`, and for bindings of properties that
+    the file does not use.
     """
     root = read_root(xml, name)
     metrics = part(root, "metrics", name, loader)
@@ -79,7 +93,8 @@ def import_jsbsim(
 
 
 class _Reading:
-    """The aerodynamics of one file: its functions, the axes that they act on, and what its properties mean."""
+    """The aerodynamics of one file: its functions, the axes that they act on, and what its
+    properties mean."""
 
     def __init__(self, where: str, bindings: dict[str, str], constants: dict[str, float]) -> None:
         self._where = where
@@ -123,7 +138,9 @@ class _Reading:
     def _limits(self, element: Any) -> None:
         low, high = read_limits(element, self._where)
         self._notes.append(f"{element.tag} from {low!r} to {high!r} rad")
-        if element.tag == "hysteresis_limits" and low != 0.0 != high:  # JSBSim's relay does not move when either is zero
+        if (
+            element.tag == "hysteresis_limits" and low != 0.0 != high
+        ):  # JSBSim's relay does not move when either is zero
             self._hysteresis = hysteresis_text(low, high)
 
     def _only_function(self, element: Any) -> str:
@@ -146,10 +163,16 @@ class _Reading:
         if unused:
             what = f"binding of '{unused[0]}', which the aerodynamics do not use"
             raise InputError(what, self._where, nearest(unused[0], self._functions.identifiers))
-        for tree in [term.expression for term in terms] + [variable.expression for variable in variables.values()]:
+        for tree in [term.expression for term in terms] + [
+            variable.expression for variable in variables.values()
+        ]:
             if tree.depth > MAX_DEPTH:
-                raise InputError(f"an expression of {tree.depth} levels", self._where, f"at most {MAX_DEPTH}")
-            parse(str(tree))  # what is stored must be readable: the limits of the language hold for imports too
+                raise InputError(
+                    f"an expression of {tree.depth} levels", self._where, f"at most {MAX_DEPTH}"
+                )
+            parse(
+                str(tree)
+            )  # what is stored must be readable: the limits of the language hold for imports too
         notes = f"; {'; '.join(self._notes)}" if self._notes else ""
         source = f"JSBSim aircraft file{notes}"
         return AeroDatabase(
@@ -163,7 +186,13 @@ class _Reading:
             states=_relays(free),
         )
 
-    def _resolve(self, reference: Reference, terms: list[Term], variables: dict[str, Variable], free: dict[str, str]) -> None:
+    def _resolve(
+        self,
+        reference: Reference,
+        terms: list[Term],
+        variables: dict[str, Variable],
+        free: dict[str, str],
+    ) -> None:
         """Gives every property that is used its meaning; a meaning may use further properties."""
         done: set[str] = set()
         while pending := [name for name in self._functions.identifiers if name not in done]:
@@ -171,7 +200,9 @@ class _Reading:
                 identifier = self._functions.identifiers[name]
                 meaning = self._meaning(name, reference, terms)
                 if meaning is None:
-                    free[identifier] = self._hysteresis if name == HYSTERESIS else f"JSBSim property {name}"
+                    free[identifier] = (
+                        self._hysteresis if name == HYSTERESIS else f"JSBSim property {name}"
+                    )
                 else:
                     variables[identifier] = meaning
             done.update(pending)
@@ -185,29 +216,51 @@ class _Reading:
             reached = shares(axis, frame)
             for ours, factor in reached:
                 scaled = _scaled(self._without(expression, FACTORS[ours]), parse(factor))
-                short = function.rsplit("/", 1)[-1] if len(reached) == 1 else f"{function.rsplit('/', 1)[-1]}_{ours}"
-                name = short if short not in names else f"{function}_{ours}" if len(reached) > 1 else function
+                short = (
+                    function.rsplit("/", 1)[-1]
+                    if len(reached) == 1
+                    else f"{function.rsplit('/', 1)[-1]}_{ours}"
+                )
+                name = (
+                    short
+                    if short not in names
+                    else f"{function}_{ours}"
+                    if len(reached) > 1
+                    else function
+                )
                 names.add(name)
-                terms.append(Term(name, "CY" if body and ours == "C_side" else ours, scaled, description))
+                terms.append(
+                    Term(name, "CY" if body and ours == "C_side" else ours, scaled, description)
+                )
         return terms
 
     def _shift_terms(self, terms: list[Term]) -> tuple[dict[str, Variable], list[Term]]:
-        """Moments of the forces about the fixed reference point when they act at one shifted aft by a part of the chord."""
+        """Moments of the forces about the fixed reference point when they act at one shifted aft by
+        a part of the chord."""
         axes = WIND_AXES if any(term.axis in WIND_AXES for term in terms) else ("CX", "CY", "CZ")
         totals: dict[str, Variable] = {}
         for axis in axes:
             parts = [term.expression for term in terms if term.axis == axis]
             identifier = self._functions.unique(f"total_{axis}")
-            totals[identifier] = Variable(reduce(plus, parts) if parts else Number(0), "1", f"{axis} of all terms")
+            totals[identifier] = Variable(
+                reduce(plus, parts) if parts else Number(0), "1", f"{axis} of all terms"
+            )
         names = list(totals)
         forces = body_forces(*names) if axes == WIND_AXES else dict(zip(axes, names, strict=True))
-        shift, note = self._functions.identifier(self._shift), "reference point shifted aft, in chords"
+        shift, note = (
+            self._functions.identifier(self._shift),
+            "reference point shifted aft, in chords",
+        )
         normal, side = (parse(f"{shift}*({forces[axis]})") for axis in ("CZ", "CY"))
         yaw = times(_scaled(side, parse("-1")), parse("c_ref/b_ref"))
-        return totals, [Term("reference_point_shift_Cm", "Cm", normal, note), Term("reference_point_shift_Cn", "Cn", yaw, note)]
+        return totals, [
+            Term("reference_point_shift_Cm", "Cm", normal, note),
+            Term("reference_point_shift_Cn", "Cn", yaw, note),
+        ]
 
     def _without(self, expression: Expression, factors: Iterable[str]) -> Expression:
-        """`expression` over the factors: cancelled where it is a multiple of them, else divided by."""
+        """`expression` over the factors: cancelled where it is a multiple of them, else divided
+        by."""
         rest: list[Expression] = []
         for factor in factors:
             name = Name(self._functions.identifier(factor))
@@ -225,8 +278,14 @@ class _Reading:
             try:
                 bound = parse(self._bindings[name])
             except InputError as error:
-                raise InputError(error.what, f"{self._where}: binding of {name}", error.remedy) from None
-            return None if bound == Name(self._functions.identifiers[name]) else Variable(bound, "", note)
+                raise InputError(
+                    error.what, f"{self._where}: binding of {name}", error.remedy
+                ) from None
+            return (
+                None
+                if bound == Name(self._functions.identifiers[name])
+                else Variable(bound, "", note)
+            )
         if name in self._functions.defined:
             expression, description = self._functions.defined[name]
             return Variable(expression, "", f"{note}: {description}" if description else note)
@@ -234,12 +293,15 @@ class _Reading:
             return Variable(number(self._constants[name]), "", f"{note}: constant of the file")
         if name == LIFT_SQUARED:
             lift = [term.expression for term in terms if term.axis == "C_lift"]
-            return Variable(Operation("^", reduce(plus, lift), Number(2)), "1", note) if lift else None
+            return (
+                Variable(Operation("^", reduce(plus, lift), Number(2)), "1", note) if lift else None
+            )
         text = self._text(name, reference)
         return Variable(parse(text), "", note) if text else None
 
     def _text(self, name: str, reference: Reference) -> str:
-        """The expression that a property of JSBSim's own, or of an export from here, stands for; '' when there is none."""
+        """The expression that a property of JSBSim's own, or of an export from here, stands for; ''
+        when there is none."""
         if name == "aero/h_b-mac-ft":
             return height_of_reference_point(*reference.moment_reference)
         if name == WING_ALPHA:
@@ -251,14 +313,19 @@ class _Reading:
             try:
                 return channel(own).name
             except UnknownNameError as error:
-                raise InputError(error.what, f"{self._where}: property {name}", error.remedy) from None
+                raise InputError(
+                    error.what, f"{self._where}: property {name}", error.remedy
+                ) from None
         return PROPERTIES.get(name, "")
 
 
 def _relays(free: Mapping[str, str]) -> tuple[StateModel, ...]:
-    """JSBSim's stall hysteresis, where a free input is it: along a flight the relay makes its values."""
+    """JSBSim's stall hysteresis, where a free input is it: along a flight the relay makes its
+    values."""
     limits = {name: hysteresis_limits(text) for name, text in free.items()}
-    return tuple(StateModel(name, Relay(*found, separated=1.0)) for name, found in limits.items() if found)
+    return tuple(
+        StateModel(name, Relay(*found, separated=1.0)) for name, found in limits.items() if found
+    )
 
 
 def _scaled(expression: Expression, factor: Expression) -> Expression:

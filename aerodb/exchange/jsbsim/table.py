@@ -17,7 +17,8 @@ MAX_NUMBERS: Final = 1_000_000
 
 @dataclass(frozen=True)
 class InlineTable:
-    """Properties looked up, breakpoints along each, and values, in the order row, column, table, axis4."""
+    """Properties looked up, breakpoints along each, and values, in the order row, column, table,
+    axis4."""
 
     properties: tuple[str, ...]
     breakpoints: tuple[Array, ...]
@@ -25,7 +26,8 @@ class InlineTable:
 
 
 def read_table(element: Any, where: str) -> InlineTable:
-    """A ``<table>`` of one to four dimensions. Raises InputError for what is not in JSBSim's form."""
+    """A ``<table>`` of one to four dimensions. Raises InputError for what is not in JSBSim's
+    form."""
     properties: dict[str, str] = {}
     blocks: list[Any] = []
     for child in element:
@@ -33,7 +35,11 @@ def read_table(element: Any, where: str) -> InlineTable:
             lookup = child.get("lookup", "row")
             unknown = set(child.attrib) - {"lookup"}
             if lookup not in LOOKUPS or lookup in properties or unknown:
-                raise InputError(f"unsupported <independentVar {dict(child.attrib)}>", where, f"{', '.join(LOOKUPS)}, once each")
+                raise InputError(
+                    f"unsupported <independentVar {dict(child.attrib)}>",
+                    where,
+                    f"{', '.join(LOOKUPS)}, once each",
+                )
             properties[lookup] = (child.text or "").strip()
         elif child.tag == "tableData":
             blocks.append(child)
@@ -41,7 +47,9 @@ def read_table(element: Any, where: str) -> InlineTable:
             raise InputError(f"unsupported element <{child.tag}> in a table", where)
     order = LOOKUPS[: len(properties)]
     if not blocks or set(order) != set(properties):
-        raise InputError(f"a table needs data and lookups {', '.join(LOOKUPS)} in this order", where)
+        raise InputError(
+            f"a table needs data and lookups {', '.join(LOOKUPS)} in this order", where
+        )
     names = tuple(properties[lookup] for lookup in order)
     breakpoints, values = _read(blocks, len(order), where)
     return InlineTable(names, breakpoints, values)
@@ -57,7 +65,9 @@ def _read(blocks: list[Any], dimensions: int, where: str) -> tuple[tuple[Array, 
         ]
         return stack(_levels(blocks, where), slices, where)
     if len(blocks) != 1:
-        raise InputError(f"{len(blocks)} blocks of data for a {dimensions}-dimensional table", where)
+        raise InputError(
+            f"{len(blocks)} blocks of data for a {dimensions}-dimensional table", where
+        )
     grid = _numbers(blocks[0], where)
     if dimensions == 2:
         return (grid[1:, 0], grid[0, 1:]), grid[1:, 1:]
@@ -67,8 +77,14 @@ def _read(blocks: list[Any], dimensions: int, where: str) -> tuple[tuple[Array, 
 
 
 def _only_slices(block: Any, where: str) -> bool:
-    if (block.text or "").strip() or not len(block) or any(child.tag != "tableData" for child in block):
-        raise InputError("a block of a four-dimensional table does not consist of <tableData> elements", where)
+    if (
+        (block.text or "").strip()
+        or not len(block)
+        or any(child.tag != "tableData" for child in block)
+    ):
+        raise InputError(
+            "a block of a four-dimensional table does not consist of <tableData> elements", where
+        )
     return True
 
 
@@ -76,19 +92,28 @@ def _levels(blocks: list[Any], where: str) -> Array:
     try:
         return np.array([float(block.get("breakPoint", "")) for block in blocks])
     except ValueError:
-        raise InputError("a block of a table of three or more dimensions has no number as breakPoint", where) from None
+        raise InputError(
+            "a block of a table of three or more dimensions has no number as breakPoint", where
+        ) from None
 
 
 def _numbers(element: Any, where: str) -> Array:
-    """Lines of ``tableData`` as a matrix; a first line that is one shorter gets NaN in its corner."""
+    """Lines of ``tableData`` as a matrix; a first line that is one shorter gets NaN in its
+    corner."""
     if len(element):
         raise InputError(f"unsupported element <{element[0].tag}> in table data", where)
     try:
-        lines = [[float(word) for word in line.split()] for line in (element.text or "").splitlines() if line.strip()]
+        lines = [
+            [float(word) for word in line.split()]
+            for line in (element.text or "").splitlines()
+            if line.strip()
+        ]
     except ValueError as error:
         raise InputError(f"table data: {shown(str(error))}", where) from None
     if not lines or sum(map(len, lines)) > MAX_NUMBERS:
-        raise InputError(f"table data of {len(lines)} lines", where, f"between one and {MAX_NUMBERS} numbers")
+        raise InputError(
+            f"table data of {len(lines)} lines", where, f"between one and {MAX_NUMBERS} numbers"
+        )
     width = len(lines[-1])
     if len(lines) > 1 and len(lines[0]) == width - 1:
         lines[0].insert(0, np.nan)
@@ -97,14 +122,22 @@ def _numbers(element: Any, where: str) -> Array:
     return np.array(lines)
 
 
-def stack(levels: Array, slices: list[tuple[tuple[Array, ...], Array]], where: str) -> tuple[tuple[Array, ...], Array]:
-    """Slices at the `levels` of one further, last axis as one table. Slices on different breakpoints are brought to
-    their union, which is exact because they are linear in between and held outside."""
+def stack(
+    levels: Array, slices: list[tuple[tuple[Array, ...], Array]], where: str
+) -> tuple[tuple[Array, ...], Array]:
+    """Slices at the `levels` of one further, last axis as one table. Slices on different
+    breakpoints are brought to their union, which is exact because they are linear in between and
+    held outside."""
     dimensions = len(slices[0][0])
-    axes = tuple(np.unique(np.concatenate([breakpoints[k] for breakpoints, _ in slices])) for k in range(dimensions))
+    axes = tuple(
+        np.unique(np.concatenate([breakpoints[k] for breakpoints, _ in slices]))
+        for k in range(dimensions)
+    )
     shape = (*(axis.size for axis in axes), len(slices))
     if np.prod(shape, dtype=np.float64) > MAX_NUMBERS:
-        raise InputError(f"slices of a table on different breakpoints, {shape} on their union", where)
+        raise InputError(
+            f"slices of a table on different breakpoints, {shape} on their union", where
+        )
     values = np.empty(shape)
     mesh = [axis.ravel() for axis in np.meshgrid(*axes, indexing="ij")]
     for k, (breakpoints, inside) in enumerate(slices):

@@ -1,19 +1,51 @@
 """Expressions as JSBSim's XML functions.
 
-Where JSBSim lacks a function it is rewritten in those that it has; its tables look up properties only, so that other
-arguments become functions of their own. Its sign of zero is 1 and its conditions take nothing but 0 and 1: here both are as in
-`aerodb.tables.functions`.
+Where JSBSim lacks a function it is rewritten in those that it has; its tables look up properties
+only, so that other arguments become functions of their own. Its sign of zero is 1 and its
+conditions take nothing but 0 and 1: here both are as in `aerodb.tables.functions`.
 """
 
 from collections.abc import Mapping
 from typing import Final
 
 from aerodb.errors import InputError
-from aerodb.exchange.jsbsim.elements import Axis, Element, function, node, prop, snapped, table, value
-from aerodb.exchange.jsbsim.properties import CHANNEL_PROPERTIES, FOOT, OWN_ARGUMENT, OWN_CHANNEL, OWN_VARIABLE, QBAR
-from aerodb.tables import COMPARISONS, AeroDatabase, Call, Expression, Name, Negation, Number, Operation, Table, TableCall, parse
+from aerodb.exchange.jsbsim.elements import (
+    Axis,
+    Element,
+    function,
+    node,
+    prop,
+    snapped,
+    table,
+    value,
+)
+from aerodb.exchange.jsbsim.properties import (
+    CHANNEL_PROPERTIES,
+    FOOT,
+    OWN_ARGUMENT,
+    OWN_CHANNEL,
+    OWN_VARIABLE,
+    QBAR,
+)
+from aerodb.tables import (
+    COMPARISONS,
+    AeroDatabase,
+    Call,
+    Expression,
+    Name,
+    Negation,
+    Number,
+    Operation,
+    Table,
+    TableCall,
+    parse,
+)
 
-_CONSTANTS: Final = {"S_ref": ("metrics/Sw-sqft", FOOT**2), "c_ref": ("metrics/cbarw-ft", FOOT), "b_ref": ("metrics/bw-ft", FOOT)}
+_CONSTANTS: Final = {
+    "S_ref": ("metrics/Sw-sqft", FOOT**2),
+    "c_ref": ("metrics/cbarw-ft", FOOT),
+    "b_ref": ("metrics/bw-ft", FOOT),
+}
 _HAT_RATES: Final = {
     "p_hat": parse("p*(b_ref/2)/V"),
     "q_hat": parse("q*(c_ref/2)/V"),
@@ -21,7 +53,22 @@ _HAT_RATES: Final = {
     "alphadot_hat": parse("alphadot*(c_ref/2)/V"),
 }
 _OPERATIONS: Final = {"+": "sum", "-": "difference", "*": "product", "/": "quotient", "^": "pow"}
-_SAME: Final = ("abs", "min", "max", "sqrt", "exp", "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "floor", "ceil")
+_SAME: Final = (
+    "abs",
+    "min",
+    "max",
+    "sqrt",
+    "exp",
+    "sin",
+    "cos",
+    "tan",
+    "asin",
+    "acos",
+    "atan",
+    "atan2",
+    "floor",
+    "ceil",
+)
 _CALLS: Final = {
     **{name: name for name in _SAME},
     **{name: name for name in COMPARISONS},
@@ -31,7 +78,8 @@ _CALLS: Final = {
     "rem": "fmod",
 }
 _MOST_EXTRAPOLATED: Final = 4  # each makes three tables of one
-#: Least values of what is divided by: an aircraft that stands still has coefficients, if useless ones, and no force.
+#: Least values of what is divided by: an aircraft that stands still has coefficients, if useless
+#: ones, and no force.
 _LEAST: Final = {"velocities/vt-fps": 1e-6, QBAR: 1e-9}
 #: Functions of x (and y) that JSBSim lacks, in those that it has.
 _REWRITTEN: Final = {
@@ -49,10 +97,11 @@ _REWRITTEN: Final = {
 
 
 class FunctionWriter:
-    """Writes the expressions of one database. `definitions` are the functions that they use, in the order of evaluation:
-    JSBSim computes a function that stands later from the step before.
+    """Writes the expressions of one database. `definitions` are the functions that they use, in the
+    order of evaluation: JSBSim computes a function that stands later from the step before.
 
-    paths : name -> property that holds it, for free inputs and whatever else stands in expressions to be written.
+    paths : name -> property that holds it, for free inputs and whatever else stands in expressions
+    to be written.
     """
 
     def __init__(self, database: AeroDatabase, paths: Mapping[str, str]) -> None:
@@ -62,7 +111,9 @@ class FunctionWriter:
         self._arguments = 0
         self._bound: dict[str, str] = {}  # names of a rewritten function's form
         self.definitions: list[Element] = []
-        self.inputs: dict[str, tuple[str, float]] = {}  # channel or free input used -> property and scale
+        self.inputs: dict[
+            str, tuple[str, float]
+        ] = {}  # channel or free input used -> property and scale
 
     def define(self, name: str, path: str, operation: Element, description: str) -> None:
         """A function of its own, known as `name` to expressions written later."""
@@ -77,9 +128,16 @@ class FunctionWriter:
             return self._name(expression.name)
         if isinstance(expression, Negation):
             operand = expression.operand
-            return value(-operand.value) if isinstance(operand, Number) else node("product", value(-1.0), self.write(operand))
+            return (
+                value(-operand.value)
+                if isinstance(operand, Number)
+                else node("product", value(-1.0), self.write(operand))
+            )
         if isinstance(expression, Operation):
-            return node(_OPERATIONS[expression.operator], *[self.write(each) for each in _operands(expression)])
+            return node(
+                _OPERATIONS[expression.operator],
+                *[self.write(each) for each in _operands(expression)],
+            )
         if isinstance(expression, Call):
             return self._call(expression)
         if isinstance(expression, TableCall):
@@ -87,7 +145,11 @@ class FunctionWriter:
         raise self._unwritable(f"'{expression}'")
 
     def _unwritable(self, what: str) -> InputError:
-        return InputError(f"{what} has no form in JSBSim", f"database {self._database.name}", "another format may carry it")
+        return InputError(
+            f"{what} has no form in JSBSim",
+            f"database {self._database.name}",
+            "another format may carry it",
+        )
 
     def _name(self, name: str) -> Element:
         if name in self._bound:
@@ -150,14 +212,22 @@ class FunctionWriter:
 
     def _rewritten(self, form: Expression, arguments: tuple[Expression, ...]) -> Element:
         """`form` with x, y, z for the arguments: each computed once, in a function of its own."""
-        self._bound = {name: self._property(each) for name, each in zip("xyz", arguments, strict=False)}
+        self._bound = {
+            name: self._property(each) for name, each in zip("xyz", arguments, strict=False)
+        }
         element = self.write(form)
         self._bound = {}
         return element
 
     def _condition(self, expression: Expression) -> Element:
         """Zero or one: what is not a comparison is compared with zero."""
-        truth = isinstance(expression, Call) and expression.function in {*COMPARISONS, "and", "or", "not", "step"}
+        truth = isinstance(expression, Call) and expression.function in {
+            *COMPARISONS,
+            "and",
+            "or",
+            "not",
+            "step",
+        }
         return self.write(expression) if truth else node("nq", self.write(expression), value(0.0))
 
     def _piecewise(self, pieces: tuple[Expression, ...]) -> Element:
@@ -174,7 +244,9 @@ class FunctionWriter:
             raise self._unwritable(f"table '{call.table}' on scattered points")
         kept = [k for k, axis in enumerate(found.breakpoints) if axis.size > 1]
         if sum(word != "neither" for word in found.extrapolation) > _MOST_EXTRAPOLATED:
-            raise self._unwritable(f"table '{call.table}' with more than {_MOST_EXTRAPOLATED} extrapolated axes")
+            raise self._unwritable(
+                f"table '{call.table}' with more than {_MOST_EXTRAPOLATED} extrapolated axes"
+            )
         axes = [self._axis(found, k, call.arguments[k]) for k in kept]
         return table(axes, found.values.reshape([axis.breakpoints.size for axis in axes]))
 
@@ -184,11 +256,14 @@ class FunctionWriter:
         axis = Axis(self._property(argument), found.breakpoints[k], way, beyond)
         if way == "linear":
             return axis
-        return Axis(self._argument(snapped(axis), f"{argument}: {way} of the breakpoints"), axis.breakpoints)
+        return Axis(
+            self._argument(snapped(axis), f"{argument}: {way} of the breakpoints"), axis.breakpoints
+        )
 
 
 def channel_property(name: str) -> tuple[str, float]:
-    """Property that holds a channel (one of its own where JSBSim has none) and the number that gives the channel's unit."""
+    """Property that holds a channel (one of its own where JSBSim has none) and the number that
+    gives the channel's unit."""
     return CHANNEL_PROPERTIES.get(name, (f"{OWN_CHANNEL}{name}", 1.0))
 
 
@@ -196,7 +271,11 @@ def _operands(operation: Operation) -> list[Expression]:
     """Operands of a chain of one operator that associates to the left, as JSBSim's folds do."""
     operands = [operation.right]
     left = operation.left
-    while operation.operator in "+-*" and isinstance(left, Operation) and left.operator == operation.operator:
+    while (
+        operation.operator in "+-*"
+        and isinstance(left, Operation)
+        and left.operator == operation.operator
+    ):
         operands.append(left.right)
         left = left.left
     return [left, *reversed(operands)]

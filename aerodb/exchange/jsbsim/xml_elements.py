@@ -1,4 +1,5 @@
-"""JSBSim's XML: parsed without document types, entities or network; single elements, numbers and the metrics."""
+"""JSBSim's XML: parsed without document types, entities or network; single elements, numbers and
+the metrics."""
 
 import math
 from collections.abc import Callable
@@ -18,9 +19,18 @@ _DECLARATIONS: Final = tuple(
     for declaration in ("<!DOCTYPE", "<!ENTITY")
     for encoding in ("ascii", "utf-16-le", "utf-16-be", "utf-32-le", "utf-32-be")
 )
-_UNITS: Final = {"FT2": "ft^2", "M2": "m^2", "FT": "ft", "IN": "inch", "M": "m", "DEG": "deg", "RAD": "rad"}
+_UNITS: Final = {
+    "FT2": "ft^2",
+    "M2": "m^2",
+    "FT": "ft",
+    "IN": "inch",
+    "M": "m",
+    "DEG": "deg",
+    "RAD": "rad",
+}
 
-#: Further metrics that functions may use: tag -> JSBSim property, its unit, and the unit without an attribute.
+#: Further metrics that functions may use: tag -> JSBSim property, its unit, and the unit without an
+#: attribute.
 _CONSTANTS: Final = {
     "wing_incidence": ("metrics/iw-rad", "rad", "RAD"),
     "htailarea": ("metrics/Sh-sqft", "ft^2", "FT2"),
@@ -33,15 +43,21 @@ _CONSTANTS: Final = {
 def read_root(xml: bytes, where: str) -> Any:
     """The root element.
 
-    Raises InputError for a document type (entities are looked at nowhere), for what is not XML, for more than `MAX_BYTES`
-    and for an attribute of more than `MAX_NAME` characters. The parser itself refuses nesting beyond 256 levels.
+    Raises InputError for a document type (entities are looked at nowhere), for what is not XML, for
+    more than `MAX_BYTES` and for an attribute of more than `MAX_NAME` characters. The parser itself
+    refuses nesting beyond 256 levels.
     """
     if len(xml) > MAX_BYTES:
         raise InputError(f"{len(xml)} bytes of XML", where, f"at most {MAX_BYTES}")
     if any(declaration in xml for declaration in _DECLARATIONS):
         raise _document_type(where)
     parser = etree.XMLParser(
-        resolve_entities=False, no_network=True, load_dtd=False, huge_tree=False, remove_comments=True, remove_pis=True
+        resolve_entities=False,
+        no_network=True,
+        load_dtd=False,
+        huge_tree=False,
+        remove_comments=True,
+        remove_pis=True,
     )
     try:
         root = etree.fromstring(xml, parser)
@@ -50,8 +66,14 @@ def read_root(xml: bytes, where: str) -> Any:
     if root.getroottree().docinfo.doctype:
         raise _document_type(where)
     for element in root.iter():
-        if any(len(text) > MAX_NAME for text in (element.tag, *element.attrib.keys(), *element.attrib.values())):
-            raise InputError(f"an attribute of more than {MAX_NAME} characters in line {element.sourceline}", where)
+        if any(
+            len(text) > MAX_NAME
+            for text in (element.tag, *element.attrib.keys(), *element.attrib.values())
+        ):
+            raise InputError(
+                f"an attribute of more than {MAX_NAME} characters in line {element.sourceline}",
+                where,
+            )
     return root
 
 
@@ -69,23 +91,34 @@ def only(parent: Any, tag: str, where: str) -> Any:
     """The one child of this tag; InputError when there are none or several."""
     found = parent.findall(tag)
     if len(found) != 1:
-        raise InputError(f"{len(found)} elements <{tag}> in <{parent.tag}>", where, "exactly one is needed")
+        raise InputError(
+            f"{len(found)} elements <{tag}> in <{parent.tag}>", where, "exactly one is needed"
+        )
     return found[0]
 
 
 def part(root: Any, tag: str, where: str, loader: Callable[[str], bytes] | None) -> Any:
     """The one child of this tag, from the file that it names where it names one.
 
-    Raises InputError for a file without a `loader`, one named by an absolute path or through ``..``, and one with another root.
+    Raises InputError for a file without a `loader`, one named by an absolute path or through
+    ``..``, and one with another root.
     """
     element = only(root, tag, where)
     file = element.get("file", "").strip()
     if not file:
         return element
     if loader is None:
-        raise InputError(f"{tag} stand in another file, '{file}'", where, "give that file too, or put them into this one")
+        raise InputError(
+            f"{tag} stand in another file, '{file}'",
+            where,
+            "give that file too, or put them into this one",
+        )
     if file.startswith(("/", "\\")) or ":" in file or ".." in file.replace("\\", "/").split("/"):
-        raise InputError(f"{tag} in a file outside the aircraft's folder, '{file}'", where, "name it relative to the aircraft")
+        raise InputError(
+            f"{tag} in a file outside the aircraft's folder, '{file}'",
+            where,
+            "name it relative to the aircraft",
+        )
     inner = read_root(loader(file), f"{where}: {file}")
     if inner.tag != tag or inner.get("file"):
         raise InputError(f"root element <{inner.tag}>", f"{where}: {file}", f"<{tag}> is needed")
@@ -111,11 +144,16 @@ def _convert(element: Any, text: str | None, default: str, to: str, where: str) 
 
 
 def read_reference(metrics: Any, where: str) -> Reference:
-    """Area, chord, span and moment reference (AERORP) in SI; positions from the structural origin in body axes."""
+    """Area, chord, span and moment reference (AERORP) in SI; positions from the structural origin
+    in body axes."""
     area, span, chord = (only(metrics, tag, where) for tag in ("wingarea", "wingspan", "chord"))
-    point = next((place for place in metrics.findall("location") if place.get("name") == "AERORP"), None)
+    point = next(
+        (place for place in metrics.findall("location") if place.get("name") == "AERORP"), None
+    )
     if point is None:
-        raise InputError("no <location name='AERORP'> in <metrics>", where, "moments need their reference point")
+        raise InputError(
+            "no <location name='AERORP'> in <metrics>", where, "moments need their reference point"
+        )
     x, y, z = (_convert(point, only(point, axis, where).text, "IN", "m", where) for axis in "xyz")
     return Reference(
         area=_convert(area, area.text, "FT2", "m^2", where),
@@ -126,15 +164,21 @@ def read_reference(metrics: Any, where: str) -> Reference:
 
 
 def read_constants(metrics: Any, where: str) -> dict[str, float]:
-    """Further numbers of ``<metrics>`` as JSBSim's properties, in JSBSim's units; 0 where the file leaves them out."""
+    """Further numbers of ``<metrics>`` as JSBSim's properties, in JSBSim's units; 0 where the file
+    leaves them out."""
     values = {}
     for tag, (name, to, default) in _CONSTANTS.items():
         element = metrics.find(tag)
-        values[name] = 0.0 if element is None else _convert(element, element.text, default, to, where)
+        values[name] = (
+            0.0 if element is None else _convert(element, element.text, default, to, where)
+        )
     return values
 
 
 def read_limits(element: Any, where: str) -> tuple[float, float]:
     """``<min>`` and ``<max>`` [rad] of an element with a unit, radians without."""
-    low, high = (_convert(element, only(element, tag, where).text, "RAD", "rad", where) for tag in ("min", "max"))
+    low, high = (
+        _convert(element, only(element, tag, where).text, "RAD", "rad", where)
+        for tag in ("min", "max")
+    )
     return low, high

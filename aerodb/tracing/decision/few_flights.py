@@ -1,9 +1,10 @@
 """Too few flights: their manoeuvres vote, beside the whole linear set.
 
-A search that takes one term after the other needs many votes: on a short record, what is still lacking is the noise of
-what is tested. Where manoeuvres have to vote, the linear set of all axes is in the model from the start (TRACING, step 0),
-and a candidate is judged by the noise that is left when it is in as well. Nothing that comes out of here is more than
-suspected. The joint fit itself is `joint_model`'s.
+A search that takes one term after the other needs many votes: on a short record, what is still
+lacking is the noise of what is tested. Where manoeuvres have to vote, the linear set of all axes is
+in the model from the start (TRACING, step 0), and a candidate is judged by the noise that is left
+when it is in as well. Nothing that comes out of here is more than suspected. The joint fit itself
+is `joint_model`'s.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -18,31 +19,50 @@ from aerodb.effects import Hypothesis
 from aerodb.tracing.decision.explanation_sets import explain
 from aerodb.tracing.decision.findings import Finding, Verdict, with_unit
 from aerodb.tracing.decision.joint_model import Joint, joint_bands, joint_fit, under
-from aerodb.tracing.decision.selection import SUSPICION, Decision, cast, cross_validated, left_out_gains
+from aerodb.tracing.decision.selection import (
+    SUSPICION,
+    Decision,
+    cast,
+    cross_validated,
+    left_out_gains,
+)
 from aerodb.tracing.estimates import OFFSET, Tested, Votes, campaign
 from aerodb.tracing.evidence import Evidence, VotingUnit, halves
 from aerodb.tracing.settings import Settings
 
 #: The linear set: what every axis is given before anything else is looked for.
 LINEAR: Final = (
-    *("alpha_slope", "beta_slope", "pitch_rate_force", "pitch_damping", "roll_damping", "yaw_damping", "cross_rate"),
+    *(
+        "alpha_slope",
+        "beta_slope",
+        "pitch_rate_force",
+        "pitch_damping",
+        "roll_damping",
+        "yaw_damping",
+        "cross_rate",
+    ),
     "control_effectiveness",
 )
 #: Part of a manoeuvre that its window must hold; correlation times between two windows.
 _SHARE, _APART = 0.5, 5.0
 #: Candidates that are tried with the noise that they leave, in each step.
 _TRIED = 8
-#: Standard errors from zero at which the units without a vote say on their own that a lone voter is right: 5 %, one-sided.
+#: Standard errors from zero at which the units without a vote say on their own that a lone voter is
+#: right: 5 %, one-sided.
 _ONE_SIDED = 1.645
 #: Correlation of two columns from which they are twins.
 _TWIN = 0.999
 
 
-def windows(spans: Sequence[tuple[float, float]], duration: float, correlation_time: float) -> tuple[tuple[float, float], ...]:
-    """Stretches [s] of a flight of `duration` that vote on their own, one for each of `spans`: its manoeuvres, start and end.
+def windows(
+    spans: Sequence[tuple[float, float]], duration: float, correlation_time: float
+) -> tuple[tuple[float, float], ...]:
+    """Stretches [s] of a flight of `duration` that vote on their own, one for each of `spans`: its
+    manoeuvres, start and end.
 
-    Each begins with its manoeuvre (the first with the record), holds the response to it, and ends five correlation times of the
-    residual before the next begins; a manoeuvre that would lose more than half of itself so goes together with the next one.
+    Each begins with its manoeuvre (the first with the record), holds the response to it, and ends
+    five correlation times of the residual before the next begins; a manoeuvre that would lose more
+    than half of itself so goes together with the next one.
 
     >>> windows([(2.0, 6.0), (8.0, 10.0)], 20.0, 0.2)
     ((0.0, 7.0), (8.0, 20.0))
@@ -62,7 +82,8 @@ def windows(spans: Sequence[tuple[float, float]], duration: float, correlation_t
 
 @dataclass(frozen=True)
 class Suspicion:
-    """What manoeuvres say. joint : the final model. findings : `suspected` or `ambiguous_sensor`, in the order of their p.
+    """What manoeuvres say. joint : the final model. findings : `suspected` or `ambiguous_sensor`,
+    in the order of their p.
 
     correlation_time : flight -> axis -> s, of what the model leaves.
     """
@@ -73,17 +94,28 @@ class Suspicion:
 
 
 def suspect(
-    evidence: Sequence[Evidence], hypotheses: Sequence[Hypothesis], settings: Settings, known: Collection[str] = ()
+    evidence: Sequence[Evidence],
+    hypotheses: Sequence[Hypothesis],
+    settings: Settings,
+    known: Collection[str] = (),
 ) -> Suspicion:
-    """The linear set, then what adds most beside it, one after the other; at the end every term beside all others.
+    """The linear set, then what adds most beside it, one after the other; at the end every term
+    beside all others.
 
-    evidence : of the units; settings : the frozen ones; known : ids that whole flights have found: they are in the model where
-    they fit, and no findings here. A term is found when it is significant in its family, and when the value from the
-    other units lowers the error of each unit that votes on it. A term of the linear set may have one vote, that of the only
-    unit made for it, when the units without a vote bear it out, or its own halves do and those units do not contradict.
+    evidence : of the units; settings : the frozen ones; known : ids that whole flights have found:
+    they are in the model where they fit, and no findings here. A term is found when it is
+    significant in its family, and when the value from the other units lowers the error of each unit
+    that votes on it. A term of the linear set may have one vote, that of the only unit made for it,
+    when the units without a vote bear it out, or its own halves do and those units do not
+    contradict.
     """
     bands, settings = joint_bands(evidence, hypotheses, settings)
-    shown = {place for band in bands for records in band.records.values() for place in np.flatnonzero(records[0].any(axis=0)) - 1}
+    shown = {
+        place
+        for band in bands
+        for records in band.records.values()
+        for place in np.flatnonzero(records[0].any(axis=0)) - 1
+    }
     able = [i for i, h in enumerate(hypotheses) if _claimable(h) and i in shown]
     linear = tuple(i for i in able if hypotheses[i].effect in LINEAR)
     joint = joint_fit(bands, linear, hypotheses, settings)
@@ -92,13 +124,17 @@ def suspect(
         for place in _promising(joint, able):
             tried = joint_fit(bands, (*joint.terms, place), hypotheses, settings)
             test = _tested(tried)
-            if _holds(tried, test, place, evidence) and (best is None or test.gain[place] > best[0]):
+            if _holds(tried, test, place, evidence) and (
+                best is None or test.gain[place] > best[0]
+            ):
                 best = float(test.gain[place]), tried
         if best is None:
             break
         joint = best[1]
     test = _tested(joint)
-    found = [i for i in joint.terms if hypotheses[i].id not in known and _holds(joint, test, i, evidence)]
+    found = [
+        i for i in joint.terms if hypotheses[i].id not in known and _holds(joint, test, i, evidence)
+    ]
     found.sort(key=lambda i: float(test.adjusted[i]))
     sensors = believable_sensors(joint, found)
     findings = tuple(_finding(joint, test, place, sensors[place]) for place in found)
@@ -106,18 +142,23 @@ def suspect(
 
 
 def _correlation_times(joint: Joint) -> dict[str, dict[str, float]]:
-    """Flight -> axis -> correlation time [s]: the mean over the flight's units, weighted by their samples."""
+    """Flight -> axis -> correlation time [s]: the mean over the flight's units, weighted by their
+    samples."""
     sums: dict[str, dict[str, tuple[float, float]]] = {}
     for gram in joint.grams:
         of_flight = sums.setdefault(VotingUnit.parse(gram.flight).flight, {})
         for axis, time, samples in zip(gram.axes, gram.correlation, gram.samples, strict=True):
             total, weight = of_flight.get(axis, (0.0, 0.0))
             of_flight[axis] = (total + float(time) * float(samples), weight + float(samples))
-    return {flight: {axis: total / weight for axis, (total, weight) in found.items()} for flight, found in sums.items()}
+    return {
+        flight: {axis: total / weight for axis, (total, weight) in found.items()}
+        for flight, found in sums.items()
+    }
 
 
 def _promising(joint: Joint, able: Sequence[int]) -> list[int]:
-    """The candidates that gain most by the noise of the present model; each is then judged by the noise that it leaves itself."""
+    """The candidates that gain most by the noise of the present model; each is then judged by the
+    noise that it leaves itself."""
     test = _tested(joint)
     apart = [i for i in able if i not in joint.terms and test.count[i] >= SUSPICION]
     return sorted(apart, key=lambda i: -float(test.gain[i]))[:_TRIED]
@@ -128,8 +169,9 @@ def _claimable(hypothesis: Hypothesis) -> bool:
 
 
 def _tested(joint: Joint) -> Tested:
-    """The test of the final model. Manoeuvres find effects, no sensors and no offsets: only these are tested together, the
-    linear set with one half of the level, so that it does not lose power with every template that joins the library."""
+    """The test of the final model. Manoeuvres find effects, no sensors and no offsets: only these
+    are tested together, the linear set with one half of the level, so that it does not lose power
+    with every template that joins the library."""
     test = joint.court.tested(joint.terms, (), 1)
     hypotheses = joint.court.campaign.hypotheses
     linear = tuple(i for i, h in enumerate(hypotheses) if _claimable(h) and h.effect in LINEAR)
@@ -146,7 +188,9 @@ def _holds(joint: Joint, test: Tested, place: int, evidence: Sequence[Evidence])
     silent = _silent(votes, test, place)
     if _agree(float(test.mean[place]), *silent):
         return True
-    return not _contradicted(votes, test, place, silent) and _halves_agree(joint, test, place, evidence)
+    return not _contradicted(votes, test, place, silent) and _halves_agree(
+        joint, test, place, evidence
+    )
 
 
 def _silent(votes: Votes, test: Tested, place: int) -> tuple[float, float]:
@@ -157,27 +201,40 @@ def _silent(votes: Votes, test: Tested, place: int) -> tuple[float, float]:
 
 
 def _agree(value: float, right: float, total: float) -> bool:
-    """Whether a part with these sums rejects on its own that there is nothing (one-sided, 5 %), and is better off with the
-    `value` of another part than with none."""
-    return bool(np.sign(value) * right > _ONE_SIDED * np.sqrt(total) and 2.0 * value * right > value**2 * total)
+    """Whether a part with these sums rejects on its own that there is nothing (one-sided, 5 %), and
+    is better off with the `value` of another part than with none."""
+    return bool(
+        np.sign(value) * right > _ONE_SIDED * np.sqrt(total)
+        and 2.0 * value * right > value**2 * total
+    )
 
 
 def _contradicted(votes: Votes, test: Tested, place: int, silent: tuple[float, float]) -> bool:
-    """Whether the units without a vote reject that the effect is as large as the lone voter says (one-sided, 5 %)."""
+    """Whether the units without a vote reject that the effect is as large as the lone voter says
+    (one-sided, 5 %)."""
     right, total = silent
     if total <= 0.0:
         return False
-    value, own = float(test.mean[place]), float(votes.information[test.voters[:, place], place].sum())
-    return bool(np.sign(value) * (value - right / total) > _ONE_SIDED * np.sqrt(1.0 / total + 1.0 / own))
+    value, own = (
+        float(test.mean[place]),
+        float(votes.information[test.voters[:, place], place].sum()),
+    )
+    return bool(
+        np.sign(value) * (value - right / total) > _ONE_SIDED * np.sqrt(1.0 / total + 1.0 / own)
+    )
 
 
 def _halves_agree(joint: Joint, test: Tested, place: int, evidence: Sequence[Evidence]) -> bool:
-    """Whether the halves of the lone voter bear each other out, as units without a vote would (blocks of one record: Ibragimov &
-    Mueller, JBES 28(4), 2010)."""
+    """Whether the halves of the lone voter bear each other out, as units without a vote would
+    (blocks of one record: Ibragimov & Mueller, JBES 28(4), 2010)."""
     made = joint.grams[int(np.flatnonzero(test.voters[:, place])[0])]
     hypothesis = joint.court.campaign.hypotheses[place]
     noise = dict(zip(made.axes, made.spread.tolist(), strict=True))
-    times = [float(time) for axis, time in zip(made.axes, made.correlation, strict=True) if axis in hypothesis.axes]
+    times = [
+        float(time)
+        for axis, time in zip(made.axes, made.correlation, strict=True)
+        if axis in hypothesis.axes
+    ]
     unit = next(each for each in evidence if each.flight == made.flight)
     parts = under(joint, halves(unit, hypothesis.id, noise, max(times, default=0.0)))
     votes = parts.votes(joint.terms, ())
@@ -185,12 +242,16 @@ def _halves_agree(joint: Joint, test: Tested, place: int, evidence: Sequence[Evi
         return False
     value, information = votes.estimate[:, place], votes.information[:, place]
     return all(
-        _agree(float(value[1 - half]), float(information[half] * value[half]), float(information[half])) for half in (0, 1)
+        _agree(
+            float(value[1 - half]), float(information[half] * value[half]), float(information[half])
+        )
+        for half in (0, 1)
     )
 
 
 def linear_companions(joint: Joint, findings: Sequence[Finding]) -> tuple[Finding, ...]:
-    """The terms of the model on the axes of `findings` that are none themselves: a finding's value holds beside them only.
+    """The terms of the model on the axes of `findings` that are none themselves: a finding's value
+    holds beside them only.
 
     They are suspected like the findings; where a term has no vote it stays out.
     """
@@ -198,7 +259,11 @@ def linear_companions(joint: Joint, findings: Sequence[Finding]) -> tuple[Findin
     axes = {axis for finding in findings for axis in finding.axis}
     named = {finding.hypothesis for finding in findings}
     test = _tested(joint)
-    chosen = [i for i in joint.terms if hypotheses[i].id not in named and axes & set(hypotheses[i].axes) and test.count[i]]
+    chosen = [
+        i
+        for i in joint.terms
+        if hypotheses[i].id not in named and axes & set(hypotheses[i].axes) and test.count[i]
+    ]
     return tuple(_finding(joint, test, place, ()) for place in chosen)
 
 
@@ -226,16 +291,28 @@ def _finding(joint: Joint, test: Tested, place: int, behind: Sequence[int]) -> F
         p_adjusted=float(test.adjusted[place]),
         votes=cast(court, votes, test, place),
         explanation_set=(hypothesis.id, *rivals, *sensors),
-        because=_because(hypothesis, value, half, len(on), rivals, sensors) + _twins(joint, place, explanation.rivals, on),
+        because=_because(hypothesis, value, half, len(on), rivals, sensors)
+        + _twins(joint, place, explanation.rivals, on),
         fallen={names[i].id: why for i, why in explanation.fallen.items()},
         held_out_share=float(np.mean(gains > 0.0)) if len(gains) else 0.0,
     )
 
 
-def _because(h: Hypothesis, value: float, half: float, votes: int, rivals: Sequence[str], sensors: Sequence[str]) -> str:
+def _because(
+    h: Hypothesis,
+    value: float,
+    half: float,
+    votes: int,
+    rivals: Sequence[str],
+    sensors: Sequence[str],
+) -> str:
     size = f"{with_unit(value, h.unit)} (95 %: {value - half:.3g} to {value + half:.3g})"
     said = f"{h.because}: {h.parameter} = {size} beside the linear set; "
-    said += f"{votes} manoeuvres or flights" if votes > 1 else "one manoeuvre, the only one made for it,"
+    said += (
+        f"{votes} manoeuvres or flights"
+        if votes > 1
+        else "one manoeuvre, the only one made for it,"
+    )
     said += " voted, too few for an error rate"
     said += f"; these manoeuvres cannot tell it from {', '.join(rivals)}" if rivals else ""
     if sensors:
@@ -243,24 +320,36 @@ def _because(h: Hypothesis, value: float, half: float, votes: int, rivals: Seque
     return f"{said}; no sensor error of believable size explains it"
 
 
-def _twins(joint: Joint, place: int, rivals: Sequence[int], units: Sequence[int] | NDArray[np.intp]) -> str:
-    """Which rivals are the same column but for a factor, and in which units: there no flight of this kind can tell them apart."""
+def _twins(
+    joint: Joint, place: int, rivals: Sequence[int], units: Sequence[int] | NDArray[np.intp]
+) -> str:
+    """Which rivals are the same column but for a factor, and in which units: there no flight of
+    this kind can tell them apart."""
     matrix, names = joint.court.campaign.products.matrix, joint.court.campaign.hypotheses
     said = ""
     for rival in rivals:
-        alike = [g for g in units if matrix[g, place, rival] ** 2 > _TWIN**2 * matrix[g, place, place] * matrix[g, rival, rival]]
+        alike = [
+            g
+            for g in units
+            if matrix[g, place, rival] ** 2
+            > _TWIN**2 * matrix[g, place, place] * matrix[g, rival, rival]
+        ]
         if alike:
-            where = ", ".join(VotingUnit.parse(joint.court.campaign.flights[g]).short for g in alike)
+            where = ", ".join(
+                VotingUnit.parse(joint.court.campaign.flights[g]).short for g in alike
+            )
             said += f"; {names[rival].id} is its exact twin in {where}"
     return said
 
 
 def believable_sensors(joint: Joint, places: Sequence[int]) -> dict[int, tuple[int, ...]]:
-    """Place of a finding -> sensors and vehicle data that an error of believable size makes responsible for it.
+    """Place of a finding -> sensors and vehicle data that an error of believable size makes
+    responsible for it.
 
-    On one manoeuvre all sensors are nearly collinear: left free, without bounds, they take anything (TRACING, known holes). So
-    each in turn is known no better than its believable range, its limit being kappa of its sigmas; the finding must keep its
-    sign and p < level beside it, the others with their priors.
+    On one manoeuvre all sensors are nearly collinear: left free, without bounds, they take anything
+    (TRACING, known holes). So each in turn is known no better than its believable range, its limit
+    being kappa of its sigmas; the finding must keep its sign and p < level beside it, the others
+    with their priors.
     """
     court = joint.court
     hypotheses, settings = court.campaign.hypotheses, court.settings
@@ -270,10 +359,14 @@ def believable_sensors(joint: Joint, places: Sequence[int]) -> dict[int, tuple[i
         limit = max(abs(edge) for edge in hypotheses[sensor].plausible)
         loose = list(hypotheses)
         loose[sensor] = replace(
-            hypotheses[sensor], prior_sigma=max(limit / settings.kappa, hypotheses[sensor].prior_sigma or 0.0)
+            hypotheses[sensor],
+            prior_sigma=max(limit / settings.kappa, hypotheses[sensor].prior_sigma or 0.0),
         )
         test = replace(court, campaign=campaign(joint.grams, loose)).tested(joint.terms, (), 1)
         for place, sensors in found.items():
-            if not (test.p[place] < settings.level and np.sign(test.mean[place]) == np.sign(before.mean[place])):
+            if not (
+                test.p[place] < settings.level
+                and np.sign(test.mean[place]) == np.sign(before.mean[place])
+            ):
                 sensors.append(sensor)
     return {place: tuple(sensors) for place, sensors in found.items()}

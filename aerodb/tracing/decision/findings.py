@@ -1,4 +1,5 @@
-"""What tracing says: findings with their rivals, and for everything else a bound. Frozen; names and verdicts of the contract."""
+"""What tracing says: findings with their rivals, and for everything else a bound. Frozen; names and
+verdicts of the contract."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -32,7 +33,8 @@ def with_unit(value: float, unit: str, digits: int = 3) -> str:
 
 @dataclass(frozen=True)
 class Vote:
-    """One flight's estimate of the parameter and what whitened noise alone would make of it (one sigma), SI."""
+    """One flight's estimate of the parameter and what whitened noise alone would make of it (one
+    sigma), SI."""
 
     flight: str
     value: float
@@ -43,11 +45,12 @@ class Vote:
 class Finding:
     """One effect that the model lacks, or one sensor that is wrong.
 
-    hypothesis : id in the library. axis, parameter, unit, value, ci95 : of its one parameter, SI; ci95 holds random and
-    systematic parts. p_adjusted : over the whole library. explanation_set : ids that explain it equally well, itself first.
-    because : one plain sentence. fallen : id -> why that rival was rejected. refound : in how many of how many repetitions
-    without some of the flights it was found again. held_out_share : part of the flights on which the value from the other
-    flights lowers the error.
+    hypothesis : id in the library. axis, parameter, unit, value, ci95 : of its one parameter, SI;
+    ci95 holds random and systematic parts. p_adjusted : over the whole library. explanation_set :
+    ids that explain it equally well, itself first. because : one plain sentence. fallen : id -> why
+    that rival was rejected. refound : in how many of how many repetitions without some of the
+    flights it was found again. held_out_share : part of the flights on which the value from the
+    other flights lowers the error.
     """
 
     hypothesis: str
@@ -74,7 +77,9 @@ class Finding:
             "value": self.value,
             "ci95": list(self.ci95),
             "p_adjusted": self.p_adjusted,
-            "votes": [{"flight": vote.flight, "value": vote.value, "se": vote.se} for vote in self.votes],
+            "votes": [
+                {"flight": vote.flight, "value": vote.value, "se": vote.se} for vote in self.votes
+            ],
             "explanation_set": list(self.explanation_set),
             "because": self.because,
             "fallen": dict(self.fallen),
@@ -85,9 +90,11 @@ class Finding:
 
 @dataclass(frozen=True)
 class NotFound:
-    """A hypothesis of which nothing was found: what size is excluded (95 %) and what size would have been found (power .8).
+    """A hypothesis of which nothing was found: what size is excluded (95 %) and what size would
+    have been found (power .8).
 
-    Both are None where the flights say nothing: no flight excites it, or it cannot be told from the others.
+    Both are None where the flights say nothing: no flight excites it, or it cannot be told from the
+    others.
     """
 
     hypothesis: str

@@ -1,4 +1,5 @@
-"""One model of several manoeuvres at once: common values, and Grams whose noise is what the model leaves."""
+"""One model of several manoeuvres at once: common values, and Grams whose noise is what the model
+leaves."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -13,12 +14,15 @@ from aerodb.tracing.estimates import campaign
 from aerodb.tracing.evidence import Band, Evidence, Gram, Records, gram_of, in_band, without_shapes
 from aerodb.tracing.settings import Settings
 
-#: A manoeuvre is short and made of square pulses: up to the third harmonic of the band's edge they excite.
+#: A manoeuvre is short and made of square pulses: up to the third harmonic of the band's edge they
+#: excite.
 HARMONIC: Final = 3.0
-#: One Dutch roll moves all lateral variables alike: in a joint model standard errors judge, not the VIF.
+#: One Dutch roll moves all lateral variables alike: in a joint model standard errors judge, not the
+#: VIF.
 INFLATION_LIMIT: Final = 1e4
-#: Flights of one programme are flown alike, manoeuvres are not: one that is made for another axis has no say beside those made
-#: for this one (votes count alike, so that a weak one would drown them). Part of the best one's information that gives a vote.
+#: Flights of one programme are flown alike, manoeuvres are not: one that is made for another axis
+#: has no say beside those made for this one (votes count alike, so that a weak one would drown
+#: them). Part of the best one's information that gives a vote.
 LEAST_SHARE: Final = 0.1
 #: How often the weights of the fit are improved.
 _ITERATIONS = 5
@@ -26,8 +30,8 @@ _ITERATIONS = 5
 
 @dataclass(frozen=True)
 class Joint:
-    """A model of several units. terms : places in the library; values : (k,), SI; grams : of the whole residuals, whitened by
-    what the model leaves; court : over these."""
+    """A model of several units. terms : places in the library; values : (k,), SI; grams : of the
+    whole residuals, whitened by what the model leaves; court : over these."""
 
     terms: tuple[int, ...]
     values: Array
@@ -42,7 +46,8 @@ class Joint:
 def joint_bands(
     evidence: Sequence[Evidence], hypotheses: Sequence[Hypothesis], settings: Settings
 ) -> tuple[list[Band], Settings]:
-    """The units in the band of manoeuvres with a column for every hypothesis, and the settings that go with it."""
+    """The units in the band of manoeuvres with a column for every hypothesis, and the settings that
+    go with it."""
     wide = replace(
         settings,
         bandwidth=HARMONIC * settings.bandwidth,
@@ -53,14 +58,24 @@ def joint_bands(
     return [band for band in bands if band.records], wide
 
 
-def joint_fit(bands: Sequence[Band], terms: Sequence[int], hypotheses: Sequence[Hypothesis], settings: Settings) -> Joint:
-    """All units under one value of every term and a constant of their own per axis: weighted least squares, each unit's axis
-    with the spread that it leaves. Then their Grams.
+def joint_fit(
+    bands: Sequence[Band],
+    terms: Sequence[int],
+    hypotheses: Sequence[Hypothesis],
+    settings: Settings,
+) -> Joint:
+    """All units under one value of every term and a constant of their own per axis: weighted least
+    squares, each unit's axis with the spread that it leaves. Then their Grams.
 
-    The filters of the Grams are fitted to what the model leaves; what it takes is put back by algebra, ``y = y' + X theta``.
+    The filters of the Grams are fitted to what the model leaves; what it takes is put back by
+    algebra, ``y = y' + X theta``.
     """
     columns = [place + 1 for place in terms]
-    rows = {(u, axis): _level(records, columns) for u, band in enumerate(bands) for axis, records in band.records.items()}
+    rows = {
+        (u, axis): _level(records, columns)
+        for u, band in enumerate(bands)
+        for axis, records in band.records.items()
+    }
     products = {key: each.T @ each for key, each in rows.items()}
     weight = dict.fromkeys(rows, 1.0)
     values = np.zeros(len(columns))
@@ -68,17 +83,26 @@ def joint_fit(bands: Sequence[Band], terms: Sequence[int], hypotheses: Sequence[
         total = np.sum([weight[key] * each for key, each in products.items()], axis=0)
         square, right = total[:-1, :-1], total[:-1, -1]
         scale = np.sqrt(np.where(np.diag(square) > 0.0, np.diag(square), 1.0))
-        values = np.linalg.lstsq(square / np.outer(scale, scale), right / scale, rcond=1e-10)[0] / scale
+        values = (
+            np.linalg.lstsq(square / np.outer(scale, scale), right / scale, rcond=1e-10)[0] / scale
+        )
         taken = np.r_[-values, 1.0]
-        spread = {key: float(taken @ each @ taken) / len(rows[key]) for key, each in products.items()}
+        spread = {
+            key: float(taken @ each @ taken) / len(rows[key]) for key, each in products.items()
+        }
         weight = {key: 1.0 / each if each > 0.0 else 0.0 for key, each in spread.items()}
     grams = tuple(_about(band, columns, values, settings) for band in bands)
-    return Joint(tuple(terms), values, grams, Court(campaign(grams, hypotheses), tuple(range(len(bands))), settings))
+    return Joint(
+        tuple(terms),
+        values,
+        grams,
+        Court(campaign(grams, hypotheses), tuple(range(len(bands))), settings),
+    )
 
 
 def under(joint: Joint, evidence: Sequence[Evidence]) -> Court:
-    """Other units (parts of the same flights) under the same model, with the noise that it leaves in them; those too short to be
-    traced stay out."""
+    """Other units (parts of the same flights) under the same model, with the noise that it leaves
+    in them; those too short to be traced stay out."""
     hypotheses, settings = joint.court.campaign.hypotheses, joint.court.settings
     bands = [_ordered(in_band(without_shapes(each), settings), hypotheses) for each in evidence]
     columns = [place + 1 for place in joint.terms]
@@ -95,7 +119,10 @@ def _level(records: Sequence[Array], columns: Sequence[int]) -> Array:
 def _about(band: Band, columns: Sequence[int], values: Array, settings: Settings) -> Gram:
     def left(records: Records) -> dict[str, list[Array]]:
         return {
-            axis: [np.column_stack([record[:, :-1], record[:, -1] - record[:, columns] @ values]) for record in found]
+            axis: [
+                np.column_stack([record[:, :-1], record[:, -1] - record[:, columns] @ values])
+                for record in found
+            ]
             for axis, found in records.items()
         }
 
@@ -108,12 +135,16 @@ def _about(band: Band, columns: Sequence[int], values: Array, settings: Settings
 
 
 def _ordered(band: Band, hypotheses: Sequence[Hypothesis]) -> Band:
-    """The band with a column for every hypothesis, in the library's order; zero where the unit lacks it."""
+    """The band with a column for every hypothesis, in the library's order; zero where the unit
+    lacks it."""
     names = tuple(hypothesis.id for hypothesis in hypotheses)
     places = [0, *(names.index(name) + 1 for name in band.names), len(names) + 1]
 
     def wide(records: Records) -> dict[str, list[Array]]:
-        found = {axis: [np.zeros((len(record), len(names) + 2)) for record in each] for axis, each in records.items()}
+        found = {
+            axis: [np.zeros((len(record), len(names) + 2)) for record in each]
+            for axis, each in records.items()
+        }
         for axis, each in records.items():
             for target, record in zip(found[axis], each, strict=True):
                 target[:, places] = record

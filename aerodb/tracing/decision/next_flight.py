@@ -1,4 +1,5 @@
-"""What to fly next: per open question the smallest excitation that decides it, as one plain sentence."""
+"""What to fly next: per open question the smallest excitation that decides it, as one plain
+sentence."""
 
 from collections.abc import Sequence
 
@@ -16,8 +17,11 @@ from aerodb.tracing.evidence import Gram
 MOST = 5
 
 
-def next_flights(court: Court, decision: Decision, explanations: Sequence[Explanation], grams: Sequence[Gram]) -> tuple[str, ...]:
-    """Sentences for aliases, sensors that could stand behind a finding, suspicions and what was never excited."""
+def next_flights(
+    court: Court, decision: Decision, explanations: Sequence[Explanation], grams: Sequence[Gram]
+) -> tuple[str, ...]:
+    """Sentences for aliases, sensors that could stand behind a finding, suspicions and what was
+    never excited."""
     sentences: list[str] = []
     for explanation in explanations:
         rivals = explanation.rivals
@@ -26,16 +30,19 @@ def next_flights(court: Court, decision: Decision, explanations: Sequence[Explan
         if rivals:
             sentences.append(_separation(court, decision, explanation.place, rivals[0], grams))
         if explanation.sensors:
-            sentences.append(_calibration(court, decision, explanation.place, explanation.sensors[0]))
+            sentences.append(
+                _calibration(court, decision, explanation.place, explanation.sensors[0])
+            )
     return tuple(dict.fromkeys([*sentences, *_unseen(court, decision)]))
 
 
 def excitation_needed(value: float, known: float, per_flight: float, level: float) -> float:
     """By what factor one further flight must be excited to decide about `value`.
 
-    known : information that all flights so far hold beside the rival; per_flight : information of one flight on the column by
-    itself, both one over variance. Information grows with the square of the excitation: ``(f^2 I_1 + I) value^2 >= (z + z_p)^2``,
-    one-sided `level`, power .8. 0 where enough is known already.
+    known : information that all flights so far hold beside the rival; per_flight : information of
+    one flight on the column by itself, both one over variance. Information grows with the square of
+    the excitation: ``(f^2 I_1 + I) value^2 >= (z + z_p)^2``, one-sided `level`, power .8. 0 where
+    enough is known already.
 
     >>> round(excitation_needed(2.0, 0.0, 1.0, 0.05), 2)  # (1.645 + 0.842) / 2
     1.24
@@ -44,13 +51,20 @@ def excitation_needed(value: float, known: float, per_flight: float, level: floa
     return float(np.sqrt(max(0.0, wanted - known) / per_flight))
 
 
-def _separation(court: Court, decision: Decision, place: int, rival: int, grams: Sequence[Gram]) -> str:
+def _separation(
+    court: Court, decision: Decision, place: int, rival: int, grams: Sequence[Gram]
+) -> str:
     """How much the one has to move without the other."""
     names, sensors = court.campaign.hypotheses, set(court.campaign.sensors)
-    terms, freed = (tuple(i for i in group if i != place) for group in (decision.terms, decision.freed))
+    terms, freed = (
+        tuple(i for i in group if i != place) for group in (decision.terms, decision.freed)
+    )
     mover, other = (rival, place) if place in sensors else (place, rival)
     if other in sensors:
-        alone, beside = court.tested(terms, freed, SUSPICION, fixed=(other,)), court.votes(terms, (*freed, other))
+        alone, beside = (
+            court.tested(terms, freed, SUSPICION, fixed=(other,)),
+            court.votes(terms, (*freed, other)),
+        )
     else:
         alone, beside = court.tested(terms, freed, SUSPICION), court.votes((*terms, other), freed)
     start = f"{names[mover].id} or {names[other].id}: "
@@ -58,34 +72,55 @@ def _separation(court: Court, decision: Decision, place: int, rival: int, grams:
     tied = ", ".join(names[other].drivers)
     value, own = float(alone.mean[mover]), float(beside.own[:, mover].max())
     if not free or value == 0.0 or own == 0.0:
-        return f"{start}both move with {tied}; a flight over a wider range of it, with fast and slow inputs, tells them apart"
-    factor = excitation_needed(value, float(beside.information[:, mover].sum()), own, court.settings.level)
+        return (
+            f"{start}both move with {tied}; a flight over a wider range of it, with fast and slow"
+            " inputs, tells them apart"
+        )
+    factor = excitation_needed(
+        value, float(beside.information[:, mover].sum()), own, court.settings.level
+    )
     held = f"while {tied} stays as it is" if tied else "with nothing else moving"
-    return f"{start}move {', '.join(free)} on its own, {_amount(names[mover], grams, factor)} in one flight, {held}"
+    return (
+        f"{start}move {', '.join(free)} on its own, {_amount(names[mover], grams, factor)} in one"
+        f" flight, {held}"
+    )
 
 
 def _amount(hypothesis: Hypothesis, grams: Sequence[Gram], factor: float) -> str:
-    """Root mean square of the motion: in degrees where the column is a deflection or an angle, else against what was flown."""
-    flown = [g.excitation[g.hypotheses.index(hypothesis.id)] for g in grams if hypothesis.id in g.hypotheses]
+    """Root mean square of the motion: in degrees where the column is a deflection or an angle, else
+    against what was flown."""
+    flown = [
+        g.excitation[g.hypotheses.index(hypothesis.id)]
+        for g in grams
+        if hypothesis.id in g.hypotheses
+    ]
     level = float(max(flown, default=0.0))
     needed = max(factor, 0.05)
     angle = len(hypothesis.drivers) == 1 and (
         hypothesis.drivers[0].startswith("delta_") or hypothesis.drivers[0] in ("alpha", "beta")
     )
-    if angle and "landing_gear" not in hypothesis.drivers[0] and hypothesis.unit in ("1/rad", "rad^-1"):
+    if (
+        angle
+        and "landing_gear" not in hypothesis.drivers[0]
+        and hypothesis.unit in ("1/rad", "rad^-1")
+    ):
         return f"by about {np.rad2deg(needed * level):.2g} deg rms"
     return f"about {needed:.2g} times as much as so far"
 
 
 def _calibration(court: Court, decision: Decision, place: int, sensor: int) -> str:
-    """How well the sensor must be known by other means: to a third of the error that would take the finding's place."""
+    """How well the sensor must be known by other means: to a third of the error that would take the
+    finding's place."""
     names = court.campaign.hypotheses
     terms = tuple(i for i in decision.terms if i != place)
     needed = abs(float(court.tested(terms, decision.freed, SUSPICION).mean[sensor]))
     start = f"{names[place].id} or {names[sensor].id}: an independent calibration"
     if not np.isfinite(needed) or needed == 0.0:
         return f"{start} of {names[sensor].parameter} decides"
-    return f"{start} that knows {names[sensor].parameter} to {with_unit(needed / 3.0, names[sensor].unit, 2)} decides"
+    return (
+        f"{start} that knows {names[sensor].parameter} to"
+        f" {with_unit(needed / 3.0, names[sensor].unit, 2)} decides"
+    )
 
 
 def _more_flights(court: Court, decision: Decision, place: int) -> str:
@@ -93,11 +128,15 @@ def _more_flights(court: Court, decision: Decision, place: int) -> str:
     lacking = court.settings.fewest - int(test.count[place])
     name = court.campaign.hypotheses[place]
     flights = f"{lacking} more flight{'' if lacking == 1 else 's'}"
-    return f"{name.id}: {flights} with {', '.join(name.drivers) or 'it'} excited as so far, at least, to test it"
+    return (
+        f"{name.id}: {flights} with {', '.join(name.drivers) or 'it'} excited as so far, at least,"
+        " to test it"
+    )
 
 
 def _unseen(court: Court, decision: Decision) -> list[str]:
-    """One sentence for the channels whose motion no flight shows, or shows only together with others."""
+    """One sentence for the channels whose motion no flight shows, or shows only together with
+    others."""
     test = court.tested(decision.terms, decision.freed, SUSPICION)
     idle: dict[tuple[str, ...], list[str]] = {}
     tied: dict[tuple[str, ...], list[str]] = {}
@@ -108,7 +147,13 @@ def _unseen(court: Court, decision: Decision) -> list[str]:
             idle.setdefault(hypothesis.drivers, []).append(hypothesis.id)
         elif test.inflation[place] > court.settings.inflation_limit:
             tied.setdefault(hypothesis.drivers, []).append(hypothesis.id)
-    sentences = [f"nothing is known of {', '.join(ids)}: excite {', '.join(drivers)}" for drivers, ids in sorted(idle.items())]
+    sentences = [
+        f"nothing is known of {', '.join(ids)}: excite {', '.join(drivers)}"
+        for drivers, ids in sorted(idle.items())
+    ]
     for drivers, ids in sorted(tied.items()):
-        sentences.append(f"{', '.join(ids)} cannot be told from the rest of the motion: move {', '.join(drivers)} on its own")
+        sentences.append(
+            f"{', '.join(ids)} cannot be told from the rest of the motion: move"
+            f" {', '.join(drivers)} on its own"
+        )
     return sentences[:MOST]

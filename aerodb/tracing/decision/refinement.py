@@ -1,10 +1,13 @@
-"""What was found, fitted once more beside the candidate that has it: its gain, and its shape inside the envelope.
+"""What was found, fitted once more beside the candidate that has it: its gain, and its shape inside
+the envelope.
 
-Votes were weighed by the noise of a residual that still held the effect. Beside the candidate the noise is what is left, and all
-terms stand together: their gains are estimated anew. Then a gain may change from node to node of a variable
-(`aerodb.effects.spline`), shrunk towards no change by a ridge that flights choose which are left out. Either stays only if it
-predicts left-out flights better, flight after flight: new gains better than the old ones, a finer shape better than the best
-gains. All of it is algebra on whitened Grams: trims and sensors, with their priors, stand beside it as in tracing.
+Votes were weighed by the noise of a residual that still held the effect. Beside the candidate the
+noise is what is left, and all terms stand together: their gains are estimated anew. Then a gain may
+change from node to node of a variable (`aerodb.effects.spline`), shrunk towards no change by a
+ridge that flights choose which are left out. Either stays only if it predicts left-out flights
+better, flight after flight: new gains better than the old ones, a finer shape better than the best
+gains. All of it is algebra on whitened Grams: trims and sensors, with their priors, stand beside it
+as in tracing.
 """
 
 from collections.abc import Collection, Sequence
@@ -28,11 +31,13 @@ from aerodb.vehicle import Vehicle
 
 Folds = NDArray[np.intp]
 
-#: Ridge on the change of the gain over one interval, in parts of the term's own information; the last is as good as the template.
+#: Ridge on the change of the gain over one interval, in parts of the term's own information; the
+#: last is as good as the template.
 RIDGES: Final = (1e-4, 1e-3, 1e-2, 1e-1, 1.0)
 #: Flights (or folds of them) from which a shape may be judged.
 FEWEST: Final = 4
-#: Least part by which a finer shape must lower the error of left-out flights: less is no flight's worth of table nodes.
+#: Least part by which a finer shape must lower the error of left-out flights: less is no flight's
+#: worth of table nodes.
 WORTH: Final = 0.02
 #: Trace of ridge: a direction that no flight shows must not stop the others.
 _TRACE: Final = 1e-9
@@ -40,11 +45,13 @@ _TRACE: Final = 1e-9
 
 @dataclass(frozen=True)
 class Refined:
-    """What enters in place of the templates: terms, all with increments, their values (k,) and covariance (k, k).
+    """What enters in place of the templates: terms, all with increments, their values (k,) and
+    covariance (k, k).
 
-    The first are the templates, whose values are corrections of those already in the candidate; the others their ramps.
-    variables : id of a template -> variables over which its shape was made finer; empty where only gains are new. fall : id ->
-    part by which the whitened error that the best gains leave falls on flights that were left out.
+    The first are the templates, whose values are corrections of those already in the candidate; the
+    others their ramps. variables : id of a template -> variables over which its shape was made
+    finer; empty where only gains are new. fall : id -> part by which the whitened error that the
+    best gains leave falls on flights that were left out.
     """
 
     terms: tuple[Hypothesis, ...]
@@ -54,28 +61,39 @@ class Refined:
     fall: dict[str, float]
 
     def beside(self, values: Array, covariance: Array) -> tuple[Array, Array]:
-        """Values (k,) and covariance (k, k) of all terms, templates with what tracing gave them: values (t,), covariance (t, t).
+        """Values (k,) and covariance (k, k) of all terms, templates with what tracing gave them:
+        values (t,), covariance (t, t).
 
-        What tracing is less sure of than this fit, sensors above all, is a gain common to a whole term: it is added there.
+        What tracing is less sure of than this fit, sensors above all, is a gain common to a whole
+        term: it is added there.
         """
         count = len(values)
         total, joint = self.values.copy(), self.covariance.copy()
         total[:count] += values
         for place in range(count):
-            joint[place, place] += max(0.0, float(covariance[place, place] - self.covariance[place, place]))
+            joint[place, place] += max(
+                0.0, float(covariance[place, place] - self.covariance[place, place])
+            )
         return total, joint
 
 
 def beside_wrong_shapes(findings: Sequence[Finding], axes: Collection[str]) -> tuple[Finding, ...]:
-    """The findings of a later round, those on body axes where a template's shape has been shown to be wrong suspected at most.
+    """The findings of a later round, those on body axes where a template's shape has been shown to
+    be wrong suspected at most.
 
-    A finer shape follows nodes, not the truth: what it leaves is found again flight after flight, and looks like an effect.
+    A finer shape follows nodes, not the truth: what it leaves is found again flight after flight,
+    and looks like an effect.
     """
-    because = "; but on this axis an earlier term has another shape than its template, of which this may be the rest"
+    because = (
+        "; but on this axis an earlier term has another shape than its template, of which this may"
+        " be the rest"
+    )
     return tuple(
-        replace(f, verdict="suspected", because=f.because + because)
-        if f.verdict in ("confirmed", "alias_group") and set(f.axis) & set(axes)
-        else f
+        (
+            replace(f, verdict="suspected", because=f.because + because)
+            if f.verdict in ("confirmed", "alias_group") and set(f.axis) & set(axes)
+            else f
+        )
         for f in findings
     )
 
@@ -88,10 +106,11 @@ def refined(
     sensors: Sequence[Hypothesis],
     settings: Settings,
 ) -> Refined | None:
-    """New gains and finer shapes of the `accepted` terms, which `candidate` holds already; None where they are not better, or
-    flights are too few to say so.
+    """New gains and finer shapes of the `accepted` terms, which `candidate` holds already; None
+    where they are not better, or flights are too few to say so.
 
-    flights : with their comparisons beside the candidate. sensors : hypotheses that stand beside with their priors.
+    flights : with their comparisons beside the candidate. sensors : hypotheses that stand beside
+    with their priors.
     """
     if len(flights) < FEWEST or not accepted:
         return None
@@ -105,7 +124,9 @@ def refined(
     columns = [*accepted, *(ramp for _, _, ramps in options for ramp in ramps)]
     library = [*columns, *sensors]
     grams = in_threads(
-        lambda given: gram(evidence_of(*given[0], candidate, vehicle, library, view=given[1]), settings),
+        lambda given: gram(
+            evidence_of(*given[0], candidate, vehicle, library, view=given[1]), settings
+        ),
         zip(flights, views, strict=True),
     )
     of = [*range(len(accepted)), *(place for place, _, ramps in options for _ in ramps)]
@@ -116,7 +137,9 @@ def refined(
     if not chosen and not _better_gains(problem, len(accepted), settings):
         return None
     active = [*range(len(accepted)), *(i for each in chosen for i in groups[each.option])]
-    values, covariance = problem.estimate(active, _ridge(problem, groups, chosen)[active], settings.prior_dof)
+    values, covariance = problem.estimate(
+        active, _ridge(problem, groups, chosen)[active], settings.prior_dof
+    )
     variables: dict[str, tuple[str, ...]] = {}
     fall: dict[str, float] = {}
     for each in chosen:
@@ -129,8 +152,9 @@ def refined(
 
 @dataclass(frozen=True)
 class ShapeProblem:
-    """Whitened products beside trims and sensors, of all flights or of as many folds of them: square (g, k, k), right (g, k),
-    total (g,). Each column counts in units (k,) of its own template's: scaled parameter = parameter * unit."""
+    """Whitened products beside trims and sensors, of all flights or of as many folds of them:
+    square (g, k, k), right (g, k), total (g,). Each column counts in units (k,) of its own
+    template's: scaled parameter = parameter * unit."""
 
     square: Array
     right: Array
@@ -142,7 +166,9 @@ class ShapeProblem:
         found = np.zeros(len(self.unit))
         square = self.square[folds].sum(axis=0)[np.ix_(active, active)]
         right = self.right[folds].sum(axis=0)[list(active)]
-        found[list(active)] = np.linalg.solve(square + np.diag(len(folds) * ridge[list(active)] + _TRACE), right)
+        found[list(active)] = np.linalg.solve(
+            square + np.diag(len(folds) * ridge[list(active)] + _TRACE), right
+        )
         return found
 
     def gain(self, fold: int, values: Array) -> float:
@@ -151,12 +177,20 @@ class ShapeProblem:
 
     def left_out(self, folds: Folds, active: Sequence[int], ridge: Array) -> Array:
         """Gain of each of the folds under the values of the others."""
-        return np.array([self.gain(out, self.solved(folds[folds != out], active, ridge)) for out in folds.tolist()])
+        return np.array(
+            [
+                self.gain(out, self.solved(folds[folds != out], active, ridge))
+                for out in folds.tolist()
+            ]
+        )
 
-    def estimate(self, active: Sequence[int], ridge: Array, prior_dof: float) -> tuple[Array, Array]:
+    def estimate(
+        self, active: Sequence[int], ridge: Array, prior_dof: float
+    ) -> tuple[Array, Array]:
         """Values (k,) and covariance (k, k) of the active columns in their own units.
 
-        The covariance is that over flights (sandwich), moderated as in tracing by that of whitened noise.
+        The covariance is that over flights (sandwich), moderated as in tracing by that of whitened
+        noise.
         """
         index = list(active)
         count = len(self.total)
@@ -167,18 +201,23 @@ class ShapeProblem:
         within = inverse @ square.sum(axis=0) @ inverse
         between = inverse @ (score.T @ score) @ inverse * (count / (count - 1.0))
         excess = max(1.0, float(np.median(np.diagonal(between) / np.diagonal(within))))
-        covariance = (prior_dof * excess * within + (count - 1.0) * between) / (prior_dof + count - 1.0)
+        covariance = (prior_dof * excess * within + (count - 1.0) * between) / (
+            prior_dof + count - 1.0
+        )
         unit = self.unit[index]
         return values / unit, covariance / np.outer(unit, unit)
 
 
 def _problem(found: Campaign, of: Sequence[int], settings: Settings) -> ShapeProblem:
-    """The first columns of a campaign beside its sensors; of : column -> place of its template among them."""
+    """The first columns of a campaign beside its sensors; of : column -> place of its template
+    among them."""
     k, sensors = len(of), list(found.sensors)
     matrix, wanted = found.products.matrix, [*range(k), -1]
     among = matrix[:, sensors][:, :, sensors] + np.diag(found.precision[sensors])
     across = matrix[:, sensors][:, :, wanted]
-    left = matrix[:, wanted][:, :, wanted] - across.transpose(0, 2, 1) @ np.linalg.solve(among, across)
+    left = matrix[:, wanted][:, :, wanted] - across.transpose(0, 2, 1) @ np.linalg.solve(
+        among, across
+    )
     unit = found.scale[list(of)]
     ratio = np.r_[found.scale[:k] / unit, 1.0]
     left = left * np.outer(ratio, ratio)
@@ -188,7 +227,8 @@ def _problem(found: Campaign, of: Sequence[int], settings: Settings) -> ShapePro
 
 
 def _better_gains(problem: ShapeProblem, terms: int, settings: Settings) -> bool:
-    """Whether the gains that the other folds give predict a fold better than those that the candidate has."""
+    """Whether the gains that the other folds give predict a fold better than those that the
+    candidate has."""
     folds = np.arange(len(problem.total))
     gains = problem.left_out(folds, range(terms), np.zeros(len(problem.unit)))
     return paired_p(gains, np.zeros(len(gains))) < settings.level
@@ -196,22 +236,28 @@ def _better_gains(problem: ShapeProblem, terms: int, settings: Settings) -> bool
 
 @dataclass(frozen=True)
 class Choice:
-    """One option taken: its number, its ridge, and by what part it lowers what is left on flights that were left out."""
+    """One option taken: its number, its ridge, and by what part it lowers what is left on flights
+    that were left out."""
 
     option: int
     ridge: float
     fall: float
 
 
-def _ridge(problem: ShapeProblem, groups: Sequence[tuple[int, ...]], chosen: Sequence[Choice]) -> Array:
+def _ridge(
+    problem: ShapeProblem, groups: Sequence[tuple[int, ...]], chosen: Sequence[Choice]
+) -> Array:
     found = np.zeros(len(problem.unit))
     for each in chosen:
         found[list(groups[each.option])] = each.ridge
     return found
 
 
-def searched(problem: ShapeProblem, groups: Sequence[tuple[int, ...]], terms: int, settings: Settings) -> list[Choice]:
-    """Options one after the other, the one that predicts left-out flights best first, until none does so significantly."""
+def searched(
+    problem: ShapeProblem, groups: Sequence[tuple[int, ...]], terms: int, settings: Settings
+) -> list[Choice]:
+    """Options one after the other, the one that predicts left-out flights best first, until none
+    does so significantly."""
     chosen: list[Choice] = []
     folds = np.arange(len(problem.total))
     while len(chosen) < len(groups):
@@ -225,14 +271,18 @@ def searched(problem: ShapeProblem, groups: Sequence[tuple[int, ...]], terms: in
             fall = float((after - before).sum() / (problem.total - before).sum())
             better = fall > WORTH and paired_p(after, before) < settings.level / len(groups)
             if better and (best is None or fall > best.fall):
-                best = Choice(option, _best_ridge(problem, folds, wider, groups[option], ridge), fall)
+                best = Choice(
+                    option, _best_ridge(problem, folds, wider, groups[option], ridge), fall
+                )
         if best is None:
             break
         chosen.append(best)
     return chosen
 
 
-def _nested(problem: ShapeProblem, active: Sequence[int], group: tuple[int, ...], ridge: Array) -> Array:
+def _nested(
+    problem: ShapeProblem, active: Sequence[int], group: tuple[int, ...], ridge: Array
+) -> Array:
     """Gain of each fold under values and a ridge that the others chose."""
     folds = np.arange(len(problem.total))
     found = []
@@ -243,8 +293,15 @@ def _nested(problem: ShapeProblem, active: Sequence[int], group: tuple[int, ...]
     return np.array(found)
 
 
-def _best_ridge(problem: ShapeProblem, folds: Folds, active: Sequence[int], group: tuple[int, ...], ridge: Array) -> float:
-    return max(RIDGES, key=lambda weight: float(problem.left_out(folds, active, _with(ridge, group, weight)).sum()))
+def _best_ridge(
+    problem: ShapeProblem, folds: Folds, active: Sequence[int], group: tuple[int, ...], ridge: Array
+) -> float:
+    return max(
+        RIDGES,
+        key=lambda weight: float(
+            problem.left_out(folds, active, _with(ridge, group, weight)).sum()
+        ),
+    )
 
 
 def _with(ridge: Array, group: tuple[int, ...], weight: float) -> Array:

@@ -1,6 +1,8 @@
-"""Which terms does the model lack, which sensors are wrong: terms and sensors compete for the residual, one at a time.
+"""Which terms does the model lack, which sensors are wrong: terms and sensors compete for the
+residual, one at a time.
 
-No samples here, only votes. What fits equally well, and whether a sensor could stand behind a term, is `explanation`'s.
+No samples here, only votes. What fits equally well, and whether a sensor could stand behind a term,
+is `explanation`'s.
 """
 
 from collections.abc import Sequence
@@ -20,7 +22,8 @@ SUSPICION = 2
 
 @dataclass(frozen=True)
 class Decision:
-    """Places of the accepted terms in the order found, of those only suspected (too few votes), and of freed sensors."""
+    """Places of the accepted terms in the order found, of those only suspected (too few votes), and
+    of freed sensors."""
 
     accepted: tuple[int, ...]
     suspected: tuple[int, ...]
@@ -34,16 +37,27 @@ class Decision:
 
 @dataclass(frozen=True)
 class Court:
-    """A campaign, the flights that vote in it and the rules. `tested` remembers what it was asked."""
+    """A campaign, the flights that vote in it and the rules. `tested` remembers what it was
+    asked."""
 
     campaign: Campaign
     flights: tuple[int, ...]
     settings: Settings
-    heard: dict[tuple[object, ...], Tested] = field(default_factory=dict, init=False, repr=False, compare=False)
+    heard: dict[tuple[object, ...], Tested] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
 
-    def votes(self, accepted: Sequence[int], freed: Sequence[int], fixed: Sequence[int] = (), exact: Sequence[int] = ()) -> Votes:
+    def votes(
+        self,
+        accepted: Sequence[int],
+        freed: Sequence[int],
+        fixed: Sequence[int] = (),
+        exact: Sequence[int] = (),
+    ) -> Votes:
         """The votes of these flights beside the accepted terms and the sensors."""
-        return self.campaign.votes(tuple(accepted), tuple(freed), tuple(fixed), tuple(exact)).rows(self.flights)
+        return self.campaign.votes(tuple(accepted), tuple(freed), tuple(fixed), tuple(exact)).rows(
+            self.flights
+        )
 
     def tested(
         self,
@@ -53,18 +67,25 @@ class Court:
         fixed: Sequence[int] = (),
         exact: Sequence[int] = (),
     ) -> Tested:
-        """Every hypothesis tested beside the accepted terms, whose shape may be wrong but where they are `exact`, and the
-        sensors: `freed` without prior, `fixed` known to be right."""
+        """Every hypothesis tested beside the accepted terms, whose shape may be wrong but where
+        they are `exact`, and the sensors: `freed` without prior, `fixed` known to be right."""
         fewest = self.settings.fewest if fewest is None else fewest
         key = (frozenset(accepted), frozenset(freed), fewest, frozenset(fixed), frozenset(exact))
         if key not in self.heard:
             certain = {*freed, *fixed}
-            sigma = [0.0 if s in certain else self.campaign.hypotheses[s].prior_sigma or 0.0 for s in self.campaign.sensors]
+            sigma = [
+                0.0 if s in certain else self.campaign.hypotheses[s].prior_sigma or 0.0
+                for s in self.campaign.sensors
+            ]
             votes = self.votes(accepted, freed, fixed, exact)
-            self.heard[key] = over_flights(votes, np.array(sigma), self.settings, fewest, self.campaign.offsets)
+            self.heard[key] = over_flights(
+                votes, np.array(sigma), self.settings, fewest, self.campaign.offsets
+            )
         return self.heard[key]
 
-    def gain(self, place: int, accepted: Sequence[int], freed: Sequence[int], fixed: Sequence[int]) -> float:
+    def gain(
+        self, place: int, accepted: Sequence[int], freed: Sequence[int], fixed: Sequence[int]
+    ) -> float:
         """Coherent gain of one hypothesis alone, as `tested` has it."""
         index = list(self.flights)
         estimate, information = self.campaign.vote(place, accepted, freed, fixed)
@@ -72,17 +93,24 @@ class Court:
 
     def without(self, flights: Sequence[int]) -> "Court":
         """The same court without some flights."""
-        return Court(self.campaign, tuple(f for f in self.flights if f not in flights), self.settings)
+        return Court(
+            self.campaign, tuple(f for f in self.flights if f not in flights), self.settings
+        )
 
 
 def decide(court: Court) -> Decision:
-    """Steps 3 to 6 of TRACING, repeated until nothing is left to be found; then suspicions from two votes."""
+    """Steps 3 to 6 of TRACING, repeated until nothing is left to be found; then suspicions from two
+    votes."""
     accepted: tuple[int, ...] = ()
     freed: tuple[int, ...] = ()
     dropped: set[int] = set()  # what has had to leave does not return: each round ends for good
     while len(accepted) < court.settings.most_terms:
         term, sensor = _candidates(court, accepted, freed, dropped)
-        if term is not None and sensor is not None and _sensor_wins(court, accepted, freed, term, sensor):
+        if (
+            term is not None
+            and sensor is not None
+            and _sensor_wins(court, accepted, freed, term, sensor)
+        ):
             term = None
         if term is not None:
             kept = _kept(court, (*accepted, term), freed)
@@ -99,7 +127,8 @@ def decide(court: Court) -> Decision:
 def _candidates(
     court: Court, accepted: tuple[int, ...], freed: tuple[int, ...], dropped: set[int]
 ) -> tuple[int | None, int | None]:
-    """The term and the sensor of the largest coherent gain among those that are significant over the whole library."""
+    """The term and the sensor of the largest coherent gain among those that are significant over
+    the whole library."""
     test = court.tested(accepted, freed)
     sensors = set(court.campaign.sensors)
     taken = {*accepted, *freed, *dropped, *court.campaign.offsets}
@@ -119,10 +148,14 @@ def _largest(gain: Array, places: Sequence[int]) -> int | None:
     return max(places, key=lambda i: float(gain[i])) if places else None
 
 
-def _sensor_wins(court: Court, accepted: tuple[int, ...], freed: tuple[int, ...], term: int, sensor: int) -> bool:
-    """Each is tested given the other: the sensor wins if it survives, and the term does not or gains less.
+def _sensor_wins(
+    court: Court, accepted: tuple[int, ...], freed: tuple[int, ...], term: int, sensor: int
+) -> bool:
+    """Each is tested given the other: the sensor wins if it survives, and the term does not or
+    gains less.
 
-    The gains are compared fairly: the term's with the sensor taken to be right, not beside a sensor that has taken its share.
+    The gains are compared fairly: the term's with the sensor taken to be right, not beside a sensor
+    that has taken its share.
     """
     given_term = court.tested((*accepted, term), freed, exact=(term,))
     if given_term.p_at([sensor])[0] >= court.settings.level:
@@ -135,7 +168,8 @@ def _sensor_wins(court: Court, accepted: tuple[int, ...], freed: tuple[int, ...]
 
 
 def _kept(court: Court, accepted: tuple[int, ...], freed: tuple[int, ...]) -> tuple[int, ...]:
-    """The accepted terms that still stand beside each other: an early stand-in leaves when the true terms are in."""
+    """The accepted terms that still stand beside each other: an early stand-in leaves when the true
+    terms are in."""
     while len(accepted) > 1:
         test = court.tested(accepted, freed)
         if test.significant[list(accepted)].all():
@@ -149,7 +183,8 @@ def _kept(court: Court, accepted: tuple[int, ...], freed: tuple[int, ...]) -> tu
 
 
 def _suspicions(court: Court, accepted: tuple[int, ...], freed: tuple[int, ...]) -> tuple[int, ...]:
-    """Terms with too few votes for the error rate that each voting flight predicts for the others; largest gain first."""
+    """Terms with too few votes for the error rate that each voting flight predicts for the others;
+    largest gain first."""
     suspected: tuple[int, ...] = ()
     while len(accepted) + len(suspected) < court.settings.most_terms:
         terms = (*accepted, *suspected)
@@ -166,13 +201,15 @@ def _suspicions(court: Court, accepted: tuple[int, ...], freed: tuple[int, ...])
 
 
 def _offsets(court: Court, terms: tuple[int, ...], freed: tuple[int, ...]) -> tuple[int, ...]:
-    """Constants that return in all flights. They come last: trims are in every model, and every lacking term leaves one."""
+    """Constants that return in all flights. They come last: trims are in every model, and every
+    lacking term leaves one."""
     found = court.tested(terms, freed).significant
     return tuple(place for place in court.campaign.offsets if found[place])
 
 
 def flight_gains(votes: Votes, test: Tested, place: int) -> Array:
-    """Fall of each voting flight's whitened sum of squares (voters,) under one common value, ``2 m b - m^2 A``."""
+    """Fall of each voting flight's whitened sum of squares (voters,) under one common value, ``2 m
+    b - m^2 A``."""
     on = test.voters[:, place]
     information = votes.information[on, place]
     right = information * votes.estimate[on, place]
@@ -183,11 +220,14 @@ def flight_gains(votes: Votes, test: Tested, place: int) -> Array:
 
 def cross_validated(votes: Votes, test: Tested, place: int) -> bool:
     """Whether the others' value lowers every voting flight's sum of squares."""
-    return bool(np.all(left_out_gains(votes, test, place) > 0.0)) and bool(test.count[place] >= SUSPICION)
+    return bool(np.all(left_out_gains(votes, test, place) > 0.0)) and bool(
+        test.count[place] >= SUSPICION
+    )
 
 
 def cast(court: Court, votes: Votes, test: Tested, place: int) -> tuple[Vote, ...]:
-    """What each flight that votes on a hypothesis says of it: estimate and standard error, SI units of its parameter."""
+    """What each flight that votes on a hypothesis says of it: estimate and standard error, SI units
+    of its parameter."""
     return tuple(
         Vote(
             court.campaign.flights[court.flights[g]],
@@ -199,7 +239,8 @@ def cast(court: Court, votes: Votes, test: Tested, place: int) -> tuple[Vote, ..
 
 
 def left_out_gains(votes: Votes, test: Tested, place: int) -> Array:
-    """As `flight_gains`, each flight under the value of the others: what the term is worth on a flight that it has not seen."""
+    """As `flight_gains`, each flight under the value of the others: what the term is worth on a
+    flight that it has not seen."""
     on = test.voters[:, place]
     information = votes.information[on, place]
     right = information * votes.estimate[on, place]
@@ -211,12 +252,18 @@ def left_out_gains(votes: Votes, test: Tested, place: int) -> Array:
 def implausible(court: Court, test: Tested, place: int) -> str:
     """Why the value that a rival would need is not believable; empty if it is, or is not known."""
     hypothesis = court.campaign.hypotheses[place]
-    half = stdtrit(test.dof[place], 0.975) * test.standard_error[place] + test.systematic_at([place])[0]
+    half = (
+        stdtrit(test.dof[place], 0.975) * test.standard_error[place]
+        + test.systematic_at([place])[0]
+    )
     if not np.isfinite(half) or not test.testable[place]:
         return ""
     low, high = test.mean[place] - half, test.mean[place] + half
     least, most = hypothesis.plausible
     if high < least or low > most:
         by = f" by {hypothesis.known_by}" if hypothesis.known_by else ""
-        return f"would need {with_unit(test.mean[place], hypothesis.unit)}, believable{by} is {least:.3g} to {most:.3g}"
+        return (
+            f"would need {with_unit(test.mean[place], hypothesis.unit)}, believable{by} is"
+            f" {least:.3g} to {most:.3g}"
+        )
     return ""

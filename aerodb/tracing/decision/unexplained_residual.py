@@ -1,8 +1,10 @@
-"""The rest: does anything in the state predict what is left of the residual, flight after flight, although no template fits?
+"""The rest: does anything in the state predict what is left of the residual, flight after flight,
+although no template fits?
 
-A flexible model (additive piecewise-linear functions of each variable and products of pairs, ridge) is fitted to all flights but
-one and predicts the one left out. Only if it beats "nothing" over the flights is there something unnamed. It names variables,
-not effects: it is a question to the aerodynamicist, never an increment.
+A flexible model (additive piecewise-linear functions of each variable and products of pairs, ridge)
+is fitted to all flights but one and predicts the one left out. Only if it beats "nothing" over the
+flights is there something unnamed. It names variables, not effects: it is a question to the
+aerodynamicist, never an increment.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -23,9 +25,11 @@ from aerodb.tracing.settings import Settings
 
 #: Knots of a variable's function: quantiles of its values over all flights.
 _QUANTILES = (0.1, 0.3, 0.5, 0.7, 0.9)
-#: Ridge weights tried, in parts of the features' own sum of squares; chosen by leaving out flights of the training set.
+#: Ridge weights tried, in parts of the features' own sum of squares; chosen by leaving out flights
+#: of the training set.
 _RIDGES = (1e-3, 1e-2, 1e-1, 1.0)
-#: Groups of flights among which the weight is chosen: pairs of two hundred flights would be twenty thousand.
+#: Groups of flights among which the weight is chosen: pairs of two hundred flights would be twenty
+#: thousand.
 _GROUPS = 5
 #: Part of the largest singular value below which a direction of the sensors' columns is rounding.
 _RANK = 1e-6
@@ -35,10 +39,11 @@ _MATTERS = 0.2
 
 @dataclass(frozen=True)
 class Remainder:
-    """What is left on one axis. skill : fall of the left-out flights' sum of squares (1: all explained, 0: nothing).
+    """What is left on one axis. skill : fall of the left-out flights' sum of squares (1: all
+    explained, 0: nothing).
 
-    p_adjusted : over the axes, one-sided t over flights. variables : those that the skill rests on, the strongest first; empty
-    where nothing is found. skills (flights,): per flight.
+    p_adjusted : over the axes, one-sided t over flights. variables : those that the skill rests on,
+    the strongest first; empty where nothing is found. skills (flights,): per flight.
     """
 
     axis: str
@@ -51,7 +56,8 @@ class Remainder:
 
 
 class Record(NamedTuple):
-    """One axis of a flight in the band: variables (m, v), residual (m,), and a basis (m, s) of what sensors could explain."""
+    """One axis of a flight in the band: variables (m, v), residual (m,), and a basis (m, s) of what
+    sensors could explain."""
 
     variables: Array
     residual: Array
@@ -60,9 +66,11 @@ class Record(NamedTuple):
 
 @dataclass(frozen=True)
 class Left:
-    """One flight's remainder: evidence whose residual has the accepted terms taken off, and variables name -> (n,).
+    """One flight's remainder: evidence whose residual has the accepted terms taken off, and
+    variables name -> (n,).
 
-    Columns of the evidence are those of the sensors: what any of them could explain, whatever its size, is no remainder."""
+    Columns of the evidence are those of the sensors: what any of them could explain, whatever its
+    size, is no remainder."""
 
     evidence: Evidence
     variables: Mapping[str, Array]
@@ -74,41 +82,76 @@ def remainders(left: Sequence[Left], settings: Settings) -> tuple[Remainder, ...
     Raises InputError for fewer flights, or when the flights have no variable in common.
     """
     if len(left) < settings.fewest:
-        raise InputError(f"{len(left)} flights are too few to say what is left", "remainder", f"give at least {settings.fewest}")
+        raise InputError(
+            f"{len(left)} flights are too few to say what is left",
+            "remainder",
+            f"give at least {settings.fewest}",
+        )
     names = sorted(set.intersection(*(set(flight.variables) for flight in left)))
     if not names:
-        raise InputError("the flights have no variable in common", "remainder", "give each the database's variables")
-    axes = [axis for axis in left[0].evidence.residual if all(axis in flight.evidence.residual for flight in left)]
+        raise InputError(
+            "the flights have no variable in common",
+            "remainder",
+            "give each the database's variables",
+        )
+    axes = [
+        axis
+        for axis in left[0].evidence.residual
+        if all(axis in flight.evidence.residual for flight in left)
+    ]
     flights = in_threads(partial(_in_band, axes=axes, names=names, settings=settings), left)
     parts = {axis: [flight[axis] for flight in flights] for axis in axes}
-    parts = {axis: records for axis, records in parts.items() if all(len(record.residual) for record in records)}
+    parts = {
+        axis: records
+        for axis, records in parts.items()
+        if all(len(record.residual) for record in records)
+    }
     features: dict[tuple[int, ...], _Features] = {}
     for records in parts.values():
         if _which(records) not in features:
             features[_which(records)] = _features([record.variables for record in records], names)
-    problems = dict(zip(parts, in_threads(lambda r: _problem(r, features[_which(r)]), parts.values()), strict=True))
+    problems = dict(
+        zip(
+            parts,
+            in_threads(lambda r: _problem(r, features[_which(r)]), parts.values()),
+            strict=True,
+        )
+    )
     judged = dict(zip(parts, in_threads(_left_out_skills, problems.values()), strict=True))
     p = np.array([_one_sided(skills) for skills, _ in judged.values()])
     adjusted = holm(p, len(p)) if len(p) else p
     return tuple(
-        _judged(axis, names, problems[axis], *judged[axis], float(adjusted[row]), settings) for row, axis in enumerate(parts)
+        _judged(axis, names, problems[axis], *judged[axis], float(adjusted[row]), settings)
+        for row, axis in enumerate(parts)
     )
 
 
 def _judged(
-    axis: str, names: list[str], problem: "_Problem", skills: Array, ridges: Array, p: float, settings: Settings
+    axis: str,
+    names: list[str],
+    problem: "_Problem",
+    skills: Array,
+    ridges: Array,
+    p: float,
+    settings: Settings,
 ) -> Remainder:
     skill = float(skills.mean())
     found = bool(p < settings.level)
     variables: tuple[str, ...] = ()
-    because = f"nothing in {', '.join(names)} predicts what is left on {axis} of a flight that the model has not seen"
+    because = (
+        f"nothing in {', '.join(names)} predicts what is left on {axis} of a flight that the model"
+        " has not seen"
+    )
     if found:
         others = [_left_out_skills(problem.without(name), ridges)[0] for name in names]
         lost = {name: skill - float(left.mean()) for name, left in zip(names, others, strict=True)}
-        variables = tuple(sorted((n for n in names if lost[n] > _MATTERS * skill), key=lambda n: -lost[n]))
+        variables = tuple(
+            sorted((n for n in names if lost[n] > _MATTERS * skill), key=lambda n: -lost[n])
+        )
         on = ", ".join(variables) or "no single variable"
         because = (
-            f"{skill:.0%} of what is left on {axis} returns on flights that were left out and rests on {on}; no template fits"
+            f"{skill:.0%} of what is left on {axis} returns on flights that were left out and rests"
+            f" on {on}; no template fits"
         )
     return Remainder(axis, found, skill, p, variables, tuple(float(s) for s in skills), because)
 
@@ -121,9 +164,12 @@ def _one_sided(skills: Array) -> float:
     return float(stats.t.sf(skills.mean() / (spread / np.sqrt(len(skills))), len(skills) - 1))
 
 
-def _in_band(flight: Left, axes: Sequence[str], names: Sequence[str], settings: Settings) -> dict[str, Record]:
-    """Axis -> variables (m, v), residual (m,) and an orthonormal basis (m, s) of its level and of what the columns of the
-    evidence (sensors) could explain, in the tracing band; the residual without its part in that basis.
+def _in_band(
+    flight: Left, axes: Sequence[str], names: Sequence[str], settings: Settings
+) -> dict[str, Record]:
+    """Axis -> variables (m, v), residual (m,) and an orthonormal basis (m, s) of its level and of
+    what the columns of the evidence (sensors) could explain, in the tracing band; the residual
+    without its part in that basis.
 
     Axes that are usable at the same samples have the same array of variables.
     """
@@ -132,10 +178,21 @@ def _in_band(flight: Left, axes: Sequence[str], names: Sequence[str], settings: 
     found: dict[str, Record] = {}
     for same in evidence.usable_alike(axes):
         usable = evidence.usable[same[0]]
-        tangents = {axis: [columns[axis] for columns in evidence.columns.values() if axis in columns] for axis in same}
-        rows = [*variables, *(row for axis in same for row in (evidence.residual[axis], *tangents[axis]))]
+        tangents = {
+            axis: [columns[axis] for columns in evidence.columns.values() if axis in columns]
+            for axis in same
+        }
+        rows = [
+            *variables,
+            *(row for axis in same for row in (evidence.residual[axis], *tangents[axis])),
+        ]
         limited = [
-            band_limited([row[part] for row in rows], (usable & known)[part], evidence.step, settings.bandwidth)
+            band_limited(
+                [row[part] for row in rows],
+                (usable & known)[part],
+                evidence.step,
+                settings.bandwidth,
+            )
             for part in stretches(usable, evidence.step, settings.bandwidth, settings.order)
         ]
         joined = np.concatenate(limited) if limited else np.zeros((0, len(rows)))
@@ -152,15 +209,17 @@ def _record(variables: Array, residual: Array, tangents: Array) -> Record:
         return Record(variables, residual, np.zeros((0, 0)))
     explained = np.column_stack([np.ones(len(residual)), tangents])
     size = np.linalg.norm(explained, axis=0)
-    left, singular, _ = np.linalg.svd(explained[:, size > 0.0] / size[size > 0.0], full_matrices=False)
+    left, singular, _ = np.linalg.svd(
+        explained[:, size > 0.0] / size[size > 0.0], full_matrices=False
+    )
     basis = left[:, singular > _RANK * singular[0]]
     return Record(variables, residual - basis @ (basis.T @ residual), basis)
 
 
 @dataclass(frozen=True)
 class _Problem:
-    """Products of the features: square (g, f, f), right (g, f) with the residual, total (g,) of it, by flight; and the variables
-    that each feature is made of."""
+    """Products of the features: square (g, f, f), right (g, f) with the residual, total (g,) of it,
+    by flight; and the variables that each feature is made of."""
 
     square: Array
     right: Array
@@ -170,12 +229,18 @@ class _Problem:
     def without(self, name: str) -> "_Problem":
         """The same without what is made of one variable."""
         kept = [k for k, names in enumerate(self.made_of) if name not in names]
-        return _Problem(self.square[:, kept][:, :, kept], self.right[:, kept], self.total, tuple(self.made_of[k] for k in kept))
+        return _Problem(
+            self.square[:, kept][:, :, kept],
+            self.right[:, kept],
+            self.total,
+            tuple(self.made_of[k] for k in kept),
+        )
 
 
 @dataclass(frozen=True)
 class _Features:
-    """Hinge functions of each variable and products of pairs: the block (m, f) of each flight, and what each is made of."""
+    """Hinge functions of each variable and products of pairs: the block (m, f) of each flight, and
+    what each is made of."""
 
     blocks: list[Array]
     made_of: tuple[frozenset[str], ...]
@@ -187,7 +252,8 @@ def _which(records: Sequence[Record]) -> tuple[int, ...]:
 
 
 def _features(variables: Sequence[Array], names: Sequence[str]) -> _Features:
-    """Of the variables (m, v) of each flight; the residual is not looked at, so that knots and scales may come from all."""
+    """Of the variables (m, v) of each flight; the residual is not looked at, so that knots and
+    scales may come from all."""
     every = np.concatenate(variables)
     level, spread = every.mean(axis=0), every.std(axis=0)
     columns = [c for c in range(len(names)) if spread[c] > 1e-9 * max(1e-12, abs(level[c]))]
@@ -198,15 +264,19 @@ def _features(variables: Sequence[Array], names: Sequence[str]) -> _Features:
     for own in variables:
         scaled = (own[:, columns] - level[columns]) / spread[columns]
         hinges = [np.maximum(scaled - knot, 0.0) for knot in knots]
-        blocks.append(np.concatenate([scaled, *hinges, scaled[:, first] * scaled[:, second]], axis=1))
+        blocks.append(
+            np.concatenate([scaled, *hinges, scaled[:, first] * scaled[:, second]], axis=1)
+        )
     used = [names[c] for c in columns]
-    made_of = [frozenset({name}) for name in used] * (1 + len(knots)) + [frozenset({used[a], used[b]}) for a, b in pairs]
+    made_of = [frozenset({name}) for name in used] * (1 + len(knots)) + [
+        frozenset({used[a], used[b]}) for a, b in pairs
+    ]
     return _Features(blocks, tuple(made_of))
 
 
 def _problem(records: Sequence[Record], features: _Features) -> _Problem:
-    """Per flight: the features' products without the flight's own level, and without what sensors could explain, which is taken
-    out of them as it is out of the residual."""
+    """Per flight: the features' products without the flight's own level, and without what sensors
+    could explain, which is taken out of them as it is out of the residual."""
     squares, right = [], []
     for record, whole in zip(records, features.blocks, strict=True):
         block = whole - record.basis @ (record.basis.T @ whole)
@@ -217,7 +287,8 @@ def _problem(records: Sequence[Record], features: _Features) -> _Problem:
 
 
 def _left_out_skills(problem: _Problem, ridges: Array | None = None) -> tuple[Array, Array]:
-    """Per flight, 1 - SSE / SST of the prediction by the others, and the ridge; it is chosen inside the others, unless given."""
+    """Per flight, 1 - SSE / SST of the prediction by the others, and the ridge; it is chosen inside
+    the others, unless given."""
     squares, right, total = problem.square, problem.right, problem.total
     if not problem.made_of:
         return np.zeros(len(total)), np.zeros(len(total))
@@ -229,12 +300,16 @@ def _left_out_skills(problem: _Problem, ridges: Array | None = None) -> tuple[Ar
 
     if ridges is None:
         ridges = _chosen_ridges(squares, right, skill)
-    outer = [skill(out, _ridge(every - squares[out], driving - right[out], ridges[out])) for out in range(count)]
+    outer = [
+        skill(out, _ridge(every - squares[out], driving - right[out], ridges[out]))
+        for out in range(count)
+    ]
     return np.array(outer), ridges
 
 
 def _chosen_ridges(squares: Array, right: Array, skill: Callable[[int, Array], float]) -> Array:
-    """For each flight left out (g,), the weight with which groups of others, without its own, predict each other best."""
+    """For each flight left out (g,), the weight with which groups of others, without its own,
+    predict each other best."""
     groups = np.array_split(np.arange(len(squares)), min(len(squares), _GROUPS))
     own = [(squares[group].sum(axis=0), right[group].sum(axis=0)) for group in groups]
     every, driving = sum(square for square, _ in own), sum(drive for _, drive in own)
@@ -253,4 +328,8 @@ def _chosen_ridges(squares: Array, right: Array, skill: Callable[[int, Array], f
 def _ridge(square: Array, right: Array, ridge: float) -> Array:
     shifted = square.copy()
     shifted.flat[:: len(square) + 1] += ridge * np.diagonal(square) + 1e-12
-    return np.asarray(cho_solve(cho_factor(shifted, overwrite_a=True, check_finite=False), right, check_finite=False))
+    return np.asarray(
+        cho_solve(
+            cho_factor(shifted, overwrite_a=True, check_finite=False), right, check_finite=False
+        )
+    )

@@ -1,4 +1,5 @@
-"""From the Grams of several flights to findings: decide, explain, repeat without some flights, bound the rest."""
+"""From the Grams of several flights to findings: decide, explain, repeat without some flights,
+bound the rest."""
 
 from collections.abc import Mapping, Sequence
 
@@ -9,25 +10,39 @@ from aerodb.errors import InputError
 from aerodb.tracing.decision.explanation_sets import Explanation, explain
 from aerodb.tracing.decision.findings import Finding, NotFound, Traced, Verdict, with_unit
 from aerodb.tracing.decision.next_flight import next_flights
-from aerodb.tracing.decision.selection import SUSPICION, Court, Decision, cast, decide, left_out_gains
+from aerodb.tracing.decision.selection import (
+    SUSPICION,
+    Court,
+    Decision,
+    cast,
+    decide,
+    left_out_gains,
+)
 from aerodb.tracing.estimates import Tested, campaign
 from aerodb.tracing.evidence import Gram
 from aerodb.tracing.settings import Settings
 
 
 def trace(
-    grams: Sequence[Gram], hypotheses: Sequence[Hypothesis], settings: Settings, earlier: Mapping[str, float] | None = None
+    grams: Sequence[Gram],
+    hypotheses: Sequence[Hypothesis],
+    settings: Settings,
+    earlier: Mapping[str, float] | None = None,
 ) -> Traced:
     """Which of the hypotheses stand behind the residuals of these flights.
 
-    grams : one per flight (or independent manoeuvre), made with these settings; hypotheses : the whole frozen library,
-    whatever a flight excites: the error rate is over all of them. earlier : id -> value of terms that the database got in
-    earlier rounds: what is left of their shape is no second effect.
+    grams : one per flight (or independent manoeuvre), made with these settings; hypotheses : the
+    whole frozen library, whatever a flight excites: the error rate is over all of them. earlier :
+    id -> value of terms that the database got in earlier rounds: what is left of their shape is no
+    second effect.
 
-    Raises InputError without flights, without hypotheses, for a flight given twice, for a Gram of another library.
+    Raises InputError without flights, without hypotheses, for a flight given twice, for a Gram of
+    another library.
     """
     if not grams or not hypotheses:
-        raise InputError("nothing to trace", "tracing", "give at least one flight's Gram and one hypothesis")
+        raise InputError(
+            "nothing to trace", "tracing", "give at least one flight's Gram and one hypothesis"
+        )
     grams, notes = _once(grams)
     court = Court(campaign(grams, hypotheses, earlier), tuple(range(len(grams))), settings)
     decision = decide(court)
@@ -40,7 +55,10 @@ def trace(
     explained = {*places, *(i for e in explanations for i in (*e.rivals, *e.sensors))}
     rest = [i for i in range(len(hypotheses)) if i not in explained]
     if len(grams) < settings.fewest:
-        notes.append(f"{len(grams)} flights: below {settings.fewest} no error rate can be promised and nothing is confirmed")
+        notes.append(
+            f"{len(grams)} flights: below {settings.fewest} no error rate can be promised and"
+            " nothing is confirmed"
+        )
     return Traced(
         flights=court.campaign.flights,
         findings=tuple(findings),
@@ -51,15 +69,25 @@ def trace(
 
 
 def _once(grams: Sequence[Gram]) -> tuple[list[Gram], list[str]]:
-    """Each flight once: a Gram equal to an earlier one under another name is the same flight, and is left out."""
+    """Each flight once: a Gram equal to an earlier one under another name is the same flight, and
+    is left out."""
     kept: list[Gram] = []
     alike: dict[str, list[Gram]] = {}
     notes = []
     for gram in grams:
         seen = alike.setdefault(f"{gram.matrix[-1, -1]:.6e}", [])
-        twin = next((g for g in seen if g.hypotheses == gram.hypotheses and np.allclose(g.matrix, gram.matrix, rtol=1e-9)), None)
+        twin = next(
+            (
+                g
+                for g in seen
+                if g.hypotheses == gram.hypotheses and np.allclose(g.matrix, gram.matrix, rtol=1e-9)
+            ),
+            None,
+        )
         if twin is not None and twin.flight != gram.flight:
-            notes.append(f"{gram.flight} has the samples of {twin.flight}: one flight, one vote; left out")
+            notes.append(
+                f"{gram.flight} has the samples of {twin.flight}: one flight, one vote; left out"
+            )
         else:
             seen.append(gram)
             kept.append(gram)
@@ -80,7 +108,10 @@ def _final(court: Court, decision: Decision) -> Tested:
 
 
 def _finding(
-    court: Court, decision: Decision, explanation: Explanation, repeated: list[tuple[tuple[int, ...], Decision]]
+    court: Court,
+    decision: Decision,
+    explanation: Explanation,
+    repeated: list[tuple[tuple[int, ...], Decision]],
 ) -> Finding:
     place = explanation.place
     hypotheses = court.campaign.hypotheses
@@ -123,21 +154,34 @@ def _verdict(decision: Decision, explanation: Explanation) -> Verdict:
     return "alias_group" if explanation.rivals else "confirmed"
 
 
-def _because(court: Court, explanation: Explanation, verdict: Verdict, test: Tested, votes: int) -> str:
+def _because(
+    court: Court, explanation: Explanation, verdict: Verdict, test: Tested, votes: int
+) -> str:
     """One plain sentence: what, how large, how sure, and what stands beside it."""
     names = court.campaign.hypotheses
     hypothesis = names[explanation.place]
     low, high = test.interval(explanation.place)
-    size = f"{with_unit(float(test.mean[explanation.place]), hypothesis.unit)} (95 %: {low:.3g} to {high:.3g})"
+    size = (
+        f"{with_unit(float(test.mean[explanation.place]), hypothesis.unit)} (95 %: {low:.3g} to"
+        f" {high:.3g})"
+    )
     start = f"{hypothesis.because}: {hypothesis.parameter} = {size} over {votes} flights"
     rivals = ", ".join(names[i].id for i in explanation.rivals)
     sensors = ", ".join(names[i].id for i in explanation.sensors)
     ends: dict[str, str] = {
-        "confirmed": "no rival in the library explains it as well and no single sensor error takes it away",
+        "confirmed": (
+            "no rival in the library explains it as well and no single sensor error takes it away"
+        ),
         "alias_group": f"these flights cannot tell it from {rivals}",
-        "suspected": f"too few flights for an error rate{f'; {rivals} would do as well' if rivals else ''}",
-        "sensor": "it acts on all axes as this sensor would, and every aerodynamic rival explains less",
-        "ambiguous_sensor": f"it cannot be told from {', '.join(part for part in (rivals, sensors) if part)}",
+        "suspected": (
+            f"too few flights for an error rate{f'; {rivals} would do as well' if rivals else ''}"
+        ),
+        "sensor": (
+            "it acts on all axes as this sensor would, and every aerodynamic rival explains less"
+        ),
+        "ambiguous_sensor": (
+            f"it cannot be told from {', '.join(part for part in (rivals, sensors) if part)}"
+        ),
     }
     return f"{start}; {ends[verdict]}"
 

@@ -15,23 +15,40 @@ from aerodb.tracing.evidence import Gram, companions, parent
 OFFSET = "zero_offset"
 
 
-def campaign(grams: Sequence[Gram], hypotheses: Sequence[Hypothesis], earlier: Mapping[str, float] | None = None) -> Campaign:
-    """Grams of different flights on the order of `hypotheses`; a flight that lacks a column says nothing about it.
+def campaign(
+    grams: Sequence[Gram],
+    hypotheses: Sequence[Hypothesis],
+    earlier: Mapping[str, float] | None = None,
+) -> Campaign:
+    """Grams of different flights on the order of `hypotheses`; a flight that lacks a column says
+    nothing about it.
 
-    earlier : id -> value of the terms that earlier rounds have added: their shapes stand beside everything (`shapes`).
+    earlier : id -> value of the terms that earlier rounds have added: their shapes stand beside
+    everything (`shapes`).
 
-    Raises InputError when a Gram has columns that the library has not (it was made with another library), when a flight is
-    given twice under one name, or when a sensor has no prior.
+    Raises InputError when a Gram has columns that the library has not (it was made with another
+    library), when a flight is given twice under one name, or when a sensor has no prior.
     """
     _check(grams, hypotheses)
     known = {h.id: place for place, h in enumerate(hypotheses)}
     columns = frozenset[str]().union(*{g.hypotheses for g in grams})
-    beside = [(h.id, name, least) for h in hypotheses for name, least in companions(h.id).items() if name in columns]
+    beside = [
+        (h.id, name, least)
+        for h in hypotheses
+        for name, least in companions(h.id).items()
+        if name in columns
+    ]
     shapes = {len(hypotheses) + n: (known[id], least) for n, (id, _, least) in enumerate(beside)}
     known |= {name: len(hypotheses) + n for n, (_, name, _) in enumerate(beside)}
-    offsets = {place: h.axes[0] for place, h in enumerate(hypotheses) if h.effect == OFFSET and len(h.axes) == 1}
+    offsets = {
+        place: h.axes[0]
+        for place, h in enumerate(hypotheses)
+        if h.effect == OFFSET and len(h.axes) == 1
+    }
     sensors = tuple(place for place, h in enumerate(hypotheses) if h.kind == "sensor")
-    products, noisy, total = products_of(grams, known, offsets, {shape: place for shape, (place, _) in shapes.items()})
+    products, noisy, total = products_of(
+        grams, known, offsets, {shape: place for shape, (place, _) in shapes.items()}
+    )
     scale = 1.0 / products.factor[:-1]
     precision = np.zeros(len(known))
     for place in sensors:
@@ -55,10 +72,18 @@ def _check(grams: Sequence[Gram], hypotheses: Sequence[Hypothesis]) -> None:
     names = [h.id for h in hypotheses]
     if len(set(names)) != len(names):
         twice = next(name for name in names if names.count(name) > 1)
-        raise InputError(f"hypothesis {twice} stands twice in the library", "library", "give each effect, axis and subject once")
+        raise InputError(
+            f"hypothesis {twice} stands twice in the library",
+            "library",
+            "give each effect, axis and subject once",
+        )
     for h in hypotheses:
         if h.kind == "sensor" and not (h.prior_sigma is not None and h.prior_sigma > 0.0):
-            raise InputError(f"sensor hypothesis {h.id} has no prior sigma", "library", "give its one sigma in SI units")
+            raise InputError(
+                f"sensor hypothesis {h.id} has no prior sigma",
+                "library",
+                "give its one sigma in SI units",
+            )
     flights, known = Counter(g.flight for g in grams), set(names)
     for columns, g in {g.hypotheses: g for g in reversed(grams)}.items():
         unknown = [name for name in columns if (parent(name) or name) not in known]

@@ -1,4 +1,5 @@
-"""Compiled: a batch of small symmetric systems, each solved as far as products of its solution are asked for."""
+"""Compiled: a batch of small symmetric systems, each solved as far as products of its solution are
+asked for."""
 
 import numba
 import numpy as np
@@ -8,11 +9,17 @@ from aerodb.support import Array, Integers
 
 @numba.njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
 def _take_off(target: Array, factors: Array, rows: Array, count: int, first: int) -> None:
-    """``target -= factors[:count] @ rows[:count, first:]``: target (m,), rows (n, first + m or more)."""
+    """``target -= factors[:count] @ rows[:count, first:]``: target (m,), rows (n, first + m or
+    more)."""
     whole = count - count % 4
     for j in range(0, whole, 4):
         a, b, c, d = factors[j], factors[j + 1], factors[j + 2], factors[j + 3]
-        one, two, three, four = rows[j, first:], rows[j + 1, first:], rows[j + 2, first:], rows[j + 3, first:]
+        one, two, three, four = (
+            rows[j, first:],
+            rows[j + 1, first:],
+            rows[j + 2, first:],
+            rows[j + 3, first:],
+        )
         for m in range(len(target)):
             target[m] -= a * one[m] + b * two[m] + c * three[m] + d * four[m]
     for j in range(whole, count):
@@ -47,13 +54,15 @@ def contracted(
     squares: Array,
     across: Array,
 ) -> None:
-    """``U' M^-1 U`` (its diagonal) and ``V' M^-1 U`` of g systems ``M = pairs[members, members] + diag(extra)``.
+    """``U' M^-1 U`` (its diagonal) and ``V' M^-1 U`` of g systems ``M = pairs[members, members] +
+    diag(extra)``.
 
-    pairs (g, N, N); beside (g, N, w); members, extra (n,) : which of the N. V : columns `left` (v,) of the members' `beside`;
-    U : columns `right` (r,) of it, and the unit vectors of the members with numbers `units` (u,).
-    squares (g, r + u), across (g, v, r + u) : written.
+    pairs (g, N, N); beside (g, N, w); members, extra (n,) : which of the N. V : columns `left` (v,)
+    of the members' `beside`; U : columns `right` (r,) of it, and the unit vectors of the members
+    with numbers `units` (u,). squares (g, r + u), across (g, v, r + u) : written.
 
-    By Gauss elimination without pivoting: for a quasi-definite M in any order (Vanderbei, SIAM J. Optim. 5(1), 1995).
+    By Gauss elimination without pivoting: for a quasi-definite M in any order (Vanderbei, SIAM J.
+    Optim. 5(1), 1995).
     """
     n, v, r, u = len(members), len(left), len(right), len(units)
     behind, end = n + r, n + r + u

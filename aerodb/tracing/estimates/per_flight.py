@@ -22,25 +22,30 @@ ROUNDING = 1e-9
 #: Largest scaled precision of a companion.
 KNOWN = 1e9
 
-#: Places of accepted terms, of freed and of fixed sensors, and of the terms whose shape may be wrong.
+#: Places of accepted terms, of freed and of fixed sensors, and of the terms whose shape may be
+#: wrong.
 Model = tuple[tuple[int, ...], tuple[int, ...], tuple[int, ...], tuple[int, ...]]
 
 
 class Errors(Protocol):
-    """What errors that no residual shows add to estimates: computed for the hypotheses that are asked for."""
+    """What errors that no residual shows add to estimates: computed for the hypotheses that are
+    asked for."""
 
     def at(self, places: Sequence[int]) -> Sequence[tuple[Array, Array]]:
-        """Of each place: leak (flights, sensors), what a unit error of the sensor adds to the estimate in spite of its prior;
-        and shift (flights,), what one more helping of state noise adds (SIMEX), 0 without."""
+        """Of each place: leak (flights, sensors), what a unit error of the sensor adds to the
+        estimate in spite of its prior; and shift (flights,), what one more helping of state noise
+        adds (SIMEX), 0 without."""
 
 
 @dataclass(frozen=True)
 class Votes:
-    """Estimates (flights, hypotheses) of every hypothesis, each beside the nuisances, in SI units of its parameter.
+    """Estimates (flights, hypotheses) of every hypothesis, each beside the nuisances, in SI units
+    of its parameter.
 
-    estimate : gamma = A_hy / A_hh; nan where the flight says nothing. information : A_hh, one over the variance that whitened
-    noise would give, 0 where it says nothing; own : H_hh, the same if nothing stood beside it. errors : of all flights; chosen :
-    which of them these are, in order, where they are not all.
+    estimate : gamma = A_hy / A_hh; nan where the flight says nothing. information : A_hh, one over
+    the variance that whitened noise would give, 0 where it says nothing; own : H_hh, the same if
+    nothing stood beside it. errors : of all flights; chosen : which of them these are, in order,
+    where they are not all.
     """
 
     estimate: Array
@@ -52,17 +57,25 @@ class Votes:
     @property
     def inflation(self) -> Array:
         """(flights, hypotheses) VIF, H_hh / A_hh after the trims."""
-        return np.divide(self.own, self.information, out=np.full_like(self.own, np.inf), where=self.information > 0.0)
+        return np.divide(
+            self.own,
+            self.information,
+            out=np.full_like(self.own, np.inf),
+            where=self.information > 0.0,
+        )
 
     def rows(self, chosen: Sequence[int] | NDArray[np.intp]) -> "Votes":
         """The same for some of all flights."""
         index = np.asarray(chosen, dtype=np.intp)
         if np.array_equal(index, np.arange(len(self.estimate))):
             return self
-        return Votes(self.estimate[index], self.information[index], self.own[index], self.errors, index)
+        return Votes(
+            self.estimate[index], self.information[index], self.own[index], self.errors, index
+        )
 
     def mean_errors(self, places: Sequence[int], voters: Mask) -> tuple[Array, Array]:
-        """Leak (places, sensors) and shift (places,), means over those of these flights that vote, for one place at least.
+        """Leak (places, sensors) and shift (places,), means over those of these flights that vote,
+        for one place at least.
 
         voters : (flights, hypotheses).
         """
@@ -82,12 +95,13 @@ class Votes:
 class Campaign:
     """All flights' products on one order of hypotheses.
 
-    products, noisy : scaled; total (k,): of each column with itself, over all flights, SI.
-    scale (k,): scaled parameter = parameter * scale; precision (k,): scaled prior precision of the sensors, 0 elsewhere.
-    offsets : places of hypotheses that are an axis' own constant: their votes are the trims. shapes : column of a companion,
-    behind the hypotheses -> place of its term, and the least sigma of what it varies with; earlier : place -> value of a term
-    that the database holds already, whose shape may be wrong too. `votes` and `vote` remember what they were asked, so that
-    repetitions without some flights cost no algebra.
+    products, noisy : scaled; total (k,): of each column with itself, over all flights, SI. scale
+    (k,): scaled parameter = parameter * scale; precision (k,): scaled prior precision of the
+    sensors, 0 elsewhere. offsets : places of hypotheses that are an axis' own constant: their votes
+    are the trims. shapes : column of a companion, behind the hypotheses -> place of its term, and
+    the least sigma of what it varies with; earlier : place -> value of a term that the database
+    holds already, whose shape may be wrong too. `votes` and `vote` remember what they were asked,
+    so that repetitions without some flights cost no algebra.
     """
 
     flights: tuple[str, ...]
@@ -102,18 +116,28 @@ class Campaign:
     shapes: Mapping[int, tuple[int, float]] = field(default_factory=dict)
     earlier: Mapping[int, float] = field(default_factory=dict)
     seen: dict[Model, Votes] = field(default_factory=dict, init=False, repr=False, compare=False)
-    single: dict[tuple[int, Model], tuple[Array, Array]] = field(default_factory=dict, init=False, repr=False, compare=False)
+    single: dict[tuple[int, Model], tuple[Array, Array]] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
 
     @cached_property
     def angle_reconstructed(self) -> bool:
         """Whether some flight's angle of attack comes from the motion, not from a sensor."""
         return any(hypothesis.effect == "reconstructed_alpha" for hypothesis in self.hypotheses)
 
-    def votes(self, accepted: Sequence[int], freed: Sequence[int], fixed: Sequence[int] = (), exact: Sequence[int] = ()) -> Votes:
-        """Every hypothesis beside the `accepted` terms, their companions, and all sensors, with their priors; `freed` ones
-        without, `fixed` ones as if they were known to be right. exact : accepted terms whose shape is taken to be right.
+    def votes(
+        self,
+        accepted: Sequence[int],
+        freed: Sequence[int],
+        fixed: Sequence[int] = (),
+        exact: Sequence[int] = (),
+    ) -> Votes:
+        """Every hypothesis beside the `accepted` terms, their companions, and all sensors, with
+        their priors; `freed` ones without, `fixed` ones as if they were known to be right. exact :
+        accepted terms whose shape is taken to be right.
 
-        A hypothesis that is itself a nuisance is estimated beside the others, its own prior left out.
+        A hypothesis that is itself a nuisance is estimated beside the others, its own prior left
+        out.
         """
         model = self._model(accepted, freed, fixed, exact)
         if model not in self.seen:
@@ -125,7 +149,9 @@ class Campaign:
             self.seen[model] = Votes(estimate, information, self._own, added)
         return self.seen[model]
 
-    def vote(self, place: int, accepted: Sequence[int], freed: Sequence[int], fixed: Sequence[int] = ()) -> tuple[Array, Array]:
+    def vote(
+        self, place: int, accepted: Sequence[int], freed: Sequence[int], fixed: Sequence[int] = ()
+    ) -> tuple[Array, Array]:
         """Estimate and information (flights,) of one hypothesis alone, as `votes` has them."""
         model = self._model(accepted, freed, fixed, ())
         if model in self.seen:
@@ -136,7 +162,13 @@ class Campaign:
             self.single[place, model] = estimate[:, 0], information[:, 0]
         return self.single[place, model]
 
-    def _model(self, accepted: Sequence[int], freed: Sequence[int], fixed: Sequence[int], exact: Sequence[int]) -> Model:
+    def _model(
+        self,
+        accepted: Sequence[int],
+        freed: Sequence[int],
+        fixed: Sequence[int],
+        exact: Sequence[int],
+    ) -> Model:
         terms = tuple(sorted(set(accepted) - set(self.offsets)))
         shaped = {place for place, _ in self.shapes.values()}
         loose = tuple(place for place in terms if place in shaped and place not in exact)
@@ -159,7 +191,8 @@ class Campaign:
         return (sums / np.maximum(total * self.scale[places], 1e-300)).tolist()
 
     def _tolerance(self, value: Mapping[int, float]) -> dict[int, float]:
-        """Column of a companion -> its scaled prior precision, from the size of the effect whose shape it is (`value`)."""
+        """Column of a companion -> its scaled prior precision, from the size of the effect whose
+        shape it is (`value`)."""
         found = {}
         for shape, (place, least) in self.shapes.items():
             if place not in value:
@@ -180,12 +213,14 @@ class Campaign:
 
     @cached_property
     def _own(self) -> Array:
-        """(flights, hypotheses) products of the columns with themselves, SI; of offsets that of their trims."""
+        """(flights, hypotheses) products of the columns with themselves, SI; of offsets that of
+        their trims."""
         return np.asarray(self._reduced.own * self.scale[: len(self.hypotheses)] ** 2)
 
 
 def in_units(solved: Solved, places: NDArray[np.intp], scale: Array) -> tuple[Array, Array]:
-    """Scaled Schur complements as estimate and information (flights, places) in SI units; what is only rounding says nothing."""
+    """Scaled Schur complements as estimate and information (flights, places) in SI units; what is
+    only rounding says nothing."""
     own, left, right = solved.at(places)
     said = left > ROUNDING * np.maximum(own, ROUNDING)
     estimate = np.divide(right, left * scale[places], out=np.full_like(left, np.nan), where=said)
@@ -196,8 +231,8 @@ def in_units(solved: Solved, places: NDArray[np.intp], scale: Array) -> tuple[Ar
 class Added:
     """`Errors` of a model, one place after another as they are asked for.
 
-    plain, noisy : how the model is solved, and with the states' noise added once more; estimate, information : its votes;
-    scale : as in the campaign. seen : place -> what was answered.
+    plain, noisy : how the model is solved, and with the states' noise added once more; estimate,
+    information : its votes; scale : as in the campaign. seen : place -> what was answered.
     """
 
     plain: Solved
@@ -218,8 +253,12 @@ class Added:
     def _leak(self, places: NDArray[np.intp]) -> Array:
         """(places, flights, sensors)."""
         scale, information = self.scale[places], self.information[:, places]
-        factor = np.divide(scale, information, out=np.zeros_like(information), where=information > 0.0)
-        return self.plain.leak(places, information / scale**2, factor, self.scale[self.plain.base.sensors])
+        factor = np.divide(
+            scale, information, out=np.zeros_like(information), where=information > 0.0
+        )
+        return self.plain.leak(
+            places, information / scale**2, factor, self.scale[self.plain.base.sensors]
+        )
 
     def _shift(self, places: NDArray[np.intp]) -> Array:
         """(places, flights)."""

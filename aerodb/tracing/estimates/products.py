@@ -1,5 +1,5 @@
-"""Cross-products of all flights on one order of columns, trims projected out and scaled: those of the hypotheses whole, those of
-companions for the few that are asked for."""
+"""Cross-products of all flights on one order of columns, trims projected out and scaled: those of
+the hypotheses whole, those of companions for the few that are asked for."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -18,15 +18,17 @@ Places = NDArray[np.intp]
 
 @dataclass(frozen=True)
 class Products:
-    """Cross-products of g flights. Columns are k hypotheses, then companions, then the residual: c in all.
+    """Cross-products of g flights. Columns are k hypotheses, then companions, then the residual: c
+    in all.
 
-    matrices : each flight's Gram, in its own order; positions : (c,) where a column stands in it, for each of the orders that
-    there are, and order (g,) : which of them a flight has. levels (g, axes, c) : a column on an axis' constant, whose weight
-    (g, axes) is its product with itself; kept (g, c) : 0 for columns that a flight has not, or that do not vary, else 1.
-    base (c,) : the column beside which a companion stands, itself for others; part (g, c) : what a companion has of that, which
-    is taken off it, so that the column keeps its meaning, the effect at the alpha of this flight.
-    factor (c,) : a product of two columns is counted in units of one over their factors. offsets : hypothesis that is an axis'
-    own constant -> that axis among the levels.
+    matrices : each flight's Gram, in its own order; positions : (c,) where a column stands in it,
+    for each of the orders that there are, and order (g,) : which of them a flight has. levels (g,
+    axes, c) : a column on an axis' constant, whose weight (g, axes) is its product with itself;
+    kept (g, c) : 0 for columns that a flight has not, or that do not vary, else 1. base (c,) : the
+    column beside which a companion stands, itself for others; part (g, c) : what a companion has of
+    that, which is taken off it, so that the column keeps its meaning, the effect at the alpha of
+    this flight. factor (c,) : a product of two columns is counted in units of one over their
+    factors. offsets : hypothesis that is an axis' own constant -> that axis among the levels.
     """
 
     hypotheses: int
@@ -52,7 +54,8 @@ class Products:
         return self.block(self.core, self.core)
 
     def constants(self) -> tuple[Array, Array]:
-        """Product (g, o) of each offset's trim with itself, and with all columns (g, o, c) over that; scaled."""
+        """Product (g, o) of each offset's trim with itself, and with all columns (g, o, c) over
+        that; scaled."""
         places, axes = list(self.offsets), list(self.offsets.values())
         across = self.levels[:, axes] * self.kept[:, None]
         across -= across[:, :, self.base] * self.part[:, None]
@@ -61,8 +64,13 @@ class Products:
 
     def block(self, rows: Places, columns: Places) -> Array:
         """(g, rows, columns) of any of the columns."""
-        moved, beside = np.flatnonzero(self.base[rows] != rows), np.flatnonzero(self.base[columns] != columns)
-        found = self._straight(np.r_[rows, self.base[rows[moved]]], np.r_[columns, self.base[columns[beside]]])
+        moved, beside = (
+            np.flatnonzero(self.base[rows] != rows),
+            np.flatnonzero(self.base[columns] != columns),
+        )
+        found = self._straight(
+            np.r_[rows, self.base[rows[moved]]], np.r_[columns, self.base[columns[beside]]]
+        )
         found[:, moved] -= self.part[:, rows[moved], None] * found[:, len(rows) :]
         found = found[:, : len(rows)]
         found[:, :, beside] -= self.part[:, None, columns[beside]] * found[:, :, len(columns) :]
@@ -72,29 +80,42 @@ class Products:
         """As `block`, nothing taken off companions and not scaled."""
         found = np.empty((len(self.matrices), len(rows), len(columns)))
         self._gather(found, rows[:, None], columns)
-        found -= (self.levels[:, :, rows] * self.weight[:, :, None]).transpose(0, 2, 1) @ self.levels[:, :, columns]
+        found -= (self.levels[:, :, rows] * self.weight[:, :, None]).transpose(
+            0, 2, 1
+        ) @ self.levels[:, :, columns]
         found *= self.kept[:, rows, None]
         found *= self.kept[:, None, columns]
         return found
 
     def _gather(self, found: Array, rows: Places, columns: Places) -> None:
         """Fills (g, ...) with the elements at rows and columns (...) of the flights' Grams."""
-        sizes = [len(self.matrices[self.order.index(number)]) for number in range(len(self.positions))]
-        places = [at[rows] * size + at[columns] for at, size in zip(self.positions, sizes, strict=True)]
+        sizes = [
+            len(self.matrices[self.order.index(number)]) for number in range(len(self.positions))
+        ]
+        places = [
+            at[rows] * size + at[columns] for at, size in zip(self.positions, sizes, strict=True)
+        ]
         for target, matrix, order in zip(found, self.matrices, self.order, strict=True):
             matrix.take(places[order], out=target, mode="clip")
 
 
 def products_of(
-    grams: Sequence[Gram], known: Mapping[str, int], offsets: Mapping[int, str], shapes: Mapping[int, int]
+    grams: Sequence[Gram],
+    known: Mapping[str, int],
+    offsets: Mapping[int, str],
+    shapes: Mapping[int, int],
 ) -> tuple[Products, Products | None, Array]:
-    """Products of the Grams and, where any has them, of their noisy copies; and the columns with themselves (columns,), over all
-    flights, SI.
+    """Products of the Grams and, where any has them, of their noisy copies; and the columns with
+    themselves (columns,), over all flights, SI.
 
-    known : id or companion's name -> column; offsets : column -> axis whose own constant it is; shapes : companion -> its column.
+    known : id or companion's name -> column; offsets : column -> axis whose own constant it is;
+    shapes : companion -> its column.
     """
     plain, diagonal = _aligned(grams, [g.matrix for g in grams], known, offsets, shapes)
-    behind, beside = np.array(list(shapes), dtype=np.intp), np.array(list(shapes.values()), dtype=np.intp)
+    behind, beside = (
+        np.array(list(shapes), dtype=np.intp),
+        np.array(list(shapes.values()), dtype=np.intp),
+    )
     across, own = _pairs(plain, behind, beside), diagonal[:, beside]
     part = np.zeros_like(plain.kept)
     part[:, behind] = np.where(own > 0.0, across / np.where(own > 0.0, own, 1.0), 0.0)
@@ -119,7 +140,8 @@ def _aligned(
     offsets: Mapping[int, str],
     shapes: Mapping[int, int],
 ) -> tuple[Products, Array]:
-    """Products without companions' parts and scales, and (g, columns) of each column with itself."""
+    """Products without companions' parts and scales, and (g, columns) of each column with
+    itself."""
     axes = list(dict.fromkeys([*(axis for g in grams for axis in g.axes), *offsets.values()]))
     columns = len(known) + 1
     shape = len(grams), columns
@@ -128,8 +150,15 @@ def _aligned(
     for row, (g, matrix) in enumerate(zip(grams, matrices, strict=True)):
         if (g.axes, g.hypotheses) not in indices:
             index = np.array([*(known[name] for name in g.hypotheses), columns - 1], dtype=np.intp)
-            indices[g.axes, g.hypotheses] = np.array([axes.index(axis) for axis in g.axes], dtype=np.intp), index
-        trims, (rows, index), square = len(g.axes), indices[g.axes, g.hypotheses], np.diagonal(matrix)
+            indices[g.axes, g.hypotheses] = (
+                np.array([axes.index(axis) for axis in g.axes], dtype=np.intp),
+                index,
+            )
+        trims, (rows, index), square = (
+            len(g.axes),
+            indices[g.axes, g.hypotheses],
+            np.diagonal(matrix),
+        )
         squares[row, index], weight[row, rows] = square[trims:], square[:trims]
         levels[row][np.ix_(rows, index)] = matrix[:trims, trims:] / square[:trims, None]
     diagonal = squares - np.einsum("gtc,gt->gc", levels**2, weight)

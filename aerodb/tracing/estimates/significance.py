@@ -1,4 +1,5 @@
-"""The test over flights: one flight, one vote; few flights borrow from the noise inside them; sensors get their share first."""
+"""The test over flights: one flight, one vote; few flights borrow from the noise inside them;
+sensors get their share first."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -20,10 +21,12 @@ POWER = 0.8
 class Tested:
     """Each hypothesis (k,) over the flights that voted on it.
 
-    mean, standard_error (of the mean), dof, voters (flights, k), count, gain (coherent: fall of the whitened sum of squares under
-    one common value), inflation (median VIF), excited (some flight shows it at all), testable (separable and enough votes).
-    sigma (s,) : prior sigma of each sensor, 0 for those that are freed. families : what can be claimed, see `by_families`; empty:
-    all of it, in one. What follows from the errors of `votes` is computed when it is asked for, and remembered as `seen`.
+    mean, standard_error (of the mean), dof, voters (flights, k), count, gain (coherent: fall of the
+    whitened sum of squares under one common value), inflation (median VIF), excited (some flight
+    shows it at all), testable (separable and enough votes). sigma (s,) : prior sigma of each
+    sensor, 0 for those that are freed. families : what can be claimed, see `by_families`; empty:
+    all of it, in one. What follows from the errors of `votes` is computed when it is asked for, and
+    remembered as `seen`.
     """
 
     mean: Array
@@ -39,7 +42,9 @@ class Tested:
     sigma: Array
     settings: Settings
     families: tuple[tuple[int, ...], ...] = ()
-    seen: dict[int, tuple[float, float]] = field(default_factory=dict, init=False, repr=False, compare=False)
+    seen: dict[int, tuple[float, float]] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
 
     @cached_property
     def systematic(self) -> Array:
@@ -65,7 +70,9 @@ class Tested:
     @cached_property
     def detectable(self) -> Array:
         """(k,) size that is found with power .8."""
-        hurdle = stdtrit(self.dof, 1.0 - 0.5 * self.settings.level / len(self.mean)) + stdtrit(self.dof, POWER)
+        hurdle = stdtrit(self.dof, 1.0 - 0.5 * self.settings.level / len(self.mean)) + stdtrit(
+            self.dof, POWER
+        )
         return np.where(self.count > 0, self.systematic + hurdle * self.standard_error, np.inf)
 
     def systematic_at(self, places: Sequence[int]) -> Array:
@@ -74,7 +81,8 @@ class Tested:
         return np.asarray(sensors + np.abs(shift))
 
     def p_at(self, places: Sequence[int]) -> Array:
-        """(places,) of `p`. What noise takes off an estimate has not made it: a shift counts on the side to which it goes."""
+        """(places,) of `p`. What noise takes off an estimate has not made it: a shift counts on the
+        side to which it goes."""
         sensors, shift = self._errors_at(places)
         at = np.array(places, dtype=np.intp)
         return self._p(at, sensors + np.where(self.mean[at] * shift > 0.0, np.abs(shift), 0.0))
@@ -85,7 +93,9 @@ class Tested:
         if new:
             leak, shift = self.votes.mean_errors(new, self.voters)
             sensors = self.settings.kappa * np.sqrt(np.square(leak * self.sigma).sum(axis=-1))
-            self.seen.update(zip(new, zip(sensors, self.settings.shift_factor * shift, strict=True), strict=True))
+            self.seen.update(
+                zip(new, zip(sensors, self.settings.shift_factor * shift, strict=True), strict=True)
+            )
         found = np.array([self.seen[place] for place in places]).reshape(-1, 2)
         return found[:, 0], found[:, 1]
 
@@ -95,7 +105,8 @@ class Tested:
         if self.families:
             return np.asarray(self.adjusted < self.settings.level)
         floor = holm(self.unmasked, len(self.mean))
-        # What is close may be asked for when some flights are left out: the algebra of many places costs as much as that of one.
+        # What is close may be asked for when some flights are left out: the algebra of many places
+        # costs as much as that of one.
         self.votes.errors.at(np.flatnonzero(floor < 1.0).tolist())
         return np.asarray(holm(self._where(floor), len(floor)) < self.settings.level)
 
@@ -105,7 +116,8 @@ class Tested:
         return np.asarray(self._where(self.unmasked) < self.settings.level)
 
     def _where(self, floor: Array) -> Array:
-        """(k,) `p` where `floor` is below the level, 1 elsewhere: systematic bounds make every p larger."""
+        """(k,) `p` where `floor` is below the level, 1 elsewhere: systematic bounds make every p
+        larger."""
         near = np.flatnonzero(floor < self.settings.level)
         p = np.ones(len(floor))
         p[near] = self.p_at(near.tolist())
@@ -123,14 +135,18 @@ class Tested:
         return np.asarray(np.where(self.testable[places] & (error > 0.0), np.minimum(p, 1.0), 1.0))
 
     def interval(self, place: int) -> tuple[float, float]:
-        """95 % interval of one hypothesis: random and systematic parts joined as a root of squares."""
+        """95 % interval of one hypothesis: random and systematic parts joined as a root of
+        squares."""
         systematic = float(self.systematic_at([place])[0])
-        half = float(np.hypot(stdtrit(self.dof[place], 0.975) * self.standard_error[place], systematic))
+        half = float(
+            np.hypot(stdtrit(self.dof[place], 0.975) * self.standard_error[place], systematic)
+        )
         return float(self.mean[place]) - half, float(self.mean[place]) + half
 
 
 def holm(p: Array, size: int) -> Array:
-    """Adjusted p-values (k,) of Holm (Scand. J. Stat. 6, 1979) among `size` >= k tests; those not given count as p = 1.
+    """Adjusted p-values (k,) of Holm (Scand. J. Stat. 6, 1979) among `size` >= k tests; those not
+    given count as p = 1.
 
     >>> holm(np.array([0.01, 0.04]), 2).tolist()
     [0.02, 0.04]
@@ -143,8 +159,9 @@ def holm(p: Array, size: int) -> Array:
 
 
 def by_families(p: Array, families: Sequence[Sequence[int]]) -> Array:
-    """Adjusted p-values (k,) where only the places in `families` can be claimed, each in one of them: Holm inside a family, which
-    has an equal part of the level. What cannot be claimed cannot be claimed falsely: it counts in none, and gets 1.
+    """Adjusted p-values (k,) where only the places in `families` can be claimed, each in one of
+    them: Holm inside a family, which has an equal part of the level. What cannot be claimed cannot
+    be claimed falsely: it counts in none, and gets 1.
 
     >>> by_families(np.array([0.01, 0.04, 0.02]), [[0], [1]]).tolist()
     [0.02, 0.08, 1.0]
@@ -157,25 +174,34 @@ def by_families(p: Array, families: Sequence[Sequence[int]]) -> Array:
 
 
 def moderated_variance(between: Array, dof: Array, within: Array, prior_dof: float) -> Array:
-    """``(d0 v0 + d v) / (d0 + d)``: the posterior variance of Smyth (Stat. Appl. Genet. Mol. Biol. 3(1), 2004), d0 + d > 0."""
+    """``(d0 v0 + d v) / (d0 + d)``: the posterior variance of Smyth (Stat. Appl. Genet. Mol. Biol.
+    3(1), 2004), d0 + d > 0."""
     return np.asarray((prior_dof * within + dof * between) / (prior_dof + dof))
 
 
-def over_flights(votes: Votes, sigma: Array, settings: Settings, fewest: int, constants: Sequence[int] = ()) -> Tested:
-    """The test of every hypothesis over flights (Ibragimov & Mueller, JBES 28(4), 2010), TRACING step 4.
+def over_flights(
+    votes: Votes, sigma: Array, settings: Settings, fewest: int, constants: Sequence[int] = ()
+) -> Tested:
+    """The test of every hypothesis over flights (Ibragimov & Mueller, JBES 28(4), 2010), TRACING
+    step 4.
 
-    votes : of the flights (g, k). sigma : prior sigma of each sensor (s,), 0 for those that are freed. fewest : votes that a
-    hypothesis needs to be tested here. constants : hypotheses that are an axis' constant. They vary from flight to flight by
-    more than the noise inside them: they have an s0 of their own, and their variance is never below that over flights.
+    votes : of the flights (g, k). sigma : prior sigma of each sensor (s,), 0 for those that are
+    freed. fewest : votes that a hypothesis needs to be tested here. constants : hypotheses that are
+    an axis' constant. They vary from flight to flight by more than the noise inside them: they have
+    an s0 of their own, and their variance is never below that over flights.
 
-    ``se^2 = (d0 s0 v0 + d v) / ((d0 + d) G)`` with v the variance over flights, d = G - 1, v0 = mean 1/I and
-    s0 = max(1, median v/v0 over the hypotheses); ``p = T(-(|m| - D)/se) + T(-(|m| + D)/se)``, D with the shift where
-    it goes the way of m (Cook & Stefanski, JASA 89, 1994: without the noise the estimate would be m - shift).
+    ``se^2 = (d0 s0 v0 + d v) / ((d0 + d) G)`` with v the variance over flights, d = G - 1, v0 =
+    mean 1/I and s0 = max(1, median v/v0 over the hypotheses); ``p = T(-(|m| - D)/se) + T(-(|m| +
+    D)/se)``, D with the shift where it goes the way of m (Cook & Stefanski, JASA 89, 1994: without
+    the noise the estimate would be m - shift).
     """
     voters = votes.information > settings.least_share * votes.information.max(axis=0, initial=0.0)
     count = voters.sum(axis=0)
     number = np.maximum(count, 1)
-    estimate, information = np.where(voters, votes.estimate, 0.0), np.where(voters, votes.information, 0.0)
+    estimate, information = (
+        np.where(voters, votes.estimate, 0.0),
+        np.where(voters, votes.information, 0.0),
+    )
     mean = estimate.sum(axis=0) / number
     deviation = np.where(voters, estimate - mean, 0.0)
     dof = np.maximum(count - 1, 0).astype(np.float64)
@@ -224,12 +250,16 @@ def _median_inflation(votes: Votes, voters: Mask) -> Array:
     count = voters.sum(axis=0)
     ordered = np.sort(np.where(voters, votes.inflation, np.inf), axis=0)
     each = np.arange(len(count))
-    lower, upper = ordered[np.maximum(count - 1, 0) // 2, each], ordered[np.minimum(count // 2, len(ordered) - 1), each]
+    lower, upper = (
+        ordered[np.maximum(count - 1, 0) // 2, each],
+        ordered[np.minimum(count // 2, len(ordered) - 1), each],
+    )
     return np.asarray(np.where(count > 0, 0.5 * (lower + upper), np.inf))
 
 
 def paired_p(better: Array, worse: Array) -> float:
-    """One-sided p of "`better` (g,) gains no more than `worse` (g,)": Student's paired t over flights; 1 for fewer than two."""
+    """One-sided p of "`better` (g,) gains no more than `worse` (g,)": Student's paired t over
+    flights; 1 for fewer than two."""
     difference = better - worse
     if len(difference) < 2:
         return 1.0

@@ -1,4 +1,5 @@
-"""An autoregression whitens what is coloured: one filter per axis and flight, for the residual and every column alike."""
+"""An autoregression whitens what is coloured: one filter per axis and flight, for the residual and
+every column alike."""
 
 from collections.abc import Sequence
 
@@ -8,16 +9,20 @@ from aerodb.support import Array
 
 
 def fit(records: Sequence[Array], most: int) -> tuple[Array, float]:
-    """Coefficients a (p,) of ``v[k] = a1 v[k-1] + ... + ap v[k-p] + e[k]`` and the spread of e; p <= `most` by BIC.
+    """Coefficients a (p,) of ``v[k] = a1 v[k-1] + ... + ap v[k-p] + e[k]`` and the spread of e; p
+    <= `most` by BIC.
 
-    records : arrays (n_i,) with their level removed; each is a record of its own, no lag reaches across. Conditional least
-    squares; all orders are compared on the samples that the longest uses. ``BIC = n log(SSE/n) + p log n``
-    (Schwarz, Ann. Stat. 6(2), 1978). A model that is not stable is not taken. Spread 0: nothing but zeros.
+    records : arrays (n_i,) with their level removed; each is a record of its own, no lag reaches
+    across. Conditional least squares; all orders are compared on the samples that the longest uses.
+    ``BIC = n log(SSE/n) + p log n`` (Schwarz, Ann. Stat. 6(2), 1978). A model that is not stable is
+    not taken. Spread 0: nothing but zeros.
     """
     most = max(0, min(most, max(len(record) for record in records) // 4))
     target = np.concatenate([record[most:] for record in records])
     lags = [
-        np.concatenate([record[most - k : len(record) - k] for record in records if len(record) > most])
+        np.concatenate(
+            [record[most - k : len(record) - k] for record in records if len(record) > most]
+        )
         for k in range(1, most + 1)
     ]
     n = len(target)
@@ -39,7 +44,8 @@ def fit(records: Sequence[Array], most: int) -> tuple[Array, float]:
 
 
 def whiten(columns: Array, coefficients: Array) -> Array:
-    """Columns (n, k) of one record through ``e[k] = v[k] - a1 v[k-1] - ...``; the first p rows, without a past, are left out."""
+    """Columns (n, k) of one record through ``e[k] = v[k] - a1 v[k-1] - ...``; the first p rows,
+    without a past, are left out."""
     order = len(coefficients)
     filtered = columns[order:].copy()
     for lag, coefficient in enumerate(coefficients, start=1):
@@ -48,13 +54,17 @@ def whiten(columns: Array, coefficients: Array) -> Array:
 
 
 def correlation_time(records: Sequence[Array], step: float) -> float:
-    """Integral time scale [s] of records with their level removed: ``step (1/2 + sum rho_k)`` to the first rho_k <= 0."""
+    """Integral time scale [s] of records with their level removed: ``step (1/2 + sum rho_k)`` to
+    the first rho_k <= 0."""
     total = sum(float(record @ record) for record in records)
     if total <= 0.0:
         return 0.0
     scale = 0.5
     for lag in range(1, max(len(record) for record in records)):
-        rho = sum(float(record[lag:] @ record[:-lag]) for record in records if len(record) > lag) / total
+        rho = (
+            sum(float(record[lag:] @ record[:-lag]) for record in records if len(record) > lag)
+            / total
+        )
         if rho <= 0.0:
             break
         scale += rho

@@ -1,4 +1,5 @@
-"""The band in which residuals are traced: up to a little above the rigid-body modes, where the excitation is."""
+"""The band in which residuals are traced: up to a little above the rigid-body modes, where the
+excitation is."""
 
 from collections.abc import Mapping, Sequence
 
@@ -10,7 +11,8 @@ from aerodb.tables import AeroDatabase
 from aerodb.tracing.settings import short_period_frequency
 from aerodb.vehicle import Vehicle, mass_channels
 
-#: The edge in natural frequencies of the fastest rigid-body mode (TRACING, step 1: one to two), and the least edge, Hz.
+#: The edge in natural frequencies of the fastest rigid-body mode (TRACING, step 1: one to two), and
+#: the least edge, Hz.
 FACTOR, LEAST = 1.5, 0.5
 #: The edge in sampling rates, at most.
 _OF_SAMPLING = 0.2
@@ -19,16 +21,23 @@ _STEP = 0.01
 
 
 def tracing_bandwidth(database: AeroDatabase, vehicle: Vehicle, flights: Sequence[Flight]) -> float:
-    """Edge of the low-pass, Hz: FACTOR times the fastest of short period and Dutch roll that the database gives at the flights'
-    median conditions, both without damping; at least LEAST and at most a fifth of the sampling rate."""
+    """Edge of the low-pass, Hz: FACTOR times the fastest of short period and Dutch roll that the
+    database gives at the flights' median conditions, both without damping; at least LEAST and at
+    most a fifth of the sampling rate."""
     reference = database.reference
     edges = [LEAST]
     for flight in flights:
         properties = mass_channels(flight, vehicle)
-        condition = {name: np.array([_median(flight, name)]) for name in database.flight_inputs if name in flight}
+        condition = {
+            name: np.array([_median(flight, name)])
+            for name in database.flight_inputs
+            if name in flight
+        }
         # where the log lacks these, a comparison makes them from the angles; here the air is steady
         condition |= {
-            name: np.zeros(1) for name in ("alphadot", "betadot") if name in database.flight_inputs and name not in flight
+            name: np.zeros(1)
+            for name in ("alphadot", "betadot")
+            if name in database.flight_inputs and name not in flight
         }
         qbar = _median(flight, "qbar")
         modes = (("Cm", "alpha", "Iyy", reference.chord), ("Cn", "beta", "Izz", reference.span))
@@ -49,6 +58,8 @@ def _slope(database: AeroDatabase, axis: str, angle: str, condition: Mapping[str
     if angle not in condition:
         return 0.0
     low, high = ({**condition, angle: condition[angle] + side * _STEP} for side in (-1.0, 1.0))
-    difference = database.predict(high).coefficients[axis] - database.predict(low).coefficients[axis]
+    difference = (
+        database.predict(high).coefficients[axis] - database.predict(low).coefficients[axis]
+    )
     slope = float(difference[0]) / (2.0 * _STEP)
     return slope if np.isfinite(slope) else 0.0

@@ -1,6 +1,7 @@
 """What tracing knows of one flight: its residual, and what each hypothesis would add to it.
 
-Nothing is conditioned here: low-pass, decimation, trims and whitening are `gram`'s, applied to all columns alike.
+Nothing is conditioned here: low-pass, decimation, trims and whitening are `gram`'s, applied to all
+columns alike.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -19,11 +20,13 @@ Columns = Mapping[str, Mapping[str, Array]]
 class Evidence:
     """One flight (or one manoeuvre of it) on its own uniform time grid.
 
-    flight : its id, or that of the unit. step : s. residual : axis -> (n,), measured - predicted, without dimension.
-    usable : axis -> (n,). columns : hypothesis id -> axis -> (n,), derivative of (measured - predicted) by the hypothesis'
-    one parameter; aerodynamic and sensors alike; an axis on which it does not act may be missing, and so may a hypothesis
-    that this flight cannot show. noisy : the same flight with the reconstruction's own state noise added once more (SIMEX:
-    Cook & Stefanski, JASA 89, 1994); optional. instruments : like columns, what commanded inputs alone make of them; optional.
+    flight : its id, or that of the unit. step : s. residual : axis -> (n,), measured - predicted,
+    without dimension. usable : axis -> (n,). columns : hypothesis id -> axis -> (n,), derivative of
+    (measured - predicted) by the hypothesis' one parameter; aerodynamic and sensors alike; an axis
+    on which it does not act may be missing, and so may a hypothesis that this flight cannot show.
+    noisy : the same flight with the reconstruction's own state noise added once more (SIMEX: Cook &
+    Stefanski, JASA 89, 1994); optional. instruments : like columns, what commanded inputs alone
+    make of them; optional.
 
     Raises InputError when lengths differ or a column is not finite where its axis is usable.
     """
@@ -39,9 +42,15 @@ class Evidence:
     def __post_init__(self) -> None:
         lengths = {len(values) for values in self.residual.values()}
         if len(lengths) != 1 or set(self.residual) - set(self.usable):
-            raise InputError("residuals need one length and a usable mask on every axis", self.flight, "give each axis both")
+            raise InputError(
+                "residuals need one length and a usable mask on every axis",
+                self.flight,
+                "give each axis both",
+            )
         if not self.step > 0.0:
-            raise InputError(f"a step of {self.step} s", self.flight, "give a positive sampling interval")
+            raise InputError(
+                f"a step of {self.step} s", self.flight, "give a positive sampling interval"
+            )
         length = lengths.pop()
         for axis, values in self.residual.items():
             _check(values, length, self.usable[axis], self.flight, f"residual of {axis}")
@@ -49,7 +58,13 @@ class Evidence:
             for name, by_axis in columns.items():
                 for axis, values in by_axis.items():
                     if axis in self.residual:
-                        _check(values, length, self.usable[axis], self.flight, f"column {name} on {axis}")
+                        _check(
+                            values,
+                            length,
+                            self.usable[axis],
+                            self.flight,
+                            f"column {name} on {axis}",
+                        )
 
     @property
     def samples(self) -> int:
@@ -57,7 +72,8 @@ class Evidence:
         return len(next(iter(self.residual.values())))
 
     def usable_alike(self, axes: Iterable[str]) -> list[list[str]]:
-        """The axes in groups that are usable at the same samples: a group's columns may be worked on at once."""
+        """The axes in groups that are usable at the same samples: a group's columns may be worked
+        on at once."""
         groups: dict[bytes, list[str]] = {}
         for axis in axes:
             groups.setdefault(self.usable[axis].tobytes(), []).append(axis)
@@ -66,18 +82,29 @@ class Evidence:
 
 def _check(values: Array, length: int, usable: Mask, where: str, what: str) -> None:
     if len(values) != length or len(usable) != length:
-        raise InputError(f"{what} has {len(values)} samples, the flight {length}", where, "put it on the flight's grid")
+        raise InputError(
+            f"{what} has {len(values)} samples, the flight {length}",
+            where,
+            "put it on the flight's grid",
+        )
     finite = np.isfinite(values)
     if not finite.all() and not finite[usable].all():
-        raise InputError(f"{what} is not finite where the axis is usable", where, "mark such samples unusable on this axis")
+        raise InputError(
+            f"{what} is not finite where the axis is usable",
+            where,
+            "mark such samples unusable on this axis",
+        )
 
 
-def units(evidence: Evidence, windows: Sequence[tuple[float, float]], correlation_time: float) -> tuple[Evidence, ...]:
+def units(
+    evidence: Evidence, windows: Sequence[tuple[float, float]], correlation_time: float
+) -> tuple[Evidence, ...]:
     """The flight's manoeuvres as units of their own, where they may count as independent votes.
 
-    windows : (start, end) [s] from the first sample, in order. A window that begins less than five `correlation_time` [s] of the
-    residual after the end of the last one taken is left out: neighbours would share noise. Each unit has its own trim.
-    Units are called as `VotingUnit` says, ``flight@start-end``; say in the result that manoeuvres voted, not flights.
+    windows : (start, end) [s] from the first sample, in order. A window that begins less than five
+    `correlation_time` [s] of the residual after the end of the last one taken is left out:
+    neighbours would share noise. Each unit has its own trim. Units are called as `VotingUnit` says,
+    ``flight@start-end``; say in the result that manoeuvres voted, not flights.
     """
     found: list[Evidence] = []
     whole, free_from = VotingUnit.parse(evidence.flight), -np.inf
@@ -90,10 +117,14 @@ def units(evidence: Evidence, windows: Sequence[tuple[float, float]], correlatio
     return tuple(found)
 
 
-def halves(evidence: Evidence, hypothesis: str, noise: Mapping[str, float], correlation_time: float) -> tuple[Evidence, ...]:
-    """The unit cut in two where it has shown half of what it shows of a hypothesis (its id), five `correlation_time` [s] apart.
+def halves(
+    evidence: Evidence, hypothesis: str, noise: Mapping[str, float], correlation_time: float
+) -> tuple[Evidence, ...]:
+    """The unit cut in two where it has shown half of what it shows of a hypothesis (its id), five
+    `correlation_time` [s] apart.
 
-    noise : axis -> spread of what is left, coefficient units. Empty where a half would hold nothing.
+    noise : axis -> spread of what is left, coefficient units. Empty where a half would hold
+    nothing.
     """
     shown = np.zeros(evidence.samples)
     for axis, column in evidence.columns.get(hypothesis, {}).items():
@@ -111,7 +142,10 @@ def _cut(evidence: Evidence, part: slice, name: str) -> Evidence:
     """The samples `part` of the evidence under a new name, noisy copies alike."""
 
     def columns(source: Columns) -> dict[str, dict[str, Array]]:
-        return {key: {axis: values[part] for axis, values in by_axis.items()} for key, by_axis in source.items()}
+        return {
+            key: {axis: values[part] for axis, values in by_axis.items()}
+            for key, by_axis in source.items()
+        }
 
     return replace(
         evidence,

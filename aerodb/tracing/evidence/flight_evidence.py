@@ -25,25 +25,41 @@ def evidence_of(
 ) -> Evidence:
     """Residuals of a flight on the body axes and the column of every hypothesis.
 
-    database : the current model, the one that `comparison` is with. noisy : the same flight with the reconstruction's state
-    noise added once more, each with its own comparison. view : of the flight beside the database, where there is one already. A
-    hypothesis whose channels the flight lacks gives no column.
+    database : the current model, the one that `comparison` is with. noisy : the same flight with
+    the reconstruction's state noise added once more, each with its own comparison. view : of the
+    flight beside the database, where there is one already. A hypothesis whose channels the flight
+    lacks gives no column.
 
     Raises InputError when the flight gives no body axis.
     """
     view = view or view_of(flight, comparison, database, vehicle)
     axes = [axis for axis in AXES if axis in comparison.usable and comparison.usable[axis].any()]
     if not axes:
-        raise InputError("no axis has a usable sample", f"flight {flight.id}", "see its flags: aerodb flight show")
+        raise InputError(
+            "no axis has a usable sample",
+            f"flight {flight.id}",
+            "see its flags: aerodb flight show",
+        )
     columns = {hypothesis.id: hypothesis.columns(view) for hypothesis in hypotheses}
     return Evidence(
         flight=flight.id,
         step=flight.step,
         residual={axis: np.nan_to_num(comparison.residual(axis)) for axis in axes},
         usable={axis: comparison.usable[axis] for axis in axes},
-        columns={name: {axis: found[axis] for axis in axes if axis in found} for name, found in columns.items() if found},
+        columns={
+            name: {axis: found[axis] for axis in axes if axis in found}
+            for name, found in columns.items()
+            if found
+        },
         noisy=tuple(
-            evidence_of(other, beside, database, vehicle, hypotheses, view=view_of(other, beside, database, vehicle, near=view))
+            evidence_of(
+                other,
+                beside,
+                database,
+                vehicle,
+                hypotheses,
+                view=view_of(other, beside, database, vehicle, near=view),
+            )
             for other, beside in noisy
         ),
     )

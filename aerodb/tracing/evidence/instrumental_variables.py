@@ -1,10 +1,13 @@
-"""Instruments from what was commanded: what of a rate a pilot or a test programme asked for, and no controller added.
+"""Instruments from what was commanded: what of a rate a pilot or a test programme asked for, and no
+controller added.
 
-A controller answers moment noise with a deflection, and so with a rate: rate and residual are then correlated although the
-database lacks nothing, in every flight alike, and votes cannot see it (TRACING, known holes). What was commanded knows nothing of
-the noise. So columns count by what they would be with the rates that the commands predict: the first stage of two-stage least
-squares (Theil, 1953), on the commands' responses through a few Laguerre filters (Wahlberg, IEEE Trans. Automatic Control 36(5),
-1991), which need no model of the aircraft. The price is power: a rate that gusts made says nothing any more.
+A controller answers moment noise with a deflection, and so with a rate: rate and residual are then
+correlated although the database lacks nothing, in every flight alike, and votes cannot see it
+(TRACING, known holes). What was commanded knows nothing of the noise. So columns count by what they
+would be with the rates that the commands predict: the first stage of two-stage least squares
+(Theil, 1953), on the commands' responses through a few Laguerre filters (Wahlberg, IEEE Trans.
+Automatic Control 36(5), 1991), which need no model of the aircraft. The price is power: a rate that
+gusts made says nothing any more.
 """
 
 from collections.abc import Mapping
@@ -24,39 +27,55 @@ ASKED_BY: Final[Mapping[str, tuple[str, ...]]] = {
     "q": ("command_pitch",),
     "r": ("command_roll", "command_yaw"),
 }
-#: Filters per command. Each lets a part of the noise back in through the fit: one over the independent samples.
+#: Filters per command. Each lets a part of the noise back in through the fit: one over the
+#: independent samples.
 _FILTERS: Final = 4
 
 
 def as_commanded(flight: Flight, bandwidth: float) -> Flight | None:
-    """The flight with the rates that its commands predict, fitted to its own; None where none was logged that moved.
+    """The flight with the rates that its commands predict, fitted to its own; None where none was
+    logged that moved.
 
     bandwidth : of tracing, Hz; the filters' pole is at half of it.
     """
     made: dict[str, Array] = {}
     for rate, commands in ASKED_BY.items():
-        responses = [response for name in commands for response in _responses(flight, name, bandwidth)]
+        responses = [
+            response for name in commands for response in _responses(flight, name, bandwidth)
+        ]
         if rate in flight and responses:
-            basis, good = np.column_stack([np.ones(len(flight.time)), *responses]), flight.usable([rate])
+            basis, good = (
+                np.column_stack([np.ones(len(flight.time)), *responses]),
+                flight.usable([rate]),
+            )
             if good.any():
                 made[rate] = basis @ np.linalg.lstsq(basis[good], flight[rate][good], rcond=None)[0]
     return flight.with_channels(made) if made else None
 
 
 def with_instruments(evidence: Evidence, commanded: Evidence) -> Evidence:
-    """The evidence with instruments for the columns that are others in the evidence of the flight as it was commanded."""
+    """The evidence with instruments for the columns that are others in the evidence of the flight
+    as it was commanded."""
     changed = {
-        name: {axis: found for axis, found in commanded.columns.get(name, {}).items() if axis in columns}
+        name: {
+            axis: found
+            for axis, found in commanded.columns.get(name, {}).items()
+            if axis in columns
+        }
         for name, columns in evidence.columns.items()
         if any(
-            not np.array_equal(column, commanded.columns.get(name, {}).get(axis, np.empty(0))) for axis, column in columns.items()
+            not np.array_equal(column, commanded.columns.get(name, {}).get(axis, np.empty(0)))
+            for axis, column in columns.items()
         )
     }
-    return replace(evidence, instruments={name: columns for name, columns in changed.items() if columns})
+    return replace(
+        evidence, instruments={name: columns for name, columns in changed.items() if columns}
+    )
 
 
 def _responses(flight: Flight, command: str, bandwidth: float) -> list[Array]:
-    """A command (n,) through the first Laguerre filters; empty where it is not logged or did not move."""
+    """A command (n,) through the first Laguerre filters; empty where it is not logged or did not
+    move."""
     if command not in flight:
         return []
     values = flight[command]

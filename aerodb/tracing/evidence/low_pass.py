@@ -1,4 +1,5 @@
-"""Residual and columns of one axis in the band that tracing looks at: stretches without gaps, low-passed, decimated."""
+"""Residual and columns of one axis in the band that tracing looks at: stretches without gaps,
+low-passed, decimated."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -16,23 +17,28 @@ from aerodb.tracing.settings import Settings
 #: Axis -> one array (m, hypotheses + 2) per stretch: constant, columns, residual.
 Records = Mapping[str, Sequence[Array]]
 
-#: Gaps shorter than this part of a period of the band's edge are bridged by straight lines, residual and columns alike.
+#: Gaps shorter than this part of a period of the band's edge are bridged by straight lines,
+#: residual and columns alike.
 BRIDGED = 0.25
 #: Samples after decimation that a stretch must have beyond the filter's order and its ends.
 SHORTEST = 8
-#: A sample near an end is left out whose noise the low-pass leaves more than this many times stronger (variance) than inside.
+#: A sample near an end is left out whose noise the low-pass leaves more than this many times
+#: stronger (variance) than inside.
 NOISIER = 2.0
-#: Kept samples that are filtered by one product, and samples of all columns that are worked on at a time.
+#: Kept samples that are filtered by one product, and samples of all columns that are worked on at a
+#: time.
 BLOCK, _CACHED = 16, 1 << 18
 
 
 def decimation(step: float, bandwidth: float) -> int:
-    """Every how manieth sample of `step` [s] holds what is below `bandwidth` [Hz]; 1 where the grid is too slow to decimate."""
+    """Every how manieth sample of `step` [s] holds what is below `bandwidth` [Hz]; 1 where the grid
+    is too slow to decimate."""
     return max(1, int(PASS_EDGE / (bandwidth * step)))
 
 
 def stretches(usable: Mask, step: float, bandwidth: float, order: int) -> list[slice]:
-    """Usable stretches of the grid, long enough to whiten; short gaps inside them are to be bridged."""
+    """Usable stretches of the grid, long enough to whiten; short gaps inside them are to be
+    bridged."""
     ratio = decimation(step, bandwidth)
     longest_gap = int(BRIDGED / (bandwidth * step))
     found = runs(usable, (SHORTEST + order + 2 * ends_left_out(ratio)) * ratio, longest_gap)
@@ -40,19 +46,25 @@ def stretches(usable: Mask, step: float, bandwidth: float, order: int) -> list[s
 
 
 def band_limited(columns: Sequence[Array], usable: Mask, step: float, bandwidth: float) -> Array:
-    """Columns (k of (n,)) of one stretch as (m, k): gaps bridged, low-passed with zero phase, every `decimation`-th sample.
+    """Columns (k of (n,)) of one stretch as (m, k): gaps bridged, low-passed with zero phase, every
+    `decimation`-th sample.
 
-    The low-pass is that of `aerodb.conditioning.resampling.low_pass`; the ends are continued by point reflection, and the
-    samples are left out whose noise this hardly lowers. Every step is linear and the same for all columns: what was
-    ``y = X theta + v`` still is.
+    The low-pass is that of `aerodb.conditioning.resampling.low_pass`; the ends are continued by
+    point reflection, and the samples are left out whose noise this hardly lowers. Every step is
+    linear and the same for all columns: what was ``y = X theta + v`` still is.
     """
     ratio = decimation(step, bandwidth)
     return _decimated(columns, usable, ratio, ends_left_out(ratio)).T
 
 
 def slower(columns: Sequence[Array], usable: Mask, ratio: int) -> Array:
-    """Columns (k of (n,)) as (k, m): every `ratio`-th sample from the first on, low-passed and bridged likewise."""
-    return _decimated(columns, usable, ratio, 0) if usable.any() else np.stack([column[::ratio] for column in columns])
+    """Columns (k of (n,)) as (k, m): every `ratio`-th sample from the first on, low-passed and
+    bridged likewise."""
+    return (
+        _decimated(columns, usable, ratio, 0)
+        if usable.any()
+        else np.stack([column[::ratio] for column in columns])
+    )
 
 
 def _decimated(columns: Sequence[Array], usable: Mask, ratio: int, left_out: int) -> Array:
@@ -60,20 +72,30 @@ def _decimated(columns: Sequence[Array], usable: Mask, ratio: int, left_out: int
     n, k = len(usable), len(columns)
     taps, half = _kernel(ratio)
     if half >= n:
-        raise InputError(f"{n} samples are fewer than the low-pass's {half}", "tracing band", "give a longer stretch")
+        raise InputError(
+            f"{n} samples are fewer than the low-pass's {half}",
+            "tracing band",
+            "give a longer stretch",
+        )
     result = np.empty((k, (n - 1) // ratio + 1 - 2 * left_out))
     together = max(1, _CACHED // n)
     for first in range(0, k, together):
-        padded, out = _padded(columns[first : first + together], usable, half), result[first : first + together]
+        padded, out = (
+            _padded(columns[first : first + together], usable, half),
+            result[first : first + together],
+        )
         for place in range(0, out.shape[1], BLOCK):
             part = out[:, place : place + BLOCK]
             start, width = (place + left_out) * ratio, len(taps) + (part.shape[1] - 1) * ratio
-            np.matmul(padded[:, start : start + width], _band(ratio)[:width, : part.shape[1]], out=part)
+            np.matmul(
+                padded[:, start : start + width], _band(ratio)[:width, : part.shape[1]], out=part
+            )
     return result
 
 
 def _padded(columns: Sequence[Array], usable: Mask, half: int) -> Array:
-    """Columns (k of (n,)) as (k, n + 2 half): straight lines over gaps, point reflections about both ends beyond them."""
+    """Columns (k of (n,)) as (k, n + 2 half): straight lines over gaps, point reflections about
+    both ends beyond them."""
     n = len(usable)
     padded = np.empty((len(columns), n + 2 * half))
     inner = padded[:, half : half + n]
@@ -91,10 +113,11 @@ def _padded(columns: Sequence[Array], usable: Mask, half: int) -> Array:
 
 @lru_cache(maxsize=64)
 def ends_left_out(ratio: int) -> int:
-    """Decimated samples at each end of a stretch in which white noise is more than NOISIER times what it is inside.
+    """Decimated samples at each end of a stretch in which white noise is more than NOISIER times
+    what it is inside.
 
-    Reflected about the end, noise does not average: the very last sample would come out as it went in, and what it is worth
-    would be judged by the spread of the others.
+    Reflected about the end, noise does not average: the very last sample would come out as it went
+    in, and what it is worth would be judged by the spread of the others.
 
     >>> ends_left_out(1), ends_left_out(23)
     (0, 1)
@@ -127,7 +150,8 @@ def _kernel(ratio: int) -> tuple[Array, int]:
 
 @lru_cache(maxsize=64)
 def _band(ratio: int) -> Array:
-    """The filter at BLOCK kept samples, one after the other, as a matrix (samples, BLOCK): a product does what a loop would."""
+    """The filter at BLOCK kept samples, one after the other, as a matrix (samples, BLOCK): a
+    product does what a loop would."""
     taps, _ = _kernel(ratio)
     band = np.zeros((len(taps) + (BLOCK - 1) * ratio, BLOCK))
     for number in range(BLOCK):
@@ -137,10 +161,11 @@ def _band(ratio: int) -> Array:
 
 @dataclass(frozen=True)
 class Band:
-    """One flight in the band that tracing looks at. step [s] after decimation; names : the hypotheses, in the order of columns.
+    """One flight in the band that tracing looks at. step [s] after decimation; names : the
+    hypotheses, in the order of columns.
 
-    noisy : records of the copies with more state noise; instruments : records of the instruments (zero where there is none),
-    empty without.
+    noisy : records of the copies with more state noise; instruments : records of the instruments
+    (zero where there is none), empty without.
     """
 
     flight: str
@@ -152,10 +177,12 @@ class Band:
 
 
 def in_band(evidence: Evidence, settings: Settings) -> Band:
-    """The evidence in the band, axis by axis and stretch by stretch; axes without a usable stretch stay out."""
+    """The evidence in the band, axis by axis and stretch by stretch; axes without a usable stretch
+    stay out."""
     names = tuple(evidence.columns)
     parts = {
-        axis: stretches(evidence.usable[axis], evidence.step, settings.bandwidth, settings.order) for axis in evidence.residual
+        axis: stretches(evidence.usable[axis], evidence.step, settings.bandwidth, settings.order)
+        for axis in evidence.residual
     }
     parts = {axis: found for axis, found in parts.items() if found}
 
@@ -165,7 +192,9 @@ def in_band(evidence: Evidence, settings: Settings) -> Band:
         found: dict[str, list[Array]] = {axis: [] for axis in parts}
         for axes in alike:
             for part in parts[axes[0]]:
-                for axis, record in _limited(residual, columns, names, axes, evidence, part, settings.bandwidth).items():
+                for axis, record in _limited(
+                    residual, columns, names, axes, evidence, part, settings.bandwidth
+                ).items():
                     found[axis].append(record)
         return found
 
@@ -175,7 +204,9 @@ def in_band(evidence: Evidence, settings: Settings) -> Band:
         names=names,
         records=records(evidence.residual, evidence.columns),
         noisy=tuple(records(copy.residual, copy.columns) for copy in evidence.noisy),
-        instruments=records(evidence.residual, evidence.instruments) if evidence.instruments else {},
+        instruments=records(evidence.residual, evidence.instruments)
+        if evidence.instruments
+        else {},
     )
 
 
@@ -188,18 +219,32 @@ def _limited(
     part: slice,
     bandwidth: float,
 ) -> dict[str, Array]:
-    """One stretch in the band: axis -> (m, names + 2), constant, the named columns (zero where absent), residual.
+    """One stretch in the band: axis -> (m, names + 2), constant, the named columns (zero where
+    absent), residual.
 
     axes : usable at the same samples, so that all their columns are filtered at once.
     """
-    acting = {axis: [place for place, name in enumerate(names) if axis in columns.get(name, {})] for axis in axes}
-    rows = [[*(columns[names[place]][axis][part] for place in acting[axis]), residual[axis][part]] for axis in axes]
-    limited = band_limited([row for each in rows for row in each], evidence.usable[axes[0]][part], evidence.step, bandwidth)
+    acting = {
+        axis: [place for place, name in enumerate(names) if axis in columns.get(name, {})]
+        for axis in axes
+    }
+    rows = [
+        [*(columns[names[place]][axis][part] for place in acting[axis]), residual[axis][part]]
+        for axis in axes
+    ]
+    limited = band_limited(
+        [row for each in rows for row in each],
+        evidence.usable[axes[0]][part],
+        evidence.step,
+        bandwidth,
+    )
     found, first = {}, 0
     for axis, each in zip(axes, rows, strict=True):
         result = np.zeros((len(limited), len(names) + 2))
         result[:, 0] = 1.0
-        result[:, [*(place + 1 for place in acting[axis]), len(names) + 1]] = limited[:, first : first + len(each)]
+        result[:, [*(place + 1 for place in acting[axis]), len(names) + 1]] = limited[
+            :, first : first + len(each)
+        ]
         found[axis], first = result, first + len(each)
     return found
 

@@ -1,7 +1,8 @@
 """One flight's Gram matrix: all that later steps use of it, so that adding a flight costs one Gram.
 
-Columns are ``trims | hypotheses | residual``; on each axis they are low-passed, decimated and whitened alike, divided by the
-spread of the innovation and multiplied with one another; the products are summed over the axes.
+Columns are ``trims | hypotheses | residual``; on each axis they are low-passed, decimated and
+whitened alike, divided by the spread of the innovation and multiplied with one another; the
+products are summed over the axes.
 """
 
 from collections.abc import Mapping, Sequence
@@ -25,11 +26,12 @@ GRAM_VERSION = 1
 class Gram:
     """Whitened cross-products of one flight, k = trims + hypotheses + 1 columns.
 
-    flight : id of the unit. axes : those that carry residuals, in the order of the trims. hypotheses : ids, in the order of the
-    columns. matrix (k, k). noisy : mean over the copies with the state noise added once more, same form, or None.
-    spread (axes,): rms of the
-    innovation, coefficient units; correlation (axes,) s, of the residual; samples (axes,) after decimation. excitation
-    (hypotheses,): rms of the column about its mean in the band, on the axis where it is largest against the noise.
+    flight : id of the unit. axes : those that carry residuals, in the order of the trims.
+    hypotheses : ids, in the order of the columns. matrix (k, k). noisy : mean over the copies with
+    the state noise added once more, same form, or None. spread (axes,): rms of the innovation,
+    coefficient units; correlation (axes,) s, of the residual; samples (axes,) after decimation.
+    excitation (hypotheses,): rms of the column about its mean in the band, on the axis where it is
+    largest against the noise.
     """
 
     flight: str
@@ -43,7 +45,8 @@ class Gram:
     excitation: Array
 
     def to_arrays(self) -> dict[str, NDArray[np.generic]]:
-        """Plain arrays for a store; `gram_from_arrays` is the way back. Absent matrices are empty."""
+        """Plain arrays for a store; `gram_from_arrays` is the way back. Absent matrices are
+        empty."""
         return {
             "version": np.array(GRAM_VERSION),
             "flight": np.array(self.flight),
@@ -63,7 +66,9 @@ def gram_from_arrays(arrays: Mapping[str, NDArray[np.generic]]) -> Gram:
     version = int(np.asarray(arrays["version"], dtype=np.int64)) if "version" in arrays else 0
     if version != GRAM_VERSION:
         raise InputError(
-            f"a Gram of form {version}, not {GRAM_VERSION}", str(arrays.get("flight", "")), "make it anew from its flight"
+            f"a Gram of form {version}, not {GRAM_VERSION}",
+            str(arrays.get("flight", "")),
+            "make it anew from its flight",
         )
 
     def numbers(name: str) -> Array:
@@ -83,7 +88,8 @@ def gram_from_arrays(arrays: Mapping[str, NDArray[np.generic]]) -> Gram:
 
 
 def gram(evidence: Evidence, settings: Settings) -> Gram:
-    """The Gram of one flight. Axes without a usable stretch, or whose residual is exactly constant, stay out.
+    """The Gram of one flight. Axes without a usable stretch, or whose residual is exactly constant,
+    stay out.
 
     A column that has an instrument counts by what its instrument predicts of it (`first_stage`).
 
@@ -95,8 +101,9 @@ def gram(evidence: Evidence, settings: Settings) -> Gram:
 def gram_of(band: Band, settings: Settings) -> Gram:
     """The Gram of one flight that is already in the band.
 
-    The filter of an axis is fitted once, to its residual without its level, and used for all columns, the noisy copies and the
-    instruments: filtering is linear, so that what was true of the columns stays true.
+    The filter of an axis is fitted once, to its residual without its level, and used for all
+    columns, the noisy copies and the instruments: filtering is linear, so that what was true of the
+    columns stays true.
 
     Raises InputError when no axis is left.
     """
@@ -110,7 +117,11 @@ def gram_of(band: Band, settings: Settings) -> Gram:
             times.append(correlation_time(residual, band.step))
             counts.append(sum(len(record) for record in records))
     if not fitted:
-        raise InputError("no axis has a usable stretch", band.flight, "see why its samples are flagged; fly longer manoeuvres")
+        raise InputError(
+            "no axis has a usable stretch",
+            band.flight,
+            "see why its samples are flagged; fly longer manoeuvres",
+        )
     noisy = [_products(band, copy, fitted) for copy in band.noisy]
     return Gram(
         flight=band.flight,
@@ -135,7 +146,9 @@ def _products(band: Band, source: Records, fitted: Mapping[str, tuple[Array, flo
         if axis in band.instruments:
             inner = acting[1:-1] if acting[-1] == len(band.names) + 1 else acting[1:]
             places = np.r_[0, inner]
-            drivers = _white([record[:, places] for record in band.instruments[axis]], coefficients, spread)
+            drivers = _white(
+                [record[:, places] for record in band.instruments[axis]], coefficients, spread
+            )
             last = len(inner) + 1
             white[:, 1:last] = first_stage(white[:, 0], white[:, 1:last], drivers[:, 1:])
         index = np.where(acting == 0, number, acting + len(fitted) - 1)
@@ -159,10 +172,12 @@ def _white(records: Sequence[Array], coefficients: Array, spread: float) -> Arra
 
 
 def first_stage(constant: Array, columns: Array, instruments: Array) -> Array:
-    """Columns (m, k) with each that has an instrument (not zero) replaced by what the instrument predicts of it.
+    """Columns (m, k) with each that has an instrument (not zero) replaced by what the instrument
+    predicts of it.
 
-    The first stage of two-stage least squares (Theil, 1953): what a controller adds to a rate in answer to the residual is not
-    in its instrument, so that it no longer counts as the rate's doing. The constant (m,) is taken off both and put back.
+    The first stage of two-stage least squares (Theil, 1953): what a controller adds to a rate in
+    answer to the residual is not in its instrument, so that it no longer counts as the rate's
+    doing. The constant (m,) is taken off both and put back.
     """
     found = columns.copy()
     weight = float(constant @ constant)

@@ -1,10 +1,12 @@
-"""How far a template may be off in shape: its effect may grow with alpha, or with its own size, otherwise than it says.
+"""How far a template may be off in shape: its effect may grow with alpha, or with its own size,
+otherwise than it says.
 
-A term that is right in name and wrong in shape leaves a remainder. It is no second effect, and no sensor's. So aerodynamic
-columns have companions, the column times alpha and times its own size, which stand beside the term once that is accepted, each
-with the prior that the effect changes by TOLERANCE of itself over one sigma of alpha (or of the size; at least over LEAST). What
-the library itself has a name for has no companion: a slope times alpha is a slope break, beta times alpha or a deflection cubed
-stand in it.
+A term that is right in name and wrong in shape leaves a remainder. It is no second effect, and no
+sensor's. So aerodynamic columns have companions, the column times alpha and times its own size,
+which stand beside the term once that is accepted, each with the prior that the effect changes by
+TOLERANCE of itself over one sigma of alpha (or of the size; at least over LEAST). What the library
+itself has a name for has no companion: a slope times alpha is a slope break, beta times alpha or a
+deflection cubed stand in it.
 """
 
 from collections.abc import Mapping, Sequence
@@ -21,8 +23,8 @@ from aerodb.tracing.evidence.evidence import Columns, Evidence
 
 #: One sigma of the change of an effect over one sigma of alpha or of its size, part of the effect.
 TOLERANCE: Final = 0.5
-#: What a companion's name ends with -> least sigma of alpha [rad], and of the size [its own rms], that this is stated for: where
-#: it hardly moves, no shape shows.
+#: What a companion's name ends with -> least sigma of alpha [rad], and of the size [its own rms],
+#: that this is stated for: where it hardly moves, no shape shows.
 LEAST: Final[Mapping[str, float]] = {"~alpha": 0.035, "~size": 0.3}
 #: Points at which regressors are compared, and the correlation from which two are one.
 _POINTS, _SAME = 200, 0.95
@@ -39,14 +41,22 @@ def companions(id: str) -> dict[str, float]:
 
 
 def with_shapes(evidence: Evidence, flight: Flight, hypotheses: Sequence[Hypothesis]) -> Evidence:
-    """The evidence with the companions that its hypotheses have (`varying`); those over alpha only where the flight has it."""
-    alpha = np.nan_to_num(flight["alpha"], nan=float(np.nanmean(flight["alpha"]))) if "alpha" in flight else None
+    """The evidence with the companions that its hypotheses have (`varying`); those over alpha only
+    where the flight has it."""
+    alpha = (
+        np.nan_to_num(flight["alpha"], nan=float(np.nanmean(flight["alpha"])))
+        if "alpha" in flight
+        else None
+    )
     return _joined(evidence, alpha, varying(hypotheses))
 
 
 def without_shapes(evidence: Evidence) -> Evidence:
     """The evidence without any companion."""
-    return replace(evidence, columns={name: columns for name, columns in evidence.columns.items() if not parent(name)})
+    return replace(
+        evidence,
+        columns={name: columns for name, columns in evidence.columns.items() if not parent(name)},
+    )
 
 
 def _joined(evidence: Evidence, alpha: Array | None, names: frozenset[str]) -> Evidence:
@@ -69,25 +79,35 @@ def _size(by_axis: Mapping[str, Array]) -> Array | None:
 
 
 def varying(hypotheses: Sequence[Hypothesis]) -> frozenset[str]:
-    """Names of all companions: not of what depends on alpha alone, and not where the library holds that shape itself."""
+    """Names of all companions: not of what depends on alpha alone, and not where the library holds
+    that shape itself."""
     own = [h for h in hypotheses if h.kind == "aerodynamic" and len(h.increment) == 1]
     found = set[str]()
     for hypothesis in own:
         axis, regressor = hypothesis.increment[0]
-        beside = [h.increment[0][1] for h in own if h is not hypothesis and h.increment[0][0] == axis]
+        beside = [
+            h.increment[0][1] for h in own if h is not hypothesis and h.increment[0][0] == axis
+        ]
         if regressor.names - {"alpha"}:
-            found |= {name for name in companions(hypothesis.id) if not any(_is(other, regressor, name) for other in beside)}
+            found |= {
+                name
+                for name in companions(hypothesis.id)
+                if not any(_is(other, regressor, name) for other in beside)
+            }
     return frozenset(found)
 
 
 def _is(other: Expression, regressor: Expression, name: str) -> bool:
-    """Whether `other` is the companion `name` of `regressor`, but for a share of the regressor itself."""
+    """Whether `other` is the companion `name` of `regressor`, but for a share of the regressor
+    itself."""
     over_alpha = name.endswith("~alpha")
     if other.names != (regressor.names | {"alpha"} if over_alpha else regressor.names):
         return False
     generator = np.random.default_rng(0)
     names = sorted(other.names)
-    at: Mapping[str, Array] = {n: generator.uniform(-0.3 if _signed(n) else 0.05, 0.3, _POINTS) for n in names}
+    at: Mapping[str, Array] = {
+        n: generator.uniform(-0.3 if _signed(n) else 0.05, 0.3, _POINTS) for n in names
+    }
     base, wanted = (np.broadcast_to(evaluate(each, at), (_POINTS,)) for each in (regressor, other))
     made = base * (at["alpha"] if over_alpha else np.abs(base))
     left = [each - base * ((base @ each) / (base @ base)) for each in (made, wanted)]

@@ -1,4 +1,5 @@
-"""A flight with the reconstruction's own state error added once more: what that error does to estimates (SIMEX)."""
+"""A flight with the reconstruction's own state error added once more: what that error does to
+estimates (SIMEX)."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -21,35 +22,48 @@ def noisy_copies(
     copies: int,
     near: Comparison | None = None,
 ) -> list[tuple[Flight, Comparison]]:
-    """`copies` of a consistent flight, each with one more realisation of its states' error, beside the database.
+    """`copies` of a consistent flight, each with one more realisation of its states' error, beside
+    the database.
 
-    near : the flight's comparison where its channels no longer give it exactly (`thinned`): what the error changes is put on top.
+    near : the flight's comparison where its channels no longer give it exactly (`thinned`): what
+    the error changes is put on top.
 
-    Where the states are wrong twice as much, estimates are off twice as much (Cook & Stefanski, JASA 89, 1994). The error runs
-    through the whole chain, coefficients and prediction alike; draws are seeded by the flight, so that they are the same on
-    every machine.
+    Where the states are wrong twice as much, estimates are off twice as much (Cook & Stefanski,
+    JASA 89, 1994). The error runs through the whole chain, coefficients and prediction alike; draws
+    are seeded by the flight, so that they are the same on every machine.
     """
     seed = int.from_bytes(flight.id.encode()[:8].ljust(8, b"0"), "big")
-    clean = None if near is None else compare(flight, total_coefficients(flight, vehicle), database, vehicle.reference)
+    clean = (
+        None
+        if near is None
+        else compare(flight, total_coefficients(flight, vehicle), database, vehicle.reference)
+    )
     found = []
     for number in range(copies):
         drawn = noise.draw(np.random.default_rng([seed, number]), len(flight.time), flight.step)
         copy = flight.with_channels(_added(flight, drawn))
         beside = compare(copy, total_coefficients(copy, vehicle), database, vehicle.reference)
-        found.append((copy, beside if near is None or clean is None else _on_top(near, beside, clean)))
+        found.append(
+            (copy, beside if near is None or clean is None else _on_top(near, beside, clean))
+        )
     return found
 
 
 def _on_top(near: Comparison, beside: Comparison, clean: Comparison) -> Comparison:
     """The comparison `near` with what `beside` adds to `clean`."""
 
-    def moved(base: Mapping[str, Array], to: Mapping[str, Array], start: Mapping[str, Array]) -> dict[str, Array]:
+    def moved(
+        base: Mapping[str, Array], to: Mapping[str, Array], start: Mapping[str, Array]
+    ) -> dict[str, Array]:
         return {axis: base[axis] + (to[axis] - start[axis]) for axis in near.usable}
 
     measured = moved(near.measured, beside.measured, clean.measured)
-    return replace(near, measured=measured, predicted=moved(near.predicted, beside.predicted, clean.predicted))
+    return replace(
+        near, measured=measured, predicted=moved(near.predicted, beside.predicted, clean.predicted)
+    )
 
 
 def _added(flight: Flight, drawn: dict[str, Array]) -> dict[str, Array]:
-    """The channels with their errors; rates of the flow angles are left to be made anew of the angles."""
+    """The channels with their errors; rates of the flow angles are left to be made anew of the
+    angles."""
     return {name: flight[name] + error for name, error in drawn.items() if name in flight}

@@ -1,7 +1,9 @@
-"""A flight at the rate that tracing needs: columns cost by the sample, and most of a log's rate lies far above the band.
+"""A flight at the rate that tracing needs: columns cost by the sample, and most of a log's rate
+lies far above the band.
 
-Channels are low-passed and columns made of them, instead of the other way round: in the band that is the same but for products
-of what was above it, that is of noise, which a column is better without.
+Channels are low-passed and columns made of them, instead of the other way round: in the band that
+is the same but for products of what was above it, that is of noise, which a column is better
+without.
 """
 
 from dataclasses import replace
@@ -15,17 +17,21 @@ from aerodb.nomenclature import AXES
 from aerodb.support import Array, Mask
 from aerodb.tracing.evidence.low_pass import BRIDGED, slower
 
-#: The rate that stays, in bandwidths at least: products of three channels fold into the band only what lies above 3.6 of it.
+#: The rate that stays, in bandwidths at least: products of three channels fold into the band only
+#: what lies above 3.6 of it.
 OVERSAMPLING = 12.0
-#: From this duration on [s] a flight is long: it is thinned, and one copy with more state noise is enough of it.
+#: From this duration on [s] a flight is long: it is thinned, and one copy with more state noise is
+#: enough of it.
 LONG = 300.0
 
 
 def thinned(flight: Flight, comparison: Comparison, bandwidth: float) -> tuple[Flight, Comparison]:
-    """The flight and its comparison with every k-th sample kept, k as large as leaves OVERSAMPLING times `bandwidth` [Hz].
+    """The flight and its comparison with every k-th sample kept, k as large as leaves OVERSAMPLING
+    times `bandwidth` [Hz].
 
-    The first sample stays the first. Around a gap that is not bridged one more kept sample on each side is not usable: what is
-    beyond it has come in. Both are returned as they are where k is one, and of a flight that is not LONG: there it costs little.
+    The first sample stays the first. Around a gap that is not bridged one more kept sample on each
+    side is not usable: what is beyond it has come in. Both are returned as they are where k is one,
+    and of a flight that is not LONG: there it costs little.
     """
     every = int(1.0 / (OVERSAMPLING * bandwidth * flight.step))
     if every < 2 or flight.duration < LONG:
@@ -34,11 +40,17 @@ def thinned(flight: Flight, comparison: Comparison, bandwidth: float) -> tuple[F
     longest = int(BRIDGED / (bandwidth * flight.step))
     usable = {axis: good for axis, good in comparison.usable.items() if axis in AXES}
     sides = {
-        axis: slower([np.nan_to_num(side[axis]) for side in (comparison.measured, comparison.predicted)], good, every)
+        axis: slower(
+            [np.nan_to_num(side[axis]) for side in (comparison.measured, comparison.predicted)],
+            good,
+            every,
+        )
         for axis, good in usable.items()
     }
     flags = {name: bits[kept] for name, bits in flight.flags.items()}
-    thin = replace(flight, time=flight.time[kept], channels=_slower_channels(flight, every), flags=flags)
+    thin = replace(
+        flight, time=flight.time[kept], channels=_slower_channels(flight, every), flags=flags
+    )
     return thin, replace(
         comparison,
         time=thin.time,
@@ -47,17 +59,25 @@ def thinned(flight: Flight, comparison: Comparison, bandwidth: float) -> tuple[F
         predicted={axis: predicted for axis, (_, predicted) in sides.items()},
         usable={axis: _clear(good, longest, every)[kept] for axis, good in usable.items()},
         outside=comparison.outside[kept],
-        bandwidth=None if comparison.bandwidth is None else min(comparison.bandwidth, 0.25 / thin.step),
+        bandwidth=None
+        if comparison.bandwidth is None
+        else min(comparison.bandwidth, 0.25 / thin.step),
     )
 
 
 def _slower_channels(flight: Flight, every: int) -> dict[str, Array]:
-    """All channels low-passed over their gaps, every `every`-th sample; not a number where they were not."""
+    """All channels low-passed over their gaps, every `every`-th sample; not a number where they
+    were not."""
     finite = {name: np.isfinite(values) for name, values in flight.channels.items()}
     names = [name for name, good in finite.items() if good.any()]
     whole = np.ones(len(flight.time), dtype=np.bool_)
-    found = dict(zip(names, slower([bridge(flight[name]) for name in names], whole, every), strict=True))
-    return {name: np.where(finite[name][::every], found.get(name, np.nan), np.nan) for name in flight.channels}
+    found = dict(
+        zip(names, slower([bridge(flight[name]) for name in names], whole, every), strict=True)
+    )
+    return {
+        name: np.where(finite[name][::every], found.get(name, np.nan), np.nan)
+        for name in flight.channels
+    }
 
 
 def _clear(usable: Mask, longest: int, every: int) -> Mask:

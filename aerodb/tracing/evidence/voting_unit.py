@@ -1,4 +1,5 @@
-"""What votes: a flight, or a stretch of one; and the name by which evidence, Grams and findings carry it."""
+"""What votes: a flight, or a stretch of one; and the name by which evidence, Grams and findings
+carry it."""
 
 import re
 from dataclasses import dataclass
@@ -10,7 +11,8 @@ _WINDOW: Final = re.compile(rf"(?P<flight>.*)@(?P<start>{_NUMBER})-(?P<end>{_NUM
 
 @dataclass(frozen=True)
 class VotingUnit:
-    """A flight (its id), and of a part of one its window: start and end [s] from the flight's first sample.
+    """A flight (its id), and of a part of one its window: start and end [s] from the flight's first
+    sample.
 
     >>> str(VotingUnit("abc", (0.0, 5.654912)))
     'abc@0-5.65491'
@@ -25,10 +27,18 @@ class VotingUnit:
     def parse(cls, name: str) -> "VotingUnit":
         """The unit of this name; what names no window is a whole flight."""
         found = _WINDOW.fullmatch(name)
-        return cls(name) if found is None else cls(found["flight"], (float(found["start"]), float(found["end"])))
+        return (
+            cls(name)
+            if found is None
+            else cls(found["flight"], (float(found["start"]), float(found["end"])))
+        )
 
     def __str__(self) -> str:
-        return self.flight if self.window is None else f"{self.flight}@{self.window[0]:g}-{self.window[1]:g}"
+        return (
+            self.flight
+            if self.window is None
+            else f"{self.flight}@{self.window[0]:g}-{self.window[1]:g}"
+        )
 
     @property
     def short(self) -> str:

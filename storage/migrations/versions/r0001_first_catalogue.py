@@ -1,4 +1,5 @@
-"""The first catalogue: vehicles, logs, flights, results, runs, versions, names, and the edges between them."""
+"""The first catalogue: vehicles, logs, flights, results, runs, versions, names, and the edges
+between them."""
 
 import sqlalchemy as sa
 from alembic import op
@@ -68,7 +69,9 @@ def _logs_and_runs() -> None:
         sa.Column("text", _TEXT, nullable=False),
         sa.Column("sha256", _TEXT, nullable=False),
         sa.Column("added_utc", _TEXT, nullable=False),
-        sa.ForeignKeyConstraint(["vehicle"], ["vehicles.name"], name=op.f("fk_vehicle_texts_vehicle")),
+        sa.ForeignKeyConstraint(
+            ["vehicle"], ["vehicles.name"], name=op.f("fk_vehicle_texts_vehicle")
+        ),
         sa.PrimaryKeyConstraint("sequence", name=op.f("pk_vehicle_texts")),
         sqlite_strict=True,
     )
@@ -83,7 +86,9 @@ def _logs_and_runs() -> None:
         sa.Column("reason", _TEXT, nullable=False),
         sa.Column("damage", _TEXT, nullable=False),
         sa.Column("added_utc", _TEXT, nullable=False),
-        sa.CheckConstraint("status IN ('stored', 'damaged', 'quarantined')", name=op.f("ck_log_files_status")),
+        sa.CheckConstraint(
+            "status IN ('stored', 'damaged', 'quarantined')", name=op.f("ck_log_files_status")
+        ),
         sa.PrimaryKeyConstraint("sha256", name=op.f("pk_log_files")),
         sqlite_strict=True,
     )
@@ -99,7 +104,10 @@ def _logs_and_runs() -> None:
         sa.Column("code_version", _TEXT, nullable=False),
         sa.Column("error", _TEXT, nullable=False),
         sa.CheckConstraint("how IN ('server', 'ephemeral', 'direct')", name=op.f("ck_runs_how")),
-        sa.CheckConstraint("state IN ('running', 'completed', 'failed', 'crashed', 'cancelled')", name=op.f("ck_runs_state")),
+        sa.CheckConstraint(
+            "state IN ('running', 'completed', 'failed', 'crashed', 'cancelled')",
+            name=op.f("ck_runs_state"),
+        ),
         sa.PrimaryKeyConstraint("id", name=op.f("pk_runs")),
         sqlite_strict=True,
     )
@@ -114,7 +122,9 @@ def _flights() -> None:
         sa.Column("name", _TEXT, nullable=True),
         sa.Column("log_sha256", _TEXT, nullable=False),
         sa.Column("added_utc", _TEXT, nullable=False),
-        sa.ForeignKeyConstraint(["log_sha256"], ["log_files.sha256"], name=op.f("fk_flights_log_sha256")),
+        sa.ForeignKeyConstraint(
+            ["log_sha256"], ["log_files.sha256"], name=op.f("fk_flights_log_sha256")
+        ),
         sa.ForeignKeyConstraint(["vehicle"], ["vehicles.name"], name=op.f("fk_flights_vehicle")),
         sa.PrimaryKeyConstraint("id", name=op.f("pk_flights")),
         sa.UniqueConstraint("vehicle", "name", name=op.f("uq_flights_vehicle_name")),
@@ -146,7 +156,10 @@ def _flights() -> None:
         sa.Column("reasons", _TEXT, nullable=False),
         sa.Column("at_utc", _TEXT, nullable=False),
         sa.CheckConstraint("kind IN ('verdict', 'retracted')", name=op.f("ck_flight_events_kind")),
-        sa.CheckConstraint("verdict IN ('good', 'limited', 'rejected', 'unchecked')", name=op.f("ck_flight_events_verdict")),
+        sa.CheckConstraint(
+            "verdict IN ('good', 'limited', 'rejected', 'unchecked')",
+            name=op.f("ck_flight_events_verdict"),
+        ),
         sa.ForeignKeyConstraint(["flight"], ["flights.id"], name=op.f("fk_flight_events_flight")),
         sa.PrimaryKeyConstraint("sequence", name=op.f("pk_flight_events")),
         sqlite_strict=True,
@@ -179,7 +192,9 @@ def _results() -> None:
         sa.PrimaryKeyConstraint("key", "input_key", name=op.f("pk_result_inputs")),
         sqlite_strict=True,
     )
-    op.create_index(op.f("ix_result_inputs_input_key"), "result_inputs", ["input_key"], unique=False)
+    op.create_index(
+        op.f("ix_result_inputs_input_key"), "result_inputs", ["input_key"], unique=False
+    )
     op.create_table(
         "run_results",
         sa.Column("run", _TEXT, nullable=False),
@@ -206,7 +221,9 @@ def _versions() -> None:
         sa.Column("run", _TEXT, nullable=True),
         sa.Column("created_utc", _TEXT, nullable=False),
         sa.ForeignKeyConstraint(["run"], ["runs.id"], name=op.f("fk_versions_run")),
-        sa.ForeignKeyConstraint(["vehicle", "parent"], ["versions.vehicle", "versions.id"], name="fk_versions_parent"),
+        sa.ForeignKeyConstraint(
+            ["vehicle", "parent"], ["versions.vehicle", "versions.id"], name="fk_versions_parent"
+        ),
         sa.ForeignKeyConstraint(["vehicle"], ["vehicles.name"], name=op.f("fk_versions_vehicle")),
         sa.PrimaryKeyConstraint("id", name=op.f("pk_versions")),
         sa.UniqueConstraint("vehicle", "id", name=op.f("uq_versions_vehicle_id")),
@@ -218,20 +235,28 @@ def _versions() -> None:
         "version_inputs",
         sa.Column("version", _TEXT, nullable=False),
         sa.Column("input_key", _TEXT, nullable=False),
-        sa.ForeignKeyConstraint(["version"], ["versions.id"], name=op.f("fk_version_inputs_version")),
+        sa.ForeignKeyConstraint(
+            ["version"], ["versions.id"], name=op.f("fk_version_inputs_version")
+        ),
         sa.PrimaryKeyConstraint("version", "input_key", name=op.f("pk_version_inputs")),
         sqlite_strict=True,
     )
-    op.create_index(op.f("ix_version_inputs_input_key"), "version_inputs", ["input_key"], unique=False)
+    op.create_index(
+        op.f("ix_version_inputs_input_key"), "version_inputs", ["input_key"], unique=False
+    )
     op.create_table(
         "version_flights",
         sa.Column("version", _TEXT, nullable=False),
         sa.Column("flight", _TEXT, nullable=False),
         sa.Column("role", _TEXT, nullable=False),
         sa.Column("reason", _TEXT, nullable=False),
-        sa.CheckConstraint("role IN ('identified', 'held_out', 'excluded')", name=op.f("ck_version_flights_role")),
+        sa.CheckConstraint(
+            "role IN ('identified', 'held_out', 'excluded')", name=op.f("ck_version_flights_role")
+        ),
         sa.ForeignKeyConstraint(["flight"], ["flights.id"], name=op.f("fk_version_flights_flight")),
-        sa.ForeignKeyConstraint(["version"], ["versions.id"], name=op.f("fk_version_flights_version")),
+        sa.ForeignKeyConstraint(
+            ["version"], ["versions.id"], name=op.f("fk_version_flights_version")
+        ),
         sa.PrimaryKeyConstraint("version", "flight", name=op.f("pk_version_flights")),
         sqlite_strict=True,
     )
@@ -257,8 +282,14 @@ def _versions() -> None:
         sa.Column("at_utc", _TEXT, nullable=False),
         sa.Column("user", _TEXT, nullable=False),
         sa.Column("reason", _TEXT, nullable=False),
-        sa.ForeignKeyConstraint(["vehicle", "version"], ["versions.vehicle", "versions.id"], name="fk_name_events_version"),
+        sa.ForeignKeyConstraint(
+            ["vehicle", "version"],
+            ["versions.vehicle", "versions.id"],
+            name="fk_name_events_version",
+        ),
         sa.PrimaryKeyConstraint("sequence", name=op.f("pk_name_events")),
-        sa.UniqueConstraint("vehicle", "name", "step", name=op.f("uq_name_events_vehicle_name_step")),
+        sa.UniqueConstraint(
+            "vehicle", "name", "step", name=op.f("uq_name_events_vehicle_name_step")
+        ),
         sqlite_strict=True,
     )

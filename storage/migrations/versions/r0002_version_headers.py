@@ -1,5 +1,6 @@
-"""Indices for what would grow with the catalogue: all that a list of versions shows, so that it never reads past the
-documents, which are large; the moves of a vehicle's names in their order; and those to a version."""
+"""Indices for what would grow with the catalogue: all that a list of versions shows, so that it
+never reads past the documents, which are large; the moves of a vehicle's names in their order; and
+those to a version."""
 
 from alembic import op
 

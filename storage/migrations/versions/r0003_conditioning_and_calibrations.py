@@ -1,4 +1,5 @@
-"""What conditioning and flight-path reconstruction keep: marks and repetitions of flights, calibrations and their bindings."""
+"""What conditioning and flight-path reconstruction keep: marks and repetitions of flights,
+calibrations and their bindings."""
 
 import sqlalchemy as sa
 from alembic import op
@@ -37,7 +38,9 @@ def _repetitions() -> None:
         "flight_fingerprints",
         sa.Column("mark", _WHOLE, nullable=False, autoincrement=False),
         sa.Column("flight", _TEXT, nullable=False),
-        sa.ForeignKeyConstraint(["flight"], ["flights.id"], name=op.f("fk_flight_fingerprints_flight")),
+        sa.ForeignKeyConstraint(
+            ["flight"], ["flights.id"], name=op.f("fk_flight_fingerprints_flight")
+        ),
         sa.PrimaryKeyConstraint("mark", "flight", name=op.f("pk_flight_fingerprints")),
         sqlite_strict=True,
         sqlite_with_rowid=False,
@@ -51,12 +54,16 @@ def _repetitions() -> None:
         sa.Column("stretches", _TEXT, nullable=False),
         sa.Column("at_utc", _TEXT, nullable=False),
         sa.ForeignKeyConstraint(["flight"], ["flights.id"], name=op.f("fk_flight_repeats_flight")),
-        sa.ForeignKeyConstraint(["original"], ["flights.id"], name=op.f("fk_flight_repeats_original")),
+        sa.ForeignKeyConstraint(
+            ["original"], ["flights.id"], name=op.f("fk_flight_repeats_original")
+        ),
         sa.PrimaryKeyConstraint("sequence", name=op.f("pk_flight_repeats")),
         sqlite_strict=True,
     )
     op.create_index(op.f("ix_flight_repeats_flight"), "flight_repeats", ["flight"], unique=False)
-    op.create_index(op.f("ix_flight_repeats_original"), "flight_repeats", ["original"], unique=False)
+    op.create_index(
+        op.f("ix_flight_repeats_original"), "flight_repeats", ["original"], unique=False
+    )
 
 
 def _calibrations() -> None:
@@ -71,8 +78,12 @@ def _calibrations() -> None:
         sa.Column("run", _TEXT, nullable=True),
         sa.Column("reason", _TEXT, nullable=False),
         sa.ForeignKeyConstraint(["run"], ["runs.id"], name=op.f("fk_calibrations_run")),
-        sa.ForeignKeyConstraint(["parent"], ["calibrations.id"], name=op.f("fk_calibrations_parent")),
-        sa.ForeignKeyConstraint(["vehicle"], ["vehicles.name"], name=op.f("fk_calibrations_vehicle")),
+        sa.ForeignKeyConstraint(
+            ["parent"], ["calibrations.id"], name=op.f("fk_calibrations_parent")
+        ),
+        sa.ForeignKeyConstraint(
+            ["vehicle"], ["vehicles.name"], name=op.f("fk_calibrations_vehicle")
+        ),
         sa.PrimaryKeyConstraint("id", name=op.f("pk_calibrations")),
         sa.UniqueConstraint("vehicle", "number", name=op.f("uq_calibrations_vehicle_number")),
         sqlite_strict=True,
@@ -84,10 +95,16 @@ def _calibrations() -> None:
         sa.Column("calibration", _TEXT, nullable=False),
         sa.Column("at_utc", _TEXT, nullable=False),
         sa.Column("run", _TEXT, nullable=True),
-        sa.ForeignKeyConstraint(["calibration"], ["calibrations.id"], name=op.f("fk_flight_calibrations_calibration")),
-        sa.ForeignKeyConstraint(["flight"], ["flights.id"], name=op.f("fk_flight_calibrations_flight")),
+        sa.ForeignKeyConstraint(
+            ["calibration"], ["calibrations.id"], name=op.f("fk_flight_calibrations_calibration")
+        ),
+        sa.ForeignKeyConstraint(
+            ["flight"], ["flights.id"], name=op.f("fk_flight_calibrations_flight")
+        ),
         sa.ForeignKeyConstraint(["run"], ["runs.id"], name=op.f("fk_flight_calibrations_run")),
         sa.PrimaryKeyConstraint("sequence", name=op.f("pk_flight_calibrations")),
         sqlite_strict=True,
     )
-    op.create_index(op.f("ix_flight_calibrations_flight"), "flight_calibrations", ["flight"], unique=False)
+    op.create_index(
+        op.f("ix_flight_calibrations_flight"), "flight_calibrations", ["flight"], unique=False
+    )

@@ -29,13 +29,20 @@ def upgrade() -> None:
         sa.Column("run", _TEXT, nullable=True),
         sa.Column("at_utc", _TEXT, nullable=False),
         sa.CheckConstraint(
-            "kind IN ('tried', 'failed', 'stored', 'duplicate', 'quarantined')", name=op.f("ck_inbox_events_kind")
+            "kind IN ('tried', 'failed', 'stored', 'duplicate', 'quarantined')",
+            name=op.f("ck_inbox_events_kind"),
         ),
         sa.ForeignKeyConstraint(["run"], ["runs.id"], name=op.f("fk_inbox_events_run")),
         sa.PrimaryKeyConstraint("sequence", name=op.f("pk_inbox_events")),
         sqlite_strict=True,
     )
-    op.create_index(op.f("ix_inbox_events_path"), "inbox_events", ["path"], unique=False, postgresql_using="hash")
+    op.create_index(
+        op.f("ix_inbox_events_path"),
+        "inbox_events",
+        ["path"],
+        unique=False,
+        postgresql_using="hash",
+    )
     op.create_index(op.f("ix_inbox_events_sha256"), "inbox_events", ["sha256"], unique=False)
     op.create_index("ix_inbox_events_kind", "inbox_events", ["kind", "sequence"], unique=False)
     op.create_index("ix_flights_newest", "flights", ["vehicle", "added_utc"], unique=False)

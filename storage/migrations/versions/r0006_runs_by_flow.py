@@ -1,4 +1,5 @@
-"""An index for the newest runs of a flow: lists of findings, and what asks for a flow's last run, read no other runs."""
+"""An index for the newest runs of a flow: lists of findings, and what asks for a flow's last run,
+read no other runs."""
 
 from alembic import op
 

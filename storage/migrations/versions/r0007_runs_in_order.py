@@ -1,4 +1,5 @@
-"""An index for the newest run of all: where the clock was set back, a run begins after it all the same."""
+"""An index for the newest run of all: where the clock was set back, a run begins after it all the
+same."""
 
 from alembic import op
 

@@ -7,7 +7,13 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from aerodb.conditioning.wild_points import flag_wild_points, physical_range, spikes, stuck, wild_points
+from aerodb.conditioning.wild_points import (
+    flag_wild_points,
+    physical_range,
+    spikes,
+    stuck,
+    wild_points,
+)
 from aerodb.flight import Flight
 from aerodb.nomenclature import FLAGS
 from tests.support.kinematic_flights import kinematic_flight
@@ -27,7 +33,9 @@ def test_sharp_inputs_are_no_spikes() -> None:
     command = np.repeat([0.0, 0.1, -0.1, 0.1, -0.1, 0.0], [200, 75, 50, 25, 25, 200])
     assert not spikes(command).any()
     assert not spikes(command + 1e-3 * rng.standard_normal(len(command))).any()
-    assert not spikes(lfilter([0.3], [1.0, -0.7], command) + 1e-4 * rng.standard_normal(len(command))).any()
+    assert not spikes(
+        lfilter([0.3], [1.0, -0.7], command) + 1e-4 * rng.standard_normal(len(command))
+    ).any()
 
 
 @pytest.mark.parametrize("length", [1, 2, 3])
@@ -71,11 +79,18 @@ def test_flags_carry_reasons_and_no_value_changes() -> None:
 
 
 @pytest.mark.parametrize("record", RECORDS)
-def test_measured_records_have_at_most_single_wild_points(measured: Callable[[str], Path], record: str) -> None:
-    """Two real ones are known: a sample of the pitch rate 0.01 rad/s off its neighbours in Elv1 (24.92 s) and one in AilRud1."""
+def test_measured_records_have_at_most_single_wild_points(
+    measured: Callable[[str], Path], record: str
+) -> None:
+    """Two real ones are known: a sample of the pitch rate 0.01 rad/s off its neighbours in Elv1
+    (24.92 s) and one in AilRud1."""
     flight = as_flight(measured(record))
     flagged = flag_wild_points(flight)
-    new = {name: int((bits & 0xC2 > 0).sum()) for name, bits in flagged.flags.items() if (bits & 0xC2).any()}
+    new = {
+        name: int((bits & 0xC2 > 0).sum())
+        for name, bits in flagged.flags.items()
+        if (bits & 0xC2).any()
+    }
     assert sum(new.values()) <= 2
     if record.endswith("Elv1.mat"):
         assert new == {"q": 1}

@@ -50,7 +50,10 @@ def test_intervals_cover_the_truth_under_coloured_noise() -> None:
     assert abs(np.mean(errors)) < 0.4
 
 
-@pytest.mark.parametrize(("name", "by"), [("alpha", 0.025), ("beta", 0.031), ("phi", 0.047), ("theta", -0.02), ("psi", 0.1)])
+@pytest.mark.parametrize(
+    ("name", "by"),
+    [("alpha", 0.025), ("beta", 0.031), ("phi", 0.047), ("theta", -0.02), ("psi", 0.1)],
+)
 def test_planted_channel_delays(name: str, by: float) -> None:
     flight = late(kinematic_flight(11), name, by) if by > 0 else kinematic_flight(11)
     expected = by if by > 0 else 0.0
@@ -61,7 +64,8 @@ def test_planted_channel_delays(name: str, by: float) -> None:
 
 
 def test_twin_otter_alpha_and_beta_are_late(measured: Callable[[str], Path]) -> None:
-    """The vanes are .02-.03 s late against the kinematics; where a record hardly moves, nothing is claimed."""
+    """The vanes are .02-.03 s late against the kinematics; where a record hardly moves, nothing is
+    claimed."""
     lateral, doublets, longitudinal = (as_flight(measured(record)) for record in TWIN_OTTER)
     for flight, name in ((lateral, "beta"), (doublets, "alpha"), (longitudinal, "alpha")):
         found = channel_delay(flight, name)
@@ -74,8 +78,11 @@ def test_twin_otter_alpha_and_beta_are_late(measured: Callable[[str], Path]) -> 
     assert not channel_delay(lateral, "alpha").observable
 
 
-def test_attas_boom_looks_like_a_delay_of_its_lever_arm_over_airspeed(measured: Callable[[str], Path]) -> None:
-    """alpha 13.08 m ahead of the CG shows q x / V less: as if late by x / V = .10 s, until the boom is corrected."""
+def test_attas_boom_looks_like_a_delay_of_its_lever_arm_over_airspeed(
+    measured: Callable[[str], Path],
+) -> None:
+    """alpha 13.08 m ahead of the CG shows q x / V less: as if late by x / V = .10 s, until the boom
+    is corrected."""
     flight = as_flight(measured("attas/fAttasElv1.mat"))
     assert channel_delay(flight, "alpha").seconds == pytest.approx(13.08 / 128.0, abs=0.02)
     corrected = flight.with_channels({"alpha": flight["alpha"] + flight["q"] * 13.08 / flight["V"]})
@@ -96,7 +103,9 @@ def test_a_channel_that_does_not_follow_its_kinematics_gets_no_delay() -> None:
 
 def test_missing_inputs_and_short_records() -> None:
     flight = kinematic_flight(13)
-    without = Flight("w", "synthetic", flight.time, {name: flight[name] for name in ("theta", "alpha", "V")})
+    without = Flight(
+        "w", "synthetic", flight.time, {name: flight[name] for name in ("theta", "alpha", "V")}
+    )
     found = channel_delay(without, "alpha")
     assert (found.observable, found.because) == (False, "q, ax, az not in the flight")
     assert "too short" in delay_between(np.ones(20), np.ones(20), STEP).because

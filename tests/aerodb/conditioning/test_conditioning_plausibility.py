@@ -1,4 +1,5 @@
-"""Each kind of bad input gets a plain sentence that names its cause; good records, measured and simulated, get none."""
+"""Each kind of bad input gets a plain sentence that names its cause; good records, measured and
+simulated, get none."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -18,14 +19,25 @@ from aerodb.storage.mappings import builtin_mappings
 from aerodb.storage.readers.ulog import read_ulog
 from aerodb.vehicle import parse_vehicle
 from tests.support.kinematic_flights import GRAVITY, kinematic_flight
-from tests.support.measured_flights import ATTAS, CITATION, HFB320, RECORDS, STALLS, TWIN_OTTER, VEHICLE, as_flight
+from tests.support.measured_flights import (
+    ATTAS,
+    CITATION,
+    HFB320,
+    RECORDS,
+    STALLS,
+    TWIN_OTTER,
+    VEHICLE,
+    as_flight,
+)
 
 DEGREE = np.pi / 180
 ANGLES = ("p", "q", "r", "phi", "theta", "psi", "alpha", "beta")
 
 
 @pytest.mark.parametrize("record", RECORDS)
-def test_good_measured_records_raise_no_suspicion(measured: Callable[[str], Path], record: str) -> None:
+def test_good_measured_records_raise_no_suspicion(
+    measured: Callable[[str], Path], record: str
+) -> None:
     assert suspicions(as_flight(measured(record))) == ()
 
 
@@ -81,7 +93,8 @@ def test_faults_planted_in_measured_records(
 
 
 def test_what_a_record_cannot_tell_is_said(measured: Callable[[str], Path]) -> None:
-    """A longitudinal record: phi and p hardly move, and nothing else tells which of them is flipped."""
+    """A longitudinal record: phi and p hardly move, and nothing else tells which of them is
+    flipped."""
     flight = as_flight(measured(TWIN_OTTER[1]))
     (found,) = suspicions(flight.with_channels({"p": -flight["p"]}))
     assert "cannot tell it from" in found.sentence
@@ -90,7 +103,9 @@ def test_what_a_record_cannot_tell_is_said(measured: Callable[[str], Path]) -> N
     assert found.evidence["alternatives"] == 1
 
 
-def test_gravity_missing_as_in_the_citations_normal_acceleration(measured: Callable[[str], Path]) -> None:
+def test_gravity_missing_as_in_the_citations_normal_acceleration(
+    measured: Callable[[str], Path],
+) -> None:
     """That log holds nz - 1; read without its mapping's correction it is -az - g."""
     flight = as_flight(measured(CITATION))
     (found,) = suspicions(flight.with_channels({"az_imu": flight["az_imu"] + GRAVITY}))
@@ -106,7 +121,9 @@ def test_exchanged_axes_and_units_of_g() -> None:
     assert found.sentence.endswith("y and z of the accelerations are swapped")
     (found,) = suspicions(flight.with_channels({"q": flight["r"], "r": flight["q"]}))
     assert (found.kind, found.channel) == ("swapped", "q")
-    (found,) = suspicions(flight.with_channels({name: flight[name] / GRAVITY for name in ("ax", "ay", "az")}))
+    (found,) = suspicions(
+        flight.with_channels({name: flight[name] / GRAVITY for name in ("ax", "ay", "az")})
+    )
     assert found.kind == "unit"
     assert "in g, declared as m/s^2" in found.sentence
 
@@ -148,12 +165,18 @@ def test_topics_without_overlap() -> None:
     (found,) = clock_suspicions(recording(imu, air, topic("vane", 5e6, 65e6)))
     assert "microseconds" in found.sentence
     (found,) = clock_suspicions(recording(imu, air, topic("late", 100.0, 160.0)))
-    assert found.sentence == "topic late runs from 100 to 160 s, the others from 5 to 65 s: its clock is another one"
+    assert (
+        found.sentence
+        == "topic late runs from 100 to 160 s, the others from 5 to 65 s: its clock is another one"
+    )
 
 
-@pytest.mark.parametrize("log", ["sample.ulg", "sample_log_small.ulg", "sample_appended_multiple.ulg"])
+@pytest.mark.parametrize(
+    "log", ["sample.ulg", "sample_log_small.ulg", "sample_appended_multiple.ulg"]
+)
 def test_clocks_of_real_logs_raise_no_suspicion(measured: Callable[[str], Path], log: str) -> None:
-    """They hold topics of a moment (sensor_preflight, commander_state) that meet nothing: events, not records."""
+    """They hold topics of a moment (sensor_preflight, commander_state) that meet nothing: events,
+    not records."""
     recording = read_ulog(measured(f"px4_ulog/{log}"))
     assert clock_suspicions(recording) == ()
     flight = map_recording(recording, builtin_mappings()["px4"], parse_vehicle(VEHICLE))
@@ -171,7 +194,12 @@ def test_a_channel_that_is_all_gap_has_no_overlap() -> None:
 def test_records_in_which_nothing_moves_or_nothing_is_there() -> None:
     time = 0.02 * np.arange(1000)
     assert suspicions(Flight("e", "synthetic", time, {"V": np.full(1000, 50.0)})) == ()
-    parked = Flight("p", "synthetic", time, {"q": np.zeros(1000), "az": np.full(1000, -9.81), "theta": np.zeros(1000)})
+    parked = Flight(
+        "p",
+        "synthetic",
+        time,
+        {"q": np.zeros(1000), "az": np.full(1000, -9.81), "theta": np.zeros(1000)},
+    )
     assert suspicions(parked) == ()
     assert explain({"theta": np.zeros(1000), "q": np.zeros(1000)}, 0.02) is None
     assert suspicions(Flight("s", "synthetic", time[:2], {"q": np.array([0.0, 0.1])})) == ()

@@ -1,4 +1,5 @@
-"""Simulated flights of the example, logged by its instruments: conditioning finds nothing wrong and nothing alike."""
+"""Simulated flights of the example, logged by its instruments: conditioning finds nothing wrong and
+nothing alike."""
 
 from itertools import combinations
 
@@ -20,16 +21,24 @@ from aerodb.vehicle import parse_vehicle
 @pytest.fixture(scope="module")
 def recordings() -> list[Recording]:
     logs = mission.fly(seed=4, flights=3)
-    return [Recording(log.name, "ulog", "0" * 64, 0, {t.name: t for t in log.topics}, layout="px4") for log in logs]
+    return [
+        Recording(log.name, "ulog", "0" * 64, 0, {t.name: t for t in log.topics}, layout="px4")
+        for log in logs
+    ]
 
 
 @pytest.fixture(scope="module")
 def flights(recordings: list[Recording]) -> list[Flight]:
     vehicle = parse_vehicle(text("vehicle.toml"))
-    return [map_recording(recording, builtin_mappings()["px4"], vehicle, recording.source) for recording in recordings]
+    return [
+        map_recording(recording, builtin_mappings()["px4"], vehicle, recording.source)
+        for recording in recordings
+    ]
 
 
-def test_no_wild_points_and_no_suspicions(recordings: list[Recording], flights: list[Flight]) -> None:
+def test_no_wild_points_and_no_suspicions(
+    recordings: list[Recording], flights: list[Flight]
+) -> None:
     for recording, flight in zip(recordings, flights, strict=True):
         assert clock_suspicions(recording) == ()
         assert suspicions(flight) == ()
@@ -44,11 +53,16 @@ def test_flights_of_one_campaign_are_different_flights(flights: list[Flight]) ->
 
 
 def test_gear_speed_brake_and_attitude(flights: list[Flight]) -> None:
-    """The mission lowers its gear near the ground and moves its speed brakes; its attitude comes without a delay."""
+    """The mission lowers its gear near the ground and moves its speed brakes; its attitude comes
+    without a delay."""
     for flight in flights:
         found = segments(flight)
         gear = [segment.reason for segment in found if segment.channel == "delta_landing_gear"]
         assert gear == ["landing gear 0.00", "landing gear moves", "landing gear 1.00"]
         assert any(segment.reason == "speed brake moves" for segment in found)
-        attitude = {delay.channel: delay for delay in delays(flight) if delay.channel in ("phi", "theta", "psi")}
+        attitude = {
+            delay.channel: delay
+            for delay in delays(flight)
+            if delay.channel in ("phi", "theta", "psi")
+        }
         assert all(delay.observable and abs(delay.seconds) < 1e-3 for delay in attitude.values())

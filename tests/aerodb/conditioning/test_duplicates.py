@@ -1,4 +1,5 @@
-"""The same flight in another file, whole, in part or resampled, is found; different flights never are."""
+"""The same flight in another file, whole, in part or resampled, is found; different flights never
+are."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -26,12 +27,23 @@ def records(measured: Callable[[str], Path]) -> dict[str, Flight]:
 def _programme(**start: float) -> Flight:
     """A Boeing 737 in JSBSim under one programme of inputs, from these initial conditions."""
     plan = lowering(0)
-    begun = {**plan.start, **{f"ic/{name.replace('_', '-')}": value for name, value in start.items()}}
-    return as_logged(flown(B737, replace(plan, start=begun, seconds=40.0)), "flown", "737", np.random.default_rng(1))
+    begun = {
+        **plan.start,
+        **{f"ic/{name.replace('_', '-')}": value for name, value in start.items()},
+    }
+    return as_logged(
+        flown(B737, replace(plan, start=begun, seconds=40.0)),
+        "flown",
+        "737",
+        np.random.default_rng(1),
+    )
 
 
-def resampled(flight: Flight, rate: float, start: float, end: float, rounding: int | None = None) -> Flight:
-    """The flight from `start` to `end` [s] at another rate, on a clock of its own, and with few digits."""
+def resampled(
+    flight: Flight, rate: float, start: float, end: float, rounding: int | None = None
+) -> Flight:
+    """The flight from `start` to `end` [s] at another rate, on a clock of its own, and with few
+    digits."""
     time = np.arange(start, end, 1.0 / rate)
     channels = {name: CubicSpline(flight.time, flight[name])(time) for name in flight.channels}
     if rounding is not None:
@@ -42,7 +54,10 @@ def resampled(flight: Flight, rate: float, start: float, end: float, rounding: i
 def test_attas_ail_rud_repeats_both_records_sample_for_sample(records: dict[str, Flight]) -> None:
     both = records["attas/fAttasAilRud1.mat"]
     stored = {name: fingerprint(flight) for name, flight in records.items() if flight is not both}
-    assert set(suspects(fingerprint(both), stored)) == {"attas/fAttasAil1.mat", "attas/fAttasRud1.mat"}
+    assert set(suspects(fingerprint(both), stored)) == {
+        "attas/fAttasAil1.mat",
+        "attas/fAttasRud1.mat",
+    }
     for name, start in (("attas/fAttasAil1.mat", 50.08), ("attas/fAttasRud1.mat", 110.16)):
         (shared,) = shared_samples(both, records[name])
         assert shared.samples == 751
@@ -75,11 +90,17 @@ def test_a_resampled_part_is_found_with_its_place(records: dict[str, Flight], ra
 def test_two_stretches_with_different_clocks_are_two_findings() -> None:
     flight = kinematic_flight(31, seconds=60.0)
     first, second = slice(200, 1000), slice(1700, 2700)
-    channels = {name: np.concatenate([flight[name][first], flight[name][second]]) for name in flight.channels}
+    channels = {
+        name: np.concatenate([flight[name][first], flight[name][second]])
+        for name in flight.channels
+    }
     n = 1800
     mixed = replace(flight, id="mixed", time=0.02 * np.arange(n), channels=channels)
     found = shared_samples(mixed, flight)
-    assert [shared.start_b - shared.start_a for shared in found] == [pytest.approx(4.0, abs=1e-3), pytest.approx(18.0, abs=1e-3)]
+    assert [shared.start_b - shared.start_a for shared in found] == [
+        pytest.approx(4.0, abs=1e-3),
+        pytest.approx(18.0, abs=1e-3),
+    ]
     assert sum(shared.samples for shared in found) > 0.95 * n
 
 
@@ -97,11 +118,16 @@ def test_flights_with_the_same_plan_but_their_own_noise_are_different() -> None:
     assert all(shared_samples(a, b) == () for a, b in combinations(flights[:6], 2))
 
 
-@pytest.mark.parametrize("change", [{"V": 15.0}, {"altitude": 300.0}, {"theta": 0.03}, {"psi": 0.5}])
+@pytest.mark.parametrize(
+    "change", [{"V": 15.0}, {"altitude": 300.0}, {"theta": 0.03}, {"psi": 0.5}]
+)
 def test_the_same_inputs_at_another_condition_are_another_flight(change: dict[str, float]) -> None:
     flight = kinematic_flight(34)
     flight = flight.with_channels(
-        {"altitude": 900.0 + np.cumsum(flight["V"] * np.sin(flight["theta"] - flight["alpha"])) * flight.step}
+        {
+            "altitude": 900.0
+            + np.cumsum(flight["V"] * np.sin(flight["theta"] - flight["alpha"])) * flight.step
+        }
     )
     assert set(change) <= set(flight.channels)
     other = flight.with_channels({name: flight[name] + size for name, size in change.items()})
@@ -116,7 +142,11 @@ def test_a_whole_turn_of_heading_and_another_origin_are_no_other_flight() -> Non
     track = {name: np.cumsum(rng.standard_normal(len(flight.time))) for name in ("north", "east")}
     flight = flight.with_channels(track)
     moved = flight.with_channels(
-        {"psi": flight["psi"] + 2 * np.pi, "north": flight["north"] + 1e4, "east": flight["east"] - 300.0}
+        {
+            "psi": flight["psi"] + 2 * np.pi,
+            "north": flight["north"] + 1e4,
+            "east": flight["east"] - 300.0,
+        }
     )
     (shared,) = shared_samples(moved, flight)
     assert shared.samples > 0.95 * len(flight.time)
@@ -124,13 +154,17 @@ def test_a_whole_turn_of_heading_and_another_origin_are_no_other_flight() -> Non
 
 def test_a_programme_flown_again_at_another_condition_in_jsbsim_is_no_repeat() -> None:
     first = _programme(vc_kts=200.0, h_sl_ft=6000.0)
-    assert sum(shared.samples for shared in shared_samples(resampled(first, 20.0, 2.0, 38.0), first)) > 600
+    assert (
+        sum(shared.samples for shared in shared_samples(resampled(first, 20.0, 2.0, 38.0), first))
+        > 600
+    )
     for start in ((215.0, 6000.0), (200.0, 8000.0), (205.0, 7000.0)):
         assert shared_samples(_programme(vc_kts=start[0], h_sl_ft=start[1]), first) == ()
 
 
 def test_a_periodic_motion_costs_no_more_than_another_and_is_still_found() -> None:
-    """Its one mark comes thousands of times: the pairs of two such records would fill the memory."""
+    """Its one mark comes thousands of times: the pairs of two such records would fill the
+    memory."""
     time = 0.02 * np.arange(180_000)
     channels = {"q": 0.1 * np.sin(3.0 * time), "r": 0.05 * np.sin(3.0 * time + 1.0)}
     flight = Flight("periodic", "synthetic", time, channels)
@@ -143,8 +177,13 @@ def test_two_hours_of_turbulence_have_no_mark_in_common() -> None:
     prints = []
     for seed in range(4):
         rng = np.random.default_rng(seed)
-        noise = {name: gaussian_filter1d(rng.standard_normal(180_000), 15.0) for name in ("p", "q", "r", "ay", "az")}
-        prints.append(fingerprint(Flight(f"t{seed}", "synthetic", 0.02 * np.arange(180_000), noise)))
+        noise = {
+            name: gaussian_filter1d(rng.standard_normal(180_000), 15.0)
+            for name in ("p", "q", "r", "ay", "az")
+        }
+        prints.append(
+            fingerprint(Flight(f"t{seed}", "synthetic", 0.02 * np.arange(180_000), noise))
+        )
     assert min(map(len, prints)) > 5000
     assert max(len(a & b) for a, b in combinations(prints, 2)) < FEWEST_MARKS
 
@@ -153,7 +192,9 @@ def test_fingerprints_fit_a_database_and_nothing_gives_none() -> None:
     marks = fingerprint(kinematic_flight(33))
     assert len(marks) > 50
     assert all(0 <= mark < 2**63 for mark in marks)
-    still = Flight("still", "synthetic", 0.02 * np.arange(500), {"q": np.zeros(500), "r": np.full(500, np.nan)})
+    still = Flight(
+        "still", "synthetic", 0.02 * np.arange(500), {"q": np.zeros(500), "r": np.full(500, np.nan)}
+    )
     assert fingerprint(still) == frozenset()
     assert shared_samples(still, still) == ()
     assert suspects(frozenset(), {"a": marks}) == ()

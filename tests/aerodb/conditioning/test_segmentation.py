@@ -1,4 +1,5 @@
-"""Segments of measured flights against what was logged and published about them, shapes made by hand, and a steady flight."""
+"""Segments of measured flights against what was logged and published about them, shapes made by
+hand, and a steady flight."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -8,7 +9,14 @@ import numpy as np
 import pytest
 
 from aerodb.conditioning.manoeuvres import inputs
-from aerodb.conditioning.segmentation import Segment, configurations, flag_on_ground, ground_and_air, manoeuvres, segments
+from aerodb.conditioning.segmentation import (
+    Segment,
+    configurations,
+    flag_on_ground,
+    ground_and_air,
+    manoeuvres,
+    segments,
+)
 from aerodb.flight import Flight
 from tests.support.kinematic_flights import GRAVITY
 from tests.support.measured_flights import ATTAS, CITATION, HFB320, STALLS, TWIN_OTTER, as_flight
@@ -18,9 +26,12 @@ STEP = 0.04
 
 
 def steps(*parts: tuple[float, float], rest: float = 6.0) -> np.ndarray:
-    """A surface [rad] at trim 0.02, deflected by (degrees, seconds) one after the other, at rest before and after."""
+    """A surface [rad] at trim 0.02, deflected by (degrees, seconds) one after the other, at rest
+    before and after."""
     sequence = [(0.0, rest), *parts, (0.0, rest)]
-    return 0.02 + np.concatenate([np.full(round(seconds / STEP), size * DEGREE) for size, seconds in sequence])
+    return 0.02 + np.concatenate(
+        [np.full(round(seconds / STEP), size * DEGREE) for size, seconds in sequence]
+    )
 
 
 def quiet(values: np.ndarray, seed: int = 0) -> np.ndarray:
@@ -30,15 +41,43 @@ def quiet(values: np.ndarray, seed: int = 0) -> np.ndarray:
 def steady_flight(seed: int, seconds: float = 120.0) -> Flight:
     """Straight and level with sensor noise; all surfaces at trim."""
     rng, n = np.random.default_rng(seed), round(seconds / STEP)
-    noise = {"V": 0.1, "alpha": 1e-3, "beta": 1e-3, "theta": 5e-4, "phi": 5e-4, "az": 0.05, "qbar": 10.0, "p": 1e-3, "q": 1e-3}
-    level = {"V": 80.0, "alpha": 0.06, "theta": 0.06, "az": -GRAVITY, "qbar": 3500.0, "altitude": 1500.0, "delta_elevator": -0.03}
-    noise |= {"r": 1e-3, "altitude": 0.3, "delta_elevator": 2e-4, "delta_aileron": 2e-4, "delta_rudder": 2e-4}
-    channels = {name: level.get(name, 0.0) + size * rng.standard_normal(n) for name, size in noise.items()}
+    noise = {
+        "V": 0.1,
+        "alpha": 1e-3,
+        "beta": 1e-3,
+        "theta": 5e-4,
+        "phi": 5e-4,
+        "az": 0.05,
+        "qbar": 10.0,
+        "p": 1e-3,
+        "q": 1e-3,
+    }
+    level = {
+        "V": 80.0,
+        "alpha": 0.06,
+        "theta": 0.06,
+        "az": -GRAVITY,
+        "qbar": 3500.0,
+        "altitude": 1500.0,
+        "delta_elevator": -0.03,
+    }
+    noise |= {
+        "r": 1e-3,
+        "altitude": 0.3,
+        "delta_elevator": 2e-4,
+        "delta_aileron": 2e-4,
+        "delta_rudder": 2e-4,
+    }
+    channels = {
+        name: level.get(name, 0.0) + size * rng.standard_normal(n) for name, size in noise.items()
+    }
     return Flight("steady", "synthetic", STEP * np.arange(n), channels)
 
 
 def of_kind(found: tuple[Segment, ...], kind: str, channel: str = "") -> list[Segment]:
-    return [segment for segment in found if segment.kind == kind and channel in ("", segment.channel)]
+    return [
+        segment for segment in found if segment.kind == kind and channel in ("", segment.channel)
+    ]
 
 
 def off(segment: Segment, logged: float) -> float:
@@ -66,8 +105,12 @@ def test_published_manoeuvres_are_recognised(
     assert [segment.start for segment in found] == [pytest.approx(start, abs=0.3)]
 
 
-@pytest.mark.parametrize(("record", "between"), [(STALLS[0], (84.0, 90.0)), (STALLS[1], (60.0, 67.0))])
-def test_measured_stalls(measured: Callable[[str], Path], record: str, between: tuple[float, float]) -> None:
+@pytest.mark.parametrize(
+    ("record", "between"), [(STALLS[0], (84.0, 90.0)), (STALLS[1], (60.0, 67.0))]
+)
+def test_measured_stalls(
+    measured: Callable[[str], Path], record: str, between: tuple[float, float]
+) -> None:
     found = segments(as_flight(measured(record)))
     (stall,) = of_kind(found, "stall")
     assert between[0] < stall.start < stall.end < between[1]
@@ -111,9 +154,13 @@ def test_citation_extremes_have_the_logged_size(citation: tuple[Segment, ...]) -
     low = min(of_kind(citation, "low_g"), key=lambda segment: off(segment, 3890))
     assert 3880 < low.start < low.end < 3904
     assert len(of_kind(citation, "stall")) == 1
-    # Its steady points, flown for lift and drag between 1450 and 2230 s, are steady; the turbulent approach is not.
+    # Its steady points, flown for lift and drag between 1450 and 2230 s, are steady; the turbulent
+    # approach is not.
     steady = of_kind(citation, "steady")
-    assert sum(segment.end - segment.start for segment in steady if 1440 < segment.start < 2240) > 400.0
+    assert (
+        sum(segment.end - segment.start for segment in steady if 1440 < segment.start < 2240)
+        > 400.0
+    )
     assert not [segment for segment in steady if segment.start > 4350]
 
 
@@ -142,7 +189,10 @@ def test_sweep() -> None:
     chirp = 2.0 * DEGREE * np.sin(2 * np.pi * (0.15 * time + 0.5 * 0.05 * time**2))
     (found,) = inputs(quiet(np.concatenate([np.zeros(200), chirp, np.zeros(200)])), STEP)
     assert found.name == "sweep"
-    assert (found.first * STEP, found.last * STEP) == (pytest.approx(8.0, abs=1.0), pytest.approx(38.0, abs=1.0))
+    assert (found.first * STEP, found.last * STEP) == (
+        pytest.approx(8.0, abs=1.0),
+        pytest.approx(38.0, abs=1.0),
+    )
 
 
 def test_a_steady_flight_has_no_manoeuvre() -> None:
@@ -155,7 +205,11 @@ def test_a_steady_flight_has_no_manoeuvre() -> None:
 
 def test_a_busy_surface_hides_small_inputs_but_not_large_ones() -> None:
     rng = np.random.default_rng(3)
-    busy = 1.0 * DEGREE * np.convolve(rng.standard_normal(6000), np.ones(10) / np.sqrt(10), mode="same")
+    busy = (
+        1.0
+        * DEGREE
+        * np.convolve(rng.standard_normal(6000), np.ones(10) / np.sqrt(10), mode="same")
+    )
     assert inputs(busy, STEP) == ()
 
 
@@ -167,7 +221,9 @@ def test_phugoid_of_known_period_and_no_other() -> None:
     (found,) = of_kind(segments(flight.with_channels(exchange)), "slow_oscillation")
     assert "in 3" in found.reason
     # The same swing of speed at constant height is a throttle, not a phugoid.
-    assert not of_kind(segments(flight.with_channels({"V": flight["V"] + swing})), "slow_oscillation")
+    assert not of_kind(
+        segments(flight.with_channels({"V": flight["V"] + swing})), "slow_oscillation"
+    )
 
 
 def test_configuration_positions_and_moves() -> None:
@@ -200,5 +256,7 @@ def test_records_that_tell_little_give_little() -> None:
     flight = steady_flight(7)
     bare = replace(flight, channels={"q": flight["q"]})
     assert segments(bare) == ()
-    short = Flight("s", "synthetic", np.array([0.0, STEP]), {"V": np.array([50.0, 50.0]), "theta": np.zeros(2)})
+    short = Flight(
+        "s", "synthetic", np.array([0.0, STEP]), {"V": np.array([50.0, 50.0]), "theta": np.zeros(2)}
+    )
     assert [segment.kind for segment in segments(short)] == ["airborne"]

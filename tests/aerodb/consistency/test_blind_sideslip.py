@@ -1,5 +1,5 @@
-"""Sideslip that no vane shows, in air that moves: it comes from the motion and a wind that was estimated from few independent
-looks at it, and its intervals know that."""
+"""Sideslip that no vane shows, in air that moves: it comes from the motion and a wind that was
+estimated from few independent looks at it, and its intervals know that."""
 
 from collections.abc import Callable
 
@@ -29,13 +29,18 @@ def _reconstructed(seed: int, strength: float) -> tuple[Consistent, dict[str, Ar
 
 @pytest.mark.heavy
 @pytest.mark.parametrize("strength", [3.0, 8.0], ids=["light", "moderate"])
-def test_intervals_of_a_sideslip_without_a_vane_cover_it(strength: float, trials: Callable[[int, int], int]) -> None:
-    """95 % intervals of every sample, and those of the winds, over independent flights in turbulence after Dryden."""
+def test_intervals_of_a_sideslip_without_a_vane_cover_it(
+    strength: float, trials: Callable[[int, int], int]
+) -> None:
+    """95 % intervals of every sample, and those of the winds, over independent flights in
+    turbulence after Dryden."""
     runs = trials(5, 60)
     inside, winds = [], []
     for seed in range(runs):
         found, true = _reconstructed(seed, strength)
-        inside.append(np.mean(np.abs(found.flight["beta"] - true["beta"]) < 1.96 * found.sigma["beta"]))
+        inside.append(
+            np.mean(np.abs(found.flight["beta"] - true["beta"]) < 1.96 * found.sigma["beta"])
+        )
         entries = {entry["parameter"]: entry for entry in found.document["estimates"]}
         for name, blowing in zip(("wind_north", "wind_east"), WIND[:2], strict=True):
             winds.append((entries[name]["value"] - blowing) / entries[name]["standard_error"])
@@ -45,16 +50,23 @@ def test_intervals_of_a_sideslip_without_a_vane_cover_it(strength: float, trials
 
 
 def test_the_mean_of_gusts_is_as_uncertain_as_a_gauss_markov_process_makes_it() -> None:
-    """Against 400 drawn processes of 40 s; a vane sees both components all the time, without it each for half of it."""
+    """Against 400 drawn processes of 40 s; a vane sees both components all the time, without it
+    each for half of it."""
     record = moving_air(1, 0.0)[0]
     result = reconstruct([record], FREE, initial=FIRST)
     gusts = Gusts(0.8, 0.5, 2.0, 1.0)
     added = [
-        with_gusty_winds(each, gusts)["wind_north[gusty]"].standard_error ** 2 - each["wind_north[gusty]"].standard_error ** 2
-        for each in (result, reconstruct([moving_air(1, 0.0, channels=NO_BETA)[0]], FREE, initial=FIRST))
+        with_gusty_winds(each, gusts)["wind_north[gusty]"].standard_error ** 2
+        - each["wind_north[gusty]"].standard_error ** 2
+        for each in (
+            result,
+            reconstruct([moving_air(1, 0.0, channels=NO_BETA)[0]], FREE, initial=FIRST),
+        )
     ]
     rng, keep = np.random.default_rng(0), np.exp(-record.step / gusts.horizontal_time)
-    drive = gusts.horizontal * np.sqrt(1.0 - keep**2) * rng.standard_normal((len(record.inputs), 400))
+    drive = (
+        gusts.horizontal * np.sqrt(1.0 - keep**2) * rng.standard_normal((len(record.inputs), 400))
+    )
     drive[0] = gusts.horizontal * rng.standard_normal(400)
     for k in range(1, len(drive)):
         drive[k] += keep * drive[k - 1]

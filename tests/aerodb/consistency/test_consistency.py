@@ -1,5 +1,5 @@
-"""Flight-path reconstruction against published answers: F/A-18 HARV (NASA), HFB-320 (DLR), AP2, and what ATTAS (DLR) shows
-beside its published biases (`test_consistency_published`)."""
+"""Flight-path reconstruction against published answers: F/A-18 HARV (NASA), HFB-320 (DLR), AP2, and
+what ATTAS (DLR) shows beside its published biases (`test_consistency_published`)."""
 
 from dataclasses import replace
 
@@ -28,18 +28,22 @@ def freed(three):
 
 
 def test_the_plain_loop_agrees(three):
-    """The baseline of the bench, written without anything compiled, finds the same biases on the shortest record."""
+    """The baseline of the bench, written without anything compiled, finds the same biases on the
+    shortest record."""
     result = reconstruct(three[:1], ATTAS_BIASES, initial=())
     values = np.array([result[name].value for name in ATTAS_BIASES])
     np.testing.assert_allclose(plain_biases(three[:1], iterations=6), values, rtol=1e-3, atol=1e-6)
 
 
 def test_attas_mismatch_falls_as_published(three):
-    """Theta from 3.14 to .11 deg, V from 5.9 to .18 m/s (published .17, from first states that are not stated)."""
+    """Theta from 3.14 to .11 deg, V from 5.9 to .18 m/s (published .17, from first states that are
+    not stated)."""
     result = reconstruct(three, ATTAS_BIASES, initial=())
 
     def joint(name, kind):
-        return np.sqrt(np.nanmean(np.concatenate([getattr(path, kind)[name] for path in result.paths]) ** 2))
+        return np.sqrt(
+            np.nanmean(np.concatenate([getattr(path, kind)[name] for path in result.paths]) ** 2)
+        )
 
     assert np.rad2deg(joint("theta", "before")) == pytest.approx(3.14, abs=0.01)
     assert joint("V", "before") == pytest.approx(5.92, abs=0.02)
@@ -48,10 +52,15 @@ def test_attas_mismatch_falls_as_published(three):
 
 
 def test_attas_verdicts(three, freed):
-    """Good but for the bank angle of the bank-to-bank record, which biases alone leave .35 deg apart."""
-    words = {record.name: judge(freed, record.flight, Accuracy(), faults(record)) for record in three}
+    """Good but for the bank angle of the bank-to-bank record, which biases alone leave .35 deg
+    apart."""
+    words = {
+        record.name: judge(freed, record.flight, Accuracy(), faults(record)) for record in three
+    }
     assert [verdict.word for verdict in words.values()] == ["good", "limited", "good"]
-    assert words["fAttasAil1"].reasons == ("phi remains 0.35 deg from the reconstructed motion; limit 0.3 deg",)
+    assert words["fAttasAil1"].reasons == (
+        "phi remains 0.35 deg from the reconstructed motion; limit 0.3 deg",
+    )
     assert not any(verdict.process_noise.matters for verdict in words.values())
 
 
@@ -63,26 +72,33 @@ def test_attas_verdicts(three, freed):
     ],
 )
 def test_harv_as_published(measured, name, free):
-    """Every estimate within 0.1 of its published standard error, and the white standard errors to 0.1 %."""
+    """Every estimate within 0.1 of its published standard error, and the white standard errors to
+    0.1 %."""
     path = measured(f"f18_harv/dca_{name}_demo_data.mat")
     record, first = harv(path)
     result = reconstruct([record], free, initial=(), starts=[first])
     data = loadmat(path, squeeze_me=True)
     error = np.sqrt(np.diag(data["crbc"]))
     for estimate, published, sigma in zip(result.estimates, data["pc"], error, strict=True):
-        sign = -1.0 if estimate.parameter.kind == "bias" else 1.0  # the published bias is added, ours is what the sensor shows
+        sign = (
+            -1.0 if estimate.parameter.kind == "bias" else 1.0
+        )  # the published bias is added, ours is what the sensor shows
         unit = FOOT if estimate.parameter.name in ("ax_bias", "ay_bias", "az_bias") else 1.0
-        assert abs(sign * estimate.value - published * unit) < 0.1 * sigma * unit, estimate.parameter.name
+        assert abs(sign * estimate.value - published * unit) < 0.1 * sigma * unit, (
+            estimate.parameter.name
+        )
         assert estimate.white_standard_error == pytest.approx(sigma * unit, rel=1e-3)
         assert estimate.standard_error > estimate.white_standard_error
 
 
 def test_harv_linear_inputs_are_no_fault_of_the_published(measured):
-    """Between samples the published analysis holds inputs; taken as linear, pitch attitude fits a third better."""
+    """Between samples the published analysis holds inputs; taken as linear, pitch attitude fits a
+    third better."""
     record, first = harv(measured("f18_harv/dca_lon_demo_data.mat"))
     free = ("ax_bias", "az_bias", "q_bias", "alpha_scale", "theta_scale")
     held, linear = (
-        reconstruct([replace(record, held=how)], free, initial=(), starts=[first]).noise["theta"] for how in (True, False)
+        reconstruct([replace(record, held=how)], free, initial=(), starts=[first]).noise["theta"]
+        for how in (True, False)
     )
     assert held == pytest.approx(0.0014023, abs=1e-6)
     assert linear < 0.75 * held
@@ -105,11 +121,17 @@ def test_gusts_need_air_data():
 
 
 def test_ap2_is_refused_for_both_reasons(measured):
-    data = loadmat(measured("ampyx_ap2/validationDataFC114_1_v2_pc.mat"), struct_as_record=False, squeeze_me=True)
+    data = loadmat(
+        measured("ampyx_ap2/validationDataFC114_1_v2_pc.mat"),
+        struct_as_record=False,
+        squeeze_me=True,
+    )
     log = data["validationData"]
     response = log.response
     velocity = position_against_velocity(log.controls.times, response.p.T, response.v.T)
-    flow = flow_against_velocity(response.rollPitchYaw.T, response.v.T, log.controls.wind.T, response.angleOfAttack)
+    flow = flow_against_velocity(
+        response.rollPitchYaw.T, response.v.T, log.controls.wind.T, response.angleOfAttack
+    )
     verdict = judge_navigation(velocity, flow, Accuracy())
     assert verdict.word == "rejected"
     assert [round(value, 1) for value in velocity.rms.values()] == [2.6, 1.7, 1.3]

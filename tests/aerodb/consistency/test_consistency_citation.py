@@ -1,4 +1,5 @@
-"""A long flight without sideslip vane and heading: corrected in windows, and what nobody measured is not invented."""
+"""A long flight without sideslip vane and heading: corrected in windows, and what nobody measured
+is not invented."""
 
 import numpy as np
 import pytest
@@ -54,12 +55,15 @@ def test_the_whole_flight_in_the_air_is_taken_in_windows(records):
 
 
 def test_windows_agree_with_air_data_attitude_and_position(result):
-    """V within the limit of 2 % on qbar, alpha .5 deg, attitude .3 deg, position 10 m: all of them at once."""
+    """V within the limit of 2 % on qbar, alpha .5 deg, attitude .3 deg, position 10 m: all of them
+    at once."""
     squares = {}
     for path in result.paths:
         for name, values in path.residuals.items():
             squares.setdefault(name, []).append(values**2)
-    rms = {name: float(np.sqrt(np.nanmean(np.concatenate(parts)))) for name, parts in squares.items()}
+    rms = {
+        name: float(np.sqrt(np.nanmean(np.concatenate(parts)))) for name, parts in squares.items()
+    }
     speed = np.mean([path.V.mean() for path in result.paths])
     assert rms["V"] < 0.01 * speed
     assert np.rad2deg(rms["alpha"]) < 0.3
@@ -68,7 +72,8 @@ def test_windows_agree_with_air_data_attitude_and_position(result):
 
 
 def test_the_wind_is_a_wind(result):
-    """The heading, which no channel shows, starts from the track: from half a turn off, the winds came out at 140 m/s."""
+    """The heading, which no channel shows, starts from the track: from half a turn off, the winds
+    came out at 140 m/s."""
     winds = [entry for entry in result.estimates if entry.parameter.kind == "wind"]
     assert len(winds) == 4
     assert all(abs(entry.value) < 40.0 for entry in winds)
@@ -78,17 +83,21 @@ def test_the_wind_is_a_wind(result):
 
 
 def test_first_heading_comes_from_the_track(records):
-    """Within 20 deg of the heading that flies from the first position to that of ten seconds later (the rest is drift)."""
+    """Within 20 deg of the heading that flies from the first position to that of ten seconds later
+    (the rest is drift)."""
     for record in records[2:8]:
-        east, north = (record.outputs[name][100] - record.outputs[name][0] for name in ("east", "north"))
+        east, north = (
+            record.outputs[name][100] - record.outputs[name][0] for name in ("east", "north")
+        )
         error = np.angle(np.exp(1j * (first_states(record)[5] - np.arctan2(east, north))))
         assert abs(np.rad2deg(error)) < 20.0
 
 
 def test_no_sideslip_is_invented(result):
-    """It is an integral of accelerations and what airspeed and wind say of it: no window knows it better than a poor vane, some
-    not at all. Its mean is not asserted: in steady wind shear counts as sideslip, which the standard error cannot know (one
-    window of the climb comes out at 4.4 of them). So no flight is given it: see test_consistency_flow.
+    """It is an integral of accelerations and what airspeed and wind say of it: no window knows it
+    better than a poor vane, some not at all. Its mean is not asserted: in steady wind shear counts
+    as sideslip, which the standard error cannot know (one window of the climb comes out at 4.4 of
+    them). So no flight is given it: see test_consistency_flow.
     """
     sigma = np.array([np.rad2deg(path.air_sigma[2].mean()) for path in result.paths])
     assert "beta" not in result.noise

@@ -1,4 +1,5 @@
-"""Sensor errors planted on a flight of JSBSim: they come back within their stated intervals, and nothing else is found."""
+"""Sensor errors planted on a flight of JSBSim: they come back within their stated intervals, and
+nothing else is found."""
 
 from dataclasses import replace
 
@@ -41,11 +42,16 @@ def _solve(record, free=tuple(PLANTED), **how):
 
 def _found(result):
     """Estimates by name, without those of first states."""
-    return {entry.parameter.name: entry for entry in result.estimates if entry.parameter.kind != "initial"}
+    return {
+        entry.parameter.name: entry
+        for entry in result.estimates
+        if entry.parameter.kind != "initial"
+    }
 
 
 def test_every_planted_error_comes_back_without_noise(flight):
-    """Biases, scales, wind and boom to 2 % of themselves; delays to .7 ms, half the step at which JSBSim integrates."""
+    """Biases, scales, wind and boom to 2 % of themselves; delays to .7 ms, half the step at which
+    JSBSim integrates."""
     result = _solve(_record(flight, noise=1e-6))
     for name, entry in _found(result).items():
         tolerance = {"abs": 7.5e-4} if name.endswith("_delay") else {"rel": 0.02}
@@ -59,7 +65,12 @@ def test_intervals_cover_the_truth(flight, trials):
     inside = []
     for seed in range(runs):
         found = _found(_solve(_record(flight, seed=5000 + seed)))
-        inside.append([abs(found[name].value - value) < 1.96 * found[name].standard_error for name, value in PLANTED.items()])
+        inside.append(
+            [
+                abs(found[name].value - value) < 1.96 * found[name].standard_error
+                for name, value in PLANTED.items()
+            ]
+        )
     shares = np.mean(inside, axis=0)
     # two standard errors of a share of few runs on top, as far as the estimates were independent
     slack = 0.0 if runs >= 300 else 2 * np.sqrt(0.05 * 0.95 / (runs * len(PLANTED)))
@@ -68,7 +79,8 @@ def test_intervals_cover_the_truth(flight, trials):
 
 
 def test_nothing_is_found_where_nothing_is_wrong(flight):
-    """Sixteen errors sought in a flawless record: none stands out by four standard errors, and the verdict is good."""
+    """Sixteen errors sought in a flawless record: none stands out by four standard errors, and the
+    verdict is good."""
     record = _record(flight, {})
     result = _solve(record)
     for name, entry in _found(result).items():
@@ -78,7 +90,8 @@ def test_nothing_is_found_where_nothing_is_wrong(flight):
 
 
 def test_a_dynamic_pressure_error_is_found_as_such(flight):
-    """10.19 % too much on qbar, V right: the scale of qbar says so and all rivals stay at zero. Not sought, it is refused."""
+    """10.19 % too much on qbar, V right: the scale of qbar says so and all rivals stay at zero. Not
+    sought, it is refused."""
     record = _record(flight, {"qbar_scale": 0.1019})
     rivals = ("V_scale", "alpha_scale", "ax_bias", "az_bias", "air_data_x")
     result = _solve(record, (*rivals, "qbar_scale", "alpha_bias", "q_bias", *WIND))
@@ -95,7 +108,10 @@ def test_a_dynamic_pressure_error_is_found_as_such(flight):
 def _with_gaps(record, rng):
     """Two thirds of every output lost, in stretches of a second."""
     lost = np.repeat(rng.random(-(-len(record.inputs) // 50)) < 2 / 3, 50)[: len(record.inputs)]
-    return replace(record, outputs={name: np.where(lost, np.nan, values) for name, values in record.outputs.items()})
+    return replace(
+        record,
+        outputs={name: np.where(lost, np.nan, values) for name, values in record.outputs.items()},
+    )
 
 
 def _with_outliers(record, rng):
@@ -122,14 +138,20 @@ def test_what_spoils_a_record_widens_the_intervals(flight, how):
     before, after = _found(_solve(clean)), _found(_solve(spoiled))
     for name in ("alpha_scale", "beta_scale", "V_scale", "qbar_scale", "air_data_x"):
         assert after[name].standard_error > 1.3 * before[name].standard_error, name
-    miss = np.array([(after[name].value - value) / after[name].standard_error for name, value in PLANTED.items()])
+    miss = np.array(
+        [
+            (after[name].value - value) / after[name].standard_error
+            for name, value in PLANTED.items()
+        ]
+    )
     assert np.abs(miss).max() < 4.0
     assert np.sqrt(np.mean(miss**2)) < 1.6
 
 
 def test_what_the_flight_cannot_tell_is_not_told(flight):
-    """Without a velocity over the earth no wind; V and qbar scaled alike with the wind; the first heading and a heading bias:
-    the standard error of each is what its prior leaves, and no estimate of the others is further off than its own."""
+    """Without a velocity over the earth no wind; V and qbar scaled alike with the wind; the first
+    heading and a heading bias: the standard error of each is what its prior leaves, and no estimate
+    of the others is further off than its own."""
     channels = ("V", "alpha", "beta", "phi", "theta", "psi", "qbar")
     record = _record(flight, {}, channels=channels)
     free = ("ax_bias", "q_bias", "psi_bias", "wind_north", "wind_east", "wind_down")
@@ -145,8 +167,9 @@ def test_what_the_flight_cannot_tell_is_not_told(flight):
 
 
 def test_a_straight_flight_does_not_tell_the_wind_from_airspeed(flight):
-    """A few seconds of one heading, no vanes: the scale of V and the wind along trade off, the wind across is unseen. Their
-    standard errors say so; over the whole flight, which turns, the same channels tell all three."""
+    """A few seconds of one heading, no vanes: the scale of V and the wind along trade off, the wind
+    across is unseen. Their standard errors say so; over the whole flight, which turns, the same
+    channels tell all three."""
     channels = ("V", "phi", "theta", "psi", "velocity_north", "velocity_east", "velocity_down")
     record = _record(flight, {}, channels=channels)
     free = ("V_scale", "wind_north", "wind_east")

@@ -1,4 +1,5 @@
-"""What flight-path reconstruction finds out about measured records that their documentation leaves open."""
+"""What flight-path reconstruction finds out about measured records that their documentation leaves
+open."""
 
 from dataclasses import replace
 
@@ -9,16 +10,24 @@ from aerodb.consistency.output_error.reconstruction import reconstruct
 from aerodb.consistency.plan import make_plan
 from aerodb.consistency.sensors.expected import faults
 from aerodb.consistency.verdict import judge
-from tests.support.consistency_records import ATTAS_BIASES, BOOM, TWIN_OTTER, attas, twin_otter, windows
+from tests.support.consistency_records import (
+    ATTAS_BIASES,
+    BOOM,
+    TWIN_OTTER,
+    attas,
+    twin_otter,
+    windows,
+)
 
 
 @pytest.mark.parametrize(("name", "size"), [("fAttas_qst01.asc", 1.5), ("fAttas_qst02.asc", 1.1)])
 def test_alpha_of_the_stall_records_is_at_the_boom(measured, name, size):
     """Documented as moved to the CG and corrected for biases: neither is so.
 
-    With the position of the air data free, both stalls put it where the boom is (12.9 +- 1.5 m and 13.6 +- 1.1 m; boom
-    13.08 m), and their accelerometers and gyros carry biases (az .42 m/s2, q .0073 rad/s) tens of standard errors from zero.
-    Heading (jumps by 180 deg) and altitude (another unit than in the other files) are left out.
+    With the position of the air data free, both stalls put it where the boom is (12.9 +- 1.5 m and
+    13.6 +- 1.1 m; boom 13.08 m), and their accelerometers and gyros carry biases (az .42 m/s2, q
+    .0073 rad/s) tens of standard errors from zero. Heading (jumps by 180 deg) and altitude (another
+    unit than in the other files) are left out.
     """
     record = attas(measured(f"attas/{name}"))
     air = {key: record.outputs[key] for key in ("V", "alpha", "beta", "phi", "theta")}
@@ -42,8 +51,9 @@ def test_alpha_of_the_stall_records_is_at_the_boom(measured, name, size):
     ],
 )
 def test_twin_otter_air_data_are_late(measured, name, channel, low, high):
-    """alpha and beta lag the kinematics by .02-.03 s, in the record that moves them, by many standard errors. What else is
-    estimated is chosen as for any flight: with the scales of both angles free as well, the demo record says .032 +- .006 s."""
+    """alpha and beta lag the kinematics by .02-.03 s, in the record that moves them, by many
+    standard errors. What else is estimated is chosen as for any flight: with the scales of both
+    angles free as well, the demo record says .032 +- .006 s."""
     record = twin_otter(measured(f"twin_otter/{name}.mat"))
     result, _ = estimate([record], make_plan([record], TWIN_OTTER), TWIN_OTTER.accuracy)
     delay = result[f"{channel}_delay"]
@@ -52,7 +62,8 @@ def test_twin_otter_air_data_are_late(measured, name, channel, low, high):
 
 
 def test_twin_otter_heading_is_refused_alone(measured):
-    """The compass of f1_017 jumps by up to 15 deg; air data, bank and rates agree, so the flight stays, limited."""
+    """The compass of f1_017 jumps by up to 15 deg; air data, bank and rates agree, so the flight
+    stays, limited."""
     record = twin_otter(measured("twin_otter/totter_f1_017_data.mat"))
     result, _ = estimate([record], make_plan([record], TWIN_OTTER), TWIN_OTTER.accuracy)
     verdict = judge(result, record.flight, TWIN_OTTER.accuracy, faults(record))

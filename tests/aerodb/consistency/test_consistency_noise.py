@@ -1,4 +1,5 @@
-"""The error spectrum that is stored with a consistent flight, and gust intensities that its stretches have in common."""
+"""The error spectrum that is stored with a consistent flight, and gust intensities that its
+stretches have in common."""
 
 from dataclasses import replace
 
@@ -18,9 +19,12 @@ from tests.support.moving_air import FIRST, FREE, moving_air
 
 
 def consistent(gusts: float) -> tuple[Consistent, StateNoise, np.ndarray]:
-    """A flight made consistent, its noise, and its true angle of attack, with the gusts that a vane without noise would see."""
+    """A flight made consistent, its noise, and its true angle of attack, with the gusts that a vane
+    without noise would see."""
     columns, calm = table(seed=3, gusts=gusts), table(seed=3)
-    flight = Flight("noisy", "formula-plane", columns["time"], {n: v for n, v in columns.items() if n != "time"})
+    flight = Flight(
+        "noisy", "formula-plane", columns["time"], {n: v for n, v in columns.items() if n != "time"}
+    )
     made = make_consistent(flight, parse_vehicle(VEHICLE))
     noise = noise_of(made.document)
     assert noise is not None
@@ -29,10 +33,13 @@ def consistent(gusts: float) -> tuple[Consistent, StateNoise, np.ndarray]:
 
 @pytest.mark.parametrize(("gusts", "source"), [(0.0, "smoother"), (1.5, "sensor")])
 def test_the_stored_spectrum_is_that_of_the_true_error_of_alpha(gusts: float, source: str) -> None:
-    """Root mean square between .2 and 2 Hz within a factor of two (one flight), of whatever alpha was taken from."""
+    """Root mean square between .2 and 2 Hz within a factor of two (one flight), of whatever alpha
+    was taken from."""
     made, noise, truth = consistent(gusts)
     assert noise.source == source
-    assert made.document["used"]["alpha"].startswith("smoothed" if source == "smoother" else "corrected sensor")
+    assert made.document["used"]["alpha"].startswith(
+        "smoothed" if source == "smoother" else "corrected sensor"
+    )
     error = made.flight["alpha"] - truth
     power = np.abs(np.fft.rfft((error - error.mean()) * np.hanning(len(error)))) ** 2
     frequency = np.fft.rfftfreq(len(error), 1.0 / RATE)
@@ -48,12 +55,19 @@ def test_a_document_without_a_reconstruction_has_no_spectrum() -> None:
 
 
 def test_intensities_in_common_are_those_of_one_flight_and_lie_between_those_of_two() -> None:
-    calm, rough = (moving_air(700 + number, strength)[0] for number, strength in enumerate((0.5, 8.0)))
+    calm, rough = (
+        moving_air(700 + number, strength)[0] for number, strength in enumerate((0.5, 8.0))
+    )
     own = reconstruct([calm], FREE, initial=FIRST)
     alone = smooth_flight(own, calm.flight)
-    assert smooth_flight(own, calm.flight, intensities=alone.intensities).intensities == alone.intensities
+    assert (
+        smooth_flight(own, calm.flight, intensities=alone.intensities).intensities
+        == alone.intensities
+    )
     both = reconstruct([calm, replace(rough, name="rough", flight="rough")], FREE, initial=FIRST)
-    low, high = (intensities_of(both, (flight,)).gusts.vertical for flight in (calm.flight, "rough"))
+    low, high = (
+        intensities_of(both, (flight,)).gusts.vertical for flight in (calm.flight, "rough")
+    )
     assert low < intensities_of(both, (calm.flight, "rough")).gusts.vertical < high
     with pytest.raises(UnknownNameError):
         intensities_of(both, ("calmer",))

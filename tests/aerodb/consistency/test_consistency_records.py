@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 
 from aerodb.consistency.output_error.reconstruction import reconstruct
-from aerodb.consistency.records import at_probe, flight_of, from_probe, inertial, one_sensor, records_from_flight
+from aerodb.consistency.records import (
+    at_probe,
+    flight_of,
+    from_probe,
+    inertial,
+    one_sensor,
+    records_from_flight,
+)
 from aerodb.consistency.sensors.prediction import Record
 from aerodb.errors import InputError
 from aerodb.flight import Flight
@@ -41,8 +48,11 @@ def vehicle():
 
 
 def _flight(planted, seconds=60.0):
-    """The simulated record as a mapped Flight: its accelerometer sits off the CG, its air data were moved to the CG."""
-    record: Record = simulated(np.random.default_rng(3), planted, seconds=seconds, arm=(3.0, 0.0, 0.2))
+    """The simulated record as a mapped Flight: its accelerometer sits off the CG, its air data were
+    moved to the CG."""
+    record: Record = simulated(
+        np.random.default_rng(3), planted, seconds=seconds, arm=(3.0, 0.0, 0.2)
+    )
     time = 0.02 * np.arange(len(record.inputs))
     exact = truth(time)
     rates = np.column_stack([exact[name] for name in "pqr"])
@@ -51,13 +61,20 @@ def _flight(planted, seconds=60.0):
     moved = record.inputs[:, :3] + np.cross(turning, arm) + np.cross(rates, np.cross(rates, arm))
     channels = {f"a{axis}_imu": moved[:, k] for k, axis in enumerate("xyz")}
     channels |= {name: record.inputs[:, 3 + k] for k, name in enumerate("pqr")}
-    at_cg = from_probe({name: record.outputs[name] for name in ("V", "alpha", "beta")}, record.inputs[:, 3:], record.arm)
+    at_cg = from_probe(
+        {name: record.outputs[name] for name in ("V", "alpha", "beta")},
+        record.inputs[:, 3:],
+        record.arm,
+    )
     outputs = {**record.outputs, **at_cg}
-    return Flight("f", "simulated", time, {**channels, **outputs, "rho": np.full(len(time), DENSITY)})
+    return Flight(
+        "f", "simulated", time, {**channels, **outputs, "rho": np.full(len(time), DENSITY)}
+    )
 
 
 def test_a_flight_is_cut_into_records(vehicle):
-    """At most half a minute each, at the probe, with the arm from the CG; specific force is moved to the CG."""
+    """At most half a minute each, at the probe, with the arm from the CG; specific force is moved
+    to the CG."""
     planted = {"az_bias": 0.1, "q_bias": 0.002, "alpha_bias": 0.02, "wind_north": 7.0}
     flight = _flight(planted)
     records = records_from_flight(flight, vehicle, seconds=30.0)
@@ -70,29 +87,40 @@ def test_a_flight_is_cut_into_records(vehicle):
 
 
 def test_decimation_loses_nothing(vehicle):
-    """Estimates and standard errors at 12.5 Hz are those at 50 Hz: the motion is slower than both."""
+    """Estimates and standard errors at 12.5 Hz are those at 50 Hz: the motion is slower than
+    both."""
     flight = _flight({"az_bias": 0.1, "q_bias": 0.002, "alpha_bias": 0.02})
-    full, slow = (reconstruct(records_from_flight(flight, vehicle, decimation=m), FREE, initial=STATES) for m in (1, 4))
+    full, slow = (
+        reconstruct(records_from_flight(flight, vehicle, decimation=m), FREE, initial=STATES)
+        for m in (1, 4)
+    )
     for name in ("az_bias", "q_bias", "alpha_bias"):
         assert slow[name].standard_error == pytest.approx(full[name].standard_error, rel=0.25), name
         assert abs(slow[name].value - full[name].value) < 0.7 * full[name].standard_error, name
 
 
 def test_air_data_go_back_to_the_probe_and_come_again(vehicle):
-    """What the mapping moved to the CG by the measured rates is undone exactly, with and without a beta vane."""
+    """What the mapping moved to the CG by the measured rates is undone exactly, with and without a
+    beta vane."""
     flight = _flight({})
     moved = inertial(flight, vehicle)
     for names in (("V", "alpha", "beta"), ("V", "alpha")):
         shown = {name: flight[name] for name in names}
         at_cg = from_probe(shown, moved.values[:, 3:], moved.arm)
         assert np.abs(at_cg["alpha"] - shown["alpha"]).max() > 1e-3
-        there = at_probe(flight.with_channels(at_cg) if len(names) == 3 else _only(flight, at_cg), moved)
+        there = at_probe(
+            flight.with_channels(at_cg) if len(names) == 3 else _only(flight, at_cg), moved
+        )
         for name in names:
             np.testing.assert_allclose(there[name], shown[name], atol=1e-9)
 
 
 def _only(flight, air):
-    channels = {name: values for name, values in flight.channels.items() if name not in ("V", "alpha", "beta")}
+    channels = {
+        name: values
+        for name, values in flight.channels.items()
+        if name not in ("V", "alpha", "beta")
+    }
     return replace(flight, channels={**channels, **air})
 
 
@@ -135,7 +163,10 @@ def test_an_aircraft_that_rolls_is_not_compared(vehicle):
 
 def test_what_a_flight_lacks_is_said(vehicle):
     flight = _flight({}, seconds=10.0)
-    without = replace(flight, channels={name: values for name, values in flight.channels.items() if name != "theta"})
+    without = replace(
+        flight,
+        channels={name: values for name, values in flight.channels.items() if name != "theta"},
+    )
     with pytest.raises(InputError, match="theta not logged"):
         records_from_flight(without, vehicle)
     with pytest.raises(InputError, match="without a gap"):

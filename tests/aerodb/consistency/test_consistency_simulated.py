@@ -26,16 +26,23 @@ BOOM = (3.0, 0.0, 0.2)
 
 
 def _solve(record, free=tuple(PLANTED), **how):
-    return reconstruct([record] if isinstance(record, Record) else record, free, initial=STATES, **how)
+    return reconstruct(
+        [record] if isinstance(record, Record) else record, free, initial=STATES, **how
+    )
 
 
 def test_motion_is_that_of_the_formulas():
-    """Rates and specific force of the formulas, integrated, give attitude and velocity over the earth again."""
+    """Rates and specific force of the formulas, integrated, give attitude and velocity over the
+    earth again."""
     time = np.arange(0.0, 30.0, 0.02)
     exact = truth(time)
     inputs = np.column_stack([exact[name] for name in ("ax", "ay", "az", "p", "q", "r")])
     air = exact["V"] * np.stack(
-        [np.cos(exact["beta"]) * np.cos(exact["alpha"]), np.sin(exact["beta"]), np.cos(exact["beta"]) * np.sin(exact["alpha"])]
+        [
+            np.cos(exact["beta"]) * np.cos(exact["alpha"]),
+            np.sin(exact["beta"]),
+            np.cos(exact["beta"]) * np.sin(exact["alpha"]),
+        ]
     )
     first = np.r_[air[:, 0], exact["phi"][0], exact["theta"][0], exact["psi"][0], 0.0, 0.0, 100.0]
     states, _ = integrate(inputs, 0.02, first, 9.80665)
@@ -47,13 +54,18 @@ def test_motion_is_that_of_the_formulas():
 
 
 def test_sensitivities_are_derivatives():
-    """Every column of the joint sensitivities equals a central difference of the integration itself."""
+    """Every column of the joint sensitivities equals a central difference of the integration
+    itself."""
     rng = np.random.default_rng(3)
     inputs = np.column_stack([rng.normal([0, 0, -9.8], 1, (100, 3)), rng.normal(0, 0.2, (100, 3))])
     first = np.array([50.0, 1.0, 3.0, 0.1, 0.2, 0.3, 0.0, 0.0, 100.0])
     kind = np.array([-1] * 9 + list(range(12)))
     directions = np.hstack([np.eye(9), np.zeros((9, 12))])
-    bias, scale, tiny = np.array([0.1, -0.2, 0.3, 0.01, -0.02, 0.03]), np.linspace(0.01, 0.06, 6), 1e-6
+    bias, scale, tiny = (
+        np.array([0.1, -0.2, 0.3, 0.01, -0.02, 0.03]),
+        np.linspace(0.01, 0.06, 6),
+        1e-6,
+    )
 
     def run(change):
         gain = 1.0 / (1.0 + scale + change[15:])
@@ -64,20 +76,37 @@ def test_sensitivities_are_derivatives():
     for column in range(21):
         step = tiny * np.eye(21)[column]
         difference = (run(step) - run(-step)) / (2 * tiny)
-        np.testing.assert_allclose(slopes[:, :, column], difference, atol=2e-6 * max(1.0, np.abs(difference).max()))
+        np.testing.assert_allclose(
+            slopes[:, :, column], difference, atol=2e-6 * max(1.0, np.abs(difference).max())
+        )
 
 
 def test_planted_errors_come_back_without_noise():
     """What remains without noise is the integration and interpolation error of samples at 50 Hz."""
     result = _solve(simulated(np.random.default_rng(0), PLANTED, arm=BOOM, noise=1e-6))
     for name, value in PLANTED.items():
-        assert result[name if not name.startswith("wind") else f"{name}[simulated]"].value == pytest.approx(value, rel=5e-3), name
+        assert result[
+            name if not name.startswith("wind") else f"{name}[simulated]"
+        ].value == pytest.approx(value, rel=5e-3), name
 
 
 def test_a_dynamic_pressure_error_is_found_as_such():
-    """10.19 % on qbar, none on V: the scale of qbar says so, V's and the wind's intervals hold zero; unmended it is rejected."""
+    """10.19 % on qbar, none on V: the scale of qbar says so, V's and the wind's intervals hold
+    zero; unmended it is rejected."""
     record = simulated(np.random.default_rng(8), {"qbar_scale": 0.1019})
-    result = _solve(record, ("ax_bias", "az_bias", "q_bias", "qbar_scale", "V_scale", "alpha_bias", "wind_north", "wind_east"))
+    result = _solve(
+        record,
+        (
+            "ax_bias",
+            "az_bias",
+            "q_bias",
+            "qbar_scale",
+            "V_scale",
+            "alpha_bias",
+            "wind_north",
+            "wind_east",
+        ),
+    )
     assert result["qbar_scale"].value == pytest.approx(0.1019, abs=4e-3)
     for name in ("V_scale", "wind_north[simulated]", "wind_east[simulated]"):
         assert abs(result[name].value) < 3 * result[name].standard_error
@@ -88,22 +117,30 @@ def test_a_dynamic_pressure_error_is_found_as_such():
 
 @pytest.mark.heavy
 def test_intervals_cover_the_truth(trials):
-    """95 % intervals under white noise of all sensors, inertial ones included, whose drift dominates the biases' error."""
+    """95 % intervals under white noise of all sensors, inertial ones included, whose drift
+    dominates the biases' error."""
     runs = trials(30, 300)
     inside = []
     for seed in range(runs):
         result = _solve(simulated(np.random.default_rng(1000 + seed), PLANTED, arm=BOOM))
         planted = [estimate for estimate in result.estimates if estimate.parameter.name in PLANTED]
-        inside.append([abs(e.value - PLANTED[e.parameter.name]) < 1.96 * e.standard_error for e in planted])
+        inside.append(
+            [abs(e.value - PLANTED[e.parameter.name]) < 1.96 * e.standard_error for e in planted]
+        )
     share = np.mean(inside)
-    low, high, lowest = (0.92, 0.98, 0.90) if runs >= 300 else (0.92, 0.98, 0.80)  # few runs scatter
+    low, high, lowest = (
+        (0.92, 0.98, 0.90) if runs >= 300 else (0.92, 0.98, 0.80)
+    )  # few runs scatter
     assert low <= share <= high
     assert np.min(np.mean(inside, axis=0)) >= lowest
 
 
 def test_gaps_and_more_noise_widen_the_intervals():
     record = simulated(np.random.default_rng(5), PLANTED, arm=BOOM)
-    sparse = {name: np.where(np.arange(len(values)) % 4 == 0, values, np.nan) for name, values in record.outputs.items()}
+    sparse = {
+        name: np.where(np.arange(len(values)) % 4 == 0, values, np.nan)
+        for name, values in record.outputs.items()
+    }
     full, less = _solve(record), _solve(replace(record, outputs=sparse))
     loud = _solve(simulated(np.random.default_rng(5), PLANTED, arm=BOOM, noise=3.0))
     for name in ("alpha_scale", "beta_scale", "V_scale"):
@@ -114,8 +151,8 @@ def test_gaps_and_more_noise_widen_the_intervals():
 
 
 def test_what_cannot_be_separated_keeps_the_width_of_its_prior():
-    """Without velocity over the earth nothing tells the wind; a heading bias and the first heading are one, and the prior of the
-    former is the narrower one."""
+    """Without velocity over the earth nothing tells the wind; a heading bias and the first heading
+    are one, and the prior of the former is the narrower one."""
     channels = ("V", "alpha", "beta", "phi", "theta", "psi")
     record = simulated(np.random.default_rng(2), {}, channels=channels)
     plan = Plan(("ax_bias", "q_bias", "wind_north", "wind_east", "psi_bias"), STATES, {}, ())
@@ -123,41 +160,65 @@ def test_what_cannot_be_separated_keeps_the_width_of_its_prior():
     for name in ("wind_north", "wind_east"):
         assert result[f"{name}[simulated]"].standard_error > 0.5 * plan.weak[name]
     assert result["psi_bias"].standard_error == pytest.approx(plan.weak["psi_bias"], rel=0.05)
-    assert result["initial_psi[simulated]"].standard_error == pytest.approx(plan.weak["psi_bias"], rel=0.05)
+    assert result["initial_psi[simulated]"].standard_error == pytest.approx(
+        plan.weak["psi_bias"], rel=0.05
+    )
     assert abs(result["q_bias"].value) < 3 * result["q_bias"].standard_error
 
 
 def test_a_prior_separates_what_the_flight_does_not():
-    record = simulated(np.random.default_rng(2), {"psi_bias": 0.0}, channels=("V", "alpha", "beta", "phi", "theta", "psi"))
+    record = simulated(
+        np.random.default_rng(2),
+        {"psi_bias": 0.0},
+        channels=("V", "alpha", "beta", "phi", "theta", "psi"),
+    )
     result = _solve(record, ("q_bias", "psi_bias"), priors={"psi_bias": 0.005})
     assert result["psi_bias"].standard_error == pytest.approx(0.005, rel=0.05)
 
 
 def test_bounds_hold():
     record = simulated(np.random.default_rng(4), {"alpha_scale": 0.1})
-    result = _solve(record, ("alpha_scale", "alpha_bias", "wind_north", "wind_east"), bounds={"alpha_scale": (-0.05, 0.05)})
+    result = _solve(
+        record,
+        ("alpha_scale", "alpha_bias", "wind_north", "wind_east"),
+        bounds={"alpha_scale": (-0.05, 0.05)},
+    )
     assert result["alpha_scale"].value == 0.05
     assert result["alpha_scale"].at_bound
 
 
 def test_two_flights_share_sensors_and_have_their_own_wind():
     shared = {"p_bias": 0.001, "q_bias": 0.002, "alpha_bias": 0.01}
-    first = simulated(np.random.default_rng(6), {**shared, "wind_north": 5.0}, name="one", seconds=20.0)
-    second = simulated(np.random.default_rng(7), {**shared, "wind_north": -3.0}, name="two", seconds=20.0, start=30.0)
+    first = simulated(
+        np.random.default_rng(6), {**shared, "wind_north": 5.0}, name="one", seconds=20.0
+    )
+    second = simulated(
+        np.random.default_rng(7),
+        {**shared, "wind_north": -3.0},
+        name="two",
+        seconds=20.0,
+        start=30.0,
+    )
     result = _solve([first, second], (*shared, "wind_north", "wind_east"))
-    assert result["wind_north[one]"].value == pytest.approx(5.0, abs=3 * result["wind_north[one]"].standard_error)
-    assert result["wind_north[two]"].value == pytest.approx(-3.0, abs=3 * result["wind_north[two]"].standard_error)
+    assert result["wind_north[one]"].value == pytest.approx(
+        5.0, abs=3 * result["wind_north[one]"].standard_error
+    )
+    assert result["wind_north[two]"].value == pytest.approx(
+        -3.0, abs=3 * result["wind_north[two]"].standard_error
+    )
     assert result["alpha_bias"].value == pytest.approx(0.01, abs=1e-3)
 
 
 def test_alpha_is_reconstructed_without_a_vane():
-    """PX4 users have none: attitude, velocity over the earth and airspeed give alpha, with its price in standard error."""
+    """PX4 users have none: attitude, velocity over the earth and airspeed give alpha, with its
+    price in standard error."""
     rng = np.random.default_rng(9)
     channels = tuple(name for name in NOISE if name not in ("alpha", "beta", "qbar"))
     planted = {"az_bias": 0.05, "q_bias": 0.001, "wind_north": 4.0, "wind_east": 2.0}
-    path = _solve(simulated(rng, planted, channels=channels), ("ax_bias", "az_bias", "q_bias", "wind_north", "wind_east")).paths[
-        0
-    ]
+    path = _solve(
+        simulated(rng, planted, channels=channels),
+        ("ax_bias", "az_bias", "q_bias", "wind_north", "wind_east"),
+    ).paths[0]
     error = path.alpha - truth(0.02 * np.arange(len(path.alpha)))["alpha"]
     assert np.rad2deg(np.sqrt(np.mean(error**2))) < 0.5
     assert np.sqrt(np.mean(error**2)) < 3 * path.air_sigma[1].mean()
@@ -165,7 +226,9 @@ def test_alpha_is_reconstructed_without_a_vane():
 
 BROKEN = {
     "p has the wrong sign": lambda u: u * np.array([1, 1, 1, -1, 1, 1]),
-    "q is 57 times too large: degrees declared as radians": lambda u: u * np.array([1, 1, 1, 1, np.rad2deg(1), 1]),
+    "q is 57 times too large: degrees declared as radians": lambda u: (
+        u * np.array([1, 1, 1, 1, np.rad2deg(1), 1])
+    ),
     "az lacks gravity": lambda u: u + np.array([0, 0, 9.80665, 0, 0, 0]),
     "az has the wrong sign": lambda u: u * np.array([1, 1, -1, 1, 1, 1]),
     "ay and az are swapped": lambda u: u[:, [0, 2, 1, 3, 4, 5]],
@@ -184,7 +247,9 @@ def test_blunt_faults_are_named(sentence):
 
 def test_degrees_in_an_attitude_are_named():
     record = simulated(np.random.default_rng(1), {})
-    found = faults(replace(record, outputs={**record.outputs, "phi": np.rad2deg(record.outputs["phi"])}))
+    found = faults(
+        replace(record, outputs={**record.outputs, "phi": np.rad2deg(record.outputs["phi"])})
+    )
     assert found[0].sentence.endswith("degrees declared as radians")
 
 
@@ -195,7 +260,9 @@ def test_expected_inputs_are_those_of_the_formulas():
     expected = expected_inputs(record)
     for column, name in enumerate(("ax", "ay", "az", "p", "q", "r")):
         inner = slice(100, -100)
-        assert np.std(expected[inner, column] - exact[name][inner]) < 0.2 * np.std(exact[name]), name
+        assert np.std(expected[inner, column] - exact[name][inner]) < 0.2 * np.std(exact[name]), (
+            name
+        )
 
 
 def test_bad_input_is_refused():
@@ -207,6 +274,16 @@ def test_bad_input_is_refused():
     with pytest.raises(InputError, match="bank or pitch"):
         reconstruct([replace(record, outputs={"V": record.outputs["V"]})], ("q_bias",))
     with pytest.raises(InputError, match="not finite"):
-        replace(record, inputs=np.where(np.arange(len(record.inputs))[:, None] == 5, np.nan, record.inputs))
+        replace(
+            record,
+            inputs=np.where(np.arange(len(record.inputs))[:, None] == 5, np.nan, record.inputs),
+        )
     with pytest.raises(InputError, match="no usable sample of alpha"):
-        reconstruct([replace(record, outputs={**record.outputs, "alpha": np.full(len(record.inputs), np.nan)})], ("q_bias",))
+        reconstruct(
+            [
+                replace(
+                    record, outputs={**record.outputs, "alpha": np.full(len(record.inputs), np.nan)}
+                )
+            ],
+            ("q_bias",),
+        )

@@ -1,4 +1,5 @@
-"""Twin Otter: how far each record agrees with itself, and what stands in the way, sensor by sensor."""
+"""Twin Otter: how far each record agrees with itself, and what stands in the way, sensor by
+sensor."""
 
 from dataclasses import replace
 
@@ -13,7 +14,10 @@ from aerodb.consistency.sensors.expected import faults
 from aerodb.consistency.verdict import judge
 from tests.support.consistency_records import ATTAS_BIASES, TWIN_OTTER, twin_otter
 
-SENSORS = (*ATTAS_BIASES, *(f"{key}_{kind}" for key in ("alpha", "beta") for kind in ("bias", "scale", "delay")))
+SENSORS = (
+    *ATTAS_BIASES,
+    *(f"{key}_{kind}" for key in ("alpha", "beta") for kind in ("bias", "scale", "delay")),
+)
 
 
 @pytest.fixture(scope="module")
@@ -22,7 +26,9 @@ def lateral(measured):
 
 
 def _only(record, *names):
-    return replace(record, outputs={name: record.outputs[name] for name in names if name in record.outputs})
+    return replace(
+        record, outputs={name: record.outputs[name] for name in names if name in record.outputs}
+    )
 
 
 def _initial(record):
@@ -37,7 +43,8 @@ def _rms(path):
 
 
 def _solved(record, sensors=SENSORS):
-    """With these parameters free, under the priors, bounds and least noise that any flight of the vehicle gets."""
+    """With these parameters free, under the priors, bounds and least noise that any flight of the
+    vehicle gets."""
     return solved([record], replace(make_plan([record], TWIN_OTTER), free=tuple(sensors)))
 
 
@@ -52,8 +59,9 @@ def _chosen(record):
 
 @pytest.mark.parametrize("name", ["demo", "9752ed20"])
 def test_longitudinal_records_are_within_the_limits(measured, name):
-    """All channels but the compass, which holds each reading for a second; 9752ed20 has none. Sideslip does not move here, so
-    its scale and delay and the side accelerometer's bias are not sought."""
+    """All channels but the compass, which holds each reading for a second; 9752ed20 has none.
+    Sideslip does not move here, so its scale and delay and the side accelerometer's bias are not
+    sought."""
     record = twin_otter(measured(f"twin_otter/totter_{name}_data.mat"))
     record = _only(record, "V", "alpha", "beta", "phi", "theta", "altitude")
     sensors = [name for name in SENSORS if name not in ("ay_bias", "beta_scale", "beta_delay")]
@@ -62,12 +70,15 @@ def test_longitudinal_records_are_within_the_limits(measured, name):
 
 
 def test_the_side_accelerometer_s_bias_is_sought_in_every_flight(measured):
-    """What the step itself estimates of the longitudinal records always holds the biases of all six inertial sensors. 9752ed20 is
-    good with them, and so are all channels of demo as it is logged, but for the compass. Without its compass demo is rejected:
-    nothing then tells the side accelerometer's bias from that of the yaw gyro (correlation 1.00), and it comes out at -3.8 +- 1.6
-    m/s2 under a prior of .5, although without it all channels agree (above)."""
+    """What the step itself estimates of the longitudinal records always holds the biases of all six
+    inertial sensors. 9752ed20 is good with them, and so are all channels of demo as it is logged,
+    but for the compass. Without its compass demo is rejected: nothing then tells the side
+    accelerometer's bias from that of the yaw gyro (correlation 1.00), and it comes out at -3.8 +-
+    1.6 m/s2 under a prior of .5, although without it all channels agree (above)."""
     channels = ("V", "alpha", "beta", "phi", "theta", "altitude")
-    demo, other = (twin_otter(measured(f"twin_otter/totter_{name}_data.mat")) for name in ("demo", "9752ed20"))
+    demo, other = (
+        twin_otter(measured(f"twin_otter/totter_{name}_data.mat")) for name in ("demo", "9752ed20")
+    )
     assert _verdict(_chosen(other), other).word == "good"
     logged = _verdict(_chosen(demo), demo)
     assert logged.word == "limited"
@@ -82,8 +93,9 @@ def test_the_side_accelerometer_s_bias_is_sought_in_every_flight(measured):
 
 
 def test_a_scale_at_its_bound_condemns_no_other_sensor(measured):
-    """The demo record does not move in sideslip. With its scale free all the same, that ends at its bound and the side
-    accelerometer's bias takes up what is left: nothing that the flight may be refused for."""
+    """The demo record does not move in sideslip. With its scale free all the same, that ends at its
+    bound and the side accelerometer's bias takes up what is left: nothing that the flight may be
+    refused for."""
     record = twin_otter(measured("twin_otter/totter_demo_data.mat"))
     record = _only(record, "V", "alpha", "beta", "phi", "theta", "altitude")
     result = _solved(record)
@@ -91,7 +103,11 @@ def test_a_scale_at_its_bound_condemns_no_other_sensor(measured):
     assert abs(result["ay_bias"].value) > 3 * result["ay_bias"].parameter.size
     verdict = _verdict(result, record)
     assert verdict.word == "limited"
-    assert [reason for reason in verdict.reasons if "ay_bias" in reason and "with beta_scale and beta_delay at a bound" in reason]
+    assert [
+        reason
+        for reason in verdict.reasons
+        if "ay_bias" in reason and "with beta_scale and beta_delay at a bound" in reason
+    ]
 
 
 def test_lateral_record_is_within_the_limits_without_altitude_and_heading(lateral):
@@ -101,7 +117,8 @@ def test_lateral_record_is_within_the_limits_without_altitude_and_heading(latera
 
 
 def test_heading_of_the_lateral_record_is_no_heading(lateral):
-    """Eighteen values in twenty seconds, each held for one: the compass swings by 15 deg while the gyros see a smooth turn."""
+    """Eighteen values in twenty seconds, each held for one: the compass swings by 15 deg while the
+    gyros see a smooth turn."""
     steps = np.flatnonzero(np.diff(lateral.outputs["psi"]))
     assert len(steps) < 25
     assert np.median(np.diff(steps)) * lateral.step == pytest.approx(1.0, abs=0.05)
@@ -111,8 +128,8 @@ def test_heading_of_the_lateral_record_is_no_heading(lateral):
 
 
 def test_altitude_of_the_lateral_record_feels_sideslip(lateral):
-    """Its static pressure falls with sideslip to either side: in the rudder doublet, altitude leaves the path by 2.7 m at
-    6 deg, in proportion to the square of beta."""
+    """Its static pressure falls with sideslip to either side: in the rudder doublet, altitude
+    leaves the path by 2.7 m at 6 deg, in proportion to the square of beta."""
     path = _chosen(_only(lateral, "V", "alpha", "beta", "phi", "theta")).paths[0]
     time = lateral.step * np.arange(len(path.beta))
     doublet = (time > 4.0) & (time < 9.0)
@@ -126,12 +143,13 @@ def test_altitude_of_the_lateral_record_feels_sideslip(lateral):
 
 
 def test_pitch_attitude_of_the_lateral_record_drifts_against_air_data_and_accelerometers(lateral):
-    """Why theta stays .57 deg off: airspeed alone and altitude alone, each with the accelerometers, both say that the vertical
-    gyro falls by 1.7-2.4 deg in 20 s; the pitch gyro fits either side, with another bias. Nothing in this record decides.
+    """Why theta stays .57 deg off: airspeed alone and altitude alone, each with the accelerometers,
+    both say that the vertical gyro falls by 1.7-2.4 deg in 20 s; the pitch gyro fits either side,
+    with another bias. Nothing in this record decides.
 
-    That is with noise as small as the residuals of each channel. The step itself trusts no flow angle beyond a fifth of its
-    limit: as logged, theta stays .61 deg off; without the compass theta is believed (.14 deg), and altitude is off by 1.6 m
-    instead of .7 m."""
+    That is with noise as small as the residuals of each channel. The step itself trusts no flow
+    angle beyond a fifth of its limit: as logged, theta stays .61 deg off; without the compass theta
+    is believed (.14 deg), and altitude is off by 1.6 m instead of .7 m."""
     start = first_states(lateral)
     drift = {}
     for name in ("V", "altitude"):
@@ -141,8 +159,12 @@ def test_pitch_attitude_of_the_lateral_record_drifts_against_air_data_and_accele
         drift[name] = difference[-50:].mean() - difference[:50].mean()
     assert -3.0 < drift["V"] < -1.0
     assert -3.0 < drift["altitude"] < -1.0
-    high, low = (_only(lateral, "V", "alpha", "beta", "phi", "theta", *more) for more in (("altitude",), ()))
-    both, alone = (reconstruct([record], SENSORS, initial=_initial(record)) for record in (high, low))
+    high, low = (
+        _only(lateral, "V", "alpha", "beta", "phi", "theta", *more) for more in (("altitude",), ())
+    )
+    both, alone = (
+        reconstruct([record], SENSORS, initial=_initial(record)) for record in (high, low)
+    )
     assert _rms(both.paths[0])["theta"] == pytest.approx(0.57, abs=0.03)
     assert _rms(alone.paths[0])["theta"] == pytest.approx(0.135, abs=0.02)
     gyro = [result["q_bias"] for result in (both, alone)]
@@ -150,12 +172,15 @@ def test_pitch_attitude_of_the_lateral_record_drifts_against_air_data_and_accele
     logged, without = (_rms(_chosen(record).paths[0]) for record in (lateral, high))
     assert logged["theta"] == pytest.approx(0.61, abs=0.02)
     assert without["theta"] == pytest.approx(0.144, abs=0.01)
-    assert (_rms(both.paths[0])["altitude"], without["altitude"]) == pytest.approx((0.66, 1.55), abs=0.03)
+    assert (_rms(both.paths[0])["altitude"], without["altitude"]) == pytest.approx(
+        (0.66, 1.55), abs=0.03
+    )
 
 
 def test_a_scale_of_pitch_attitude_only_hides_the_drift(lateral):
-    """With a scale and a delay of theta free, theta falls to .05 deg, but airspeed and altitude are three times worse and the
-    scale comes out at its bound, -20 %, which no gyro has: the verdict does not take it."""
+    """With a scale and a delay of theta free, theta falls to .05 deg, but airspeed and altitude are
+    three times worse and the scale comes out at its bound, -20 %, which no gyro has: the verdict
+    does not take it."""
     plain = _solved(lateral)
     scaled = _solved(lateral, (*SENSORS, "theta_scale", "theta_delay"))
     before, after = _rms(plain.paths[0]), _rms(scaled.paths[0])

@@ -1,4 +1,5 @@
-"""Kinematics over a rotating oblate earth, and through any attitude: closed forms, an inertial frame, JSBSim, a loop."""
+"""Kinematics over a rotating oblate earth, and through any attitude: closed forms, an inertial
+frame, JSBSim, a loop."""
 
 from dataclasses import replace
 
@@ -18,7 +19,8 @@ ORIGIN = Earth(np.deg2rad(48.0), np.deg2rad(11.0), 0.0)
 
 
 def gravity_vector(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
-    """Normal gravity (n, 3) in earth-fixed axes, closed form in ellipsoidal coordinates (TR8350.2, section 4.2)."""
+    """Normal gravity (n, 3) in earth-fixed axes, closed form in ellipsoidal coordinates (TR8350.2,
+    section 4.2)."""
     focus = SEMI_MAJOR**2 - MINOR**2
     over = x * x + y * y + z * z - focus
     u2 = 0.5 * over * (1.0 + np.sqrt(1.0 + 4.0 * focus * z * z / over**2))
@@ -32,12 +34,26 @@ def gravity_vector(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
 
     slope = 3.0 * (1.0 + u2 / focus) * (1.0 - u / e * np.arctan(e / u)) - 1.0
     spin = (RATE * SEMI_MAJOR) ** 2
-    part = GRAVITATION / (u2 + focus) + spin * e / (u2 + focus) * slope / q(MINOR) * (0.5 * np.sin(beta) ** 2 - 1.0 / 6.0)
+    part = GRAVITATION / (u2 + focus) + spin * e / (u2 + focus) * slope / q(MINOR) * (
+        0.5 * np.sin(beta) ** 2 - 1.0 / 6.0
+    )
     up = (-part + RATE**2 * u * np.cos(beta) ** 2) / w
-    north = (spin / np.sqrt(u2 + focus) * q(u) / q(MINOR) - RATE**2 * np.sqrt(u2 + focus)) * np.sin(beta) * np.cos(beta) / w
+    north = (
+        (spin / np.sqrt(u2 + focus) * q(u) / q(MINOR) - RATE**2 * np.sqrt(u2 + focus))
+        * np.sin(beta)
+        * np.cos(beta)
+        / w
+    )
     stretch = u / np.sqrt(u2 + focus)
     outward = (up * stretch * np.cos(beta) - north * np.sin(beta)) / w
-    return np.stack([outward * x / rho, outward * y / rho, (up * np.sin(beta) + north * stretch * np.cos(beta)) / w], axis=-1)
+    return np.stack(
+        [
+            outward * x / rho,
+            outward * y / rho,
+            (up * np.sin(beta) + north * stretch * np.cos(beta)) / w,
+        ],
+        axis=-1,
+    )
 
 
 def place(latitude: np.ndarray, longitude: np.ndarray, height: np.ndarray) -> np.ndarray:
@@ -68,8 +84,9 @@ def test_gravity_aloft_against_the_closed_form(height):
 
 
 def test_eotvos_and_transport_rate():
-    """Ten minutes along the 45th parallel at 250 m/s: the figure of Eotvos in az, what curves the track in ay, the earth's and
-    the transport rate in the gyros; height and latitude stay. On a flat earth the same sensors would climb six kilometres."""
+    """Ten minutes along the 45th parallel at 250 m/s: the figure of Eotvos in az, what curves the
+    track in ay, the earth's and the transport rate in the gyros; height and latitude stay. On a
+    flat earth the same sensors would climb six kilometres."""
     latitude, height, speed = np.deg2rad(45.0), 8000.0, 250.0
     down, _, _, bend = normal_gravity(latitude, height)
     across = curvature(latitude)[1] + height
@@ -77,7 +94,10 @@ def test_eotvos_and_transport_rate():
     assert eotvos == pytest.approx(0.03557, abs=2e-5)
     turn = RATE + speed / (across * np.cos(latitude))
     # body axes of eastward flight: forward is east, right is south
-    south = -(2.0 * RATE * np.sin(latitude) * speed + speed**2 * np.tan(latitude) / across) + bend * height
+    south = (
+        -(2.0 * RATE * np.sin(latitude) * speed + speed**2 * np.tan(latitude) / across)
+        + bend * height
+    )
     steady = [0.0, south, -(down - eotvos), 0.0, -turn * np.cos(latitude), -turn * np.sin(latitude)]
     inputs = np.tile(steady, (6001, 1))
     earth = Earth(latitude, 0.0, 0.0)
@@ -86,7 +106,9 @@ def test_eotvos_and_transport_rate():
     assert np.abs(states[8] - height).max() < 0.01
     assert np.abs(states[6]).max() < 0.01
     assert np.abs(states[5] - np.pi / 2).max() < 1e-7
-    assert states[7, -1] == pytest.approx(600.0 * speed * earth.metres[1] / (across * np.cos(latitude)), rel=1e-9)
+    assert states[7, -1] == pytest.approx(
+        600.0 * speed * earth.metres[1] / (across * np.cos(latitude)), rel=1e-9
+    )
     flat, _ = integrate(inputs, 0.1, first, down)
     assert abs(flat[8, -1] - height) > 5000.0
 
@@ -98,13 +120,16 @@ def test_a_falling_stone_lands_to_the_east():
     first = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 5000.0])
     states, _ = integrate(inputs, 0.01, first, 0.0, earth=Earth(latitude))
     gravity = normal_gravity(latitude, 3500.0)[0]
-    assert states[7, -1] == pytest.approx(RATE * gravity * 30.0**3 * np.cos(latitude) / 3.0, rel=5e-3)
+    assert states[7, -1] == pytest.approx(
+        RATE * gravity * 30.0**3 * np.cos(latitude) / 3.0, rel=5e-3
+    )
     assert 5000.0 - states[8, -1] == pytest.approx(0.5 * gravity * 900.0, rel=5e-4)
 
 
 def _inertial_sensors(time: np.ndarray) -> tuple[dict[str, np.ndarray], np.ndarray]:
-    """A path by formulas in latitude, longitude and height, and what inertial sensors show on it by Newton's law in axes that
-    do not turn: (n, 6), from sixth-order differences of position and attitude there."""
+    """A path by formulas in latitude, longitude and height, and what inertial sensors show on it by
+    Newton's law in axes that do not turn: (n, 6), from sixth-order differences of position and
+    attitude there."""
     tiny, weights = 0.05, np.array([-1 / 60, 3 / 20, -3 / 4, 0.0, 3 / 4, -3 / 20, 1 / 60])
     second = np.array([1 / 90, -3 / 20, 3 / 2, -49 / 18, 3 / 2, -3 / 20, 1 / 90])
 
@@ -119,12 +144,19 @@ def _inertial_sensors(time: np.ndarray) -> tuple[dict[str, np.ndarray], np.ndarr
     def inertial(t: np.ndarray) -> tuple[np.ndarray, Rotation]:
         at = path(t)
         spin = Rotation.from_rotvec(np.outer(RATE * t, [0.0, 0.0, 1.0]))
-        to_earth_fixed = Rotation.from_euler("ZY", np.column_stack([at["longitude"], -at["latitude"] - np.pi / 2]))
+        to_earth_fixed = Rotation.from_euler(
+            "ZY", np.column_stack([at["longitude"], -at["latitude"] - np.pi / 2])
+        )
         attitude = Rotation.from_euler("ZYX", np.column_stack([at["psi"], at["theta"], at["phi"]]))
-        return spin.apply(place(at["latitude"], at["longitude"], at["altitude"])), spin * to_earth_fixed * attitude
+        return (
+            spin.apply(place(at["latitude"], at["longitude"], at["altitude"])),
+            spin * to_earth_fixed * attitude,
+        )
 
     stencil = [inertial(time + k * tiny) for k in range(-3, 4)]
-    acceleration = sum(w * position for w, (position, _) in zip(second, stencil, strict=True)) / tiny**2
+    acceleration = (
+        sum(w * position for w, (position, _) in zip(second, stencil, strict=True)) / tiny**2
+    )
     turned = [stencil[3][1].inv() * attitude for _, attitude in stencil]
     rates = sum(w * turn.as_rotvec() for w, turn in zip(weights, turned, strict=True)) / tiny
     at = path(time)
@@ -136,15 +168,26 @@ def _inertial_sensors(time: np.ndarray) -> tuple[dict[str, np.ndarray], np.ndarr
 
 
 def test_the_inertial_frame_gives_the_same_motion():
-    """Ten minutes and 130 km: two metres from the path, which is what inputs linear within 20 ms leave (at half the step it is a
-    quarter); the flat earth is kilometres off."""
+    """Ten minutes and 130 km: two metres from the path, which is what inputs linear within 20 ms
+    leave (at half the step it is a quarter); the flat earth is kilometres off."""
     time = np.arange(0.0, 600.0, 0.02)
     at, inputs = _inertial_sensors(time)
     north, east = ORIGIN.to_local(at["latitude"], at["longitude"])
     meridian, normal = curvature(ORIGIN.latitude)[:2]
-    over = np.array([2e-5 + 5e-6, 4e-5 + 7e-6]) * [meridian + 6000.0, (normal + 6000.0) * np.cos(ORIGIN.latitude)]
+    over = np.array([2e-5 + 5e-6, 4e-5 + 7e-6]) * [
+        meridian + 6000.0,
+        (normal + 6000.0) * np.cos(ORIGIN.latitude),
+    ]
     attitude = Rotation.from_euler("ZYX", [at["psi"][0], at["theta"][0], at["phi"][0]])
-    first = np.r_[attitude.inv().apply([*over, -12.0]), at["phi"][0], at["theta"][0], at["psi"][0], 0.0, 0.0, 6000.0]
+    first = np.r_[
+        attitude.inv().apply([*over, -12.0]),
+        at["phi"][0],
+        at["theta"][0],
+        at["psi"][0],
+        0.0,
+        0.0,
+        6000.0,
+    ]
     states, _ = integrate(inputs, 0.02, first, 0.0, earth=ORIGIN)
     assert np.hypot(states[6] - north, states[7] - east).max() < 2.0
     assert np.abs(states[8] - at["altitude"]).max() < 1.0
@@ -155,8 +198,9 @@ def test_the_inertial_frame_gives_the_same_motion():
 
 
 def test_jsbsim_flies_the_same_earth():
-    """Three minutes of JSBSim's own 6-DOF over its rotating WGS-84 earth: its forces and inertial rates, integrated, lead to its
-    position and attitude; on a flat earth they end hundreds of metres away."""
+    """Three minutes of JSBSim's own 6-DOF over its rotating WGS-84 earth: its forces and inertial
+    rates, integrated, lead to its position and attitude; on a flat earth they end hundreds of
+    metres away."""
     from tests.support.jsbsim_flights import simulator
 
     executive = simulator("c172p")
@@ -180,7 +224,10 @@ def test_jsbsim_flies_the_same_earth():
         bank, roll = executive["attitude/phi-rad"], executive["velocities/p-rad_sec"]
         executive["fcs/aileron-cmd-norm"] = -0.4 * bank - 0.3 * roll + 0.2 * np.sin(0.1 * time)
         executive.run()
-        force = [executive[f"forces/fb{a}-total-lbs"] / executive["inertia/mass-slugs"] * FOOT for a in "xyz"]
+        force = [
+            executive[f"forces/fb{a}-total-lbs"] / executive["inertia/mass-slugs"] * FOOT
+            for a in "xyz"
+        ]
         rates = [executive[f"velocities/{a}i-rad_sec"] for a in "pqr"]
         velocity = [executive[f"velocities/{a}-fps"] * FOOT for a in "uvw"]
         attitude = [executive[f"attitude/{a}-rad"] for a in ("phi", "theta", "psi")]
@@ -204,19 +251,28 @@ def test_jsbsim_flies_the_same_earth():
 
 
 def _loop(rng: np.random.Generator) -> tuple[Record, np.ndarray]:
-    """Two loops with some roll and yaw in between, at 25 m/s and 0.35 rad/s of pitch: attitude as a quaternion by scipy from the
-    rates, velocity forward along the body but for a constant alpha; the sensors follow."""
+    """Two loops with some roll and yaw in between, at 25 m/s and 0.35 rad/s of pitch: attitude as a
+    quaternion by scipy from the rates, velocity forward along the body but for a constant alpha;
+    the sensors follow."""
     step, time = 0.01, np.arange(0.0, 40.0, 0.01)
-    rates = np.column_stack([0.03 * np.sin(0.5 * time), 0.35 + 0.05 * np.sin(time), 0.02 * np.sin(0.7 * time)])
+    rates = np.column_stack(
+        [0.03 * np.sin(0.5 * time), 0.35 + 0.05 * np.sin(time), 0.02 * np.sin(0.7 * time)]
+    )
     # exact for rates linear within a step to fourth order: two-point Magnus
-    middle = 0.5 * (rates[1:] + rates[:-1]) * step + np.cross(rates[:-1], rates[1:]) * step**2 / 12.0
+    middle = (
+        0.5 * (rates[1:] + rates[:-1]) * step + np.cross(rates[:-1], rates[1:]) * step**2 / 12.0
+    )
     attitude = [Rotation.from_euler("ZYX", [0.3, 0.1, -0.05])]
     for turn in Rotation.from_rotvec(middle):
         attitude.append(attitude[-1] * turn)
     whole = Rotation.concatenate(attitude)
     angles = whole.as_euler("ZYX")[:, ::-1]
-    air = np.column_stack([25.0 + 2.0 * np.sin(0.4 * time), 0.3 * np.sin(0.9 * time), 1.5 + 0.5 * np.cos(0.6 * time)])
-    change = np.column_stack([0.8 * np.cos(0.4 * time), 0.27 * np.cos(0.9 * time), -0.3 * np.sin(0.6 * time)])
+    air = np.column_stack(
+        [25.0 + 2.0 * np.sin(0.4 * time), 0.3 * np.sin(0.9 * time), 1.5 + 0.5 * np.cos(0.6 * time)]
+    )
+    change = np.column_stack(
+        [0.8 * np.cos(0.4 * time), 0.27 * np.cos(0.9 * time), -0.3 * np.sin(0.6 * time)]
+    )
     down = whole.inv().apply([0.0, 0.0, 1.0])
     force = change + np.cross(rates, air) - 9.80665 * down
     over = whole.apply(air) + np.array([3.0, -2.0, 0.0])
@@ -228,7 +284,9 @@ def _loop(rng: np.random.Generator) -> tuple[Record, np.ndarray]:
     }  # fmt: skip
     noise = {"V": 0.2, "alpha": 3e-3, "beta": 3e-3, "phi": 2e-3, "theta": 2e-3, "psi": 2e-3}
     bias = np.array([0.05, -0.03, 0.08, 0.002, -0.001, 0.0015])
-    outputs = {name: x + noise.get(name, 0.1) * rng.standard_normal(len(time)) for name, x in exact.items()}
+    outputs = {
+        name: x + noise.get(name, 0.1) * rng.standard_normal(len(time)) for name, x in exact.items()
+    }
     inputs = np.column_stack([force, rates]) + bias
     assert np.abs(angles[:, 1]).max() > np.deg2rad(85.0)
     return Record("loop", step, inputs, outputs, "loop"), bias
@@ -238,11 +296,15 @@ def test_a_loop_is_reconstructed():
     """Through the vertical, twice: every bias and the wind within its interval, no angle lost."""
     record, bias = _loop(np.random.default_rng(2))
     free = tuple(f"{name}_bias" for name in INPUTS)
-    result = reconstruct([record], (*free, "wind_north", "wind_east"), initial=("u", "v", "w", "phi", "theta", "psi"))
+    result = reconstruct(
+        [record], (*free, "wind_north", "wind_east"), initial=("u", "v", "w", "phi", "theta", "psi")
+    )
     assert result.converged
     for name, value in zip(free, bias, strict=True):
         assert abs(result[name].value - value) < 4 * result[name].standard_error < 0.02, name
-    assert result["wind_north[loop]"].value == pytest.approx(3.0, abs=4 * result["wind_north[loop]"].standard_error)
+    assert result["wind_north[loop]"].value == pytest.approx(
+        3.0, abs=4 * result["wind_north[loop]"].standard_error
+    )
     for name in ("phi", "theta", "psi"):
         assert result.noise[name] == pytest.approx(2e-3, rel=0.05)
     assert np.isfinite(result.paths[0].state_sigma).all()
@@ -263,23 +325,42 @@ def test_sensitivities_hold_through_the_vertical():
     f, t = states[3], states[4]
     df, dt, dp = slopes[3:6, :, 0]
     turn = np.stack(
-        [df - dp * np.sin(t), dt * np.cos(f) + dp * np.sin(f) * np.cos(t), -dt * np.sin(f) + dp * np.cos(f) * np.cos(t)]
+        [
+            df - dp * np.sin(t),
+            dt * np.cos(f) + dp * np.sin(f) * np.cos(t),
+            -dt * np.sin(f) + dp * np.cos(f) * np.cos(t),
+        ]
     )
     np.testing.assert_allclose(turn.T, (one.inv() * two).as_rotvec() / tiny, atol=1e-3)
 
 
 def test_long_records_are_reconstructed_over_the_real_earth():
-    """The same ten minutes with sensors: gyro and accelerometer biases a tenth of the earth's rate and of Coriolis come back
-    over the rotating earth; the flat earth takes both for sensor errors."""
+    """The same ten minutes with sensors: gyro and accelerometer biases a tenth of the earth's rate
+    and of Coriolis come back over the rotating earth; the flat earth takes both for sensor
+    errors."""
     time = np.arange(0.0, 300.0, 0.1)
     at, inputs = _inertial_sensors(time)
     rng = np.random.default_rng(7)
     north, east = ORIGIN.to_local(at["latitude"], at["longitude"])
-    outputs = {"phi": at["phi"], "theta": at["theta"], "psi": at["psi"], "north": north, "east": east, "altitude": at["altitude"]}
-    for axis, place_, rate in (("north", north, 1.0), ("east", east, 1.0), ("down", at["altitude"], -1.0)):
+    outputs = {
+        "phi": at["phi"],
+        "theta": at["theta"],
+        "psi": at["psi"],
+        "north": north,
+        "east": east,
+        "altitude": at["altitude"],
+    }
+    for axis, place_, rate in (
+        ("north", north, 1.0),
+        ("east", east, 1.0),
+        ("down", at["altitude"], -1.0),
+    ):
         outputs[f"velocity_{axis}"] = rate * np.gradient(place_, time, edge_order=2)
     noise = {"phi": 1e-4, "theta": 1e-4, "psi": 1e-4, "north": 1.0, "east": 1.0, "altitude": 1.0}
-    outputs = {name: x + noise.get(name, 0.3) * rng.standard_normal(len(time)) for name, x in outputs.items()}
+    outputs = {
+        name: x + noise.get(name, 0.3) * rng.standard_normal(len(time))
+        for name, x in outputs.items()
+    }
     bias = {"p_bias": 7e-6, "q_bias": -7e-6, "r_bias": 7e-6, "az_bias": 0.002}
     inputs = inputs + np.array([0.0, 0.0, 0.002, 7e-6, -7e-6, 7e-6])
     record = Record("long", 0.1, inputs, outputs, "long", gravity=9.8076, earth=ORIGIN)
@@ -288,7 +369,10 @@ def test_long_records_are_reconstructed_over_the_real_earth():
     for name, value in bias.items():
         assert abs(real[name].value - value) < 4 * real[name].standard_error, name
     flat = reconstruct([replace(record, earth=None)], free, initial=first)
-    assert max(abs(flat[name].value - value) for name, value in bias.items() if name != "az_bias") > 2e-5
+    assert (
+        max(abs(flat[name].value - value) for name, value in bias.items() if name != "az_bias")
+        > 2e-5
+    )
 
 
 def test_what_an_earth_must_be():
@@ -300,4 +384,6 @@ def test_what_an_earth_must_be():
     with pytest.raises(InputError, match="leaves all bounds"):
         integrate(np.tile([1e6, 0, 0, 0, 0, 0], (100, 1)), 0.1, np.zeros(9), 9.8)
     there = Earth(0.1, np.pi - 1e-4)
-    assert there.to_local(np.array([0.1]), np.array([-np.pi + 1e-4]))[1] == pytest.approx(2e-4 * there.metres[1], rel=1e-6)
+    assert there.to_local(np.array([0.1]), np.array([-np.pi + 1e-4]))[1] == pytest.approx(
+        2e-4 * there.metres[1], rel=1e-6
+    )

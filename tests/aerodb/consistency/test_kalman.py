@@ -1,4 +1,5 @@
-"""The compiled smoother against the Gaussian posterior of the whole record at once, by dense linear algebra."""
+"""The compiled smoother against the Gaussian posterior of the whole record at once, by dense linear
+algebra."""
 
 from dataclasses import replace
 
@@ -13,7 +14,8 @@ ROWS, COLUMNS = np.array([0, 1, 2, 0]), np.array([5, 6, 5, 1])
 
 @pytest.fixture(scope="module")
 def problem():
-    """A random system whose states 3 and 4 move themselves only, with a fifth of the measurements missing."""
+    """A random system whose states 3 and 4 move themselves only, with a fifth of the measurements
+    missing."""
     rng = np.random.default_rng(0)
     root = rng.normal(0, 0.1, (N - 1, 3, 3))
     model = Transition(
@@ -26,7 +28,8 @@ def problem():
 
 
 def dense(model, measured, variance, seen):
-    """Posterior mean (n, m, k), covariances (n, m, m) and log-likelihood from the joint covariance of all states."""
+    """Posterior mean (n, m, k), covariances (n, m, m) and log-likelihood from the joint covariance
+    of all states."""
     prior = np.zeros((N, M, N, M))
     for i in range(N):
         if i == 0:
@@ -51,7 +54,11 @@ def dense(model, measured, variance, seen):
     after = (joint - gain @ rows @ joint).reshape(N, M, N, M)
     _, size = np.linalg.slogdet(2 * np.pi * spread)
     likelihood = -0.5 * (values[:, 0] @ np.linalg.solve(spread, values[:, 0]) + size)
-    return (gain @ values).reshape(N, M, -1), np.stack([after[i, :, i] for i in range(N)]), likelihood
+    return (
+        (gain @ values).reshape(N, M, -1),
+        np.stack([after[i, :, i] for i in range(N)]),
+        likelihood,
+    )
 
 
 def test_states_covariances_and_likelihood(problem):
@@ -63,7 +70,8 @@ def test_states_covariances_and_likelihood(problem):
 
 
 def test_the_likelihoods_slope_is_exact(problem):
-    """Against central differences of the dense likelihood: noise, first variance, memory of a state, noise of a channel."""
+    """Against central differences of the dense likelihood: noise, first variance, memory of a
+    state, noise of a channel."""
     model, measured, variance, seen = problem
     score = smooth(*problem, covariances=False).score
 
@@ -74,7 +82,8 @@ def test_the_likelihoods_slope_is_exact(problem):
     for state in (3, 4):
         unit = np.eye(M)[state]
         assert score.noise[state] / 2 == pytest.approx(
-            slope(lambda h, e=unit: replace(model, diagonal_noise=model.diagonal_noise + h * e)), rel=1e-5
+            slope(lambda h, e=unit: replace(model, diagonal_noise=model.diagonal_noise + h * e)),
+            rel=1e-5,
         )
         assert score.first[state] / 2 == pytest.approx(
             slope(lambda h, e=unit: replace(model, first=model.first + h * e)), rel=1e-5
@@ -84,7 +93,9 @@ def test_the_likelihoods_slope_is_exact(problem):
         )
     for channel in range(C):
         factor = np.exp(1e-5 * np.eye(C)[channel])
-        up, down = (dense(model, measured, variance * scale, seen)[2] for scale in (factor, 1 / factor))
+        up, down = (
+            dense(model, measured, variance * scale, seen)[2] for scale in (factor, 1 / factor)
+        )
         assert score.measurement[channel] == pytest.approx((up - down) / 2e-5, rel=1e-5)
 
 

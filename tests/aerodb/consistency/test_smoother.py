@@ -1,4 +1,5 @@
-"""The smoother on flights of formulas in Dryden's turbulence, not the process that it assumes, and on measured records."""
+"""The smoother on flights of formulas in Dryden's turbulence, not the process that it assumes, and
+on measured records."""
 
 from dataclasses import replace
 
@@ -38,11 +39,13 @@ def share(entry, true, name):
 
 
 def test_the_error_of_a_path_is_linear_as_said():
-    """A bias of an inertial sensor, taken through the linear system step by step, moves states and sensors as the exact
-    sensitivities of the reconstruction do."""
+    """A bias of an inertial sensor, taken through the linear system step by step, moves states and
+    sensors as the exact sensitivities of the reconstruction do."""
     result, _ = solve(moving_air(1, 0.0)[0], (*FREE, "q_scale"))
     free = [entry.parameter for entry in result.estimates if entry.parameter.kind != "initial"]
-    system = path_error(result.paths[0], {entry.parameter.name: entry.value for entry in result.estimates}, free)
+    system = path_error(
+        result.paths[0], {entry.parameter.name: entry.value for entry in result.estimates}, free
+    )
     m = system.seen.shape[2]
     for number, item in enumerate(free):
         if item.subject not in INPUTS or item.kind != "bias":
@@ -56,14 +59,17 @@ def test_the_error_of_a_path_is_linear_as_said():
         exact = system.push[:, :, number]
         size = np.abs(exact[:, :6]).max(axis=0)
         moving = size > 1e-2 * size.max()
-        assert np.all(np.abs(state - exact)[:, :6].max(axis=0)[moving] < 0.006 * size[moving]), item.name
+        assert np.all(np.abs(state - exact)[:, :6].max(axis=0)[moving] < 0.006 * size[moving]), (
+            item.name
+        )
         shown = np.einsum("gcm,gm->gc", system.seen, exact)
         exact_shown = system.pull[:, :, number]
         assert np.abs(shown - exact_shown).max() < 0.006 * np.abs(exact_shown).max(), item.name
 
 
 def test_in_calm_air_it_is_the_path():
-    """No gusts are found (their light-turbulence expectation is .77 m/s), and the two estimates agree within their sigmas."""
+    """No gusts are found (their light-turbulence expectation is .77 m/s), and the two estimates
+    agree within their sigmas."""
     record, true = moving_air(2, 0.0)
     result, smoothed = solve(record)
     entry, path = smoothed.paths[0], result.paths[0]
@@ -73,11 +79,14 @@ def test_in_calm_air_it_is_the_path():
         assert apart < np.hypot(entry.sigma[name].mean(), path.air_sigma[row].mean()), name
         assert rms(channel(entry.path, name) - true[name]) < 0.1 * NOISE[name]
     for name in ANGLES:
-        assert rms(channel(entry.path, name) - true[name]) < 1.1 * rms(channel(path, name) - true[name])
+        assert rms(channel(entry.path, name) - true[name]) < 1.1 * rms(
+            channel(path, name) - true[name]
+        )
 
 
 def test_gusts_are_followed():
-    """Better than the path of the steady wind by a factor of 5, than the sensors by 2, and their size is found."""
+    """Better than the path of the steady wind by a factor of 5, than the sensors by 2, and their
+    size is found."""
     record, true = moving_air(3, MODERATE, seconds=60.0)
     result, smoothed = solve(record)
     entry, path = smoothed.paths[0], result.paths[0]
@@ -103,8 +112,8 @@ CASES = {
 @pytest.mark.heavy
 @pytest.mark.parametrize("case", CASES)
 def test_standard_errors_are_honest(case, trials):
-    """Pooled over runs: 95 % intervals cover, mean square errors are those stated; without a vane only as far as one
-    intensity for gusts that nobody saw can say."""
+    """Pooled over runs: 95 % intervals cover, mean square errors are those stated; without a vane
+    only as far as one intensity for gusts that nobody saw can say."""
     strength, channels = CASES[case]
     runs = trials(3, 60)
     found = {name: [] for name in ("V", "alpha", "beta", *ANGLES)}
@@ -126,7 +135,8 @@ def test_standard_errors_are_honest(case, trials):
 def test_a_missing_vane_costs_what_it_costs():
     """Without beta its sigma is that of the gusts across; alpha and V lose nothing."""
     full, blind = (
-        solve(moving_air(5, MODERATE, seconds=30.0, channels=CASES[case][1])[0])[1].paths[0] for case in ("gusts", "no beta")
+        solve(moving_air(5, MODERATE, seconds=30.0, channels=CASES[case][1])[0])[1].paths[0]
+        for case in ("gusts", "no beta")
     )
     across = full.intensities.gusts.horizontal / 60.0
     assert full.sigma["beta"].mean() < 0.3 * across
@@ -136,11 +146,14 @@ def test_a_missing_vane_costs_what_it_costs():
 
 
 def test_gaps_and_rates():
-    """Velocity over the earth five times a second, and three seconds without alpha: sigma grows there, and holds."""
+    """Velocity over the earth five times a second, and three seconds without alpha: sigma grows
+    there, and holds."""
     record, true = moving_air(6, MODERATE)
     n = len(record.inputs)
     thin = {
-        name: np.where(np.arange(n) % 10 == 0, values, np.nan) for name, values in record.outputs.items() if name[:3] == "vel"
+        name: np.where(np.arange(n) % 10 == 0, values, np.nan)
+        for name, values in record.outputs.items()
+        if name[:3] == "vel"
     }
     gap = slice(n // 2, n // 2 + 150)
     alpha = np.array(record.outputs["alpha"])
@@ -153,15 +166,22 @@ def test_gaps_and_rates():
     assert np.all(np.abs(error[gap]) < 4 * entry.sigma["alpha"][gap])
     assert rms(error[: gap.start]) < 0.6 * NOISE["alpha"]
     assert np.isnan(entry.path.residuals["alpha"][gap]).all()
-    assert rms(entry.path.states[4] - true["theta"]) < 1.2 * rms(result.paths[0].states[4] - true["theta"])
+    assert rms(entry.path.states[4] - true["theta"]) < 1.2 * rms(
+        result.paths[0].states[4] - true["theta"]
+    )
 
 
 def test_a_late_vane_is_put_back():
-    """alpha .1 s late: with its delay known, the smoothed alpha is as good as that of a prompt vane; unknown, it is not."""
+    """alpha .1 s late: with its delay known, the smoothed alpha is as good as that of a prompt
+    vane; unknown, it is not."""
     prompt, _ = moving_air(7, MODERATE, seconds=25.0)
     late, true = moving_air(7, MODERATE, seconds=25.0, delay=0.1)
     errors = {}
-    for case, record, fixed in (("prompt", prompt, {}), ("known", late, {"alpha_delay": 0.1}), ("unknown", late, {})):
+    for case, record, fixed in (
+        ("prompt", prompt, {}),
+        ("known", late, {"alpha_delay": 0.1}),
+        ("unknown", late, {}),
+    ):
         result = reconstruct([record], FREE, initial=FIRST, fixed=fixed)
         path = smooth_flight(result, "gusty", fixed=fixed).paths[0].path
         errors[case] = rms((path.alpha - true["alpha"])[50:-50])
@@ -170,13 +190,16 @@ def test_a_late_vane_is_put_back():
 
 
 def test_a_drifting_gyro_is_followed():
-    """Half a milliradian per second of drift over a minute: output error's one bias cannot, the smoother takes it out."""
+    """Half a milliradian per second of drift over a minute: output error's one bias cannot, the
+    smoother takes it out."""
     record, true = moving_air(8, 0.0, seconds=60.0)
     drift = 5e-4 * np.linspace(-1.0, 1.0, len(record.inputs))
     inputs = record.inputs + drift[:, None] * (np.array(INPUTS) == "q")
     result, smoothed = solve(replace(record, inputs=inputs))
     path = smoothed.paths[0].path
-    assert rms(path.states[4] - true["theta"]) < 0.3 * rms(result.paths[0].states[4] - true["theta"])
+    assert rms(path.states[4] - true["theta"]) < 0.3 * rms(
+        result.paths[0].states[4] - true["theta"]
+    )
     left = path.inputs[:, 4] - inputs[:, 4] + drift
     assert rms(left - left.mean()) < 0.4 * rms(drift)
 
@@ -194,14 +217,17 @@ def test_windows_of_one_flight():
 def test_a_pressure_that_is_shown_twice_counts_once():
     """qbar computed from the same noisy V: sigma of V must not shrink by the square root of two."""
     record, _ = moving_air(10, MODERATE)
-    twice = replace(record, outputs={**record.outputs, "qbar": 0.5 * record.density * record.outputs["V"] ** 2})
+    twice = replace(
+        record, outputs={**record.outputs, "qbar": 0.5 * record.density * record.outputs["V"] ** 2}
+    )
     once, both = (solve(each)[1].paths[0] for each in (record, twice))
     assert both.sigma["V"].mean() == pytest.approx(once.sigma["V"].mean(), rel=0.02)
     assert np.corrcoef(both.path.residuals["qbar"], both.path.residuals["V"])[0, 1] > 0.99
 
 
 def test_draws_have_the_stated_size():
-    """Random errors of the smoother scatter as its covariance says, and come again from the same seed."""
+    """Random errors of the smoother scatter as its covariance says, and come again from the same
+    seed."""
     record, _ = moving_air(11, MODERATE, seconds=20.0)
     result, smoothed = solve(record, draws=40)
     entry = smoothed.paths[0]
@@ -237,8 +263,9 @@ def alike(values):
 
 
 def test_hfb320_in_turbulence(measured):
-    """Innovations are far whiter than the residuals of output error, and the lift coefficient regressed on the smoothed states
-    is nearer to the published filter-error estimates (-.0929 .1487 4.328) than on the sensors or the steady path."""
+    """Innovations are far whiter than the residuals of output error, and the lift coefficient
+    regressed on the smoothed states is nearer to the published filter-error estimates (-.0929 .1487
+    4.328) than on the sensors or the steady path."""
     file = measured("hfb320/hfb320_1_10.asc")
     record = hfb320(file)
     result = reconstruct([record], ATTAS_BIASES, initial=("u", "v", "w", "phi", "theta"))
@@ -268,8 +295,9 @@ def test_hfb320_in_turbulence(measured):
 
 
 def test_attas_in_calm_air(measured):
-    """Gusts of at most .3 m/s; innovations of the air data far whiter than the residuals; what no gust explains (altitude,
-    the bank angle of the bank-to-bank record) is trusted no further than its slow part."""
+    """Gusts of at most .3 m/s; innovations of the air data far whiter than the residuals; what no
+    gust explains (altitude, the bank angle of the bank-to-bank record) is trusted no further than
+    its slow part."""
     records = [attas(measured(f"attas/fAttas{name}.mat")) for name in ("Elv1", "Ail1", "Rud1")]
     result = reconstruct(records, ATTAS_BIASES)
     for record, steady in zip(records, result.paths, strict=True):

@@ -1,4 +1,5 @@
-"""The error spectrum that is predicted against the true error's, for smoother, steady path and corrected sensors."""
+"""The error spectrum that is predicted against the true error's, for smoother, steady path and
+corrected sensors."""
 
 import json
 
@@ -7,7 +8,11 @@ import pytest
 
 from aerodb.consistency.output_error.reconstruction import reconstruct
 from aerodb.consistency.smoother.smoothing import smooth_flight
-from aerodb.consistency.smoother.state_error_spectrum import StateNoise, state_noise, state_noise_from
+from aerodb.consistency.smoother.state_error_spectrum import (
+    StateNoise,
+    state_noise,
+    state_noise_from,
+)
 from aerodb.errors import InputError
 from tests.support.moving_air import FIRST, FREE, moving_air
 
@@ -17,7 +22,8 @@ ROWS = {"phi": 3, "theta": 4, "psi": 5}
 
 
 def band_power(error):
-    """Mean squares of a series in the bands, under a Hann window, and of its mean: nothing of the module under test."""
+    """Mean squares of a series in the bands, under a Hann window, and of its mean: nothing of the
+    module under test."""
     n = len(error)
     window = np.sin(np.pi * (np.arange(n) + 0.5) / n) ** 2
     power = np.abs(np.fft.rfft((error - error.mean()) * window)) ** 2 * 2 / np.sum(window**2) / n
@@ -34,8 +40,9 @@ def of(path, name):
 @pytest.mark.heavy
 @pytest.mark.parametrize("strength", [0.0, 8.0])
 def test_bands_hold_the_true_power(strength, trials):
-    """Root mean squares in four bands, pooled over flights: within a quarter in turbulence; in calm air, where the errors are of
-    1e-5 rad, within a factor 2, but that gusts below 1 cm/s are never ruled out."""
+    """Root mean squares in four bands, pooled over flights: within a quarter in turbulence; in calm
+    air, where the errors are of 1e-5 rad, within a factor 2, but that gusts below 1 cm/s are never
+    ruled out."""
     runs = trials(3, 24)
     true, predicted = {}, {}
     for seed in range(runs):
@@ -50,7 +57,9 @@ def test_bands_hold_the_true_power(strength, trials):
                     continue
                 error = (record.outputs[name] if path is None else of(path, name)) - exact[name]
                 true.setdefault((source, name), []).append(band_power(error))
-                predicted.setdefault((source, name), []).append([noise.rms(name, *band) ** 2 for band in BANDS])
+                predicted.setdefault((source, name), []).append(
+                    [noise.rms(name, *band) ** 2 for band in BANDS]
+                )
     few = runs < 24
     for key, powers in true.items():
         ratio = np.sqrt(np.mean(predicted[key], axis=0) / np.mean(powers, axis=0))
@@ -89,7 +98,8 @@ def test_it_is_plain_values(noise):
     again = state_noise_from(json.loads(json.dumps(noise.document())))
     assert again == noise
     assert np.array_equal(
-        again.draw(np.random.default_rng(3), 50, STEP)["V"], noise.draw(np.random.default_rng(3), 50, STEP)["V"]
+        again.draw(np.random.default_rng(3), 50, STEP)["V"],
+        noise.draw(np.random.default_rng(3), 50, STEP)["V"],
     )
 
 
@@ -102,7 +112,10 @@ def test_bands_add_up():
 def test_what_is_not_there_has_no_noise():
     """No beta vane, no corrected sensor of it; no draws, no answer."""
     record, _ = moving_air(
-        21, 0.0, seconds=10.0, channels=("V", "alpha", "phi", "theta", "psi", "velocity_north", "velocity_east")
+        21,
+        0.0,
+        seconds=10.0,
+        channels=("V", "alpha", "phi", "theta", "psi", "velocity_north", "velocity_east"),
     )
     result = reconstruct([record], ("q_bias", "wind_north"), initial=FIRST)
     sensor = state_noise(smooth_flight(result, "gusty", draws=8), "sensor")

@@ -1,4 +1,5 @@
-"""What a bias or a delay leaves in estimates: standard errors that hold it cover the truth, those without do not."""
+"""What a bias or a delay leaves in estimates: standard errors that hold it cover the truth, those
+without do not."""
 
 import numpy as np
 import pytest
@@ -25,30 +26,42 @@ SIGMA = {"alpha_bias": 0.002, "V_bias": 0.3}
 
 
 def _columns(of: Flight) -> dict[str, Array]:
-    """What a biased alpha and a biased airspeed do to CZ of a lift curve -5 alpha at 70 m/s, by hand."""
+    """What a biased alpha and a biased airspeed do to CZ of a lift curve -5 alpha at 70 m/s, by
+    hand."""
     return {"alpha_bias": 5.0 + 2.0 * of["alpha"], "V_bias": 2.0 / 70.0 * 5.0 * of["alpha"]}
 
 
 def _distances(runs: int, shared: bool, told: bool) -> Array:
-    """(runs, 3) estimates in standard errors, of three flights with nothing to find but biases drawn anew in each run."""
+    """(runs, 3) estimates in standard errors, of three flights with nothing to find but biases
+    drawn anew in each run."""
     found = []
     for seed in range(runs):
         rng = np.random.default_rng(seed)
         flights = [flight(rng, f"f{k}", 20.0) for k in range(3)]
         drawn = [{name: s * rng.standard_normal() for name, s in SIGMA.items()} for _ in flights]
         errors = [drawn[0]] * 3 if shared else drawn
-        residuals = [sum(e[n] * x for n, x in _columns(f).items()) for f, e in zip(flights, errors, strict=True)]
+        residuals = [
+            sum(e[n] * x for n, x in _columns(f).items())
+            for f, e in zip(flights, errors, strict=True)
+        ]
         noise = [smooth_noise(rng, len(f.time), 0.1, 0.002) for f in flights]
-        compared = [comparison(f, {"CZ": r + x}) for f, r, x in zip(flights, residuals, noise, strict=True)]
-        known = {f.id: [Doubt(n, SIGMA[n], shared, {"CZ": x}) for n, x in _columns(f).items()] for f in flights}
-        update = estimate_increments(flights, compared, parse_model_file(MODEL), database(), known if told else None)
+        compared = [
+            comparison(f, {"CZ": r + x}) for f, r, x in zip(flights, residuals, noise, strict=True)
+        ]
+        known = {
+            f.id: [Doubt(n, SIGMA[n], shared, {"CZ": x}) for n, x in _columns(f).items()]
+            for f in flights
+        }
+        update = estimate_increments(
+            flights, compared, parse_model_file(MODEL), database(), known if told else None
+        )
         found.append(update.axes[0].estimates / update.axes[0].standard_errors)
     return np.array(found)
 
 
 def test_intervals_hold_what_the_residual_cannot_show() -> None:
-    """One error in all flights, 300 campaigns: normalised estimates have unit size and 95 % intervals cover, where those of the
-    residual alone miss by tens of standard errors."""
+    """One error in all flights, 300 campaigns: normalised estimates have unit size and 95 %
+    intervals cover, where those of the residual alone miss by tens of standard errors."""
     told = _distances(300, shared=True, told=True)
     size = np.sqrt(np.mean(told**2, axis=0))
     assert np.all((size > 0.87) & (size < 1.15)), size
@@ -58,8 +71,8 @@ def test_intervals_hold_what_the_residual_cannot_show() -> None:
 
 
 def test_what_each_flight_has_for_itself_is_held_with_something_to_spare() -> None:
-    """Errors that differ from flight to flight show in the residual in part, so that they count more than once; without them the
-    intervals of three flights are still too short by two."""
+    """Errors that differ from flight to flight show in the residual in part, so that they count
+    more than once; without them the intervals of three flights are still too short by two."""
     told = _distances(150, shared=False, told=True)
     size = np.sqrt(np.mean(told**2, axis=0))
     assert np.all((size > 0.6) & (size < 1.1)), size
@@ -71,10 +84,15 @@ def test_without_doubts_nothing_changes() -> None:
     rng = np.random.default_rng(0)
     one = flight(rng, "f0")
     compared = comparison(one, {"CZ": smooth_noise(rng, len(one.time), 0.1, 0.01)})
-    plain, empty = (estimate_increments([one], [compared], parse_model_file(MODEL), database(), d).axes[0] for d in (None, {}))
+    plain, empty = (
+        estimate_increments([one], [compared], parse_model_file(MODEL), database(), d).axes[0]
+        for d in (None, {})
+    )
     np.testing.assert_array_equal(plain.covariance, empty.covariance)
     more = {"f0": [Doubt("alpha_bias", 0.002, True, {"CZ": np.full(len(one.time), 5.0)})]}
-    doubted = estimate_increments([one], [compared], parse_model_file(MODEL), database(), more).axes[0]
+    doubted = estimate_increments(
+        [one], [compared], parse_model_file(MODEL), database(), more
+    ).axes[0]
     np.testing.assert_array_equal(doubted.estimates, plain.estimates)
     # a constant moves the constant alone
     assert doubted.covariance[0, 0] - plain.covariance[0, 0] == pytest.approx(0.01**2)
@@ -84,20 +102,30 @@ def test_without_doubts_nothing_changes() -> None:
 def _residuals(of: Flight) -> tuple[Flight, dict[str, Array]]:
     described = vehicle()
     of = add_combinations(air_data_at_cg(of, described), described)
-    geometry = Reference(described.reference.area, described.reference.chord, described.reference.span, (0.0, 0.0, 0.0))
+    geometry = Reference(
+        described.reference.area,
+        described.reference.chord,
+        described.reference.span,
+        (0.0, 0.0, 0.0),
+    )
     compared = compare(of, total_coefficients(of, described), whole_database(False), geometry)
     return of, {axis: compared.residual(axis) for axis in AXES}
 
 
 def test_an_airspeed_takes_its_dynamic_pressure_along() -> None:
-    """Against the real chain: the airspeed of a log and the qbar made of it, .2 m/s too high, processed again."""
+    """Against the real chain: the airspeed of a log and the qbar made of it, .2 m/s too high,
+    processed again."""
     raw = logged(flown(3, whole_database(False)), vehicle())
     shift = 0.2
-    moved = raw.with_channels({"V": raw["V"] + shift, "qbar": raw["qbar"] * (1.0 + shift / raw["V"]) ** 2})
+    moved = raw.with_channels(
+        {"V": raw["V"] + shift, "qbar": raw["qbar"] * (1.0 + shift / raw["V"]) ** 2}
+    )
     base, before = _residuals(raw)
     after = _residuals(moved)[1]
     described = vehicle()
-    compared = compare(base, total_coefficients(base, described), whole_database(False), described.reference)
+    compared = compare(
+        base, total_coefficients(base, described), whole_database(False), described.reference
+    )
     view = view_of(base, compared, whole_database(False), described)
     (doubt,) = doubts(view, {"V_bias": shift, "p_bias": 1.0})
     assert (doubt.name, doubt.shared) == ("V_bias", True)
@@ -105,6 +133,10 @@ def test_an_airspeed_takes_its_dynamic_pressure_along() -> None:
     inner = slice(50, -50)
     most = max(rms((after[axis] - before[axis])[inner]) for axis in AXES)
     for axis in AXES:
-        column = band_limited(doubt.columns[axis], view.step, view.bandwidth) if axis in MOMENT_AXES else doubt.columns[axis]
+        column = (
+            band_limited(doubt.columns[axis], view.step, view.bandwidth)
+            if axis in MOMENT_AXES
+            else doubt.columns[axis]
+        )
         off = rms((shift * column - (after[axis] - before[axis]))[inner])
         assert off < 0.05 * rms((after[axis] - before[axis])[inner]) + 0.01 * most, axis

@@ -1,4 +1,5 @@
-"""The effect library: what is in it for which vehicle, that it is frozen by its hash, and what users add to it."""
+"""The effect library: what is in it for which vehicle, that it is frozen by its hash, and what
+users add to it."""
 
 from dataclasses import replace
 from importlib.resources import files
@@ -80,15 +81,26 @@ def phoenix() -> tuple[AeroDatabase, Vehicle, tuple[str, ...]]:
         parse_vehicle((root / "vehicle.toml").read_text()),
     )
     surfaces = tuple(f"delta_{name}" for name in (*vehicle.surfaces, *vehicle.combinations))
-    return database, vehicle, (*database.inputs, "qbar", "mach", "ax_imu", "ay_imu", "az_imu", *surfaces)
+    return (
+        database,
+        vehicle,
+        (*database.inputs, "qbar", "mach", "ax_imu", "ay_imu", "az_imu", *surfaces),
+    )
 
 
 def taxi(**changes: object) -> tuple[Hypothesis, ...]:
-    return hypotheses_for(effect_flights.database(), effect_flights.vehicle(), effect_flights.channel_names(), **changes)
+    return hypotheses_for(
+        effect_flights.database(),
+        effect_flights.vehicle(),
+        effect_flights.channel_names(),
+        **changes,
+    )
 
 
 def test_all_names_of_the_contract_are_there_under_their_kind() -> None:
-    by_kind = {kind: {t.effect for t in TEMPLATES if t.kind == kind} for kind in ("aerodynamic", "sensor")}
+    by_kind = {
+        kind: {t.effect for t in TEMPLATES if t.kind == kind} for kind in ("aerodynamic", "sensor")
+    }
     assert set(AERODYNAMIC) <= by_kind["aerodynamic"]
     assert set(SENSORS) <= by_kind["sensor"]
     assert all(t.formula and t.source for t in TEMPLATES)
@@ -98,8 +110,17 @@ def test_phoenix_gets_more_than_35_hypotheses_with_their_rivals() -> None:
     found = hypotheses_for(*phoenix())
     names = {item.id for item in found}
     assert len(names) == len(found) >= 35
-    assert {"pitch_rate_force@CX", "control_effectiveness@Cm:elevator_inboard", "speed_brake@CX", "qbar_scale@all"} <= names
-    assert {"surface_scale@all:elevon_inboard", "cg_offset@all:x", "surface_asymmetry@Cl:elevator_outboard"} <= names
+    assert {
+        "pitch_rate_force@CX",
+        "control_effectiveness@Cm:elevator_inboard",
+        "speed_brake@CX",
+        "qbar_scale@all",
+    } <= names
+    assert {
+        "surface_scale@all:elevon_inboard",
+        "cg_offset@all:x",
+        "surface_asymmetry@Cl:elevator_outboard",
+    } <= names
     for item in found:
         assert item.plausible[0] < item.plausible[1], item.id
         assert item.because, item.id
@@ -111,9 +132,23 @@ def test_phoenix_gets_more_than_35_hypotheses_with_their_rivals() -> None:
 def test_only_what_makes_sense_is_expanded() -> None:
     database, vehicle, channels = phoenix()
     names = {item.id for item in hypotheses_for(database, vehicle, channels)}
-    assert not any(name.startswith(("flap", "thrust", "table_sign")) for name in names)  # it has none
-    blind = {item.effect for item in hypotheses_for(database, vehicle, set(channels) - {"beta", "height_above_ground"})}
-    assert not blind & {"beta_slope", "beta_even", "sideslip_coupling", "ground_effect", "beta_bias", "landing_gear_beta"}
+    assert not any(
+        name.startswith(("flap", "thrust", "table_sign")) for name in names
+    )  # it has none
+    blind = {
+        item.effect
+        for item in hypotheses_for(
+            database, vehicle, set(channels) - {"beta", "height_above_ground"}
+        )
+    }
+    assert not blind & {
+        "beta_slope",
+        "beta_even",
+        "sideslip_coupling",
+        "ground_effect",
+        "beta_bias",
+        "landing_gear_beta",
+    }
     fixed = vehicle.model_copy(update={"configuration": {"delta_body_flap": 0.0}})
     assert not any("body_flap" in item.id for item in hypotheses_for(database, fixed, channels))
 
@@ -184,13 +219,24 @@ def test_surfaces_are_known_by_what_they_are_for() -> None:
         "speed_brake": "speed_brake",
     }
     names = ("speedbrake", "spoiler", "stabilator", "flaperon_left", "ruddervator_left", "fin")
-    assert [role_of(name) for name in names] == ["speed_brake", "speed_brake", "pitch", "roll", "pitch", "yaw"]
+    assert [role_of(name) for name in names] == [
+        "speed_brake",
+        "speed_brake",
+        "pitch",
+        "roll",
+        "pitch",
+        "yaw",
+    ]
     strake = [item.id for item in taxi() if "strake" in item.id and item.kind == "aerodynamic"]
-    assert strake == [f"control_effectiveness@{axis}:strake" for axis in ("CX", "CY", "CZ", "Cl", "Cm", "Cn")]
+    assert strake == [
+        f"control_effectiveness@{axis}:strake" for axis in ("CX", "CY", "CZ", "Cl", "Cm", "Cn")
+    ]
 
 
 def test_forces_are_looked_for_on_the_axes_on_which_the_database_writes_them() -> None:
-    on_wind = hypotheses_for(effect_flights.database(wind=True), effect_flights.vehicle(), effect_flights.channel_names())
+    on_wind = hypotheses_for(
+        effect_flights.database(wind=True), effect_flights.vehicle(), effect_flights.channel_names()
+    )
     found = {item.id: item for item in on_wind}
     assert "speed_brake@C_drag" in found
     assert found["speed_brake@C_drag"].axes == ("CX", "CY", "CZ")
@@ -220,20 +266,30 @@ because = "force along z that fades within three metres of the ground"
 
 def test_templates_from_a_file_join_the_library_and_its_hash() -> None:
     found = {item.id: item for item in taxi(user=parse_effects(USER))}
-    assert set(found) - {item.id for item in taxi()} == {"wing_rock@Cl", "wing_rock@Cn", "ground_effect@CZ:exponential"}
+    assert set(found) - {item.id for item in taxi()} == {
+        "wing_rock@Cl",
+        "wing_rock@Cn",
+        "ground_effect@CZ:exponential",
+    }
     assert library_sha256(found.values()) != library_sha256(taxi())
     assert found["wing_rock@Cl"].needs == ("V", "alpha", "beta", "p")
     assert found["wing_rock@Cl"].drivers == ("alpha", "beta", "p_hat")
     channels = {"alpha": np.array([0.1]), "beta": np.array([-0.2]), "p_hat": np.array([0.03])}
     flight = effect_flights.flown(1, effect_flights.database())
     view = _view(flight, effect_flights.database(), effect_flights.vehicle())
-    view = replace(view, time=np.zeros(1), channels={**{n: x[:1] for n, x in view.channels.items()}, **channels})
+    view = replace(
+        view,
+        time=np.zeros(1),
+        channels={**{n: x[:1] for n, x in view.channels.items()}, **channels},
+    )
     assert found["wing_rock@Cl"].columns(view)["Cl"] == pytest.approx(0.1 * 0.03 * 0.2)
 
 
 def _view(flight, database: AeroDatabase, vehicle: Vehicle) -> FlightView:
     coefficients = total_coefficients(flight, vehicle)
-    return view_of(flight, compare(flight, coefficients, database, vehicle.reference), database, vehicle)
+    return view_of(
+        flight, compare(flight, coefficients, database, vehicle.reference), database, vehicle
+    )
 
 
 @pytest.mark.parametrize(
@@ -252,7 +308,9 @@ def _view(flight, database: AeroDatabase, vehicle: Vehicle) -> FlightView:
         (("axes =", "axis ="), "unknown key"),
     ],
 )
-def test_a_faulty_file_is_refused_with_the_place_and_the_remedy(change: tuple[str, str], message: str) -> None:
+def test_a_faulty_file_is_refused_with_the_place_and_the_remedy(
+    change: tuple[str, str], message: str
+) -> None:
     with pytest.raises(InputError, match=f"(?s){message}") as error:
         parse_effects(USER.replace(*change), "effects.toml")
     assert str(error.value).startswith("effects.toml")
@@ -272,12 +330,17 @@ def _package(root: Path, name: str, code: str, target: str) -> None:
     (info / "entry_points.txt").write_text(f"[aerodb.effects]\n{name} = {name}:{target}\n")
 
 
-def test_installed_packages_register_templates(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_installed_packages_register_templates(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     code = "from aerodb.effects.template import per_axis\n"
     code += (
-        "RIPPLE = per_axis('ripple', 'sin(40*alpha)', {'CZ': 0.1}, unit='1', grows='that ripples', name='ripple', source='x')\n"
+        "RIPPLE = per_axis('ripple', 'sin(40*alpha)', {'CZ': 0.1}, unit='1', grows='that ripples',"
+        " name='ripple', source='x')\n"
     )
-    _package(tmp_path, "ripple_effects", code + "def templates():\n    return [RIPPLE]\n", "templates")
+    _package(
+        tmp_path, "ripple_effects", code + "def templates():\n    return [RIPPLE]\n", "templates"
+    )
     _package(tmp_path, "single_effect", code.replace("ripple", "swell"), "RIPPLE")
     monkeypatch.syspath_prepend(str(tmp_path))
     found = registered_templates()
@@ -295,7 +358,9 @@ def test_installed_packages_register_templates(tmp_path: Path, monkeypatch: pyte
         ("x = 1\n", "templates", "AttributeError"),
     ],
 )
-def test_a_broken_package_is_named(code: str, target: str, message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_broken_package_is_named(
+    code: str, target: str, message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     name = f"broken_{abs(hash((code, target)))}"
     _package(tmp_path, name, code, target)
     monkeypatch.syspath_prepend(str(tmp_path))
@@ -306,26 +371,40 @@ def test_a_broken_package_is_named(code: str, target: str, message: str, tmp_pat
 
 
 def test_a_log_without_airspeed_and_rates_still_gives_what_it_can() -> None:
-    """No hat rates, no probe to move: accelerations, alpha and qbar are enough for forces and their rivals."""
+    """No hat rates, no probe to move: accelerations, alpha and qbar are enough for forces and their
+    rivals."""
     vehicle = effect_flights.vehicle()
-    simple = read_native(effect_flights.HEADER_ONLY + '[derivatives.CZ]\nalpha = -4.5\n"1" = -0.2\n')
+    simple = read_native(
+        effect_flights.HEADER_ONLY + '[derivatives.CZ]\nalpha = -4.5\n"1" = -0.2\n'
+    )
     flight = effect_flights.flown(2, effect_flights.database())
     kept = {name: flight[name] for name in ("alpha", "qbar", "ax", "ay", "az", "delta_elevator")}
     flight = replace(flight, channels=kept)
     view = _view(flight, simple, vehicle)
     library = {item.id: item for item in hypotheses_for(simple, vehicle, kept)}
-    assert {"alpha_slope@CZ", "qbar_scale@all", "alpha_bias@all", "alpha_delay@all", "mass_error@all"} <= set(library)
+    assert {
+        "alpha_slope@CZ",
+        "qbar_scale@all",
+        "alpha_bias@all",
+        "alpha_delay@all",
+        "mass_error@all",
+    } <= set(library)
     assert not {"pitch_rate_force@CZ", "gyro_bias@all:p", "air_data_position@all:x"} & set(library)
     for item in library.values():
         columns = item.columns(view)
         assert set(columns) <= {"CX", "CY", "CZ"}, item.id
         assert all(np.isfinite(values).all() for values in columns.values()), item.id
     assert np.allclose(library["alpha_bias@all"].columns(view)["CZ"], 4.5)
-    assert np.allclose(library["alpha_delay@all"].columns(view)["CZ"][20:-20], -4.5 * view["alphadot"][20:-20], atol=1e-6)
+    assert np.allclose(
+        library["alpha_delay@all"].columns(view)["CZ"][20:-20],
+        -4.5 * view["alphadot"][20:-20],
+        atol=1e-6,
+    )
 
 
 def test_pauses_of_the_log_take_nothing_from_what_is_looked_for() -> None:
-    """A tenth of all samples is missing: what is left is as good as ever. A channel that alone is bad is not."""
+    """A tenth of all samples is missing: what is left is as good as ever. A channel that alone is
+    bad is not."""
     database, vehicle = effect_flights.database(), effect_flights.vehicle()
     flight = effect_flights.flown(2, database)
     pause = np.zeros(len(flight.time), dtype=np.bool_)

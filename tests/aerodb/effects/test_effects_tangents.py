@@ -1,4 +1,5 @@
-"""Sensor columns against the real chain: perturb one instrument of a log, process it again, difference the residual."""
+"""Sensor columns against the real chain: perturb one instrument of a log, process it again,
+difference the residual."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -25,9 +26,11 @@ from aerodb.tables.reference import Reference
 from aerodb.vehicle import Vehicle, add_combinations
 from tests.support.effect_flights import database, flown, logged, vehicle
 
-#: Size of the perturbation; the tangent must meet the difference within TOLERANCE of its rms on every axis that it moves.
+#: Size of the perturbation; the tangent must meet the difference within TOLERANCE of its rms on
+#: every axis that it moves.
 TOLERANCE = 0.03
-#: What an axis may differ where it is hardly moved at all, as a share of the most that any axis is moved.
+#: What an axis may differ where it is hardly moved at all, as a share of the most that any axis is
+#: moved.
 NEGLIGIBLE = 0.002
 
 Perturbed = Callable[[Flight, Vehicle, float], tuple[Flight, Vehicle]]
@@ -39,13 +42,18 @@ def _channel(name: str, change: Callable[[Array, float], Array]) -> Perturbed:
 
 def _late(name: str) -> Perturbed:
     def perturbed(flight: Flight, of: Vehicle, h: float) -> tuple[Flight, Vehicle]:
-        return flight.with_channels({name: CubicSpline(flight.time, flight[name])(flight.time - h)}), of
+        return flight.with_channels(
+            {name: CubicSpline(flight.time, flight[name])(flight.time - h)}
+        ), of
 
     return perturbed
 
 
 def _scaled(*names: str) -> Perturbed:
-    return lambda flight, of, h: (flight.with_channels({name: flight[name] * (1 + h) for name in names}), of)
+    return lambda flight, of, h: (
+        flight.with_channels({name: flight[name] * (1 + h) for name in names}),
+        of,
+    )
 
 
 def _mass(**changes: Callable[[Vehicle, float], object]) -> Perturbed:
@@ -63,7 +71,9 @@ def _moved(k: int) -> Callable[[Vehicle, float], object]:
 def _probe(k: int) -> Perturbed:
     def perturbed(flight: Flight, of: Vehicle, h: float) -> tuple[Flight, Vehicle]:
         assumed = tuple(x - h * (j == k) for j, x in enumerate(of.points.air_data))
-        return flight, of.model_copy(update={"points": of.points.model_copy(update={"air_data": assumed})})
+        return flight, of.model_copy(
+            update={"points": of.points.model_copy(update={"air_data": assumed})}
+        )
 
     return perturbed
 
@@ -92,7 +102,10 @@ PERTURBATIONS: dict[str, tuple[float, Perturbed]] = {
     "Ixx_share": (0.01, _mass(Ixx=lambda of, h: of.mass.Ixx * (1 + h))),
     "Iyy_share": (0.01, _mass(Iyy=lambda of, h: of.mass.Iyy * (1 + h))),
     "Izz_share": (0.01, _mass(Izz=lambda of, h: of.mass.Izz * (1 + h))),
-    "Ixz_share": (0.01, _mass(Ixz=lambda of, h: of.mass.Ixz + h * np.sqrt(of.mass.Ixx * of.mass.Izz))),
+    "Ixz_share": (
+        0.01,
+        _mass(Ixz=lambda of, h: of.mass.Ixz + h * np.sqrt(of.mass.Ixx * of.mass.Izz)),
+    ),
     "thrust_scale": (0.02, _scaled("thrust")),
     "delta_elevator_scale": (0.02, _scaled("delta_elevator")),
     "delta_rudder_scale": (0.02, _scaled("delta_rudder")),
@@ -139,12 +152,16 @@ def test_a_perfect_log_leaves_no_residual() -> None:
     _, residual = _processed(log, of, wind=False)
     inner = slice(75, -75)
     for axis in AXES:
-        assert np.std(residual[axis][inner]) < 2e-4 + 0.01 * np.std(_prepared(False)[2].predicted[axis][inner]), axis
+        assert np.std(residual[axis][inner]) < 2e-4 + 0.01 * np.std(
+            _prepared(False)[2].predicted[axis][inner]
+        ), axis
 
 
 def test_every_sensor_hypothesis_is_perturbed_here() -> None:
     assert set(_parameters()) == set(PERTURBATIONS)
-    assert {template.effect for template in SENSORS} <= {item.effect for item in _prepared(False)[3]}
+    assert {template.effect for template in SENSORS} <= {
+        item.effect for item in _prepared(False)[3]
+    }
 
 
 @pytest.mark.parametrize("wind", [False, True], ids=["body", "wind"])
@@ -162,15 +179,31 @@ def test_tangent_is_what_the_real_chain_does(parameter: str, wind: bool) -> None
     largest = max(rms(real[axis]) / usual[axis] for axis in AXES)
     assert (largest > 0) == (parameter != "delta_strake_scale")  # which the database does not know
     for axis in AXES:
-        limited = band_limited(columns[axis], view.step, 10.0) if axis in MOMENT_AXES else columns[axis]
+        limited = (
+            band_limited(columns[axis], view.step, 10.0) if axis in MOMENT_AXES else columns[axis]
+        )
         error = rms(limited[inner] - real[axis])
-        assert error <= TOLERANCE * rms(real[axis]) + NEGLIGIBLE * largest * usual[axis], (axis, error, rms(real[axis]))
+        assert error <= TOLERANCE * rms(real[axis]) + NEGLIGIBLE * largest * usual[axis], (
+            axis,
+            error,
+            rms(real[axis]),
+        )
 
 
 def test_a_bend_counts_by_its_mean_slope_over_what_a_sensor_may_be_wrong() -> None:
-    """A table or |beta| has no tangent at its bend; a quarter of a degree of bias sees the secant."""
-    bent = replace(_database(False), terms=(*_database(False).terms, Term("even", "CX", parse("-0.05*abs(beta)"))))
+    """A table or |beta| has no tangent at its bend; a quarter of a degree of bias sees the
+    secant."""
+    bent = replace(
+        _database(False),
+        terms=(*_database(False).terms, Term("even", "CX", parse("-0.05*abs(beta)"))),
+    )
     beta = np.linspace(-0.02, 0.02, 401)
-    channels = {name: np.full(401, 1.0) for name in bent.inputs} | {"beta": beta, "alpha": np.zeros(401)}
-    slope = slopes_by(bent, "beta", channels)["CX"] - slopes_by(_database(False), "beta", channels)["CX"]
+    channels = {name: np.full(401, 1.0) for name in bent.inputs} | {
+        "beta": beta,
+        "alpha": np.zeros(401),
+    }
+    slope = (
+        slopes_by(bent, "beta", channels)["CX"]
+        - slopes_by(_database(False), "beta", channels)["CX"]
+    )
     assert np.allclose(slope, -0.05 * np.clip(beta / 0.0044, -1.0, 1.0), atol=1e-12)

@@ -1,4 +1,5 @@
-"""Shapes of a stall: planted ones are found, a static break is not taken for memory, and nothing is found in noise."""
+"""Shapes of a stall: planted ones are found, a static break is not taken for memory, and nothing is
+found in noise."""
 
 from dataclasses import replace
 
@@ -9,7 +10,15 @@ from aerodb.coefficients.comparison import Comparison, with_states
 from aerodb.effects.flight_view import view_of
 from aerodb.effects.hypothesis import Hypothesis
 from aerodb.effects.stall.stall_hysteresis import TEMPLATE, hypotheses, with_stall
-from aerodb.effects.stall.stall_shape import FAMILIES, GAINS, Shape, StallFlight, cross_fitted, lift_factor, profiled
+from aerodb.effects.stall.stall_shape import (
+    FAMILIES,
+    GAINS,
+    Shape,
+    StallFlight,
+    cross_fitted,
+    lift_factor,
+    profiled,
+)
 from aerodb.effects.template import Scene
 from aerodb.errors import InputError, UnknownNameError
 from aerodb.flight import Flight
@@ -23,14 +32,26 @@ TRUE_GAINS = {"C_lift": 1.5, "C_drag": 0.05, "Cm": -0.08}
 STATIC = ("static_separation", "slope_break", "square_break", "alpha_squared")
 
 
-def stall(seed: int, law: Law | None, gains: dict[str, float] | None = None, alpha_max: float = 0.28) -> StallFlight:
-    """Two minutes: slowly up into a stall, quickly down, some waves; with buffet-like noise of .02, .006 and .01."""
+def stall(
+    seed: int, law: Law | None, gains: dict[str, float] | None = None, alpha_max: float = 0.28
+) -> StallFlight:
+    """Two minutes: slowly up into a stall, quickly down, some waves; with buffet-like noise of .02,
+    .006 and .01."""
     rng, time = np.random.default_rng(seed), np.arange(0.0, 120.0, 0.04)
     peak, floor = alpha_max + 0.01 * rng.standard_normal(), 0.08
-    up, down = 0.09 + (peak - 0.09) * np.clip(time / 85.0, 0, 1) ** 2, np.clip((time - 85.0) / (3.0 + rng.uniform(0, 1.5)), 0, 1)
-    alpha = up + (floor - up) * (3 * down**2 - 2 * down**3) + 0.02 * np.sin(0.7 * time + rng.uniform(0, 6)) * (time > 92)
+    up, down = (
+        0.09 + (peak - 0.09) * np.clip(time / 85.0, 0, 1) ** 2,
+        np.clip((time - 85.0) / (3.0 + rng.uniform(0, 1.5)), 0, 1),
+    )
+    alpha = (
+        up
+        + (floor - up) * (3 * down**2 - 2 * down**3)
+        + 0.02 * np.sin(0.7 * time + rng.uniform(0, 6)) * (time > 92)
+    )
     speed = 98.0 - 34.0 * np.clip(time / 85.0, 0, 1) + 20.0 * np.clip((time - 85) / 35.0, 0, 1)
-    flight = StallFlight(f"stall-{seed}", time, alpha, speed, CHORD, {}, {}, np.ones(len(time), dtype=bool))
+    flight = StallFlight(
+        f"stall-{seed}", time, alpha, speed, CHORD, {}, {}, np.ones(len(time), dtype=bool)
+    )
     q_hat = np.gradient(alpha, time) * CHORD / (2 * speed)
     residual, nuisance = {}, {}
     for axis, noise in zip(GAINS, (0.02, 0.006, 0.01), strict=True):
@@ -64,7 +85,8 @@ def test_planted_relay_is_told_from_smooth_separation():
 
 
 def test_memory_is_named_before_every_static_family_and_the_other_way_round():
-    """Same flights, the truth with and without its lag: memory predicts the other flights better, or no better."""
+    """Same flights, the truth with and without its lag: memory predicts the other flights better,
+    or no better."""
     late = [stall(seed, TRUTH) for seed in (6, 7, 8)]
     prompt = [stall(seed, replace(TRUTH, lag=0.0, alpha_star=0.25)) for seed in (6, 7, 8)]
     assert _predicted(late, "kirchhoff") < 0.9 * min(_predicted(late, family) for family in STATIC)
@@ -73,15 +95,21 @@ def test_memory_is_named_before_every_static_family_and_the_other_way_round():
 
 
 def test_without_a_stall_the_gains_are_noise():
-    """Nothing is missing: what the best of all shapes explains of one flight does not help on the others."""
+    """Nothing is missing: what the best of all shapes explains of one flight does not help on the
+    others."""
     flights = [stall(seed, None) for seed in range(10, 16)]
-    plain = sum(_rest(flight, np.linalg.lstsq(*_pooled(flights, flight), rcond=None)[0]) for flight in flights)
+    plain = sum(
+        _rest(flight, np.linalg.lstsq(*_pooled(flights, flight), rcond=None)[0])
+        for flight in flights
+    )
     assert _predicted(flights, "kirchhoff", axis="C_lift") > 0.995 * plain
 
 
 def _pooled(flights: list[StallFlight], left_out: StallFlight) -> tuple[np.ndarray, np.ndarray]:
     kept = [flight for flight in flights if flight is not left_out]
-    return np.concatenate([f.nuisance["C_lift"] for f in kept]), np.concatenate([f.residual["C_lift"] for f in kept])
+    return np.concatenate([f.nuisance["C_lift"] for f in kept]), np.concatenate(
+        [f.residual["C_lift"] for f in kept]
+    )
 
 
 def _rest(flight: StallFlight, values: np.ndarray) -> float:
@@ -95,11 +123,16 @@ def _predicted(flights: list[StallFlight], family: str, axis: str = "C_lift") ->
 
 
 def test_shapes_stay_where_the_data_are():
-    """A flight that never stalls: no gain is offered for flow that it does not separate, and angles stay near its own."""
+    """A flight that never stalls: no gain is offered for flow that it does not separate, and angles
+    stay near its own."""
     calm = stall(20, None, alpha_max=0.15)
     for family in FAMILIES:
         limits = FAMILIES[family].limits([calm])
-        assert all(high <= 0.3 for name, (_, high) in zip(FAMILIES[family].names, limits, strict=True) if "alpha" in name)
+        assert all(
+            high <= 0.3
+            for name, (_, high) in zip(FAMILIES[family].names, limits, strict=True)
+            if "alpha" in name
+        )
     shape = profiled([calm], "kirchhoff")
     assert np.min(calm.attached(shape.law)) < 0.5
     assert 0.0 <= shape.gains["C_lift"] <= 7.0
@@ -125,14 +158,25 @@ def test_what_cannot_be_answered_is_refused(call, error, named):
 def flight_with(law: Law, seed: int = 30) -> Flight:
     source = stall(seed, None)
     zero = np.zeros(len(source.time))
-    channels = {"alpha": source.alpha, "V": source.V, "beta": zero + 0.02, "qbar": 0.5 * 0.72 * source.V**2, "thrust": zero}
+    channels = {
+        "alpha": source.alpha,
+        "V": source.V,
+        "beta": zero + 0.02,
+        "qbar": 0.5 * 0.72 * source.V**2,
+        "thrust": zero,
+    }
     return Flight(source.flight, "attas", source.time, {**channels, **dict.fromkeys("pqr", zero)})
 
 
 def in_the_air(flight: Flight) -> Comparison:
     axes = ("CX", "CY", "CZ", "Cl", "Cm", "Cn")
-    zero, good = dict.fromkeys(axes, np.zeros(len(flight.time))), np.ones(len(flight.time), dtype=bool)
-    return Comparison(flight.id, flight.time, zero, zero, zero, dict.fromkeys(axes, good), ~good, 5.0, ())
+    zero, good = (
+        dict.fromkeys(axes, np.zeros(len(flight.time))),
+        np.ones(len(flight.time), dtype=bool),
+    )
+    return Comparison(
+        flight.id, flight.time, zero, zero, zero, dict.fromkeys(axes, good), ~good, 5.0, ()
+    )
 
 
 def columns_of(flight: Flight, found: list[Hypothesis]) -> dict[str, dict[str, np.ndarray]]:
@@ -146,7 +190,8 @@ def scene(flight: Flight) -> Scene:
 
 @pytest.mark.parametrize("law", [TRUTH, Relay(0.15, 0.27)])
 def test_a_column_is_what_the_added_effect_changes(law):
-    """The finding added to the database changes the prediction of a flight by its column times its value, on every axis."""
+    """The finding added to the database changes the prediction of a flight by its column times its
+    value, on every axis."""
     flight = flight_with(law)
     columns = columns_of(flight, hypotheses(scene(flight), law))
     assert sorted(columns) == [f"stall_hysteresis@{axis}" for axis in ("C_drag", "C_lift", "Cm")]
@@ -158,15 +203,21 @@ def test_a_column_is_what_the_added_effect_changes(law):
         column = columns[f"stall_hysteresis@{axis}"]
         assert max(np.max(np.abs(values)) for values in column.values()) > 0.05
         for body in ("CX", "CY", "CZ", "Cl", "Cm", "Cn"):
-            assert after[body] == pytest.approx(gain * column.get(body, np.zeros(1)) + 0 * flight.time, abs=1e-12), (axis, body)
+            assert after[body] == pytest.approx(
+                gain * column.get(body, np.zeros(1)) + 0 * flight.time, abs=1e-12
+            ), (axis, body)
 
 
 def test_cross_fitted_laws_reach_their_own_flights_only():
     flight, other = flight_with(TRUTH), replace(flight_with(TRUTH), id="another")
     found = hypotheses(scene(flight), {flight.id: TRUTH})
     assert all(columns for columns in columns_of(flight, found).values())
-    assert not any(values.any() for columns in columns_of(other, found).values() for values in columns.values())
-    assert found[0].formula != hypotheses(scene(flight), TRUTH)[0].formula  # part of the library's hash
+    assert not any(
+        values.any() for columns in columns_of(other, found).values() for values in columns.values()
+    )
+    assert (
+        found[0].formula != hypotheses(scene(flight), TRUTH)[0].formula
+    )  # part of the library's hash
     assert [h.effect for h in TEMPLATE.hypotheses(scene(flight))] == ["stall_hysteresis"] * 3
 
 

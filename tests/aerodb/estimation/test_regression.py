@@ -1,4 +1,5 @@
-"""Least squares: published Twin Otter answers first, then coverage of planted truth, then what must be refused."""
+"""Least squares: published Twin Otter answers first, then coverage of planted truth, then what must
+be refused."""
 
 import numpy as np
 import pytest
@@ -7,7 +8,8 @@ import scipy.io
 from aerodb.estimation.regression import least_squares
 from aerodb.estimation.statistics import theil
 
-# Klein & Morelli, SIDPAC v2.0, Twin Otter f1_017: estimates and coloured standard errors, [beta p r da dr 1]
+# Klein & Morelli, SIDPAC v2.0, Twin Otter f1_017: estimates and coloured standard errors, [beta p r
+# da dr 1]
 PUBLISHED = {
     "Cn": (
         [0.085436779, -0.051510765, -0.197584751, 0.002336487, -0.130535343, 0.000459883],
@@ -30,7 +32,9 @@ COLUMN = {"CY": 62, "Cl": 64, "Cn": 66}
 
 @pytest.fixture(scope="module")
 def columns(measured):
-    data = scipy.io.loadmat(measured("twin_otter/totter_f1_017_data.mat"), variable_names=["fdata"])["fdata"]
+    data = scipy.io.loadmat(
+        measured("twin_otter/totter_f1_017_data.mat"), variable_names=["fdata"]
+    )["fdata"]
     return lambda index: data[:, index - 1]
 
 
@@ -47,7 +51,9 @@ def test_published_equation_error_with_coloured_standard_errors(columns, axis):
     }
     if axis == "CY":
         regressors = {name: regressors[name] for name in ("beta", "r_hat", "delta_rudder", "1")}
-    fit = least_squares(np.column_stack(list(regressors.values())), columns(COLUMN[axis]), list(regressors))
+    fit = least_squares(
+        np.column_stack(list(regressors.values())), columns(COLUMN[axis]), list(regressors)
+    )
     estimates, errors, r_squared = PUBLISHED[axis]
     np.testing.assert_allclose(fit.estimates, estimates, atol=6e-10, rtol=1e-6)
     np.testing.assert_allclose(fit.standard_errors, errors, rtol=1e-3)
@@ -82,7 +88,11 @@ def test_intervals_cover_the_truth_when_residuals_are_coloured_and_white_ones_do
 def test_dependent_and_unexcited_regressors_are_named():
     x = np.random.default_rng(0).standard_normal((50, 2))
     with pytest.raises(ValueError, match="speed_brake, body_flap"):
-        least_squares(np.column_stack([x[:, 0], x[:, 1], x[:, 1]]), x[:, 0], ["alpha", "speed_brake", "body_flap"])
+        least_squares(
+            np.column_stack([x[:, 0], x[:, 1], x[:, 1]]),
+            x[:, 0],
+            ["alpha", "speed_brake", "body_flap"],
+        )
     with pytest.raises(ValueError, match="never excited: body_flap"):
         least_squares(np.column_stack([x[:, 0], 0 * x[:, 1]]), x[:, 0], ["alpha", "body_flap"])
 
@@ -91,7 +101,11 @@ def test_variance_inflation_of_two_surfaces_that_move_together():
     rng = np.random.default_rng(1)
     brake = rng.standard_normal(2000)
     flap = 0.97 * brake + np.sqrt(1 - 0.97**2) * rng.standard_normal(2000)
-    fit = least_squares(np.column_stack([brake, flap, np.ones(2000)]), brake + rng.standard_normal(2000), ["sb", "bf", "1"])
+    fit = least_squares(
+        np.column_stack([brake, flap, np.ones(2000)]),
+        brake + rng.standard_normal(2000),
+        ["sb", "bf", "1"],
+    )
     assert fit.vif[:2] == pytest.approx(1 / (1 - np.corrcoef(brake, flap)[0, 1] ** 2), rel=1e-9)
     assert fit.correlation[0, 1] == pytest.approx(-0.97, abs=0.02)
 

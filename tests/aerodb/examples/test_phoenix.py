@@ -1,4 +1,5 @@
-"""The built-in example: what 003 prints of Phoenix, a truth that stays sealed, flights that survive and say enough."""
+"""The built-in example: what 003 prints of Phoenix, a truth that stays sealed, flights that survive
+and say enough."""
 
 import ast
 
@@ -51,14 +52,23 @@ def flown(history: History, number: int) -> dict[str, Array]:
 
 def polar(database: AeroDatabase, alpha: Array) -> dict[str, Array]:
     clean = {name: np.zeros_like(alpha) for name in database.inputs}
-    clean |= {"alpha": alpha, "V": np.full_like(alpha, 90.0), "height_above_ground": np.full_like(alpha, 1000.0)}
+    clean |= {
+        "alpha": alpha,
+        "V": np.full_like(alpha, 90.0),
+        "height_above_ground": np.full_like(alpha, 1000.0),
+    }
     return database.predict(clean).coefficients
 
 
 def test_vehicle_has_the_published_figures(vehicle: Vehicle, preflight: AeroDatabase) -> None:
-    """003: 1198 kg, 10.3 m2, 6 m, 3.48 m (IV.A); best glide ratio 5.5, unstable with time to double < 0.5 s (I)."""
+    """003: 1198 kg, 10.3 m2, 6 m, 3.48 m (IV.A); best glide ratio 5.5, unstable with time to double
+    < 0.5 s (I)."""
     assert vehicle.mass.mass == 1198.0
-    assert (vehicle.reference.area, vehicle.reference.chord, vehicle.reference.span) == (10.3, 6.0, 3.48)
+    assert (vehicle.reference.area, vehicle.reference.chord, vehicle.reference.span) == (
+        10.3,
+        6.0,
+        3.48,
+    )
     database = truth(preflight)[0]
     alpha = np.deg2rad(np.arange(0.0, 18.0, 0.5))
     c = polar(database, alpha)
@@ -71,7 +81,9 @@ def test_vehicle_has_the_published_figures(vehicle: Vehicle, preflight: AeroData
 
     def rate(states: Array) -> Array:
         still = np.zeros((3, states.shape[1]))
-        return frame.state_rate(states, MovingAir(still, still), dict.fromkeys(vehicle.surfaces, still[0]))
+        return frame.state_rate(
+            states, MovingAir(still, still), dict.fromkeys(vehicle.surfaces, still[0])
+        )
 
     assert modes(linearise(rate, state), np.array([0, 2, 4]))[0].time_to_double < 0.5
 
@@ -82,7 +94,8 @@ def test_preflight_file_is_what_its_formulas_give() -> None:
 
 
 def test_truth_differs_as_003_reports(preflight: AeroDatabase, vehicle: Vehicle) -> None:
-    """IV.D: lift slope 9-10 % low, pitching-moment slope within 3 %, speed brakes overestimated, no pitch-rate force in CX."""
+    """IV.D: lift slope 9-10 % low, pitching-moment slope within 3 %, speed brakes overestimated, no
+    pitch-rate force in CX."""
     database, effects = truth(preflight)
     alpha = np.deg2rad(np.array([2.0, 9.0]))
     before, after = polar(preflight, alpha), polar(database, alpha)
@@ -93,7 +106,10 @@ def test_truth_differs_as_003_reports(preflight: AeroDatabase, vehicle: Vehicle)
     own = next(e.value for e in effects if e.axis == "Cm" and e.parameter == "Cm_alpha")
     assert abs(own) < 0.03 * known[0].Cm_alpha
     assert cg[0].reference_arm[0] > 0
-    turning = {name: np.zeros(2) for name in preflight.inputs} | {"V": np.full(2, 90.0), "q": np.array([0.0, 0.3])}
+    turning = {name: np.zeros(2) for name in preflight.inputs} | {
+        "V": np.full(2, 90.0),
+        "q": np.array([0.0, 0.3]),
+    }
     assert np.ptp(preflight.predict(turning).coefficients["CX"]) == 0.0
     assert np.ptp(database.predict(turning).coefficients["CX"]) > 1e-3
     braking = turning | {"q": np.zeros(2), "delta_speed_brake": np.array([0.0, 0.6])}
@@ -101,7 +117,9 @@ def test_truth_differs_as_003_reports(preflight: AeroDatabase, vehicle: Vehicle)
     assert 0.0 < drag[1] < 0.95 * drag[0]
 
 
-def test_declared_model_spans_the_truth_and_names_channels_that_flights_have(history: History) -> None:
+def test_declared_model_spans_the_truth_and_names_channels_that_flights_have(
+    history: History,
+) -> None:
     model = parse_model_file(text("model.toml"))
     check_channels(model, {*flown(history, 0), "q_hat"})
     declared = {(entry.axis, term) for entry in model.increment for term in entry.terms}
@@ -112,7 +130,9 @@ def test_declared_model_spans_the_truth_and_names_channels_that_flights_have(his
 def test_nothing_that_a_flow_imports_reads_the_truth() -> None:
     root = ROOT
     readers = set()
-    for path in (p for floor in ("flows", "tasks", "aerodb", "storage") for p in (root / floor).rglob("*.py")):
+    for path in (
+        p for floor in ("flows", "tasks", "aerodb", "storage") for p in (root / floor).rglob("*.py")
+    ):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             names = [a.name for a in node.names] if isinstance(node, ast.Import) else []
             if isinstance(node, ast.ImportFrom):
@@ -122,8 +142,11 @@ def test_nothing_that_a_flow_imports_reads_the_truth() -> None:
     assert readers <= {"aerodb/examples/phoenix/mission.py", "flows/demo.py"}
 
 
-def test_flights_follow_the_published_mission_and_survive(history: History, preflight: AeroDatabase) -> None:
-    """II: drop at 2400 m at 40 m/s EAS, dive, flare, touchdown near 71 m/s; about 50 s between drop and 120 m."""
+def test_flights_follow_the_published_mission_and_survive(
+    history: History, preflight: AeroDatabase
+) -> None:
+    """II: drop at 2400 m at 40 m/s EAS, dive, flare, touchdown near 71 m/s; about 50 s between drop
+    and 120 m."""
     for number in range(FLIGHTS):
         c = flown(history, number)
         assert all(np.all(np.isfinite(values)) for values in c.values())
@@ -137,7 +160,8 @@ def test_flights_follow_the_published_mission_and_survive(history: History, pref
         assert np.abs(c["phi"]).max() < np.deg2rad(40)
         assert c["delta_landing_gear"][-1] > 0.98
         assert not preflight.predict(c).outside.any()
-        # What the increments need: both sides of 0.175 rad, pitch rate, slow surfaces that do not move as one.
+        # What the increments need: both sides of 0.175 rad, pitch rate, slow surfaces that do not
+        # move as one.
         assert np.percentile(c["alpha"], 1) < np.deg2rad(2)
         assert np.deg2rad(14) < c["alpha"].max() < np.deg2rad(20)
         assert np.mean(c["alpha"] > 0.175) > 0.04
@@ -148,11 +172,18 @@ def test_flights_follow_the_published_mission_and_survive(history: History, pref
 def test_reconstructed_coefficients_of_a_perfect_log_are_the_truth(
     history: History, vehicle: Vehicle, preflight: AeroDatabase
 ) -> None:
-    """Forward and inverse dynamics are written apart: IMU off the CG, probe on a boom, moments about the reference point."""
+    """Forward and inverse dynamics are written apart: IMU off the CG, probe on a boom, moments
+    about the reference point."""
     n = history.samples[0]
-    seen = {name: values[:n, 0] for name, values in at_instruments(history.channels, vehicle).items()}
+    seen = {
+        name: values[:n, 0] for name, values in at_instruments(history.channels, vehicle).items()
+    }
     probe = {name: seen[f"{name}_probe"] for name in ("V", "alpha", "beta")}
-    logged = {name: v for name, v in seen.items() if (name in CHANNELS or is_surface(name)) and name not in ("ax", "ay", "az")}
+    logged = {
+        name: v
+        for name, v in seen.items()
+        if (name in CHANNELS or is_surface(name)) and name not in ("ax", "ay", "az")
+    }
     flight = air_data_at_cg(Flight("perfect", "phoenix", history.time[:n], logged | probe), vehicle)
     for name in probe:
         assert flight[name] == pytest.approx(seen[name], abs=1e-12)
@@ -162,13 +193,18 @@ def test_reconstructed_coefficients_of_a_perfect_log_are_the_truth(
         assert np.abs(found.values[axis] - expected[axis]).max() < 1e-10, axis
 
 
-def test_effects_are_of_phoenix_size_in_the_logs(history: History, vehicle: Vehicle, preflight: AeroDatabase) -> None:
-    """CONVENTIONS: an effect's rms is at least 3 times the noise floor, the residual of the true model on logged data."""
+def test_effects_are_of_phoenix_size_in_the_logs(
+    history: History, vehicle: Vehicle, preflight: AeroDatabase
+) -> None:
+    """CONVENTIONS: an effect's rms is at least 3 times the noise floor, the residual of the true
+    model on logged data."""
     database = truth(preflight)[0]
     floor: dict[str, list[Array]] = {axis: [] for axis in AXES}
     effect: dict[str, list[Array]] = {axis: [] for axis in AXES}
     for log in mission.logs(vehicle, history, seed=4):
-        recording = Recording(log.name, "ulog", "0" * 64, 0, {t.name: t for t in log.topics}, layout="px4")
+        recording = Recording(
+            log.name, "ulog", "0" * 64, 0, {t.name: t for t in log.topics}, layout="px4"
+        )
         flight = map_recording(recording, builtin_mappings()["px4"], vehicle, log.name)
         # Gaps at the very ends: delayed sensors have not spoken yet when the inertial ones have.
         good = flight.usable(["alpha", "beta", "V", "height_above_ground"])
@@ -179,7 +215,10 @@ def test_effects_are_of_phoenix_size_in_the_logs(history: History, vehicle: Vehi
         for axis in AXES:
             floor[axis].append((measured[axis] - true[axis])[good])
             effect[axis].append((true[axis] - before[axis])[good])
-    rms = {axis: [float(np.sqrt(np.mean(np.concatenate(x) ** 2))) for x in (effect[axis], floor[axis])] for axis in AXES}
+    rms = {
+        axis: [float(np.sqrt(np.mean(np.concatenate(x) ** 2))) for x in (effect[axis], floor[axis])]
+        for axis in AXES
+    }
     for axis in ("CX", "CZ", "Cm"):
         assert rms[axis][0] > 3 * rms[axis][1], (axis, rms[axis])
     limits = {"CX": 0.0013, "CY": 0.0015, "CZ": 0.0045, "Cl": 0.0003, "Cm": 0.0006, "Cn": 0.0004}
@@ -202,7 +241,9 @@ def test_logs_are_what_px4_would_write(history: History, vehicle: Vehicle) -> No
     assert np.sum(quaternion**2, axis=0) == pytest.approx(1.0, abs=3e-3)
 
 
-def test_a_seed_says_everything(vehicle: Vehicle, preflight: AeroDatabase, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_seed_says_everything(
+    vehicle: Vehicle, preflight: AeroDatabase, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(mission, "LONGEST", 1.0)
     first, again, other = (mission.fly(seed, flights=2) for seed in (1, 1, 2))
     for a, b in zip(first, again, strict=True):
@@ -220,5 +261,7 @@ def test_air_data_stay_at_the_probe_when_rates_are_not_logged(vehicle: Vehicle) 
     flight = air_data_at_cg(Flight("x", "phoenix", time, channels), vehicle)
     assert flight["alpha"].tolist() == channels["alpha"].tolist()
     assert "p, q, r not logged" in flight.notes[-1]
-    plain = vehicle.model_copy(update={"points": vehicle.points.model_copy(update={"air_data": None})})
+    plain = vehicle.model_copy(
+        update={"points": vehicle.points.model_copy(update={"air_data": None})}
+    )
     assert air_data_at_cg(flight, plain) is flight

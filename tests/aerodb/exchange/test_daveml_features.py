@@ -1,4 +1,5 @@
-"""What the standard has and HL-20 does not use, each with a small file; and files that must be refused."""
+"""What the standard has and HL-20 does not use, each with a small file; and files that must be
+refused."""
 
 import numpy as np
 import pytest
@@ -16,10 +17,15 @@ from aerodb.tasks.steps.publish import read_database
 from tests.support.daveml_samples import FRAME, pitch, small, variable
 
 DEGREES = np.pi / 180
-ALPHA, MACH = np.array([-20.0, -5.0, 0.0, 2.5, 5.0, 12.0, 40.0]), np.array([0.1, 0.3, 0.3, 0.5, 0.8, 0.9, 2.0])
+ALPHA, MACH = (
+    np.array([-20.0, -5.0, 0.0, 2.5, 5.0, 12.0, 40.0]),
+    np.array([0.1, 0.3, 0.3, 0.5, 0.8, 0.9, 2.0]),
+)
 
 
-def cm(database: AeroDatabase, alpha_deg: np.ndarray = ALPHA, mach: np.ndarray = MACH) -> np.ndarray:
+def cm(
+    database: AeroDatabase, alpha_deg: np.ndarray = ALPHA, mach: np.ndarray = MACH
+) -> np.ndarray:
     """Cm at points."""
     return database.predict({"alpha": alpha_deg * DEGREES, "mach": mach}).coefficients["Cm"]
 
@@ -71,11 +77,14 @@ MATH = [
 @pytest.mark.parametrize(("math", "formula"), MATH)
 def test_mathml_functions(math: str, formula: object) -> None:
     found = cm(read("", math))
-    assert found == pytest.approx(np.asarray(formula(ALPHA, MACH), dtype=float), rel=1e-12, abs=1e-13)  # type: ignore[operator]
+    assert found == pytest.approx(
+        np.asarray(formula(ALPHA, MACH), dtype=float), rel=1e-12, abs=1e-13
+    )  # type: ignore[operator]
 
 
 def test_nested_piecewise_with_and_without_otherwise() -> None:
-    """A piece's value is a piecewise of its own; a lone <piecewise> stands inside an <apply>, as HL-20 writes it."""
+    """A piece's value is a piecewise of its own; a lone <piecewise> stands inside an <apply>, as
+    HL-20 writes it."""
     inner = f"<piecewise><piece><cn>1</cn>{apply('lt', M, '<cn>0.5</cn>')}</piece><otherwise>{M}</otherwise></piecewise>"
     outer = f"<apply><piecewise><piece><cn>-2</cn>{apply('lt', A, '<cn>-2</cn>')}</piece>"
     outer += f"<piece>{inner}{apply('leq', A, '<cn>5</cn>')}</piece></piecewise></apply>"
@@ -84,15 +93,24 @@ def test_nested_piecewise_with_and_without_otherwise() -> None:
 
 
 def test_variables_saturate_at_min_and_max() -> None:
-    """Of an input, a calculation and a constant: a limiter downstream of each (AIAA S-119, variableDef)."""
-    frame = FRAME.replace('units="deg" sign="ANU"', 'units="deg" sign="ANU" minValue="-4" maxValue="10"')
-    body = variable("X", f"<calculation><math>{apply('times', A, M)}</math></calculation>", maxValue="3")
+    """Of an input, a calculation and a constant: a limiter downstream of each (AIAA S-119,
+    variableDef)."""
+    frame = FRAME.replace(
+        'units="deg" sign="ANU"', 'units="deg" sign="ANU" minValue="-4" maxValue="10"'
+    )
+    body = variable(
+        "X", f"<calculation><math>{apply('times', A, M)}</math></calculation>", maxValue="3"
+    )
     body += variable("K", initialValue="7", maxValue="5")
-    body += pitch(f"<calculation><math>{apply('plus', '<ci>X</ci>', '<ci>K</ci>')}</math></calculation>")
+    body += pitch(
+        f"<calculation><math>{apply('plus', '<ci>X</ci>', '<ci>K</ci>')}</math></calculation>"
+    )
     database = import_daveml(frame.format(body=body).encode(), name="limits")
     expected = np.minimum(np.clip(ALPHA, -4, 10) * MACH, 3) + 5
     assert cm(database) == pytest.approx(expected, rel=1e-13)
-    assert cm(import_daveml(export_daveml(database), name="again")) == pytest.approx(expected, rel=1e-13)
+    assert cm(import_daveml(export_daveml(database), name="again")) == pytest.approx(
+        expected, rel=1e-13
+    )
 
 
 def table(interpolate: str = "", values: str = "1, 3, 2", limits: str = "") -> str:
@@ -121,22 +139,27 @@ def table(interpolate: str = "", values: str = "1, 3, 2", limits: str = "") -> s
     ],
 )
 def test_gridded_tables(body: str, expected: list[float]) -> None:
-    """Interpolation, extrapolation and limits of an argument; numbers separated by anything (independentVarRef)."""
+    """Interpolation, extrapolation and limits of an argument; numbers separated by anything
+    (independentVarRef)."""
     assert cm(read(body)) == pytest.approx(expected, rel=1e-12)
 
 
 def test_the_last_breakpoint_varies_fastest_up_to_six_dimensions() -> None:
     rng = np.random.default_rng(6)
     values = rng.normal(size=(2, 3, 2, 2, 2, 3))
-    bps = "".join(f'<breakpointDef bpID="B{n}"><bpVals>{" ".join(map(str, range(n)))}</bpVals></breakpointDef>' for n in (2, 3))
+    bps = "".join(
+        "<breakpointDef"
+        f' bpID="B{n}"><bpVals>{" ".join(map(str, range(n)))}</bpVals></breakpointDef>'
+        for n in (2, 3)
+    )
     names = [f"I{k}" for k in range(6)]
     body = bps + pitch() + "".join(variable(name, "<isInput/>") for name in names)
-    body += '<function name="f">' + "".join(f'<independentVarRef varID="{name}"/>' for name in names)
+    body += '<function name="f">' + "".join(
+        f'<independentVarRef varID="{name}"/>' for name in names
+    )
     body += '<dependentVarRef varID="CM"/><functionDefn><griddedTable><breakpointRefs>'
     body += "".join(f'<bpRef bpID="B{n}"/>' for n in values.shape)
-    body += (
-        f"</breakpointRefs><dataTable>{' '.join(map(repr, values.ravel().tolist()))}</dataTable></griddedTable></functionDefn>"
-    )
+    body += f"</breakpointRefs><dataTable>{' '.join(map(repr, values.ravel().tolist()))}</dataTable></griddedTable></functionDefn>"
     database = import_daveml(small(body + "</function>"), name="six")
     nodes = np.indices(values.shape).reshape(6, -1).astype(float)
     found = database.predict(dict(zip(names, nodes, strict=True))).coefficients["Cm"]
@@ -154,15 +177,23 @@ def test_legacy_point_lists() -> None:
 
 
 def test_ungridded_tables_are_delaunay_and_held_at_the_hull() -> None:
-    """Inside: scipy's linear interpolation of the scaled points. Outside: the value where the line to the middle leaves."""
+    """Inside: scipy's linear interpolation of the scaled points. Outside: the value where the line
+    to the middle leaves."""
     rng = np.random.default_rng(4)
     points = np.column_stack([rng.uniform(-10, 30, 12), rng.uniform(0.1, 1.5, 12)])
     values = rng.normal(size=12)
     rows = "".join(
-        f"<dataPoint>{a!r}, {m!r} {v!r}</dataPoint>" for (a, m), v in zip(points.tolist(), values.tolist(), strict=True)
+        f"<dataPoint>{a!r}, {m!r} {v!r}</dataPoint>"
+        for (a, m), v in zip(points.tolist(), values.tolist(), strict=True)
     )
-    body = pitch() + f'<ungriddedTableDef name="u" utID="U 1">{rows}</ungriddedTableDef><function name="f">'
-    body += '<independentVarRef varID="ALP"/><independentVarRef varID="MACH"/><dependentVarRef varID="CM"/>'
+    body = (
+        pitch()
+        + f'<ungriddedTableDef name="u" utID="U 1">{rows}</ungriddedTableDef><function name="f">'
+    )
+    body += (
+        '<independentVarRef varID="ALP"/><independentVarRef varID="MACH"/><dependentVarRef'
+        ' varID="CM"/>'
+    )
     body += '<functionDefn><ungriddedTableRef utID="U 1"/></functionDefn></function>'
     database = read(body)
     a, m = rng.uniform(-15, 35, 500), rng.uniform(0.0, 1.6, 500)
@@ -186,7 +217,8 @@ def test_ungridded_tables_of_one_argument_are_sorted() -> None:
 
 
 def test_uncertainty_is_carried_and_written_again() -> None:
-    """Normal with correlations, uniform with two bounds, bounds that a table or a variable gives."""
+    """Normal with correlations, uniform with two bounds, bounds that a table or a variable
+    gives."""
     body = table().replace(
         "<dataTable>",
         """<uncertainty effect="multiplicative"><normalPDF numSigmas="3"><bounds><dataTable>.1, .2 .3</dataTable></bounds>
@@ -202,17 +234,30 @@ def test_uncertainty_is_carried_and_written_again() -> None:
         <variableRef varID="WIDTH"/></bounds></uniformPDF></uncertainty>""", initialValue="1",
     )  # fmt: skip
     first = read(body)
-    for database in (first, import_daveml(export_daveml(first), name="again"), from_document(to_document(first))):
-        assert database.tables["t"].uncertainty == Uncertainty("multiplicative", "normal", ((0.1, 0.2, 0.3),), 3.0)
-        assert database.variables["K"].uncertainty == Uncertainty("additive", "normal", (0.5,), 2.0, ("WIDTH",), (("L", -0.25),))
-        assert database.variables["L"].uncertainty == Uncertainty("percentage", "uniform", (5.0, "WIDTH"))
+    for database in (
+        first,
+        import_daveml(export_daveml(first), name="again"),
+        from_document(to_document(first)),
+    ):
+        assert database.tables["t"].uncertainty == Uncertainty(
+            "multiplicative", "normal", ((0.1, 0.2, 0.3),), 3.0
+        )
+        assert database.variables["K"].uncertainty == Uncertainty(
+            "additive", "normal", (0.5,), 2.0, ("WIDTH",), (("L", -0.25),)
+        )
+        assert database.variables["L"].uncertainty == Uncertainty(
+            "percentage", "uniform", (5.0, "WIDTH")
+        )
 
 
 def test_names_may_repeat_with_other_units_and_units_be_spelled_otherwise() -> None:
-    """angleOfAttack in deg is the input, in rad an output beside it; the check case says which by its unit."""
+    """angleOfAttack in deg is the input, in rad an output beside it; the check case says which by
+    its unit."""
     body = variable("ALP RAD", f"<calculation><math>{apply('times', A, '<cn>0.5</cn>')}</math></calculation><isOutput/>",
                     name="angleOfAttack", units="rad")  # fmt: skip
-    body += pitch(f"<calculation><math>{apply('times', '<ci> ALP RAD </ci>', M)}</math></calculation>")
+    body += pitch(
+        f"<calculation><math>{apply('times', '<ci> ALP RAD </ci>', M)}</math></calculation>"
+    )
     body += """<checkData><staticShot name="one"><checkInputs>
       <signal><signalName>angleOfAttack</signalName><signalUnits>deg</signalUnits><signalValue>4</signalValue></signal>
       <signal><signalName>mach</signalName><signalUnits>ND</signalUnits><signalValue>0.5</signalValue></signal></checkInputs>
@@ -224,16 +269,23 @@ def test_names_may_repeat_with_other_units_and_units_be_spelled_otherwise() -> N
     (result,) = verify(import_daveml(file, name="names"), check_cases(file))
     assert result.passed, result.failures
     assert (result.internals, result.outputs) == (1, 2)
-    (wrong,) = verify(import_daveml(file, name="names"), check_cases(file.replace(b">1.0<", b">1.1<")))
+    (wrong,) = verify(
+        import_daveml(file, name="names"), check_cases(file.replace(b">1.0<", b">1.1<"))
+    )
     assert "CM is 1.0, it should be 1.1" in wrong.failures[0]
 
 
 def test_inputs_and_outputs_with_any_name_are_bound() -> None:
     body = variable("gear", "<isInput/>", units="deg", name="gearAngle")
-    body += variable("foo", f"<calculation><math>{apply('times', A, '<ci>gear</ci>')}</math></calculation><isOutput/>")
+    body += variable(
+        "foo",
+        f"<calculation><math>{apply('times', A, '<ci>gear</ci>')}</math></calculation><isOutput/>",
+    )
     with pytest.raises(InputError, match="no output that is known as a coefficient"):
         import_daveml(small(body), name="f")
-    database = import_daveml(small(body), name="f", bindings={"CZ": "-foo", "gearAngle": "90*delta_landing_gear"})
+    database = import_daveml(
+        small(body), name="f", bindings={"CZ": "-foo", "gearAngle": "90*delta_landing_gear"}
+    )
     assert database.inputs == ("alpha", "delta_landing_gear")
     found = database.predict({"alpha": 2 * DEGREES, "delta_landing_gear": 0.5}).coefficients["CZ"]
     assert found == pytest.approx([-90.0], rel=1e-12)
@@ -249,14 +301,17 @@ def test_signs_against_ours_are_turned() -> None:
     body += variable("CN", "<calculation><math><ci>DE</ci></math></calculation><isOutput/>",
                      name="aeroBodyForceCoefficient_Z", sign="UP")  # fmt: skip
     database = import_daveml(small(body), name="signs")
-    assert database.predict({"delta_elevator": 3 * DEGREES}).coefficients["CZ"] == pytest.approx([3.0])
+    assert database.predict({"delta_elevator": 3 * DEGREES}).coefficients["CZ"] == pytest.approx(
+        [3.0]
+    )
 
 
 BOMB = '<!DOCTYPE DAVEfunc [<!ENTITY a "aaaaaaaaaa">' + "".join(
     f'<!ENTITY {chr(98 + k)} "{f"&{chr(97 + k)};" * 10}">' for k in range(9)
 ) + "]>"  # fmt: skip
 TABLE_REF = (
-    '<function name="f"><independentVarRef varID="ALP"/><dependentVarRef varID="CM"/><functionDefn>{}</functionDefn></function>'
+    '<function name="f"><independentVarRef varID="ALP"/><dependentVarRef'
+    ' varID="CM"/><functionDefn>{}</functionDefn></function>'
 )
 
 

@@ -54,8 +54,11 @@ def with_grid() -> AeroDatabase:
 @EACH
 @settings(deadline=None, max_examples=40)
 @given(seed=st.integers(0, 2**32 - 1), increments=st.integers(0, 2), folded=st.booleans())
-def test_what_is_exported_comes_back_exactly(export: Exporter, read: Importer, seed: int, increments: int, folded: bool) -> None:
-    """Every number to the last bit, every text and expression; and equal databases give equal bytes."""
+def test_what_is_exported_comes_back_exactly(
+    export: Exporter, read: Importer, seed: int, increments: int, folded: bool
+) -> None:
+    """Every number to the last bit, every text and expression; and equal databases give equal
+    bytes."""
     database = generated(seed, increments)
     database = consolidate(database) if folded else database
     again = read(export(database))
@@ -75,7 +78,8 @@ def test_files_are_known_by_their_content(export: Exporter, read: Importer) -> N
 
 
 def test_csv_is_read_by_other_programs() -> None:
-    """pandas and scipy rebuild a table from its file; rows may come back in another order and with a byte-order mark."""
+    """pandas and scipy rebuild a table from its file; rows may come back in another order and with
+    a byte-order mark."""
     database = with_grid()
     archive = zipfile.ZipFile(io.BytesIO(export_csv(database)))
     frame = pd.read_csv(archive.open("tables/T0.csv"))
@@ -88,7 +92,9 @@ def test_csv_is_read_by_other_programs() -> None:
     x = np.random.default_rng(0).uniform([-0.1, -0.2, 0.1], [0.3, 0.2, 0.8], (50, 3))
     assert grid(x) == pytest.approx(table.evaluate(*x.T.copy()), abs=1e-14)
     shuffled = "\ufeff" + frame.sample(frac=1.0, random_state=1).to_csv(index=False)
-    assert equal(import_csv(changed_zip(export_csv(database), {"tables/T0.csv": shuffled})), database)
+    assert equal(
+        import_csv(changed_zip(export_csv(database), {"tables/T0.csv": shuffled})), database
+    )
 
 
 def test_mat_is_a_plain_struct() -> None:
@@ -97,11 +103,19 @@ def test_mat_is_a_plain_struct() -> None:
     table = next(entry for entry in loaded["tables"] if entry["name"] == "T0")
     assert table["values"].shape == (3, 2, 4)
     assert np.array_equal(table["values"], database.tables["T0"].values)
-    assert [axis.tolist() for axis in table["breakpoints"]] == [axis.tolist() for axis in database.tables["T0"].breakpoints]
-    assert [term["expression"] for term in loaded["terms"]] == [str(term.expression) for term in database.terms]
+    assert [axis.tolist() for axis in table["breakpoints"]] == [
+        axis.tolist() for axis in database.tables["T0"].breakpoints
+    ]
+    assert [term["expression"] for term in loaded["terms"]] == [
+        str(term.expression) for term in database.terms
+    ]
     assert np.array_equal(loaded["increments"][0]["covariance"], database.increments[0].covariance)
     saved = io.BytesIO()  # as MATLAB saves what it has loaded: another header, no compression
-    savemat(saved, {"aerodb": loadmat(io.BytesIO(export_mat(database)))["aerodb"]}, long_field_names=True)
+    savemat(
+        saved,
+        {"aerodb": loadmat(io.BytesIO(export_mat(database)))["aerodb"]},
+        long_field_names=True,
+    )
     assert equal(import_mat(saved.getvalue()), database)
 
 
@@ -111,7 +125,9 @@ def test_netcdf_has_coordinates() -> None:
     variable = file.variables["table_T0"]
     assert variable.dimensions == ("breakpoints_T0_0", "breakpoints_T0_1", "breakpoints_T0_2")
     assert np.array_equal(variable.data, database.tables["T0"].values)
-    for dimension, axis, unit in zip(variable.dimensions, database.tables["T0"].breakpoints, (b"rad", b"rad", b"1"), strict=True):
+    for dimension, axis, unit in zip(
+        variable.dimensions, database.tables["T0"].breakpoints, (b"rad", b"rad", b"1"), strict=True
+    ):
         assert np.array_equal(file.variables[dimension].data, axis)
         assert file.variables[dimension].units == unit
     manifest = json.loads(file.manifest)
@@ -119,7 +135,9 @@ def test_netcdf_has_coordinates() -> None:
 
 
 @EACH
-def test_the_file_says_axes_units_signs_and_moment_reference(export: Exporter, read: Importer) -> None:
+def test_the_file_says_axes_units_signs_and_moment_reference(
+    export: Exporter, read: Importer
+) -> None:
     database = with_grid()
     text = parts.take_apart(database, "CSV").manifest_text
     point = ", ".join(f"{x:g}" for x in database.reference.moment_reference)
@@ -141,12 +159,19 @@ def test_units_are_stated_where_they_are_known() -> None:
         "degrees",
         Reference(1.0, 1.0, 1.0, (0.0, 0.0, 0.0)),
         {"a": Variable(parse("alpha"))},
-        {name: Table(name, ("alpha", "x"), (np.array([0.0, 9.0]), np.array([1.0])), np.ones((2, 1))) for name in ("D", "R")},
+        {
+            name: Table(
+                name, ("alpha", "x"), (np.array([0.0, 9.0]), np.array([1.0])), np.ones((2, 1))
+            )
+            for name in ("D", "R")
+        },
         (Term("d", "CZ", parse("D(57.3*alpha, x)")), Term("r", "CZ", parse("R(a, x)"))),
         free_inputs={"x": "somebody's ratio"},
     )
     archive = zipfile.ZipFile(io.BytesIO(export_csv(database)))
-    heads = {name: archive.read(f"tables/{name}.csv").decode().splitlines()[0] for name in ("D", "R")}
+    heads = {
+        name: archive.read(f"tables/{name}.csv").decode().splitlines()[0] for name in ("D", "R")
+    }
     assert heads == {"D": "alpha,x,value", "R": "alpha [rad],x,value"}
     assert equal(import_csv(export_csv(database)), database)
 
@@ -159,7 +184,10 @@ def test_check_cases_travel_along_and_are_verified(export: Exporter, read: Impor
     assert equal(read(export(database, [CheckCase(inputs, good)])), database)
     assert equal(read(export(database, [])), database)
     wrong = {**good, "Cm": good["Cm"] + 1e-6}
-    with pytest.raises(InputError, match=r"here: 1 check values differ: check case 1: Cm is .*\n.*where a change is meant"):
+    with pytest.raises(
+        InputError,
+        match=r"here: 1 check values differ: check case 1: Cm is .*\n.*where a change is meant",
+    ):
         read(export(database, [CheckCase(inputs, wrong)]), "here")
 
 
@@ -179,7 +207,10 @@ def test_a_changed_table_is_noticed_and_taken_when_it_is_meant() -> None:
 def changed_zip(data: bytes, changes: dict[str, str | None]) -> bytes:
     """The archive with files replaced, added, or left out (None)."""
     written = io.BytesIO()
-    with zipfile.ZipFile(io.BytesIO(data)) as old, zipfile.ZipFile(written, "w", zipfile.ZIP_DEFLATED) as new:
+    with (
+        zipfile.ZipFile(io.BytesIO(data)) as old,
+        zipfile.ZipFile(written, "w", zipfile.ZIP_DEFLATED) as new,
+    ):
         files: dict[str, Any] = {name: old.read(name) for name in old.namelist()} | changes
         for name, content in files.items():
             if content is not None:
@@ -191,7 +222,11 @@ def changed_zip(data: bytes, changes: dict[str, str | None]) -> bytes:
     ("name", "content", "message"),
     [
         ("tables/T0.csv", "alpha,value\n0,1\n0,2\n", "tables/T0.csv: 2 rows for a grid of 1 nodes"),
-        ("tables/T0.csv", "alpha,beta,value\n0,0,1\n0,0,2\n1,1,3\n1,0,4\n", "some of them repeated"),
+        (
+            "tables/T0.csv",
+            "alpha,beta,value\n0,0,1\n0,0,2\n1,1,3\n1,0,4\n",
+            "some of them repeated",
+        ),
         ("tables/T0.csv", "alpha,value\n0,1\n1,x\n", "could not convert string to float: 'x'"),
         ("tables/T0.csv", "alpha,value\n0,1\n1,nan\n", "numbers that are not finite"),
         ("tables/T0.csv", "alpha,value\n0,1\n1\n", "row 3 has 1 columns, the header 2"),
@@ -201,18 +236,28 @@ def changed_zip(data: bytes, changes: dict[str, str | None]) -> bytes:
         ("tables/T0.csv", "a,b,c,value\n0,0,0,1\n", "."),
         ("terms.csv", None, "no terms.csv in the archive"),
         ("terms.csv", "name,axis\n", "they must be name, axis, expression, description"),
-        ("terms.csv", "name,axis,expression,description\nx,CZ,__import__('os'),\n", "term x: unexpected ''' at position 12"),
+        (
+            "terms.csv",
+            "name,axis,expression,description\nx,CZ,__import__('os'),\n",
+            "term x: unexpected ''' at position 12",
+        ),
         ("manifest.json", "{", "the manifest is not JSON"),
         ("manifest.json", "[" * 100_000, "the manifest is not JSON"),
         ("manifest.json", "[1]", "not a JSON object"),
         ("manifest.json", '{"file": "aerodb MAT", "version": 1}', "'aerodb MAT', version 1"),
         ("manifest.json", '{"file": "aerodb CSV", "version": 1}', "holds no database"),
-        ("manifest.json", '{"file": "aerodb CSV", "version": 1, "database": {"tables": {}, "increments": 3}}', "differ"),
+        (
+            "manifest.json",
+            '{"file": "aerodb CSV", "version": 1, "database": {"tables": {}, "increments": 3}}',
+            "differ",
+        ),
         ("check_cases.csv", "alpha,CX\n1,2\n", "last columns are not CX CY CZ"),
         ("check_cases.csv", "CX,CY,CZ,Cl,Cm,Cn\n1,2,3,4,5,6\n", "channels missing"),
     ],
 )
-def test_faulty_csv_is_refused_with_the_file_that_is_wrong(name: str, content: str | None, message: str) -> None:
+def test_faulty_csv_is_refused_with_the_file_that_is_wrong(
+    name: str, content: str | None, message: str
+) -> None:
     with pytest.raises(InputError, match=message) as refusal:
         import_csv(changed_zip(export_csv(with_grid()), {name: content}), "my.zip")
     assert "my.zip" in str(refusal.value)
@@ -220,7 +265,11 @@ def test_faulty_csv_is_refused_with_the_file_that_is_wrong(name: str, content: s
 
 def test_increments_in_csv_stay_with_their_regressors() -> None:
     data = export_csv(with_grid())
-    name = next(n for n in zipfile.ZipFile(io.BytesIO(data)).namelist() if n.startswith("increments/") and "envelope" not in n)
+    name = next(
+        n
+        for n in zipfile.ZipFile(io.BytesIO(data)).namelist()
+        if n.startswith("increments/") and "envelope" not in n
+    )
     text = zipfile.ZipFile(io.BytesIO(data)).read(name).decode()
     with pytest.raises(InputError, match="regressors differ"):
         import_csv(changed_zip(data, {name: text.replace("\n1,", "\n2,", 1)}))
@@ -234,7 +283,14 @@ def test_increments_in_csv_stay_with_their_regressors() -> None:
 @EACH
 def test_other_kinds_of_file_and_cut_ones_are_refused(export: Exporter, read: Importer) -> None:
     data = export(with_grid())
-    for bad in (b"", b"hello", data[: len(data) // 2], data[:130], b"\x00" * 500, export_csv(with_grid())[:-40]):
+    for bad in (
+        b"",
+        b"hello",
+        data[: len(data) // 2],
+        data[:130],
+        b"\x00" * 500,
+        export_csv(with_grid())[:-40],
+    ):
         with pytest.raises(InputError, match="here"):
             read(bad, "here")
     for other, _ in FORMATS.values():
@@ -247,7 +303,8 @@ def test_other_kinds_of_file_and_cut_ones_are_refused(export: Exporter, read: Im
 @settings(deadline=None, max_examples=150)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_damaged_bytes_are_refused_or_harmless(export: Exporter, read: Importer, seed: int) -> None:
-    """Eight bytes overwritten anywhere: an InputError, or a database (damage may hit a description or a spare byte)."""
+    """Eight bytes overwritten anywhere: an InputError, or a database (damage may hit a description
+    or a spare byte)."""
     rng = np.random.default_rng(seed)
     data = bytearray(export(generated(5, 1)))
     for position in rng.integers(0, len(data), 8):
@@ -260,7 +317,9 @@ def test_damaged_bytes_are_refused_or_harmless(export: Exporter, read: Importer,
 
 
 @pytest.mark.parametrize("name", ["csv", "mat"])
-def test_small_files_that_unpack_to_huge_ones_are_refused(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_small_files_that_unpack_to_huge_ones_are_refused(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     for module in ("comma_separated", "mat"):
         monkeypatch.setattr(f"aerodb.exchange.{module}.MAX_BYTES", 3_000_000)
     if name == "csv":

@@ -1,7 +1,7 @@
 """Every aircraft of the installed JSBSim, imported and set against JSBSim's own coefficients.
 
-Inputs go in by their physical meaning. What has no meaning here (`free_inputs`) is fed from the property that it names, and
-so is the squared lift, for which JSBSim takes its previous time step.
+Inputs go in by their physical meaning. What has no meaning here (`free_inputs`) is fed from the
+property that it names, and so is the squared lift, for which JSBSim takes its previous time step.
 """
 
 import re
@@ -32,15 +32,19 @@ from tests.support.jsbsim_flights import (
 from tests.support.single_terms import of_term
 
 ROOT = Path(jsbsim.get_default_root_dir())
-AIRCRAFT = sorted(path.name for path in (ROOT / "aircraft").iterdir() if (path / f"{path.name}.xml").exists())
+AIRCRAFT = sorted(
+    path.name for path in (ROOT / "aircraft").iterdir() if (path / f"{path.name}.xml").exists()
+)
 
 #: Refused by name, and why.
 REFUSED = {"blank": "0 elements <metrics>"}
 
-#: Metric files: JSBSim converts with rounded numbers (39.3701 inches, 3.2808399 feet to the metre), the import exactly.
+#: Metric files: JSBSim converts with rounded numbers (39.3701 inches, 3.2808399 feet to the metre),
+#: the import exactly.
 METRIC = ("Short_S23", "Submarine_Scout", "ZLT-NT")
 
-#: Airships and a balloon: gas and ballast are computed after the aerodynamics, which have them of the run before.
+#: Airships and a balloon: gas and ballast are computed after the aerodynamics, which have them of
+#: the run before.
 RUNS = {"ZLT-NT": 2, "weather-balloon": 20}
 
 
@@ -64,7 +68,8 @@ def imported(aircraft: str) -> AeroDatabase:
 
 
 def run_ic(executive: Any) -> None:
-    """Some aircraft read properties of a flight simulator, which JSBSim alone does not have: they are made, as zero."""
+    """Some aircraft read properties of a flight simulator, which JSBSim alone does not have: they
+    are made, as zero."""
     for _ in range(50):
         try:
             executive.run_ic()
@@ -76,7 +81,9 @@ def run_ic(executive: Any) -> None:
             executive[absent[1]] = 0.0
 
 
-def errors(aircraft: str, database: AeroDatabase, states: int, seed: int) -> tuple[float, dict[str, np.ndarray]]:
+def errors(
+    aircraft: str, database: AeroDatabase, states: int, seed: int
+) -> tuple[float, dict[str, np.ndarray]]:
     """Largest error over its tolerance at random states, and the inputs there."""
     executive, rng = simulator(aircraft), np.random.default_rng(seed)
     rows, cgs, theirs = [], [], []
@@ -87,7 +94,9 @@ def errors(aircraft: str, database: AeroDatabase, states: int, seed: int) -> tup
         rows.append(channels_of(executive, database))
         cgs.append(centre_of_gravity(executive))
         theirs.append(own_coefficients(executive))
-    columns = {name: np.array([row[name] for row in rows]) for name in rows[0]} or {"alpha": np.zeros(states)}
+    columns = {name: np.array([row[name] for row in rows]) for name in rows[0]} or {
+        "alpha": np.zeros(states)
+    }
     return max(compare(database, columns, np.array(cgs), np.array(theirs)).values()), columns
 
 
@@ -98,7 +107,9 @@ def test_equal_to_jsbsim_at_a_thousand_random_states(aircraft: str) -> None:
     assert error <= 1.0
     if aircraft == "c172p":
         assert set(inputs["stall_hyst_norm"]) == {0.0, 1.0}
-        assert database.free_inputs["stall_hyst_norm"].endswith("1 above 0.36 rad, 0 below 0.09 rad, in between as it was")
+        assert database.free_inputs["stall_hyst_norm"].endswith(
+            "1 above 0.36 rad, 0 below 0.09 rad, in between as it was"
+        )
 
 
 @pytest.mark.parametrize("aircraft", AIRCRAFT)
@@ -117,15 +128,22 @@ def test_every_aircraft_agrees_or_is_refused_by_name(aircraft: str) -> None:
 def as_jsbsim_rounds(aircraft: str, exact: Reference) -> Reference:
     executive = simulator(aircraft)
     x, y, z = (executive[f"metrics/aero-rp-{axis}-in"] * INCH for axis in "xyz")
-    area, chord, span = executive["metrics/Sw-sqft"], executive["metrics/cbarw-ft"], executive["metrics/bw-ft"]
+    area, chord, span = (
+        executive["metrics/Sw-sqft"],
+        executive["metrics/cbarw-ft"],
+        executive["metrics/bw-ft"],
+    )
     rounded = Reference(area * FOOT**2, chord * FOOT, span * FOOT, (-x, y, -z))
-    assert (rounded.area, rounded.chord, rounded.span) == pytest.approx((exact.area, exact.chord, exact.span), rel=4e-9)
+    assert (rounded.area, rounded.chord, rounded.span) == pytest.approx(
+        (exact.area, exact.chord, exact.span), rel=4e-9
+    )
     assert rounded.moment_reference == pytest.approx(exact.moment_reference, rel=6e-7)
     return rounded
 
 
 def test_a_shifting_reference_point() -> None:
-    """Concorde's moves aft by 0.58 chords at Mach 0.9, by its own table: the normal force then pitches with that arm."""
+    """Concorde's moves aft by 0.58 chords at Mach 0.9, by its own table: the normal force then
+    pitches with that arm."""
     database = imported("Concorde")
     shift = [term for term in database.terms if term.name.startswith("reference_point_shift")]
     assert [term.axis for term in shift] == ["Cm", "Cn"]
@@ -136,7 +154,10 @@ def test_a_shifting_reference_point() -> None:
         "height_above_ground": 1e3,
         "alpha": 0.15,
     }
-    share, whole = of_term(database, "reference_point_shift_Cm", inputs), database.predict(inputs).coefficients
+    share, whole = (
+        of_term(database, "reference_point_shift_Cm", inputs),
+        database.predict(inputs).coefficients,
+    )
     assert share["Cm"] == pytest.approx(0.58 * whole["CZ"], rel=1e-12)
 
 
@@ -149,7 +170,11 @@ def test_parts_are_found_beside_the_aircraft_and_nowhere_else(tmp_path: Path) ->
     assert len(database.terms) == len(imported("F450").terms) > 0
     (tmp_path / "secret.xml").write_text("<metrics/>")
     (tmp_path / "F450" / "link.xml").symlink_to(tmp_path / "secret.xml")
-    for name, message in (("link.xml", "outside the aircraft's folder"), ("../secret", "outside"), ("absent.xml", "no file")):
+    for name, message in (
+        ("link.xml", "outside the aircraft's folder"),
+        ("../secret", "outside"),
+        ("absent.xml", "no file"),
+    ):
         with pytest.raises(InputError, match=message):
             files_beside(aircraft)(name)
 

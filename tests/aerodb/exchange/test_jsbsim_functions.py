@@ -1,4 +1,5 @@
-"""Operations, frames and tables of JSBSim that its aircraft use little or not: read, and set against JSBSim itself."""
+"""Operations, frames and tables of JSBSim that its aircraft use little or not: read, and set
+against JSBSim itself."""
 
 from dataclasses import replace
 
@@ -20,8 +21,14 @@ QS = "<p>aero/qbar-psf</p><p>metrics/Sw-sqft</p>"
 
 X, Y = "<p>t/x</p>", "<p>t/y</p>"
 OPERATIONS = {
-    **{name: f"<{name}>{X}{Y}</{name}>" for name in ("gt", "ge", "lt", "le", "eq", "nq", "min", "max", "atan2", "fmod")},
-    **{name: f"<{name}>{X}</{name}>" for name in ("sign", "floor", "ceil", "abs", "exp", "toradians", "todegrees", "sin")},
+    **{
+        name: f"<{name}>{X}{Y}</{name}>"
+        for name in ("gt", "ge", "lt", "le", "eq", "nq", "min", "max", "atan2", "fmod")
+    },
+    **{
+        name: f"<{name}>{X}</{name}>"
+        for name in ("sign", "floor", "ceil", "abs", "exp", "toradians", "todegrees", "sin")
+    },
     **{name: f"<{name}><abs>{X}</abs></{name}>" for name in ("sqrt", "ln", "log2", "log10")},
     "avg": f"<avg>{X}{Y}<v>3</v></avg>",
     "pi": f"<product><pi/>{X}</product>",
@@ -31,16 +38,30 @@ OPERATIONS = {
     "not": f"<not><gt>{X}{Y}</gt></not>",
     "ifthen": f"<ifthen><gt>{X}{Y}</gt><product>{X}<v>2</v></product>{Y}</ifthen>",
     "switch": f"<switch><min><max>{X}<v>0</v></max><v>2.2</v></min><v>5</v>{Y}<v>7</v></switch>",
-    "interpolation": f"<interpolate1d>{X}<v>-1</v><v>4</v><v>0.5</v>{Y}<v>1</v><product>{X}{X}</product></interpolate1d>",
+    "interpolation": (
+        f"<interpolate1d>{X}<v>-1</v><v>4</v><v>0.5</v>{Y}<v>1</v><product>{X}{X}</product></interpolate1d>"
+    ),
 }
 
 
 def test_every_operation_equals_jsbsim() -> None:
     """Random numbers, and pairs on which comparisons turn."""
-    functions = "".join(f'<function name="t/{name}-of">{text}</function>' for name, text in OPERATIONS.items())
+    functions = "".join(
+        f'<function name="t/{name}-of">{text}</function>' for name, text in OPERATIONS.items()
+    )
     text = f"<fdm_config name='t'>{METRICS}{MASS}<aerodynamics>{functions}</aerodynamics></fdm_config>".encode()
-    database, executive, rng = import_jsbsim(text, name="t"), loaded_in_jsbsim(text), np.random.default_rng(41)
-    pairs = [(0.0, 0.0), (1.0, 1.0), (-1.0, 2.0), (0.5, -0.5), *rng.uniform(-3, 3, (60, 2)).tolist()]
+    database, executive, rng = (
+        import_jsbsim(text, name="t"),
+        loaded_in_jsbsim(text),
+        np.random.default_rng(41),
+    )
+    pairs = [
+        (0.0, 0.0),
+        (1.0, 1.0),
+        (-1.0, 2.0),
+        (0.5, -0.5),
+        *rng.uniform(-3, 3, (60, 2)).tolist(),
+    ]
     channels = dict(zip(("t_x", "t_y"), np.array(pairs).T, strict=True))
     ours = {}
     for name in OPERATIONS:
@@ -58,20 +79,36 @@ def test_every_operation_equals_jsbsim() -> None:
 
 
 def errors_of(aerodynamics: str, seed: int) -> float:
-    """Largest error of an import over 1e-9 at random angles, with the centre of gravity off the reference point."""
-    text = f"<fdm_config name='t'>{METRICS}{MASS}<aerodynamics>{aerodynamics}</aerodynamics></fdm_config>".encode()
-    database, executive, rng = import_jsbsim(text, name="t"), loaded_in_jsbsim(text), np.random.default_rng(seed)
+    """Largest error of an import over 1e-9 at random angles, with the centre of gravity off the
+    reference point."""
+    text = (
+        "<fdm_config"
+        f" name='t'>{METRICS}{MASS}<aerodynamics>{aerodynamics}</aerodynamics></fdm_config>".encode()
+    )
+    database, executive, rng = (
+        import_jsbsim(text, name="t"),
+        loaded_in_jsbsim(text),
+        np.random.default_rng(seed),
+    )
     rows, theirs = [], []
     for _ in range(20):
         executive["ic/vt-fps"], executive["ic/h-sl-ft"] = 200.0, 3000.0
         executive["ic/alpha-rad"], executive["ic/beta-rad"] = rng.uniform(-0.6, 0.6, 2)
         executive.run_ic()
         rows.append(
-            (executive["aero/alpha-rad"], executive["aero/beta-rad"], executive["aero/qbar-psf"] * 4.4482216152605 / FOOT**2)
+            (
+                executive["aero/alpha-rad"],
+                executive["aero/beta-rad"],
+                executive["aero/qbar-psf"] * 4.4482216152605 / FOOT**2,
+            )
         )
         theirs.append(own_coefficients(executive))
     channels = dict(zip(("alpha", "beta", "qbar"), np.array(rows).T, strict=True))
-    return max(compare(database, channels, np.array(centre_of_gravity(executive)), np.array(theirs)).values())
+    return max(
+        compare(
+            database, channels, np.array(centre_of_gravity(executive)), np.array(theirs)
+        ).values()
+    )
 
 
 def axis(name: str, frame: str, number: float, length: str = "") -> str:
@@ -124,7 +161,10 @@ FOUR = """<table><independentVar lookup="row">aero/alpha-rad</independentVar>
 
 
 def four_dimensions() -> tuple[str, AeroDatabase]:
-    lift = f'<axis name="LIFT"><function name="aero/four"><product>{QS}{FOUR}</product></function></axis>'
+    lift = (
+        '<axis name="LIFT"><function'
+        f' name="aero/four"><product>{QS}{FOUR}</product></function></axis>'
+    )
     text = f"<fdm_config name='t'>{METRICS}{MASS}<aerodynamics>{lift}</aerodynamics></fdm_config>"
     return lift, import_jsbsim(text.encode(), name="t")
 
@@ -136,8 +176,16 @@ def test_four_dimensional_table_with_slices_on_different_breakpoints() -> None:
 
 
 def test_a_property_with_the_name_of_a_surface_is_an_input_of_its_own() -> None:
-    """``delta-x`` becomes ``_delta_x``: counting up behind ``delta_x`` gave surface after surface, for ever."""
-    axis = f"<axis name='LIFT'><function name='a'><product>{QS}<p>delta-x</p></product></function></axis>"
-    text = f"<fdm_config name='t'>{METRICS}<aerodynamics>{axis}</aerodynamics></fdm_config>".encode()
+    """``delta-x`` becomes ``_delta_x``: counting up behind ``delta_x`` gave surface after surface,
+    for ever."""
+    axis = (
+        "<axis name='LIFT'><function"
+        f" name='a'><product>{QS}<p>delta-x</p></product></function></axis>"
+    )
+    text = (
+        f"<fdm_config name='t'>{METRICS}<aerodynamics>{axis}</aerodynamics></fdm_config>".encode()
+    )
     database = import_jsbsim(text, name="t")
-    assert any("delta_x" in name and name.startswith("_") for name in database.inputs), database.inputs
+    assert any("delta_x" in name and name.startswith("_") for name in database.inputs), (
+        database.inputs
+    )

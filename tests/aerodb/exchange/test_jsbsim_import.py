@@ -1,4 +1,5 @@
-"""The import of JSBSim aircraft: against JSBSim itself on one of them, signs and units, and what is refused."""
+"""The import of JSBSim aircraft: against JSBSim itself on one of them, signs and units, and what is
+refused."""
 
 import re
 from typing import Any
@@ -61,10 +62,14 @@ def test_twin_otter_equals_jsbsim_at_random_states_and_controls(twin_otter: Aero
     for _ in range(1000):
         random_condition(executive, rng)
         flap = rng.uniform(0, 40)
-        executive["fcs/flap-cmd-norm"], executive["fcs/flap-pos-deg"] = flap / 40, flap  # at rest: lift keeps its value
+        executive["fcs/flap-cmd-norm"], executive["fcs/flap-pos-deg"] = (
+            flap / 40,
+            flap,
+        )  # at rest: lift keeps its value
         executive["fcs/speedbrake-pos-norm"] = rng.uniform(0, 1)
         executive.run_ic()
-        executive.run_ic()  # aero/cl-squared holds the lift of the step before: this one has the same lift
+        # aero/cl-squared holds the lift of the step before: this one has the same lift
+        executive.run_ic()
         channels.append(twin_otter_channels(executive))
         cgs.append(centre_of_gravity(executive))
         theirs.append(own_coefficients(executive))
@@ -75,8 +80,11 @@ def test_twin_otter_equals_jsbsim_at_random_states_and_controls(twin_otter: Aero
 
 
 def test_twin_otter_in_flight_with_the_lift_of_the_step_before(twin_otter: AeroDatabase) -> None:
-    """While lift changes, JSBSim squares the lift of its previous step: bound to a free input, that value can be fed."""
-    database = import_jsbsim(aircraft_file("DHC6"), name="DHC6", bindings={"aero/cl-squared": "aero_cl_squared"})
+    """While lift changes, JSBSim squares the lift of its previous step: bound to a free input, that
+    value can be fed."""
+    database = import_jsbsim(
+        aircraft_file("DHC6"), name="DHC6", bindings={"aero/cl-squared": "aero_cl_squared"}
+    )
     executive, rng = simulator("DHC6"), np.random.default_rng(21)
     random_condition(executive, rng)
     executive.run_ic()
@@ -84,7 +92,9 @@ def test_twin_otter_in_flight_with_the_lift_of_the_step_before(twin_otter: AeroD
     for step in range(200):
         executive["fcs/elevator-cmd-norm"] = np.sin(step / 9)
         executive.run()
-        rows.append({**twin_otter_channels(executive), "aero_cl_squared": executive["aero/cl-squared"]})
+        rows.append(
+            {**twin_otter_channels(executive), "aero_cl_squared": executive["aero/cl-squared"]}
+        )
         cgs.append(centre_of_gravity(executive))
         theirs.append(own_coefficients(executive))
     columns = {name: np.array([row[name] for row in rows]) for name in rows[0]}
@@ -102,11 +112,14 @@ def test_reference_geometry_in_metres_and_body_axes(twin_otter: AeroDatabase) ->
 
 
 def test_signs_of_the_surfaces(twin_otter: AeroDatabase) -> None:
-    """Trailing edge down lifts; right aileron down rolls left; rudder trailing edge left pushes right, nose left."""
+    """Trailing edge down lifts; right aileron down rolls left; rudder trailing edge left pushes
+    right, nose left."""
     rest = dict.fromkeys(twin_otter.inputs, 0.0) | {"V": 70.0}
 
     def effect(surface: str) -> dict[str, float]:
-        moved, still = (twin_otter.predict(rest | {surface: angle}).coefficients for angle in (0.1, 0.0))
+        moved, still = (
+            twin_otter.predict(rest | {surface: angle}).coefficients for angle in (0.1, 0.0)
+        )
         return {axis: float((moved[axis] - still[axis])[0]) for axis in AXES}
 
     assert effect("delta_elevator")["CZ"] < 0 > effect("delta_elevator")["Cm"]
@@ -115,7 +128,8 @@ def test_signs_of_the_surfaces(twin_otter: AeroDatabase) -> None:
 
 
 def test_defects_of_the_file_are_kept_as_they_are(twin_otter: AeroDatabase) -> None:
-    """Its Cl_beta table is even in beta (no dihedral effect): for flight to find, not for an importer to mend."""
+    """Its Cl_beta table is even in beta (no dihedral effect): for flight to find, not for an
+    importer to mend."""
     beta = np.array([-0.0873, 0.0873])
     assert twin_otter.tables["Clb"].evaluate(beta, 0.0) == pytest.approx([0.036, 0.036], abs=1e-15)
 
@@ -125,7 +139,11 @@ def test_what_has_no_meaning_here_is_a_named_free_input(twin_otter: AeroDatabase
     channels = dict.fromkeys(set(twin_otter.inputs) - set(FREE), 0.0) | {"V": 70.0}
     with pytest.raises(InputError, match="JSBSim property systems/propulsion/thrust-coefficient"):
         twin_otter.predict(channels)
-    bindings = {"fcs/flap-pos-norm": "delta_flap/0.7", "fcs/speedbrake-pos-norm": "0", FREE[max(FREE)]: "0"}
+    bindings = {
+        "fcs/flap-pos-norm": "delta_flap/0.7",
+        "fcs/speedbrake-pos-norm": "0",
+        FREE[max(FREE)]: "0",
+    }
     bound = import_jsbsim(aircraft_file("DHC6"), name="DHC6", bindings=bindings)
     assert not bound.free_inputs
     assert set(bound.predict(channels).coefficients) == set(AXES)
@@ -135,7 +153,9 @@ def test_stored_form_of_an_import_predicts_the_same(twin_otter: AeroDatabase) ->
     rng = np.random.default_rng(23)
     channels = {name: rng.uniform(0.1, 0.3, 20) for name in twin_otter.inputs}
     again = from_document(to_document(twin_otter)).predict(channels).coefficients
-    assert {a: again[a].tolist() for a in AXES} == {a: c.tolist() for a, c in twin_otter.predict(channels).coefficients.items()}
+    assert {a: again[a].tolist() for a in AXES} == {
+        a: c.tolist() for a, c in twin_otter.predict(channels).coefficients.items()
+    }
 
 
 METRICS = """<metrics><wingarea unit="M2">2</wingarea><wingspan unit="M">4</wingspan><chord unit="M">0.5</chord>
@@ -152,7 +172,8 @@ def function(operation: str, axis: str = "PITCH") -> str:
 
 
 def test_factors_that_do_not_stand_in_a_product_are_divided_out() -> None:
-    """A drag of 3 lbf at a dynamic pressure of 100 Pa on 2 m2, and a moment that lacks its chord."""
+    """A drag of 3 lbf at a dynamic pressure of 100 Pa on 2 m2, and a moment that lacks its
+    chord."""
     qbar = {"qbar": np.array([100.0]), "alpha": 0.0, "beta": 0.0}
     drag = small(function("<sum><v>1</v><v>2</v></sum>", "DRAG")).predict(qbar).coefficients["CX"]
     assert drag == pytest.approx(-3 * POUND / 200, rel=1e-13)
@@ -164,7 +185,8 @@ def test_body_axes_and_axial_normal_axes() -> None:
     force = "<product><p>aero/qbar-area</p><v>{}</v></product>"
     for names, signs in ((("X", "Y", "Z"), (1, 1, 1)), (("AXIAL", "SIDE", "NORMAL"), (-1, 1, -1))):
         axes = "".join(
-            f'<axis name="{name}"><function name="{name}">{force.format(k + 1)}</function></axis>' for k, name in enumerate(names)
+            f'<axis name="{name}"><function name="{name}">{force.format(k + 1)}</function></axis>'
+            for k, name in enumerate(names)
         )
         coefficients = small(axes).predict({"qbar": 7.0, "alpha": 0.3, "beta": 0.2}).coefficients
         expected = [sign * (k + 1) for k, sign in enumerate(signs)]
@@ -194,25 +216,41 @@ def test_planes_of_a_table_on_different_breakpoints_are_joined_exactly() -> None
 @pytest.mark.parametrize(
     ("aerodynamics", "message"),
     [
-        (function("<interpolate1d><v>1</v><v>2</v></interpolate1d>"), "<interpolate1d> with 2 operands"),
+        (
+            function("<interpolate1d><v>1</v><v>2</v></interpolate1d>"),
+            "<interpolate1d> with 2 operands",
+        ),
         (function("<random/>"), "unsupported element <random>"),
-        (function("<rotation_alpha_local><v>1</v></rotation_alpha_local>"), "unsupported element <rotation_alpha_local>"),
+        (
+            function("<rotation_alpha_local><v>1</v></rotation_alpha_local>"),
+            "unsupported element <rotation_alpha_local>",
+        ),
         ("<aero_ref_pt_shift_x/>", "<aero_ref_pt_shift_x> does not hold exactly one function"),
         ('<axis name="ROLL" frame="EARTH"/>', "unsupported attributes of axis ROLL"),
         ('<axis name="LIFT" frame="WIND"/>', "unsupported attributes of axis LIFT"),
         ('<axis name="ROLL" unit="NM"/>', "unit 'NM' of axis ROLL"),
         (function("<v>1</v>").replace("<function", '<function apply_at_cg="true"'), "apply_at_cg"),
         ('<axis name="LIFTT"/>', "did you mean 'LIFT'"),
-        (function("<v>1</v>", "LIFT") + '<axis name="X"><function name="g"><v>1</v></function></axis>', "different systems"),
+        (
+            function("<v>1</v>", "LIFT")
+            + '<axis name="X"><function name="g"><v>1</v></function></axis>',
+            "different systems",
+        ),
         (function("<v>nan</v>"), "not finite"),
         (function("<pow><v>1</v></pow>"), "<pow> with 1 operands"),
         (function("<v>1</v><v>2</v>"), "2 operations"),
         (
-            function("<table><independentVar>aero/alpha-rad</independentVar><tableData>0 1\n0 2</tableData></table>"),
+            function(
+                "<table><independentVar>aero/alpha-rad</independentVar><tableData>0 1\n0"
+                " 2</tableData></table>"
+            ),
             "do not increase",
         ),
         (
-            function("<table><independentVar>aero/alpha-rad</independentVar><tableData>0 1\n1</tableData></table>"),
+            function(
+                "<table><independentVar>aero/alpha-rad</independentVar><tableData>0"
+                " 1\n1</tableData></table>"
+            ),
             "differ in length",
         ),
     ],
@@ -239,7 +277,8 @@ def test_hostile_or_empty_xml_is_refused(text: bytes) -> None:
 
 
 def test_damaged_files_are_read_or_refused_never_a_crash() -> None:
-    """Random truncation, flipped bytes and repeated pieces inside the aerodynamics of a real file."""
+    """Random truncation, flipped bytes and repeated pieces inside the aerodynamics of a real
+    file."""
     text, rng = aircraft_file("DHC6"), np.random.default_rng(24)
     start, end = text.index(b"<aerodynamics>"), text.index(b"</fdm_config>")
     refused = 0

@@ -1,4 +1,5 @@
-"""The product's own database file and stored document: read, refused with the nearest name, and brought back exactly."""
+"""The product's own database file and stored document: read, refused with the nearest name, and
+brought back exactly."""
 
 import json
 from dataclasses import replace
@@ -10,7 +11,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from aerodb.errors import InputError
-from aerodb.exchange.native import database_content_sha256, database_document_sha256, from_document, read_native, to_document
+from aerodb.exchange.native import (
+    database_content_sha256,
+    database_document_sha256,
+    from_document,
+    read_native,
+    to_document,
+)
 from aerodb.nomenclature import AXES
 from aerodb.support.identity import canonical_json
 from aerodb.tables.database import AeroDatabase, Term, Variable
@@ -66,14 +73,33 @@ def test_handbook_derivatives_are_the_linear_model() -> None:
     delta_rudder = -0.130535343
     """
     database = read_native(REFERENCE + text)
-    channels = {"beta": 0.05, "p": 0.1, "r": -0.2, "V": 72.0, "delta_aileron": 0.02, "delta_rudder": np.array([0.1, -0.1])}
+    channels = {
+        "beta": 0.05,
+        "p": 0.1,
+        "r": -0.2,
+        "V": 72.0,
+        "delta_aileron": 0.02,
+        "delta_rudder": np.array([0.1, -0.1]),
+    }
     assert database.inputs == tuple(sorted(channels))
     p_hat, r_hat = 0.1 * 19.812 / 144, -0.2 * 19.812 / 144
-    steady = 0.000459883 + 0.085436779 * 0.05 - 0.051510765 * p_hat - 0.197584751 * r_hat + 0.002336487 * 0.02
+    steady = (
+        0.000459883
+        + 0.085436779 * 0.05
+        - 0.051510765 * p_hat
+        - 0.197584751 * r_hat
+        + 0.002336487 * 0.02
+    )
     prediction = database.predict(channels).coefficients
-    assert prediction["Cn"] == pytest.approx(steady - 0.130535343 * channels["delta_rudder"], rel=1e-13)
-    assert (database.reference.area, database.reference.chord) == pytest.approx((422.5 * 0.3048**2, 6.5 * 0.3048), rel=1e-14)
-    assert database.reference.moment_reference == pytest.approx((-211.8 * 0.0254, 0.0, 0.0), rel=1e-14)
+    assert prediction["Cn"] == pytest.approx(
+        steady - 0.130535343 * channels["delta_rudder"], rel=1e-13
+    )
+    assert (database.reference.area, database.reference.chord) == pytest.approx(
+        (422.5 * 0.3048**2, 6.5 * 0.3048), rel=1e-14
+    )
+    assert database.reference.moment_reference == pytest.approx(
+        (-211.8 * 0.0254, 0.0, 0.0), rel=1e-14
+    )
     assert not any(prediction[axis].any() for axis in AXES if axis != "Cn")
 
 
@@ -96,7 +122,11 @@ def test_tables_in_degrees_variables_and_free_inputs() -> None:
     ("old", "new", "message"),
     [
         ("-10, 0, 10", "-10, 10, 0", "breakpoints of alpha do not increase"),
-        ("values = [1, 0, -1.5]", "values = [1, 0]", r"values have shape \(2,\), the breakpoints \(3,\)"),
+        (
+            "values = [1, 0, -1.5]",
+            "values = [1, 0]",
+            r"values have shape \(2,\), the breakpoints \(3,\)",
+        ),
         ("values = [1, 0, -1.5]", 'values = [1, 0, "x"]', "not a rectangular list"),
         ("[[0, 1, 2], [0, 2, 4]]", "[[0, 1, 2], [0, 2]]", "not a rectangular list"),
         ("CZ0(alpha)", "CZ0(alhpa)", "did you mean 'alpha'"),
@@ -134,7 +164,11 @@ def test_derivatives_on_unknown_names_and_empty_files_are_refused() -> None:
 def full_database(seed: int) -> AeroDatabase:
     rng = np.random.default_rng(seed)
     axes = (np.cumsum(rng.random(4)), np.cumsum(rng.random(3)) - 1)
-    tables = {"T": Table("T", ("alpha", "mach"), axes, rng.normal(size=(4, 3)) * 10.0 ** rng.integers(-300, 300))}
+    tables = {
+        "T": Table(
+            "T", ("alpha", "mach"), axes, rng.normal(size=(4, 3)) * 10.0 ** rng.integers(-300, 300)
+        )
+    }
     root = rng.normal(size=(2, 2))
     increment = Increment(
         "Cm",
@@ -145,17 +179,29 @@ def full_database(seed: int) -> AeroDatabase:
         ("flight-a", "flight-b"),
         "why",
     )
-    terms = (Term("a", "CZ", parse("k*T(alpha, mach)"), "text é"), Term("b", "C_drag", number(-rng.random())))
+    terms = (
+        Term("a", "CZ", parse("k*T(alpha, mach)"), "text é"),
+        Term("b", "C_drag", number(-rng.random())),
+    )
     reference = Reference(rng.random() + 0.1, 1 / 3, 2.0, (-0.0, rng.normal(), 1e-300))
     return AeroDatabase(
-        "full", reference, {"k": Variable(parse("2*x^2"), "m", "d")}, tables, terms, (increment,), {"x": "free"}, "d", "s"
+        "full",
+        reference,
+        {"k": Variable(parse("2*x^2"), "m", "d")},
+        tables,
+        terms,
+        (increment,),
+        {"x": "free"},
+        "d",
+        "s",
     )
 
 
 @settings(deadline=None, max_examples=50)
 @given(st.integers(0, 2**32 - 1))
 def test_stored_document_comes_back_exactly(seed: int) -> None:
-    """Through canonical JSON, where 1.0 is written as 1: every number, text and expression, and so the hash."""
+    """Through canonical JSON, where 1.0 is written as 1: every number, text and expression, and so
+    the hash."""
     database = full_database(seed)
     document = to_document(database)
     again = from_document(json.loads(canonical_json(document)))
@@ -173,9 +219,18 @@ def test_content_hash_sees_every_kind_of_number() -> None:
     changed = [
         replace(database, reference=replace(database.reference, span=2.0 + 1e-15)),
         replace(database, tables={"T": replace(table, values=table.values * (1 + 1e-15))}),
-        replace(database, tables={"T": replace(table, breakpoints=(table.breakpoints[0] + 1e-12, table.breakpoints[1]))}),
+        replace(
+            database,
+            tables={
+                "T": replace(
+                    table, breakpoints=(table.breakpoints[0] + 1e-12, table.breakpoints[1])
+                )
+            },
+        ),
         replace(database, increments=(replace(increment, estimates=increment.estimates + 1e-12),)),
-        replace(database, increments=(replace(increment, envelope={"alpha": Interval(0.0, 2.0, 0.1)}),)),
+        replace(
+            database, increments=(replace(increment, envelope={"alpha": Interval(0.0, 2.0, 0.1)}),)
+        ),
         replace(database, increments=()),
     ]
     hashes = {database_content_sha256(each) for each in [database, *changed]}
@@ -184,9 +239,13 @@ def test_content_hash_sees_every_kind_of_number() -> None:
 
 
 def test_document_hash_sees_formulas_too() -> None:
-    """What is computed with a database must not be taken for what another formula over the same numbers gives."""
+    """What is computed with a database must not be taken for what another formula over the same
+    numbers gives."""
     database = full_database(1)
-    other = replace(database, terms=(*database.terms[:-1], replace(database.terms[-1], expression=parse("2*alpha"))))
+    other = replace(
+        database,
+        terms=(*database.terms[:-1], replace(database.terms[-1], expression=parse("2*alpha"))),
+    )
     assert database_content_sha256(other) == database_content_sha256(database)
     assert database_document_sha256(other) != database_document_sha256(database)
     assert database_document_sha256(full_database(1)) == database_document_sha256(database)
@@ -228,7 +287,9 @@ def with_increment(**fields: Any) -> AeroDatabase:
 @pytest.mark.parametrize("note", ["", "traced: pitch_damping@Cm (confirmed)"])
 @pytest.mark.parametrize("refit", [None, Refit(), Refit((LIFT, RATE))])
 @pytest.mark.parametrize("cells", [0, 4])
-def test_what_increments_say_of_themselves_comes_back(note: str, refit: Refit | None, cells: int) -> None:
+def test_what_increments_say_of_themselves_comes_back(
+    note: str, refit: Refit | None, cells: int
+) -> None:
     database = with_increment(note=note, refit=refit, lengthened_cells=cells)
     document = json.loads(canonical_json(to_document(database)))
     (written,) = document["increments"]
@@ -240,13 +301,17 @@ def test_what_increments_say_of_themselves_comes_back(note: str, refit: Refit | 
 
 
 def test_documents_with_a_note_alone_are_decoded() -> None:
-    """As earlier releases wrote them: the note holds all, with the error of left-out flights to a tenth of a percent."""
+    """As earlier releases wrote them: the note holds all, with the error of left-out flights to a
+    tenth of a percent."""
     refit = "gain fitted once more beside the rest"
     finer = (
-        f"{refit}, shape refined of alpha_slope@C_lift:flap over alpha, mach (left-out flights: 12.3% less error); "
-        "pitch_damping@Cm over alpha (left-out flights: 25.0% less error)"
+        f"{refit}, shape refined of alpha_slope@C_lift:flap over alpha, mach (left-out flights:"
+        " 12.3% less error); pitch_damping@Cm over alpha (left-out flights: 25.0% less error)"
     )
-    fade = "held and faded over 4 table cells of alpha each: over one, a slope would change sign outside the data"
+    fade = (
+        "held and faded over 4 table cells of alpha each: over one, a slope would change sign"
+        " outside the data"
+    )
     cases: dict[str, tuple[str, Refit | None, int]] = {
         "why; because": ("why; because", None, 0),
         fade: ("", None, 4),
@@ -259,4 +324,6 @@ def test_documents_with_a_note_alone_are_decoded() -> None:
         (again,) = from_document(document).increments
         assert (again.note, again.refit, again.lengthened_cells) == expected
         assert again.full_note == text
-        assert database_document_sha256(from_document(document)) == database_document_sha256(with_increment(note=text))
+        assert database_document_sha256(from_document(document)) == database_document_sha256(
+            with_increment(note=text)
+        )

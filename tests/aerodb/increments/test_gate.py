@@ -1,4 +1,5 @@
-"""The gate: every check refuses for its own reason, in numbers that are known beforehand, and only then."""
+"""The gate: every check refuses for its own reason, in numbers that are known beforehand, and only
+then."""
 
 from dataclasses import replace
 from typing import Any
@@ -32,7 +33,9 @@ def increment(axis: str, terms: dict[str, float], cell: float = 4.0, **more: Int
     envelope = {"alpha": Interval(2 * DEG, 6 * DEG, cell * DEG), **more}
     estimates = np.array(list(terms.values()))
     covariance = np.diag((0.01 * estimates) ** 2)
-    return Increment(axis, tuple(parse(term) for term in terms), estimates, covariance, envelope, ("f1", "f2"))
+    return Increment(
+        axis, tuple(parse(term) for term in terms), estimates, covariance, envelope, ("f1", "f2")
+    )
 
 
 def updated(database: AeroDatabase, *increments: Increment) -> AeroDatabase:
@@ -40,20 +43,44 @@ def updated(database: AeroDatabase, *increments: Increment) -> AeroDatabase:
 
 
 def axes(**changed: dict[str, Any]) -> dict[str, dict[str, Any]]:
-    """A report in which CZ improves and Cm stays; `changed` overwrites single numbers of an axis."""
+    """A report in which CZ improves and Cm stays; `changed` overwrites single numbers of an
+    axis."""
     quiet = {"noise_floor": 0.001, "repeatability": 0.0002}
     report: dict[str, dict[str, Any]] = {
-        "CZ": {"held_out_rms_before": 0.05, "held_out_rms_after": 0.01, "excess_before": 0.05, "excess_after": 0.01, **quiet},
-        "Cm": {"held_out_rms_before": 0.01, "held_out_rms_after": 0.01, "excess_before": 0.01, "excess_after": 0.01, **quiet},
+        "CZ": {
+            "held_out_rms_before": 0.05,
+            "held_out_rms_after": 0.01,
+            "excess_before": 0.05,
+            "excess_after": 0.01,
+            **quiet,
+        },
+        "Cm": {
+            "held_out_rms_before": 0.01,
+            "held_out_rms_after": 0.01,
+            "excess_before": 0.01,
+            "excess_after": 0.01,
+            **quiet,
+        },
     }
     for axis, values in changed.items():
         report[axis] |= values
     return report
 
 
-def judged(baseline: AeroDatabase, standing: Standing = STANDING, report: Any = None, added: Increment | None = None) -> Verdict:
+def judged(
+    baseline: AeroDatabase,
+    standing: Standing = STANDING,
+    report: Any = None,
+    added: Increment | None = None,
+) -> Verdict:
     candidate = updated(baseline, added or increment("CZ", {"1": -0.02, "alpha": -0.5}))
-    return judge(standing, baseline, candidate, make_check_cases(candidate), axes() if report is None else report)
+    return judge(
+        standing,
+        baseline,
+        candidate,
+        make_check_cases(candidate),
+        axes() if report is None else report,
+    )
 
 
 def test_a_proved_version_passes_every_check(baseline: AeroDatabase) -> None:
@@ -66,40 +93,67 @@ def test_a_proved_version_passes_every_check(baseline: AeroDatabase) -> None:
 @pytest.mark.parametrize(
     ("changed", "check", "reason"),
     [
-        ({"released": "v0003", "below_released": False}, "parent is the released", "would silently undo that release"),
-        ({"parent": "", "below_released": False}, "parent is the released", "v0002 has no parent, released is v0001"),
+        (
+            {"released": "v0003", "below_released": False},
+            "parent is the released",
+            "would silently undo that release",
+        ),
+        (
+            {"parent": "", "below_released": False},
+            "parent is the released",
+            "v0002 has no parent, released is v0001",
+        ),
         ({"parent": "v0004", "released": "v0001"}, "parent is the released", "promote v0004 first"),
         ({"stale": ("flight f1 was retracted",)}, "not stale", "flight f1 was retracted"),
-        ({"content_sha256": "abd"}, "content as stored", "its numbers have the hash abd, stored with it is abc"),
+        (
+            {"content_sha256": "abd"},
+            "content as stored",
+            "its numbers have the hash abd, stored with it is abc",
+        ),
     ],
 )
-def test_where_a_version_stands_is_judged(baseline: AeroDatabase, changed: dict[str, Any], check: str, reason: str) -> None:
+def test_where_a_version_stands_is_judged(
+    baseline: AeroDatabase, changed: dict[str, Any], check: str, reason: str
+) -> None:
     verdict = judged(baseline, replace(STANDING, **changed))
     (failed,) = [entry for entry in verdict.checks if not entry.passed]
     assert check in failed.name
     assert reason in failed.reasons[0]
 
 
-def test_the_excess_error_must_fall_over_all_axes_in_units_of_their_noise(baseline: AeroDatabase) -> None:
-    # CZ gains 0.05 -> 0.01 at a floor of 0.001; Cm may lose at most what CZ gained: 0.05^2 - 0.01^2 = 0.0024 in floors^2.
+def test_the_excess_error_must_fall_over_all_axes_in_units_of_their_noise(
+    baseline: AeroDatabase,
+) -> None:
+    # CZ gains 0.05 -> 0.01 at a floor of 0.001; Cm may lose at most what CZ gained: 0.05^2 - 0.01^2
+    # = 0.0024 in floors^2.
     just, beyond = np.sqrt(0.01**2 + 0.0024) * 0.999, np.sqrt(0.01**2 + 0.0024) * 1.001
     assert judged(baseline, report=axes(Cm={"excess_after": just})).passed
     (reason,) = judged(baseline, report=axes(Cm={"excess_after": beyond})).reasons
     assert "Cm 0.01 to 0.05" in reason
     (reason,) = judged(baseline, report=axes(CZ={"excess_after": 0.05})).reasons
     assert "goes from" in reason
-    unproved = {axis: {**entry, "excess_before": None, "held_out_rms_before": None} for axis, entry in axes().items()}
-    assert judged(baseline, report=unproved).reasons == ("no flight was held out: nothing proves that the error falls",)
+    unproved = {
+        axis: {**entry, "excess_before": None, "held_out_rms_before": None}
+        for axis, entry in axes().items()
+    }
+    assert judged(baseline, report=unproved).reasons == (
+        "no flight was held out: nothing proves that the error falls",
+    )
     assert not judged(baseline, report={}).passed
 
 
-def test_an_axis_may_be_worse_by_what_flights_differ_among_themselves(baseline: AeroDatabase) -> None:
+def test_an_axis_may_be_worse_by_what_flights_differ_among_themselves(
+    baseline: AeroDatabase,
+) -> None:
     assert repeatability([0.010, 0.0102, 0.0098]) == pytest.approx(0.0002)
     assert repeatability([0.5]) == 0.0
     assert judged(baseline, report=axes(Cm={"held_out_rms_after": 0.01 + 0.00019})).passed
     (reason,) = judged(baseline, report=axes(Cm={"held_out_rms_after": 0.01 + 0.00021})).reasons
     assert reason.startswith("Cm is worse on held-out flights: 0.01 to 0.01021 rms")
-    old = {axis: {k: v for k, v in entry.items() if k != "repeatability"} for axis, entry in axes().items()}
+    old = {
+        axis: {k: v for k, v in entry.items() if k != "repeatability"}
+        for axis, entry in axes().items()
+    }
     assert "make the version again" in judged(baseline, report=old).reasons[0]
 
 
@@ -114,26 +168,38 @@ def test_check_cases_are_evaluated_again(baseline: AeroDatabase) -> None:
     verdict = judge(STANDING, baseline, candidate, (*cases[:3], broken, *cases[4:]), axes())
     assert len(verdict.reasons) == 1
     assert verdict.reasons[0].startswith("check case 4: CZ is ")
-    assert "and 21 more check values differ" in judge(STANDING, baseline, baseline, cases, axes()).reasons
-    assert "it carries no check cases" in judge(STANDING, baseline, candidate, (), axes()).reasons[0]
+    assert (
+        "and 21 more check values differ"
+        in judge(STANDING, baseline, baseline, cases, axes()).reasons
+    )
+    assert (
+        "it carries no check cases" in judge(STANDING, baseline, candidate, (), axes()).reasons[0]
+    )
 
 
 # Sign changes
 
 
 @pytest.mark.parametrize("scale", [1.0, -1.0])
-def test_a_fade_steeper_than_the_slope_is_refused_and_a_flatter_one_is_not(baseline: AeroDatabase, scale: float) -> None:
-    """Cm falls by 0.6 per rad. An increment of c fades over one cell of 4 deg: by c / cell, upwards on one side only."""
+def test_a_fade_steeper_than_the_slope_is_refused_and_a_flatter_one_is_not(
+    baseline: AeroDatabase, scale: float
+) -> None:
+    """Cm falls by 0.6 per rad. An increment of c fades over one cell of 4 deg: by c / cell, upwards
+    on one side only."""
     cell = 4 * DEG
     for share, count in ((0.98, 0), (1.02, 2)):
-        changes = new_sign_changes(baseline, updated(baseline, increment("Cm", {"1": scale * share * 0.6 * cell})))
+        changes = new_sign_changes(
+            baseline, updated(baseline, increment("Cm", {"1": scale * share * 0.6 * cell}))
+        )
         plain = [change for change in changes if not change.at]
         assert len(plain) == count
         assert {change.quantity for change in changes} == ({"Cm"} if count else set())
         if count:
             edge, side = (2 * DEG, -1.0) if scale > 0 else (6 * DEG, 1.0)
             found = sorted(change.alpha for change in plain)
-            assert found == pytest.approx(sorted([edge + side * 2 * cell, edge + side * cell]), abs=0.2 * DEG)
+            assert found == pytest.approx(
+                sorted([edge + side * 2 * cell, edge + side * cell]), abs=0.2 * DEG
+            )
             assert sorted(change.rising for change in plain) == [False, True]
     reasons = judged(baseline, added=increment("Cm", {"1": 0.1})).reasons
     assert reasons == ("new sign change of dCm/dalpha outside the data at alpha = -6.0, -2.0 deg",)
@@ -142,7 +208,11 @@ def test_a_fade_steeper_than_the_slope_is_refused_and_a_flatter_one_is_not(basel
 def test_inside_the_data_a_sign_may_change(baseline: AeroDatabase) -> None:
     """Unstable between 2 and 6 deg, as flown; wide cells let it fade gently."""
     unstable = updated(baseline, increment("Cm", {"alpha - 0.07": 0.9}, cell=12.0))
-    slope = np.diff(unstable.predict({**neutral(unstable), "alpha": np.array([3.0, 5.0]) * DEG}).coefficients["Cm"])
+    slope = np.diff(
+        unstable.predict({**neutral(unstable), "alpha": np.array([3.0, 5.0]) * DEG}).coefficients[
+            "Cm"
+        ]
+    )
     assert slope[0] > 0
     assert new_sign_changes(baseline, unstable) == ()
 
@@ -153,32 +223,54 @@ def neutral(database: AeroDatabase) -> dict[str, float]:
 
 def test_a_stall_that_moves_within_a_cell_is_the_same_stall(baseline: AeroDatabase) -> None:
     table = baseline.tables["CZ0"]
-    stalled = replace(baseline, tables={"CZ0": replace(table, values=np.array([0.05, -0.3, -0.65, -1.0, -0.8]))})
-    moved = replace(baseline, tables={"CZ0": replace(table, values=np.array([0.05, -0.3, -0.65, -0.6, -0.8]))})
+    stalled = replace(
+        baseline, tables={"CZ0": replace(table, values=np.array([0.05, -0.3, -0.65, -1.0, -0.8]))}
+    )
+    moved = replace(
+        baseline, tables={"CZ0": replace(table, values=np.array([0.05, -0.3, -0.65, -0.6, -0.8]))}
+    )
     little = updated(stalled, increment("CZ", {"1": -0.01}))
     assert new_sign_changes(stalled, little) == ()
     assert new_sign_changes(stalled, stalled) == ()
-    # Without increments nothing was flown: a table that falls earlier, and rises again, brings new ones.
+    # Without increments nothing was flown: a table that falls earlier, and rises again, brings new
+    # ones.
     assert {change.quantity for change in new_sign_changes(stalled, moved)} == {"C_lift"}
 
 
 def test_beyond_the_flown_mach_number_every_alpha_is_outside() -> None:
-    """Two increments cancel where both were flown. One fades earlier in Mach, and leaves a kink of the other at alpha = 0."""
+    """Two increments cancel where both were flown. One fades earlier in Mach, and leaves a kink of
+    the other at alpha = 0."""
     terms = {"Cm": "-0.3*alpha", "CZ": "-5*alpha + 0.01*mach"}
     reference = read_native(DATABASE).reference
-    base = AeroDatabase("m", reference, terms=tuple(Term(f"t_{axis}", axis, parse(text)) for axis, text in terms.items()))
+    base = AeroDatabase(
+        "m",
+        reference,
+        terms=tuple(Term(f"t_{axis}", axis, parse(text)) for axis, text in terms.items()),
+    )
     wide = Interval(-90 * DEG, 90 * DEG, 1 * DEG)
 
     def kink(value: float, highest: float) -> Increment:
         envelope = {"alpha": wide, "mach": Interval(0.2, highest, 0.1)}
-        return Increment("Cm", (parse("max(alpha, 0)"),), np.array([value]), np.array([[1e-4]]), envelope, ("f1",))
+        return Increment(
+            "Cm",
+            (parse("max(alpha, 0)"),),
+            np.array([value]),
+            np.array([[1e-4]]),
+            envelope,
+            ("f1",),
+        )
 
     assert new_sign_changes(base, updated(base, kink(0.6, 0.4), kink(-0.6, 0.4))) == ()
     # Alone it turns the slope where it was flown: seen, and carried along where it fades.
     assert new_sign_changes(base, updated(base, kink(0.6, 0.4))) == ()
-    changes = [c for c in new_sign_changes(base, updated(base, kink(0.7, 0.6), kink(-0.6, 0.4))) if abs(c.alpha) < 1 * DEG]
+    changes = [
+        c
+        for c in new_sign_changes(base, updated(base, kink(0.7, 0.6), kink(-0.6, 0.4)))
+        if abs(c.alpha) < 1 * DEG
+    ]
     assert changes
-    # At 0.55 the second is half faded, at 0.6 gone; the first still acts in full: the slope is -0.3 + 0.7 - 0.6 w.
+    # At 0.55 the second is half faded, at 0.6 gone; the first still acts in full: the slope is -0.3
+    # + 0.7 - 0.6 w.
     for change in changes:
         assert (change.quantity, change.rising) == ("Cm", True)
         assert change.at["mach"] in (pytest.approx(0.55), pytest.approx(0.6), pytest.approx(0.75))
@@ -194,15 +286,22 @@ def test_what_an_earlier_version_had_is_not_new(baseline: AeroDatabase) -> None:
 
 
 def test_a_database_without_alpha_has_no_slopes() -> None:
-    base = AeroDatabase("b", read_native(DATABASE).reference, terms=(Term("t", "CY", parse("-0.3*beta")),))
+    base = AeroDatabase(
+        "b", read_native(DATABASE).reference, terms=(Term("t", "CY", parse("-0.3*beta")),)
+    )
     assert new_sign_changes(base, base) == ()
 
 
 @pytest.mark.parametrize("scale", [1.0, -1.0])
-def test_an_update_lengthens_a_fade_until_no_slope_changes_its_sign(baseline: AeroDatabase, scale: float) -> None:
-    """Cm falls by 0.6 per rad; faded over one cell of 4 deg the increment would outweigh that, over two it does not."""
+def test_an_update_lengthens_a_fade_until_no_slope_changes_its_sign(
+    baseline: AeroDatabase, scale: float
+) -> None:
+    """Cm falls by 0.6 per rad; faded over one cell of 4 deg the increment would outweigh that, over
+    two it does not."""
     size = scale * 1.5 * 0.6 * 4 * DEG
-    made = Update(updated(baseline, increment("Cm", {"1": size}), increment("CX", {"1": -0.001})), (), ())
+    made = Update(
+        updated(baseline, increment("Cm", {"1": size}), increment("CX", {"1": -0.001})), (), ()
+    )
     kept = keep_slope_signs(made, baseline).candidate
     assert new_sign_changes(baseline, made.candidate)
     assert new_sign_changes(baseline, kept) == ()
@@ -211,9 +310,13 @@ def test_an_update_lengthens_a_fade_until_no_slope_changes_its_sign(baseline: Ae
     assert "2 table cells" in moment.full_note
     assert force.envelope["alpha"].cell == pytest.approx(4 * DEG)
     flown = {**neutral(baseline), "alpha": np.array([4.0]) * DEG}
-    assert kept.predict(flown).coefficients["Cm"] == made.candidate.predict(flown).coefficients["Cm"]
+    assert (
+        kept.predict(flown).coefficients["Cm"] == made.candidate.predict(flown).coefficients["Cm"]
+    )
 
 
-def test_an_update_that_no_length_of_fade_can_mend_is_left_to_the_gate(baseline: AeroDatabase) -> None:
+def test_an_update_that_no_length_of_fade_can_mend_is_left_to_the_gate(
+    baseline: AeroDatabase,
+) -> None:
     made = Update(updated(baseline, increment("Cm", {"1": 100.0})), (), ())
     assert keep_slope_signs(made, baseline) is made

@@ -1,8 +1,10 @@
-"""The database update on measured flight: DHC6.xml of the jsbsim wheel against the Twin Otter records.
+"""The database update on measured flight: DHC6.xml of the jsbsim wheel against the Twin Otter
+records.
 
-The figures to reach are those of a first comparison with the same regressors (alpha-dot, thrust moment, CD of sideslip and
-of elevator left out, increments identified on the same record): C_lift .0253 to .0013, C_drag .0015 to .0007, Cm to .0023
-(moments transferred here, which they were not there), CY .0127 to .0030, Cl .0165 to .0121, Cn .0165 to .0006.
+The figures to reach are those of a first comparison with the same regressors (alpha-dot, thrust
+moment, CD of sideslip and of elevator left out, increments identified on the same record): C_lift
+.0253 to .0013, C_drag .0015 to .0007, Cm to .0023 (moments transferred here, which they were not
+there), CY .0127 to .0030, Cl .0165 to .0121, Cn .0165 to .0006.
 """
 
 from pathlib import Path
@@ -40,13 +42,16 @@ def _database(**kept):
 
 @pytest.fixture(scope="module")
 def updated(record, twin_otter):  # noqa: F811
-    """Before, after, update and document of one record, with NASA's accelerometer and rate constants removed."""
+    """Before, after, update and document of one record, with NASA's accelerometer and rate
+    constants removed."""
 
     def run(name, axes, database):
         flight, column = record(name)
         flight, _ = _with_nasas_constants(flight, column)
         model = parse_model_file(MODEL.read_text())
-        model = model.model_copy(update={"increment": tuple(entry for entry in model.increment if entry.axis in axes)})
+        model = model.model_copy(
+            update={"increment": tuple(entry for entry in model.increment if entry.axis in axes)}
+        )
         coefficients = total_coefficients(flight, twin_otter)
         before = compare(flight, coefficients, database, twin_otter.reference)
         update = estimate_increments([flight], [before], model, database)
@@ -54,9 +59,17 @@ def updated(record, twin_otter):  # noqa: F811
         split = HoldOut((flight.id,), (), "not validated")
         proof = prove({flight.id: before}, {flight.id: after}, split)
         document = update_document(
-            vehicle="twin-otter", baseline="b", hold_out=split, excluded=[], looks={}, update=update, proof=proof
+            vehicle="twin-otter",
+            baseline="b",
+            hold_out=split,
+            excluded=[],
+            looks={},
+            update=update,
+            proof=proof,
         )
-        return {axis: (rms(before.residual(axis)), rms(after.residual(axis))) for axis in axes}, document
+        return {
+            axis: (rms(before.residual(axis)), rms(after.residual(axis))) for axis in axes
+        }, document
 
     return run
 
@@ -83,7 +96,10 @@ def test_lateral_record_repaired_in_cy_and_cn_and_reported_as_not_repaired_in_cl
     assert errors["Cl"] == (pytest.approx(0.0165, abs=6e-4), pytest.approx(0.0121, abs=1e-4))
     assert document["axes"]["Cl"]["outcome"] == "not repaired"
     assert document["axes"]["CY"]["outcome"] == document["axes"]["Cn"]["outcome"] == "improved"
-    assert any(sentence.startswith("Cl is not repaired by the declared structure") for sentence in document["remarks"])
+    assert any(
+        sentence.startswith("Cl is not repaired by the declared structure")
+        for sentence in document["remarks"]
+    )
     # What the flight says of Cn_beta: .50 in the table, .085 in the air.
     increment = next(entry for entry in document["increments"] if entry["axis"] == "Cn")
     beta = next(term for term in increment["terms"] if term["term"] == "beta")

@@ -7,12 +7,20 @@ import pytest
 
 from aerodb.coefficients.comparison import Comparison
 from aerodb.errors import InputError, UnknownNameError
-from aerodb.increments.validation import HoldOut, choose_hold_out, prove, prove_by_leaving_one_out, worse_axes
+from aerodb.increments.validation import (
+    HoldOut,
+    choose_hold_out,
+    prove,
+    prove_by_leaving_one_out,
+    worse_axes,
+)
 
 NAMES = tuple(f"f{k:02d}" for k in range(30))
 
 
-@pytest.mark.parametrize(("flights", "held"), [(5, 2), (8, 2), (10, 2), (13, 3), (15, 3), (20, 4), (30, 6)])
+@pytest.mark.parametrize(
+    ("flights", "held"), [(5, 2), (8, 2), (10, 2), (13, 3), (15, 3), (20, 4), (30, 6)]
+)
 def test_the_newest_fifth_and_at_least_two_are_held_out(flights: int, held: int) -> None:
     split = choose_hold_out(NAMES[:flights], {})
     assert split == HoldOut(NAMES[: flights - held], NAMES[flights - held : flights], "held-out")
@@ -28,35 +36,51 @@ def test_a_single_flight_proves_nothing() -> None:
 
 
 def test_roles_are_fixed_along_a_line() -> None:
-    """The newest two identified an ancestor: they identify again, and those next in age validate."""
+    """The newest two identified an ancestor: they identify again, and those next in age
+    validate."""
     used = {"f06": "identified", "f07": "identified"}
     assert choose_hold_out(NAMES[:8], used).held_out == ("f04", "f05")
-    # Held out before: held out again, although older; only what is lacking to the fifth is taken from the new ones.
+    # Held out before: held out again, although older; only what is lacking to the fifth is taken
+    # from the new ones.
     assert choose_hold_out(NAMES[:8], {"f00": "held_out"}).held_out == ("f00", "f07")
-    assert choose_hold_out(NAMES[:8], {"f00": "held_out", "f01": "held_out", "f02": "held_out"}).held_out == NAMES[:3]
+    assert (
+        choose_hold_out(
+            NAMES[:8], {"f00": "held_out", "f01": "held_out", "f02": "held_out"}
+        ).held_out
+        == NAMES[:3]
+    )
     # Excluded flights have no role that binds them.
     assert choose_hold_out(NAMES[:8], {"f07": "excluded"}).held_out == ("f06", "f07")
     # Also below five: a flight that was held out stays so.
-    assert choose_hold_out(NAMES[:3], {"f00": "held_out"}) == HoldOut(("f01", "f02"), ("f00",), "held-out")
+    assert choose_hold_out(NAMES[:3], {"f00": "held_out"}) == HoldOut(
+        ("f01", "f02"), ("f00",), "held-out"
+    )
 
 
 @pytest.mark.parametrize("flights", [3, 6])
-def test_flights_that_made_the_baseline_do_not_cross_validate_what_is_built_on_it(flights: int) -> None:
-    """Leaving one out leaves it in the baseline: a second update on the same flights was once called cross-validated."""
+def test_flights_that_made_the_baseline_do_not_cross_validate_what_is_built_on_it(
+    flights: int,
+) -> None:
+    """Leaving one out leaves it in the baseline: a second update on the same flights was once
+    called cross-validated."""
     used = dict.fromkeys(NAMES[:flights], "identified")
     assert choose_hold_out(NAMES[:flights], used) == HoldOut(NAMES[:flights], (), "not validated")
     assert choose_hold_out(NAMES[:3], {"f00": "identified"}).kind == "not validated"
 
 
 def test_requested_flights_are_held_out_and_no_others() -> None:
-    assert choose_hold_out(NAMES[:8], {}, ["f03"]) == HoldOut(tuple(n for n in NAMES[:8] if n != "f03"), ("f03",), "held-out")
+    assert choose_hold_out(NAMES[:8], {}, ["f03"]) == HoldOut(
+        tuple(n for n in NAMES[:8] if n != "f03"), ("f03",), "held-out"
+    )
     assert choose_hold_out(NAMES[:3], {}, ["f01"]).kind == "held-out"
     assert choose_hold_out(NAMES[:8], {}, []) == HoldOut(NAMES[:8], (), "not validated")
     assert choose_hold_out(NAMES[:8], {"f00": "held_out"}, ["f03"]).held_out == ("f00", "f03")
 
 
 def test_requests_that_break_the_rules_are_refused() -> None:
-    with pytest.raises(UnknownNameError, match="'f0x' is not among these flights\ndid you mean 'f0"):
+    with pytest.raises(
+        UnknownNameError, match="'f0x' is not among these flights\ndid you mean 'f0"
+    ):
         choose_hold_out(NAMES[:8], {}, ["f0x"])
     with pytest.raises(InputError, match="'f01' identified an earlier version of this line"):
         choose_hold_out(NAMES[:8], {"f01": "identified"}, ["f01"])
@@ -66,7 +90,9 @@ def test_requests_that_break_the_rules_are_refused() -> None:
         choose_hold_out(NAMES[:1], {"f00": "held_out"})
 
 
-def compared(flight: str, measured: list[float], residual: list[float], sigma: float, bad: int | None = None) -> Comparison:
+def compared(
+    flight: str, measured: list[float], residual: list[float], sigma: float, bad: int | None = None
+) -> Comparison:
     """A comparison on CZ of a few samples; sample `bad` is not usable."""
     values, n = np.array(measured), len(measured)
     usable = np.ones(n, dtype=bool)
@@ -86,10 +112,17 @@ def compared(flight: str, measured: list[float], residual: list[float], sigma: f
 
 
 @pytest.mark.parametrize(("grown", "worse"), [(0.9, set()), (1.009, set()), (1.011, {"CZ"})])
-def test_an_axis_is_worse_when_its_error_grew_beyond_what_counts_as_unchanged(grown: float, worse: set[str]) -> None:
+def test_an_axis_is_worse_when_its_error_grew_beyond_what_counts_as_unchanged(
+    grown: float, worse: set[str]
+) -> None:
     before = {name: compared(name, [1, 2, 3], [3, -5, 1e6], 0.1, bad=2) for name in "ab"}
-    after = {"a": before["a"], "b": compared("b", [1, 2, 3], [3 * grown, -5 * grown, 0], 0.1, bad=2)}
-    pooled = {name: compared(name, [1, 2, 3], [3 * grown, -5 * grown, 0], 0.1, bad=2) for name in "ab"}
+    after = {
+        "a": before["a"],
+        "b": compared("b", [1, 2, 3], [3 * grown, -5 * grown, 0], 0.1, bad=2),
+    }
+    pooled = {
+        name: compared(name, [1, 2, 3], [3 * grown, -5 * grown, 0], 0.1, bad=2) for name in "ab"
+    }
     assert worse_axes(before, pooled) == worse
     assert worse_axes(before, after) == set()
 
@@ -98,9 +131,16 @@ SPLIT = HoldOut(("a",), ("b",), "held-out")
 
 
 def test_numbers_by_hand() -> None:
-    """Identified: rms of (3, 4) and of (0, 1). Held out: (3, 5) and (1, 2, ...) with a bad sample that must not count."""
-    before = {"a": compared("a", [1, 2], [3, 4], 0.1), "b": compared("b", [10, -10, 0], [3, 5, 1e6], 0.6, bad=2)}
-    after = {"a": compared("a", [1, 2], [0, 1], 0.1), "b": compared("b", [10, -10, 0], [1, 2, 1e6], 0.6, bad=2)}
+    """Identified: rms of (3, 4) and of (0, 1). Held out: (3, 5) and (1, 2, ...) with a bad sample
+    that must not count."""
+    before = {
+        "a": compared("a", [1, 2], [3, 4], 0.1),
+        "b": compared("b", [10, -10, 0], [3, 5, 1e6], 0.6, bad=2),
+    }
+    after = {
+        "a": compared("a", [1, 2], [0, 1], 0.1),
+        "b": compared("b", [10, -10, 0], [1, 2, 1e6], 0.6, bad=2),
+    }
     (proof,) = prove(before, after, SPLIT)
     assert proof.axis == "CZ"
     assert proof.rms_before == pytest.approx(np.sqrt(12.5))
@@ -142,17 +182,32 @@ def test_the_error_cannot_fall_below_nothing() -> None:
         ([9.0, -9.0], [11.0, -11.0], 1.0, "not repaired"),
     ],
 )
-def test_outcomes(held_before: list[float], held_after: list[float], sigma: float, outcome: str) -> None:
+def test_outcomes(
+    held_before: list[float], held_after: list[float], sigma: float, outcome: str
+) -> None:
     """Measured +-10: an error of 8 leaves 36 % of the variance explained, less than half."""
-    before = {"a": compared("a", [10, -10], [1, 1], sigma), "b": compared("b", [10, -10], held_before, sigma)}
-    after = {"a": compared("a", [10, -10], [0, 0], sigma), "b": compared("b", [10, -10], held_after, sigma)}
+    before = {
+        "a": compared("a", [10, -10], [1, 1], sigma),
+        "b": compared("b", [10, -10], held_before, sigma),
+    }
+    after = {
+        "a": compared("a", [10, -10], [0, 0], sigma),
+        "b": compared("b", [10, -10], held_after, sigma),
+    }
     assert prove(before, after, SPLIT)[0].outcome == outcome
 
 
 def test_without_held_out_flights_the_numbers_are_those_that_identified() -> None:
-    before, after = {"a": compared("a", [1, 2], [3, 4], 0.1)}, {"a": compared("a", [1, 2], [0, 1], 0.1)}
+    before, after = (
+        {"a": compared("a", [1, 2], [3, 4], 0.1)},
+        {"a": compared("a", [1, 2], [0, 1], 0.1)},
+    )
     (proof,) = prove(before, after, HoldOut(("a",), (), "not validated"))
-    assert (proof.held_out_rms_before, proof.held_out_rms_after, proof.excess_after) == (None, None, None)
+    assert (proof.held_out_rms_before, proof.held_out_rms_after, proof.excess_after) == (
+        None,
+        None,
+        None,
+    )
     assert proof.rms_after == pytest.approx(np.sqrt(0.5))
 
 
@@ -168,15 +223,23 @@ def test_leaving_one_out_scores_each_flight_by_the_others() -> None:
     (proof,) = prove_by_leaving_one_out(before, after, without)
     assert asked == ["a", "b", "c"]
     assert (proof.rms_before, proof.rms_after) == (pytest.approx(4.0), pytest.approx(1.0))
-    assert (proof.held_out_rms_before, proof.held_out_rms_after) == (pytest.approx(4.0), pytest.approx(2.0))
+    assert (proof.held_out_rms_before, proof.held_out_rms_after) == (
+        pytest.approx(4.0),
+        pytest.approx(2.0),
+    )
 
 
 def test_an_axis_that_a_held_out_flight_lacks_is_judged_on_the_others() -> None:
-    lacking = replace(compared("b", [10, -10], [3, 5], 0.1), usable={}, measured={}, predicted={}, sigma={})
+    lacking = replace(
+        compared("b", [10, -10], [3, 5], 0.1), usable={}, measured={}, predicted={}, sigma={}
+    )
     sides = [{"a": compared("a", [10, -10], [k, -k], 0.1), "b": lacking} for k in (4, 1)]
     (proof,) = prove(*sides, SPLIT)
     assert proof.held_out_rms_after is None
     assert proof.rms_after == pytest.approx(1.0)
     assert proof.outcome == "improved"
-    nothing = [{"a": compared("a", [10, -10], [k, -k], 0.1), "b": compared("b", [1], [k], 0.1, bad=0)} for k in (4, 1)]
+    nothing = [
+        {"a": compared("a", [10, -10], [k, -k], 0.1), "b": compared("b", [1], [k], 0.1, bad=0)}
+        for k in (4, 1)
+    ]
     assert prove(*nothing, SPLIT)[0].held_out_rms_after is None

@@ -1,4 +1,5 @@
-"""Declared increments: planted ones come back with honest intervals, constraints do what algebra says, envelopes hold."""
+"""Declared increments: planted ones come back with honest intervals, constraints do what algebra
+says, envelopes hold."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -31,20 +32,28 @@ TRUTH = {"1": -0.02, "alpha": -0.5, "alpha > 0.12": 0.8, "q_hat": -3.0, "delta_e
 
 
 def lift(flown: Flight) -> Array:
-    """The planted increment on CZ, written out: two slopes in alpha that meet at the break, pitch rate, elevator."""
+    """The planted increment on CZ, written out: two slopes in alpha that meet at the break, pitch
+    rate, elevator."""
     alpha, q_hat = flown["alpha"], flown["q"] * CHORD_OVER_2V
     slopes = np.where(alpha < BREAK, -0.5 * alpha, -0.5 * BREAK + 0.8 * (alpha - BREAK))
     return -0.02 + slopes - 3.0 * q_hat + 0.1 * flown["delta_elevator"]
 
 
 def campaign(
-    seed: int, planted: Callable[[Flight], Array], flights: int = 3, lag: float = 0.1, size: float = 0.01, seconds: float = 30.0
+    seed: int,
+    planted: Callable[[Flight], Array],
+    flights: int = 3,
+    lag: float = 0.1,
+    size: float = 0.01,
+    seconds: float = 30.0,
 ) -> tuple[list[Flight], list[Comparison]]:
     """Flights, and comparisons whose residual on CZ is what is planted and coloured noise."""
     rng = np.random.default_rng(seed)
     flown = [flight(rng, f"f{k}", seconds) for k in range(flights)]
     noise = [smooth_noise(rng, len(f.time), lag, size) for f in flown]
-    return flown, [comparison(f, {"CZ": planted(f) + n}, size) for f, n in zip(flown, noise, strict=True)]
+    return flown, [
+        comparison(f, {"CZ": planted(f) + n}, size) for f, n in zip(flown, noise, strict=True)
+    ]
 
 
 def estimated(flown: Sequence[Flight], compared: Sequence[Comparison], model: str) -> AxisUpdate:
@@ -57,16 +66,28 @@ def test_planted_slopes_rates_and_surfaces_come_back() -> None:
     compared = []
     for f in flown:
         p_hat, r_hat = f["p"] * SPAN_OVER_2V, f["r"] * SPAN_OVER_2V
-        roll = 0.04 * f["beta"] - 0.3 * p_hat + 0.1 * r_hat + smooth_noise(rng, len(f.time), 0.1, 0.002)
-        compared.append(comparison(f, {"CZ": lift(f) + smooth_noise(rng, len(f.time), 0.1, 0.01), "Cl": roll}))
+        roll = (
+            0.04 * f["beta"]
+            - 0.3 * p_hat
+            + 0.1 * r_hat
+            + smooth_noise(rng, len(f.time), 0.1, 0.002)
+        )
+        compared.append(
+            comparison(f, {"CZ": lift(f) + smooth_noise(rng, len(f.time), 0.1, 0.01), "Cl": roll})
+        )
     model = LIFT + '[[increment]]\naxis = "Cl"\nterms = ["beta", "p_hat", "r_hat"]\n'
     update = estimate_increments(flown, compared, parse_model_file(model), database())
     truth = {"CZ": TRUTH, "Cl": {"beta": 0.04, "p_hat": -0.3, "r_hat": 0.1}}
     for axis in update.axes:
         planted = np.array([truth[axis.axis][name] for name in axis.names])
         assert set(axis.names) == set(truth[axis.axis])
-        assert np.all(np.abs(axis.estimates - planted) < 4 * axis.standard_errors), (axis.axis, axis.estimates)
-        assert np.all(axis.standard_errors < 0.25 * np.abs(planted)), "else anything would have passed"
+        assert np.all(np.abs(axis.estimates - planted) < 4 * axis.standard_errors), (
+            axis.axis,
+            axis.estimates,
+        )
+        assert np.all(axis.standard_errors < 0.25 * np.abs(planted)), (
+            "else anything would have passed"
+        )
     assert update.flights == ("f0", "f1", "f2", "f3")
     assert all(increment.flights == update.flights for increment in update.candidate.increments)
 
@@ -76,7 +97,9 @@ def test_a_jump_at_a_break_is_found() -> None:
         return np.where(f["alpha"] >= BREAK, 0.15, 0.0) - 0.2 * f["alpha"]
 
     found = estimated(*campaign(3, stalled), LIFT.replace("breaks", "jump = true\nbreaks"))
-    by_name = dict(zip(found.names, zip(found.estimates, found.standard_errors, strict=True), strict=True))
+    by_name = dict(
+        zip(found.names, zip(found.estimates, found.standard_errors, strict=True), strict=True)
+    )
     for name, planted in {"alpha": -0.2, "alpha > 0.12": -0.2, "alpha jump at 0.12": 0.15}.items():
         value, error = by_name[name]
         assert abs(value - planted) < 4 * error, name
@@ -94,17 +117,23 @@ def test_intervals_of_95_percent_cover_the_truth_in_95_percent_of_runs(lag: floa
 
 
 def test_white_standard_errors_would_not_have_covered() -> None:
-    """What the coloured covariance is for: the same residuals taken as white give intervals that are far too short."""
+    """What the coloured covariance is for: the same residuals taken as white give intervals that
+    are far too short."""
     from aerodb.estimation.regression import least_squares
 
     flown, compared = campaign(0, lift, lag=0.3)
-    columns = np.concatenate([np.column_stack([np.ones_like(f["q"]), f["q"] * CHORD_OVER_2V]) for f in flown])
-    fit = least_squares(columns, np.concatenate([c.residual("CZ") for c in compared]), ["1", "q_hat"])
+    columns = np.concatenate(
+        [np.column_stack([np.ones_like(f["q"]), f["q"] * CHORD_OVER_2V]) for f in flown]
+    )
+    fit = least_squares(
+        columns, np.concatenate([c.residual("CZ") for c in compared]), ["1", "q_hat"]
+    )
     assert np.sqrt(fit.white_covariance[1, 1]) < 0.5 * fit.standard_errors[1]
 
 
 def test_nothing_planted_is_nothing_found() -> None:
-    """No increment: t values of a standard normal, and the error on flights not used does not grow beyond what k terms cost."""
+    """No increment: t values of a standard normal, and the error on flights not used does not grow
+    beyond what k terms cost."""
     t_values, excess = [], []
     for seed in range(100):
         flown, compared = campaign(1000 + seed, lambda f: np.zeros(len(f.time)), flights=4)
@@ -126,7 +155,10 @@ def test_nothing_planted_is_nothing_found() -> None:
 
 
 def _with(update: Update, flown: Flight, compared: Comparison) -> Comparison:
-    added = update.candidate.predict(flown.channels).coefficients["CZ"] - database().predict(flown.channels).coefficients["CZ"]
+    added = (
+        update.candidate.predict(flown.channels).coefficients["CZ"]
+        - database().predict(flown.channels).coefficients["CZ"]
+    )
     return replace(compared, predicted={"CZ": compared.predicted["CZ"] + added})
 
 
@@ -139,31 +171,48 @@ TRIMS = np.array([-0.06, 0.0, 0.06])
 
 
 def _trimmed(seed: int) -> tuple[list[Flight], list[Comparison]]:
-    """Three flights with another trim each, whose constant does not follow the elevator as the elevator's effect would."""
+    """Three flights with another trim each, whose constant does not follow the elevator as the
+    elevator's effect would."""
     flown, _ = campaign(seed, lambda f: np.zeros(len(f.time)))
     rng = np.random.default_rng(10_000 + seed)
-    flown = [f.with_channels({"delta_elevator": f["delta_elevator"] + trim}) for f, trim in zip(flown, TRIMS, strict=True)]
-    residuals = [
-        0.02 - 0.5 * f["alpha"] + 0.4 * f["delta_elevator"] - 0.9 * trim + smooth_noise(rng, len(f.time), 0.1, 0.01)
+    flown = [
+        f.with_channels({"delta_elevator": f["delta_elevator"] + trim})
         for f, trim in zip(flown, TRIMS, strict=True)
     ]
-    return flown, [comparison(f, {"CZ": residual}, 0.01) for f, residual in zip(flown, residuals, strict=True)]
+    residuals = [
+        0.02
+        - 0.5 * f["alpha"]
+        + 0.4 * f["delta_elevator"]
+        - 0.9 * trim
+        + smooth_noise(rng, len(f.time), 0.1, 0.01)
+        for f, trim in zip(flown, TRIMS, strict=True)
+    ]
+    return flown, [
+        comparison(f, {"CZ": residual}, 0.01) for f, residual in zip(flown, residuals, strict=True)
+    ]
 
 
 def test_flights_trimmed_differently_pull_at_slopes_unless_each_has_its_own_constant() -> None:
-    """60 campaigns. One constant: the elevator's effect is lost, and the interval says otherwise. Own ones: intervals cover, and
-    the constant that enters is their mean, as uncertain as they differ."""
+    """60 campaigns. One constant: the elevator's effect is lost, and the interval says otherwise.
+    Own ones: intervals cover, and the constant that enters is their mean, as uncertain as they
+    differ."""
     own = TRIMMED + "own_constants = true\n"
     common = [estimated(*_trimmed(seed), TRIMMED) for seed in range(60)]
     assert np.mean([run.estimates[2] for run in common]) < 0.1
-    assert np.mean([abs(run.estimates[2] - 0.4) < 1.96 * run.standard_errors[2] for run in common]) < 0.25
+    assert (
+        np.mean([abs(run.estimates[2] - 0.4) < 1.96 * run.standard_errors[2] for run in common])
+        < 0.25
+    )
     runs = [estimated(*_trimmed(seed), own) for seed in range(60)]
     truth = np.array([0.02, -0.5, 0.4])
     assert runs[0].names == ("1", "alpha", "delta_elevator")
     errors = np.array([run.standard_errors for run in runs])
     inside = np.array([np.abs(run.estimates - truth) for run in runs]) < 1.96 * errors
     assert np.all(inside[:, 1:].mean(axis=0) > 0.88)
-    assert np.all(np.abs(np.mean([run.estimates for run in runs], axis=0)[1:] - truth[1:]) < 0.3 * errors[:, 1:].mean(axis=0))
+    assert np.all(
+        np.abs(np.mean([run.estimates for run in runs], axis=0)[1:] - truth[1:])
+        < 0.3 * errors[:, 1:].mean(axis=0)
+    )
     scatter = float(np.std(-0.9 * TRIMS, ddof=1)) / np.sqrt(3.0)
     assert np.all(errors[:, 0] > 0.9 * scatter)
     assert np.all(inside[:, 0])
@@ -183,7 +232,10 @@ def test_own_constants_need_the_constant() -> None:
     with pytest.raises(InputError, match="own_constants without the term '1'"):
         parse_model_file(ONE + "own_constants = true\n")
     switched = campaign(6, lambda f: np.zeros(len(f.time)))
-    flown = [f.with_channels({"delta_elevator": np.full(len(f.time), trim)}) for f, trim in zip(switched[0], TRIMS, strict=True)]
+    flown = [
+        f.with_channels({"delta_elevator": np.full(len(f.time), trim)})
+        for f, trim in zip(switched[0], TRIMS, strict=True)
+    ]
     with pytest.raises(InputError, match="linearly dependent"):
         estimated(flown, switched[1], TRIMMED + "own_constants = true\n")
 
@@ -230,7 +282,9 @@ def test_bounds_are_kept_and_named_and_do_nothing_inside() -> None:
     inside = estimated(*_two(), TWO + "bounds = {delta_elevator = [-1.0, 1.0]}\n")
     assert inside.estimates.tolist() == e.tolist()
     assert inside.at_bound == ()
-    both = estimated(*_two(), TWO + "bounds = {alpha = [0.0, 1.0]}\nfixed = {delta_elevator = 0.3}\n")
+    both = estimated(
+        *_two(), TWO + "bounds = {alpha = [0.0, 1.0]}\nfixed = {delta_elevator = 0.3}\n"
+    )
     assert both.estimates[1] == 0.3
     assert both.estimates[0] == pytest.approx(0.0, abs=1e-9)
 
@@ -255,11 +309,18 @@ def test_surfaces_that_moved_together_are_an_alias_group() -> None:
     def flown(share: float) -> tuple[list[Flight], list[Comparison]]:
         flights, compared = campaign(9, lambda f: 0.1 * f["delta_elevator"])
         own = [smooth_noise(rng, len(f.time), 0.5, 0.05) for f in flights]
-        mixed = [share * f["delta_elevator"] + np.sqrt(1 - share**2) * o for f, o in zip(flights, own, strict=True)]
-        return [f.with_channels({"delta_flap": m}) for f, m in zip(flights, mixed, strict=True)], compared
+        mixed = [
+            share * f["delta_elevator"] + np.sqrt(1 - share**2) * o
+            for f, o in zip(flights, own, strict=True)
+        ]
+        return [
+            f.with_channels({"delta_flap": m}) for f, m in zip(flights, mixed, strict=True)
+        ], compared
 
     tied, compared = flown(0.985)
-    correlation = np.corrcoef(np.concatenate([[f["delta_elevator"], f["delta_flap"]] for f in tied], axis=1))[0, 1]
+    correlation = np.corrcoef(
+        np.concatenate([[f["delta_elevator"], f["delta_flap"]] for f in tied], axis=1)
+    )[0, 1]
     assert correlation > 0.97
     found = estimated(tied, compared, model)
     assert found.aliases == (("delta_elevator", "delta_flap"),)
@@ -285,20 +346,31 @@ def test_increments_hold_for_one_cell_beyond_the_flights_and_fade_over_the_next(
     added = update.candidate.predict({"alpha": alpha, "beta": 0.0}).coefficients["CZ"]
     added = added - database().predict({"alpha": alpha, "beta": 0.0}).coefficients["CZ"]
     edge = slope * 0.15
-    assert added[:7] == pytest.approx([slope * 0.1, edge, edge, edge, 0.5 * edge, 0.0, 0.0], abs=1e-12)
+    assert added[:7] == pytest.approx(
+        [slope * 0.1, edge, edge, edge, 0.5 * edge, 0.0, 0.0], abs=1e-12
+    )
     assert added[8:] == pytest.approx([slope * 0.05, 0.5 * slope * 0.05, 0.0], abs=1e-12)
     assert added[[7, 10]].tolist() == [0.0, 0.0], "far away nothing changes, to the last digit"
     errors = increment.evaluate({"alpha": alpha, "beta": 0.0}).standard_error
-    assert errors[7] == pytest.approx(abs(edge), rel=1e-9), "fully faded, the correction itself is the doubt"
+    assert errors[7] == pytest.approx(abs(edge), rel=1e-9), (
+        "fully faded, the correction itself is the doubt"
+    )
 
 
 def test_samples_whose_regressor_is_flagged_do_not_identify() -> None:
-    """A gap in a channel that only the model file uses once went into the fit with whatever stood there."""
+    """A gap in a channel that only the model file uses once went into the fit with whatever stood
+    there."""
     flown, compared = _two()
     gap = np.zeros(len(flown[0].time), dtype=bool)
     gap[100:180] = True
-    broken = flown[0].with_channels({"delta_elevator": np.where(gap, np.nan, flown[0]["delta_elevator"])})
-    wild = flown[1].with_channels({"q": np.where(gap, 1e6, flown[1]["q"])}).with_flag("q", "wild_point", gap)
+    broken = flown[0].with_channels(
+        {"delta_elevator": np.where(gap, np.nan, flown[0]["delta_elevator"])}
+    )
+    wild = (
+        flown[1]
+        .with_channels({"q": np.where(gap, 1e6, flown[1]["q"])})
+        .with_flag("q", "wild_point", gap)
+    )
     model = TWO.replace('"delta_elevator"', '"delta_elevator", "q_hat"')
     found = estimated([broken, wild, flown[2]], compared, model)
     left = [replace(c, usable={"CZ": c.usable["CZ"] & ~gap}) for c in compared[:2]]
@@ -314,9 +386,16 @@ def test_what_cannot_be_estimated_is_refused_with_the_nearest_name() -> None:
         with pytest.raises(InputError, match=message):
             estimate_increments(flown, compared, parse_model_file(model), database())
 
-    refused(TWO.replace("delta_elevator", "delta_elevatr"), "no channel 'delta_elevatr'[^\n]*\ndid you mean 'delta_elevator'")
+    refused(
+        TWO.replace("delta_elevator", "delta_elevatr"),
+        "no channel 'delta_elevatr'[^\n]*\ndid you mean 'delta_elevator'",
+    )
     refused(ONE.replace("CZ", "CX"), "no flight gives a usable sample on CX")
-    refused(ONE, "no flight gives a usable sample on CZ", [replace(c, usable={"CZ": ~c.usable["CZ"]}) for c in compared])
+    refused(
+        ONE,
+        "no flight gives a usable sample on CZ",
+        [replace(c, usable={"CZ": ~c.usable["CZ"]}) for c in compared],
+    )
     for faulty, message in (
         (ONE.replace('"CZ"', '"Cz"'), "did you mean 'CZ'"),
         (ONE.replace("terms", "trems"), "did you mean 'terms'"),
@@ -330,11 +409,17 @@ def test_what_cannot_be_estimated_is_refused_with_the_nearest_name() -> None:
         with pytest.raises(InputError, match=message):
             parse_model_file(faulty)
     with pytest.raises(InputError):
-        estimate_increments([], [], ModelFile.model_validate({"increment": [{"axis": "CZ", "terms": ["1"]}]}), database())
+        estimate_increments(
+            [],
+            [],
+            ModelFile.model_validate({"increment": [{"axis": "CZ", "terms": ["1"]}]}),
+            database(),
+        )
 
 
 def test_a_database_with_an_ungridded_table_can_be_updated_too() -> None:
-    """Its calls have no breakpoints to take a cell from: looking for some once ended in a KeyError."""
+    """Its calls have no breakpoints to take a cell from: looking for some once ended in a
+    KeyError."""
     points = np.array([[-0.5, -1.0], [0.5, -1.0], [-0.5, 1.0], [0.5, 1.0]])
     cloud = ScatteredTable("CLOUD", ("alpha", "q"), points, np.array([0.0, 0.1, 0.2, 0.3]))
     terms = (Term("cloud", "CZ", parse("CLOUD(alpha, q)")),)

@@ -1,4 +1,5 @@
-"""From recordings to flights: measured files against their own columns, resampling against known signals, damage, refusals."""
+"""From recordings to flights: measured files against their own columns, resampling against known
+signals, damage, refusals."""
 
 from pathlib import Path
 from typing import Any
@@ -50,12 +51,21 @@ def _vehicle(extra: str = "") -> Vehicle:
 
 def _flight(path: Path, extra: str = "") -> Flight:
     recording = read_tabular(path)
-    return map_recording(recording, choose_mapping(recording, builtin_mappings().values()), _vehicle(extra))
+    return map_recording(
+        recording, choose_mapping(recording, builtin_mappings().values()), _vehicle(extra)
+    )
 
 
 def test_built_in_mappings_name_only_what_the_glossary_knows() -> None:
     mappings = builtin_mappings()
-    assert {"sidpac_fdata", "attas", "attas_quasi_steady", "hfb320", "citation_phlab", "canonical"} <= set(mappings)
+    assert {
+        "sidpac_fdata",
+        "attas",
+        "attas_quasi_steady",
+        "hfb320",
+        "citation_phlab",
+        "canonical",
+    } <= set(mappings)
     for name, mapping in mappings.items():
         assert mapping.name == name
         for entry in mapping.channel:
@@ -63,14 +73,17 @@ def test_built_in_mappings_name_only_what_the_glossary_knows() -> None:
     assert load_mapping("hfb320") is mappings["hfb320"]
 
 
-def _recording(topics: dict[str, tuple[np.ndarray, dict[str, np.ndarray]]], units: dict[str, str] | None = None) -> Recording:
+def _recording(
+    topics: dict[str, tuple[np.ndarray, dict[str, np.ndarray]]], units: dict[str, str] | None = None
+) -> Recording:
     made = {name: Topic(name, time, fields, units or {}) for name, (time, fields) in topics.items()}
     return Recording("made.log", "ulog", "ab" * 32, 0, made)
 
 
 def _mapping(*channels: tuple[str, str, str, str], more: str = "") -> Any:
     entries = [
-        f'[[channel]]\nname = "{name}"\nsources = [{{topic = "{topic}", field = "{key}", unit = "{unit}"}}]'
+        f'[[channel]]\nname = "{name}"\nsources = [{{topic = "{topic}", field = "{key}", unit ='
+        f' "{unit}"}}]'
         for name, topic, key, unit in channels
     ]
     return parse_mapping('name = "made"\nformats = ["ulog"]\n' + "\n".join(entries) + more)
@@ -81,16 +94,21 @@ FAST, SLOW = np.arange(0.0, 20.0, 0.004), np.arange(0.0, 20.0, 0.02)
 
 def test_one_uniform_time_base_passes_bit_for_bit() -> None:
     values = np.random.default_rng(0).normal(size=len(SLOW))
-    flight = map_recording(_recording({"imu": (SLOW, {"q": values})}), _mapping(("q", "imu", "q", "rad/s")), _vehicle())
+    flight = map_recording(
+        _recording({"imu": (SLOW, {"q": values})}), _mapping(("q", "imu", "q", "rad/s")), _vehicle()
+    )
     np.testing.assert_array_equal(flight["q"], values)
     np.testing.assert_array_equal(flight.time, SLOW)
     assert flight.flags == {}
 
 
 def test_going_down_keeps_the_band_and_removes_what_would_alias() -> None:
-    """1.5 Hz passes within 0.1 %; 47 Hz, which would fold to 3 Hz on a grid of 50 Hz, is 60 dB down; nothing is delayed."""
+    """1.5 Hz passes within 0.1 %; 47 Hz, which would fold to 3 Hz on a grid of 50 Hz, is 60 dB
+    down; nothing is delayed."""
     slow, fast = np.sin(2 * np.pi * 1.5 * FAST), np.sin(2 * np.pi * 47.0 * FAST)
-    recording = _recording({"imu": (SLOW, {"q": np.zeros_like(SLOW)}), "air": (FAST, {"alpha": slow + fast})})
+    recording = _recording(
+        {"imu": (SLOW, {"q": np.zeros_like(SLOW)}), "air": (FAST, {"alpha": slow + fast})}
+    )
     mapping = _mapping(("q", "imu", "q", "rad/s"), ("alpha", "air", "alpha", "rad"))
     flight = map_recording(recording, mapping, _vehicle())
     inner = (SLOW > 0.5) & (SLOW < 19.5)
@@ -102,7 +120,9 @@ def test_going_down_keeps_the_band_and_removes_what_would_alias() -> None:
 def test_going_up_joins_by_lines_and_flags_silence() -> None:
     time = np.concatenate([np.arange(0.0, 8.0, 0.2), np.arange(12.0, 19.0, 0.2)])
     recording = _recording({"imu": (SLOW, {"q": SLOW}), "gps": (time, {"h": 100.0 + 2.0 * time})})
-    flight = map_recording(recording, _mapping(("q", "imu", "q", "rad/s"), ("altitude", "gps", "h", "m")), _vehicle())
+    flight = map_recording(
+        recording, _mapping(("q", "imu", "q", "rad/s"), ("altitude", "gps", "h", "m")), _vehicle()
+    )
     np.testing.assert_allclose(flight["altitude"][:900], 100.0 + 2.0 * SLOW[:900], rtol=1e-12)
     flagged = (flight.flags["altitude"] & FLAGS["gap"]) > 0
     expected = ((SLOW > 7.8 + 1e-6) & (SLOW < 12.0 - 1e-6)) | (SLOW > 18.8 + 0.2 + 1e-3)
@@ -114,7 +134,9 @@ def test_samples_that_are_not_finite_are_bridged_or_flagged() -> None:
     values = SLOW.copy()
     values[100], values[500:600] = np.nan, np.nan
     recording = _recording({"imu": (SLOW, {"q": SLOW, "a": values})})
-    flight = map_recording(recording, _mapping(("q", "imu", "q", "rad/s"), ("alpha", "imu", "a", "rad")), _vehicle())
+    flight = map_recording(
+        recording, _mapping(("q", "imu", "q", "rad/s"), ("alpha", "imu", "a", "rad")), _vehicle()
+    )
     np.testing.assert_allclose(flight["alpha"], SLOW, rtol=1e-12)
     assert np.flatnonzero(flight.flags["alpha"]).tolist() == list(range(500, 600))
 
@@ -129,20 +151,27 @@ def test_grid_is_the_overlap_at_the_vehicles_rate() -> None:
 
 def test_angles_are_unwrapped_before_they_are_joined() -> None:
     heading = np.unwrap(np.linspace(3.0, 9.0, len(SLOW)))
-    recording = _recording({"g": (FAST, {"q": FAST}), "att": (SLOW, {"psi": (heading + np.pi) % (2 * np.pi) - np.pi})})
-    flight = map_recording(recording, _mapping(("q", "g", "q", "rad/s"), ("psi", "att", "psi", "rad")), _vehicle())
+    recording = _recording(
+        {"g": (FAST, {"q": FAST}), "att": (SLOW, {"psi": (heading + np.pi) % (2 * np.pi) - np.pi})}
+    )
+    flight = map_recording(
+        recording, _mapping(("q", "g", "q", "rad/s"), ("psi", "att", "psi", "rad")), _vehicle()
+    )
     assert np.max(np.abs(np.diff(flight["psi"]))) < 0.01
 
 
 def test_quaternion_and_sum_are_derived() -> None:
     rotation = Rotation.from_euler("ZYX", [[2.0, 0.1, -0.3]] * len(SLOW))
     x, y, z, w = rotation.as_quat().T
-    recording = _recording({"att": (SLOW, {"w": w, "x": x, "y": y, "z": z, "q": SLOW, "l": SLOW, "r": SLOW})})
+    recording = _recording(
+        {"att": (SLOW, {"w": w, "x": x, "y": y, "z": z, "q": SLOW, "l": SLOW, "r": SLOW})}
+    )
     sources = ", ".join(f'{{topic = "att", field = "{key}", unit = "1"}}' for key in "wxyz")
     engines = ", ".join(f'{{topic = "att", field = "{key}", unit = "kN"}}' for key in "lr")
     more = (
-        f'\n[[derived]]\nchannels = ["phi", "theta", "psi"]\nmethod = "euler_321_from_quaternion"\nsources = [{sources}]\n'
-        f'[[derived]]\nchannels = ["thrust"]\nmethod = "sum"\nsources = [{engines}]\n'
+        '\n[[derived]]\nchannels = ["phi", "theta", "psi"]\nmethod ='
+        f' "euler_321_from_quaternion"\nsources = [{sources}]\n[[derived]]\nchannels ='
+        f' ["thrust"]\nmethod = "sum"\nsources = [{engines}]\n'
     )
     flight = map_recording(recording, _mapping(("q", "att", "q", "rad/s"), more=more), _vehicle())
     for name, value in (("phi", -0.3), ("theta", 0.1), ("psi", 2.0)):
@@ -161,38 +190,62 @@ lag = 0.1
 
 @pytest.mark.parametrize("time", [SLOW, FAST, np.arange(0.0, 20.0, 0.1)])
 def test_a_command_becomes_a_deflection_by_scale_offset_and_lag(time: np.ndarray) -> None:
-    """Step of a command at 5 s: delta = offset + scale (1 - exp(-t / T)), whatever the rate of the command's topic."""
+    """Step of a command at 5 s: delta = offset + scale (1 - exp(-t / T)), whatever the rate of the
+    command's topic."""
     step = (time >= 5.0 - 1e-9).astype(float)
     recording = _recording({"imu": (SLOW, {"q": SLOW}), "servo": (time, {"out": step})})
-    more = '\n[[channel]]\nname = "delta_elevator"\ncommand = true\nsources = [{topic = "servo", field = "out"}]\n'
-    flight = map_recording(recording, _mapping(("q", "imu", "q", "rad/s"), more=more), _vehicle(COMMANDED))
+    more = (
+        '\n[[channel]]\nname = "delta_elevator"\ncommand = true\nsources = [{topic = "servo", field'
+        ' = "out"}]\n'
+    )
+    flight = map_recording(
+        recording, _mapping(("q", "imu", "q", "rad/s"), more=more), _vehicle(COMMANDED)
+    )
     start = time[np.argmax(step)]
-    expected = 0.02 + 0.5 * np.where(start <= SLOW, 1.0 - np.exp(-np.maximum(SLOW - start, 0.0) / 0.1), 0.0)
-    tolerance = 0.02 if time is FAST else 1e-9  # coming down, the corner itself holds what the grid cannot
+    expected = 0.02 + 0.5 * np.where(
+        start <= SLOW, 1.0 - np.exp(-np.maximum(SLOW - start, 0.0) / 0.1), 0.0
+    )
+    tolerance = (
+        0.02 if time is FAST else 1e-9
+    )  # coming down, the corner itself holds what the grid cannot
     np.testing.assert_allclose(flight["delta_elevator"], expected, atol=tolerance)
 
 
 def test_a_command_beyond_the_stops_stays_at_them_and_the_start_of_the_lag_is_not_known() -> None:
-    recording = _recording({"imu": (SLOW, {"q": SLOW}), "servo": (SLOW, {"out": np.full_like(SLOW, 3.0)})})
-    more = '\n[[channel]]\nname = "delta_elevator"\ncommand = true\nsources = [{topic = "servo", field = "out"}]\n'
-    flight = map_recording(recording, _mapping(("q", "imu", "q", "rad/s"), more=more), _vehicle(COMMANDED))
+    recording = _recording(
+        {"imu": (SLOW, {"q": SLOW}), "servo": (SLOW, {"out": np.full_like(SLOW, 3.0)})}
+    )
+    more = (
+        '\n[[channel]]\nname = "delta_elevator"\ncommand = true\nsources = [{topic = "servo", field'
+        ' = "out"}]\n'
+    )
+    flight = map_recording(
+        recording, _mapping(("q", "imu", "q", "rad/s"), more=more), _vehicle(COMMANDED)
+    )
     assert np.max(flight["delta_elevator"]) == pytest.approx(np.deg2rad(30.0))
     unknown = SLOW[0] + 5 * 0.1 > SLOW
     np.testing.assert_array_equal(flight.flags["delta_elevator"] > 0, unknown)
 
 
 def test_the_vehicle_says_where_a_surface_stands() -> None:
-    recording = _recording({"imu": (SLOW, {"q": SLOW}), "servo": (SLOW, {"control[1]": SLOW / 20.0})})
+    recording = _recording(
+        {"imu": (SLOW, {"q": SLOW}), "servo": (SLOW, {"control[1]": SLOW / 20.0})}
+    )
     extra = COMMANDED + '[surfaces.elevator.log]\ntopic = "servo"\nfield = "control[1]"\n'
     mapping = _mapping(("q", "imu", "q", "rad/s"))
     flight = map_recording(recording, mapping, _vehicle(extra))
-    assert flight["delta_elevator"][-1] == pytest.approx(0.02 + 0.5 * (SLOW[-1] - 0.1) / 20.0, abs=1e-3)
+    assert flight["delta_elevator"][-1] == pytest.approx(
+        0.02 + 0.5 * (SLOW[-1] - 0.1) / 20.0, abs=1e-3
+    )
     assert "delta_elevator" in map_recording(recording, mapping, _vehicle(COMMANDED)).missing
 
 
 def test_a_command_without_calibration_is_not_taken_for_a_deflection() -> None:
     recording = _recording({"imu": (SLOW, {"q": SLOW, "out": SLOW})})
-    more = '\n[[channel]]\nname = "delta_elevator"\ncommand = true\nsources = [{topic = "imu", field = "out"}]\n'
+    more = (
+        '\n[[channel]]\nname = "delta_elevator"\ncommand = true\nsources = [{topic = "imu", field ='
+        ' "out"}]\n'
+    )
     flight = map_recording(recording, _mapping(("q", "imu", "q", "rad/s"), more=more), _vehicle())
     assert "delta_elevator" in flight.missing
     assert any("surfaces.elevator" in note for note in flight.notes)
@@ -200,7 +253,9 @@ def test_a_command_without_calibration_is_not_taken_for_a_deflection() -> None:
 
 def test_constants_of_the_vehicle_fill_what_the_log_lacks() -> None:
     recording = _recording({"imu": (SLOW, {"q": SLOW})})
-    flight = map_recording(recording, _mapping(("q", "imu", "q", "rad/s")), _vehicle(SURFACES), "first")
+    flight = map_recording(
+        recording, _mapping(("q", "imu", "q", "rad/s")), _vehicle(SURFACES), "first"
+    )
     np.testing.assert_allclose(flight["delta_flap"], np.deg2rad(10.0))
     assert any("delta_flap" in note for note in flight.notes)
     assert flight.id == "first"
@@ -217,21 +272,33 @@ formats = ["ulog"]
 name = "q"
 sources = [{topic = "new_rates", field = "q"}, {topic = "older|old_*", field = "q"}]
 """
-    np.testing.assert_allclose(map_recording(recording, parse_mapping(text), _vehicle())["q"], SLOW, rtol=1e-12)
+    np.testing.assert_allclose(
+        map_recording(recording, parse_mapping(text), _vehicle())["q"], SLOW, rtol=1e-12
+    )
 
 
 @pytest.mark.parametrize("fields", [("roll", "pitch", "yaw"), ("y", "x", "r")])
 def test_the_stick_of_a_px4_log_is_what_was_commanded(fields: tuple[str, str, str]) -> None:
     rates = {f"xyz[{k}]": np.sin((k + 1) * SLOW) for k in range(3)}
     stick = {name: np.cos((k + 1) * SLOW) for k, name in enumerate(fields)}
-    recording = _recording({"vehicle_angular_velocity": (SLOW, rates), "manual_control_setpoint": (SLOW, stick)})
+    recording = _recording(
+        {"vehicle_angular_velocity": (SLOW, rates), "manual_control_setpoint": (SLOW, stick)}
+    )
     flight = map_recording(recording, builtin_mappings()["px4"], _vehicle())
     for name, field in zip(("command_roll", "command_pitch", "command_yaw"), fields, strict=True):
         np.testing.assert_allclose(flight[name], stick[field])
 
 
 def test_canonical_table(tmp_path: Path) -> None:
-    frame = pd.DataFrame({"time [s]": SLOW, "p [deg/s]": SLOW, "q [deg/s]": SLOW, "r [deg/s]": SLOW, "delta_rudder [deg]": SLOW})
+    frame = pd.DataFrame(
+        {
+            "time [s]": SLOW,
+            "p [deg/s]": SLOW,
+            "q [deg/s]": SLOW,
+            "r [deg/s]": SLOW,
+            "delta_rudder [deg]": SLOW,
+        }
+    )
     frame.to_csv(tmp_path / "x.csv", index=False)
     flight = _flight(tmp_path / "x.csv")
     assert flight.mapping == "canonical"
@@ -252,19 +319,28 @@ def test_small_steps_back_are_dropped_and_reported() -> None:
 
 
 def test_a_broken_clock_costs_its_topic_or_the_log() -> None:
-    """Rates on a clock that runs backwards: refused. A lesser topic on one: done without, and reported."""
+    """Rates on a clock that runs backwards: refused. A lesser topic on one: done without, and
+    reported."""
     recording = _recording({"imu": (SLOW, {"q": SLOW}), "gps": (SLOW[::-1], {"h": SLOW})})
-    flight = map_recording(recording, _mapping(("q", "imu", "q", "rad/s"), ("altitude", "gps", "h", "m")), _vehicle())
+    flight = map_recording(
+        recording, _mapping(("q", "imu", "q", "rad/s"), ("altitude", "gps", "h", "m")), _vehicle()
+    )
     assert "altitude" in flight.missing
     assert [(entry.kind, entry.topic) for entry in flight.damage] == [("time", "gps")]
     with pytest.raises(InputError, match="time does not increase"):
-        map_recording(recording, _mapping(("q", "gps", "h", "rad/s"), ("p", "imu", "q", "rad/s")), _vehicle())
+        map_recording(
+            recording, _mapping(("q", "gps", "h", "rad/s"), ("p", "imu", "q", "rad/s")), _vehicle()
+        )
 
 
 def test_a_clock_that_jumps_far_ahead_does_not_make_an_endless_grid() -> None:
     time = np.concatenate([SLOW, SLOW + 1e6])
     with pytest.raises(InputError, match="clock jumps"):
-        map_recording(_recording({"imu": (time, {"q": time})}), _mapping(("q", "imu", "q", "rad/s")), _vehicle())
+        map_recording(
+            _recording({"imu": (time, {"q": time})}),
+            _mapping(("q", "imu", "q", "rad/s")),
+            _vehicle(),
+        )
 
 
 # Refusals
@@ -274,9 +350,21 @@ def test_a_clock_that_jumps_far_ahead_does_not_make_an_endless_grid() -> None:
     ("text", "what"),
     [
         ("name = 'x'\nformats = ['ulog']\n[[chanel]]\n", "chanel"),
-        ("name = 'x'\nformats = ['ulog']\n[[channel]]\nname = 'alhpa'\nsources = [{topic='a', field='b'}]\n", "alhpa"),
+        (
+            (
+                "name = 'x'\nformats = ['ulog']\n[[channel]]\nname = 'alhpa'\nsources ="
+                " [{topic='a', field='b'}]\n"
+            ),
+            "alhpa",
+        ),
         ("name = 'x'\nformats = ['ulog']\n[[channel]]\nname = 'alpha'\nsources = []\n", "sources"),
-        ("name = 'x'\nformats = ['ulog']\n[[channel]]\nname = 'q'\nsources = [{topic='a', feild='b'}]\n", "feild"),
+        (
+            (
+                "name = 'x'\nformats = ['ulog']\n[[channel]]\nname = 'q'\nsources = [{topic='a',"
+                " feild='b'}]\n"
+            ),
+            "feild",
+        ),
         ("name = 'x", "TOML"),
     ],
 )
@@ -288,7 +376,10 @@ def test_faulty_mapping_files_are_refused(text: str, what: str) -> None:
 
 
 def test_unknown_method_and_repeated_channel_are_refused() -> None:
-    derived = '\n[[derived]]\nchannels = ["thrust"]\nmethod = "summ"\nsources = [{topic = "a", field = "b"}]\n'
+    derived = (
+        '\n[[derived]]\nchannels = ["thrust"]\nmethod = "summ"\nsources = [{topic = "a", field ='
+        ' "b"}]\n'
+    )
     with pytest.raises(InputError, match="did you mean 'sum'"):
         _mapping(("q", "imu", "q", "rad/s"), more=derived)
     with pytest.raises(InputError, match="q stands twice"):
@@ -298,7 +389,8 @@ def test_unknown_method_and_repeated_channel_are_refused() -> None:
 def test_units_must_be_known() -> None:
     recording = _recording({"imu": (SLOW, {"q": SLOW})})
     silent = parse_mapping(
-        'name = "made"\nformats = ["ulog"]\n[[channel]]\nname = "q"\nsources = [{topic = "imu", field = "q"}]\n'
+        'name = "made"\nformats = ["ulog"]\n[[channel]]\nname = "q"\nsources = [{topic = "imu",'
+        ' field = "q"}]\n'
     )
     with pytest.raises(InputError, match="no unit is declared"):
         map_recording(recording, silent, _vehicle())
@@ -322,7 +414,8 @@ def test_logs_that_no_mapping_fits_or_without_motion_are_refused(tmp_path: Path)
 
 def test_two_mappings_that_fit_equally_are_named() -> None:
     one = parse_mapping(
-        'name = "one"\nformats = ["ulog"]\ndetect = ["imu"]\n[[channel]]\nname = "q"\nsources = [{topic = "imu", field = "q"}]\n'
+        'name = "one"\nformats = ["ulog"]\ndetect = ["imu"]\n[[channel]]\nname = "q"\nsources ='
+        ' [{topic = "imu", field = "q"}]\n'
     )
     two = one.model_copy(update={"name": "two"})
     recording = _recording({"imu": (SLOW, {"q": SLOW})})
@@ -343,4 +436,6 @@ def test_what_missing_channels_prevent() -> None:
     assert prevents(["qbar"]) == []
     assert "no coefficient" in prevents(["qbar", "V"])[0]
     assert "CY" in prevents(["ay", "ay_imu"])[0]
-    assert prevents(["delta_rudder"]) == ["no position of rudder: no control effectiveness of these"]
+    assert prevents(["delta_rudder"]) == [
+        "no position of rudder: no control effectiveness of these"
+    ]

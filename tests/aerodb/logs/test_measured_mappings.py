@@ -16,13 +16,18 @@ from tests.aerodb.logs.test_mapping import SURFACES, _vehicle
 
 def _flight(path: Path, extra: str = "") -> Flight:
     recording = read_tabular(path)
-    return map_recording(recording, choose_mapping(recording, builtin_mappings().values()), _vehicle(extra))
+    return map_recording(
+        recording, choose_mapping(recording, builtin_mappings().values()), _vehicle(extra)
+    )
 
 
 def test_twin_otter_columns_become_channels(measured: Callable[[str], Path]) -> None:
     path = measured("twin_otter/totter_f1_017_data.mat")
     flight = _flight(path)
-    columns = {name: np.asarray(values) for name, values in read_tabular(path).topics["fdata"].fields.items()}
+    columns = {
+        name: np.asarray(values)
+        for name, values in read_tabular(path).topics["fdata"].fields.items()
+    }
     assert flight.mapping == "sidpac_fdata"
     np.testing.assert_array_equal(flight.time, columns["1"])
     for name, column, factor in (
@@ -38,26 +43,38 @@ def test_twin_otter_columns_become_channels(measured: Callable[[str], Path]) -> 
         ("thrust_left", "38", 4.4482216152605),
     ):
         np.testing.assert_allclose(flight[name], columns[column] * factor, rtol=1e-9)
-    np.testing.assert_allclose(flight["thrust"], flight["thrust_left"] + flight["thrust_right"], rtol=1e-12)
+    np.testing.assert_allclose(
+        flight["thrust"], flight["thrust_left"] + flight["thrust_right"], rtol=1e-12
+    )
     np.testing.assert_allclose(flight["qbar"], 0.5 * flight["rho"] * flight["V"] ** 2, rtol=5e-3)
     assert flight.flags == {}
 
 
 def test_twin_otter_units_give_the_published_moments(measured: Callable[[str], Path]) -> None:
-    """NASA's own Cl and Cn follow from rates and inertias only with the right units and the right sign of Ixz."""
+    """NASA's own Cl and Cn follow from rates and inertias only with the right units and the right
+    sign of Ixz."""
     path = measured("twin_otter/totter_f1_017_data.mat")
     f, published = _flight(path), read_tabular(path).topics["fdata"].fields
     lever = f["qbar"] * (422.48 * 0.3048**2) * (64.99 * 0.3048)
-    roll = f["Ixx"] * f["pdot"] - f["Ixz"] * (f["p"] * f["q"] + f["rdot"]) + (f["Izz"] - f["Iyy"]) * f["q"] * f["r"]
-    yaw = f["Izz"] * f["rdot"] - f["Ixz"] * (f["pdot"] - f["q"] * f["r"]) + (f["Iyy"] - f["Ixx"]) * f["p"] * f["q"]
+    roll = (
+        f["Ixx"] * f["pdot"]
+        - f["Ixz"] * (f["p"] * f["q"] + f["rdot"])
+        + (f["Izz"] - f["Iyy"]) * f["q"] * f["r"]
+    )
+    yaw = (
+        f["Izz"] * f["rdot"]
+        - f["Ixz"] * (f["pdot"] - f["q"] * f["r"])
+        + (f["Iyy"] - f["Ixx"]) * f["p"] * f["q"]
+    )
     np.testing.assert_allclose(roll / lever, published["64"], atol=1e-5)
     np.testing.assert_allclose(yaw / lever, published["66"], atol=1e-5)
 
 
 @pytest.mark.parametrize("record", ["totter_demo_data.mat", "totter_f1_017_data.mat"])
 def test_twin_otter_sensor_follows_the_cg(measured: Callable[[str], Path], record: str) -> None:
-    """The lever arm from CG to accelerometer, estimated from the two sets of accelerations, ends at the same point of the
-    airframe in both records although the CG moved: so the signs of the CG columns are right."""
+    """The lever arm from CG to accelerometer, estimated from the two sets of accelerations, ends at
+    the same point of the airframe in both records although the CG moved: so the signs of the CG
+    columns are right."""
     f = _flight(measured(f"twin_otter/{record}"))
     p, q, r, pdot, qdot, rdot = (f[name] for name in ("p", "q", "r", "pdot", "qdot", "rdot"))
     zero, one = np.zeros_like(p), np.ones_like(p)
@@ -86,12 +103,19 @@ def test_attas_units_differ_between_its_two_kinds_of_files(measured: Callable[[s
         assert flight.mapping == mapping
         gas = flight["static_pressure"] / (287.05287 * flight["temperature"])
         np.testing.assert_allclose(flight["rho"], gas, rtol=2e-3)
-        assert np.all(np.abs(flight["calibrated_airspeed"] / (flight["V"] * np.sqrt(flight["rho"] / 1.225)) - 1.0) < 0.05)
+        assert np.all(
+            np.abs(
+                flight["calibrated_airspeed"] / (flight["V"] * np.sqrt(flight["rho"] / 1.225)) - 1.0
+            )
+            < 0.05
+        )
         assert np.all((flight["altitude"] > 4500.0) & (flight["altitude"] < 6000.0))
     assert ("ax" in flight, "alphadot" in flight) == (True, True)
 
 
-def test_attas_gap_is_flagged_and_what_was_recorded_is_kept(measured: Callable[[str], Path]) -> None:
+def test_attas_gap_is_flagged_and_what_was_recorded_is_kept(
+    measured: Callable[[str], Path],
+) -> None:
     path = measured("attas/fAttasAilRud1.mat")
     flight = _flight(path, SURFACES)
     raw = np.asarray(read_tabular(path).topics["fAttasAilRud1"].fields["13"]) * np.pi / 180
@@ -99,17 +123,23 @@ def test_attas_gap_is_flagged_and_what_was_recorded_is_kept(measured: Callable[[
     assert len(flight.time) == 2253
     assert good.sum() == 1502
     np.testing.assert_allclose(flight["alpha"][good], raw, rtol=1e-12)
-    np.testing.assert_allclose(flight["delta_aileron"], (flight["delta_aileron_right"] - flight["delta_aileron_left"]) / 2)
+    np.testing.assert_allclose(
+        flight["delta_aileron"], (flight["delta_aileron_right"] - flight["delta_aileron_left"]) / 2
+    )
 
 
 def test_hfb320_and_citation(measured: Callable[[str], Path]) -> None:
     hfb = _flight(measured("hfb320/hfb320_1_10.asc"))
     assert hfb["az"].mean() == pytest.approx(-9.9, abs=0.1)
-    assert hfb["rho"].mean() == pytest.approx(0.792, abs=0.005)  # the published constant of that flight
+    assert hfb["rho"].mean() == pytest.approx(
+        0.792, abs=0.005
+    )  # the published constant of that flight
     citation = _flight(measured("citation/flight_2019-03-12.parquet"))
     assert citation.step == pytest.approx(0.1)
     airborne = citation["V"] > 60.0
     assert citation["az_imu"][airborne].mean() == pytest.approx(-9.9, abs=0.3)
-    compressible = 0.7 * citation["mach"] ** 2 * citation["rho"] * 287.05287 * citation["temperature"]
+    compressible = (
+        0.7 * citation["mach"] ** 2 * citation["rho"] * 287.05287 * citation["temperature"]
+    )
     np.testing.assert_allclose(citation["qbar"][airborne], compressible[airborne], rtol=0.02)
     assert "beta" in citation.missing

@@ -46,11 +46,16 @@ Izz = 2500.0
 Ixz = 50.0
 """
 TIME = 0.02 * np.arange(1000)
-MOUNT = {"air_data_roll": np.deg2rad(3.0), "air_data_pitch": np.deg2rad(-2.0), "air_data_yaw": np.deg2rad(1.0)}
+MOUNT = {
+    "air_data_roll": np.deg2rad(3.0),
+    "air_data_pitch": np.deg2rad(-2.0),
+    "air_data_yaw": np.deg2rad(1.0),
+}
 
 
 def _shown() -> dict[str, np.ndarray]:
-    """What a probe mounted so, off the CG by BOOM, has at its place; flow angles in its own axes."""
+    """What a probe mounted so, off the CG by BOOM, has at its place; flow angles in its own
+    axes."""
     return motion(TIME, MOUNT)
 
 
@@ -60,14 +65,22 @@ def test_pressures_give_the_angles_that_made_them():
     c = Curve(slope=4.6, offset=0.01, square=0.2, cross=-0.3, bend=0.15, break_angle=0.12)
     d = Curve(slope=4.0, square=0.1, cross=0.2)
     over = np.where(alpha > 0.12, alpha - 0.12, np.where(alpha < -0.12, alpha + 0.12, 0.0))
-    shown = 4.6 * (alpha + 0.01 + 0.2 * alpha**2 - 0.3 * beta**2 + 0.15 * over), 4.0 * (beta + 0.1 * beta**2 + 0.2 * alpha**2)
-    found = flow_angles(1500.0 * shown[0], 1500.0 * shown[1], np.full(alpha.shape, 1500.0), FiveHole(alpha=c, beta=d))
+    shown = (
+        4.6 * (alpha + 0.01 + 0.2 * alpha**2 - 0.3 * beta**2 + 0.15 * over),
+        4.0 * (beta + 0.1 * beta**2 + 0.2 * alpha**2),
+    )
+    found = flow_angles(
+        1500.0 * shown[0],
+        1500.0 * shown[1],
+        np.full(alpha.shape, 1500.0),
+        FiveHole(alpha=c, beta=d),
+    )
     np.testing.assert_allclose(found[0], alpha, atol=1e-9)
     np.testing.assert_allclose(found[1], beta, atol=1e-9)
     plain = FiveHole(alpha=Curve(slope=4.0), beta=Curve(slope=5.0))
-    assert [float(x) for x in flow_angles(np.array(400.0), np.array(-500.0), np.array(1000.0), plain)] == pytest.approx(
-        [0.1, -0.1]
-    )
+    assert [
+        float(x) for x in flow_angles(np.array(400.0), np.array(-500.0), np.array(1000.0), plain)
+    ] == pytest.approx([0.1, -0.1])
     lost = flow_angles(np.array([1.0, 1e6]), np.array([1.0, 1e6]), np.array([0.0, 10.0]), plain)
     assert np.isnan(lost).all()
 
@@ -81,16 +94,21 @@ def test_a_boom_mounted_askew_with_upwash_and_a_flank_vane():
         "alpha": 1.12 * shown["alpha"],
         "beta": 1.05 * np.arctan(np.tan(shown["beta"]) / np.cos(shown["alpha"])),
     }
-    flight = air_data_at_cg(Flight("f", "probed", TIME, {**vanes, **{name: exact[name] for name in "pqr"}}), vehicle)
+    flight = air_data_at_cg(
+        Flight("f", "probed", TIME, {**vanes, **{name: exact[name] for name in "pqr"}}), vehicle
+    )
     for name in ("V", "alpha", "beta"):
-        np.testing.assert_allclose(flight[name], exact[name], atol=1e-12 * (60 if name == "V" else 1), err_msg=name)
+        np.testing.assert_allclose(
+            flight[name], exact[name], atol=1e-12 * (60 if name == "V" else 1), err_msg=name
+        )
     assert BOOM == (3.0, 0.0, 0.2)  # air_data less the CG
     assert "freed of what [air_data] declares" in flight.notes[0]
     assert "moved from the probe to the CG" in flight.notes[1]
 
 
 def test_raw_pressures_become_air_data():
-    """Without alpha and beta in the log they come from the pressures; a flagged pressure flags both."""
+    """Without alpha and beta in the log they come from the pressures; a flagged pressure flags
+    both."""
     text = VEHICLE.replace("upwash = [0.12, 0.05]", "").replace('beta = "flank"', "")
     vehicle = parse_vehicle(text)
     shown, exact = _shown(), truth(TIME)
@@ -98,10 +116,18 @@ def test_raw_pressures_become_air_data():
     alpha, beta = shown["alpha"], shown["beta"]
     edge = np.deg2rad(6.0)
     over = np.maximum(alpha - edge, 0.0) + np.minimum(alpha + edge, 0.0)
-    dp = 0.08 * 180 / np.pi * (alpha + np.deg2rad(0.5) + 0.3 * alpha**2 + 0.4 * beta**2 - 0.1 * over)
-    channels = {"probe_dp_alpha": shown["qbar"] * dp, "probe_dp_beta": shown["qbar"] * 4.2 * beta, "qbar": shown["qbar"]}
+    dp = (
+        0.08 * 180 / np.pi * (alpha + np.deg2rad(0.5) + 0.3 * alpha**2 + 0.4 * beta**2 - 0.1 * over)
+    )
+    channels = {
+        "probe_dp_alpha": shown["qbar"] * dp,
+        "probe_dp_beta": shown["qbar"] * 4.2 * beta,
+        "qbar": shown["qbar"],
+    }
     channels |= {"V": shown["V"], **{name: exact[name] for name in "pqr"}}
-    raw = Flight("f", "probed", TIME, channels).with_flag("probe_dp_beta", "wild_point", np.arange(1000) == 7)
+    raw = Flight("f", "probed", TIME, channels).with_flag(
+        "probe_dp_beta", "wild_point", np.arange(1000) == 7
+    )
     flight = air_data_at_cg(raw, vehicle)
     assert probe.alpha.slope == pytest.approx(4.58366, abs=1e-5)
     for name in ("alpha", "beta"):
@@ -110,7 +136,9 @@ def test_raw_pressures_become_air_data():
 
 
 def test_a_plain_vehicle_changes_nothing():
-    plain = parse_vehicle(VEHICLE[: VEHICLE.index("air_data =")] + VEHICLE[VEHICLE.index("[mass]") :])
+    plain = parse_vehicle(
+        VEHICLE[: VEHICLE.index("air_data =")] + VEHICLE[VEHICLE.index("[mass]") :]
+    )
     flight = Flight("f", "probed", TIME, {"alpha": np.zeros(1000), "V": np.ones(1000)})
     assert air_data_at_cg(flight, plain) is flight
 
@@ -123,13 +151,18 @@ def test_what_a_probe_must_be_is_said():
 
 
 def test_captive_flight_is_no_aerodynamics(tmp_path):
-    """From its channel, unknown taken as held, and from declared times; stored and read back; kinematics may use it."""
-    vehicle = parse_vehicle(VEHICLE[: VEHICLE.index("air_data =")] + VEHICLE[VEHICLE.index("[mass]") :])
+    """From its channel, unknown taken as held, and from declared times; stored and read back;
+    kinematics may use it."""
+    vehicle = parse_vehicle(
+        VEHICLE[: VEHICLE.index("air_data =")] + VEHICLE[VEHICLE.index("[mass]") :]
+    )
     exact = truth(TIME)
     channels = {name: exact[name] for name in ("ax", "ay", "az", "p", "q", "r", "qbar")}
     held = np.where(TIME < 5.0, 1.0, 0.0)
     held[260] = np.nan
-    flight = flag_captive(Flight("f", "probed", TIME, {**channels, "captive": held}), times=[(18.0, 19.0)])
+    flight = flag_captive(
+        Flight("f", "probed", TIME, {**channels, "captive": held}), times=[(18.0, 19.0)]
+    )
     expected = (TIME < 5.0) | (np.arange(1000) == 260) | ((TIME >= 18.0) & (TIME <= 19.0))
     assert np.array_equal(~flight.usable(), expected)
     assert flight.usable(despite=("captive",)).all()

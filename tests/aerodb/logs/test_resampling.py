@@ -29,7 +29,8 @@ def test_first_order_lag_and_stair() -> None:
     np.testing.assert_allclose(response[1:], 1.0 - np.exp(-(time[1:] - 0.05) / 0.2), rtol=1e-12)
     np.testing.assert_array_equal(first_order_lag(time, 0.05, 0.0), time)
     np.testing.assert_array_equal(
-        hold(np.array([0.0, 0.1]), np.array([1.0, 2.0]), np.array([-1.0, 0.05, 0.1, 9.0])), [1, 1, 2, 2]
+        hold(np.array([0.0, 0.1]), np.array([1.0, 2.0]), np.array([-1.0, 0.05, 0.1, 9.0])),
+        [1, 1, 2, 2],
     )
 
 
@@ -40,7 +41,16 @@ def test_odd_stamps_go_not_their_neighbours() -> None:
     assert np.flatnonzero(~clean_clock(late).keep).tolist() == [100]
 
 
-@pytest.mark.parametrize("time", [SLOW[::-1], np.zeros(100), np.full(100, np.nan), np.tile(np.arange(100.0), 3), np.array([0.0])])
+@pytest.mark.parametrize(
+    "time",
+    [
+        SLOW[::-1],
+        np.zeros(100),
+        np.full(100, np.nan),
+        np.tile(np.arange(100.0), 3),
+        np.array([0.0]),
+    ],
+)
 def test_a_clock_that_is_none_is_refused(time: np.ndarray) -> None:
     with pytest.raises(InputError, match="time does not increase") as refusal:
         clean_clock(time, "log, topic imu")

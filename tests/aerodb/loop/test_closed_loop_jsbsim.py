@@ -1,4 +1,5 @@
-"""The closed loop on aircraft of JSBSim whose database lacks a term that flies: found, named, sized, and nothing else."""
+"""The closed loop on aircraft of JSBSim whose database lacks a term that flies: found, named,
+sized, and nothing else."""
 
 from functools import lru_cache
 from pathlib import Path
@@ -53,28 +54,50 @@ def test_the_same_flights_beside_the_whole_database_show_nothing(name: str) -> N
 
 
 def by_commands(name: str, folder: Path) -> dict[str, Any]:
-    """A case wholly by commands: aircraft file, logs with raw instruments, reconstruction, loop, proof; the loop's document."""
+    """A case wholly by commands: aircraft file, logs with raw instruments, reconstruction, loop,
+    proof; the loop's document."""
     case, workspace = CASES[name], folder / "workspace"
     vehicle, flights = campaign(name)
     (folder / "vehicle.toml").write_text(vehicle_text(case.aircraft, imported(case.aircraft)))
     asked(workspace, "vehicle", "add", str(folder / "vehicle.toml"))
     (folder / "lacking.xml").write_bytes(case.aircraft.file(case.lacks))
-    bindings = [word for name, text in case.aircraft.bindings.items() for word in ("--bind", f"{name}={text}")]
-    asked(workspace, "database", "import", str(folder / "lacking.xml"), "--vehicle", vehicle.name, *bindings)
+    bindings = [
+        word
+        for name, text in case.aircraft.bindings.items()
+        for word in ("--bind", f"{name}={text}")
+    ]
+    asked(
+        workspace,
+        "database",
+        "import",
+        str(folder / "lacking.xml"),
+        "--vehicle",
+        vehicle.name,
+        *bindings,
+    )
     for flight in flights[:IDENTIFIED]:
         log = write_csv(folder / f"{flight.id}.csv", {"time": flight.time, **flight.channels})
-        answer = asked(workspace, "flight", "ingest", str(log), "--vehicle", vehicle.name, "--direct")
+        answer = asked(
+            workspace, "flight", "ingest", str(log), "--vehicle", vehicle.name, "--direct"
+        )
         assert answer[0]["consistency"]["verdict"] == "good"
     found: dict[str, Any] = asked(workspace, "close-loop", "--vehicle", vehicle.name, "--direct")
     return found
 
 
-def test_by_commands_a_stall_that_is_a_closed_loop_is_told_from_flow_that_separates(tmp_path: Path) -> None:
+def test_by_commands_a_stall_that_is_a_closed_loop_is_told_from_flow_that_separates(
+    tmp_path: Path,
+) -> None:
     found = by_commands(STALL, tmp_path)
     assert found["added"] == ["stall_hysteresis@C_lift:loop"]
-    assert [f["hypothesis"] for f in found["findings"] if f["verdict"] == "confirmed"] == ["stall_hysteresis@C_lift:loop"]
+    assert [f["hypothesis"] for f in found["findings"] if f["verdict"] == "confirmed"] == [
+        "stall_hysteresis@C_lift:loop"
+    ]
     assert found["axes"]["C_lift"]["excess_after"] < 0.2 * found["axes"]["C_lift"]["excess_before"]
-    assert any("shape refined of stall_hysteresis@C_lift:loop over alpha" in remark for remark in found["remarks"])
+    assert any(
+        "shape refined of stall_hysteresis@C_lift:loop over alpha" in remark
+        for remark in found["remarks"]
+    )
 
 
 def test_by_commands_from_logs_to_proof(tmp_path: Path) -> None:
@@ -93,6 +116,8 @@ def test_by_commands_from_logs_to_proof(tmp_path: Path) -> None:
 
 def test_a_shape_is_made_finer_where_it_is_wrong_only() -> None:
     """The stall's two branches are no parabola; the gear's drag depends on the gear alone."""
-    stall, gear = ([made.variables for made in loop(name).shapes if made is not None] for name in (STALL, GEAR))
+    stall, gear = (
+        [made.variables for made in loop(name).shapes if made is not None] for name in (STALL, GEAR)
+    )
     assert stall[0] == {"stall_hysteresis@C_lift:loop": ("alpha",)}
     assert not any(gear)

@@ -1,6 +1,8 @@
-"""Measured flight through the closed loop, by the command line: the Twin Otter's database, the ATTAS' stall, its attached flow.
+"""Measured flight through the closed loop, by the command line: the Twin Otter's database, the
+ATTAS' stall, its attached flow.
 
-Two or three records are few votes: nothing here is confirmed, what is found is suspected, and enters when the user says so.
+Two or three records are few votes: nothing here is confirmed, what is found is suspected, and
+enters when the user says so.
 """
 
 import json
@@ -33,39 +35,63 @@ MAPPINGS = ROOT / "storage" / "mappings"
 
 @pytest.fixture(scope="module")
 def otter(measured, tmp_path_factory) -> tuple[Path, dict[str, Any]]:
-    """DHC6.xml beside the three records, the loop closed, what it suspects of Cl and Cn accepted."""
-    logs = [measured(f"twin_otter/totter_{name}_data.mat") for name in ("f1_017", "demo", "9752ed20")]
+    """DHC6.xml beside the three records, the loop closed, what it suspects of Cl and Cn
+    accepted."""
+    logs = [
+        measured(f"twin_otter/totter_{name}_data.mat") for name in ("f1_017", "demo", "9752ed20")
+    ]
     workspace = tmp_path_factory.mktemp("otter") / "w"
     asked(workspace, "vehicle", "add", str(VEHICLES / "twin_otter.toml"))
     file = Path(jsbsim.get_default_root_dir()) / "aircraft" / "DHC6" / "DHC6.xml"
     bindings = [word for name, value in LEFT_OUT.items() for word in ("--bind", f"{name}={value}")]
     asked(workspace, "database", "import", str(file), "--vehicle", "twin-otter", *bindings)
     asked(workspace, "flight", "ingest", *map(str, logs), "--vehicle", "twin-otter", "--direct")
-    accepted = [w for name in ("table_sign", "beta_slope", "sideslip_coupling") for w in ("--accept-suspected", name)]
-    return workspace, asked(workspace, "close-loop", "--vehicle", "twin-otter", "--direct", *accepted)
+    accepted = [
+        w
+        for name in ("table_sign", "beta_slope", "sideslip_coupling")
+        for w in ("--accept-suspected", name)
+    ]
+    return workspace, asked(
+        workspace, "close-loop", "--vehicle", "twin-otter", "--direct", *accepted
+    )
 
 
 def test_the_twin_otters_defects_are_suspected_and_no_sensor_explains_them(otter) -> None:
-    """SOURCE.md: the Cl_beta table is even, Cn_beta .50 against .085, its slope with alpha about 4.6 too large. Beyond it: Cl_r
-    is .060 in the file and .179 to .193 in the three published analyses, CY_r .40 and .933 to .963."""
+    """SOURCE.md: the Cl_beta table is even, Cn_beta .50 against .085, its slope with alpha about
+    4.6 too large. Beyond it: Cl_r is .060 in the file and .179 to .193 in the three published
+    analyses, CY_r .40 and .933 to .963."""
     found = {finding["hypothesis"]: finding for finding in otter[1]["findings"]}
     lateral = [name for name in found if "@C_lift" not in name]
     assert set(lateral) == {
-        *("table_sign@Cl:Clb", "beta_slope@Cl", "beta_slope@Cn", "sideslip_coupling@Cn", "cross_rate@Cl:r", "cross_rate@C_side:r")
+        *(
+            "table_sign@Cl:Clb",
+            "beta_slope@Cl",
+            "beta_slope@Cn",
+            "sideslip_coupling@Cn",
+            "cross_rate@Cl:r",
+            "cross_rate@C_side:r",
+        )
     }
     for name in lateral:
         assert found[name]["verdict"] == "suspected"
         assert not any("@all" in rival for rival in found[name]["explanation_set"])
     assert found["table_sign@Cl:Clb"]["explanation_set"] == ["table_sign@Cl:Clb", "beta_even@Cl"]
     assert "beta_even@Cl is its exact twin in" in found["table_sign@Cl:Clb"]["because"]
-    truths = {"table_sign@Cl:Clb": -1.0, "beta_slope@Cn": 0.085 - 0.50, "sideslip_coupling@Cn": -4.6, "cross_rate@Cl:r": 0.119}
+    truths = {
+        "table_sign@Cl:Clb": -1.0,
+        "beta_slope@Cn": 0.085 - 0.50,
+        "sideslip_coupling@Cn": -4.6,
+        "cross_rate@Cl:r": 0.119,
+    }
     truths["cross_rate@C_side:r"] = 0.95 - 0.40
     for name, truth in truths.items():
         low, high = found[name]["ci95"]
         assert low < truth < high
     assert found["sideslip_coupling@Cn"]["ci95"][1] < 0
     # A gyro's scale or an inertia would have to be wrong by nine tenths or more.
-    assert "believable is -0.4 to 0.4" in found["table_sign@Cl:Clb"]["fallen"]["inertia_error@all:Ixx"]
+    assert (
+        "believable is -0.4 to 0.4" in found["table_sign@Cl:Clb"]["fallen"]["inertia_error@all:Ixx"]
+    )
     assert "would need" in found["beta_slope@Cn"]["fallen"]["gyro_scale@all:r"]
 
 
@@ -78,7 +104,8 @@ def test_manoeuvres_vote_and_the_answer_says_so(otter) -> None:
 
 
 def test_after_acceptance_roll_and_yaw_are_as_good_as_the_records_allow(otter) -> None:
-    """Without the flight's own constant Cl .0168 to .0004 and Cn .0184 to .0003; goals .0009 and .0005."""
+    """Without the flight's own constant Cl .0168 to .0004 and Cn .0184 to .0003; goals .0009 and
+    .0005."""
     opened, flight, before, after = _lateral(otter)
     for axis, most in (("Cl", 0.0009), ("Cn", 0.0005)):
         assert _spread(compared(opened, flight, before, "test"), axis) > 0.012
@@ -91,30 +118,47 @@ def test_after_acceptance_roll_and_yaw_are_as_good_as_the_records_allow(otter) -
 
 
 def test_the_first_manoeuvre_is_predicted_from_the_rest(otter) -> None:
-    """Issue 5, identified on one part and shown on the other, the record's constant from the part that identified too: Cl at most
-    .0009 (.0182 before), Cn at most .0005 (.0169). The only aileron doublet is in the tail: without it Cl there is .0021."""
+    """Issue 5, identified on one part and shown on the other, the record's constant from the part
+    that identified too: Cl at most .0009 (.0182 before), Cn at most .0005 (.0169). The only aileron
+    doublet is in the tail: without it Cl there is .0021."""
     workspace, document = otter
     opened, flight, before, _ = _lateral(otter)
     where = {"workspace": str(workspace), "run": "test"}
     flights = [{"flight": row.id, "key": row.id} for row in opened.catalogue.flights("twin-otter")]
-    plan = plan_update(flights, **where, vehicle="twin-otter", baseline=document["baseline"], model="", hold_out=None)
+    plan = plan_update(
+        flights,
+        **where,
+        vehicle="twin-otter",
+        baseline=document["baseline"],
+        model="",
+        hold_out=None,
+    )
     comparison = compared(opened, flight, before, "test")
     source = StoredFlights(opened, "twin-otter", "test")
     head = parts_of(comparison.time, manoeuvre_spans(source, flight))["head"]
     library = freeze_library(plan, **where)
-    candidate = estimated_without(source, library, before, document["added"], plan.flights, {flight: head})
+    candidate = estimated_without(
+        source, library, before, document["added"], plan.flights, {flight: head}
+    )
     left = compared(opened, flight, candidate, "test")
     for axis, most in (("Cl", 0.0009), ("Cn", 0.0005)):
         good, residual = left.usable[axis], left.residual(axis)
         assert np.sqrt(np.mean(comparison.residual(axis)[good & head] ** 2)) > 0.016
-        assert np.sqrt(np.mean((residual[good & head] - residual[good & ~head].mean()) ** 2)) <= most
+        assert (
+            np.sqrt(np.mean((residual[good & head] - residual[good & ~head].mean()) ** 2)) <= most
+        )
 
 
 def _lateral(otter) -> tuple[Stores, str, AeroDatabase, AeroDatabase]:
     workspace, document = otter
     opened = stores(str(workspace))
     flight = next(row.id for row in opened.catalogue.flights("twin-otter") if row.duration > 15.0)
-    return opened, flight, opened.database(document["baseline"]), opened.database(document["candidate"])
+    return (
+        opened,
+        flight,
+        opened.database(document["baseline"]),
+        opened.database(document["candidate"]),
+    )
 
 
 def _spread(comparison: Comparison, axis: str) -> float:
@@ -135,7 +179,8 @@ def test_heads_and_tails_are_what_is_left_out() -> None:
 
 @pytest.fixture(scope="module")
 def stalls(measured, tmp_path_factory) -> tuple[Path, dict[str, Any]]:
-    """Both stalls beside attached flow: alpha brought from the boom, sensors calibrated on both records together."""
+    """Both stalls beside attached flow: alpha brought from the boom, sensors calibrated on both
+    records together."""
     logs = [measured(f"attas/fAttas_qst0{number}.asc") for number in (1, 2)]
     workspace = tmp_path_factory.mktemp("stalls") / "w"
     folder = tmp_path_factory.mktemp("files")
@@ -143,46 +188,96 @@ def stalls(measured, tmp_path_factory) -> tuple[Path, dict[str, Any]]:
     text = (MAPPINGS / "attas_quasi_steady.toml").read_text()
     for name in ("ax", "ay", "az"):
         text = text.replace(f'name = "{name}"\n', f'name = "{name}_imu"\n')
-    no_good = ("psi", "altitude", "latitude", "longitude", "alphadot", "betadot", "delta_flap", *_STILL)
+    no_good = (
+        "psi",
+        "altitude",
+        "latitude",
+        "longitude",
+        "alphadot",
+        "betadot",
+        "delta_flap",
+        *_STILL,
+    )
     _ingested(workspace, folder, text, no_good, logs)
-    return workspace, asked(workspace, "close-loop", "--vehicle", "attas", "--direct", "--accept-suspected", "stall_hysteresis")
+    return workspace, asked(
+        workspace,
+        "close-loop",
+        "--vehicle",
+        "attas",
+        "--direct",
+        "--accept-suspected",
+        "stall_hysteresis",
+    )
 
 
 #: What moves of these is the pick-off.
-_STILL = tuple(f"delta_{name}_{side}" for name in ("direct_lift", "spoiler") for side in ("left", "right"))
+_STILL = tuple(
+    f"delta_{name}_{side}" for name in ("direct_lift", "spoiler") for side in ("left", "right")
+)
 
 
 def _attas(workspace: Path, folder: Path, database: AeroDatabase) -> None:
     text = (VEHICLES / "attas.toml").read_text()
     arm = "imu = [-1.010, 0.886, 0.103]"
     text = text.replace(arm, f"{arm}\nair_data = [13.080, -0.010, -0.027]")
-    sides = [f'[surfaces.aileron_{side}]\nlimits = ["-30 deg", "30 deg"]\n' for side in ("left", "right")]
-    pair = '[combinations.aileron]\nkind = "asymmetric"\nright = "aileron_right"\nleft = "aileron_left"\n'
+    sides = [
+        f'[surfaces.aileron_{side}]\nlimits = ["-30 deg", "30 deg"]\n' for side in ("left", "right")
+    ]
+    pair = (
+        '[combinations.aileron]\nkind = "asymmetric"\nright = "aileron_right"\nleft ='
+        ' "aileron_left"\n'
+    )
     (folder / "vehicle.toml").write_text(text + "\n" + "".join(sides) + pair)
     asked(workspace, "vehicle", "add", str(folder / "vehicle.toml"))
     lines = ['name = "attached"', "[reference]", "area = 64.0", "chord = 3.159", "span = 21.5"]
     lines += ["moment_reference = [-0.02, -0.01, -0.12]"]
     for term in database.terms:
-        lines += ["[[terms]]", f'name = "{term.name}"', f'axis = "{term.axis}"', f'expression = "{term.expression}"']
+        lines += [
+            "[[terms]]",
+            f'name = "{term.name}"',
+            f'axis = "{term.axis}"',
+            f'expression = "{term.expression}"',
+        ]
     (folder / "database.toml").write_text("\n".join(lines) + "\n")
     asked(workspace, "database", "import", str(folder / "database.toml"), "--vehicle", "attas")
 
 
-def _ingested(workspace: Path, folder: Path, mapping: str, no_good: tuple[str, ...], logs: list[Path]) -> None:
+def _ingested(
+    workspace: Path, folder: Path, mapping: str, no_good: tuple[str, ...], logs: list[Path]
+) -> None:
     """The records through a mapping without the channels that are no good, calibrated jointly."""
-    kept = [block for block in mapping.split("\n\n") if not any(f'name = "{name}"' in block for name in no_good)]
-    text = re.sub(r'^name = "(attas\w*)"', r'name = "\1_checked"', "\n\n".join(kept) + "\n", flags=re.MULTILINE)
+    kept = [
+        block
+        for block in mapping.split("\n\n")
+        if not any(f'name = "{name}"' in block for name in no_good)
+    ]
+    text = re.sub(
+        r'^name = "(attas\w*)"',
+        r'name = "\1_checked"',
+        "\n\n".join(kept) + "\n",
+        flags=re.MULTILINE,
+    )
     (folder / "mapping.toml").write_text(text)
     options = ("--vehicle", "attas", "--mapping", str(folder / "mapping.toml"), "--direct")
     asked(workspace, "flight", "ingest", *map(str, logs), *options)
-    asked(workspace, "recalibrate", "--vehicle", "attas", "--reason", "one aircraft, one calibration", "--direct")
+    asked(
+        workspace,
+        "recalibrate",
+        "--vehicle",
+        "attas",
+        "--reason",
+        "one aircraft, one calibration",
+        "--direct",
+    )
 
 
 def test_hysteresis_is_suspected_of_the_stall_before_every_static_template(stalls) -> None:
     names = [finding["effect"] for finding in stalls[1]["findings"]]
     found = {finding["hypothesis"]: finding for finding in stalls[1]["findings"]}
     assert found["stall_hysteresis@C_lift"]["verdict"] == "suspected"
-    assert not {"alpha_slope_break", "alpha_slope", "control_nonlinearity"} & set(names[: names.index("stall_hysteresis")])
+    assert not {"alpha_slope_break", "alpha_slope", "control_nonlinearity"} & set(
+        names[: names.index("stall_hysteresis")]
+    )
     assert "alpha_slope_break" not in names
     # In the pitching moment the attached flow's own errors are larger: no claim, but a bound.
     bounds = {entry["hypothesis"]: entry["upper_bound"] for entry in stalls[1]["not_found"]}
@@ -190,18 +285,24 @@ def test_hysteresis_is_suspected_of_the_stall_before_every_static_template(stall
 
 
 def test_the_stall_is_predicted_on_the_other_record_through_the_flow(stalls) -> None:
-    """Lift in the window, low-passed: .026 and .031; goals .027 and .037; without a stall term .041 and .039."""
+    """Lift in the window, low-passed: .026 and .031; goals .027 and .037; without a stall term .041
+    and .039."""
     workspace, document = stalls
     opened = stores(str(workspace))
     database = opened.database(document["baseline"])
-    flights = [row.id for row in sorted(opened.catalogue.flights("attas"), key=lambda row: -row.duration)]
+    flights = [
+        row.id for row in sorted(opened.catalogue.flights("attas"), key=lambda row: -row.duration)
+    ]
     source = StoredFlights(opened, "attas", "test")
     seen = stall_flights(source, flights, database)
     for (fitted, predicted), goal in zip(((0, 1), (1, 0)), (0.027, 0.037), strict=True):
         candidate = added_stall(source, database, (flights[fitted],))
         comparison = compared(opened, flights[predicted], candidate, "test")
         assert window_rms(comparison.residual("C_lift"), seen[predicted]) <= goal
-        assert window_rms(without_stall(seen[fitted], seen[predicted])["C_lift"], seen[predicted]) > goal
+        assert (
+            window_rms(without_stall(seen[fitted], seen[predicted])["C_lift"], seen[predicted])
+            > goal
+        )
     lift = document["axes"]["C_lift"]
     assert lift["held_out_rms_after"] < 0.8 * lift["held_out_rms_before"]
     assert document["candidate"]
@@ -213,9 +314,19 @@ def test_the_library_is_frozen_by_the_family_of_the_stall_not_by_its_numbers(sta
     workspace, document = stalls
     opened = stores(str(workspace))
     flights = [row.id for row in opened.catalogue.flights("attas")]
-    seen = stall_flights(StoredFlights(opened, "attas", "test"), flights, opened.database(document["baseline"]))
+    seen = stall_flights(
+        StoredFlights(opened, "attas", "test"), flights, opened.database(document["baseline"])
+    )
     assert len(seen) == 2
-    again = asked(workspace, "close-loop", "--vehicle", "attas", "--direct", "--library", document["library"]["sha256"])
+    again = asked(
+        workspace,
+        "close-loop",
+        "--vehicle",
+        "attas",
+        "--direct",
+        "--library",
+        document["library"]["sha256"],
+    )
     assert again["library"] == {**document["library"], "rounds": 1}
 
 
@@ -238,7 +349,9 @@ def attached(measured, tmp_path_factory) -> Path:
     workspace, folder = tmp_path_factory.mktemp("attached") / "w", tmp_path_factory.mktemp("files")
     zero = 'expression = "0*alpha*q_hat"'
     _attas(workspace, folder, attached_database(measured("attas/fAttasElv1.mat")))
-    text = re.sub(r'expression = ".*"', zero, (folder / "database.toml").read_text()).replace('"attached"', '"empty"')
+    text = re.sub(r'expression = ".*"', zero, (folder / "database.toml").read_text()).replace(
+        '"attached"', '"empty"'
+    )
     (folder / "empty.toml").write_text(text)
     asked(workspace, "database", "import", str(folder / "empty.toml"), "--vehicle", "attas")
     no_good = ("betadot", "delta_flap", "delta_landing_gear", "delta_tailplane", *_STILL)
@@ -247,32 +360,46 @@ def attached(measured, tmp_path_factory) -> Path:
 
 
 def _beyond(workspace: Path, model: Path, terms: Mapping[str, tuple[str, ...]]) -> dict[str, Any]:
-    """What the loop says beside the database of zeros with these terms estimated, each record with its own constants: they are
-    trimmed differently, and under one constant Cm_q and Cm_de come out at .6 and .7 of what every record says."""
+    """What the loop says beside the database of zeros with these terms estimated, each record with
+    its own constants: they are trimmed differently, and under one constant Cm_q and Cm_de come out
+    at .6 and .7 of what every record says."""
     entry = '[[increment]]\naxis = "{}"\nterms = {}\nown_constants = true\n'
-    model.write_text("\n".join(entry.format(axis, json.dumps(names)) for axis, names in terms.items()))
+    model.write_text(
+        "\n".join(entry.format(axis, json.dumps(names)) for axis, names in terms.items())
+    )
     options = ("--vehicle", "attas", "--hold-out", "none", "--direct")
     update = asked(workspace, "update", "--baseline", "v0002", "--model", str(model), *options)
-    document: dict[str, Any] = asked(workspace, "close-loop", "--baseline", update["candidate"], *options)
+    document: dict[str, Any] = asked(
+        workspace, "close-loop", "--baseline", update["candidate"], *options
+    )
     return document
 
 
 def test_what_the_short_set_of_the_side_force_lacks_is_suspected(attached, tmp_path) -> None:
-    """SOURCE.md: without the rudder CY lacks .18 to .22 per radian. One manoeuvre is made for it; the others bear it out."""
+    """SOURCE.md: without the rudder CY lacks .18 to .22 per radian. One manoeuvre is made for it;
+    the others bear it out."""
     document = _beyond(attached, tmp_path / "short.toml", {**FULL, "CY": FULL["CY"][:-1]})
     (finding,) = document["findings"]
-    assert (finding["hypothesis"], finding["verdict"]) == ("control_effectiveness@C_side:rudder", "suspected")
+    assert (finding["hypothesis"], finding["verdict"]) == (
+        "control_effectiveness@C_side:rudder",
+        "suspected",
+    )
     assert finding["ci95"][0] < 0.18 < finding["value"] < 0.22
     assert "one manoeuvre, the only one made for it" in finding["because"]
 
 
 @pytest.mark.parametrize("kept", [("1", "alpha"), ("1", "alpha", "q_hat")])
-def test_what_the_short_set_of_the_lift_lacks_is_suspected(attached, tmp_path, kept: tuple[str, ...]) -> None:
-    """SOURCE.md: beside the short set CL lacks .30 to .45 per radian of elevator. One manoeuvre moves the elevator; the others
-    neither bear it out nor contradict, its halves agree."""
+def test_what_the_short_set_of_the_lift_lacks_is_suspected(
+    attached, tmp_path, kept: tuple[str, ...]
+) -> None:
+    """SOURCE.md: beside the short set CL lacks .30 to .45 per radian of elevator. One manoeuvre
+    moves the elevator; the others neither bear it out nor contradict, its halves agree."""
     document = _beyond(attached, tmp_path / "short.toml", {**FULL, "C_lift": kept})
     (finding,) = document["findings"]
-    assert (finding["hypothesis"], finding["verdict"]) == ("control_effectiveness@C_lift:elevator", "suspected")
+    assert (finding["hypothesis"], finding["verdict"]) == (
+        "control_effectiveness@C_lift:elevator",
+        "suspected",
+    )
     assert 0.30 < finding["value"] < 0.45
     assert finding["ci95"][0] > 0.2
     assert finding["explanation_set"] == ["control_effectiveness@C_lift:elevator"]
@@ -283,5 +410,8 @@ def test_beyond_the_full_linear_set_nothing_is_claimed(attached, tmp_path) -> No
     document = _beyond(attached, tmp_path / "full.toml", FULL)
     assert document["findings"] == []
     assert document["candidate"] is None
-    assert all(e["upper_bound"] is not None or e["verdict"] != "not_detected" for e in document["not_found"])
+    assert all(
+        e["upper_bound"] is not None or e["verdict"] != "not_detected"
+        for e in document["not_found"]
+    )
     assert document["axes"]["Cn"]["rms_before"] < 0.002

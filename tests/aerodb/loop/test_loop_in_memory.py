@@ -1,4 +1,5 @@
-"""The closed loop on flights that stand in no store: what is planted is found, added and validated; where nothing is, nothing."""
+"""The closed loop on flights that stand in no store: what is planted is found, added and validated;
+where nothing is, nothing."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -38,7 +39,8 @@ DAMPING = -6.0
 
 @dataclass(frozen=True)
 class FlightsInMemory:
-    """Flights and their coefficients, by id; implements `FlightSource`. known : what earlier looks had, as `looked_before`."""
+    """Flights and their coefficients, by id; implements `FlightSource`. known : what earlier looks
+    had, as `looked_before`."""
 
     vehicle: Vehicle
     flown: Mapping[str, tuple[Flight, Coefficients]]
@@ -66,12 +68,18 @@ class FlightsInMemory:
 
 @pytest.fixture(scope="module")
 def source() -> FlightsInMemory:
-    """Flights of an aircraft whose pitch damping is larger than in the database, with coloured noise on all coefficients."""
+    """Flights of an aircraft whose pitch damping is larger than in the database, with coloured
+    noise on all coefficients."""
     vehicle, rng, flown = effect_flights.vehicle(), np.random.default_rng(12), {}
-    for flight in effect_flights.flown_together(range(20, 20 + IDENTIFY + VALIDATE), database(-14.0 + DAMPING), vehicle):
+    for flight in effect_flights.flown_together(
+        range(20, 20 + IDENTIFY + VALIDATE), database(-14.0 + DAMPING), vehicle
+    ):
         made = total_coefficients(flight, vehicle, angular_acceleration="logged")
         n = len(flight.time)
-        noise = {axis: size * (coloured(rng, n, step=flight.step) + rng.standard_normal(n)) for axis, size in FLOOR.items()}
+        noise = {
+            axis: size * (coloured(rng, n, step=flight.step) + rng.standard_normal(n))
+            for axis, size in FLOOR.items()
+        }
         noisy = {axis: values + noise[axis] for axis, values in made.values.items()}
         flown[flight.id] = (flight, replace(made, values=noisy))
     return FlightsInMemory(vehicle, flown)
@@ -89,12 +97,16 @@ def hold_out(source: FlightsInMemory) -> HoldOut:
     return HoldOut(flights[:IDENTIFY], flights[IDENTIFY:], "held-out")
 
 
-def closed(source: FlightSource, identified: Sequence[str], baseline: AeroDatabase) -> tuple[Library, Loop]:
+def closed(
+    source: FlightSource, identified: Sequence[str], baseline: AeroDatabase
+) -> tuple[Library, Loop]:
     library = freeze_library(source, identified, baseline)
     return library, run_loop(source, identified, baseline, library, Accept())
 
 
-def test_what_is_planted_is_found_added_and_lowers_the_error_of_flights_left_out(source: FlightsInMemory) -> None:
+def test_what_is_planted_is_found_added_and_lowers_the_error_of_flights_left_out(
+    source: FlightsInMemory,
+) -> None:
     split = hold_out(source)
     library, loop = closed(source, split.identified, database())
     (finding,) = loop.added
@@ -135,7 +147,9 @@ def test_where_nothing_lacks_nothing_is_confirmed(source: FlightsInMemory) -> No
 
 def test_what_joined_the_library_after_a_look_is_suspected_at_most(source: FlightsInMemory) -> None:
     split = hold_out(source)
-    _, loop = closed(replace(source, known=frozenset({"alpha_slope@CZ"})), split.identified, database())
+    _, loop = closed(
+        replace(source, known=frozenset({"alpha_slope@CZ"})), split.identified, database()
+    )
     assert loop.added == ()
     found = {finding.hypothesis: finding for finding in loop.findings}
     assert found["pitch_damping@Cm"].verdict == "suspected"

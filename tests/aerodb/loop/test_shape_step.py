@@ -1,4 +1,5 @@
-"""What the loop says of shapes that it made finer, and on which axes later claims are suspected at most."""
+"""What the loop says of shapes that it made finer, and on which axes later claims are suspected at
+most."""
 
 from dataclasses import replace
 
@@ -23,22 +24,44 @@ LIFT = RefinedShape("stall@C_lift:loop", "C_lift", ("alpha", "mach"), 0.2)
 def database(*refits: Refit) -> AeroDatabase:
     """One with an increment on Cn for each refit."""
     made = [
-        Increment("Cn", (parse("beta"),), np.ones(1), np.eye(1), note="traced: a@Cn (confirmed)", refit=refit) for refit in refits
+        Increment(
+            "Cn",
+            (parse("beta"),),
+            np.ones(1),
+            np.eye(1),
+            note="traced: a@Cn (confirmed)",
+            refit=refit,
+        )
+        for refit in refits
     ]
     return replace(EMPTY, increments=tuple(made))
 
 
 def test_axes_are_those_of_the_refined_terms_alone() -> None:
-    two = Refit((RefinedShape("a@Cn", "Cn", ("alpha",), 0.1), RefinedShape("b@CY:p", "CY", ("beta",), 0.1)))
+    two = Refit(
+        (RefinedShape("a@Cn", "Cn", ("alpha",), 0.1), RefinedShape("b@CY:p", "CY", ("beta",), 0.1))
+    )
     assert axes_of_wrong_shapes(database(Refit((LIFT,)))) == {"CX", "CZ"}
     assert axes_of_wrong_shapes(database(Refit(), two)) == {"Cn", "CY"}
     said = remarks_on_shapes(database(Refit((LIFT,))))[0]
-    assert "[a@Cn (confirmed); gain fitted once more beside the rest, shape refined of stall@C_lift:loop over alpha, mach" in said
+    assert (
+        "[a@Cn (confirmed); gain fitted once more beside the rest, shape refined of"
+        " stall@C_lift:loop over alpha, mach" in said
+    )
     assert "(left-out flights: 20.0% less error)" in said
 
 
 def test_a_refit_names_the_axis_on_which_a_term_is_written() -> None:
-    lift = on_axis("lift", "C_lift", parse("alpha"), unit="1", plausible=(-1, 1), because="", parameter="k", subject="p")
+    lift = on_axis(
+        "lift",
+        "C_lift",
+        parse("alpha"),
+        unit="1",
+        plausible=(-1, 1),
+        because="",
+        parameter="k",
+        subject="p",
+    )
     finer = Refined((lift,), np.zeros(1), np.eye(1), {lift.id: ("alpha",)}, {lift.id: 0.25})
     assert refit_of(finer) == Refit((RefinedShape("lift@C_lift:p", "C_lift", ("alpha",), 0.25),))
 
@@ -51,7 +74,10 @@ def test_only_new_gains_cast_no_suspicion() -> None:
 
 
 def test_a_claim_on_such_an_axis_is_suspected_and_says_why() -> None:
-    grams = [gram(evidence(seed, {LIBRARY[0].id: 0.4, LIBRARY[2].id: 0.4}), Settings()) for seed in range(6)]
+    grams = [
+        gram(evidence(seed, {LIBRARY[0].id: 0.4, LIBRARY[2].id: 0.4}), Settings())
+        for seed in range(6)
+    ]
     findings = trace(grams, LIBRARY, Settings()).findings
     assert {f.verdict for f in findings} == {"confirmed"}
     verdicts = {f.hypothesis: f for f in beside_wrong_shapes(findings, {"CX"})}

@@ -1,4 +1,5 @@
-"""The closed loop of a stall's lift: its angles come back from flights that have one, and are refused where there is none."""
+"""The closed loop of a stall's lift: its angles come back from flights that have one, and are
+refused where there is none."""
 
 import numpy as np
 import pytest
@@ -14,7 +15,8 @@ TRUTH, GAIN, ALPHA_0 = Relay(0.09, 0.33), -80.0, -0.04
 
 
 def flight(number: int, top: float, gain: float = GAIN) -> StallFlight:
-    """Up to `top` and back twice; the branch written out sample by sample, not by the product's state model."""
+    """Up to `top` and back twice; the branch written out sample by sample, not by the product's
+    state model."""
     rng, time = np.random.default_rng(number), np.arange(0.0, 60.0, 0.04)
     alpha = 0.05 + (top - 0.05) * np.sin(np.pi * time / 30.0) ** 2
     separated, lost = False, np.zeros(len(time))
@@ -24,7 +26,9 @@ def flight(number: int, top: float, gain: float = GAIN) -> StallFlight:
             lost[k] = (angle - ALPHA_0) * (angle - TRUTH.low) * (TRUTH.high - angle)
     residual = 0.02 * number + gain * lost + 0.01 * rng.standard_normal(len(time))
     speed, usable = np.full(len(time), 35.0), np.ones(len(time), dtype=np.bool_)
-    return StallFlight(f"stall-{number}", time, alpha, speed, 1.5, {"C_lift": residual}, {}, usable, ALPHA_0)
+    return StallFlight(
+        f"stall-{number}", time, alpha, speed, 1.5, {"C_lift": residual}, {}, usable, ALPHA_0
+    )
 
 
 def test_the_angles_come_back() -> None:

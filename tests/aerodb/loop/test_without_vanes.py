@@ -1,6 +1,8 @@
-"""Without vanes alpha is made of the motion: what lacks in the database is found all the same, and no sensor is blamed for it.
+"""Without vanes alpha is made of the motion: what lacks in the database is found all the same, and
+no sensor is blamed for it.
 
-The same glider, flights and handbook as in docs/px4-without-vanes.md. Full numbers under --full-campaign.
+The same glider, flights and handbook as in docs/px4-without-vanes.md. Full numbers under
+--full-campaign.
 """
 
 from collections import Counter
@@ -14,7 +16,11 @@ import pytest
 from aerodb.consistency.smoother.state_error_spectrum import StateNoise
 from aerodb.effects.flight_view import view_of
 from aerodb.effects.measurement.angle_errors import with_flattening
-from aerodb.effects.measurement.reconstructed_angles import columns_of, of_flow_angles, within_what_is_known
+from aerodb.effects.measurement.reconstructed_angles import (
+    columns_of,
+    of_flow_angles,
+    within_what_is_known,
+)
 from aerodb.tasks.steps.compare import load_comparison
 from aerodb.tasks.steps.consistency import applied_errors, noise_of, reconstructed_angles
 from aerodb.tracing.decision.findings import Traced
@@ -35,12 +41,18 @@ def _chosen(of: Fleet, trials: Trials, *sizes: int) -> list[list[int]]:
     """All flights but one, or 30 campaigns of each of these sizes drawn from the bank."""
     every = range(len(of.flights))
     few = [[i for i in every if i != left_out] for left_out in every]
-    return [group for size in sizes for group in groups(len(every), size, trials(0, 30))] if trials(0, 1) else few
+    return (
+        [group for size in sizes for group in groups(len(every), size, trials(0, 30))]
+        if trials(0, 1)
+        else few
+    )
 
 
 def _bounded(of: Fleet, flight: str, wrong: str) -> StateNoise:
     channels, comparison, _ = load_comparison(of.opened, flight, of.versions[wrong], of.run)
-    view = view_of(channels, comparison, of.opened.database(of.versions[wrong]), of.opened.vehicle(NAME)[0])
+    view = view_of(
+        channels, comparison, of.opened.database(of.versions[wrong]), of.opened.vehicle(NAME)[0]
+    )
     noise = noise_of(of.consistent(flight)[1])
     assert noise is not None
     return bounded_noise(noise, view, comparison, Settings(bandwidth=1.2))
@@ -48,8 +60,9 @@ def _bounded(of: Fleet, flight: str, wrong: str) -> StateNoise:
 
 @pytest.mark.heavy
 def test_the_residual_says_how_wrong_alpha_can_be(glider: Fleet) -> None:
-    """Against the simulator's own alpha: the smoother allows for gusts that were not there, several times the true error; what
-    the residual allows is within a factor two of it over all flights. A database that is wrong only loosens the bound."""
+    """Against the simulator's own alpha: the smoother allows for gusts that were not there, several
+    times the true error; what the residual allows is within a factor two of it over all flights. A
+    database that is wrong only loosens the bound."""
     true, allowed, left, looser = [], [], [], []
     for flight in glider.flights:
         error, prior = glider.error_of_alpha(flight)
@@ -70,22 +83,45 @@ def test_nothing_but_alpha_is_bounded(glider: Fleet) -> None:
     flight = glider.flights[0]
     noise, bounded = noise_of(glider.consistent(flight)[1]), _bounded(glider, flight, "nothing")
     assert noise is not None
-    assert {name for name in noise.density if noise.density[name] != bounded.density[name]} == {"alpha"}
+    assert {name for name in noise.density if noise.density[name] != bounded.density[name]} == {
+        "alpha"
+    }
     assert bounded.offset == noise.offset
-    quiet = replace(noise, density={**noise.density, "alpha": tuple(1e-12 * power for power in noise.density["alpha"])})
-    channels, comparison, _ = load_comparison(glider.opened, flight, glider.versions["nothing"], glider.run)
-    view = view_of(channels, comparison, glider.opened.database(glider.versions["nothing"]), glider.opened.vehicle(NAME)[0])
+    quiet = replace(
+        noise,
+        density={
+            **noise.density,
+            "alpha": tuple(1e-12 * power for power in noise.density["alpha"]),
+        },
+    )
+    channels, comparison, _ = load_comparison(
+        glider.opened, flight, glider.versions["nothing"], glider.run
+    )
+    view = view_of(
+        channels,
+        comparison,
+        glider.opened.database(glider.versions["nothing"]),
+        glider.opened.vehicle(NAME)[0],
+    )
     assert bounded_noise(quiet, view, comparison, Settings(bandwidth=1.2)) == quiet
 
 
 @pytest.mark.heavy
 def test_a_sensor_that_is_not_there_is_no_hypothesis(glider: Fleet) -> None:
-    """Neither bias, scale, delay nor place of a vane; what stands there instead says that the angle was reconstructed."""
+    """Neither bias, scale, delay nor place of a vane; what stands there instead says that the angle
+    was reconstructed."""
     library = glider.library("lift")
     effects = {hypothesis.effect for hypothesis in library.hypotheses}
-    absent = {f"{angle}_{kind}" for angle in ("alpha", "beta") for kind in ("bias", "scale", "delay")} | {"air_data_position"}
+    absent = {
+        f"{angle}_{kind}" for angle in ("alpha", "beta") for kind in ("bias", "scale", "delay")
+    } | {"air_data_position"}
     assert not effects & absent
-    assert {"reconstructed_alpha", "reconstructed_beta", "accelerometer_bias", "alpha_slope"} <= effects
+    assert {
+        "reconstructed_alpha",
+        "reconstructed_beta",
+        "accelerometer_bias",
+        "alpha_slope",
+    } <= effects
     assert library.reconstructed == {"alpha", "beta"}
     (remark,) = library.remarks
     assert "angle of attack and sideslip" in remark
@@ -96,7 +132,8 @@ def test_a_sensor_that_is_not_there_is_no_hypothesis(glider: Fleet) -> None:
 
 @pytest.mark.heavy
 def test_what_the_reconstruction_knows_of_a_bias_bounds_it(glider: Fleet) -> None:
-    """Three of its standard errors, those of the least certain flight; without knowledge nothing changes."""
+    """Three of its standard errors, those of the least certain flight; without knowledge nothing
+    changes."""
     known = [applied_errors(glider.consistent(flight)[1]) for flight in glider.flights]
     (heave,) = (h for h in glider.library("lift").hypotheses if h.id == "accelerometer_bias@all:z")
     most = 3.0 * max(each["az_bias"] for each in known)
@@ -111,7 +148,8 @@ def test_what_the_reconstruction_knows_of_a_bias_bounds_it(glider: Fleet) -> Non
 
 @pytest.mark.heavy
 def test_flights_with_a_vane_keep_its_sensor(glider: Fleet) -> None:
-    """With vanes the library is what it was; in a mixed campaign each flight answers for what it has."""
+    """With vanes the library is what it was; in a mixed campaign each flight answers for what it
+    has."""
     own = [replace(h, effect=f"alpha_{h.subject}", subject="") for h in glider.library("lift").hypotheses
            if h.effect == "reconstructed_alpha"]  # fmt: skip
     assert of_flow_angles(own, ("alpha", "beta"), ()) == tuple(own)
@@ -129,10 +167,14 @@ def _counted(found: list[Traced], truth: str) -> Counter[str]:
         count["confirmed"] += any(finding.hypothesis == truth for finding in confirmed)
         count["in set"] += any(truth in finding.explanation_set for finding in traced.findings)
         blamed = traced.named("sensor")
-        count["heave blamed"] += any(finding.hypothesis == "accelerometer_bias@all:z" for finding in blamed)
+        count["heave blamed"] += any(
+            finding.hypothesis == "accelerometer_bias@all:z" for finding in blamed
+        )
         low_high = [finding.ci95 for finding in traced.findings if finding.hypothesis == truth]
         count["intervals"] += len(low_high)
-        count["cover"] += sum(low <= PLANTED.get(truth_of(truth), ("", 0.0))[1] <= high for low, high in low_high)
+        count["cover"] += sum(
+            low <= PLANTED.get(truth_of(truth), ("", 0.0))[1] <= high for low, high in low_high
+        )
     return count
 
 
@@ -144,12 +186,15 @@ def truth_of(hypothesis: str) -> str:
 def _shares(of: Fleet, wrong: str, chosen: list[list[int]]) -> Mapping[str, float]:
     truth = PLANTED.get(wrong, ("", 0.0))[0]
     count = _counted(of.traced(wrong, chosen), truth)
-    return {name: count[name] / len(chosen) for name in count} | {"coverage": count["cover"] / max(1, count["intervals"])}
+    return {name: count[name] / len(chosen) for name in count} | {
+        "coverage": count["cover"] / max(1, count["intervals"])
+    }
 
 
 @pytest.mark.heavy
 def test_a_wrong_lift_slope_is_found_and_no_sensor_blamed(glider: Fleet, trials: Trials) -> None:
-    """Before, half of such campaigns confirmed another effect or an accelerometer, and none found the slope."""
+    """Before, half of such campaigns confirmed another effect or an accelerometer, and none found
+    the slope."""
     share = _shares(glider, "lift", _chosen(glider, trials, 6, 10))
     assert share["in set"] >= 0.95
     assert share["confirmed"] >= 0.6
@@ -160,7 +205,8 @@ def test_a_wrong_lift_slope_is_found_and_no_sensor_blamed(glider: Fleet, trials:
 
 @pytest.mark.heavy
 def test_nothing_wrong_and_nothing_confirmed(glider: Fleet, trials: Trials) -> None:
-    """With the database that flew. What is left of errors of the chain (lags) may end as ambiguous, never in the database."""
+    """With the database that flew. What is left of errors of the chain (lags) may end as ambiguous,
+    never in the database."""
     share = _shares(glider, "nothing", _chosen(glider, trials, 6, 10))
     assert share["false confirmed"] <= 0.05
     assert share["heave blamed"] == 0.0
@@ -168,9 +214,12 @@ def test_nothing_wrong_and_nothing_confirmed(glider: Fleet, trials: Trials) -> N
 
 @pytest.mark.heavy
 @pytest.mark.parametrize("wrong", ["elevator", "lift by elevator"])
-def test_a_wrong_elevator_ends_as_itself_or_as_ambiguous(glider: Fleet, trials: Trials, wrong: str) -> None:
-    """The elevator's moment cannot be told from its calibration, and stands beside it. Its small force hides behind the errors of
-    alpha: it may be missed, but what stands in for it is not confirmed."""
+def test_a_wrong_elevator_ends_as_itself_or_as_ambiguous(
+    glider: Fleet, trials: Trials, wrong: str
+) -> None:
+    """The elevator's moment cannot be told from its calibration, and stands beside it. Its small
+    force hides behind the errors of alpha: it may be missed, but what stands in for it is not
+    confirmed."""
     share = _shares(glider, wrong, _chosen(glider, trials, 6, 10))
     assert share["in set"] >= (0.95 if wrong == "elevator" else 0.0)
     assert share["false confirmed"] <= 0.1
@@ -179,8 +228,9 @@ def test_a_wrong_elevator_ends_as_itself_or_as_ambiguous(glider: Fleet, trials: 
 
 @pytest.mark.heavy
 def test_a_biased_accelerometer_is_no_effect(tmp_path: Path, trials: Trials) -> None:
-    """.3 m/s^2, fifteen times the prior: the reconstruction takes it off. What it leaves along x (.02, since airspeed and ax
-    trade off) may be found as just that; hardly ever an effect is confirmed instead. Campaigns share flights: errors recur."""
+    """.3 m/s^2, fifteen times the prior: the reconstruction takes it off. What it leaves along x
+    (.02, since airspeed and ax trade off) may be found as just that; hardly ever an effect is
+    confirmed instead. Campaigns share flights: errors recur."""
     biased = fleet(tmp_path, trials(6, 16), 11, heave_bias=0.3, taken=trials(3, 16))
     chosen = _chosen(biased, trials, 6, 10) if trials(0, 1) else [[0, 1, 2]]
     for wrong in ("nothing", "lift"):
@@ -189,9 +239,16 @@ def test_a_biased_accelerometer_is_no_effect(tmp_path: Path, trials: Trials) -> 
         assert count["false confirmed"] <= 0.1 * len(chosen)
         assert count["heave blamed"] == 0
         assert count["in set"] >= (0.95 * len(chosen) if truth else 0)
-        along = [f for each in found for f in each.named("sensor") if f.hypothesis == "accelerometer_bias@all:x"]
+        along = [
+            f
+            for each in found
+            for f in each.named("sensor")
+            if f.hypothesis == "accelerometer_bias@all:x"
+        ]
         left = 0.01 - np.mean([_taken_off(biased, flight, "ax_bias") for flight in biased.flights])
-        assert sum(finding.ci95[0] < left < finding.ci95[1] for finding in along) >= 0.9 * len(along)
+        assert sum(finding.ci95[0] < left < finding.ci95[1] for finding in along) >= 0.9 * len(
+            along
+        )
 
 
 def _taken_off(of: Fleet, flight: str, name: str) -> float:

@@ -1,4 +1,5 @@
-"""Standard atmosphere, air-data relations and attitudes against published tables and independent packages."""
+"""Standard atmosphere, air-data relations and attitudes against published tables and independent
+packages."""
 
 import numpy as np
 import pytest
@@ -21,7 +22,9 @@ from aerodb.physics.frames import euler_321_from_enu_quaternion, euler_321_from_
         (32000.0, 228.65, 868.014, 0.0132249),
     ],
 )
-def test_published_standard_atmosphere(altitude: float, temperature: float, pressure: float, density: float) -> None:
+def test_published_standard_atmosphere(
+    altitude: float, temperature: float, pressure: float, density: float
+) -> None:
     air = standard_atmosphere(altitude)
     assert air.temperature == pytest.approx(temperature, abs=0.005)
     assert air.pressure == pytest.approx(pressure, rel=2e-5)
@@ -42,31 +45,41 @@ def test_standard_atmosphere_ends() -> None:
 
 
 def test_calibrated_airspeed_is_true_airspeed_at_sea_level_and_less_aloft() -> None:
-    sea_level = mach_from_calibrated(np.array([100.0]), np.array([101325.0])) * speed_of_sound(np.array([288.15]))
+    sea_level = mach_from_calibrated(np.array([100.0]), np.array([101325.0])) * speed_of_sound(
+        np.array([288.15])
+    )
     assert sea_level == pytest.approx(100.0, rel=1e-9)
     # The other way round: the impact pressure at Mach 0.8 and 30000 ft, read at sea level.
     pressure = standard_atmosphere(9144.0).pressure
     impact = pressure * ((1.0 + 0.2 * 0.8**2) ** 3.5 - 1.0)
-    calibrated = speed_of_sound(np.asarray(288.15)) * np.sqrt(5.0 * ((impact / 101325.0 + 1.0) ** (2.0 / 7.0) - 1.0))
+    calibrated = speed_of_sound(np.asarray(288.15)) * np.sqrt(
+        5.0 * ((impact / 101325.0 + 1.0) ** (2.0 / 7.0) - 1.0)
+    )
     assert mach_from_calibrated(calibrated, pressure) == pytest.approx(0.8, rel=1e-12)
 
 
 def _flight(**channels: float) -> Flight:
-    return Flight("f", "v", np.arange(3.0), {name: np.full(3, value) for name, value in channels.items()})
+    return Flight(
+        "f", "v", np.arange(3.0), {name: np.full(3, value) for name, value in channels.items()}
+    )
 
 
 def test_air_data_are_completed_in_any_direction() -> None:
     rho, v = 0.9, 80.0
     whole = {"rho": rho, "V": v, "qbar": 0.5 * rho * v * v}
     for absent, value in whole.items():
-        flight = complete_air_data(_flight(**{name: x for name, x in whole.items() if name != absent}))
+        flight = complete_air_data(
+            _flight(**{name: x for name, x in whole.items() if name != absent})
+        )
         np.testing.assert_allclose(flight[absent], value, rtol=1e-12)
         assert any(note.startswith(absent) for note in flight.notes)
 
 
 def test_air_data_from_static_quantities() -> None:
     air = standard_atmosphere(3000.0)
-    flight = complete_air_data(_flight(static_pressure=float(air.pressure), temperature=float(air.temperature), mach=0.3))
+    flight = complete_air_data(
+        _flight(static_pressure=float(air.pressure), temperature=float(air.temperature), mach=0.3)
+    )
     v = 0.3 * float(speed_of_sound(air.temperature))
     np.testing.assert_allclose(flight["V"], v, rtol=1e-12)
     np.testing.assert_allclose(flight["qbar"], 0.5 * float(air.density) * v * v, rtol=1e-12)

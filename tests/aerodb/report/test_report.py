@@ -1,4 +1,5 @@
-"""Pages: the answer first, the numbers those of the JSON, nothing fetched, names from logs as text; PDF; the command."""
+"""Pages: the answer first, the numbers those of the JSON, nothing fetched, names from logs as text;
+PDF; the command."""
 
 import base64
 import json
@@ -47,12 +48,17 @@ HOSTILE = (
 def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
     """A workspace of six flights from logs with hostile names, and the answer of an update."""
     folder, workspace = tmp_path_factory.mktemp("files"), tmp_path_factory.mktemp("made") / "w"
-    logs = [log.rename(log.parent / name) for log, name in zip(write_files(folder), HOSTILE, strict=True)]
+    logs = [
+        log.rename(log.parent / name)
+        for log, name in zip(write_files(folder), HOSTILE, strict=True)
+    ]
     asked(workspace, "vehicle", "add", str(folder / "vehicle.toml"))
     asked(workspace, "database", "import", str(folder / "database.toml"), "--vehicle", NAME)
     outcomes = asked(workspace, "flight", "ingest", *map(str, logs), "--vehicle", NAME, "--direct")
     assert [outcome["status"] for outcome in outcomes] == ["stored"] * 6
-    return workspace, asked(workspace, "update", "--vehicle", NAME, "--model", str(folder / "model.toml"), "--direct")
+    return workspace, asked(
+        workspace, "update", "--vehicle", NAME, "--model", str(folder / "model.toml"), "--direct"
+    )
 
 
 def written(workspace: Path, *arguments: str) -> str:
@@ -64,7 +70,8 @@ def written(workspace: Path, *arguments: str) -> str:
 
 
 def checked(page: str) -> Any:
-    """The page as a tree, after what holds for every page: nothing runs, nothing is fetched, every picture has a text."""
+    """The page as a tree, after what holds for every page: nothing runs, nothing is fetched, every
+    picture has a text."""
     tree = html.document_fromstring(page)
     assert not tree.xpath("//script | //link | //iframe | //object | //base | //form")
     assert not [name for element in tree.iter() for name in element.attrib if name.startswith("on")]
@@ -76,7 +83,11 @@ def checked(page: str) -> Any:
     for source in sources:
         shown = etree.fromstring(base64.b64decode(source.partition(",")[2]))
         assert not list(shown.iter("{*}script"))
-        assert not [href for href in shown.xpath("//@*[local-name()='href']") if not href.startswith(("#", "data:image/png"))]
+        assert not [
+            href
+            for href in shown.xpath("//@*[local-name()='href']")
+            if not href.startswith(("#", "data:image/png"))
+        ]
     assert all(image.get("alt") for image in tree.xpath("//img"))
     assert tree.get("lang") == "en"
     assert len(tree.xpath("//h1")) == 1
@@ -91,8 +102,13 @@ def words_of(tree: Any) -> str:
 
 def table(tree: Any, heading: str) -> list[list[str]]:
     """The rows of the first table below the heading that begins with `heading`."""
-    (found,) = tree.xpath(f"(//h2[starts-with(normalize-space(), '{heading}')]/following::table)[1]")
-    return [[" ".join(cell.text_content().split()) for cell in row] for row in found.xpath(".//tbody/tr")]
+    (found,) = tree.xpath(
+        f"(//h2[starts-with(normalize-space(), '{heading}')]/following::table)[1]"
+    )
+    return [
+        [" ".join(cell.text_content().split()) for cell in row]
+        for row in found.xpath(".//tbody/tr")
+    ]
 
 
 def test_the_page_of_a_flight(made: tuple[Path, dict[str, Any]]) -> None:
@@ -103,23 +119,36 @@ def test_the_page_of_a_flight(made: tuple[Path, dict[str, Any]]) -> None:
     lead = tree.xpath("//p[@class='lead']")[0].text_content()
     assert lead.strip().startswith(shown["verdict"]), "the verdict first"
     assert "v0002 (identified)" in words_of(tree)
-    baseline = compare_with_version(flight, workspace=str(workspace), run="", version=update["baseline"])
-    compared = {"axes": {axis: entry for axis, entry in baseline["axes"].items() if entry["samples"]}}
+    baseline = compare_with_version(
+        flight, workspace=str(workspace), run="", version=update["baseline"]
+    )
+    compared = {
+        "axes": {axis: entry for axis, entry in baseline["axes"].items() if entry["samples"]}
+    }
     rows = {row[0]: row for row in table(tree, "Coefficients beside v0001")}
     assert {axis: row[2:4] for axis, row in rows.items()} == {
         axis: [number(entry["rms_measured"], zeros=True), number(entry["rms_residual"], zeros=True)]
         for axis, entry in compared["axes"].items()
     }
-    assert [row[0] for row in table(tree, "Where the flight has been")][:2] == ["V [m/s]", "alpha [deg]"]
+    assert [row[0] for row in table(tree, "Where the flight has been")][:2] == [
+        "V [m/s]",
+        "alpha [deg]",
+    ]
     reach = {row[0]: row[4] for row in table(tree, "Where the flight has been")}
     assert reach["alpha [deg]"] == "−4 to 12", "the breakpoints of the handbook, in degrees"
 
 
 @pytest.mark.parametrize("name", HOSTILE[:3], ids=range(3))
-def test_names_of_logs_are_text_on_the_page_of_a_flight(made: tuple[Path, dict[str, Any]], name: str) -> None:
+def test_names_of_logs_are_text_on_the_page_of_a_flight(
+    made: tuple[Path, dict[str, Any]], name: str
+) -> None:
     workspace, _ = made
     opened = stores(str(workspace))
-    (flight,) = [f.id for f in opened.catalogue.flights() if opened.catalogue.log(f.log_sha256).name.endswith(name)]
+    (flight,) = [
+        f.id
+        for f in opened.catalogue.flights()
+        if opened.catalogue.log(f.log_sha256).name.endswith(name)
+    ]
     tree = checked(written(workspace, "flight", flight))
     shown = name.replace("\x1b", "\\x1b").replace("\u202e", "\\u202e").replace("\u202c", "\\u202c")
     assert tree.xpath("//h1/bdi")[0].text.endswith(shown)
@@ -130,11 +159,15 @@ def test_the_page_of_an_update(made: tuple[Path, dict[str, Any]]) -> None:
     tree = checked(written(workspace, "update", "candidate"))
     lead = tree.xpath("//p[@class='lead']")[0].text_content()
     assert lead == headline(update)
-    assert re.search(r"on 2 held-out flights the error of C[XZ] falls from [\d.]+ to [\d.]+ rms", lead)
+    assert re.search(
+        r"on 2 held-out flights the error of C[XZ] falls from [\d.]+ to [\d.]+ rms", lead
+    )
     rows = {row[0]: row for row in table(tree, "What it is worth")}
     assert list(rows) == [axis for axis in rows if axis in update["axes"]]
     for axis, entry in update["axes"].items():
-        assert rows[axis][1:3] == [number(entry[f"held_out_rms_{side}"], zeros=True) for side in ("before", "after")]
+        assert rows[axis][1:3] == [
+            number(entry[f"held_out_rms_{side}"], zeros=True) for side in ("before", "after")
+        ]
         times = entry["held_out_rms_after"] / entry["noise_floor"] if entry["noise_floor"] else None
         assert rows[axis][8] == number(times, 2, zeros=True)
         assert rows[axis][-1] == entry["outcome"]
@@ -143,12 +176,20 @@ def test_the_page_of_an_update(made: tuple[Path, dict[str, Any]]) -> None:
     assert terms == {term["term"]: number(term["value"], 4) for term in axis["terms"]}
     assert len(tree.xpath("//img")) == 4
     file = Path(update["page"])
-    assert (file.parent, file.suffix) == (workspace / "reports", ".html"), "the update itself has written its report"
-    assert file.read_text(encoding="utf-8") == written(workspace, "update", "candidate"), "the same page, whoever makes it"
+    assert (file.parent, file.suffix) == (
+        workspace / "reports",
+        ".html",
+    ), "the update itself has written its report"
+    assert file.read_text(encoding="utf-8") == written(workspace, "update", "candidate"), (
+        "the same page, whoever makes it"
+    )
     roles = [row[2] for row in table(tree, "Flights")]
     assert sorted(roles) == ["held out"] * 2 + ["identified"] * 4
     shown = [bdi.text_content() for bdi in tree.xpath("//h2[.='Flights']/following::table[1]//bdi")]
-    escaped = [name.replace("\x1b", "\\x1b").replace("\u202e", "\\u202e").replace("\u202c", "\\u202c") for name in HOSTILE]
+    escaped = [
+        name.replace("\x1b", "\\x1b").replace("\u202e", "\\u202e").replace("\u202c", "\\u202c")
+        for name in HOSTILE
+    ]
     assert sorted(text.rpartition("/")[2] for text in shown) == sorted(escaped)
 
 
@@ -161,12 +202,20 @@ def test_the_page_of_a_version(made: tuple[Path, dict[str, Any]]) -> None:
     assert boxes[0] == "v0001"
     assert "4 identified, 2 held out" in boxes
     changed = {(row[1], row[2]) for row in table(tree, "What differs from v0001")}
-    assert changed == {(entry["axis"], term["term"]) for entry in update["increments"] for term in entry["terms"]}
+    assert changed == {
+        (entry["axis"], term["term"]) for entry in update["increments"] for term in entry["terms"]
+    }
     imported = checked(written(workspace, "version", "v0001"))
-    assert imported.xpath("//p[@class='lead']")[0].text_content() == "An imported database: handbook."
-    assert not imported.xpath("//h2[starts-with(., 'What differs')]"), "nothing differs from what is not there"
+    assert (
+        imported.xpath("//p[@class='lead']")[0].text_content() == "An imported database: handbook."
+    )
+    assert not imported.xpath("//h2[starts-with(., 'What differs')]"), (
+        "nothing differs from what is not there"
+    )
     assert len(imported.xpath("//img")) == 1, "its curves"
-    assert written(workspace, "version", "v0002") == written(workspace, "version", "candidate"), "the same page twice"
+    assert written(workspace, "version", "v0002") == written(workspace, "version", "candidate"), (
+        "the same page twice"
+    )
 
 
 def test_what_is_refused(made: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
@@ -188,26 +237,73 @@ def test_what_is_refused(made: tuple[Path, dict[str, Any]], tmp_path: Path) -> N
 
 
 def proof(axis: str, before: float, after: float, **other: Any) -> AxisProof:
-    known = {"rms_before": before, "rms_after": after, "held_out_rms_before": before, "held_out_rms_after": after}
-    known |= {"held_out_shape_before": before, "held_out_shape_after": after, "excess_before": None, "excess_after": None}
-    known |= {"noise_floor": 0.001, "repeatability": 0.0, "theil": None, "explained": 0.9, "outcome": "improved"}
+    known = {
+        "rms_before": before,
+        "rms_after": after,
+        "held_out_rms_before": before,
+        "held_out_rms_after": after,
+    }
+    known |= {
+        "held_out_shape_before": before,
+        "held_out_shape_after": after,
+        "excess_before": None,
+        "excess_after": None,
+    }
+    known |= {
+        "noise_floor": 0.001,
+        "repeatability": 0.0,
+        "theil": None,
+        "explained": 0.9,
+        "outcome": "improved",
+    }
     return AxisProof(axis=axis, **{**known, **other})
 
 
-def found(hypothesis: str = "pitch_rate_force@CX", verdict: Any = "confirmed", **other: Any) -> Finding:
+def found(
+    hypothesis: str = "pitch_rate_force@CX", verdict: Any = "confirmed", **other: Any
+) -> Finding:
     effect, _, axis = hypothesis.partition("@")
     votes = tuple(Vote(f"f{k}", -0.2 + 0.01 * k, 0.02) for k in range(4))
-    known: dict[str, Any] = {"subject": "", "parameter": f"{axis}_q", "unit": "1", "value": -0.19, "ci95": (-0.22, -0.16)}
-    known |= {"p_adjusted": 1e-4, "votes": votes, "explanation_set": (hypothesis, "alpha_dot@CX"), "refound": (4, 4)}
-    known |= {"because": "force along x from pitch rate: CX_q = -0.19", "fallen": {"<b>mach_effect</b>": "explains less & less"}}
-    return Finding(hypothesis=hypothesis, effect=effect, axis=(axis,), verdict=verdict, **{**known, **other})
+    known: dict[str, Any] = {
+        "subject": "",
+        "parameter": f"{axis}_q",
+        "unit": "1",
+        "value": -0.19,
+        "ci95": (-0.22, -0.16),
+    }
+    known |= {
+        "p_adjusted": 1e-4,
+        "votes": votes,
+        "explanation_set": (hypothesis, "alpha_dot@CX"),
+        "refound": (4, 4),
+    }
+    known |= {
+        "because": "force along x from pitch rate: CX_q = -0.19",
+        "fallen": {"<b>mach_effect</b>": "explains less & less"},
+    }
+    return Finding(
+        hypothesis=hypothesis, effect=effect, axis=(axis,), verdict=verdict, **{**known, **other}
+    )
 
 
 def loop(
-    findings: list[Finding], added: list[Finding], proofs: list[AxisProof], left: tuple[Remainder, ...] = ()
+    findings: list[Finding],
+    added: list[Finding],
+    proofs: list[AxisProof],
+    left: tuple[Remainder, ...] = (),
 ) -> dict[str, Any]:
     not_found = (
-        NotFound("alpha_bias@all", "alpha_bias", ("CZ",), "", "not_detected", "alpha_bias", "rad", 0.01, 0.02),
+        NotFound(
+            "alpha_bias@all",
+            "alpha_bias",
+            ("CZ",),
+            "",
+            "not_detected",
+            "alpha_bias",
+            "rad",
+            0.01,
+            0.02,
+        ),
         NotFound("flap@CZ", "flap", ("CZ",), "flap", "not_excited", "CZ_flap", "1/rad", None, None),
     )
     traced = Traced(("f0", "f1"), tuple(findings), not_found, ("move the flap on its own",), (), "")
@@ -235,28 +331,45 @@ def page_of(document: dict[str, Any]) -> Any:
 
 
 def test_the_page_of_a_loop_that_finds_nothing() -> None:
-    """The empty case: said in the first sentence, with the size that is excluded; nothing is drawn as if it were found."""
+    """The empty case: said in the first sentence, with the size that is excluded; nothing is drawn
+    as if it were found."""
     document = loop([], [], [proof("CX", 0.002, 0.002, outcome="unchanged")])
     tree = page_of(document)
-    assert headline(document).startswith("Nothing was found that the database lacks, in 2 hypotheses")
+    assert headline(document).startswith(
+        "Nothing was found that the database lacks, in 2 hypotheses"
+    )
     assert tree.xpath("//p[@class='lead']")[0].text_content() == headline(document)
     assert len(tree.xpath("//img")) == 1
-    assert table(tree, "What these flights could not decide") == [["flap@CZ", "not excited", "CZ_flap", "1/rad", "–", "–"]]
+    assert table(tree, "What these flights could not decide") == [
+        ["flap@CZ", "not excited", "CZ_flap", "1/rad", "–", "–"]
+    ]
     excluded = tree.xpath("//details[contains(., 'Looked for and not found (1)')]//tbody/tr")[0]
-    assert [cell.text_content() for cell in excluded] == ["alpha_bias@all", "alpha_bias", "deg", "0.573", "1.15"]
+    assert [cell.text_content() for cell in excluded] == [
+        "alpha_bias@all",
+        "alpha_bias",
+        "deg",
+        "0.573",
+        "1.15",
+    ]
     assert "move the flap on its own" in tree.xpath("//ul[@class='next']")[0].text_content()
 
 
 def test_the_page_of_a_finding_says_why_that_and_not_its_rivals() -> None:
     document = loop([found(verdict="alias_group")], [], [proof("CX", 0.02, 0.02)])
     tree = page_of(document)
-    assert headline(document) == (
-        "Nothing was added to the database, because no single effect is proved; found: pitch rate force on CX (alias group)."
+    assert (
+        headline(document)
+        == "Nothing was added to the database, because no single effect is proved; found: pitch"
+        " rate force on CX (alias group)."
     )
     assert "pitch rate force on CX alias group not added" in words_of(tree)
-    assert tree.xpath("//dt[.='Would do as well']/following-sibling::dd[1]")[0].text_content() == "alpha_dot@CX"
+    assert (
+        tree.xpath("//dt[.='Would do as well']/following-sibling::dd[1]")[0].text_content()
+        == "alpha_dot@CX"
+    )
     assert ["<b>mach_effect</b>", "explains less & less"] in [
-        [cell.text_content() for cell in row] for row in tree.xpath("//details[contains(., 'Rivals that fell')]//tbody/tr")
+        [cell.text_content() for cell in row]
+        for row in tree.xpath("//details[contains(., 'Rivals that fell')]//tbody/tr")
     ]
     assert len(tree.xpath("//img")) == 2, "errors and one forest plot"
     assert ["flight <6>", "f6", "excluded", "rejected: <i>qbar</i>"] in table(tree, "Flights")
@@ -265,11 +378,20 @@ def test_the_page_of_a_finding_says_why_that_and_not_its_rivals() -> None:
 
 def test_what_no_template_explains_is_told_with_its_variables() -> None:
     rest = Remainder(
-        "CX", True, 0.3, 0.01, ("alpha",), (0.3, 0.3), "30 % of CX follows <script>alpha</script> & no template fits"
+        "CX",
+        True,
+        0.3,
+        0.01,
+        ("alpha",),
+        (0.3, 0.3),
+        "30 % of CX follows <script>alpha</script> & no template fits",
     )
     tree = page_of(loop([], [], [proof("CX", 0.02, 0.02)], (rest,)))
     words = words_of(tree)
-    assert "unnamed on CX unnamed not added 30 % of CX follows <script>alpha</script> & no template fits." in words
+    assert (
+        "unnamed on CX unnamed not added 30 % of CX follows <script>alpha</script> & no template"
+        " fits." in words
+    )
     assert len(tree.xpath("//img")) == 1, "there is no parameter, and no vote to draw"
 
 
@@ -277,18 +399,23 @@ def test_the_headline_hides_no_axis_that_became_worse() -> None:
     one, other = found(), found("zero_offset@CZ")
     better = [proof("CX", 0.02, 0.005), proof("CZ", 0.01, 0.01)]
     document = loop([one, other], [one, other], better)
-    assert headline(document) == (
-        "The database lacked pitch rate force on CX and zero offset on CZ; with them, on 2 held-out flights "
-        "the error of CX falls from 0.02 to 0.005 rms (75 % less)."
+    assert (
+        headline(document)
+        == "The database lacked pitch rate force on CX and zero offset on CZ; with them, on 2"
+        " held-out flights the error of CX falls from 0.02 to 0.005 rms (75 % less)."
     )
     worse = loop([one, other], [one, other], [proof("CX", 0.02, 0.005), proof("CZ", 0.01, 0.03)])
     assert headline(worse).endswith("(75 % less), but that of CZ rises.")
     only = loop([one], [one], [proof("CX", 0.02, 0.03)])
     assert "the error of CX rises from 0.02 to 0.03 rms (50 % more)" in headline(only)
-    assert [row["axis"] for row in error_rows(loop([], [], [proof("C_lift", 1, 1), proof("Cn", 1, 1)]))] == ["Cn", "C_lift"]
+    assert [
+        row["axis"] for row in error_rows(loop([], [], [proof("C_lift", 1, 1), proof("Cn", 1, 1)]))
+    ] == ["Cn", "C_lift"]
 
 
-def test_a_page_becomes_a_pdf_and_fetches_nothing(made: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
+def test_a_page_becomes_a_pdf_and_fetches_nothing(
+    made: tuple[Path, dict[str, Any]], tmp_path: Path
+) -> None:
     try:
         pdf("<p>text")
     except InputError as missing:
@@ -306,7 +433,10 @@ def test_a_page_becomes_a_pdf_and_fetches_nothing(made: tuple[Path, dict[str, An
     with HTTPServer(("127.0.0.1", 0), Server) as server:
         threading.Thread(target=server.serve_forever, daemon=True).start()
         address = f"http://127.0.0.1:{server.server_port}"
-        page = f'<img src="{address}/a.png"><style>@import url({address}/b.css)</style><img src="file:///etc/hostname">text'
+        page = (
+            f'<img src="{address}/a.png"><style>@import url({address}/b.css)</style><img'
+            ' src="file:///etc/hostname">text'
+        )
         assert pdf(page).startswith(b"%PDF")
         server.shutdown()
     assert asked_for == []
@@ -328,8 +458,15 @@ def test_the_page_of_a_measured_flight(measured: Any, tmp_path: Path) -> None:
     workspace = Workspace.open(tmp_path / "w")
     text = (VEHICLES / "twin_otter.toml").read_text(encoding="utf-8")
     stores(str(workspace.root)).catalogue.add_vehicle("twin-otter", text)
-    (outcome,) = run_flow(flight_flow, {"logs": [str(log)], "vehicle": "twin-otter"}, workspace, "direct")
-    page = run_flow(report_flow, {"kind": "flight", "about": outcome["flight"], "version": ""}, workspace, "direct")
+    (outcome,) = run_flow(
+        flight_flow, {"logs": [str(log)], "vehicle": "twin-otter"}, workspace, "direct"
+    )
+    page = run_flow(
+        report_flow,
+        {"kind": "flight", "about": outcome["flight"], "version": ""},
+        workspace,
+        "direct",
+    )
     tree = checked(page)
     channels = {entry["channel"]: entry for entry in outcome["consistency"]["channels"]}
     rows = {row[0]: row for row in table(tree, "Does the flight agree")}
@@ -339,7 +476,9 @@ def test_the_page_of_a_measured_flight(measured: Any, tmp_path: Path) -> None:
     assert "no released database yet" in words_of(tree)
 
 
-def test_a_closed_loop_writes_its_report_whatever_it_finds(made: tuple[Path, dict[str, Any]]) -> None:
+def test_a_closed_loop_writes_its_report_whatever_it_finds(
+    made: tuple[Path, dict[str, Any]],
+) -> None:
     answer = asked(made[0], "close-loop", "--vehicle", NAME, "--baseline", "v0001", "--direct")
     page = Path(answer["page"]).read_text(encoding="utf-8")
     assert checked(page).xpath("//p[@class='lead']")[0].text_content() == headline(answer)

@@ -1,5 +1,5 @@
-"""Report pages in the system's own Chromium, as a file from a mail: nothing complained of, fetched, cut off or hidden;
-printed, what is folded away on the screen is there."""
+"""Report pages in the system's own Chromium, as a file from a mail: nothing complained of, fetched,
+cut off or hidden; printed, what is folded away on the screen is there."""
 
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,9 @@ from tests.flows.web.test_console_browser import WIDTHS, browser, look, pytestma
 from tests.support import synthetic
 
 SHOWN = """() => [...document.images].map((image) => image.complete && image.naturalWidth > 0)"""
-FOLDED = """() => [...document.querySelectorAll('details td')].map((cell) => cell.checkVisibility())"""
+FOLDED = (
+    """() => [...document.querySelectorAll('details td')].map((cell) => cell.checkVisibility())"""
+)
 
 
 @pytest.fixture(scope="module")
@@ -25,18 +27,40 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     folder, rng = tmp_path_factory.mktemp("pages"), np.random.default_rng(4)
     flown = synthetic.flight(rng, seconds=60.0)
     noise = {id: 0.02 * rng.standard_normal(len(flown.time)) for id in ("f4", "f5")}
-    before = {id: synthetic.comparison(flown, {"CZ": values, "CX": values}) for id, values in noise.items()}
-    after = {id: synthetic.comparison(flown, {"CZ": 0.1 * values, "CX": values}) for id, values in noise.items()}
+    before = {
+        id: synthetic.comparison(flown, {"CZ": values, "CX": values})
+        for id, values in noise.items()
+    }
+    after = {
+        id: synthetic.comparison(flown, {"CZ": 0.1 * values, "CX": values})
+        for id, values in noise.items()
+    }
     one = found("alpha_slope@CZ")
-    errors = [proof("CZ", pooled(before, "CZ"), pooled(after, "CZ")), proof("CX", pooled(before, "CX"), pooled(before, "CX"))]
+    errors = [
+        proof("CZ", pooled(before, "CZ"), pooled(after, "CZ")),
+        proof("CX", pooled(before, "CX"), pooled(before, "CX")),
+    ]
     named = {f"f{k}": HOSTILE[k % len(HOSTILE)] for k in range(7)}
-    segments = [Segment("doublet", 5.0, 9.25, HOSTILE[-1]), Segment("airborne", 0.0, 60.0, "never slow")]
+    segments = [
+        Segment("doublet", 5.0, 9.25, HOSTILE[-1]),
+        Segment("airborne", 0.0, 60.0, "never slow"),
+    ]
     texts = {
         "flight": flight_report(
-            flight_story(flown, comparison=before["f4"], database=synthetic.database(), version="v0001", segments=segments)
+            flight_story(
+                flown,
+                comparison=before["f4"],
+                database=synthetic.database(),
+                version="v0001",
+                segments=segments,
+            )
         ),
-        "loop": update_report(_named(story(loop([one], [one], errors), (before, after), flown), named)),
-        "nothing": update_report(_named(story(loop([], [], errors), (before, after), flown, added=False), named)),
+        "loop": update_report(
+            _named(story(loop([one], [one], errors), (before, after), flown), named)
+        ),
+        "nothing": update_report(
+            _named(story(loop([], [], errors), (before, after), flown, added=False), named)
+        ),
     }
     for name, text in texts.items():
         (folder / f"{name}.html").write_text(text, encoding="utf-8")

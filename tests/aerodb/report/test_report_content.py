@@ -1,5 +1,5 @@
-"""What pages say and draw: sentences that claim no more than is proved, every axis with its unit, pictures that agree with the
-stored numbers or say that they do not, and pages that stay light."""
+"""What pages say and draw: sentences that claim no more than is proved, every axis with its unit,
+pictures that agree with the stored numbers or say that they do not, and pages that stay light."""
 
 import base64
 import re
@@ -18,7 +18,12 @@ from aerodb.flight import Flight
 from aerodb.report.database_figure import database_figure
 from aerodb.report.figures import update_figure
 from aerodb.report.flight_errors import disagreements, flight_errors
-from aerodb.report.flight_figures import channel_figure, coefficient_figure, envelope_figure, segment_figure
+from aerodb.report.flight_figures import (
+    channel_figure,
+    coefficient_figure,
+    envelope_figure,
+    segment_figure,
+)
 from aerodb.report.flight_page import FlightStory, flight_report, verdict_sentence
 from aerodb.report.headlines import headline
 from aerodb.report.page import number
@@ -40,13 +45,23 @@ def sides(flown: Flight) -> tuple[dict[str, Comparison], dict[str, Comparison]]:
     """Two flights before and after, with errors of CZ that differ between them."""
     rng, n = np.random.default_rng(2), len(flown.time)
     noise = {f"f{k}": (0.01 + 0.01 * k) * rng.standard_normal(n) for k in (4, 5)}
-    before = {id: synthetic.comparison(flown, {"CZ": values, "CX": values}) for id, values in noise.items()}
-    after = {id: synthetic.comparison(flown, {"CZ": 0.1 * values, "CX": values}) for id, values in noise.items()}
+    before = {
+        id: synthetic.comparison(flown, {"CZ": values, "CX": values})
+        for id, values in noise.items()
+    }
+    after = {
+        id: synthetic.comparison(flown, {"CZ": 0.1 * values, "CX": values})
+        for id, values in noise.items()
+    }
     return before, after
 
 
 def pooled(side: dict[str, Comparison], axis: str) -> float:
-    return float(np.sqrt(np.mean(np.concatenate([c.residual(axis)[c.usable[axis]] for c in side.values()]) ** 2)))
+    return float(
+        np.sqrt(
+            np.mean(np.concatenate([c.residual(axis)[c.usable[axis]] for c in side.values()]) ** 2)
+        )
+    )
 
 
 def story(document: dict[str, Any], sides: Any, flown: Flight, added: bool = True) -> UpdateStory:
@@ -55,32 +70,71 @@ def story(document: dict[str, Any], sides: Any, flown: Flight, added: bool = Tru
     labels = {f"f{k}": f"flight {k}" for k in range(7)}
     channels = {id: dict(flown.channels) for id in before}
     return UpdateStory(
-        document, labels, "v0001", "v0002" if added else None, (database, database), before, after if added else {}, channels
+        document,
+        labels,
+        "v0001",
+        "v0002" if added else None,
+        (database, database),
+        before,
+        after if added else {},
+        channels,
     )
 
 
 def drawn(tree: Any) -> list[str]:
     """The SVGs of a page."""
-    return [base64.b64decode(image.get("src").partition(",")[2]).decode() for image in tree.xpath("//img")]
+    return [
+        base64.b64decode(image.get("src").partition(",")[2]).decode()
+        for image in tree.xpath("//img")
+    ]
 
 
 def without_units(figure: Figure) -> list[str]:
-    """Labels without a unit: of the lowest panel of each column over x, of the leftmost of each row over y, or its title. A row
-    of names (axes, flights, segments) needs none."""
-    shown = [(panel, panel.get_subplotspec()) for panel in figure.axes if panel.get_visible() and panel.axison]
-    lowest = {place.colspan.start: panel for panel, place in sorted(shown, key=lambda entry: entry[1].rowspan.start)}
-    leftmost = {place.rowspan.start: panel for panel, place in sorted(shown, key=lambda entry: -entry[1].colspan.start)}
+    """Labels without a unit: of the lowest panel of each column over x, of the leftmost of each row
+    over y, or its title. A row of names (axes, flights, segments) needs none."""
+    shown = [
+        (panel, panel.get_subplotspec())
+        for panel in figure.axes
+        if panel.get_visible() and panel.axison
+    ]
+    lowest = {
+        place.colspan.start: panel
+        for panel, place in sorted(shown, key=lambda entry: entry[1].rowspan.start)
+    }
+    leftmost = {
+        place.rowspan.start: panel
+        for panel, place in sorted(shown, key=lambda entry: -entry[1].colspan.start)
+    }
     figure.canvas.draw()
-    named = [panel for panel in leftmost.values() if any(t.get_text().strip("−-.0123456789") for t in panel.get_yticklabels())]
+    named = [
+        panel
+        for panel in leftmost.values()
+        if any(t.get_text().strip("−-.0123456789") for t in panel.get_yticklabels())
+    ]
     labels = [panel.get_xlabel() for panel in lowest.values()]
-    labels += [panel.get_ylabel() or panel.get_title(loc="left") for panel in leftmost.values() if panel not in named]
+    labels += [
+        panel.get_ylabel() or panel.get_title(loc="left")
+        for panel in leftmost.values()
+        if panel not in named
+    ]
     return [label for label in labels if not re.search(r"\[.+\]", label)]
 
 
 def test_every_axis_says_its_unit(flown: Flight, sides: Any) -> None:
     before, after = sides
-    rows = [{"axis": "CZ", "before": 0.02, "after": 0.01, "floor": 0.005, "each": [[0.02, 0.01], [0.03, None]]}]
-    segments = [Segment("doublet", 1.0, 3.0, "elevator"), Segment("airborne", 0.0, 60.0, "never slow")]
+    rows = [
+        {
+            "axis": "CZ",
+            "before": 0.02,
+            "after": 0.01,
+            "floor": 0.005,
+            "each": [[0.02, 0.01], [0.03, None]],
+        }
+    ]
+    segments = [
+        Segment("doublet", 1.0, 3.0, "elevator"),
+        Segment("airborne", 0.0, 60.0, "never slow"),
+    ]
     channels = {id: dict(flown.channels) for id in before}
     figures = [
         error_figure(rows),
@@ -100,7 +154,9 @@ def test_every_axis_says_its_unit(flown: Flight, sides: Any) -> None:
 
 
 def test_a_curve_of_a_database_goes_through_its_breakpoints() -> None:
-    panel = next(p for p in database_figure(synthetic.database()).axes if p.get_ylabel() == "CZ [-]")
+    panel = next(
+        p for p in database_figure(synthetic.database()).axes if p.get_ylabel() == "CZ [-]"
+    )
     marks = panel.lines[1]
     assert np.allclose(np.deg2rad(marks.get_xdata()), [-0.2, -0.1, 0.0, 0.1, 0.2, 0.3])
     assert np.allclose(marks.get_ydata(), [0.6, 0.3, 0.0, -0.3, -0.6, -0.8])
@@ -113,15 +169,20 @@ def test_the_verdict_in_one_sentence() -> None:
         {"channel": "velocity_down", "after": 9.0, "limit": float("nan")},
     ]
     said = verdict_sentence("good", [], {"channels": channels})
-    assert said == (
-        "It may identify and validate. All 2 channels with a limit agree with one motion; closest to its limit is alpha, "
-        "0.4 of 0.5 deg."
+    assert (
+        said == "It may identify and validate. All 2 channels with a limit agree with one motion;"
+        " closest to its limit is alpha, 0.4 of 0.5 deg."
     )
-    limited = verdict_sentence("limited", ["the air moved: V 0.4", "the air moved: beta"], {"channels": channels[1:]})
-    assert limited.startswith("It may be used, but not for everything: the air moved. The one channel with a limit agrees")
+    limited = verdict_sentence(
+        "limited", ["the air moved: V 0.4", "the air moved: beta"], {"channels": channels[1:]}
+    )
+    assert limited.startswith(
+        "It may be used, but not for everything: the air moved. The one channel with a limit agrees"
+    )
     beyond = [{**channels[0], "after": np.deg2rad(0.6)}, channels[1]]
-    assert verdict_sentence("rejected", ["qbar fails"], {"channels": beyond}) == (
-        "It is stored and never identifies: qbar fails. Beyond their limits: alpha."
+    assert (
+        verdict_sentence("rejected", ["qbar fails"], {"channels": beyond})
+        == "It is stored and never identifies: qbar fails. Beyond their limits: alpha."
     )
     assert verdict_sentence("unchecked", [], None) == "Its kinematics have not been checked."
 
@@ -130,23 +191,37 @@ def test_only_what_is_proved_is_told_as_a_fact() -> None:
     sure, maybe = found(), found("beta_slope@Cn", verdict="suspected")
     better = [proof("CX", 0.02, 0.005), proof("Cn", 0.01, 0.01)]
     only = headline(loop([maybe], [maybe], better))
-    assert only.startswith("The database may lack beta slope on Cn: only suspected, added because you asked for it; with it,")
+    assert only.startswith(
+        "The database may lack beta slope on Cn: only suspected, added because you asked for it;"
+        " with it,"
+    )
     both = headline(loop([sure, maybe], [sure, maybe], better))
     assert both.startswith(
-        "The database lacked pitch rate force on CX; beta slope on Cn is only suspected, added because you asked for it; with"
+        "The database lacked pitch rate force on CX; beta slope on Cn is only suspected, added"
+        " because you asked for it; with"
     )
     sensor = found("alpha_bias@all", verdict="sensor")
-    assert headline(loop([sensor], [], better)) == (
-        "Nothing was added to the database: what these flights show belongs to their sensors, alpha bias on all (sensor)."
+    assert (
+        headline(loop([sensor], [], better))
+        == "Nothing was added to the database: what these flights show belongs to their sensors,"
+        " alpha bias on all (sensor)."
     )
 
 
-def test_what_was_predicted_from_parts_of_flights_is_not_called_whole(flown: Flight, sides: Any) -> None:
+def test_what_was_predicted_from_parts_of_flights_is_not_called_whole(
+    flown: Flight, sides: Any
+) -> None:
     one = found(votes=())
     document = loop([one], [one], [proof("CX", 0.02, 0.005)])
     document["validation"]["kind"], document["flights"]["held_out"] = "cross-validated", []
-    document["remarks"] = ["Heads and tails of flights were predicted from everything else (cross-validated within flights)."]
-    assert "with heads and tails of the flights predicted from the rest, the error of CX falls" in headline(document)
+    document["remarks"] = [
+        "Heads and tails of flights were predicted from everything else (cross-validated within"
+        " flights)."
+    ]
+    assert (
+        "with heads and tails of the flights predicted from the rest, the error of CX falls"
+        in headline(document)
+    )
     tree = checked(update_report(story(document, sides, flown)))
     assert not [svg for svg in drawn(tree) if re.search(r"before: [\d.e-]+ rms", svg)], (
         "no number on other samples than the table's"
@@ -174,27 +249,41 @@ def test_single_flights_stand_beside_all(flown: Flight, sides: Any) -> None:
     tree = checked(update_report(story(document, sides, flown)))
     rows = tree.xpath("//details[contains(., 'The same for each flight')]//tbody/tr")
     cells = [[" ".join(cell.text_content().split()) for cell in row] for row in rows]
-    assert cells == [[f"flight {id[1]}", f"{number(first, 2)} → {number(last, 2)}"] for id, (first, last) in each.items()]
+    assert cells == [
+        [f"flight {id[1]}", f"{number(first, 2)} → {number(last, 2)}"]
+        for id, (first, last) in each.items()
+    ]
     assert flight_errors("Cm", before) == {"f4": [None], "f5": [None]}, "an axis without data"
     blind = {"f4": replace(before["f4"], usable={"CZ": np.zeros(len(flown.time), dtype=bool)})}
     assert flight_errors("CZ", blind) == {"f4": [None]}
 
 
-def test_flights_that_were_processed_again_are_not_passed_off_as_those_of_the_report(flown: Flight, sides: Any) -> None:
+def test_flights_that_were_processed_again_are_not_passed_off_as_those_of_the_report(
+    flown: Flight, sides: Any
+) -> None:
     before, after = sides
     one = found("alpha_slope@CZ")
     document = loop([one], [one], [proof("CZ", 1.5 * pooled(before, "CZ"), pooled(after, "CZ"))])
     said = words_of(checked(update_report(story(document, sides, flown))))
     now, stored = number(pooled(before, "CZ")), number(1.5 * pooled(before, "CZ"))
-    assert f"processed again since: the pictures show them as they are stored now (CZ {now} where {stored} is stored)" in said
+    assert (
+        f"processed again since: the pictures show them as they are stored now (CZ {now} where"
+        f" {stored} is stored)" in said
+    )
 
 
 def test_where_nothing_was_added_the_distance_is_drawn(flown: Flight, sides: Any) -> None:
-    document = loop([], [], [proof("CZ", 0.06, 0.06, noise_floor=0.001), proof("CX", 0.06, 0.06, noise_floor=0.03)])
+    document = loop(
+        [],
+        [],
+        [proof("CZ", 0.06, 0.06, noise_floor=0.001), proof("CX", 0.06, 0.06, noise_floor=0.03)],
+    )
     tree = checked(update_report(story(document, sides, flown, added=False)))
     assert tree.xpath("//h2")[0].text == "How far the database is from these flights"
     pictures = drawn(tree)
-    assert len(pictures) == 3, "errors, residuals over variables, histories; no slices through two equal databases"
+    assert len(pictures) == 3, (
+        "errors, residuals over variables, histories; no slices through two equal databases"
+    )
     assert not [svg for svg in pictures if "updated database" in svg]
     assert table(tree, "How far")[1][8] == "60", "after / floor of CZ"
 
@@ -208,7 +297,14 @@ def flight_story(flown: Flight, **other: Any) -> FlightStory:
         "start_utc": None,
         "verdict": "good",
     }
-    known |= {"reasons": [], "retracted": "", "consistency": None, "measured": flown, "flight": flown, "comparison": None}
+    known |= {
+        "reasons": [],
+        "retracted": "",
+        "consistency": None,
+        "measured": flown,
+        "flight": flown,
+        "comparison": None,
+    }
     known |= {"database": None, "version": "", "no_comparison": "none", "versions": []}
     return FlightStory(**{**known, **other})
 
@@ -222,19 +318,41 @@ def test_a_flights_segments_and_suspicions_are_told(flown: Flight) -> None:
     tree = checked(flight_report(flight_story(flown, segments=segments, suspicions=[suspicion])))
     rows = tree.xpath("//details[contains(., 'Segments (2)')]//tbody/tr")
     assert [cell.text_content() for cell in rows[0]][:3] == ["5.00", "9.25", "3-2-1-1"]
-    assert tree.xpath("//ul[@class='notice']/li")[0].text_content().startswith("Suspicion: alpha looks turned round <script>")
+    assert (
+        tree.xpath("//ul[@class='notice']/li")[0]
+        .text_content()
+        .startswith("Suspicion: alpha looks turned round <script>")
+    )
     bare = checked(flight_report(flight_story(flown)))
     assert not bare.xpath("//h2[.='What it does when']")
     assert not bare.xpath("//ul[@class='notice']")
 
 
 def test_a_flight_of_an_hour_stays_light() -> None:
-    """360,000 samples of twelve noisy channels and six axes beside a database: small enough to mail."""
+    """360,000 samples of twelve noisy channels and six axes beside a database: small enough to
+    mail."""
     rng, n = np.random.default_rng(3), 360_000
-    names = ("V", "alpha", "beta", "p", "q", "r", "phi", "theta", "psi", "ax_imu", "az_imu", "delta_elevator")
+    names = (
+        "V",
+        "alpha",
+        "beta",
+        "p",
+        "q",
+        "r",
+        "phi",
+        "theta",
+        "psi",
+        "ax_imu",
+        "az_imu",
+        "delta_elevator",
+    )
     long = Flight("f", "v", np.arange(n) / 100.0, {name: rng.standard_normal(n) for name in names})
     axes = {axis: rng.standard_normal(n) for axis in ("CX", "CY", "CZ", "Cl", "Cm", "Cn")}
     comparison = synthetic.comparison(long, axes)
-    page = flight_report(flight_story(long, comparison=comparison, database=synthetic.database(), version="v0001"))
+    page = flight_report(
+        flight_story(long, comparison=comparison, database=synthetic.database(), version="v0001")
+    )
     assert len(page.encode()) < 2e6
-    assert html.document_fromstring(page).xpath("//td[.='360000']"), "nothing was left out of the numbers"
+    assert html.document_fromstring(page).xpath("//td[.='360000']"), (
+        "nothing was left out of the numbers"
+    )

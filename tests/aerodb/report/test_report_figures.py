@@ -1,4 +1,5 @@
-"""What figures show is what was put in; the colour-blind tell their colours apart; a graph of versions does not overlap."""
+"""What figures show is what was put in; the colour-blind tell their colours apart; a graph of
+versions does not overlap."""
 
 import base64
 import re
@@ -21,32 +22,65 @@ from aerodb.report.diff_figures import MAX_PANELS, diff_figure
 from aerodb.report.flight_figures import channel_figure, coefficient_figure, shown_channels
 from aerodb.report.lineage_figure import HEIGHT, WIDTH, Relative, lineage_graph
 from aerodb.report.style import DATABASE, FLIGHT, MEASURED, UPDATED, in_figure, picture, visible
-from aerodb.report.update_figures import error_figure, forest_figure, moving_variables, residual_figure
+from aerodb.report.update_figures import (
+    error_figure,
+    forest_figure,
+    moving_variables,
+    residual_figure,
+)
 from aerodb.tables.expression import parse
 from aerodb.tables.increment import Increment, Interval
 from tests.support import synthetic
 
-# Machado, Oliveira & Fernandes, IEEE Trans. Visualization and Computer Graphics 15(6), 2009, table 1, severity 1.0.
+# Machado, Oliveira & Fernandes, IEEE Trans. Visualization and Computer Graphics 15(6), 2009, table
+# 1, severity 1.0.
 BLIND = {
-    "protan": [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]],
-    "deutan": [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413], [-0.011820, 0.042940, 0.968881]],
-    "tritan": [[1.255528, -0.076749, -0.178779], [-0.078411, 0.930809, 0.147602], [0.004733, 0.691367, 0.303900]],
+    "protan": [
+        [0.152286, 1.052583, -0.204868],
+        [0.114503, 0.786281, 0.099216],
+        [-0.003882, -0.048116, 1.051998],
+    ],
+    "deutan": [
+        [0.367322, 0.860646, -0.227968],
+        [0.280085, 0.672501, 0.047413],
+        [-0.011820, 0.042940, 0.968881],
+    ],
+    "tritan": [
+        [1.255528, -0.076749, -0.178779],
+        [-0.078411, 0.930809, 0.147602],
+        [0.004733, 0.691367, 0.303900],
+    ],
 }
-HOSTILE = ("<script>alert(1)</script>", r"$\frac{1}{$", "‮gpj.live", "\x1b[2J", "名前", "x" * 5000, "\ud800")
+HOSTILE = (
+    "<script>alert(1)</script>",
+    r"$\frac{1}{$",
+    "‮gpj.live",
+    "\x1b[2J",
+    "名前",
+    "x" * 5000,
+    "\ud800",
+)
 
 
 def lab(rgb: np.ndarray) -> np.ndarray:
     """CIE L*a*b* of linear sRGB, D65 (CIE 15:2004)."""
-    xyz = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]]) @ rgb
+    xyz = (
+        np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])
+        @ rgb
+    )
     x, y, z = np.cbrt(np.clip(xyz, 0, None) / [0.9505, 1.0, 1.089])
     return np.array([116 * y - 16, 500 * (x - y), 200 * (y - z)])
 
 
 @pytest.mark.parametrize("kind", ["all", *BLIND])
 def test_colours_are_told_apart(kind: str) -> None:
-    """A difference of 20 in CIE 1976 is plain to see for lines; that of a just noticeable one is about 2.3."""
+    """A difference of 20 in CIE 1976 is plain to see for lines; that of a just noticeable one is
+    about 2.3."""
     matrix = np.array(BLIND[kind]) if kind in BLIND else np.eye(3)
-    linear = [np.where(c > 0.04045, ((c + 0.055) / 1.055) ** 2.4, c / 12.92) for c in map(np.array, map(to_rgb, COLOURS))]
+    linear = [
+        np.where(c > 0.04045, ((c + 0.055) / 1.055) ** 2.4, c / 12.92)
+        for c in map(np.array, map(to_rgb, COLOURS))
+    ]
     shown = [lab(np.clip(matrix @ colour, 0, 1)) for colour in linear]
     assert min(float(np.linalg.norm(a - b)) for a, b in combinations(shown, 2)) > 20.0
 
@@ -63,8 +97,12 @@ def test_every_axis_of_a_figure_has_its_unit(flown: Flight) -> None:
     names = shown_channels(flown)
     figure = channel_figure(names, flown, flown)
     titles = [panel.get_title(loc="left") for panel in figure.axes if panel.get_title(loc="left")]
-    assert titles == [{"V": "V [m/s]"}.get(n, f"{n} [deg/s]" if n in "pqr" else f"{n} [deg]") for n in names]
-    comparison = synthetic.comparison(flown, {"CZ": np.zeros(len(flown.time)), "Cl": np.zeros(len(flown.time))})
+    assert titles == [
+        {"V": "V [m/s]"}.get(n, f"{n} [deg/s]" if n in "pqr" else f"{n} [deg]") for n in names
+    ]
+    comparison = synthetic.comparison(
+        flown, {"CZ": np.zeros(len(flown.time)), "Cl": np.zeros(len(flown.time))}
+    )
     labels = {panel.get_xlabel() for panel in coefficient_figure(comparison, flown).axes} - {""}
     assert labels == {"time [s]", "alpha [deg]", "beta [deg]"}
 
@@ -75,7 +113,9 @@ def test_a_correction_is_drawn_and_its_size_said(flown: Flight) -> None:
     measured, reconstructed = (line.get_ydata() for line in panel.lines)
     assert np.allclose(np.mean(reconstructed) - np.mean(measured), 0.5, atol=0.2)
     assert panel.get_title(loc="right") == "moved 0.5 deg rms"
-    assert len(channel_figure(["alpha"], flown, flown).axes[0].lines) == 1, "what did not move is drawn once"
+    assert len(channel_figure(["alpha"], flown, flown).axes[0].lines) == 1, (
+        "what did not move is drawn once"
+    )
 
 
 def test_flagged_samples_are_shaded(flown: Flight) -> None:
@@ -88,7 +128,13 @@ def test_flagged_samples_are_shaded(flown: Flight) -> None:
 
 def finding(**other: Any) -> dict[str, Any]:
     votes = [{"flight": f"f{k}", "value": 0.01 * k, "se": 0.005} for k in range(3)]
-    known = {"parameter": "alpha_bias", "unit": "rad", "value": 0.01, "ci95": [0.005, 0.015], "votes": votes}
+    known = {
+        "parameter": "alpha_bias",
+        "unit": "rad",
+        "value": 0.01,
+        "ci95": [0.005, 0.015],
+        "votes": votes,
+    }
     return {**known, **other}
 
 
@@ -96,7 +142,12 @@ def test_a_forest_plot_shows_votes_and_what_they_say_together() -> None:
     panel = forest_figure(finding(), {"f0": "first"}).axes[0]
     shown = sorted(float(container[0].get_xdata()[0]) for container in panel.containers)
     assert shown == pytest.approx(np.rad2deg([0.0, 0.01, 0.02]))
-    assert [text.get_text() for text in panel.get_yticklabels()] == ["first", "f1", "f2", "together"]
+    assert [text.get_text() for text in panel.get_yticklabels()] == [
+        "first",
+        "f1",
+        "f2",
+        "together",
+    ]
     diamond = panel.patches[0].get_xy()[:, 0]
     assert (diamond.min(), diamond.max()) == pytest.approx(tuple(np.rad2deg([0.005, 0.015])))
     assert panel.get_xlabel() == "alpha_bias [deg]"
@@ -109,25 +160,43 @@ def test_residuals_over_a_variable_show_the_planted_slope(flown: Flight) -> None
     before = synthetic.comparison(flown, {"CZ": -0.5 * flown["alpha"]})
     after = synthetic.comparison(flown, {"CZ": 1e-3 * rng.standard_normal(len(flown.time))})
     channels = {"f": dict(flown.channels)}
-    panel = residual_figure(["CZ"], ["alpha"], {"f": before}, {"f": after}, channels, {"CZ": 2e-4}).axes[0]
-    assert (panel.patches[0].get_y(), panel.patches[0].get_height()) == (-2e-4, 4e-4), "the noise floor to both sides"
+    panel = residual_figure(
+        ["CZ"], ["alpha"], {"f": before}, {"f": after}, channels, {"CZ": 2e-4}
+    ).axes[0]
+    assert (panel.patches[0].get_y(), panel.patches[0].get_height()) == (-2e-4, 4e-4), (
+        "the noise floor to both sides"
+    )
     first, second = panel.lines[:2]
     slope = np.polyfit(np.deg2rad(first.get_xdata()), first.get_ydata(), 1)[0]
     assert slope == pytest.approx(-0.5, rel=0.01)
     assert np.abs(second.get_ydata()).max() < 5e-4
     brief = synthetic.flight(rng, seconds=4.0)
     steep = synthetic.comparison(brief, {"CZ": 2.0 * brief["alpha"]})
-    drawn = residual_figure(["CZ"], ["alpha"], {"f": steep}, {}, {"f": dict(brief.channels)}, {}).axes[0].lines[0]
+    drawn = (
+        residual_figure(["CZ"], ["alpha"], {"f": steep}, {}, {"f": dict(brief.channels)}, {})
+        .axes[0]
+        .lines[0]
+    )
     assert len(drawn.get_xdata()) == 6, "a hundred samples make six points"
     assert np.allclose(drawn.get_ydata(), 2.0 * np.deg2rad(drawn.get_xdata()))
     few = {"f": {"alpha": flown["alpha"][:5]}}
     short = synthetic.comparison(synthetic.flight(rng, seconds=0.2), {"CZ": np.zeros(5)})
-    assert len(residual_figure(["CZ"], ["alpha"], {"f": short}, {"f": short}, few, {}).axes[0].lines[0].get_xdata()) == 0
+    assert (
+        len(
+            residual_figure(["CZ"], ["alpha"], {"f": short}, {"f": short}, few, {})
+            .axes[0]
+            .lines[0]
+            .get_xdata()
+        )
+        == 0
+    )
 
 
 def test_only_variables_that_move_are_drawn(flown: Flight) -> None:
     still = np.full(len(flown.time), 0.3)
-    channels = {"f": {"alpha": flown["alpha"], "delta_flap": still, "beta": np.full(len(still), np.nan)}}
+    channels = {
+        "f": {"alpha": flown["alpha"], "delta_flap": still, "beta": np.full(len(still), np.nan)}
+    }
     assert moving_variables(channels, ["beta", "alpha", "delta_flap", "delta_none"]) == ["alpha"]
 
 
@@ -137,20 +206,34 @@ def test_errors_are_drawn_where_they_are_known() -> None:
         {"axis": "CZ", "before": None, "after": None, "floor": 0.0},
     ]
     panel = error_figure(rows).axes[0]
-    marked = {line.get_label(): line.get_xdata()[0] for line in panel.lines if not line.get_label().startswith("_")}
+    marked = {
+        line.get_label(): line.get_xdata()[0]
+        for line in panel.lines
+        if not line.get_label().startswith("_")
+    }
     assert marked == {"noise floor": 0.005, "database": 0.02, "updated database": 0.01}
     assert [text.get_text() for text in panel.get_yticklabels()] == ["CX", "CZ"]
     assert error_figure([]).axes
 
 
 def test_slices_show_every_axis_that_changes_and_look_closely() -> None:
-    """Six increments: each axis has panels, none wider than its change; the distribution of the flights stands below."""
+    """Six increments: each axis has panels, none wider than its change; the distribution of the
+    flights stands below."""
     before = synthetic.database()
-    envelope = {"alpha": Interval(0.0, 0.1, 0.02), "beta": Interval(-0.05, 0.05, 0.02), "p_hat": Interval(-0.01, 0.01, 0.01)}
+    envelope = {
+        "alpha": Interval(0.0, 0.1, 0.02),
+        "beta": Interval(-0.05, 0.05, 0.02),
+        "p_hat": Interval(-0.01, 0.01, 0.01),
+    }
     regressors = (parse("alpha"), parse("beta"), parse("p_hat"))
-    added = [Increment(axis, regressors, np.array([0.5, 0.3, 0.2]), 1e-4 * np.eye(3), envelope, ("f",)) for axis in AXES]
+    added = [
+        Increment(axis, regressors, np.array([0.5, 0.3, 0.2]), 1e-4 * np.eye(3), envelope, ("f",))
+        for axis in AXES
+    ]
     after = replace(before, increments=tuple(added))
-    figure = diff_figure(before, after, ("v0001", "v0002"), "", {"alpha": np.linspace(0.0, 0.1, 500)})
+    figure = diff_figure(
+        before, after, ("v0001", "v0002"), "", {"alpha": np.linspace(0.0, 0.1, 500)}
+    )
     shown = [panel for panel in figure.axes if panel.get_xlabel()]
     assert {panel.get_ylabel() for panel in shown} == {f"{axis} [-]" for axis in AXES}
     assert len(shown) <= MAX_PANELS
@@ -159,11 +242,17 @@ def test_slices_show_every_axis_that_changes_and_look_closely() -> None:
     drawn = alpha.lines[1].get_ydata() - alpha.lines[0].get_ydata()
     assert said
     assert float(said[1]) == pytest.approx(np.max(np.abs(drawn)), rel=0.05)
-    assert float(said[3]) == pytest.approx(alpha.lines[0].get_xdata()[np.argmax(np.abs(drawn))], rel=0.01)
+    assert float(said[3]) == pytest.approx(
+        alpha.lines[0].get_xdata()[np.argmax(np.abs(drawn))], rel=0.01
+    )
     low, high = np.deg2rad(alpha.get_xlim())
     assert -0.12 < low < -0.04
     assert 0.14 < high < 0.22
-    bars = [patch for patch in alpha.patches if isinstance(patch, Rectangle) and 0 < patch.get_height() <= 0.15]
+    bars = [
+        patch
+        for patch in alpha.patches
+        if isinstance(patch, Rectangle) and 0 < patch.get_height() <= 0.15
+    ]
     assert np.deg2rad(bars[0].get_x()) < 0.1
 
 
@@ -209,7 +298,11 @@ def test_a_graph_of_versions_does_not_overlap(draws: list[int]) -> None:
     for a, b in combinations(graph.boxes, 2):
         assert abs(a.x - b.x) > WIDTH or abs(a.y - b.y) > HEIGHT
     at = {box.relative.id: box for box in graph.boxes}
-    assert all(at[box.relative.parent].x < box.x for box in graph.boxes if box.relative.parent is not None)
+    assert all(
+        at[box.relative.parent].x < box.x for box in graph.boxes if box.relative.parent is not None
+    )
     assert len(graph.lines) == len(draws)
-    assert all(box.x + WIDTH <= graph.width and box.y + HEIGHT <= graph.height for box in graph.boxes)
+    assert all(
+        box.x + WIDTH <= graph.width and box.y + HEIGHT <= graph.height for box in graph.boxes
+    )
     assert [box.relative.id for box in graph.boxes if box.current] == ["0"]

@@ -1,7 +1,9 @@
-"""The same vehicle flown by JSBSim and by our simulation: open loop, six degrees of freedom, off-CG reference point.
+"""The same vehicle flown by JSBSim and by our simulation: open loop, six degrees of freedom, off-CG
+reference point.
 
-JSBSim flies over a rotating ellipsoid; the latitude is chosen for standard gravity. What remains is the Coriolis acceleration,
-2 x 7.3e-5 rad/s x 60 m/s = 0.009 m/s2: in 3 s it turns the flight path by some 3e-4 rad, which sets the tolerances.
+JSBSim flies over a rotating ellipsoid; the latitude is chosen for standard gravity. What remains is
+the Coriolis acceleration, 2 x 7.3e-5 rad/s x 60 m/s = 0.009 m/s2: in 3 s it turns the flight path
+by some 3e-4 rad, which sets the tolerances.
 """
 
 from collections.abc import Mapping
@@ -21,7 +23,8 @@ FOOT = 0.3048
 AREA, SPAN, CHORD = 10.0, 6.0, 3.0
 ARM = (0.2, 0.0, 0.05)
 
-#: axis -> coefficients of the constant, alpha, beta, p b/2V, q c/2V, r b/2V; every axis coupled on purpose.
+#: axis -> coefficients of the constant, alpha, beta, p b/2V, q c/2V, r b/2V; every axis coupled on
+#: purpose.
 DERIVATIVES: dict[str, tuple[float, ...]] = {
     "CX": (-0.04, 0.10, 0.02, 0.0, 0.3, 0.0),
     "CY": (0.01, 0.05, -0.6, 0.1, 0.0, 0.3),
@@ -31,17 +34,33 @@ DERIVATIVES: dict[str, tuple[float, ...]] = {
     "Cn": (-0.002, 0.01, 0.10, -0.03, 0.01, -0.25),
 }
 _REGRESSORS = (
-    *("aero/alpha-rad", "aero/beta-rad", "velocities/p-aero-rad_sec", "velocities/q-aero-rad_sec", "velocities/r-aero-rad_sec"),
+    *(
+        "aero/alpha-rad",
+        "aero/beta-rad",
+        "velocities/p-aero-rad_sec",
+        "velocities/q-aero-rad_sec",
+        "velocities/r-aero-rad_sec",
+    ),
 )
 _HATS = ("", "", "aero/bi2vel", "aero/ci2vel", "aero/bi2vel")
-_AXES = {"X": ("CX", ""), "Y": ("CY", ""), "Z": ("CZ", ""), "ROLL": ("Cl", "bw"), "PITCH": ("Cm", "cbarw"), "YAW": ("Cn", "bw")}
+_AXES = {
+    "X": ("CX", ""),
+    "Y": ("CY", ""),
+    "Z": ("CZ", ""),
+    "ROLL": ("Cl", "bw"),
+    "PITCH": ("Cm", "cbarw"),
+    "YAW": ("Cn", "bw"),
+}
 
 
 def aerodynamics(channels: Mapping[str, Array]) -> dict[str, Array]:
     half = 0.5 / channels["V"]
     rates = (channels["p"] * SPAN * half, channels["q"] * CHORD * half, channels["r"] * SPAN * half)
     regressors = (1.0, channels["alpha"], channels["beta"], *rates)
-    return {axis: sum((c * x for c, x in zip(row, regressors, strict=True)), 0 * half) for axis, row in DERIVATIVES.items()}
+    return {
+        axis: sum((c * x for c, x in zip(row, regressors, strict=True)), 0 * half)
+        for axis, row in DERIVATIVES.items()
+    }
 
 
 def aircraft_xml() -> str:
@@ -51,10 +70,15 @@ def aircraft_xml() -> str:
         terms = [f"<value>{constant}</value>"]
         for slope, regressor, hat in zip(slopes, _REGRESSORS, _HATS, strict=True):
             factor = f"<property>{hat}</property>" if hat else ""
-            terms.append(f"<product><value>{slope}</value><property>{regressor}</property>{factor}</product>")
+            terms.append(
+                f"<product><value>{slope}</value><property>{regressor}</property>{factor}</product>"
+            )
         arm = f"<property>metrics/{length}-ft</property>" if length else ""
         scale = f"<property>aero/qbar-psf</property><property>metrics/Sw-sqft</property>{arm}"
-        function = f'<function name="aero/total/{axis}"><product>{scale}<sum>{"".join(terms)}</sum></product></function>'
+        function = (
+            "<function"
+            f' name="aero/total/{axis}"><product>{scale}<sum>{"".join(terms)}</sum></product></function>'
+        )
         axes.append(f'<axis name="{name}">{function}</axis>')
     # Structural axes: x aft, z up. The reference point lies ARM from the CG in body axes.
     return f"""<?xml version="1.0"?>
@@ -68,7 +92,9 @@ def aircraft_xml() -> str:
 <aerodynamics>{"".join(axes)}</aerodynamics></fdm_config>"""
 
 
-def flown_by_jsbsim(folder: Path, initial: Mapping[str, float], duration: float) -> dict[str, float]:
+def flown_by_jsbsim(
+    folder: Path, initial: Mapping[str, float], duration: float
+) -> dict[str, float]:
     (folder / "aircraft" / "body").mkdir(parents=True)
     (folder / "aircraft" / "body" / "body.xml").write_text(aircraft_xml(), encoding="utf-8")
     simulator = jsbsim.FGFDMExec(str(folder), None)
@@ -80,7 +106,11 @@ def flown_by_jsbsim(folder: Path, initial: Mapping[str, float], duration: float)
     assert simulator.run_ic()
     for _ in range(round(duration / 0.001)):
         simulator.run()
-    names = {"V": ("velocities/vt-fps", FOOT), "alpha": ("aero/alpha-rad", 1), "beta": ("aero/beta-rad", 1)}
+    names = {
+        "V": ("velocities/vt-fps", FOOT),
+        "alpha": ("aero/alpha-rad", 1),
+        "beta": ("aero/beta-rad", 1),
+    }
     names |= {x: (f"velocities/{x}-rad_sec", 1) for x in "pqr"}
     names |= {x: (f"attitude/{x}-rad", 1) for x in ("phi", "theta", "psi")}
     names["altitude"] = ("position/h-sl-ft", FOOT)
@@ -88,15 +118,20 @@ def flown_by_jsbsim(folder: Path, initial: Mapping[str, float], duration: float)
 
 
 def test_three_seconds_of_coupled_flight_agree_with_jsbsim(tmp_path: Path) -> None:
-    """Rolling, pitching and yawing with a large product of inertia; a wrong sign of any term is 100 times the tolerance."""
+    """Rolling, pitching and yawing with a large product of inertia; a wrong sign of any term is 100
+    times the tolerance."""
     phi, theta, psi, altitude = 0.3, -0.1, 1.0, 2000.0
     motion = {"u": 60.0, "v": 2.0, "w": 4.0, "p": 0.3, "q": 0.1, "r": -0.15}
-    initial = {f"{x}-fps": motion[x] / FOOT for x in "uvw"} | {f"{x}-rad_sec": motion[x] for x in "pqr"}
+    initial = {f"{x}-fps": motion[x] / FOOT for x in "uvw"} | {
+        f"{x}-rad_sec": motion[x] for x in "pqr"
+    }
     initial |= {"lat-geod-deg": 45.5, "long-gc-deg": 0.0, "h-sl-ft": altitude / FOOT}
     initial |= {"phi-rad": phi, "theta-rad": theta, "psi-true-rad": psi}
     theirs = flown_by_jsbsim(tmp_path, initial, 3.0)
     inertia = inertia_matrix(900.0, 2500.0, 3100.0, 250.0)
-    frame = Airframe(1000.0, inertia, AREA, np.array([SPAN, CHORD, SPAN]), np.array(ARM), aerodynamics, {})
+    frame = Airframe(
+        1000.0, inertia, AREA, np.array([SPAN, CHORD, SPAN]), np.array(ARM), aerodynamics, {}
+    )
     state = np.zeros((13, 1))
     state[:6, 0] = list(motion.values())
     state[6:10] = quaternion_from_euler(np.array([phi]), np.array([theta]), np.array([psi]))

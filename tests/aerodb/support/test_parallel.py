@@ -33,7 +33,11 @@ def test_threads_end_with_what_holds_them() -> None:
     before = set(threading.enumerate())
     threads = Threads()
     threads.each(lambda _: None, range(8))
-    own = [thread for thread in threading.enumerate() if thread not in before and thread.name.startswith("ThreadPoolExecutor")]
+    own = [
+        thread
+        for thread in threading.enumerate()
+        if thread not in before and thread.name.startswith("ThreadPoolExecutor")
+    ]
     del threads
     gc.collect()
     for thread in own:

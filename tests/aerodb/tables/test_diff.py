@@ -1,4 +1,5 @@
-"""Differences of two databases: planted ones come back, node by node, with their error, coverage and flights."""
+"""Differences of two databases: planted ones come back, node by node, with their error, coverage
+and flights."""
 
 from dataclasses import replace
 
@@ -28,10 +29,15 @@ def handbook() -> AeroDatabase:
     return read_native(DATABASE)
 
 
-def lift_increment(axis: str = "CZ", flights: tuple[str, ...] = ("f1", "f2"), cell: float = 4.0) -> Increment:
+def lift_increment(
+    axis: str = "CZ", flights: tuple[str, ...] = ("f1", "f2"), cell: float = 4.0
+) -> Increment:
     """-0.02 - 0.5 alpha - 4 q_hat from flights between -1 and 5 deg, errors correlated."""
     covariance = np.array([[1e-6, -5e-6, 0.0], [-5e-6, 1e-4, 0.0], [0.0, 0.0, 0.01]])
-    envelope = {"alpha": Interval(-1 * DEG, 5 * DEG, cell * DEG), "q_hat": Interval(-0.01, 0.01, 0.02)}
+    envelope = {
+        "alpha": Interval(-1 * DEG, 5 * DEG, cell * DEG),
+        "q_hat": Interval(-0.01, 0.01, 0.02),
+    }
     regressors = (parse("1"), parse("alpha"), parse("q_hat"))
     return Increment(axis, regressors, np.array([-0.02, -0.5, -4.0]), covariance, envelope, flights)
 
@@ -41,14 +47,17 @@ def test_an_increment_at_the_nodes_of_a_table(handbook: AeroDatabase) -> None:
     found = diff(handbook, replace(handbook, increments=(increment,)))
     (entry,) = found.nodes
     assert (entry.axis, entry.grid.table, entry.grid.channels) == ("CZ", "CZ0", ("alpha",))
-    # By hand: inside it acts, one cell beyond it is held at the envelope's edge, then it fades over one further cell.
+    # By hand: inside it acts, one cell beyond it is held at the envelope's edge, then it fades over
+    # one further cell.
     held = {-4: (-1, 1.0), 0: (0, 1.0), 4: (4, 1.0), 8: (5, 1.0), 12: (5, 0.25)}
     for k, (node, (at, weight)) in enumerate(held.items()):
         full = np.array([1.0, at * DEG])
         value = full @ increment.estimates[:2]
         assert entry.grid.values[0][k] == pytest.approx(node * DEG)
         assert entry.change[k] == pytest.approx(weight * value, rel=1e-9)
-        error = np.sqrt(weight**2 * full @ increment.covariance[:2, :2] @ full + ((1 - weight) * value) ** 2)
+        error = np.sqrt(
+            weight**2 * full @ increment.covariance[:2, :2] @ full + ((1 - weight) * value) ** 2
+        )
         assert entry.sigma[k] == pytest.approx(error, rel=1e-9)
         assert entry.flights(k) == ("f1", "f2")
     assert entry.inside.tolist() == [False, True, True, False, False]
@@ -72,10 +81,22 @@ def test_there_and_back_is_the_opposite_and_the_same_is_nothing(handbook: AeroDa
 
 
 def test_who_is_behind_a_node(handbook: AeroDatabase) -> None:
-    early = replace(lift_increment(flights=("f1", "f2")), envelope={"alpha": Interval(-4 * DEG, -3 * DEG, 1 * DEG)})
-    late = replace(lift_increment(flights=("f2", "f3")), envelope={"alpha": Interval(5 * DEG, 9 * DEG, 4 * DEG)})
+    early = replace(
+        lift_increment(flights=("f1", "f2")),
+        envelope={"alpha": Interval(-4 * DEG, -3 * DEG, 1 * DEG)},
+    )
+    late = replace(
+        lift_increment(flights=("f2", "f3")),
+        envelope={"alpha": Interval(5 * DEG, 9 * DEG, 4 * DEG)},
+    )
     (entry,) = diff(handbook, replace(handbook, increments=(early, late))).nodes
-    assert [entry.flights(k) for k in range(5)] == [("f1", "f2"), ("f2", "f3"), ("f2", "f3"), ("f2", "f3"), ("f2", "f3")]
+    assert [entry.flights(k) for k in range(5)] == [
+        ("f1", "f2"),
+        ("f2", "f3"),
+        ("f2", "f3"),
+        ("f2", "f3"),
+        ("f2", "f3"),
+    ]
     document = diff_document(diff(handbook, replace(handbook, increments=(early, late))))
     (table,) = document["nodes"]
     assert table["sources"] == [["f1", "f2"], ["f2", "f3"]]
@@ -90,7 +111,8 @@ def test_layered_and_consolidated_give_the_same_coefficients(handbook: AeroDatab
     found = diff(layered, folded)
     assert found.nodes == ()
     assert found.terms == ()
-    # What the update did to the baseline is the same in either form, also where the table has grown breakpoints.
+    # What the update did to the baseline is the same in either form, also where the table has grown
+    # breakpoints.
     (entry,) = diff(handbook, folded).nodes
     at = entry.grid.values[0]
     layer = layered.predict({**neutral_point(layered), "alpha": at}).coefficients["CZ"]
@@ -102,7 +124,10 @@ def test_a_table_value_a_term_a_variable_and_the_reference(handbook: AeroDatabas
     table = handbook.tables["CZ0"]
     values = table.values.copy()
     values[2] -= 0.01
-    terms = tuple(replace(t, expression=parse("-13*q_hat")) if t.name == "Cm_q_hat" else t for t in handbook.terms[:-1])
+    terms = tuple(
+        replace(t, expression=parse("-13*q_hat")) if t.name == "Cm_q_hat" else t
+        for t in handbook.terms[:-1]
+    )
     after = replace(
         handbook,
         tables={"CZ0": replace(table, values=values)},
@@ -125,7 +150,14 @@ def test_a_table_value_a_term_a_variable_and_the_reference(handbook: AeroDatabas
 
 
 def test_drag_and_lift_increments_show_on_the_body_axes(handbook: AeroDatabase) -> None:
-    drag = Increment("C_drag", (parse("1"),), np.array([0.01]), np.array([[1e-6]]), {"alpha": Interval(-0.1, 0.3, 0.1)}, ("f1",))
+    drag = Increment(
+        "C_drag",
+        (parse("1"),),
+        np.array([0.01]),
+        np.array([[1e-6]]),
+        {"alpha": Interval(-0.1, 0.3, 0.1)},
+        ("f1",),
+    )
     (entry,) = diff(handbook, replace(handbook, increments=(drag,))).nodes
     alpha = entry.grid.values[0]
     np.testing.assert_allclose(entry.change, -0.01 * np.sin(alpha), atol=1e-15)
@@ -134,13 +166,21 @@ def test_drag_and_lift_increments_show_on_the_body_axes(handbook: AeroDatabase) 
 
 def test_nodes_over_scaled_channels_and_tables_that_have_none() -> None:
     reference = Reference(1.0, 1.0, 1.0, (0.0, 0.0, 0.0))
-    degrees = Table("T", ("alpha_deg", "flap"), (np.array([-5.0, 0.0, 10.0]), np.array([0.0, 1.0])), np.zeros((3, 2)))
+    degrees = Table(
+        "T",
+        ("alpha_deg", "flap"),
+        (np.array([-5.0, 0.0, 10.0]), np.array([0.0, 1.0])),
+        np.zeros((3, 2)),
+    )
     slip = Table("S", ("abs_beta",), (np.array([0.0, 0.2]),), np.array([0.0, 1.0]))
     sum_table = Table("M", ("sum",), (np.array([0.0, 1.0]),), np.array([0.0, 1.0]))
     database = AeroDatabase(
         "d",
         reference,
-        variables={"alpha_deg": Variable(parse("alpha*57.29577951308232")), "x": Variable(parse("S(abs(beta))"))},
+        variables={
+            "alpha_deg": Variable(parse("alpha*57.29577951308232")),
+            "x": Variable(parse("S(abs(beta))")),
+        },
         tables={"T": degrees, "S": slip, "M": sum_table},
         terms=(
             Term("lift", "C_lift", parse("T(alpha_deg, delta_flap*2 - 1)")),
@@ -152,14 +192,23 @@ def test_nodes_over_scaled_channels_and_tables_that_have_none() -> None:
     assert grids["T"].channels == ("alpha", "delta_flap")
     np.testing.assert_allclose(grids["T"].values[0], np.array([-5, 0, 10]) * DEG, rtol=1e-12)
     np.testing.assert_allclose(grids["T"].values[1], [0.5, 1.0])
-    assert grids["T"].node((2, 0)) == {"alpha": pytest.approx(10 * DEG), "delta_flap": pytest.approx(0.5)}
+    assert grids["T"].node((2, 0)) == {
+        "alpha": pytest.approx(10 * DEG),
+        "delta_flap": pytest.approx(0.5),
+    }
     assert table_axes(database) == {"T": {"C_lift"}, "S": {"CY"}, "M": {"CY"}}
     other = replace(sum_table, values=np.array([0.0, 1.5]))
-    changed = replace(database, tables={**database.tables, "M": other, "T": replace(degrees, values=np.ones((3, 2)))})
+    changed = replace(
+        database,
+        tables={**database.tables, "M": other, "T": replace(degrees, values=np.ones((3, 2)))},
+    )
     found = diff(database, changed)
     assert found.not_addressable == {"M": 0.5}
     # T itself, turned by alpha into the body axes; and M, which alpha moves, on the axis of S.
-    assert {(entry.axis, entry.grid.table) for entry in found.nodes if entry.axis != "CY"} == {("CX", "T"), ("CZ", "T")}
+    assert {(entry.axis, entry.grid.table) for entry in found.nodes if entry.axis != "CY"} == {
+        ("CX", "T"),
+        ("CZ", "T"),
+    }
     with pytest.raises(InputError, match=r"indices go from 0: \[0\.\.2, 0\.\.1\]"):
         grids["T"].node((3, 0))
 

@@ -1,4 +1,5 @@
-"""The expression language: what it computes, that its text comes back, and that nothing else can be said in it."""
+"""The expression language: what it computes, that its text comes back, and that nothing else can be
+said in it."""
 
 import math
 
@@ -26,14 +27,18 @@ from aerodb.tables.program import compile_program, evaluate
 from aerodb.tables.table import Table
 
 NAMES = st.sampled_from(["alpha", "beta", "q_hat", "S_ref", "_x1", "e1", "sinus"])
-NUMBERS = st.floats(min_value=0.0, allow_infinity=False, allow_nan=False).map(lambda x: Number(abs(x)))
+NUMBERS = st.floats(min_value=0.0, allow_infinity=False, allow_nan=False).map(
+    lambda x: Number(abs(x))
+)
 
 
 def branches(children: st.SearchStrategy[Expression]) -> st.SearchStrategy[Expression]:
     def call(name: str) -> st.SearchStrategy[Expression]:
         function = FUNCTIONS[name]
         most = function.most or function.least + 2
-        return st.lists(children, min_size=function.least, max_size=most).map(lambda a: Call(name, tuple(a)))
+        return st.lists(children, min_size=function.least, max_size=most).map(
+            lambda a: Call(name, tuple(a))
+        )
 
     return st.one_of(
         st.builds(Negation, children),
@@ -136,7 +141,14 @@ def test_bad_syntax_is_refused_with_its_position(text: str, message: str) -> Non
     assert message in str(refusal.value)
 
 
-HOSTILE = ["(" * 10_000, "-" * 10_000 + "1", "2^" * 5_000 + "1", "sin(" * 3_000, "1" + "+1" * 9_000, "1" * 30_000]
+HOSTILE = [
+    "(" * 10_000,
+    "-" * 10_000 + "1",
+    "2^" * 5_000 + "1",
+    "sin(" * 3_000,
+    "1" + "+1" * 9_000,
+    "1" * 30_000,
+]
 
 
 @pytest.mark.parametrize("text", HOSTILE, ids=[text[:4] for text in HOSTILE])
@@ -166,15 +178,24 @@ def test_missing_value_and_unknown_table_are_named() -> None:
     with pytest.raises(InputError, match="no value for beta"):
         evaluate(parse("alpha*beta"), {"alpha": 1.0})
     with pytest.raises(InputError, match=r"no table or function 'CZO'\ndid you mean 'CZ0'"):
-        evaluate(parse("CZO(1)"), {}, {"CZ0": Table("CZ0", ("x",), (np.array([0.0, 1.0]),), np.array([0.0, 1.0]))})
+        evaluate(
+            parse("CZO(1)"),
+            {},
+            {"CZ0": Table("CZ0", ("x",), (np.array([0.0, 1.0]),), np.array([0.0, 1.0]))},
+        )
 
 
 def test_comparisons_and_pieces() -> None:
-    """True is 1; a condition on what is not a number stays visible; comparisons bind less than sums."""
+    """True is 1; a condition on what is not a number stays visible; comparisons bind less than
+    sums."""
     a = np.array([-3.0, 0.0, 5.0, np.nan])
     found = evaluate(parse("piecewise(-2, a < -2, b, a >= b + 1, a)"), {"a": a, "b": 2.0})
     assert np.array_equal(found, [-2.0, 0.0, 2.0, np.nan], equal_nan=True)
-    assert np.array_equal(evaluate(parse("piecewise(1, a == 0)"), {"a": a}), [np.nan, 1.0, np.nan, np.nan], equal_nan=True)
+    assert np.array_equal(
+        evaluate(parse("piecewise(1, a == 0)"), {"a": a}),
+        [np.nan, 1.0, np.nan, np.nan],
+        equal_nan=True,
+    )
     assert np.array_equal(
         evaluate(parse("and(a > -5, a < 1) + 10*or(a < -1, a > 4) + 100*not(a)"), {"a": a}),
         [11.0, 101.0, 10.0, np.nan],
@@ -191,7 +212,9 @@ def test_functions_of_daveml(text: str, value: float) -> None:
     assert float(evaluate(parse(text), {})) == pytest.approx(value, rel=1e-14)
 
 
-@pytest.mark.parametrize("text", ["a < b", "(a < b) < c", "-(a >= b)^2", "not(a != b + 1)", "(a == b)*2 - 1", "lt(a, b)"])
+@pytest.mark.parametrize(
+    "text", ["a < b", "(a < b) < c", "-(a >= b)^2", "not(a != b + 1)", "(a == b)*2 - 1", "lt(a, b)"]
+)
 def test_comparisons_are_printed_as_they_are_read(text: str) -> None:
     assert parse(str(parse(text))) == parse(text)
 

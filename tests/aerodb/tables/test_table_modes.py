@@ -1,4 +1,5 @@
-"""Tables beyond linear and held: other interpolations, extrapolation, scattered points; and look-ups made together."""
+"""Tables beyond linear and held: other interpolations, extrapolation, scattered points; and
+look-ups made together."""
 
 import numpy as np
 import pytest
@@ -40,14 +41,20 @@ def test_one_axis_by_hand(interpolation: str, extrapolation: str, expected: list
 
 def test_axes_differ_in_one_table() -> None:
     rng = np.random.default_rng(1)
-    table = Table("T", ("x", "y"), (X, X), rng.normal(size=(3, 3)), ("linear", "floor"), ("max", "neither"))
+    table = Table(
+        "T", ("x", "y"), (X, X), rng.normal(size=(3, 3)), ("linear", "floor"), ("max", "neither")
+    )
     x, y = rng.uniform(-1, 5, 200), rng.uniform(-1, 5, 200)
     rows = table.values[:, np.clip(np.searchsorted(X, y, side="right") - 1, 0, 2)]
     left = np.where(x < 1, 0, 1)
     weight = (np.maximum(x, 0) - X[left]) / (X[left + 1] - X[left])
     k = np.arange(200)
-    assert table.evaluate(x, y) == pytest.approx((1 - weight) * rows[left, k] + weight * rows[left + 1, k], abs=1e-12)
-    assert table.basis(x, y) @ table.values.ravel() == pytest.approx(table.evaluate(x, y), abs=1e-12)
+    assert table.evaluate(x, y) == pytest.approx(
+        (1 - weight) * rows[left, k] + weight * rows[left + 1, k], abs=1e-12
+    )
+    assert table.basis(x, y) @ table.values.ravel() == pytest.approx(
+        table.evaluate(x, y), abs=1e-12
+    )
 
 
 @pytest.mark.parametrize(
@@ -55,8 +62,14 @@ def test_axes_differ_in_one_table() -> None:
     [
         ({"interpolation": ("cubic",)}, "'cubic'"),
         ({"extrapolation": ("min", "max")}, "2 words"),
-        ({"interpolation": ("floor",), "extrapolation": ("both",)}, "extrapolation of an axis that is floor"),
-        ({"uncertainty": Uncertainty("additive", "normal", ((0.1, 0.2),))}, "2 uncertainty bounds for 3 nodes"),
+        (
+            {"interpolation": ("floor",), "extrapolation": ("both",)},
+            "extrapolation of an axis that is floor",
+        ),
+        (
+            {"uncertainty": Uncertainty("additive", "normal", ((0.1, 0.2),))},
+            "2 uncertainty bounds for 3 nodes",
+        ),
     ],
 )
 def test_modes_that_are_not_are_refused(words: dict[str, object], message: str) -> None:
@@ -66,9 +79,13 @@ def test_modes_that_are_not_are_refused(words: dict[str, object], message: str) 
 
 @pytest.mark.parametrize("dimensions", [2, 3, 4])
 def test_scattered_points_equal_scipy_inside_and_are_held_outside(dimensions: int) -> None:
-    """Outside, the value is the one where the line from the mean of the points leaves their hull; nodes are met."""
+    """Outside, the value is the one where the line from the mean of the points leaves their hull;
+    nodes are met."""
     rng = np.random.default_rng(dimensions)
-    points, values = rng.uniform(0, 10.0 ** np.arange(dimensions), (40, dimensions)), rng.normal(size=40)
+    points, values = (
+        rng.uniform(0, 10.0 ** np.arange(dimensions), (40, dimensions)),
+        rng.normal(size=40),
+    )
     table = ScatteredTable("P", tuple("abcd"[:dimensions]), points, values)
     at = rng.uniform(-0.2, 1.2, (400, dimensions)) * 10.0 ** np.arange(dimensions)
     interpolator = LinearNDInterpolator(points, values, rescale=True)
@@ -86,7 +103,9 @@ def test_scattered_points_equal_scipy_inside_and_are_held_outside(dimensions: in
             middle = (inner + outer) / 2
             inside_here = np.isfinite(interpolator(centre + middle * (point - centre))[0])
             inner, outer = (middle, outer) if inside_here else (inner, middle)
-        assert value == pytest.approx(float(interpolator(centre + inner * (point - centre))[0]), abs=1e-6)
+        assert value == pytest.approx(
+            float(interpolator(centre + inner * (point - centre))[0]), abs=1e-6
+        )
     assert np.isnan(table.evaluate(np.nan, *at[0, 1:]))[0]
 
 
@@ -98,7 +117,9 @@ def test_scattered_points_equal_scipy_inside_and_are_held_outside(dimensions: in
         ([[0, 0], [1, 0], [0, np.inf], [1, 1]], "not finite"),
     ],
 )
-def test_scattered_points_that_are_no_table_are_refused(points: list[list[float]], message: str) -> None:
+def test_scattered_points_that_are_no_table_are_refused(
+    points: list[list[float]], message: str
+) -> None:
     with pytest.raises(InputError, match=message):
         ScatteredTable("P", ("a", "b"), np.array(points), np.zeros(4))
 
@@ -106,7 +127,9 @@ def test_scattered_points_that_are_no_table_are_refused(points: list[list[float]
 def test_tables_on_the_same_breakpoints_are_looked_up_together() -> None:
     """Bit for bit what each gives alone; another mode or another argument stays apart."""
     rng = np.random.default_rng(2)
-    tables = {f"T{k}": Table(f"T{k}", ("x", "y"), (X, X), rng.normal(size=(3, 3))) for k in range(5)}
+    tables = {
+        f"T{k}": Table(f"T{k}", ("x", "y"), (X, X), rng.normal(size=(3, 3))) for k in range(5)
+    }
     tables["D"] = Table("D", ("x", "y"), (X, X), rng.normal(size=(3, 3)), ("floor", "linear"))
     calls = [f"{name}(a, b)" for name in tables] + ["T0(b, a)"]
     program = compile_program([parse(call) for call in calls], tables)
@@ -116,26 +139,39 @@ def test_tables_on_the_same_breakpoints_are_looked_up_together() -> None:
     for name, value in zip(tables, run.values, strict=False):
         assert np.array_equal(value, tables[name].evaluate(a, b))
         assert np.array_equal(
-            run.outside[name], tables[name].outside(a, b) | (tables[name].outside(b, a) if name == "T0" else False)
+            run.outside[name],
+            tables[name].outside(a, b) | (tables[name].outside(b, a) if name == "T0" else False),
         )
     assert np.array_equal(run.values[-1], tables["T0"].evaluate(b, a))
 
 
 def test_blocks_of_points_are_the_same_points() -> None:
-    """A prediction of many points is put together from blocks: values, and where which table is left."""
+    """A prediction of many points is put together from blocks: values, and where which table is
+    left."""
     table = Table("T", ("alpha",), (X / 10,), Y)
-    database = AeroDatabase("b", REFERENCE, tables={"T": table}, terms=(Term("t", "CX", parse("T(alpha)*mach + q_hat")),))
+    database = AeroDatabase(
+        "b",
+        REFERENCE,
+        tables={"T": table},
+        terms=(Term("t", "CX", parse("T(alpha)*mach + q_hat")),),
+    )
     n = 2 * BLOCK + 7
     alpha = np.linspace(-0.1, 0.3, n)
-    whole = database.predict({"alpha": alpha, "mach": 2.0, "q": np.full(n, 0.1), "V": np.array([50.0])})
-    assert whole.coefficients["CX"] == pytest.approx(table.evaluate(alpha) * 2 + 0.1 * 6 / 100, rel=1e-13)
+    whole = database.predict(
+        {"alpha": alpha, "mach": 2.0, "q": np.full(n, 0.1), "V": np.array([50.0])}
+    )
+    assert whole.coefficients["CX"] == pytest.approx(
+        table.evaluate(alpha) * 2 + 0.1 * 6 / 100, rel=1e-13
+    )
     assert np.array_equal(whole.outside_tables["T"], table.outside(alpha))
     assert np.array_equal(whole.outside, table.outside(alpha))
 
 
 def test_variables_are_evaluated_by_name() -> None:
     variables = {"x": Variable(parse("2*alpha")), "y": Variable(parse("x + p_hat"))}
-    database = AeroDatabase("v", REFERENCE, variables, terms=(Term("t", "CX", parse("x")), Term("s", "CY", parse("y"))))
+    database = AeroDatabase(
+        "v", REFERENCE, variables, terms=(Term("t", "CX", parse("x")), Term("s", "CY", parse("y")))
+    )
     found = database.predict({"alpha": np.array([0.1, 0.2]), "p": 1.0, "V": 10.0}).coefficients
     assert found["CX"] == pytest.approx([0.2, 0.4])
     assert found["CY"] == pytest.approx([0.2 + 0.174, 0.4 + 0.174])
@@ -162,4 +198,9 @@ def test_uncertainty_that_is_none_is_refused(arguments: tuple[object, ...], mess
 def test_a_bound_needs_its_variable() -> None:
     doubt = Uncertainty("additive", "normal", ("nobody",))
     with pytest.raises(InputError, match="no variable 'nobody'"):
-        AeroDatabase("v", REFERENCE, {"x": Variable(parse("1"), uncertainty=doubt)}, terms=(Term("t", "CX", parse("x")),))
+        AeroDatabase(
+            "v",
+            REFERENCE,
+            {"x": Variable(parse("1"), uncertainty=doubt)},
+            terms=(Term("t", "CX", parse("x")),),
+        )

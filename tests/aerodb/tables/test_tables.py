@@ -1,4 +1,5 @@
-"""Tables, increments and the database: against scipy, against formulas worked by hand, and in their own algebra."""
+"""Tables, increments and the database: against scipy, against formulas worked by hand, and in their
+own algebra."""
 
 import pickle
 from dataclasses import replace
@@ -21,7 +22,9 @@ from aerodb.tables.table import Table
 REFERENCE = Reference(area=10.3, chord=6.0, span=3.48, moment_reference=(-1.0, 0.0, 0.5))
 
 
-def random_table(rng: np.random.Generator, dimensions: int, sizes: tuple[int, int] = (2, 6)) -> Table:
+def random_table(
+    rng: np.random.Generator, dimensions: int, sizes: tuple[int, int] = (2, 6)
+) -> Table:
     shape = rng.integers(*sizes, endpoint=True, size=dimensions)
     axes = tuple(np.cumsum(rng.uniform(0.05, 1.0, size)) - 1.5 for size in shape)
     return Table("T", tuple(f"x{k}" for k in range(dimensions)), axes, rng.normal(size=shape))
@@ -43,7 +46,12 @@ def test_interpolation_equals_scipy_and_is_held_outside(dimensions: int) -> None
     rng = np.random.default_rng(dimensions)
     table = random_table(rng, dimensions, (2, 7))
     x = points_around(table, rng, 4000)
-    held = np.column_stack([np.clip(column, axis[0], axis[-1]) for column, axis in zip(x, table.breakpoints, strict=True)])
+    held = np.column_stack(
+        [
+            np.clip(column, axis[0], axis[-1])
+            for column, axis in zip(x, table.breakpoints, strict=True)
+        ]
+    )
     expected = RegularGridInterpolator(table.breakpoints, table.values)(held)
     assert np.max(np.abs(table.evaluate(*x) - expected)) <= 1e-13
     assert np.array_equal(table.outside(*x), np.any(held != np.column_stack(x), axis=1))
@@ -78,7 +86,8 @@ def test_coverage_is_zero_where_no_point_touches() -> None:
 
 
 def test_slope_of_a_bilinear_form_is_exact() -> None:
-    """On f = 2 + 3x - y + 4xy the slopes are 3 + 4y and -1 + 4x, whatever the grid; zero where the table is held."""
+    """On f = 2 + 3x - y + 4xy the slopes are 3 + 4y and -1 + 4x, whatever the grid; zero where the
+    table is held."""
     x, y = np.array([-1.0, 0.0, 2.0, 2.5]), np.array([0.0, 1.0, 4.0])
     table = Table("T", ("x", "y"), (x, y), 2 + 3 * x[:, None] - y + 4 * x[:, None] * y)
     at_x, at_y = np.array([-0.5, 0.0, 2.4, 9.0]), np.array([0.5, 3.0, 1.0, 2.0])
@@ -91,7 +100,9 @@ def test_slope_of_a_bilinear_form_is_exact() -> None:
 def test_numbers_and_arrays_mix_and_not_a_number_stays_visible() -> None:
     table = random_table(np.random.default_rng(5), 3)
     x = np.linspace(-1, 1, 8)
-    assert np.array_equal(table.evaluate(x, 0.1, 0.2), table.evaluate(x, np.full(8, 0.1), np.full(8, 0.2)))
+    assert np.array_equal(
+        table.evaluate(x, 0.1, 0.2), table.evaluate(x, np.full(8, 0.1), np.full(8, 0.2))
+    )
     assert table.evaluate(0.1, 0.2, 0.3).shape == (1,)
     lookup = table.lookup(np.array([np.nan, 0.0]), -0.9, -0.9)
     assert np.isnan(lookup.values).tolist() == [True, False]
@@ -111,9 +122,16 @@ def test_numbers_and_arrays_mix_and_not_a_number_stays_visible() -> None:
         ((), (), "0 arguments for 0 breakpoint lists"),
     ],
 )
-def test_tables_that_are_not_are_refused(axes: tuple[list[float], ...], shape: tuple[int, ...], message: str) -> None:
+def test_tables_that_are_not_are_refused(
+    axes: tuple[list[float], ...], shape: tuple[int, ...], message: str
+) -> None:
     with pytest.raises(InputError, match=message):
-        Table("T", tuple(f"x{k}" for k in range(len(axes))), tuple(map(np.array, axes)), np.zeros(shape))
+        Table(
+            "T",
+            tuple(f"x{k}" for k in range(len(axes))),
+            tuple(map(np.array, axes)),
+            np.zeros(shape),
+        )
 
 
 def test_a_table_cannot_be_changed_in_place() -> None:
@@ -126,9 +144,12 @@ def test_a_table_cannot_be_changed_in_place() -> None:
 
 
 def test_moment_transfer_of_a_force_worked_by_hand() -> None:
-    """1 of -Z force (lift) 0.6 m ahead of the new point pitches up by 0.6/c; side force there yaws right by 0.6/b."""
+    """1 of -Z force (lift) 0.6 m ahead of the new point pitches up by 0.6/c; side force there yaws
+    right by 0.6/b."""
     rest = {axis: np.zeros(1) for axis in AXES}
-    moved = transfer_moments({**rest, "CZ": np.array([-1.0]), "CY": np.array([2.0])}, (0.6, 0, 0), (0, 0, 0), REFERENCE)
+    moved = transfer_moments(
+        {**rest, "CZ": np.array([-1.0]), "CY": np.array([2.0])}, (0.6, 0, 0), (0, 0, 0), REFERENCE
+    )
     assert moved["Cm"] == pytest.approx(0.6 / 6.0)
     assert moved["Cn"] == pytest.approx(2 * 0.6 / 3.48)
     assert moved["Cl"] == 0.0
@@ -156,15 +177,20 @@ def test_wind_axes_are_body_axes_turned_by_alpha_and_beta() -> None:
     drag, side, lift = rng.normal(size=(3, 50))
     turn = Rotation.from_euler("YZ", np.column_stack([-alpha, beta]))
     expected = turn.apply(np.column_stack([-drag, side, -lift]))
-    assert np.column_stack(wind_to_body(drag, side, lift, alpha, beta)) == pytest.approx(expected, abs=1e-13)
+    assert np.column_stack(wind_to_body(drag, side, lift, alpha, beta)) == pytest.approx(
+        expected, abs=1e-13
+    )
 
 
 def phoenix_like() -> AeroDatabase:
-    """A lift in the form of 003 eq. 6: base table, body flap with scale, landing gear times |beta|, rate term."""
+    """A lift in the form of 003 eq. 6: base table, body flap with scale, landing gear times |beta|,
+    rate term."""
     alpha, flap = np.array([-0.1, 0.0, 0.2, 0.4]), np.array([-0.3, 0.0, 0.3])
     tables = {
         "CZ0": Table("CZ0", ("alpha",), (alpha,), -3.0 * alpha),
-        "dCZbf": Table("dCZbf", ("alpha", "delta_body_flap"), (alpha, flap), -0.4 * flap + 0.0 * alpha[:, None]),
+        "dCZbf": Table(
+            "dCZbf", ("alpha", "delta_body_flap"), (alpha, flap), -0.4 * flap + 0.0 * alpha[:, None]
+        ),
     }
     terms = (
         Term("base", "CZ", parse("CZ0(alpha)")),
@@ -197,22 +223,32 @@ def test_build_up_equals_the_formula() -> None:
     gear = -0.1 * c["delta_landing_gear"] * np.abs(c["beta"])
     rate = -2 * c["q"] * 6.0 / c["V"]
     drag_z = -0.05 * np.sin(c["alpha"]) * np.cos(c["beta"])
-    assert prediction.coefficients["CZ"] == pytest.approx(base + flap + gear + rate + drag_z, abs=1e-14)
-    assert prediction.coefficients["Cm"] == pytest.approx(-1.5 * c["q"] * 6.0 / (2 * c["V"]), abs=1e-14)
-    assert prediction.coefficients["CX"] == pytest.approx(-0.05 * np.cos(c["alpha"]) * np.cos(c["beta"]), abs=1e-14)
+    assert prediction.coefficients["CZ"] == pytest.approx(
+        base + flap + gear + rate + drag_z, abs=1e-14
+    )
+    assert prediction.coefficients["Cm"] == pytest.approx(
+        -1.5 * c["q"] * 6.0 / (2 * c["V"]), abs=1e-14
+    )
+    assert prediction.coefficients["CX"] == pytest.approx(
+        -0.05 * np.cos(c["alpha"]) * np.cos(c["beta"]), abs=1e-14
+    )
     assert prediction.outside.tolist() == [False, False, True]
     assert {name: where.tolist() for name, where in prediction.outside_tables.items()} == {
         "CZ0": [False, False, True],
         "dCZbf": [False, False, True],
     }
-    assert database.predict({**c, "q_hat": 0.02}).coefficients["Cm"] == pytest.approx(np.full(3, -0.03))
+    assert database.predict({**c, "q_hat": 0.02}).coefficients["Cm"] == pytest.approx(
+        np.full(3, -0.03)
+    )
 
 
 def test_a_database_survives_pickling() -> None:
     database = phoenix_like()
     database.predict(CHANNELS)
     again = pickle.loads(pickle.dumps(database))
-    assert np.array_equal(again.predict(CHANNELS).coefficients["CZ"], database.predict(CHANNELS).coefficients["CZ"])
+    assert np.array_equal(
+        again.predict(CHANNELS).coefficients["CZ"], database.predict(CHANNELS).coefficients["CZ"]
+    )
 
 
 @pytest.mark.parametrize(
@@ -221,26 +257,50 @@ def test_a_database_survives_pickling() -> None:
         ({"terms": (Term("a", "CZ", parse("alhpa")),)}, "did you mean 'alpha'"),
         ({"terms": (Term("a", "CZZ", parse("1")),)}, "did you mean 'CZ'"),
         ({"terms": (Term("a", "CZ", parse("CZO(alpha)")),)}, "did you mean 'CZ0'"),
-        ({"terms": (Term("a", "CZ", parse("CZ0(alpha, beta)")),)}, "called with 2 arguments, it has 1"),
-        ({"terms": (Term("a", "CZ", parse("1")), Term("a", "Cm", parse("1")))}, "term 'a' stands twice"),
-        ({"variables": {"a": Variable(parse("b")), "b": Variable(parse("2*a")), **phoenix_like().variables}}, "b -> a -> b"),
-        ({"variables": {"alpha": Variable(parse("1")), **phoenix_like().variables}}, "has the name of a channel"),
+        (
+            {"terms": (Term("a", "CZ", parse("CZ0(alpha, beta)")),)},
+            "called with 2 arguments, it has 1",
+        ),
+        (
+            {"terms": (Term("a", "CZ", parse("1")), Term("a", "Cm", parse("1")))},
+            "term 'a' stands twice",
+        ),
+        (
+            {
+                "variables": {
+                    "a": Variable(parse("b")),
+                    "b": Variable(parse("2*a")),
+                    **phoenix_like().variables,
+                }
+            },
+            "b -> a -> b",
+        ),
+        (
+            {"variables": {"alpha": Variable(parse("1")), **phoenix_like().variables}},
+            "has the name of a channel",
+        ),
         ({"free_inputs": {"S_ref": "x"}}, "has the name of a constant"),
         ({"free_inputs": {"UF": "x"}}, "has the name of a variable"),
     ],
 )
-def test_databases_that_contradict_themselves_are_refused(change: dict[str, object], message: str) -> None:
+def test_databases_that_contradict_themselves_are_refused(
+    change: dict[str, object], message: str
+) -> None:
     with pytest.raises(InputError, match=message):
         replace(phoenix_like(), **change)
 
 
 def test_missing_channels_are_named() -> None:
     with pytest.raises(InputError, match="channels missing: V, beta"):
-        phoenix_like().predict({name: x for name, x in CHANNELS.items() if name not in ("beta", "V")})
+        phoenix_like().predict(
+            {name: x for name, x in CHANNELS.items() if name not in ("beta", "V")}
+        )
 
 
 def test_long_chains_of_variables_are_refused_not_crashed() -> None:
-    chain = {f"v{k}": Variable(parse(f"v{k + 1} + 1")) for k in range(5000)} | {"v5000": Variable(parse("1"))}
+    chain = {f"v{k}": Variable(parse(f"v{k + 1} + 1")) for k in range(5000)} | {
+        "v5000": Variable(parse("1"))
+    }
     with pytest.raises(InputError, match="too many levels"):
         AeroDatabase("chain", REFERENCE, chain, {}, (Term("a", "CZ", parse("v0")),))
 
@@ -257,14 +317,17 @@ def increment() -> Increment:
 
 
 def test_increment_inside_its_envelope_is_the_regression() -> None:
-    value, error, inside = increment().evaluate({"alpha": np.array([0.0, 0.1, 0.2]), "q_hat": np.array([0.0, 0.01, -0.01])})
+    value, error, inside = increment().evaluate(
+        {"alpha": np.array([0.0, 0.1, 0.2]), "q_hat": np.array([0.0, 0.01, -0.01])}
+    )
     assert inside.all()
     assert value == pytest.approx([-0.02, -0.02 - 0.05 - 0.03, -0.02 - 0.1 + 0.03])
     assert error == pytest.approx(np.sqrt([1e-6, 1e-6 + 4e-6 + 2.5e-5, 1e-6 + 1.6e-5 + 2.5e-5]))
 
 
 def test_increment_is_held_for_one_cell_then_fades_over_the_next() -> None:
-    """Above alpha 0.2 with a cell of 0.05: held to 0.25, half at 0.275, nothing from 0.3; the error grows meanwhile."""
+    """Above alpha 0.2 with a cell of 0.05: held to 0.25, half at 0.275, nothing from 0.3; the error
+    grows meanwhile."""
     alpha = np.array([0.2, 0.22, 0.25, 0.275, 0.3, 0.9])
     value, error, inside = increment().evaluate({"alpha": alpha, "q_hat": 0.0})
     edge = -0.02 - 0.5 * 0.2
@@ -276,7 +339,8 @@ def test_increment_is_held_for_one_cell_then_fades_over_the_next() -> None:
 
 
 def test_a_regressor_fades_by_its_own_variables_and_the_base_variables_only() -> None:
-    """Far outside in q_hat only the q_hat regressor is gone; far outside in alpha, everything is."""
+    """Far outside in q_hat only the q_hat regressor is gone; far outside in alpha, everything
+    is."""
     value = increment().value({"alpha": np.array([0.1, 0.9]), "q_hat": np.array([0.5, 0.005])})
     assert value == pytest.approx([-0.02 - 0.05, 0.0], abs=1e-14)
 
@@ -306,10 +370,15 @@ def test_increments_that_do_not_fit_are_refused() -> None:
     with pytest.raises(InputError, match="no value for q_hat"):
         increment().evaluate({"alpha": 0.1})
     with pytest.raises(InputError, match="unknown name 'alfa'"):
-        replace(phoenix_like(), increments=(Increment("CZ", (parse("alfa"),), np.ones(1), np.eye(1)),))
+        replace(
+            phoenix_like(), increments=(Increment("CZ", (parse("alfa"),), np.ones(1), np.eye(1)),)
+        )
 
 
-@pytest.mark.parametrize("change", [{"area": 0.0}, {"chord": -1.0}, {"span": float("nan")}, {"moment_reference": (0.0, 0.0)}])
+@pytest.mark.parametrize(
+    "change",
+    [{"area": 0.0}, {"chord": -1.0}, {"span": float("nan")}, {"moment_reference": (0.0, 0.0)}],
+)
 def test_reference_geometry_must_be_positive(change: dict[str, object]) -> None:
     with pytest.raises(InputError):
         replace(REFERENCE, **change)

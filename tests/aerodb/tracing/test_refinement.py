@@ -1,4 +1,5 @@
-"""Finer shapes: the algebra against direct least squares, planted functions come back, and exact templates stay as they are."""
+"""Finer shapes: the algebra against direct least squares, planted functions come back, and exact
+templates stay as they are."""
 
 import numpy as np
 import pytest
@@ -15,13 +16,15 @@ FLIGHTS, SAMPLES = 6, 400
 
 
 def rows(seed: int, change: float) -> tuple[np.ndarray, np.ndarray]:
-    """Columns (flights, samples, 7), a term and its six ramps, and response: the gain, 0.5, has grown by `change` of itself at
-    the last node, as the square of alpha."""
+    """Columns (flights, samples, 7), a term and its six ramps, and response: the gain, 0.5, has
+    grown by `change` of itself at the last node, as the square of alpha."""
     rng = np.random.default_rng(seed)
     alpha, term = rng.uniform(0.0, 0.3, (FLIGHTS, SAMPLES)), rng.standard_normal((FLIGHTS, SAMPLES))
     ramps = SPLINE.ramps(alpha.ravel()).reshape(FLIGHTS, SAMPLES, 6)
     columns = np.concatenate([term[..., None], term[..., None] * ramps], axis=2)
-    response = 0.5 * term * (1.0 + change * (alpha / 0.3) ** 2) + rng.standard_normal((FLIGHTS, SAMPLES))
+    response = 0.5 * term * (1.0 + change * (alpha / 0.3) ** 2) + rng.standard_normal(
+        (FLIGHTS, SAMPLES)
+    )
     return columns, response
 
 
@@ -29,7 +32,9 @@ def problem(seed: int, change: float) -> ShapeProblem:
     columns, response = rows(seed, change)
     square, right = columns.transpose(0, 2, 1) @ columns, np.einsum("gnk,gn->gk", columns, response)
     unit = np.full(7, np.sqrt(square[:, 0, 0].max()))
-    return ShapeProblem(square / np.outer(unit, unit), right / unit, np.sum(response**2, axis=1), unit)
+    return ShapeProblem(
+        square / np.outer(unit, unit), right / unit, np.sum(response**2, axis=1), unit
+    )
 
 
 def test_ramps_times_a_regressor_are_a_function_that_is_linear_between_nodes() -> None:

@@ -1,4 +1,5 @@
-"""What tracing says of small campaigns: verdicts, rivals, bounds, bad input, and the empty case in which nothing may be found."""
+"""What tracing says of small campaigns: verdicts, rivals, bounds, bad input, and the empty case in
+which nothing may be found."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -20,7 +21,9 @@ from tests.support.tracing_small import LIBRARY, SETTINGS, STEP, evidence, instr
 A_CX, B_CX, A_CZ, SENSOR, OTHER = (h.id for h in LIBRARY)
 
 
-def flights(count: int, values: Mapping[str, float] | None = None, first: int = 100) -> list[Evidence]:
+def flights(
+    count: int, values: Mapping[str, float] | None = None, first: int = 100
+) -> list[Evidence]:
     return [evidence(seed, values) for seed in range(first, first + count)]
 
 
@@ -33,9 +36,17 @@ def only(result: Traced) -> Finding:
     return finding
 
 
-def with_twin(given: Sequence[Evidence], twin: Hypothesis, of: str, factor: float) -> list[Evidence]:
+def with_twin(
+    given: Sequence[Evidence], twin: Hypothesis, of: str, factor: float
+) -> list[Evidence]:
     """The flights with one more hypothesis, whose columns are `factor` times those of another."""
-    return [replace(e, columns={**e.columns, twin.id: {axis: factor * x for axis, x in e.columns[of].items()}}) for e in given]
+    return [
+        replace(
+            e,
+            columns={**e.columns, twin.id: {axis: factor * x for axis, x in e.columns[of].items()}},
+        )
+        for e in given
+    ]
 
 
 def test_where_nothing_is_missing_nothing_is_found_and_everything_has_a_bound() -> None:
@@ -84,7 +95,10 @@ def test_a_wrong_sensor_is_called_a_sensor() -> None:
 
 def test_two_terms_at_once_are_both_found() -> None:
     result = traced(flights(6, {A_CX: 0.3, A_CZ: -0.3}))
-    assert {f.hypothesis: f.verdict for f in result.findings} == {A_CX: "confirmed", A_CZ: "confirmed"}
+    assert {f.hypothesis: f.verdict for f in result.findings} == {
+        A_CX: "confirmed",
+        A_CZ: "confirmed",
+    }
 
 
 def test_twins_are_an_alias_group_and_the_next_flight_says_what_to_move() -> None:
@@ -113,7 +127,9 @@ def test_two_flights_suspect_and_one_says_nothing_but_bounds() -> None:
     assert any("1 more flight" in sentence for sentence in two.next_flight)
     one = traced(flights(1, {A_CX: 0.5}))
     assert one.findings == ()
-    assert all(item.verdict == "not_testable" and item.upper_bound is not None for item in one.not_found)
+    assert all(
+        item.verdict == "not_testable" and item.upper_bound is not None for item in one.not_found
+    )
 
 
 def test_what_only_two_of_six_flights_show_is_suspected_at_most() -> None:
@@ -134,14 +150,28 @@ def test_what_is_never_excited_or_not_separable_is_said_so() -> None:
     given = with_twin(flights(5), tied, A_CX, 1.0)
     shadow = instrument("shadow", 1e6)
     given = with_twin(given, shadow, A_CX, 1.0)
-    verdicts = {item.hypothesis: item for item in traced(given, [*LIBRARY, idle, tied, shadow]).not_found}
+    verdicts = {
+        item.hypothesis: item for item in traced(given, [*LIBRARY, idle, tied, shadow]).not_found
+    }
     assert verdicts[idle.id].verdict == "not_excited"
     assert verdicts[idle.id].upper_bound is None
     assert verdicts[tied.id].verdict == "not_separable"
 
 
-def test_a_constant_that_returns_in_all_flights_is_a_zero_offset_and_one_that_changes_is_not() -> None:
-    offset = Hypothesis("zero_offset", ("CX",), "", "CX_0", "aerodynamic", "1", (-9.0, 9.0), None, "CX is off by a constant")
+def test_a_constant_that_returns_in_all_flights_is_a_zero_offset_and_one_that_changes_is_not() -> (
+    None
+):
+    offset = Hypothesis(
+        "zero_offset",
+        ("CX",),
+        "",
+        "CX_0",
+        "aerodynamic",
+        "1",
+        (-9.0, 9.0),
+        None,
+        "CX is off by a constant",
+    )
 
     def shown(levels: Sequence[float]) -> list[Evidence]:
         return [
@@ -177,9 +207,14 @@ def left(count: int, shape: float) -> list[Left]:
     for seed in range(count):
         rng = np.random.default_rng([seed, 9])
         u, v, w = (coloured(rng, 1500, 0.6) for _ in range(3))
-        residual = {"CX": shape * u * v + 0.3 * coloured(rng, 1500, 0.5), "CZ": 0.3 * coloured(rng, 1500, 0.5)}
+        residual = {
+            "CX": shape * u * v + 0.3 * coloured(rng, 1500, 0.5),
+            "CZ": 0.3 * coloured(rng, 1500, 0.5),
+        }
         usable = {axis: np.ones(1500, dtype=bool) for axis in residual}
-        found.append(Left(Evidence(f"f{seed}", STEP, residual, usable, {}), {"u": u, "v": v, "w": w}))
+        found.append(
+            Left(Evidence(f"f{seed}", STEP, residual, usable, {}), {"u": u, "v": v, "w": w})
+        )
     return found
 
 
@@ -192,7 +227,11 @@ def test_what_no_template_fits_is_unnamed_with_its_variables() -> None:
 
 
 def test_of_noise_nothing_is_left() -> None:
-    false = sum(r.found for seed in range(10) for r in remainders([_shuffled(f, seed) for f in left(6, 0.0)], SETTINGS))
+    false = sum(
+        r.found
+        for seed in range(10)
+        for r in remainders([_shuffled(f, seed) for f in left(6, 0.0)], SETTINGS)
+    )
     assert false <= 2
 
 
@@ -207,4 +246,10 @@ def test_the_rest_needs_three_flights_and_common_variables() -> None:
         remainders(left(2, 0.3), SETTINGS)
     apart = left(3, 0.3)
     with pytest.raises(InputError, match="no variable in common"):
-        remainders([replace(flight, variables={flight.evidence.flight: flight.variables["u"]}) for flight in apart], SETTINGS)
+        remainders(
+            [
+                replace(flight, variables={flight.evidence.flight: flight.variables["u"]})
+                for flight in apart
+            ],
+            SETTINGS,
+        )

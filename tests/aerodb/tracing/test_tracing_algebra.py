@@ -1,4 +1,5 @@
-"""Tracing's algebra against independent answers: direct least squares, scipy's t-test, closed forms, simulated hierarchies."""
+"""Tracing's algebra against independent answers: direct least squares, scipy's t-test, closed
+forms, simulated hierarchies."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -26,7 +27,8 @@ Array = np.ndarray
 
 
 def whitened(flight: Evidence) -> tuple[Array, Array]:
-    """Trims, hypotheses and residual of both axes, filtered here step by step and stacked: what a Gram is the product of."""
+    """Trims, hypotheses and residual of both axes, filtered here step by step and stacked: what a
+    Gram is the product of."""
     stacked = []
     for number, axis in enumerate(("CX", "CZ")):
         every = np.ones(flight.samples, dtype=bool)
@@ -62,10 +64,13 @@ def test_votes_are_those_of_direct_least_squares_with_the_priors_as_extra_rows(
         variance = np.linalg.inv(design.T @ design)[-1, -1]
         assert votes.estimate[0, place] == pytest.approx(solution[-1], rel=1e-6)
         assert votes.information[0, place] == pytest.approx(1.0 / variance, rel=1e-6)
-        # What a unit error of each sensor adds: the same fit to the sensor's column in place of the residual.
+        # What a unit error of each sensor adds: the same fit to the sensor's column in place of the
+        # residual.
         for row, s in enumerate((3, 4)):
             if s != place:
-                leak = np.linalg.lstsq(design, np.r_[columns[:, 2 + s], np.zeros(len(others))], rcond=None)[0][-1]
+                leak = np.linalg.lstsq(
+                    design, np.r_[columns[:, 2 + s], np.zeros(len(others))], rcond=None
+                )[0][-1]
                 assert votes.errors.at([place])[0][0][0, row] == pytest.approx(leak, abs=1e-6)
 
 
@@ -83,7 +88,10 @@ def test_vif_is_one_over_the_tolerance_of_a_regression_on_the_nuisances() -> Non
 def test_without_noise_every_vote_is_the_planted_value() -> None:
     flight = evidence(7, {LIBRARY[0].id: 0.4})
     truth = 0.4 * flight.columns[LIBRARY[0].id]["CX"]
-    silent = {"CX": flight.usable["CX"], "CZ": ~flight.usable["CZ"]}  # else its noise would move the sensors
+    silent = {
+        "CX": flight.usable["CX"],
+        "CZ": ~flight.usable["CZ"],
+    }  # else its noise would move the sensors
     exact = replace(flight, residual={"CX": truth + 0.02, "CZ": truth}, usable=silent)
     votes = campaign([gram(exact, SETTINGS)], LIBRARY).votes((), ())
     assert votes.estimate[0, 0] == pytest.approx(0.4, abs=1e-6)
@@ -92,13 +100,18 @@ def test_without_noise_every_vote_is_the_planted_value() -> None:
 def test_units_of_columns_do_not_matter() -> None:
     flight = evidence(9, {LIBRARY[0].id: 0.4})
     scaled = {**flight.columns, LIBRARY[0].id: {"CX": 1e4 * flight.columns[LIBRARY[0].id]["CX"]}}
-    first, second = (campaign([gram(e, SETTINGS)], LIBRARY).votes((), ()) for e in (flight, replace(flight, columns=scaled)))
+    first, second = (
+        campaign([gram(e, SETTINGS)], LIBRARY).votes((), ())
+        for e in (flight, replace(flight, columns=scaled))
+    )
     assert second.estimate[0, 0] * 1e4 == pytest.approx(first.estimate[0, 0], rel=1e-6)
     assert second.estimate[0, 1] == pytest.approx(first.estimate[0, 1], rel=1e-6)
 
 
 def test_a_constant_per_flight_changes_no_vote_but_that_of_the_constant() -> None:
-    offset = Hypothesis("zero_offset", ("CX",), "", "CX_0", "aerodynamic", "1", (-9.0, 9.0), None, "constant")
+    offset = Hypothesis(
+        "zero_offset", ("CX",), "", "CX_0", "aerodynamic", "1", (-9.0, 9.0), None, "constant"
+    )
     library = (*LIBRARY, offset)
     flight = evidence(11)
     flight = replace(flight, columns={**flight.columns, offset.id: {"CX": np.ones(flight.samples)}})
@@ -111,12 +124,15 @@ def test_a_constant_per_flight_changes_no_vote_but_that_of_the_constant() -> Non
     design = np.vstack([columns[:, [0, 1, 5, 6]], prior])
     direct = np.linalg.lstsq(design, np.r_[response, 0.0, 0.0], rcond=None)[0]
     assert first.estimate[0, 5] == pytest.approx(direct[0], rel=1e-6)
-    assert first.information[0, 5] == pytest.approx(1.0 / np.linalg.inv(design.T @ design)[0, 0], rel=1e-6)
+    assert first.information[0, 5] == pytest.approx(
+        1.0 / np.linalg.inv(design.T @ design)[0, 0], rel=1e-6
+    )
 
 
 @pytest.mark.parametrize(("size", "least"), [(1, 1.0), (7, 1.0), (38, 1e-3), (38, 1e-9)])
 def test_the_compiled_elimination_gives_what_the_inverse_gives(size: int, least: float) -> None:
-    """Quasi-definite: a part of the pairs is negative, in any order; the smallest eigenvalue of each part is about `least`."""
+    """Quasi-definite: a part of the pairs is negative, in any order; the smallest eigenvalue of
+    each part is about `least`."""
     rng = np.random.default_rng(size)
     flights, stock, width, negative = 5, size + 3, 11, size // 4
     orthogonal = np.linalg.qr(rng.standard_normal((flights, stock, stock)))[0]
@@ -126,17 +142,31 @@ def test_the_compiled_elimination_gives_what_the_inverse_gives(size: int, least:
     pairs[:, down[:, None], down] *= -1.0
     extra, units = np.where(np.arange(size) < negative, -1e-11, 1e-11), np.arange(0, size, 2)
     left, right = np.array([10, 2]), np.array([0, 4, 4, 9])
-    squares, across = np.empty((flights, len(right) + len(units))), np.empty((flights, 2, len(right) + len(units)))
+    squares, across = (
+        np.empty((flights, len(right) + len(units))),
+        np.empty((flights, 2, len(right) + len(units))),
+    )
     contracted(pairs, beside, members, extra, left, right, units, squares, across)
     matrices = pairs[:, members[:, None], members] + np.diag(extra)
     unit = np.broadcast_to(np.eye(size)[:, units], (flights, size, len(units)))
-    u, v = np.concatenate([beside[:, members][:, :, right], unit], axis=2), beside[:, members][:, :, left]
+    u, v = (
+        np.concatenate([beside[:, members][:, :, right], unit], axis=2),
+        beside[:, members][:, :, left],
+    )
     solution = np.linalg.inv(matrices) @ u
-    for found, expected in ((squares, (u * solution).sum(axis=1)), (across, v.transpose(0, 2, 1) @ solution)):
-        assert np.abs(found - expected).max() < 1e-15 * np.linalg.cond(matrices).max() * np.abs(expected).max()
+    for found, expected in (
+        (squares, (u * solution).sum(axis=1)),
+        (across, v.transpose(0, 2, 1) @ solution),
+    ):
+        assert (
+            np.abs(found - expected).max()
+            < 1e-15 * np.linalg.cond(matrices).max() * np.abs(expected).max()
+        )
 
 
-def test_a_nuisance_that_is_not_shown_and_one_that_is_another_again_have_no_part_in_the_others() -> None:
+def test_a_nuisance_that_is_not_shown_and_one_that_is_another_again_have_no_part_in_the_others() -> (
+    None
+):
     """A column of zeros, and one that stands twice: nothing but the ridge tells the two apart."""
     columns = np.random.default_rng(1).standard_normal((400, 4))
     columns = np.column_stack([columns[:, :3], np.zeros(400), columns[:, 2], columns[:, 3]]) / 20.0
@@ -160,7 +190,9 @@ class Stated:
         return [(self.leak[:, place], np.full(len(self.leak), self.shift)) for place in places]
 
 
-def plain_votes(estimate: Array, information: Array, leak: Array | None = None, shift: float = 0.0) -> Votes:
+def plain_votes(
+    estimate: Array, information: Array, leak: Array | None = None, shift: float = 0.0
+) -> Votes:
     stated = Stated(np.zeros((*estimate.shape, 1)) if leak is None else leak, shift)
     return Votes(estimate, information, information, stated)
 
@@ -168,7 +200,12 @@ def plain_votes(estimate: Array, information: Array, leak: Array | None = None, 
 def test_without_borrowing_and_sensors_it_is_students_t_test_over_flights() -> None:
     rng = np.random.default_rng(2)
     estimate = rng.normal(0.3, 1.0, (7, 5))
-    test = over_flights(plain_votes(estimate, np.full((7, 5), 2.0)), np.zeros(1), replace(SETTINGS, prior_dof=1e-9), 3)
+    test = over_flights(
+        plain_votes(estimate, np.full((7, 5), 2.0)),
+        np.zeros(1),
+        replace(SETTINGS, prior_dof=1e-9),
+        3,
+    )
     expected = stats.ttest_1samp(estimate, 0.0)
     assert np.allclose(test.p, expected.pvalue)
     low, high = expected.confidence_interval()
@@ -177,7 +214,8 @@ def test_without_borrowing_and_sensors_it_is_students_t_test_over_flights() -> N
 
 
 def test_the_moderated_t_has_the_degrees_of_freedom_that_smyth_derives() -> None:
-    """Smyth 2004, sec. 3: if s0^2/sigma^2 ~ chi2(d0)/d0, then t with the posterior variance has d0 + d degrees of freedom."""
+    """Smyth 2004, sec. 3: if s0^2/sigma^2 ~ chi2(d0)/d0, then t with the posterior variance has d0
+    + d degrees of freedom."""
     rng = np.random.default_rng(4)
     d0, flights, many = 4.0, 4, 40_000
     sigma = np.sqrt(d0 / rng.chisquare(d0, many))
@@ -198,19 +236,25 @@ def test_a_sensor_that_may_explain_an_estimate_takes_its_significance() -> None:
     assert free.p[0] < 1e-4
     assert bound.systematic[0] == pytest.approx(2.0 * 2.0 * 0.3)
     assert bound.p[0] > 0.5
-    assert over_flights(plain_votes(estimate, information, shift=-0.7), np.array([0.3]), SETTINGS, 3).systematic[
-        0
-    ] == pytest.approx(1.05)
+    assert over_flights(
+        plain_votes(estimate, information, shift=-0.7), np.array([0.3]), SETTINGS, 3
+    ).systematic[0] == pytest.approx(1.05)
 
 
 def test_a_p_value_with_a_systematic_bound_never_falls_below_that_without() -> None:
     rng = np.random.default_rng(8)
-    votes = plain_votes(rng.standard_normal((5, 40)), np.ones((5, 40)), rng.standard_normal((5, 40, 1)))
-    assert np.all(over_flights(votes, np.array([0.4]), SETTINGS, 3).p >= over_flights(votes, np.zeros(1), SETTINGS, 3).p - 1e-12)
+    votes = plain_votes(
+        rng.standard_normal((5, 40)), np.ones((5, 40)), rng.standard_normal((5, 40, 1))
+    )
+    assert np.all(
+        over_flights(votes, np.array([0.4]), SETTINGS, 3).p
+        >= over_flights(votes, np.zeros(1), SETTINGS, 3).p - 1e-12
+    )
 
 
 def test_holm_is_the_closed_test_of_bonferroni() -> None:
-    """Holm rejects H_i at level a exactly if each intersection that holds H_i has a p below a / size (Marcus 1976)."""
+    """Holm rejects H_i at level a exactly if each intersection that holds H_i has a p below a /
+    size (Marcus 1976)."""
     rng = np.random.default_rng(6)
     for _ in range(50):
         p = rng.uniform(0.0, 0.2, 5)
@@ -229,11 +273,13 @@ def test_paired_p_is_scipys() -> None:
 
 
 def test_noise_that_takes_from_an_estimate_makes_no_doubt_that_it_is_there() -> None:
-    """A shift towards zero is attenuation: the interval widens, the test does not. One away from zero could have made it."""
+    """A shift towards zero is attenuation: the interval widens, the test does not. One away from
+    zero could have made it."""
     estimate = np.array([[1.0], [1.1], [0.9], [1.05]])
     information = np.full((4, 1), 100.0)
     plain, taken, given = (
-        over_flights(plain_votes(estimate, information, shift=shift), np.zeros(1), SETTINGS, 3) for shift in (0.0, -0.4, 0.4)
+        over_flights(plain_votes(estimate, information, shift=shift), np.zeros(1), SETTINGS, 3)
+        for shift in (0.0, -0.4, 0.4)
     )
     assert taken.p[0] == plain.p[0]
     assert given.p[0] > 5.0 * plain.p[0]
@@ -242,7 +288,8 @@ def test_noise_that_takes_from_an_estimate_makes_no_doubt_that_it_is_there() -> 
 
 
 def test_simex_shift_is_the_known_attenuation_of_a_linear_regressor() -> None:
-    """Noise of variance s on a regressor of variance 1 shrinks its slope to 1/(1 + s); a second helping to 1/(1 + 2 s)."""
+    """Noise of variance s on a regressor of variance 1 shrinks its slope to 1/(1 + s); a second
+    helping to 1/(1 + 2 s)."""
     column = term("slope", "CX")
     found = []
     for seed in range(40):
@@ -289,14 +336,19 @@ def test_correlation_time_of_a_first_order_process() -> None:
 
 
 def test_an_instrument_frees_a_rate_from_what_the_controller_answers_to_the_residual() -> None:
-    """q = command + gain * residual: least squares makes a slope out of the feedback, two stages do not."""
+    """q = command + gain * residual: least squares makes a slope out of the feedback, two stages do
+    not."""
     column = term("slope", "CX")
     plain, instrumented = [], []
     for seed in range(40):
         rng = np.random.default_rng([seed, 2])
         command, noise = coloured(rng, 3000, 0.6), coloured(rng, 3000, 0.6)
         flight = Evidence(
-            f"f{seed}", STEP, {"CX": noise}, {"CX": np.ones(3000, dtype=bool)}, {column.id: {"CX": command + 0.5 * noise}}
+            f"f{seed}",
+            STEP,
+            {"CX": noise},
+            {"CX": np.ones(3000, dtype=bool)},
+            {column.id: {"CX": command + 0.5 * noise}},
         )
         for found, given in ((plain, {}), (instrumented, {column.id: {"CX": command}})):
             made = gram(replace(flight, instruments=given), SETTINGS)
@@ -327,5 +379,7 @@ def test_the_excitation_that_is_asked_for_has_the_power_that_is_promised() -> No
     value, known, per_flight = 0.7, 3.0, 2.0
     factor = excitation_needed(value, known, per_flight, 0.05)
     information = known + factor**2 * per_flight
-    assert stats.norm.sf(stats.norm.isf(0.05) - value * np.sqrt(information)) == pytest.approx(0.8, abs=1e-3)
+    assert stats.norm.sf(stats.norm.isf(0.05) - value * np.sqrt(information)) == pytest.approx(
+        0.8, abs=1e-3
+    )
     assert excitation_needed(9.0, 3.0, 2.0, 0.05) == 0.0

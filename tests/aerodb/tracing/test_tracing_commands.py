@@ -1,4 +1,5 @@
-"""Instruments from commands: a controller that answers the residual's noise, and what was asked of it."""
+"""Instruments from commands: a controller that answers the residual's noise, and what was asked of
+it."""
 
 import numpy as np
 import pytest
@@ -34,27 +35,38 @@ def _followed(command: np.ndarray, step: float) -> np.ndarray:
     return np.asarray(lfilter([w * w], [1.0, -2.0 + 2 * z * w, 1.0 - 2 * z * w + w * w], command))
 
 
-def _flight(number: int, generator: np.random.Generator, gain: float, planted: float) -> tuple[Flight, Evidence]:
-    """A flight whose pitch rate follows a command and answers Cm's noise, on which the database lacks `planted` of Cm q_hat."""
+def _flight(
+    number: int, generator: np.random.Generator, gain: float, planted: float
+) -> tuple[Flight, Evidence]:
+    """A flight whose pitch rate follows a command and answers Cm's noise, on which the database
+    lacks `planted` of Cm q_hat."""
     flight = flown()[number]
     n, noise = len(flight.time), {axis: coloured(generator, len(flight.time)) for axis in FLOOR}
     command = _asked(generator, n, flight.step)
     rate = flight["q"].std() * _followed(command, flight.step) * 2.0
-    flight = flight.with_channels({"q": rate + gain * rate.std() * noise["Cm"], "command_pitch": command})
+    flight = flight.with_channels(
+        {"q": rate + gain * rate.std() * noise["Cm"], "command_pitch": command}
+    )
     seen = evidence_in(NOTHING, flight, library(), 0)
     residual = {axis: FLOOR[axis] * values for axis, values in noise.items()}
     if planted:
         residual["Cm"] = residual["Cm"] + planted * seen.columns["pitch_damping@Cm"]["Cm"]
-    return flight, with_shapes(Evidence(seen.flight, seen.step, residual, seen.usable, seen.columns), flight, library())
+    return flight, with_shapes(
+        Evidence(seen.flight, seen.step, residual, seen.usable, seen.columns), flight, library()
+    )
 
 
 def _instrumented(flight: Flight, evidence: Evidence) -> Evidence:
     commanded = as_commanded(flight, SETTINGS.bandwidth)
     assert commanded is not None
-    return with_instruments(evidence, with_shapes(evidence_in(NOTHING, commanded, library(), 0), commanded, library()))
+    return with_instruments(
+        evidence, with_shapes(evidence_in(NOTHING, commanded, library(), 0), commanded, library())
+    )
 
 
-def _campaigns(gain: float, commands: bool, planted: float = 0.0, count: int = CAMPAIGNS) -> list[set[str]]:
+def _campaigns(
+    gain: float, commands: bool, planted: float = 0.0, count: int = CAMPAIGNS
+) -> list[set[str]]:
     found = []
     for number in range(count):
         generator = np.random.default_rng([77, number])
@@ -63,13 +75,18 @@ def _campaigns(gain: float, commands: bool, planted: float = 0.0, count: int = C
             flight, evidence = _flight(int(place), generator, gain, planted)
             grams.append(gram(_instrumented(flight, evidence) if commands else evidence, SETTINGS))
         traced = trace(grams, library(), SETTINGS)
-        found.append({f.hypothesis for f in traced.findings if f.verdict in ("confirmed", "alias_group")})
+        found.append(
+            {f.hypothesis for f in traced.findings if f.verdict in ("confirmed", "alias_group")}
+        )
     return found
 
 
 def test_what_a_controller_answers_is_no_effect() -> None:
-    """Nothing is missing: without instruments most campaigns claim an effect, with those of the commands none."""
-    fooled, helped = (sum(bool(found) for found in _campaigns(1.0, commands)) for commands in (False, True))
+    """Nothing is missing: without instruments most campaigns claim an effect, with those of the
+    commands none."""
+    fooled, helped = (
+        sum(bool(found) for found in _campaigns(1.0, commands)) for commands in (False, True)
+    )
     assert fooled >= CAMPAIGNS // 2
     assert helped == 0
 
@@ -81,7 +98,13 @@ def test_a_missing_damping_is_still_found_and_named() -> None:
 
 def test_without_commands_that_move_there_are_no_instruments() -> None:
     flight, _ = _flight(0, np.random.default_rng(1), 0.0, 0.0)
-    assert as_commanded(flight.with_channels({"command_pitch": np.full(len(flight.time), 0.2)}), SETTINGS.bandwidth) is None
+    assert (
+        as_commanded(
+            flight.with_channels({"command_pitch": np.full(len(flight.time), 0.2)}),
+            SETTINGS.bandwidth,
+        )
+        is None
+    )
 
 
 def test_only_what_depends_on_rates_gets_instruments_and_those_follow_the_command() -> None:

@@ -17,7 +17,9 @@ from tests.support.tracing_small import LIBRARY, SETTINGS, evidence
 
 
 @pytest.mark.parametrize(("n", "step"), [(1500, 0.04), (997, 0.02), (300, 0.1), (64, 0.04)])
-def test_the_band_is_that_of_the_house_low_pass_at_the_samples_that_are_kept(n: int, step: float) -> None:
+def test_the_band_is_that_of_the_house_low_pass_at_the_samples_that_are_kept(
+    n: int, step: float
+) -> None:
     values = coloured(np.random.default_rng(1), n, 0.5, step)
     ratio = decimation(step, 1.5)
     expected = low_pass(values, step, ratio * step)[::ratio] if ratio > 1 else values
@@ -28,14 +30,16 @@ def test_the_band_is_that_of_the_house_low_pass_at_the_samples_that_are_kept(n: 
 
 @pytest.mark.parametrize("step", [0.01, 0.02, 0.04, 0.1])
 def test_white_noise_is_as_weak_at_the_ends_as_inside(step: float) -> None:
-    """The very last sample would come out as it went in: false claims in 8 of 14 campaigns with differentiated rates."""
+    """The very last sample would come out as it went in: false claims in 8 of 14 campaigns with
+    differentiated rates."""
     noise = np.random.default_rng(2).standard_normal((2000, 400))
     spread = band_limited(list(noise.T), np.ones(2000, dtype=bool), step, 1.5).std(axis=1)
     assert spread[[0, -1]].max() < np.sqrt(2.1) * np.median(spread)
 
 
 def test_gaps_keep_what_is_linear_linear() -> None:
-    """Short gaps are bridged alike on both sides, long ones split the flight: a noise-free value is still exact."""
+    """Short gaps are bridged alike on both sides, long ones split the flight: a noise-free value is
+    still exact."""
     flight = evidence(13)
     usable = {axis: mask.copy() for axis, mask in flight.usable.items()}
     usable["CX"][[100, 101, 640]] = False
@@ -43,7 +47,9 @@ def test_gaps_keep_what_is_linear_linear() -> None:
     x = flight.columns[LIBRARY[0].id]["CX"]
     residual = {"CX": np.where(usable["CX"], 0.4 * x + 0.1, 99.0), "CZ": flight.residual["CZ"]}
     usable["CZ"][:] = False
-    votes = campaign([gram(replace(flight, residual=residual, usable=usable), SETTINGS)], LIBRARY).votes((0, 1), ())
+    votes = campaign(
+        [gram(replace(flight, residual=residual, usable=usable), SETTINGS)], LIBRARY
+    ).votes((0, 1), ())
     assert votes.estimate[0, 0] == pytest.approx(0.4, abs=1e-9)
     assert votes.estimate[0, 1] == pytest.approx(0.0, abs=1e-9)
 
@@ -72,8 +78,12 @@ def test_bad_evidence_is_refused_with_its_place() -> None:
 
     assert "residual of CX" in broken(with_nan)
     assert "step" in broken(lambda e: replace(e, step=0.0))
-    assert "samples" in broken(lambda e: replace(e, usable={**e.usable, "CX": np.ones(3, dtype=bool)}))
-    assert "no axis" in broken(lambda e: replace(e, usable={axis: np.zeros(1500, dtype=bool) for axis in e.usable}))
+    assert "samples" in broken(
+        lambda e: replace(e, usable={**e.usable, "CX": np.ones(3, dtype=bool)})
+    )
+    assert "no axis" in broken(
+        lambda e: replace(e, usable={axis: np.zeros(1500, dtype=bool) for axis in e.usable})
+    )
 
 
 def grams(count: int) -> list[Gram]:

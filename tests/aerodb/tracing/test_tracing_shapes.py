@@ -1,4 +1,5 @@
-"""Shapes that may be wrong: companions against direct least squares, planted wrong shapes, and none where none is due."""
+"""Shapes that may be wrong: companions against direct least squares, planted wrong shapes, and none
+where none is due."""
 
 from dataclasses import replace
 
@@ -11,7 +12,13 @@ from aerodb.tracing.decision.verdicts import trace
 from aerodb.tracing.estimates.campaigns import campaign
 from aerodb.tracing.evidence.evidence import Evidence
 from aerodb.tracing.evidence.normal_equations import Gram, gram
-from aerodb.tracing.evidence.shape_misfit import LEAST, TOLERANCE, companions, varying, without_shapes
+from aerodb.tracing.evidence.shape_misfit import (
+    LEAST,
+    TOLERANCE,
+    companions,
+    varying,
+    without_shapes,
+)
 from aerodb.tracing.settings import Settings
 from tests.support.tracing_flights import coloured, library
 from tests.support.tracing_small import LIBRARY, STEP, evidence
@@ -22,17 +29,30 @@ FIRST, SECOND = LIBRARY[0].id, LIBRARY[1].id
 
 
 def shaped(seed: int, error: float = 0.0, size: float = 0.4) -> Evidence:
-    """A flight of the small vehicle: the first term is in it, by `error` of itself more per sigma of an angle, and the second
-    column looks a little like what that leaves. Only the first has a companion."""
+    """A flight of the small vehicle: the first term is in it, by `error` of itself more per sigma
+    of an angle, and the second column looks a little like what that leaves. Only the first has a
+    companion."""
     flight = evidence(seed)
     angle = 0.1 + 0.05 * coloured(np.random.default_rng([seed, 1]), flight.samples, 2.0)
     column = flight.columns[FIRST]["CX"]
-    like = {"CX": column * (angle - 0.1) / 0.05 + coloured(np.random.default_rng([seed, 2]), flight.samples, 0.6)}
-    residual = {**flight.residual, "CX": flight.residual["CX"] + size * column * (1.0 + error * (angle - 0.1) / 0.05)}
-    return replace(flight, residual=residual, columns={**flight.columns, SECOND: like, f"{FIRST}~alpha": {"CX": column * angle}})
+    like = {
+        "CX": column * (angle - 0.1) / 0.05
+        + coloured(np.random.default_rng([seed, 2]), flight.samples, 0.6)
+    }
+    residual = {
+        **flight.residual,
+        "CX": flight.residual["CX"] + size * column * (1.0 + error * (angle - 0.1) / 0.05),
+    }
+    return replace(
+        flight,
+        residual=residual,
+        columns={**flight.columns, SECOND: like, f"{FIRST}~alpha": {"CX": column * angle}},
+    )
 
 
-def test_votes_beside_a_companion_are_those_of_direct_least_squares_with_its_prior_as_a_row() -> None:
+def test_votes_beside_a_companion_are_those_of_direct_least_squares_with_its_prior_as_a_row() -> (
+    None
+):
     flight = shaped(3, 0.5)
     votes = campaign([gram(flight, PLAIN)], LIBRARY).votes((0,), ())
     rows, names = [], [h.id for h in LIBRARY]
@@ -43,7 +63,9 @@ def test_votes_beside_a_companion_are_those_of_direct_least_squares_with_its_pri
         spread = np.std(flight.residual[axis])
         rows.append(np.column_stack([trims, *columns, flight.residual[axis]]) / spread)
     every = np.concatenate(rows)
-    without_trims = every[:, 2:] - every[:, :2] @ np.linalg.lstsq(every[:, :2], every[:, 2:], rcond=None)[0]
+    without_trims = (
+        every[:, 2:] - every[:, :2] @ np.linalg.lstsq(every[:, :2], every[:, 2:], rcond=None)[0]
+    )
     term, other, shape, response = (without_trims[:, n] for n in (0, 1, 5, 6))
     shape = shape - term * (term @ shape) / (term @ term)
     sensors = without_trims[:, 3:5]
@@ -53,19 +75,29 @@ def test_votes_beside_a_companion_are_those_of_direct_least_squares_with_its_pri
         design = np.column_stack([*columns, sensors])
         return np.asarray(
             np.linalg.lstsq(
-                np.vstack([design, np.diag([*priors, *known])]), np.r_[response, np.zeros(design.shape[1])], rcond=None
+                np.vstack([design, np.diag([*priors, *known])]),
+                np.r_[response, np.zeros(design.shape[1])],
+                rcond=None,
             )[0]
         )
 
     value = solved([term], [0.0])[0]
     sigma = TOLERANCE * abs(value) / max(np.sqrt((shape @ shape) / (term @ term)), LEAST["~alpha"])
-    assert votes.estimate[0, 1] == pytest.approx(solved([other, term, shape], [0.0, 0.0, 1.0 / sigma])[0], rel=1e-5)
-    assert votes.estimate[0, 0] == pytest.approx(solved([term, shape], [0.0, 1.0 / sigma])[0], rel=1e-5)
+    assert votes.estimate[0, 1] == pytest.approx(
+        solved([other, term, shape], [0.0, 0.0, 1.0 / sigma])[0], rel=1e-5
+    )
+    assert votes.estimate[0, 0] == pytest.approx(
+        solved([term, shape], [0.0, 1.0 / sigma])[0], rel=1e-5
+    )
 
 
-def claims(error: float, with_companion: bool, earlier: dict[str, float] | None = None) -> list[str]:
+def claims(
+    error: float, with_companion: bool, earlier: dict[str, float] | None = None
+) -> list[str]:
     flights = [shaped(seed, error) for seed in range(6)]
-    grams: list[Gram] = [gram(f if with_companion else without_shapes(f), Settings()) for f in flights]
+    grams: list[Gram] = [
+        gram(f if with_companion else without_shapes(f), Settings()) for f in flights
+    ]
     return [f.hypothesis for f in trace(grams, LIBRARY, Settings(), earlier).findings]
 
 
@@ -83,7 +115,9 @@ def test_nor_in_a_later_round() -> None:
         for seed in range(6):
             flight = shaped(seed, 0.5)
             rest = flight.residual["CX"] - 0.4 * flight.columns[FIRST]["CX"]
-            grams.append(gram(replace(flight, residual={**flight.residual, "CX": rest}), Settings()))
+            grams.append(
+                gram(replace(flight, residual={**flight.residual, "CX": rest}), Settings())
+            )
         return [f.hypothesis for f in trace(grams, LIBRARY, Settings(), known).findings]
 
     assert SECOND in later(None)
@@ -92,7 +126,13 @@ def test_nor_in_a_later_round() -> None:
 
 def test_a_second_effect_of_its_own_is_still_found() -> None:
     flights = [shaped(seed) for seed in range(6)]
-    both = [replace(f, residual={**f.residual, "CZ": f.residual["CZ"] + 0.3 * f.columns[LIBRARY[2].id]["CZ"]}) for f in flights]
+    both = [
+        replace(
+            f,
+            residual={**f.residual, "CZ": f.residual["CZ"] + 0.3 * f.columns[LIBRARY[2].id]["CZ"]},
+        )
+        for f in flights
+    ]
     found = trace([gram(f, Settings()) for f in both], LIBRARY, Settings()).findings
     assert {f.hypothesis for f in found} == {FIRST, LIBRARY[2].id}
 

@@ -1,4 +1,5 @@
-"""Fewer samples, the same evidence: what thinning a flight before its columns are made changes, and what it must not."""
+"""Fewer samples, the same evidence: what thinning a flight before its columns are made changes, and
+what it must not."""
 
 from dataclasses import replace
 
@@ -44,10 +45,13 @@ def flight() -> Flight:
 
 
 def missing_lift(flight: Flight, comparison: Comparison, value: float) -> Comparison:
-    """The comparison with an effect in what was measured that the database lacks, and coloured noise on all axes."""
+    """The comparison with an effect in what was measured that the database lacks, and coloured
+    noise on all axes."""
     generator, measured = np.random.default_rng(8), dict(comparison.measured)
     for axis, size in FLOOR.items():
-        measured[axis] = measured[axis] + size * coloured(generator, len(flight.time), LAG, flight.step)
+        measured[axis] = measured[axis] + size * coloured(
+            generator, len(flight.time), LAG, flight.step
+        )
     measured["CZ"] = measured["CZ"] + value * (flight["alpha"] - flight["alpha"].mean())
     return replace(comparison, measured=measured)
 
@@ -56,11 +60,18 @@ def test_what_is_in_the_band_stays(flight: Flight) -> None:
     thin, beside = thinned(flight, compared(flight, database()), BAND)
     assert thin.step == pytest.approx(0.08)
     assert np.array_equal(thin.time, flight.time[::4])
-    assert len(beside.time) == len(thin.time) == len(beside.usable["CZ"]) == len(beside.predicted["CZ"])
+    assert (
+        len(beside.time)
+        == len(thin.time)
+        == len(beside.usable["CZ"])
+        == len(beside.predicted["CZ"])
+    )
     inside = slice(30, -30)
     for name in ("alpha", "beta", "delta_elevator", "V"):
         whole = flight[name][::4]
-        assert np.abs(thin[name] - whole)[inside].max() < 2e-3 * np.ptp(whole), f"{name}: sums of sines up to .7 Hz"
+        assert np.abs(thin[name] - whole)[inside].max() < 2e-3 * np.ptp(whole), (
+            f"{name}: sums of sines up to .7 Hz"
+        )
 
 
 def test_noise_above_the_rate_does_not_come_back_as_something_slow(flight: Flight) -> None:
@@ -75,13 +86,17 @@ def test_the_votes_are_those_of_all_samples(flight: Flight) -> None:
     settings = Settings(bandwidth=BAND, order=1)
     beside = missing_lift(flight, compared(flight, database()), 0.2)
     made = [
-        campaign([gram(evidence_of(*given, database(), vehicle(), hypotheses), settings)], hypotheses).votes((), ())
+        campaign(
+            [gram(evidence_of(*given, database(), vehicle(), hypotheses), settings)], hypotheses
+        ).votes((), ())
         for given in ((flight, beside), thinned(flight, beside, BAND))
     ]
     whole, thin = made
     shown = (whole.information[0] > 0.0) & (whole.inflation[0] < 100.0)
     assert shown.sum() > 30
-    error = np.abs(whole.estimate[0] - thin.estimate[0])[shown] * np.sqrt(whole.information[0][shown])
+    error = np.abs(whole.estimate[0] - thin.estimate[0])[shown] * np.sqrt(
+        whole.information[0][shown]
+    )
     assert np.quantile(error, 0.9) < 0.3
     ratio = np.sqrt(thin.information[0][shown] / whole.information[0][shown])
     assert np.quantile(ratio, 0.05) > 0.85
@@ -105,7 +120,9 @@ def test_what_is_in_a_long_gap_stays_in_it_and_a_short_one_is_bridged(flight: Fl
     assert good[502:].all()
 
 
-def test_without_more_noise_a_copy_is_the_flight_and_with_it_only_the_noise_is_added(flight: Flight) -> None:
+def test_without_more_noise_a_copy_is_the_flight_and_with_it_only_the_noise_is_added(
+    flight: Flight,
+) -> None:
     beside = missing_lift(flight, compared(flight, database()), 0.2)
     thin, near = thinned(flight, beside, BAND)
     none = StateNoise("smoother", (0.01, 6.0), {"alpha": 0.0}, {"alpha": (0.0,)})
@@ -115,12 +132,17 @@ def test_without_more_noise_a_copy_is_the_flight_and_with_it_only_the_noise_is_a
     offset = replace(none, offset={"alpha": 0.01})
     ((copy, moved),) = noisy_copies(thin, offset, database(), vehicle(), 1, near)
     shift = float(np.mean(copy["alpha"] - thin["alpha"]))
-    expected = database().predict(copy.channels).coefficients["CZ"] - database().predict(thin.channels).coefficients["CZ"]
+    expected = (
+        database().predict(copy.channels).coefficients["CZ"]
+        - database().predict(thin.channels).coefficients["CZ"]
+    )
     assert shift != 0.0
     assert np.allclose(near.residual("CZ") - moved.residual("CZ"), expected, atol=1e-10)
 
 
-def test_what_is_short_or_slow_is_left_alone(flight: Flight, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_short_or_slow_is_left_alone(
+    flight: Flight, monkeypatch: pytest.MonkeyPatch
+) -> None:
     beside = compared(flight, database())
     assert thinned(flight, beside, 3.0) == (flight, beside)
     monkeypatch.setattr(thinning, "LONG", 300.0)

@@ -1,5 +1,5 @@
-"""Votes of whole models against direct least squares on the columns themselves, flight by flight; and what is computed only where
-it is asked for against the same computed everywhere."""
+"""Votes of whole models against direct least squares on the columns themselves, flight by flight;
+and what is computed only where it is asked for against the same computed everywhere."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -40,7 +40,8 @@ class Flown:
 
 
 def flown(seed: int) -> Flown:
-    """A flight: the second lacks a term and a sensor, the third an axis; nothing varies but what acts on the axis."""
+    """A flight: the second lacks a term and a sensor, the third an axis; nothing varies but what
+    acts on the axis."""
     rng = np.random.default_rng(seed)
     axes = AXES[:1] if seed == 2 else AXES
     m = 60 * len(axes)
@@ -48,9 +49,15 @@ def flown(seed: int) -> Flown:
     common = rng.standard_normal((m, 3))
     columns: dict[str, Array] = {}
     for place, h in enumerate(LIBRARY):
-        acting = np.any([on[axis] for axis in h.axes if axis in on], axis=0) if set(h.axes) & set(axes) else np.zeros(m, bool)
+        acting = (
+            np.any([on[axis] for axis in h.axes if axis in on], axis=0)
+            if set(h.axes) & set(axes)
+            else np.zeros(m, bool)
+        )
         noise = rng.standard_normal(m) + common @ rng.standard_normal(3)
-        columns[h.id] = np.where(acting, 0.9 if place in OFFSET_PLACES else 10.0 ** (place % 3 - 1) * noise, 0.0)
+        columns[h.id] = np.where(
+            acting, 0.9 if place in OFFSET_PLACES else 10.0 ** (place % 3 - 1) * noise, 0.0
+        )
     for name, place in SHAPES.items():
         columns[name] = columns[NAMES[place]] * (0.4 + 0.3 * rng.standard_normal(m))
     if seed == 1:
@@ -62,7 +69,15 @@ def flown(seed: int) -> Flown:
     again[:, : len(axes)] = trims
     names, none = tuple(columns), np.zeros(0)
     gram = Gram(
-        f"f{seed}", axes, names, stacked.T @ stacked, again.T @ again, none, none, none.astype(np.int64), np.ones(len(names))
+        f"f{seed}",
+        axes,
+        names,
+        stacked.T @ stacked,
+        again.T @ again,
+        none,
+        none,
+        none.astype(np.int64),
+        np.ones(len(names)),
     )
     return Flown(names, trims, columns, residual, gram)
 
@@ -70,8 +85,15 @@ def flown(seed: int) -> Flown:
 FLIGHTS = [flown(seed) for seed in range(7)]
 
 
-def beside(flight: Flown, shapes: dict[str, float], terms: Sequence[int], freed: Sequence[int], fixed: Sequence[int]) -> Array:
-    """Columns of nuisances, trims first, on top of the rows of their priors; zero where the flight lacks one."""
+def beside(
+    flight: Flown,
+    shapes: dict[str, float],
+    terms: Sequence[int],
+    freed: Sequence[int],
+    fixed: Sequence[int],
+) -> Array:
+    """Columns of nuisances, trims first, on top of the rows of their priors; zero where the flight
+    lacks one."""
     found, prior = [*flight.trims.T], [0.0] * flight.trims.shape[1]
     for place in terms:
         found.append(flight.columns.get(NAMES[place], np.zeros(len(flight.residual))))
@@ -94,14 +116,24 @@ def apart(flight: Flown, name: str) -> Array:
     """A companion without the part of its term that is in it, beyond the levels of both."""
     term = flight.columns[NAMES[SHAPES[name]]]
     own, column = level(flight, term), level(flight, flight.columns[name])
-    return np.asarray(flight.columns[name] - term * ((own @ column) / (own @ own) if own @ own > 0.0 else 0.0))
+    return np.asarray(
+        flight.columns[name] - term * ((own @ column) / (own @ own) if own @ own > 0.0 else 0.0)
+    )
 
 
 def direct(flight: Flown, place: int, design: Array, response: Array) -> tuple[float, float]:
-    """Estimate and information of one hypothesis beside a design; the column of its own in it, if there is one, is taken out."""
+    """Estimate and information of one hypothesis beside a design; the column of its own in it, if
+    there is one, is taken out."""
     column = flight.columns.get(NAMES[place], np.zeros(len(response)))
     if place in OFFSET_PLACES:
-        design = design[:, [n for n in range(design.shape[1]) if not np.array_equal(design[: len(column), n], column)]]
+        design = design[
+            :,
+            [
+                n
+                for n in range(design.shape[1])
+                if not np.array_equal(design[: len(column), n], column)
+            ],
+        ]
     own = np.r_[column, np.zeros(len(design) - len(column))]
     same = [n for n in range(design.shape[1]) if np.array_equal(design[: len(column), n], column)]
     design = np.delete(design, same, axis=1)
@@ -115,8 +147,14 @@ def sizes(terms: Sequence[int], freed: Sequence[int], fixed: Sequence[int]) -> d
     """Common value of each term where its shape is taken to be right."""
     found = {}
     for place in terms:
-        each = [direct(f, place, beside(f, {}, terms, freed, fixed), f.residual) for f in FLIGHTS if shown(f, place)]
-        found[place] = sum(value * weight for value, weight in each) / sum(weight for _, weight in each)
+        each = [
+            direct(f, place, beside(f, {}, terms, freed, fixed), f.residual)
+            for f in FLIGHTS
+            if shown(f, place)
+        ]
+        found[place] = sum(value * weight for value, weight in each) / sum(
+            weight for _, weight in each
+        )
     return found
 
 
@@ -131,7 +169,11 @@ def tolerances(values: dict[int, float]) -> dict[str, float]:
         if place in values:
             own = sum(float(np.sum(level(f, f.columns[NAMES[place]]) ** 2)) for f in FLIGHTS)
             rest = sum(float(np.sum(level(f, apart(f, name)) ** 2)) for f in FLIGHTS)
-            found[name] = TOLERANCE * abs(values[place]) / max(np.sqrt(rest / own), LEAST[name[name.index("~") :]])
+            found[name] = (
+                TOLERANCE
+                * abs(values[place])
+                / max(np.sqrt(rest / own), LEAST[name[name.index("~") :]])
+            )
     return found
 
 
@@ -151,7 +193,9 @@ def test_a_model_is_solved_as_least_squares_solve_it(
     for row, flight in enumerate(FLIGHTS):
         design = beside(flight, shapes, real, freed, fixed)
         for place in range(len(LIBRARY)):
-            if not shown(flight, place) or place in fixed:  # no vote; of sensors there is the trace of ridge
+            if (
+                not shown(flight, place) or place in fixed
+            ):  # no vote; of sensors there is the trace of ridge
                 assert votes.information[row, place] <= 1e-9 * made.scale[place] ** 2
                 continue
             estimate, information = direct(flight, place, design, flight.residual)
@@ -160,19 +204,34 @@ def test_a_model_is_solved_as_least_squares_solve_it(
             leak = votes.errors.at([place])[0][0][row]
             for number, sensor in enumerate(SENSOR_PLACES):
                 changed = sensor == place or sensor in (*freed, *fixed) or not shown(flight, sensor)
-                error = 0.0 if changed else direct(flight, place, design, flight.columns[NAMES[sensor]])[0]
+                error = (
+                    0.0
+                    if changed
+                    else direct(flight, place, design, flight.columns[NAMES[sensor]])[0]
+                )
                 assert leak[number] == pytest.approx(error, rel=1e-5, abs=1e-7)
 
 
 def test_the_shift_is_the_vote_of_the_noisy_copies_less_that_of_the_flights(made: Campaign) -> None:
-    """Under the priors of the flights themselves: so only where the noisy Grams are made the flights' own."""
-    alone = campaign([replace(f.gram, noisy=f.gram.matrix) for f in FLIGHTS], LIBRARY).votes((0, 2), (6,))
-    noisy = campaign([replace(f.gram, matrix=f.gram.noisy, noisy=None) for f in FLIGHTS], LIBRARY).votes((), (6,))
+    """Under the priors of the flights themselves: so only where the noisy Grams are made the
+    flights' own."""
+    alone = campaign([replace(f.gram, noisy=f.gram.matrix) for f in FLIGHTS], LIBRARY).votes(
+        (0, 2), (6,)
+    )
+    noisy = campaign(
+        [replace(f.gram, matrix=f.gram.noisy, noisy=None) for f in FLIGHTS], LIBRARY
+    ).votes((), (6,))
     plain = made.votes((), (6,))
     for place in (1, 3, 4, 6, 7):
         assert np.nanmax(np.abs(alone.errors.at([place])[0][1])) == pytest.approx(0.0, abs=1e-12)
         shift = plain.errors.at([place])[0][1]
-        assert np.allclose(shift, noisy.estimate[:, place] - plain.estimate[:, place], rtol=1e-7, atol=1e-9, equal_nan=True)
+        assert np.allclose(
+            shift,
+            noisy.estimate[:, place] - plain.estimate[:, place],
+            rtol=1e-7,
+            atol=1e-9,
+            equal_nan=True,
+        )
         assert np.nanmax(np.abs(shift)) > 1e-4
 
 
@@ -190,7 +249,9 @@ def test_what_is_asked_for_late_or_alone_is_what_was_there_at_once(made: Campaig
 
 
 @pytest.mark.parametrize("flights", [(0, 1, 2, 3, 4, 5, 6), (4, 0, 3, 6, 5)])
-def test_screening_by_p_without_a_systematic_bound_loses_nothing(made: Campaign, flights: tuple[int, ...]) -> None:
+def test_screening_by_p_without_a_systematic_bound_loses_nothing(
+    made: Campaign, flights: tuple[int, ...]
+) -> None:
     """At every level between the p of the hypotheses."""
     levels = [0.001, 0.05, 0.1, 0.3, 0.49]
     found = set()

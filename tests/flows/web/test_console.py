@@ -1,4 +1,5 @@
-"""The console: every page, the same documents as the commands, names as text, errors as sentences, records with true extremes."""
+"""The console: every page, the same documents as the commands, names as text, errors as sentences,
+records with true extremes."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -74,7 +75,9 @@ def test_every_page_says_what_it_is_about(client: TestClient, made: Made) -> Non
         assert page.xpath("//html/@lang") == ["en"]
 
 
-def test_pages_carry_no_script_no_style_and_nothing_of_other_hosts(client: TestClient, made: Made) -> None:
+def test_pages_carry_no_script_no_style_and_nothing_of_other_hosts(
+    client: TestClient, made: Made
+) -> None:
     for address in pages(made):
         answer = client.get(address)
         page = html.fromstring(answer.content)
@@ -96,7 +99,9 @@ def test_every_table_has_a_caption_and_every_field_a_label(client: TestClient, m
             assert not table.xpath(".//thead//th[not(@scope)]"), address
         for field in page.xpath("//input[not(@type='hidden')] | //select | //textarea"):
             labelled = (
-                field.xpath("ancestor::label") or field.get("aria-label") or page.xpath(f"//label[@for='{field.get('id')}']")
+                field.xpath("ancestor::label")
+                or field.get("aria-label")
+                or page.xpath(f"//label[@for='{field.get('id')}']")
             )
             assert labelled, (address, html.tostring(field))
 
@@ -105,16 +110,27 @@ def test_links_lead_somewhere(client: TestClient, made: Made) -> None:
     seen: set[str] = set()
     for address in pages(made):
         page = html.fromstring(client.get(address).content)
-        seen |= {str(place) for place in page.xpath("//a/@href | //link/@href | //script/@src | //img/@src")}
+        seen |= {
+            str(place)
+            for place in page.xpath("//a/@href | //link/@href | //script/@src | //img/@src")
+        }
     assert set(SECTIONS) <= seen
-    checked = {place.partition("#")[0] for place in seen if "/report" not in place and "export" not in place} - {""}
+    checked = {
+        place.partition("#")[0]
+        for place in seen
+        if "/report" not in place and "export" not in place
+    } - {""}
     assert len(checked) > 40
     for place in sorted(checked):
         assert client.get(place).status_code == 200, place
 
 
 def test_reports_bring_their_own_styles_and_nothing_else(client: TestClient, made: Made) -> None:
-    for address in (f"/flights/{made.flight}/report", f"/versions/{made.candidate}/report", f"/findings/{made.candidate}/report"):
+    for address in (
+        f"/flights/{made.flight}/report",
+        f"/versions/{made.candidate}/report",
+        f"/findings/{made.candidate}/report",
+    ):
         answer = client.get(address)
         assert answer.status_code == 200, answer.text
         assert "default-src 'none'" in answer.headers["content-security-policy"]
@@ -127,16 +143,40 @@ def test_the_api_answers_the_documents_of_the_commands(client: TestClient, made:
     same = {
         f"/api/versions?vehicle={NAME}": ("version", "list"),
         f"/api/versions/{version}": ("version", "show", version),
-        f"/api/versions/{version}/evaluate?at=alpha=5deg,V=25": ("version", "evaluate", version, "--at", "alpha=5deg,V=25"),
+        f"/api/versions/{version}/evaluate?at=alpha=5deg,V=25": (
+            "version",
+            "evaluate",
+            version,
+            "--at",
+            "alpha=5deg,V=25",
+        ),
         f"/api/versions/{version}/lineage": ("version", "lineage", version),
-        f"/api/versions/{version}/lineage?node=CZ0[2]": ("version", "lineage", version, "--node", "CZ0[2]"),
-        f"/api/versions/{version}/lineage?at=alpha=5deg": ("version", "lineage", version, "--at", "alpha=5deg"),
+        f"/api/versions/{version}/lineage?node=CZ0[2]": (
+            "version",
+            "lineage",
+            version,
+            "--node",
+            "CZ0[2]",
+        ),
+        f"/api/versions/{version}/lineage?at=alpha=5deg": (
+            "version",
+            "lineage",
+            version,
+            "--at",
+            "alpha=5deg",
+        ),
         f"/api/flights/{flight}": ("flight", "show", flight),
         f"/api/flights/{flight}/impact": ("version", "impact", flight),
         "/api/diff?before=v0001&after=v0002": ("version", "diff", "v0001", "v0002"),
         "/api/history": ("version", "history"),
         "/api/versions/released": ("version", "show", "released"),
-        "/api/versions/candidate?as_of=2100-01-01": ("version", "show", "candidate", "--as-of", "2100-01-01"),
+        "/api/versions/candidate?as_of=2100-01-01": (
+            "version",
+            "show",
+            "candidate",
+            "--as-of",
+            "2100-01-01",
+        ),
     }
     for address, command in same.items():
         assert client.get(address).json() == asked(root, *command), address
@@ -166,34 +206,52 @@ def test_documents_are_as_their_description_says(client: TestClient, made: Made)
     }
     for address, model in described.items():
         TypeAdapter(model).validate_json(client.get(address).content, strict=True)
-    TypeAdapter(models.Refusal).validate_json(client.get("/api/flights/nothing").content, strict=True)
+    TypeAdapter(models.Refusal).validate_json(
+        client.get("/api/flights/nothing").content, strict=True
+    )
 
 
 def test_a_closed_loop_says_what_it_found_and_why_and_what_stays_open(client: TestClient) -> None:
     page = html.fromstring(client.get(f"/findings/{h('a loop')}").content)
     said = " ".join(page.text_content().split())
-    for words in ("suspected not added", "−0.24 1/rad (95 %: −0.3 to −0.2)", "alpha_scale@all", "not excited"):
+    for words in (
+        "suspected not added",
+        "−0.24 1/rad (95 %: −0.3 to −0.2)",
+        "alpha_scale@all",
+        "not excited",
+    ):
         assert words in said, words
     assert page.xpath("//dt[.='Votes']/following-sibling::dd[1]/text()") == ["2"]
     assert page.xpath("//tr[th/bdi='beta_slope@CY']/td[@class='n']/text()") == ["–", "5.73"]
     (entry, *_) = client.get("/api/findings").json()
-    assert (entry["reference"], entry["label"], entry["verdicts"]) == (h("a loop"), None, {"suspected": 1})
+    assert (entry["reference"], entry["label"], entry["verdicts"]) == (
+        h("a loop"),
+        None,
+        {"suspected": 1},
+    )
 
 
 def test_running_work_leads_to_the_server_that_runs_it(client: TestClient, made: Made) -> None:
     with Catalogue.open(made.workspace.catalogue) as catalogue:
         run = catalogue.start_run("flight_flow", how="server", parameters={"vehicle": NAME})
-        with holding(made.workspace.lock("serve"), remove=True) as serving, holding(made.workspace.lock(f"run-{run.id}")):
+        with (
+            holding(made.workspace.lock("serve"), remove=True) as serving,
+            holding(made.workspace.lock(f"run-{run.id}")),
+        ):
             for url, links in (("http://127.0.0.1:4200/api", 1), ("javascript:alert(1)", 0)):
                 serving.note({"pid": 1, "url": url})
                 page = html.fromstring(client.get("/work").content)
                 assert len(page.xpath(f"//a[@href='{url}/flow_runs/{run.id}']")) == links
                 assert run.id[:12] in page.text_content()
         catalogue.end_run(run.id, "completed")
-    assert "no: aerodb serve" in " ".join(html.fromstring(client.get("/work").content).text_content().split())
+    assert "no: aerodb serve" in " ".join(
+        html.fromstring(client.get("/work").content).text_content().split()
+    )
 
 
-def test_a_sweep_passes_through_the_points_that_evaluate_gives(client: TestClient, made: Made) -> None:
+def test_a_sweep_passes_through_the_points_that_evaluate_gives(
+    client: TestClient, made: Made
+) -> None:
     address = f"/api/versions/{made.candidate}/sweep?over=alpha&from=2deg&to=6deg&points=5&at=V=25"
     line = client.get(address).json()
     assert np.rad2deg(line["values"]) == pytest.approx([2, 3, 4, 5, 6])
@@ -216,11 +274,22 @@ def test_a_table_is_shown_with_its_own_numbers(client: TestClient, made: Made) -
     assert rows[2].xpath("./td/a/@href") == [f"/versions/{made.candidate}/lineage?node=CZ0%5B1%5D"]
 
 
-def test_exports_are_the_files_of_the_command(client: TestClient, made: Made, tmp_path: Path) -> None:
+def test_exports_are_the_files_of_the_command(
+    client: TestClient, made: Made, tmp_path: Path
+) -> None:
     for form in ("csv", "daveml"):
         answer = client.get(f"/api/versions/{made.candidate}/export?format={form}")
         assert answer.status_code == 200, answer.text
-        said = asked(made.workspace.root, "version", "export", "candidate", "--format", form, "--output", str(tmp_path / form))
+        said = asked(
+            made.workspace.root,
+            "version",
+            "export",
+            "candidate",
+            "--format",
+            form,
+            "--output",
+            str(tmp_path / form),
+        )
         assert len(answer.content) == said["bytes"]
         assert answer.headers["x-checked"] == said["checked"]
         assert "check cases pass" in answer.headers["x-checked"]
@@ -244,13 +313,17 @@ def test_hostile_names_are_text_everywhere(client: TestClient, made: Made) -> No
         answer = client.get(address)
         assert answer.status_code in (200, 404, 422), (address, answer.status_code)
         page = html.fromstring(answer.content)
-        assert not page.xpath("//script[not(@src)] | //img[not(starts-with(@src, '/diff'))] | //b"), address
+        assert not page.xpath(
+            "//script[not(@src)] | //img[not(starts-with(@src, '/diff'))] | //b"
+        ), address
         assert "\u202e" not in answer.text
         assert "\u2066" not in answer.text
     shown = html.fromstring(client.get(f"/flights/{hostile}").content).text_content()
     assert HOSTILE.replace("\u202e", "\\u202e").replace("\u2066", "\\u2066") in shown
     assert client.get(f"/api/flights/{hostile}").json()["log"]["name"] == HOSTILE
-    assert LONG not in client.get("/flights").text  # a list is cut, the flight's own page holds all of it
+    assert (
+        LONG not in client.get("/flights").text
+    )  # a list is cut, the flight's own page holds all of it
     assert LONG in client.get(f"/flights/{long}").text
 
 
@@ -284,7 +357,9 @@ def test_errors_say_what_where_and_what_to_do(client: TestClient, made: Made) ->
     assert client.get("/nothing").status_code == 404
 
 
-def test_a_catalogue_out_of_reach_is_said_and_passes(client: TestClient, made: Made, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_catalogue_out_of_reach_is_said_and_passes(
+    client: TestClient, made: Made, monkeypatch: pytest.MonkeyPatch
+) -> None:
     from aerodb.errors import StoreBusyError
 
     def busy(*_: Any, **__: Any) -> Any:

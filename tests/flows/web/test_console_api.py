@@ -1,4 +1,5 @@
-"""The API as its own description states it: whatever is sent, the answer is never a fault of the server."""
+"""The API as its own description states it: whatever is sent, the answer is never a fault of the
+server."""
 
 import random
 from collections.abc import Callable
@@ -17,7 +18,20 @@ from tests.support.console_workspace import HOSTILE, Made, made_workspace
 from tests.support.small_glider import NAME
 
 #: Words that lead past the first check, and words that should lead nowhere.
-KNOWN = ["released", "candidate", "v0001", "v0002", NAME, h("hostile 0"), "CZ0", "CZ0[2]", "alpha=5deg", "alpha", "V", "limited"]
+KNOWN = [
+    "released",
+    "candidate",
+    "v0001",
+    "v0002",
+    NAME,
+    h("hostile 0"),
+    "CZ0",
+    "CZ0[2]",
+    "alpha=5deg",
+    "alpha",
+    "V",
+    "limited",
+]
 STRANGE = [
     "",
     "\x00",
@@ -57,7 +71,9 @@ def test_the_description_names_every_answer(app: Any) -> None:
             assert said["tags"]
 
 
-def test_no_request_that_the_description_allows_ends_in_a_fault(app: Any, trials: Callable[[int, int], int]) -> None:
+def test_no_request_that_the_description_allows_ends_in_a_fault(
+    app: Any, trials: Callable[[int, int], int]
+) -> None:
     asked = 0
     for operation in _operations(app):
 
@@ -74,13 +90,18 @@ def test_no_request_that_the_description_allows_ends_in_a_fault(app: Any, trials
             nonlocal asked
             asked += 1
             answer = case.call()
-            assert answer.status_code < 500 or answer.status_code == 503, (case.formatted_path, answer.status_code)
+            assert answer.status_code < 500 or answer.status_code == 503, (
+                case.formatted_path,
+                answer.status_code,
+            )
 
         never_a_fault()
     assert asked >= len(_operations(app))
 
 
-def test_no_mixture_of_known_and_strange_words_ends_in_a_fault(app: Any, made: Made, trials: Callable[[int, int], int]) -> None:
+def test_no_mixture_of_known_and_strange_words_ends_in_a_fault(
+    app: Any, made: Made, trials: Callable[[int, int], int]
+) -> None:
     rng = random.Random(5)
     words = [*KNOWN, made.candidate, made.flight]
     with TestClient(app, base_url="http://testserver") as client:
@@ -88,12 +109,19 @@ def test_no_mixture_of_known_and_strange_words_ends_in_a_fault(app: Any, made: M
         for _ in range(trials(6, 100)):
             for path, methods in app.openapi()["paths"].items():
                 for said in [methods["get"]] if "get" in methods else []:
-                    asked = {p["name"]: rng.choice(rng.choice([words, STRANGE])) for p in said.get("parameters", ())}
+                    asked = {
+                        p["name"]: rng.choice(rng.choice([words, STRANGE]))
+                        for p in said.get("parameters", ())
+                    }
                     inside = {p["name"] for p in said.get("parameters", ()) if p["in"] == "path"}
                     place = path
                     for name in inside:
                         place = place.replace(f"{{{name}}}", part(asked[name] or "x"))
-                    query = {name: word for name, word in asked.items() if name not in inside and rng.random() < 0.7}
+                    query = {
+                        name: word
+                        for name, word in asked.items()
+                        if name not in inside and rng.random() < 0.7
+                    }
                     answer = client.get(place, params=query)
                     assert answer.status_code < 500, (place, query, answer.text)
                     found[answer.status_code] = found.get(answer.status_code, 0) + 1

@@ -1,4 +1,5 @@
-"""The console in the system's own Chromium: no console error, no other host, no serious barrier, keyboard, nothing cut off."""
+"""The console in the system's own Chromium: no console error, no other host, no serious barrier,
+keyboard, nothing cut off."""
 
 import os
 import shutil
@@ -22,16 +23,30 @@ from tests.support.command import asked
 from tests.support.console_workspace import Made, add_long_flight, made_workspace, served
 from tests.support.paths import VEHICLES
 
-playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed: pip install 'aerodb[test]'")
-axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe-playwright-python is not installed")
+playwright = pytest.importorskip(
+    "playwright.sync_api", reason="playwright is not installed: pip install 'aerodb[test]'"
+)
+axe = pytest.importorskip(
+    "axe_playwright_python.sync_playwright", reason="axe-playwright-python is not installed"
+)
 
-CHROMIUM = next((path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None)
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this system: apt-get install chromium")
+CHROMIUM = next(
+    (
+        path
+        for name in ("chromium", "chromium-browser", "google-chrome")
+        if (path := shutil.which(name))
+    ),
+    None,
+)
+pytestmark = pytest.mark.skipif(
+    CHROMIUM is None, reason="no Chromium on this system: apt-get install chromium"
+)
 WIDTHS = (1280, 400)
 #: For what is waited for at most [ms].
 _PATIENCE = 300_000
 
-#: Elements whose text does not fit, and that nobody can scroll; fields hold more than they show by their nature.
+#: Elements whose text does not fit, and that nobody can scroll; fields hold more than they show by
+#: their nature.
 CUT = """() => [...document.querySelectorAll('main *, header *, footer *')].filter((e) => {
   const style = getComputedStyle(e);
   if (e.closest('.scroll, .plot, svg, details:not([open])') || e.matches('input, select, textarea, option')) return false;
@@ -81,16 +96,25 @@ def browser() -> Iterator[Any]:
 
 @contextmanager
 def watched(browser: Any, address: str, width: int = 1280) -> Iterator[Any]:
-    """A page of a fresh session; fails on any complaint of the browser and on any request to another host."""
+    """A page of a fresh session; fails on any complaint of the browser and on any request to
+    another host."""
     complaints: list[str] = []
     elsewhere: list[str] = []
     with browser.new_context(viewport={"width": width, "height": 900}) as context:
         context.set_default_timeout(_PATIENCE)
         page = context.new_page()
-        page.on("console", lambda said: complaints.append(said.text) if said.type in ("error", "warning") else None)
+        page.on(
+            "console",
+            lambda said: (
+                complaints.append(said.text) if said.type in ("error", "warning") else None
+            ),
+        )
         page.on("pageerror", lambda error: complaints.append(str(error)))
         page.on("dialog", lambda dialog: complaints.append(f"dialog: {dialog.message}"))
-        page.on("request", lambda asked: elsewhere.append(asked.url) if not _own(asked.url, address) else None)
+        page.on(
+            "request",
+            lambda asked: elsewhere.append(asked.url) if not _own(asked.url, address) else None,
+        )
         yield page
     assert complaints == []
     assert elsewhere == []
@@ -109,12 +133,16 @@ def barriers(page: Any) -> list[tuple[str, str, list[Any]]]:
     """What axe-core finds serious or critical: rule, help, elements."""
     found = axe.Axe().run(page).response["violations"]
     return [
-        (v["id"], v["help"], [n["html"][:160] for n in v["nodes"][:3]]) for v in found if v["impact"] in ("serious", "critical")
+        (v["id"], v["help"], [n["html"][:160] for n in v["nodes"][:3]])
+        for v in found
+        if v["impact"] in ("serious", "critical")
     ]
 
 
 @pytest.mark.parametrize("width", WIDTHS)
-def test_every_page_is_sound(browser: Any, address: str, made: Made, tmp_path: Path, width: int) -> None:
+def test_every_page_is_sound(
+    browser: Any, address: str, made: Made, tmp_path: Path, width: int
+) -> None:
     with watched(browser, address, width) as page:
         for path in pages(made):
             visit(page, address, path)
@@ -122,10 +150,14 @@ def test_every_page_is_sound(browser: Any, address: str, made: Made, tmp_path: P
 
 
 def look(page: Any, path: str, width: int, barriers_too: bool = True) -> None:
-    """What a picture of a page would show: nothing runs out of it, is cut off, or lies on something else."""
+    """What a picture of a page would show: nothing runs out of it, is cut off, or lies on something
+    else."""
     if folder := os.environ.get("AERODB_TEST_PICTURES"):
         page.screenshot(path=f"{folder}/{width}{path.replace('/', '_')[:60]}.png", full_page=True)
-    assert page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth") <= 0, path
+    assert (
+        page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth")
+        <= 0
+    ), path
     assert page.evaluate(CUT) == [], path
     assert page.evaluate(OVERLAPS) == [], path
     if barriers_too:
@@ -141,7 +173,9 @@ def test_the_checks_see_what_is_wrong(browser: Any, address: str) -> None:
           document.querySelectorAll('label').forEach((label) => label.remove());
           document.querySelector('h1').style.color = '#ddd';
         }""")
-        assert page.evaluate("document.documentElement.scrollWidth > document.documentElement.clientWidth")
+        assert page.evaluate(
+            "document.documentElement.scrollWidth > document.documentElement.clientWidth"
+        )
         assert {"label", "color-contrast", "select-name"} & {rule for rule, _, _ in barriers(page)}
     with pytest.raises(AssertionError, match="wrong"):
         _complain(browser, address)
@@ -153,7 +187,9 @@ def _complain(browser: Any, address: str) -> None:
         page.evaluate("console.error('wrong')")
 
 
-def test_the_keyboard_reaches_the_content_first_and_everything_in_order(browser: Any, address: str) -> None:
+def test_the_keyboard_reaches_the_content_first_and_everything_in_order(
+    browser: Any, address: str
+) -> None:
     with watched(browser, address) as page:
         visit(page, address, "/flights")
         page.keyboard.press("Tab")
@@ -187,7 +223,10 @@ def test_an_hour_opens_and_zooms_to_every_sample(browser: Any, address: str, hou
         samples = int(said.split()[6])
         assert 12 * 500 < samples < 12 * 4100
         assert (
-            page.locator("#panels .plot").nth(1).get_attribute("aria-label").endswith(f"to {np.rad2deg(1.25):.5g}")
+            page.locator("#panels .plot")
+            .nth(1)
+            .get_attribute("aria-label")
+            .endswith(f"to {np.rad2deg(1.25):.5g}")
         )  # the spike
         canvas = page.locator("#panels .u-over").first.bounding_box()
         page.mouse.move(canvas["x"] + 0.25 * canvas["width"], canvas["y"] + 30)
@@ -195,7 +234,9 @@ def test_an_hour_opens_and_zooms_to_every_sample(browser: Any, address: str, hou
         page.mouse.move(canvas["x"] + 0.5 * canvas["width"], canvas["y"] + 30, steps=4)
         page.mouse.up()
         page.wait_for_selector(f"#record:not([data-shown='{whole}'])")
-        start, end = (float(part) for part in page.get_attribute("#record", "data-shown").split(","))
+        start, end = (
+            float(part) for part in page.get_attribute("#record", "data-shown").split(",")
+        )
         assert (start, end) == (pytest.approx(900, abs=15), pytest.approx(1800, abs=15))
         page.fill("#from", "1199")
         page.fill("#to", "1201")
@@ -212,7 +253,9 @@ def test_channels_are_chosen_and_coefficients_shown(browser: Any, address: str, 
         visit(page, address, f"/flights/{made.flight}")
         page.wait_for_selector("#record[data-shown]")
         page.click("summary:has-text('Choose channels')")
-        page.evaluate("document.querySelectorAll('#choice input').forEach((box) => { box.checked = false; })")
+        page.evaluate(
+            "document.querySelectorAll('#choice input').forEach((box) => { box.checked = false; })"
+        )
         page.check("#choice input[value=CZ]")
         page.check("#choice input[value=alpha]")
         page.click("#choice button")
@@ -233,7 +276,9 @@ def test_curves_are_drawn_beside_the_parent(browser: Any, address: str, made: Ma
         page.wait_for_selector("#sweep[data-shown=delta_elevator]")
 
 
-def test_a_version_is_promoted_by_keyboard_alone(browser: Any, tmp_path_factory: pytest.TempPathFactory) -> None:
+def test_a_version_is_promoted_by_keyboard_alone(
+    browser: Any, tmp_path_factory: pytest.TempPathFactory
+) -> None:
     made = made_workspace(tmp_path_factory)
     with served(made.workspace) as address, watched(browser, address) as page:
         visit(page, address, f"/versions/{made.candidate}")
@@ -259,7 +304,12 @@ def test_hostile_names_run_nothing(browser: Any, address: str) -> None:
         ):
             visit(page, address, path)
             assert page.locator("main script, main img").count() == 0
-            assert page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth") <= 0
+            assert (
+                page.evaluate(
+                    "document.documentElement.scrollWidth - document.documentElement.clientWidth"
+                )
+                <= 0
+            )
 
 
 def _sections(workspace: Workspace) -> list[str]:
@@ -279,7 +329,12 @@ def _sections(workspace: Workspace) -> list[str]:
         "/work",
         "/findings",
     ]
-    paths += [f"/findings/{entry['reference']}", f"/diff?before={first}&after={last}", f"/versions/{last}/lineage", "/history"]
+    paths += [
+        f"/findings/{entry['reference']}",
+        f"/diff?before={first}&after={last}",
+        f"/versions/{last}/lineage",
+        "/history",
+    ]
     return [*paths, f"/versions/{last}/promote", f"/rollback?vehicle={vehicle}"]
 
 
@@ -292,7 +347,9 @@ def test_every_page_of_the_demo(browser: Any, tmp_path: Path, trials: Any) -> No
 
 
 @pytest.mark.heavy
-def test_every_page_of_a_measured_aircraft(browser: Any, tmp_path: Path, measured: Any, trials: Any) -> None:
+def test_every_page_of_a_measured_aircraft(
+    browser: Any, tmp_path: Path, measured: Any, trials: Any
+) -> None:
     if trials(0, 1) == 0:
         pytest.skip("the Twin Otter takes minutes: --full-campaign")
     workspace = tmp_path / "otter"
@@ -300,7 +357,10 @@ def test_every_page_of_a_measured_aircraft(browser: Any, tmp_path: Path, measure
     file = Path(jsbsim.get_default_root_dir()) / "aircraft" / "DHC6" / "DHC6.xml"
     bindings = [word for name, value in LEFT_OUT.items() for word in ("--bind", f"{name}={value}")]
     asked(workspace, "database", "import", str(file), "--vehicle", "twin-otter", *bindings)
-    logs = [str(measured(f"twin_otter/totter_{name}_data.mat")) for name in ("f1_017", "demo", "9752ed20")]
+    logs = [
+        str(measured(f"twin_otter/totter_{name}_data.mat"))
+        for name in ("f1_017", "demo", "9752ed20")
+    ]
     asked(workspace, "flight", "ingest", *logs, "--vehicle", "twin-otter", "--direct")
     asked(workspace, "close-loop", "--vehicle", "twin-otter", "--direct")
     _sound(browser, Workspace.open(workspace))

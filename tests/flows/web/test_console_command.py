@@ -1,4 +1,5 @@
-"""``aerodb web`` as the shell runs it: it says where it is, answers, ends when told to, and refuses in one sentence."""
+"""``aerodb web`` as the shell runs it: it says where it is, answers, ends when told to, and refuses
+in one sentence."""
 
 import json
 import os
@@ -32,7 +33,9 @@ def workspace(tmp_path: Path) -> Path:
 
 
 @contextmanager
-def running(workspace: Path, *options: str, token: str = "") -> Iterator[tuple[subprocess.Popen[str], str]]:
+def running(
+    workspace: Path, *options: str, token: str = ""
+) -> Iterator[tuple[subprocess.Popen[str], str]]:
     """The command with a port of its own, and the address that it says."""
     kept = {name: value for name, value in os.environ.items() if not name.startswith("AERODB_")}
     environment = {**kept, "PYTHONPATH": str(ROOT), "PYTHONUNBUFFERED": "1"}
@@ -47,7 +50,13 @@ def running(workspace: Path, *options: str, token: str = "") -> Iterator[tuple[s
         "--port",
         "0",
     ]
-    process = subprocess.Popen([*command, *options], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
+    process = subprocess.Popen(
+        [*command, *options],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=environment,
+    )
     try:
         assert process.stdout is not None
         said = process.stdout.readline()
@@ -75,13 +84,19 @@ def test_on_all_addresses_it_asks_for_the_token(workspace: Path) -> None:
     with running(workspace, "--host", "0.0.0.0", token=TOKEN) as (_, address):
         with pytest.raises(urllib.error.HTTPError, match="401"):
             urllib.request.urlopen(f"{address}/api/vehicles", timeout=300)
-        request = urllib.request.Request(f"{address}/api/vehicles", headers={"Authorization": f"Bearer {TOKEN}"})
+        request = urllib.request.Request(
+            f"{address}/api/vehicles", headers={"Authorization": f"Bearer {TOKEN}"}
+        )
         assert urllib.request.urlopen(request, timeout=300).status == 200
 
 
 def test_what_it_cannot_do_is_said_in_a_sentence(workspace: Path, tmp_path: Path) -> None:
     without = aerodb(workspace, "web", "--host", "0.0.0.0")
-    assert (without.returncode, "without a token" in without.stderr, "Traceback" in without.stderr) == (3, True, False)
+    assert (
+        without.returncode,
+        "without a token" in without.stderr,
+        "Traceback" in without.stderr,
+    ) == (3, True, False)
     nowhere = aerodb(tmp_path / "nowhere", "web")
     assert (nowhere.returncode, "no workspace here" in nowhere.stderr) == (3, True)
     assert not (tmp_path / "nowhere").exists()

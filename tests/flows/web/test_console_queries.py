@@ -1,4 +1,5 @@
-"""The questions behind the console's lists, on both databases: no gap between pages, searches find what is meant."""
+"""The questions behind the console's lists, on both databases: no gap between pages, searches find
+what is meant."""
 
 from pathlib import Path
 from typing import Any
@@ -30,7 +31,9 @@ def _all(catalogue: Catalogue, asked: Asked, limit: int) -> list[str]:
         after = page.further
 
 
-def test_flights_are_paged_searched_and_judged_by_their_newest_verdict(catalogue: Catalogue) -> None:
+def test_flights_are_paged_searched_and_judged_by_their_newest_verdict(
+    catalogue: Catalogue,
+) -> None:
     for k in range(7):
         add_flight(catalogue, f"f{k}", vehicle=V if k % 2 else "other")
     catalogue.judge_flight(h("f1"), "rejected")
@@ -74,8 +77,22 @@ def test_runs_of_flows_with_what_they_made(catalogue: Catalogue) -> None:
     flows = ["update_flow", "close_loop_flow", "flight_flow", "update_flow"]
     runs = [catalogue.start_run(flow, how="direct", parameters={"vehicle": V}) for flow in flows]
     version = add_version(catalogue, "made", run=runs[3].id)
-    catalogue.add_result(h("loop"), step="close_loop", kind="findings", path="results/x.json", result_version=1, run=runs[1].id)
-    catalogue.add_result(h("other"), step="compare", kind="comparison", path="results/y", result_version=1, run=runs[1].id)
+    catalogue.add_result(
+        h("loop"),
+        step="close_loop",
+        kind="findings",
+        path="results/x.json",
+        result_version=1,
+        run=runs[1].id,
+    )
+    catalogue.add_result(
+        h("other"),
+        step="compare",
+        kind="comparison",
+        path="results/y",
+        result_version=1,
+        run=runs[1].id,
+    )
     asked = ("update_flow", "close_loop_flow")
     newest = catalogue.runs_of(asked, 2)
     assert [run.id for run in newest] == [runs[3].id, runs[1].id]

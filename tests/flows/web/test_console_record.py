@@ -1,4 +1,5 @@
-"""Records on the screen: true extremes in few points, every sample where it is near, what a flight has covered."""
+"""Records on the screen: true extremes in few points, every sample where it is near, what a flight
+has covered."""
 
 import json
 import struct
@@ -41,7 +42,9 @@ def _unpacked(data: bytes) -> tuple[dict[str, Any], dict[str, tuple[np.ndarray, 
     return heading, lines
 
 
-def test_an_hour_comes_decimated_with_its_extremes_and_whole_where_it_is_near(tmp_path: Path) -> None:
+def test_an_hour_comes_decimated_with_its_extremes_and_whole_where_it_is_near(
+    tmp_path: Path,
+) -> None:
     workspace = Workspace.open(tmp_path / "long")
     with Catalogue.open(workspace.catalogue) as catalogue:
         catalogue.add_vehicle(NAME, "name = 'x'")
@@ -50,14 +53,29 @@ def test_an_hour_comes_decimated_with_its_extremes_and_whole_where_it_is_near(tm
     with client_of(workspace) as client:
         address = f"/api/flights/{id}/channels?points=2000"
         heading, lines = _unpacked(client.get(f"{address}&format=binary").content)
-        assert list(lines) == ["V", "alpha", "beta", "p", "q", "r", "ax", "ay", "az", "phi", "theta", "altitude"]
+        assert list(lines) == [
+            "V",
+            "alpha",
+            "beta",
+            "p",
+            "q",
+            "r",
+            "ax",
+            "ay",
+            "az",
+            "phi",
+            "theta",
+            "altitude",
+        ]
         for name, (time, values) in lines.items():
             assert len(time) <= 2002
             assert (values.min(), values.max()) == (flight[name].min(), flight[name].max())
             assert np.all(np.diff(time) > 0)
         assert heading["series"][1]["flagged"] == [[0.0, 9.99]]
         assert heading["series"][1]["label"] == "alpha [deg]"
-        near = client.get(f"{address}&names=alpha&from={flight.time[spike] - 2}&to={flight.time[spike] + 2}").json()
+        near = client.get(
+            f"{address}&names=alpha&from={flight.time[spike] - 2}&to={flight.time[spike] + 2}"
+        ).json()
         (line,) = near["series"]
         here = slice(spike - 201, spike + 202)
         assert line["time"] == pytest.approx(flight.time[here])
@@ -67,7 +85,9 @@ def test_an_hour_comes_decimated_with_its_extremes_and_whole_where_it_is_near(tm
         assert client.get(f"{address}&names=V&from=nan").status_code == 422
 
 
-def test_coefficients_of_a_record_are_those_of_the_comparison(client: TestClient, made: Made) -> None:
+def test_coefficients_of_a_record_are_those_of_the_comparison(
+    client: TestClient, made: Made
+) -> None:
     found = client.get(f"/api/flights/{made.flight}/channels?names=CZ,alpha").json()
     assert [(line["name"], line["source"]) for line in found["series"]] == [
         ("CZ", "flight"),
@@ -75,11 +95,15 @@ def test_coefficients_of_a_record_are_those_of_the_comparison(client: TestClient
         ("alpha", "measured"),
     ]
     flown, predicted = (np.array(line["values"], dtype=float) for line in found["series"][:2])
-    assert np.sqrt(np.nanmean((flown - predicted) ** 2)) == pytest.approx(0.056, rel=0.3)  # what the update then removes
+    assert np.sqrt(np.nanmean((flown - predicted) ** 2)) == pytest.approx(
+        0.056, rel=0.3
+    )  # what the update then removes
 
 
 def test_envelopes_leave_out_what_does_not_count(client: TestClient, made: Made) -> None:
-    found = client.get(f"/api/envelopes?flight={made.flight}&flight={h('hostile 0')}&flight=nothing").json()
+    found = client.get(
+        f"/api/envelopes?flight={made.flight}&flight={h('hostile 0')}&flight=nothing"
+    ).json()
     assert found[made.flight]["V"] == pytest.approx([25.0, 25.0])
     assert 0 < found[made.flight]["alpha"][0] < found[made.flight]["alpha"][1] < 0.2
     assert found[h("hostile 0")] == {}

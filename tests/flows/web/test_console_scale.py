@@ -1,5 +1,5 @@
-"""Lists for any number of flights and versions: a page costs the same work in a catalogue many times larger, counted in steps of
-SQLite's virtual machine, never in time."""
+"""Lists for any number of flights and versions: a page costs the same work in a catalogue many
+times larger, counted in steps of SQLite's virtual machine, never in time."""
 
 import re
 import sqlite3
@@ -33,8 +33,9 @@ def _moments(count: int) -> list[str]:
 
 
 def crowd(path: Path, versions: int, flights: int) -> None:
-    """Rows as the catalogue would have written them: flights of which one in a hundred is rejected, versions made by updates, a
-    move of a name to each. In one go: through the catalogue it would take minutes."""
+    """Rows as the catalogue would have written them: flights of which one in a hundred is rejected,
+    versions made by updates, a move of a name to each. In one go: through the catalogue it would
+    take minutes."""
     raw = sqlite3.connect(path)
     raw.execute("PRAGMA synchronous = OFF")
 
@@ -44,7 +45,8 @@ def crowd(path: Path, versions: int, flights: int) -> None:
 
     at, ids = _moments(flights), [h(f"crowd-{k}") for k in range(flights)]
     logs = [
-        (id, f"log {k}.ulg", 10, "ulog", "stored", "", "[]", moment) for k, (id, moment) in enumerate(zip(ids, at, strict=True))
+        (id, f"log {k}.ulg", 10, "ulog", "stored", "", "[]", moment)
+        for k, (id, moment) in enumerate(zip(ids, at, strict=True))
     ]
     insert("log_files", "sha256, name, size, format, status, reason, damage, added_utc", logs)
     names = [f"crowd-{k}" for k in range(flights)]
@@ -53,25 +55,66 @@ def crowd(path: Path, versions: int, flights: int) -> None:
         "id, vehicle, name, log_sha256, added_utc",
         [(i, NAME, n, i, a) for i, n, a in zip(ids, names, at, strict=True)],
     )
-    records = [(id, "px4", None, 20.0, 1001, 0.02, moment) for id, moment in zip(ids, at, strict=True)]
-    insert("flight_records", "flight, mapping, start_utc, duration, samples, step, added_utc", records)
-    judged = [(id, "verdict", "rejected" if k % 100 == 7 else "good", "[]", at[k]) for k, id in enumerate(ids)]
+    records = [
+        (id, "px4", None, 20.0, 1001, 0.02, moment) for id, moment in zip(ids, at, strict=True)
+    ]
+    insert(
+        "flight_records", "flight, mapping, start_utc, duration, samples, step, added_utc", records
+    )
+    judged = [
+        (id, "verdict", "rejected" if k % 100 == 7 else "good", "[]", at[k])
+        for k, id in enumerate(ids)
+    ]
     insert("flight_events", "flight, kind, verdict, reasons, at_utc", judged)
     keys, made = [h(f"version-{k}") for k in range(versions)], _moments(versions)
     runs = [
-        (key[:32], "update_flow", "direct", made[k], made[k], "completed", f'{{"vehicle":"{NAME}"}}', "", "")
+        (
+            key[:32],
+            "update_flow",
+            "direct",
+            made[k],
+            made[k],
+            "completed",
+            f'{{"vehicle":"{NAME}"}}',
+            "",
+            "",
+        )
         for k, key in enumerate(keys)
     ]
-    insert("runs", "id, flow, how, started_utc, ended_utc, state, parameters, code_version, error", runs)
+    insert(
+        "runs",
+        "id, flow, how, started_utc, ended_utc, state, parameters, code_version, error",
+        runs,
+    )
     others = [
-        (h(f"run-{k}")[:32], "flight_flow", "direct", at[k], at[k], "completed", "{}", "", "") for k in range(0, flights, 10)
+        (h(f"run-{k}")[:32], "flight_flow", "direct", at[k], at[k], "completed", "{}", "", "")
+        for k in range(0, flights, 10)
     ]
-    insert("runs", "id, flow, how, started_utc, ended_utc, state, parameters, code_version, error", others)
+    insert(
+        "runs",
+        "id, flow, how, started_utc, ended_utc, state, parameters, code_version, error",
+        others,
+    )
     rows = [
-        (key, NAME, k + 1, keys[k - 1] if k % 10 else None, "{}", h(k), "{}", _REPORT, key[:32], made[k])
+        (
+            key,
+            NAME,
+            k + 1,
+            keys[k - 1] if k % 10 else None,
+            "{}",
+            h(k),
+            "{}",
+            _REPORT,
+            key[:32],
+            made[k],
+        )
         for k, key in enumerate(keys)
     ]
-    insert("versions", "id, vehicle, number, parent, content, content_sha256, settings, report, run, created_utc", rows)
+    insert(
+        "versions",
+        "id, vehicle, number, parent, content, content_sha256, settings, report, run, created_utc",
+        rows,
+    )
     insert("run_versions", "run, version", [(key[:32], key) for key in keys])
     per = flights // versions
     insert(
@@ -79,7 +122,10 @@ def crowd(path: Path, versions: int, flights: int) -> None:
         "version, flight, role, reason",
         [(keys[min(k // per, versions - 1)], id, "identified", "") for k, id in enumerate(ids)],
     )
-    moves = [(NAME, "crowd", k + 1, key, keys[k - 1] if k else None, made[k], "me", "r") for k, key in enumerate(keys)]
+    moves = [
+        (NAME, "crowd", k + 1, key, keys[k - 1] if k else None, made[k], "me", "r")
+        for k, key in enumerate(keys)
+    ]
     insert("name_events", 'vehicle, name, step, version, previous, at_utc, "user", reason', moves)
     raw.commit()
     raw.execute("ANALYZE")
@@ -87,8 +133,13 @@ def crowd(path: Path, versions: int, flights: int) -> None:
 
 
 @pytest.fixture(scope="module")
-def workspaces(tmp_path_factory: pytest.TempPathFactory, trials: Callable[[int, int], int]) -> dict[str, Workspace]:
-    sizes = {"small": (SMALL, LOOKED_THROUGH * 2), "large": (trials(3_000, 10_000), trials(24_000, 100_000))}
+def workspaces(
+    tmp_path_factory: pytest.TempPathFactory, trials: Callable[[int, int], int]
+) -> dict[str, Workspace]:
+    sizes = {
+        "small": (SMALL, LOOKED_THROUGH * 2),
+        "large": (trials(3_000, 10_000), trials(24_000, 100_000)),
+    }
     made = {}
     for size, (versions, flights) in sizes.items():
         workspace = Workspace.open(tmp_path_factory.mktemp("scale") / size)
@@ -119,7 +170,9 @@ LISTS = (
 
 @pytest.mark.heavy
 @pytest.mark.parametrize("address", LISTS)
-def test_a_page_of_a_list_does_the_same_work_however_long_the_list(workspaces: dict[str, Workspace], address: str) -> None:
+def test_a_page_of_a_list_does_the_same_work_however_long_the_list(
+    workspaces: dict[str, Workspace], address: str
+) -> None:
     steps, statements = {}, {}
     for size, workspace in workspaces.items():
         with client_of(workspace) as client:
@@ -146,18 +199,28 @@ def _all(client: TestClient, address: str) -> list[dict[str, Any]]:
 def test_pages_hold_every_entry_once_and_in_order(workspaces: dict[str, Workspace]) -> None:
     with client_of(workspaces["small"]) as client:
         flights = _all(client, "/api/flights?limit=450")
-        assert [entry["name"] for entry in flights] == [f"crowd-{k}" for k in reversed(range(2 * LOOKED_THROUGH))]
+        assert [entry["name"] for entry in flights] == [
+            f"crowd-{k}" for k in reversed(range(2 * LOOKED_THROUGH))
+        ]
         rejected = _all(client, "/api/flights?verdict=rejected&limit=30")
-        assert [entry["name"] for entry in rejected] == [e["name"] for e in flights if int(e["name"][6:]) % 100 == 7]
+        assert [entry["name"] for entry in rejected] == [
+            e["name"] for e in flights if int(e["name"][6:]) % 100 == 7
+        ]
         named = {entry["name"] for entry in _all(client, "/api/flights?text=CROWD-77")}
         assert named == {e["name"] for e in flights if "crowd-77" in e["name"]}
-        (one, *_) = client.get(f"/api/flights?text={h('crowd-3')[:9]}").json()
+        one, *_ = client.get(f"/api/flights?text={h('crowd-3')[:9]}").json()
         assert one["name"] == "crowd-3"  # wherever it stands in the list
         versions = _all(client, "/api/versions?limit=70")
-        assert sorted(entry["label"] for entry in versions) == [f"v{k:04d}" for k in range(1, SMALL + 1)]
-        assert sorted(entry["to"] for entry in _all(client, "/api/history?limit=90")) == sorted(e["version"] for e in versions)
+        assert sorted(entry["label"] for entry in versions) == [
+            f"v{k:04d}" for k in range(1, SMALL + 1)
+        ]
+        assert sorted(entry["to"] for entry in _all(client, "/api/history?limit=90")) == sorted(
+            e["version"] for e in versions
+        )
         findings = _all(client, "/api/findings?limit=110")
-        assert [entry["reference"] for entry in findings] == [h(f"version-{k}") for k in reversed(range(SMALL))]
+        assert [entry["reference"] for entry in findings] == [
+            h(f"version-{k}") for k in reversed(range(SMALL))
+        ]
 
 
 def test_flights_of_one_moment_and_of_several_vehicles_are_paged_too(tmp_path: Path) -> None:
@@ -169,19 +232,32 @@ def test_flights_of_one_moment_and_of_several_vehicles_are_paged_too(tmp_path: P
     expected = []
     for k in range(60):
         id, at = h(f"f{k}"), _moments(4)[k % 4]
-        raw.execute("INSERT INTO log_files VALUES (?, ?, 1, 'ulog', 'stored', '', '[]', ?)", (id, f"l{k}", at))
+        raw.execute(
+            "INSERT INTO log_files VALUES (?, ?, 1, 'ulog', 'stored', '', '[]', ?)",
+            (id, f"l{k}", at),
+        )
         raw.execute(
             "INSERT INTO flights (id, vehicle, log_sha256, added_utc) VALUES (?, ?, ?, ?)",
             (id, ("one", "two")[k % 3 == 0], id, at),
         )
         columns = "flight, mapping, duration, samples, step, added_utc"
-        raw.execute(f"INSERT INTO flight_records ({columns}) VALUES (?, 'px4', 1.0, 2, 1.0, ?)", (id, at))
+        raw.execute(
+            f"INSERT INTO flight_records ({columns}) VALUES (?, 'px4', 1.0, 2, 1.0, ?)", (id, at)
+        )
         expected.append((at, id))
     raw.commit()
     raw.close()
-    ordered = [id for _, id in sorted(expected, key=lambda place: (-_moments(4).index(place[0]), place[1]))]
+    ordered = [
+        id for _, id in sorted(expected, key=lambda place: (-_moments(4).index(place[0]), place[1]))
+    ]
     with client_of(workspace) as client:
         for limit in (1, 7, 60, 61):
-            assert [entry["flight"] for entry in _all(client, f"/api/flights?limit={limit}")] == ordered
-            assert [e["flight"] for e in _all(client, f"/api/flights?limit={limit}&verdict=unchecked")] == ordered
-        assert {entry["vehicle"] for entry in _all(client, "/api/flights?vehicle=two&limit=7")} == {"two"}
+            assert [
+                entry["flight"] for entry in _all(client, f"/api/flights?limit={limit}")
+            ] == ordered
+            assert [
+                e["flight"] for e in _all(client, f"/api/flights?limit={limit}&verdict=unchecked")
+            ] == ordered
+        assert {entry["vehicle"] for entry in _all(client, "/api/flights?vehicle=two&limit=7")} == {
+            "two"
+        }

@@ -1,4 +1,5 @@
-"""Who may ask, and who may change: foreign names, missing tokens, forged forms. And what the gate says is shown."""
+"""Who may ask, and who may change: foreign names, missing tokens, forged forms. And what the gate
+says is shown."""
 
 import base64
 from typing import Any
@@ -66,7 +67,10 @@ def test_a_console_that_others_reach_needs_a_token(prepared: Made) -> None:
         assert guard_of(host, 8050, (), {"AERODB_TOKEN": TOKEN}).token == TOKEN
     with pytest.raises(InputError, match="less than 16 characters"):
         guard_of("127.0.0.1", 8050, (), {"AERODB_TOKEN": "short"})
-    result = CliRunner().invoke(app, ["--workspace", str(prepared.workspace.root), "web", "--host", "0.0.0.0", "--port", "0"])
+    result = CliRunner().invoke(
+        app,
+        ["--workspace", str(prepared.workspace.root), "web", "--host", "0.0.0.0", "--port", "0"],
+    )
     assert isinstance(result.exception, InputError)
     assert "without a token" in str(result.exception)
 
@@ -81,13 +85,29 @@ def test_a_token_is_asked_for_everywhere(prepared: Made) -> None:
             assert answer.status_code == 401
             assert answer.headers["www-authenticate"].startswith("Basic")
             assert NAME not in answer.text
-        for wrong in (basic("wrong"), basic(TOKEN + "x"), "Bearer", "Basic ###", f"Digest {TOKEN}", "Basic /w==", TOKEN):
+        for wrong in (
+            basic("wrong"),
+            basic(TOKEN + "x"),
+            "Bearer",
+            "Basic ###",
+            f"Digest {TOKEN}",
+            "Basic /w==",
+            TOKEN,
+        ):
             assert client.get("/", headers={"authorization": wrong}).status_code == 401, wrong
         for right in (basic(TOKEN), f"Bearer {TOKEN}"):
             assert client.get("/", headers={"authorization": right}).status_code == 200
         for name in ("10.1.2.3:8050", "[fe80::1]:8050"):
-            assert client.get("/", headers={"authorization": basic(TOKEN), "host": name}).status_code == 200
-        assert client.get("/", headers={"authorization": basic(TOKEN), "host": "evil.example"}).status_code == 421
+            assert (
+                client.get("/", headers={"authorization": basic(TOKEN), "host": name}).status_code
+                == 200
+            )
+        assert (
+            client.get(
+                "/", headers={"authorization": basic(TOKEN), "host": "evil.example"}
+            ).status_code
+            == 421
+        )
 
 
 def test_a_name_that_is_said_is_answered() -> None:
@@ -113,10 +133,21 @@ def test_every_answer_carries_its_headers(prepared: Made) -> None:
 def test_a_change_without_its_token_changes_nothing(prepared: Made, wrong: str) -> None:
     before, ran = moves(prepared), runs(prepared)
     with client_of(prepared.workspace) as client, client_of(prepared.workspace) as other:
-        token = {"none": None, "empty": "", "other": "0" * 64, "stolen": csrf_of(other), "form": csrf_of(client)}[wrong]
+        token = {
+            "none": None,
+            "empty": "",
+            "other": "0" * 64,
+            "stolen": csrf_of(other),
+            "form": csrf_of(client),
+        }[wrong]
         if wrong == "form":
             client.cookies.delete(COOKIE)
-        fields = {"reason": "because", "name": "released", "seen": prepared.baseline, "vehicle": NAME}
+        fields = {
+            "reason": "because",
+            "name": "released",
+            "seen": prepared.baseline,
+            "vehicle": NAME,
+        }
         fields |= {} if token is None else {"csrf": token}
         headers = {} if token is None else {"x-csrf-token": token}
         for path in (f"/versions/{prepared.candidate}/promote", "/rollback"):
@@ -134,23 +165,40 @@ def test_a_change_from_another_page_is_refused_before_it_is_read(prepared: Made)
     with client_of(prepared.workspace) as client:
         headers = {"x-csrf-token": csrf_of(client)}
         path = f"/api/versions/{prepared.candidate}/promote"
-        for origin in ({"origin": "https://evil.example"}, {"origin": "null"}, {"sec-fetch-site": "cross-site"}):
-            assert client.post(path, json={"reason": "r"}, headers={**headers, **origin}).status_code == 403
+        for origin in (
+            {"origin": "https://evil.example"},
+            {"origin": "null"},
+            {"sec-fetch-site": "cross-site"},
+        ):
+            assert (
+                client.post(path, json={"reason": "r"}, headers={**headers, **origin}).status_code
+                == 403
+            )
         large = "x" * (LARGEST_BODY + 1)
         assert client.post(path, content=large, headers=headers).status_code == 413
         assert client.get(path).status_code == 405
     assert moves(prepared) == before
 
 
-def test_promotion_and_roll_back_through_their_pages(tmp_path_factory: pytest.TempPathFactory) -> None:
+def test_promotion_and_roll_back_through_their_pages(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> None:
     made = made_workspace(tmp_path_factory)
     with client_of(made.workspace) as client:
         page = client.get(f"/versions/{made.candidate}/promote").text
         csrf = page.partition('name="csrf" value="')[2].partition('"')[0]
-        fields: dict[str, Any] = {"csrf": csrf, "name": "released", "seen": made.baseline, "reason": " "}
+        fields: dict[str, Any] = {
+            "csrf": csrf,
+            "name": "released",
+            "seen": made.baseline,
+            "reason": " ",
+        }
         path = f"/versions/{made.candidate}/promote"
         assert client.post(path, data=fields).status_code == 422  # no reason
-        assert client.post(path, data={**fields, "reason": "r", "seen": made.candidate}).status_code == 409  # moved meanwhile
+        assert (
+            client.post(path, data={**fields, "reason": "r", "seen": made.candidate}).status_code
+            == 409
+        )  # moved meanwhile
         assert len(moves(made)) == 2
         answer = client.post(path, data={**fields, "reason": "proved <b>twice</b>"})
         assert answer.status_code == 200, answer.text
@@ -159,14 +207,24 @@ def test_promotion_and_roll_back_through_their_pages(tmp_path_factory: pytest.Te
         assert "The gate let it pass" in answer.text
         assert "proved &lt;b&gt;twice&lt;/b&gt;" in answer.text
         assert moves(made)[-1].version == made.candidate
-        assert "from v0002 to v0001?" in " ".join(client.get("/rollback").text.split()).replace("back ", "")
-        back = {"csrf": csrf, "name": "released", "seen": made.candidate, "vehicle": NAME, "reason": "diverges"}
+        assert "from v0002 to v0001?" in " ".join(client.get("/rollback").text.split()).replace(
+            "back ", ""
+        )
+        back = {
+            "csrf": csrf,
+            "name": "released",
+            "seen": made.candidate,
+            "vehicle": NAME,
+            "reason": "diverges",
+        }
         assert "is v0001 now" in client.post("/rollback", data=back).text
         assert [(m.version, m.reason) for m in moves(made)[-2:]] == [
             (made.candidate, "proved <b>twice</b>"),
             (made.baseline, "diverges"),
         ]
-        assert client.post("/rollback", data={**back, "seen": made.baseline}).status_code == 422  # nothing before
+        assert (
+            client.post("/rollback", data={**back, "seen": made.baseline}).status_code == 422
+        )  # nothing before
 
 
 def test_the_gate_refuses_with_its_reasons(prepared: Made) -> None:
@@ -185,7 +243,9 @@ def test_the_gate_refuses_with_its_reasons(prepared: Made) -> None:
         for reason in refused.json()["error"]["what"].split("; "):
             assert reason.split("'")[0] in answer.text.replace("&#39;", "'")
         named = client.post(
-            f"/api/versions/{child}/promote", json={"reason": "try", "name": "mine"}, headers={"x-csrf-token": csrf}
+            f"/api/versions/{child}/promote",
+            json={"reason": "try", "name": "mine"},
+            headers={"x-csrf-token": csrf},
         )
         assert named.json()["moved"]
         assert client.post(path, json={"reason": 3}, headers=headers).status_code == 422

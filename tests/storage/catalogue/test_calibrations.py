@@ -1,4 +1,5 @@
-"""Calibrations: immutable versions of sensor parameters, made by an explicit event, to which flights are bound."""
+"""Calibrations: immutable versions of sensor parameters, made by an explicit event, to which
+flights are bound."""
 
 from datetime import UTC, datetime
 from pathlib import Path
@@ -33,7 +34,8 @@ def _calibration(**changes: Any) -> Calibration:
 
 
 def test_a_calibration_survives_json_and_has_one_identity() -> None:
-    """The same content has the same id, whatever the order of its flights; another value another."""
+    """The same content has the same id, whatever the order of its flights; another value
+    another."""
     first = _calibration(valid_from=datetime(2026, 1, 2, tzinfo=UTC))
     again = from_document(first.document())
     assert again.id == first.id
@@ -54,7 +56,9 @@ def test_broken_calibrations_are_refused() -> None:
 
 
 def test_validity_is_by_the_start_of_a_flight() -> None:
-    bounded = _calibration(valid_from=datetime(2026, 1, 2, tzinfo=UTC), valid_until=datetime(2026, 2, 2, tzinfo=UTC))
+    bounded = _calibration(
+        valid_from=datetime(2026, 1, 2, tzinfo=UTC), valid_until=datetime(2026, 2, 2, tzinfo=UTC)
+    )
     for day, valid in ((1, False), (2, True), (30, True)):
         assert bounded.valid_at(datetime(2026, 1, day, tzinfo=UTC)) is valid
     assert not bounded.valid_at(datetime(2026, 2, 2, tzinfo=UTC))
@@ -72,7 +76,8 @@ def test_knowledge_combines_as_normal_variables_do() -> None:
     pick = np.array([[0.0, 0, 1], [1, 0, 0]])
     precision = np.linalg.inv(found.covariance) + pick.T @ np.linalg.inv(spread) @ pick
     expected = np.linalg.solve(
-        precision, np.linalg.solve(found.covariance, found.values) + pick.T @ np.linalg.solve(spread, prior)
+        precision,
+        np.linalg.solve(found.covariance, found.values) + pick.T @ np.linalg.solve(spread, prior),
     )
     np.testing.assert_allclose(combined.values, expected)
     np.testing.assert_allclose(combined.covariance, np.linalg.inv(precision))
@@ -85,7 +90,10 @@ def test_knowledge_combines_as_normal_variables_do() -> None:
 
 def test_drift_is_beyond_three_standard_errors_of_both() -> None:
     calibration = _calibration()
-    assert drift(calibration, ("q_bias", "beta_bias"), np.array([0.0025, 9.0]), np.array([2e-4, 1e-3])) == ()
+    assert (
+        drift(calibration, ("q_bias", "beta_bias"), np.array([0.0025, 9.0]), np.array([2e-4, 1e-3]))
+        == ()
+    )
     (found,) = drift(calibration, ("q_bias",), np.array([0.0035]), np.array([2e-4]))
     assert found.distance == pytest.approx(0.0015 / np.hypot(2e-4, 2e-4))
     assert found.because.startswith("recalibrate: q_bias has drifted by 5.3 standard errors")
@@ -102,8 +110,13 @@ def test_the_ledger_keeps_every_calibration_and_the_newest_binding(catalogue: Ca
     flight = add_flight(catalogue, "f1")
     first, second = _calibration(), _calibration(values=np.array([0.001, 0.02]))
     row = catalogue.add_calibration(first.id, vehicle=V, content=first.document(), reason="first")
-    assert catalogue.add_calibration(first.id, vehicle=V, content=first.document(), reason="again") == row
-    other = catalogue.add_calibration(second.id, vehicle=V, content=second.document(), reason="second")
+    assert (
+        catalogue.add_calibration(first.id, vehicle=V, content=first.document(), reason="again")
+        == row
+    )
+    other = catalogue.add_calibration(
+        second.id, vehicle=V, content=second.document(), reason="second"
+    )
     assert [entry.label for entry in catalogue.calibrations(V)] == ["c0001", "c0002"]
     assert (other.parent, other.reason) == (first.id, "second")
     assert catalogue.calibration(V, "c0002") == catalogue.calibration(V, second.id[:10]) == other
@@ -131,8 +144,11 @@ def test_the_ledger_refuses(catalogue: Catalogue) -> None:
 
 
 @pytest.fixture(scope="module")
-def campaign(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, list[dict[str, Any]], dict[str, Any]]:
-    """Folder, workspace, documents of three flights with the same sensor errors and other winds, and of their recalibration."""
+def campaign(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> tuple[Path, Path, list[dict[str, Any]], dict[str, Any]]:
+    """Folder, workspace, documents of three flights with the same sensor errors and other winds,
+    and of their recalibration."""
     folder = tmp_path_factory.mktemp("campaign")
     (folder / "vehicle.toml").write_text(VEHICLE, encoding="utf-8")
     workspace = folder / "w"
@@ -140,9 +156,15 @@ def campaign(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, list
     logs = []
     for number in range(3):
         planted = {**PLANTED, "wind_north": 3.0 * number, "wind_east": -2.0}
-        logs.append(log(folder, f"flight{number}", table(number, planted, seconds=30.0, start=40.0 * number)))
+        logs.append(
+            log(
+                folder, f"flight{number}", table(number, planted, seconds=30.0, start=40.0 * number)
+            )
+        )
     outcomes = asked(workspace, "flight", "ingest", *map(str, logs), "--vehicle", NAME, "--direct")
-    made = asked(workspace, "recalibrate", "--vehicle", NAME, "--reason", "first campaign", "--direct")
+    made = asked(
+        workspace, "recalibrate", "--vehicle", NAME, "--reason", "first campaign", "--direct"
+    )
     return folder, workspace, outcomes, made
 
 
@@ -152,21 +174,28 @@ def _results(workspace: Path) -> dict[str, int]:
 
 
 def test_recalibration_finds_what_the_flights_share(campaign: Any) -> None:
-    """Every planted sensor error within three standard errors, which are smaller than those of any one flight."""
+    """Every planted sensor error within three standard errors, which are smaller than those of any
+    one flight."""
     _, workspace, outcomes, made = campaign
     assert made["label"] == "c0001"
     assert sorted(made["flights"]) == sorted(outcome["flight"] for outcome in outcomes)
     for name, value in SENSORS.items():
         found = made["parameters"][name]
         assert abs(found["value"] - value) < 3 * found["standard_error"], name
-        alone = {e["parameter"]: e["standard_error"] for e in outcomes[0]["consistency"]["estimates"]}
+        alone = {
+            e["parameter"]: e["standard_error"] for e in outcomes[0]["consistency"]["estimates"]
+        }
         assert found["standard_error"] < alone[name], name
-    assert not [name for name in made["parameters"] if name.startswith("wind") or name.endswith("_scale")]
+    assert not [
+        name for name in made["parameters"] if name.startswith("wind") or name.endswith("_scale")
+    ]
     for flight, document in made["consistency"].items():
         assert document["calibration"] == made["calibration"]
         assert document["drift"] == []
         applied = {e["parameter"]: e["value"] for e in document["estimates"] if e["applied"]}
-        assert applied["alpha_bias"] == pytest.approx(made["parameters"]["alpha_bias"]["value"]), flight
+        assert applied["alpha_bias"] == pytest.approx(made["parameters"]["alpha_bias"]["value"]), (
+            flight
+        )
     (listed,) = asked(workspace, "calibration", "list")
     assert sorted(listed["bound"]) == sorted(made["flights"])
     shown = asked(workspace, "calibration", "show", "c0001")
@@ -177,7 +206,15 @@ def test_recalibration_finds_what_the_flights_share(campaign: Any) -> None:
 def test_between_recalibrations_nothing_is_computed_anew(campaign: Any) -> None:
     folder, workspace, outcomes, made = campaign
     before = _results(workspace)
-    again = asked(workspace, "flight", "ingest", str(folder / "flight0.parquet"), "--vehicle", NAME, "--direct")
+    again = asked(
+        workspace,
+        "flight",
+        "ingest",
+        str(folder / "flight0.parquet"),
+        "--vehicle",
+        NAME,
+        "--direct",
+    )
     assert again[0]["consistency"]["calibration"] == made["calibration"]
     assert again[0]["consistency"]["key"] != outcomes[0]["consistency"]["key"]
     assert _results(workspace) == before
@@ -188,13 +225,29 @@ def test_between_recalibrations_nothing_is_computed_anew(campaign: Any) -> None:
 
 
 def test_later_flights_are_bound_and_drift_is_said(campaign: Any) -> None:
-    """A flight with the calibrated sensors agrees; one whose pitch gyro has moved says so in its document and on stderr."""
+    """A flight with the calibrated sensors agrees; one whose pitch gyro has moved says so in its
+    document and on stderr."""
     folder, workspace, _, made = campaign
     good = log(folder, "later", table(11, PLANTED, seconds=30.0, start=200.0))
     moved = log(folder, "moved", table(12, {**PLANTED, "q_bias": 0.004}, seconds=30.0, start=260.0))
     (fine,) = asked(workspace, "flight", "ingest", str(good), "--vehicle", NAME, "--direct")
-    assert (fine["consistency"]["calibration"], fine["consistency"]["drift"]) == (made["calibration"], [])
-    done = CliRunner().invoke(app, ["--workspace", str(workspace), "flight", "ingest", str(moved), "--vehicle", NAME, "--direct"])
+    assert (fine["consistency"]["calibration"], fine["consistency"]["drift"]) == (
+        made["calibration"],
+        [],
+    )
+    done = CliRunner().invoke(
+        app,
+        [
+            "--workspace",
+            str(workspace),
+            "flight",
+            "ingest",
+            str(moved),
+            "--vehicle",
+            NAME,
+            "--direct",
+        ],
+    )
     assert done.exit_code == 0
     assert "recalibrate: q_bias has drifted" in done.stderr
     shown = asked(workspace, "flight", "list")
@@ -202,12 +255,18 @@ def test_later_flights_are_bound_and_drift_is_said(campaign: Any) -> None:
 
 
 def test_a_flight_processed_before_stays_without(tmp_path: Path) -> None:
-    """A calibration made of other flights changes nothing of one that was processed before it, until it is recalibrated."""
+    """A calibration made of other flights changes nothing of one that was processed before it,
+    until it is recalibrated."""
     (tmp_path / "vehicle.toml").write_text(VEHICLE, encoding="utf-8")
     workspace = tmp_path / "w"
     asked(workspace, "vehicle", "add", str(tmp_path / "vehicle.toml"))
-    logs = [log(tmp_path, f"f{number}", table(number, seconds=20.0, start=30.0 * number)) for number in range(2)]
-    first, second = asked(workspace, "flight", "ingest", *map(str, logs), "--vehicle", NAME, "--direct")
+    logs = [
+        log(tmp_path, f"f{number}", table(number, seconds=20.0, start=30.0 * number))
+        for number in range(2)
+    ]
+    first, second = asked(
+        workspace, "flight", "ingest", *map(str, logs), "--vehicle", NAME, "--direct"
+    )
     option = ("--flights", second["flight"][:12], "--reason", "the second alone", "--direct")
     made = asked(workspace, "recalibrate", "--vehicle", NAME, *option)
     assert made["flights"] == [second["flight"]]
@@ -220,7 +279,16 @@ def test_recalibration_without_a_reason_or_flight_is_refused(tmp_path: Path) -> 
     (tmp_path / "vehicle.toml").write_text(VEHICLE, encoding="utf-8")
     asked(tmp_path / "w", "vehicle", "add", str(tmp_path / "vehicle.toml"))
     for reason, complaint in (("r", "no flight is stored"), (" ", "needs a reason")):
-        command = ["--workspace", str(tmp_path / "w"), "recalibrate", "--vehicle", NAME, "--reason", reason, "--direct"]
+        command = [
+            "--workspace",
+            str(tmp_path / "w"),
+            "recalibrate",
+            "--vehicle",
+            NAME,
+            "--reason",
+            reason,
+            "--direct",
+        ]
         done = CliRunner().invoke(app, command)
         assert isinstance(done.exception, InputError)
         assert complaint in str(done.exception)

@@ -35,12 +35,25 @@ def test_vehicles_keep_every_text(catalogue: Catalogue) -> None:
 def test_logs_are_added_once_and_only_quarantine_is_left_again(catalogue: Catalogue) -> None:
     damage = (Damage("lost_tail", "7 bytes \ud800", bytes_lost=7),)
     assert catalogue.add_log(
-        h(1), name="\ud800';--", size=2**40, format="ulog", status="quarantined", reason="no topic", damage=damage
+        h(1),
+        name="\ud800';--",
+        size=2**40,
+        format="ulog",
+        status="quarantined",
+        reason="no topic",
+        damage=damage,
     )
     log = catalogue.log(h(1))
     assert log is not None
-    assert (log.name, log.size, log.reason, log.damage[0].bytes_lost) == ("\\ud800';--", 2**40, "no topic", 7)
-    assert not catalogue.add_log(h(1), name="other", size=1, format="ulog", status="damaged", damage=damage)
+    assert (log.name, log.size, log.reason, log.damage[0].bytes_lost) == (
+        "\\ud800';--",
+        2**40,
+        "no topic",
+        7,
+    )
+    assert not catalogue.add_log(
+        h(1), name="other", size=1, format="ulog", status="damaged", damage=damage
+    )
     assert [(row.status, row.name) for row in catalogue.logs()] == [("damaged", "\\ud800';--")]
     catalogue.add_log(h(1), name="other", size=1, format="ulog", status="quarantined")
     assert catalogue.logs("quarantined") == ()
@@ -63,16 +76,26 @@ def test_a_flight_with_verdict_and_retraction(catalogue: Catalogue) -> None:
         catalogue.retract_flight("nobody", "x")
 
 
-def test_the_same_flight_again_changes_nothing_and_a_better_mapping_adds_a_record(catalogue: Catalogue, tmp_path: Path) -> None:
+def test_the_same_flight_again_changes_nothing_and_a_better_mapping_adds_a_record(
+    catalogue: Catalogue, tmp_path: Path
+) -> None:
     id = add_flight(catalogue, "f1")
     assert add_flight(catalogue, "f1") == id
     assert add_flight(catalogue, "f1", named=False) == id
     start = datetime(2026, 5, 1, 12, tzinfo=UTC)
-    values: dict[str, Any] = {"mapping": "px4 + rudder", "start_utc": start, "duration": 1.0, "samples": 51, "step": 0.02}
+    values: dict[str, Any] = {
+        "mapping": "px4 + rudder",
+        "start_utc": start,
+        "duration": 1.0,
+        "samples": 51,
+        "step": 0.02,
+    }
     row = catalogue.add_flight(id, vehicle=V, log_sha256=id, **values)
     assert (row.mapping, row.samples, row.start_utc, row.name) == ("px4 + rudder", 51, start, "f1")
     raw = by_hand(tmp_path / "catalogue.sqlite")
-    assert raw.execute("SELECT (SELECT count(*) FROM flights), (SELECT count(*) FROM flight_records)").fetchone() == (1, 2)
+    assert raw.execute(
+        "SELECT (SELECT count(*) FROM flights), (SELECT count(*) FROM flight_records)"
+    ).fetchone() == (1, 2)
     raw.close()
 
 
@@ -82,7 +105,13 @@ def test_a_flight_that_contradicts_a_stored_one_is_refused(catalogue: Catalogue)
     with pytest.raises(InputError, match="already stored for vehicle 'twin-otter' as 'f1'"):
         add_flight(catalogue, "f1", vehicle="other")
     catalogue.add_log(h("z"), name="z", size=1, format="ulog", status="stored")
-    values: dict[str, Any] = {"mapping": "", "start_utc": None, "duration": 1.0, "samples": 2, "step": 1.0}
+    values: dict[str, Any] = {
+        "mapping": "",
+        "start_utc": None,
+        "duration": 1.0,
+        "samples": 2,
+        "step": 1.0,
+    }
     with pytest.raises(InputError, match="already has a flight named 'f1'"):
         catalogue.add_flight(h("z"), vehicle=V, log_sha256=h("z"), name="f1", **values)
     with pytest.raises(InputError, match="log is not stored"):
@@ -93,13 +122,31 @@ def test_a_flight_that_contradicts_a_stored_one_is_refused(catalogue: Catalogue)
 def test_results_are_added_once_with_their_inputs_and_runs(catalogue: Catalogue) -> None:
     flight = add_flight(catalogue, "f1")
     run = catalogue.start_run("flight", how="direct", parameters={"log": "a.ulg"})
-    values: dict[str, Any] = {"step": "coefficients", "kind": "table", "path": "results/ab/x.parquet", "result_version": 1}
-    more = {"flight": flight, "settings": {"bandwidth": 4.0}, "inputs": [h("in2"), h("in1")], "run": run.id}
+    values: dict[str, Any] = {
+        "step": "coefficients",
+        "kind": "table",
+        "path": "results/ab/x.parquet",
+        "result_version": 1,
+    }
+    more = {
+        "flight": flight,
+        "settings": {"bandwidth": 4.0},
+        "inputs": [h("in2"), h("in1")],
+        "run": run.id,
+    }
     assert catalogue.add_result(h("r"), **values, **more)
-    assert not catalogue.add_result(h("r"), **{**values, "path": "elsewhere"}, run=catalogue.start_run("flight", how="direct").id)
+    assert not catalogue.add_result(
+        h("r"),
+        **{**values, "path": "elsewhere"},
+        run=catalogue.start_run("flight", how="direct").id,
+    )
     row = catalogue.result(h("r"))
     assert row is not None
-    assert (row.path, row.settings, row.inputs) == ("results/ab/x.parquet", {"bandwidth": 4}, tuple(sorted([h("in1"), h("in2")])))
+    assert (row.path, row.settings, row.inputs) == (
+        "results/ab/x.parquet",
+        {"bandwidth": 4},
+        tuple(sorted([h("in1"), h("in2")])),
+    )
     assert catalogue.results_of(flight) == catalogue.results_of(flight, "coefficients") == (row,)
     assert catalogue.results_of(flight, "compare") == ()
     assert catalogue.result(h("nothing")) is None
@@ -149,7 +196,9 @@ def test_labels_count_per_vehicle(catalogue: Catalogue) -> None:
 def test_an_ambiguous_prefix_says_how_to_go_on(catalogue: Catalogue) -> None:
     for end in ("aa", "ab"):
         add_flight(catalogue, end, named=False, id="c0ffee" + end)
-    with pytest.raises(UnknownNameError, match=r"(?s)not unique.*give more digits: c0ffeeaa\.\.\., c0ffeeab"):
+    with pytest.raises(
+        UnknownNameError, match=r"(?s)not unique.*give more digits: c0ffeeaa\.\.\., c0ffeeab"
+    ):
         catalogue.flight("c0ff")
     assert catalogue.flight("c0ffeeaa").id == "c0ffeeaa"
     with pytest.raises(UnknownNameError, match="no flight 'c0'"):
@@ -158,14 +207,30 @@ def test_an_ambiguous_prefix_says_how_to_go_on(catalogue: Catalogue) -> None:
 
 def test_a_flight_name_of_two_vehicles_needs_the_vehicle(catalogue: Catalogue) -> None:
     catalogue.add_vehicle("other", "")
-    mine, theirs = add_flight(catalogue, "f1", id="id-1"), add_flight(catalogue, "f1", vehicle="other", id="id-2")
+    mine, theirs = (
+        add_flight(catalogue, "f1", id="id-1"),
+        add_flight(catalogue, "f1", vehicle="other", id="id-2"),
+    )
     assert (catalogue.flight("f1", V).id, catalogue.flight("f1", "other").id) == (mine, theirs)
     with pytest.raises(UnknownNameError, match="several vehicles"):
         catalogue.flight("f1")
     assert [row.id for row in catalogue.flights("other")] == [theirs]
 
 
-HOSTILE = ["", "../../x", "'; DROP TABLE flights;--", "%", "_", "\ud800", "\0", "ä", "a\n", "x" * 100_000, "v" + "9" * 400, "a b"]
+HOSTILE = [
+    "",
+    "../../x",
+    "'; DROP TABLE flights;--",
+    "%",
+    "_",
+    "\ud800",
+    "\0",
+    "ä",
+    "a\n",
+    "x" * 100_000,
+    "v" + "9" * 400,
+    "a b",
+]
 
 
 @pytest.mark.parametrize("name", HOSTILE, ids=range(len(HOSTILE)))
@@ -190,4 +255,6 @@ def test_hostile_names_are_refused_and_harmless(catalogue: Catalogue, name: str)
 
 def test_a_name_that_looks_like_a_label_is_refused(catalogue: Catalogue) -> None:
     with pytest.raises(InputError, match="cannot be a name for versions"):
-        catalogue.move_name(V, "v0001", add_version(catalogue, "a"), user="me", reason="r", expected=None)
+        catalogue.move_name(
+            V, "v0001", add_version(catalogue, "a"), user="me", reason="r", expected=None
+        )

@@ -1,4 +1,5 @@
-"""The catalogue under attack: changes by hand, strange files, many writers at once, writers that are killed."""
+"""The catalogue under attack: changes by hand, strange files, many writers at once, writers that
+are killed."""
 
 import multiprocessing
 import os
@@ -45,18 +46,28 @@ def family(catalogue: Catalogue) -> Catalogue:
     return add_family(catalogue)
 
 
-#: What somebody may try on a table by hand, all of it in vain; `column` is its last column, `keys` its primary key.
+#: What somebody may try on a table by hand, all of it in vain; `column` is its last column, `keys`
+#: its primary key.
 ATTACKS = {
     "sqlite": (
         "DELETE FROM {table}",
         "INSERT OR REPLACE INTO {table} SELECT * FROM {table} LIMIT 1",
-        "UPDATE {table} SET {column} = 'x' WHERE ({keys}) = (SELECT {keys} FROM {table} ORDER BY 1 DESC LIMIT 1)",
+        (
+            "UPDATE {table} SET {column} = 'x' WHERE ({keys}) = (SELECT {keys} FROM {table} ORDER"
+            " BY 1 DESC LIMIT 1)"
+        ),
     ),
     "postgresql": (
         "DELETE FROM {table}",
-        "INSERT INTO {table} SELECT * FROM {table} LIMIT 1 ON CONFLICT ({keys}) DO UPDATE SET {column} = 'x'",
+        (
+            "INSERT INTO {table} SELECT * FROM {table} LIMIT 1 ON CONFLICT ({keys}) DO UPDATE SET"
+            " {column} = 'x'"
+        ),
         "TRUNCATE {table} CASCADE",
-        "UPDATE {table} SET {column} = 'x' WHERE ({keys}) = (SELECT {keys} FROM {table} ORDER BY 1 DESC LIMIT 1)",
+        (
+            "UPDATE {table} SET {column} = 'x' WHERE ({keys}) = (SELECT {keys} FROM {table} ORDER"
+            " BY 1 DESC LIMIT 1)"
+        ),
     ),
 }
 UNCHANGED = "never changed or deleted"
@@ -68,11 +79,21 @@ def _filled(family: Catalogue) -> None:
     family.move_name(V, "released", h("a"), user="me", reason="r", expected=None)
     run = family.start_run("update", how="direct")
     family.judge_flight(h("f1"), "good")
-    family.add_result(h("r"), step="s", kind="k", path="p", result_version=1, inputs=[h("in")], run=run.id)
+    family.add_result(
+        h("r"), step="s", kind="k", path="p", result_version=1, inputs=[h("in")], run=run.id
+    )
     for row in family.runs("running"):
         family.end_run(row.id, "completed")
     family.add_version(
-        h("v"), vehicle=V, parent=None, content="{}", content_sha256=h("v"), settings={}, report={}, inputs=[h("in")], run=run.id
+        h("v"),
+        vehicle=V,
+        parent=None,
+        content="{}",
+        content_sha256=h("v"),
+        settings={},
+        report={},
+        inputs=[h("in")],
+        run=run.id,
     )
     family.add_marks(h("f1"), [1, 2**63 - 1])
     family.add_file("results/r.parquet", h("bytes"), 10)
@@ -80,11 +101,15 @@ def _filled(family: Catalogue) -> None:
     family.add_repeat(RepeatRow(h("f2"), h("f1"), 0.5, (Stretch(1.0, 2.0, 3.0, 4.0, 50, 0.0),)))
 
 
-def test_nothing_is_changed_or_deleted_even_by_hand(family: Catalogue, kept_in: str, tmp_path: Path) -> None:
+def test_nothing_is_changed_or_deleted_even_by_hand(
+    family: Catalogue, kept_in: str, tmp_path: Path
+) -> None:
     _filled(family)
     family.close()
     raw = by_hand(tmp_path / "catalogue.sqlite")
-    raw.execute(f"INSERT INTO calibrations VALUES ('c', '{V}', 1, NULL, '{{}}', 'now', NULL, 'first')")
+    raw.execute(
+        f"INSERT INTO calibrations VALUES ('c', '{V}', 1, NULL, '{{}}', 'now', NULL, 'first')"
+    )
     raw.execute(f"INSERT INTO flight_calibrations VALUES (1, '{h('f1')}', 'c', 'now', NULL)")
     raw.commit()
 
@@ -102,24 +127,34 @@ def test_nothing_is_changed_or_deleted_even_by_hand(family: Catalogue, kept_in: 
         assert raw.execute(f"SELECT * FROM {name} ORDER BY 1, 2").fetchall() == rows
     if kept_in == "sqlite":  # A new id on a label that is taken would delete the old version.
         refused(
-            "INSERT OR REPLACE INTO versions (id, vehicle, number, content, content_sha256, settings, report, created_utc)"
-            f" VALUES ('new', '{V}', 1, '', '', '', '', '')"
+            "INSERT OR REPLACE INTO versions (id, vehicle, number, content, content_sha256,"
+            f" settings, report, created_utc) VALUES ('new', '{V}', 1, '', '', '', '', '')"
         )
     raw.close()
 
 
-def test_types_and_edges_are_checked_by_the_database(catalogue: Catalogue, kept_in: str, tmp_path: Path) -> None:
+def test_types_and_edges_are_checked_by_the_database(
+    catalogue: Catalogue, kept_in: str, tmp_path: Path
+) -> None:
     with pytest.raises(sa.exc.IntegrityError), catalogue._database.writing() as connection:
-        connection.execute(sa.insert(schema.result_inputs).values(key=h("no such result"), input_key=h(1)))
+        connection.execute(
+            sa.insert(schema.result_inputs).values(key=h("no such result"), input_key=h(1))
+        )
     raw = by_hand(tmp_path / "catalogue.sqlite")
-    refusals = {"sqlite": "cannot store TEXT value in INTEGER column", "postgresql": "invalid input syntax for type bigint"}
+    refusals = {
+        "sqlite": "cannot store TEXT value in INTEGER column",
+        "postgresql": "invalid input syntax for type bigint",
+    }
     with pytest.raises((sqlite3.IntegrityError, psycopg.DataError), match=refusals[kept_in]):
-        raw.execute("INSERT INTO log_files VALUES ('a', 'a', 'not a number', '', 'stored', '', '[]', '')")
+        raw.execute(
+            "INSERT INTO log_files VALUES ('a', 'a', 'not a number', '', 'stored', '', '[]', '')"
+        )
     raw.close()
 
 
 def test_text_is_in_the_order_of_its_bytes(catalogue: Catalogue) -> None:
-    """In English a database would take 'a-b', 'a_b' and 'ab' together, and would not tell capitals first."""
+    """In English a database would take 'a-b', 'a_b' and 'ab' together, and would not tell capitals
+    first."""
     names = ["ab", "a-c", "a_b", "b", "a1", "a-b-c"]
     for name in names:
         catalogue.add_vehicle(name, "text")
@@ -128,7 +163,14 @@ def test_text_is_in_the_order_of_its_bytes(catalogue: Catalogue) -> None:
     for name in ("b/Z", "b/a", "b/_", "b0", "b/0", "a"):
         catalogue.add_file(name, h(name), 1)
     assert list(catalogue.stored_files("b/", "b0")) == ["b/Z", "b/a", "b/_", "b/0"]
-    assert [file.path for file in catalogue.every_stored_file()] == ["a", "b/0", "b/Z", "b/_", "b/a", "b0"]
+    assert [file.path for file in catalogue.every_stored_file()] == [
+        "a",
+        "b/0",
+        "b/Z",
+        "b/_",
+        "b/a",
+        "b0",
+    ]
 
 
 def _of_the_database(catalogue: Catalogue) -> list[str]:
@@ -150,23 +192,32 @@ def test_migrations_lead_to_the_declared_schema(catalogue: Catalogue, kept_in: s
             assert "STRICT" not in str(CreateTable(table).compile(dialect=postgresql.dialect()))
             if kept_in == "sqlite":
                 asked = sa.text("SELECT sql FROM sqlite_master WHERE name = :n")
-                assert connection.execute(asked, {"n": name}).scalar_one().rstrip().endswith("STRICT"), name
+                assert (
+                    connection.execute(asked, {"n": name}).scalar_one().rstrip().endswith("STRICT")
+                ), name
             else:
                 columns = "SELECT column_name, collation_name FROM information_schema.columns"
                 asked = sa.text(f"{columns} WHERE table_name = :n AND data_type = 'text'")
                 collations = dict(map(tuple, connection.execute(asked, {"n": name})))
-                assert collations == {c.name: "C" for c in table.columns if isinstance(c.type, sa.Text)}
+                assert collations == {
+                    c.name: "C" for c in table.columns if isinstance(c.type, sa.Text)
+                }
     assert _of_the_database(catalogue) == []
 
 
-def test_a_query_on_a_current_catalogue_imports_neither_alembic_nor_pyarrow(catalogue: Catalogue, tmp_path: Path) -> None:
+def test_a_query_on_a_current_catalogue_imports_neither_alembic_nor_pyarrow(
+    catalogue: Catalogue, tmp_path: Path
+) -> None:
     code = (
-        "import sys, pathlib; from aerodb.storage.catalogue.catalogue import Catalogue\n"
-        "with Catalogue.open(pathlib.Path(sys.argv[1]), create=False) as c: print(c.vehicles()[0].name)\n"
-        "print({'alembic', 'pyarrow', 'pandas', 'scipy', 'prefect'} & set(sys.modules))"
+        "import sys, pathlib; from aerodb.storage.catalogue.catalogue import Catalogue\nwith"
+        " Catalogue.open(pathlib.Path(sys.argv[1]), create=False) as c:"
+        " print(c.vehicles()[0].name)\nprint({'alembic', 'pyarrow', 'pandas', 'scipy', 'prefect'} &"
+        " set(sys.modules))"
     )
     run = [sys.executable, "-c", code, str(tmp_path / "catalogue.sqlite")]
-    shown = subprocess.run(run, check=True, capture_output=True, text=True, timeout=600, cwd=ROOT).stdout
+    shown = subprocess.run(
+        run, check=True, capture_output=True, text=True, timeout=600, cwd=ROOT
+    ).stdout
     assert shown.split("\n")[:2] == [V, "set()"]
 
 
@@ -207,7 +258,8 @@ def test_a_transaction_happens_as_a_whole(catalogue: Catalogue) -> None:
 
 
 def _write_many(path: Path, worker: int) -> tuple[list[str], int]:
-    """50 read-then-write transactions: a version each, then one attempt to move the name on from what was seen."""
+    """50 read-then-write transactions: a version each, then one attempt to move the name on from
+    what was seen."""
     ids, won = [], 0
     with Catalogue.open(path) as catalogue:
         catalogue.add_vehicle(V, "the same text")
@@ -216,7 +268,12 @@ def _write_many(path: Path, worker: int) -> tuple[list[str], int]:
             history = catalogue.name_history(V, "candidate")
             try:
                 catalogue.move_name(
-                    V, "candidate", ids[-1], user=str(worker), reason="r", expected=history[-1].version if history else None
+                    V,
+                    "candidate",
+                    ids[-1],
+                    user=str(worker),
+                    reason="r",
+                    expected=history[-1].version if history else None,
                 )
                 won += 1
             except NameMovedError:
@@ -225,7 +282,8 @@ def _write_many(path: Path, worker: int) -> tuple[list[str], int]:
 
 
 def test_eight_processes_write_at_once_from_the_first_moment(kept_in: str, tmp_path: Path) -> None:
-    """Deferred transactions lose about half of these to 'database is locked', whatever the timeout."""
+    """Deferred transactions lose about half of these to 'database is locked', whatever the
+    timeout."""
     path = tmp_path / "catalogue.sqlite"
     with ProcessPoolExecutor(8, mp_context=multiprocessing.get_context("spawn")) as pool:
         outcomes = list(pool.map(_write_many, [path] * 8, range(8)))
@@ -238,7 +296,10 @@ def test_eight_processes_write_at_once_from_the_first_moment(kept_in: str, tmp_p
     # Exactly one winner per step: every move starts where the one before it ended.
     assert len(history) == sum(won for _, won in outcomes)
     assert [event.step for event in history] == list(range(1, len(history) + 1))
-    assert [event.previous for event in history] == [None, *(event.version for event in history[:-1])]
+    assert [event.previous for event in history] == [
+        None,
+        *(event.version for event in history[:-1]),
+    ]
 
 
 def _race(path: Path, expected: str, target: str) -> bool:
@@ -257,7 +318,9 @@ def test_of_eight_that_swap_the_same_name_one_wins(catalogue: Catalogue, tmp_pat
     path = tmp_path / "catalogue.sqlite"
     with ProcessPoolExecutor(4, mp_context=multiprocessing.get_context("spawn")) as pool:
         for _ in range(5):
-            won = list(pool.map(_race, [path] * 8, [current] * 8, [t for t in targets if t != current][:8]))
+            won = list(
+                pool.map(_race, [path] * 8, [current] * 8, [t for t in targets if t != current][:8])
+            )
             assert sum(won) == 1
             current = catalogue.version(V, "released").id
 
@@ -283,7 +346,9 @@ with Catalogue.open(pathlib.Path(sys.argv[1])) as catalogue:
 
 @pytest.mark.skipif(os.name == "nt", reason="no SIGKILL")
 @pytest.mark.parametrize("when", ["inside", "0.05", "0.11", "0.2"])
-def test_a_killed_writer_leaves_whole_transactions_and_no_lock(catalogue: Catalogue, tmp_path: Path, when: str) -> None:
+def test_a_killed_writer_leaves_whole_transactions_and_no_lock(
+    catalogue: Catalogue, tmp_path: Path, when: str
+) -> None:
     run = [sys.executable, "-c", _KILLED, str(tmp_path / "catalogue.sqlite"), when]
     process = subprocess.Popen(run, stdout=subprocess.PIPE, cwd=ROOT)
     assert process.stdout is not None

@@ -29,7 +29,9 @@ def test_a_name_moves_only_from_where_it_stands(catalogue: Catalogue) -> None:
         with pytest.raises(NameMovedError, match="was moved meanwhile") as error:
             catalogue.move_name(V, "released", a, user="me", reason="late", expected=expected)
         assert isinstance(error.value, GateRefusal)
-    assert catalogue.move_name(V, "released", b, user="me", reason="once more", expected=b) == second
+    assert (
+        catalogue.move_name(V, "released", b, user="me", reason="once more", expected=b) == second
+    )
     assert catalogue.name_history(V) == catalogue.name_history(V, "released") == (first, second)
     assert (second.previous, catalogue.version(V, "released").id) == (a, b)
     assert catalogue.version(V, "released", as_of=first.at_utc).id == a
@@ -40,7 +42,9 @@ def test_a_name_moves_only_from_where_it_stands(catalogue: Catalogue) -> None:
         catalogue.version(V, "released", as_of=datetime(2026, 1, 1))
 
 
-def test_a_clock_set_back_does_not_reorder_the_history(catalogue: Catalogue, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_clock_set_back_does_not_reorder_the_history(
+    catalogue: Catalogue, monkeypatch: pytest.MonkeyPatch
+) -> None:
     a, b = add_version(catalogue, "a"), add_version(catalogue, "b")
     first = catalogue.move_name(V, "released", a, user="me", reason="r", expected=None)
     monkeypatch.setattr("aerodb.storage.encoding.now", lambda: datetime(2001, 1, 1, tzinfo=UTC))
@@ -58,7 +62,12 @@ def test_lineage_of_a_version(family: Catalogue) -> None:
     assert [row.id for row in lineage.line] == [h(name) for name in ("c", "b", "a", "base")]
     assert lineage.version == lineage.line[0]
     assert lineage.roles == family.roles_in_line(h("c"))
-    assert lineage.roles == {h("f1"): "identified", h("f2"): "held_out", h("f3"): "identified", h("f4"): "excluded"}
+    assert lineage.roles == {
+        h("f1"): "identified",
+        h("f2"): "held_out",
+        h("f3"): "identified",
+        h("f4"): "excluded",
+    }
     assert lineage.logs == {flight: flight for flight in lineage.roles}
     assert lineage.inputs == {h("a"): (h("in"),)}
     assert [run.flow for run in lineage.runs] == ["update"]
@@ -69,7 +78,10 @@ def test_lineage_of_a_version(family: Catalogue) -> None:
 def test_impact_of_a_flight(family: Catalogue) -> None:
     def names(flight: str) -> list[tuple[str, str]]:
         known = {h(name): name for name in ("base", "a", "b", "c", "d")}
-        return [(known[i.version.id], f"{i.role} by {known[i.through]}") for i in family.impact(h(flight))]
+        return [
+            (known[i.version.id], f"{i.role} by {known[i.through]}")
+            for i in family.impact(h(flight))
+        ]
 
     by_a = "identified by a"
     assert names("f1") == [("a", by_a), ("b", by_a), ("c", by_a), ("d", by_a)]
@@ -92,7 +104,12 @@ def test_a_flight_keeps_its_role_along_a_line(family: Catalogue) -> None:
     for flight, role in (("f1", "held_out"), ("f2", "identified")):
         with pytest.raises(InputError, match="keeps its role along a line"):
             add_version(family, "e", h("c"), flights=[FlightRole(h(flight), role)])
-    add_version(family, "e", h("base"), flights=[FlightRole(h("f1"), "held_out"), FlightRole(h("f4"), "identified")])
+    add_version(
+        family,
+        "e",
+        h("base"),
+        flights=[FlightRole(h("f1"), "held_out"), FlightRole(h("f4"), "identified")],
+    )
     assert family.roles_in_line(h("e")) == {h("f1"): "held_out", h("f4"): "identified"}
     with pytest.raises(InputError, match="no flight with id"):
         add_version(family, "g", flights=[FlightRole(h("f9"), "identified")])

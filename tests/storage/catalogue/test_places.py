@@ -40,7 +40,9 @@ SECRET_URL = f"postgresql://aerodb:{SECRET}@127.0.0.1:{{port}}/{{database}}"
         "postgresql://host",
     ],
 )
-def test_no_address_with_a_password_stands_in_the_file_and_none_is_shown(tmp_path: Path, text: Any) -> None:
+def test_no_address_with_a_password_stands_in_the_file_and_none_is_shown(
+    tmp_path: Path, text: Any
+) -> None:
     for section, key in (("catalogue", "url"), ("serve", "database")):
         (tmp_path / "settings.toml").write_text(f"[{section}]\n{key} = {text!r}\n")
         with pytest.raises(SettingsError) as refusal:
@@ -55,9 +57,15 @@ def test_no_address_with_a_password_stands_in_the_file_and_none_is_shown(tmp_pat
 
 
 def test_an_address_is_shown_without_its_secrets() -> None:
-    assert shown(f"postgresql://me:{SECRET}@host:5433/db?password={SECRET}&sslmode=require") == "postgresql://me@host:5433/db"
+    assert (
+        shown(f"postgresql://me:{SECRET}@host:5433/db?password={SECRET}&sslmode=require")
+        == "postgresql://me@host:5433/db"
+    )
     assert shown("postgresql:///db?host=/run/postgresql") == "postgresql:///db"
-    assert checked_url("postgresql:///db?host=/run/postgresql") == "postgresql:///db?host=/run/postgresql"
+    assert (
+        checked_url("postgresql:///db?host=/run/postgresql")
+        == "postgresql:///db?host=/run/postgresql"
+    )
 
 
 def test_the_variable_holds_the_address_and_nobody_tells_it(
@@ -71,15 +79,25 @@ def test_the_variable_holds_the_address_and_nobody_tells_it(
     with pytest.raises(SettingsError, match="holds no address") as refusal:
         Catalogue.open(path)
     told = [str(refusal.value)]
-    monkeypatch.setenv("TEST_CATALOGUE", SECRET_URL.format(port=postgresql_server.port, database="absent"))
+    monkeypatch.setenv(
+        "TEST_CATALOGUE", SECRET_URL.format(port=postgresql_server.port, database="absent")
+    )
     with pytest.raises(StoreError, match='"absent" does not exist') as absent:
         Catalogue.open(path)
     monkeypatch.setenv("TEST_CATALOGUE", SECRET_URL.format(port=1, database="absent"))
     with pytest.raises(StoreBusyError, match="cannot be reached now") as away:
         Catalogue.open(path)
-    monkeypatch.setenv("TEST_CATALOGUE", SECRET_URL.format(port=postgresql_server.port, database=database))
+    monkeypatch.setenv(
+        "TEST_CATALOGUE", SECRET_URL.format(port=postgresql_server.port, database=database)
+    )
     with Catalogue.open(path) as catalogue:
-        told += [str(absent.value), str(away.value), catalogue._database.where, repr(place_of(path)), repr(catalogue._database)]
+        told += [
+            str(absent.value),
+            str(away.value),
+            catalogue._database.where,
+            repr(place_of(path)),
+            repr(catalogue._database),
+        ]
         assert catalogue.vehicles() == ()
     assert SECRET not in "".join(told)
     assert not path.exists()
@@ -91,7 +109,10 @@ def test_a_wrong_password_is_refused_and_not_told(
     rules = postgresql_server.folder / "data" / "pg_hba.conf"
     trusting = rules.read_text()
     monkeypatch.setenv(
-        "TEST_CATALOGUE", SECRET_URL.replace("aerodb:", "guarded:").format(port=postgresql_server.port, database=database)
+        "TEST_CATALOGUE",
+        SECRET_URL.replace("aerodb:", "guarded:").format(
+            port=postgresql_server.port, database=database
+        ),
     )
     name_in_settings(tmp_path / "w", "$TEST_CATALOGUE")
     try:
@@ -102,7 +123,9 @@ def test_a_wrong_password_is_refused_and_not_told(
             raw.execute("SELECT pg_reload_conf()")
             while _loaded(postgresql_server, database) == before:
                 time.sleep(0.02)
-        result = CliRunner().invoke(app, ["--workspace", str(tmp_path / "w"), "vehicle", "add", __file__])
+        result = CliRunner().invoke(
+            app, ["--workspace", str(tmp_path / "w"), "vehicle", "add", __file__]
+        )
         with pytest.raises(StoreError, match="lets nobody in") as refusal:
             Catalogue.open(tmp_path / "w" / "catalogue.sqlite")
     finally:
@@ -155,7 +178,10 @@ def test_a_database_that_is_no_catalogue_is_refused_and_not_changed(
     postgresql_server.execute("CREATE SCHEMA ours", database=other)
     open_postgresql(f"{url}?options=-c search_path%3Dours").close()
     with psycopg.connect(url) as raw:
-        tables = raw.execute("SELECT schemaname, count(*) FROM pg_tables WHERE schemaname IN ('public', 'ours') GROUP BY 1")
+        tables = raw.execute(
+            "SELECT schemaname, count(*) FROM pg_tables WHERE schemaname IN ('public', 'ours')"
+            " GROUP BY 1"
+        )
         assert dict(tables.fetchall()) == {"public": 1, "ours": len(metadata.tables) + 1}
     postgresql_server.execute("UPDATE alembic_version SET version_num = 'r9999'", database=database)
     with pytest.raises(InputError, match="of a newer kind"):
@@ -163,11 +189,15 @@ def test_a_database_that_is_no_catalogue_is_refused_and_not_changed(
     postgresql_server.drop(other)
 
 
-def test_prefect_gets_an_address_of_its_own_kind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_prefect_gets_an_address_of_its_own_kind(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     workspace = Workspace.open(tmp_path)
     assert database_of(workspace) == f"sqlite+aiosqlite:///{tmp_path / 'prefect' / 'prefect.db'}"
     monkeypatch.setenv("TEST_PREFECT", f"postgresql://me:{SECRET}@host/prefect?sslmode=require")
-    name_in_settings(tmp_path, "postgresql://me@host/catalogue", '[serve]\ndatabase = "$TEST_PREFECT"')
+    name_in_settings(
+        tmp_path, "postgresql://me@host/catalogue", '[serve]\ndatabase = "$TEST_PREFECT"'
+    )
     assert database_of(workspace) == f"postgresql+asyncpg://me:{SECRET}@host/prefect?ssl=require"
     for url, what in (
         (f"postgresql://me:{SECRET}@host/catalogue", "the catalogue's own"),

@@ -1,5 +1,6 @@
-"""The catalogue in PostgreSQL where it is not like a file: connections that are cut, a server that goes away, a full disk, and
-moving. What both must do alike is in the tests of the catalogue, addresses are in those of places."""
+"""The catalogue in PostgreSQL where it is not like a file: connections that are cut, a server that
+goes away, a full disk, and moving. What both must do alike is in the tests of the catalogue,
+addresses are in those of places."""
 
 import random
 import shutil
@@ -81,7 +82,9 @@ def test_a_server_that_is_started_again_is_waited_for(
     assert [row.id for row in catalogue.versions(V)] == [h("before"), h("after")]
 
 
-def test_a_server_that_stays_away_is_told_after_the_wait(catalogue: Catalogue, postgresql_server: Server) -> None:
+def test_a_server_that_stays_away_is_told_after_the_wait(
+    catalogue: Catalogue, postgresql_server: Server
+) -> None:
     catalogue._database.patience = 0.5
     postgresql_server.stop()
     try:
@@ -114,7 +117,10 @@ def test_who_holds_the_lock_is_waited_for_and_readers_are_not_kept(
     assert holder.stdout.readline() == b"holds\n"
     assert catalogue.versions(V) == ()
     with psycopg.connect(postgresql_server.url(database)) as raw:
-        waiting = "SELECT count(*) FROM pg_stat_activity WHERE wait_event = 'advisory' AND datname = current_database()"
+        waiting = (
+            "SELECT count(*) FROM pg_stat_activity WHERE wait_event = 'advisory' AND datname ="
+            " current_database()"
+        )
         with ThreadPoolExecutor(1) as pool:
             late = pool.submit(add_version, catalogue, "late")
             while raw.execute(waiting).fetchone() != (1,):
@@ -123,25 +129,37 @@ def test_who_holds_the_lock_is_waited_for_and_readers_are_not_kept(
                 time.sleep(0.02)
             holder.communicate(b"\n", timeout=300)
             late.result(300)
-    assert [(row.number, row.id) for row in catalogue.versions(V)] == [(1, h("held")), (2, h("late"))]
+    assert [(row.number, row.id) for row in catalogue.versions(V)] == [
+        (1, h("held")),
+        (2, h("late")),
+    ]
 
 
-def test_a_lock_that_is_never_given_back_is_said(catalogue: Catalogue, postgresql_server: Server, database: str) -> None:
+def test_a_lock_that_is_never_given_back_is_said(
+    catalogue: Catalogue, postgresql_server: Server, database: str
+) -> None:
     url = f"{postgresql_server.url(database)}?options=-c lock_timeout%3D200ms"
     with catalogue.transaction():
         add_version(catalogue, "held")
         impatient = open_postgresql(url)
-        with pytest.raises(StoreBusyError, match="another process holds the catalogue"), impatient.writing():
+        with (
+            pytest.raises(StoreBusyError, match="another process holds the catalogue"),
+            impatient.writing(),
+        ):
             pass
         impatient.close()
 
 
-def test_other_catalogues_of_the_same_database_are_not_held_up(postgresql_server: Server, tmp_path: Path) -> None:
+def test_other_catalogues_of_the_same_database_are_not_held_up(
+    postgresql_server: Server, tmp_path: Path
+) -> None:
     name = postgresql_server.empty()
     postgresql_server.execute("CREATE SCHEMA one", "CREATE SCHEMA two", database=name)
     opened = []
     for schema in ("one", "two"):
-        name_in_settings(tmp_path / schema, f"{postgresql_server.url(name)}?options=-csearch_path%3D{schema}")
+        name_in_settings(
+            tmp_path / schema, f"{postgresql_server.url(name)}?options=-csearch_path%3D{schema}"
+        )
         opened.append(Catalogue.open(tmp_path / schema / "catalogue.sqlite"))
     with opened[0].transaction():
         opened[0].add_vehicle("first", "text")
@@ -161,7 +179,10 @@ def test_a_database_that_may_only_be_read_is_said_and_can_be_read(
     postgresql_server.cut(database)
     url = postgresql_server.url(database)
     reader = open_postgresql(url)
-    with pytest.raises(StoreError, match="can only be read now") as refusal, reader.writing() as connection:
+    with (
+        pytest.raises(StoreError, match="can only be read now") as refusal,
+        reader.writing() as connection,
+    ):
         connection.execute(sa.text("INSERT INTO vehicles VALUES ('x', 'now')"))
     assert not isinstance(refusal.value, StoreBusyError)
     reader.close()
@@ -173,12 +194,16 @@ def small_disk(postgresql_server: Server) -> Iterator[Path]:
     """A small file system of its own, for tables."""
     folder = postgresql_server.folder / "small"
     folder.mkdir()
-    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=24m", "tmpfs", str(folder)], capture_output=True)
+    mounted = subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", "size=24m", "tmpfs", str(folder)], capture_output=True
+    )
     if mounted.returncode:
         folder.rmdir()
         pytest.skip("may not mount a file system here")
     (folder / "tables").mkdir()
-    shutil.chown(folder / "tables", postgresql_server.folder.owner(), postgresql_server.folder.group())
+    shutil.chown(
+        folder / "tables", postgresql_server.folder.owner(), postgresql_server.folder.group()
+    )
     try:
         yield folder
     finally:
@@ -191,7 +216,8 @@ def test_a_full_disk_of_the_server_is_said_and_everything_stays_readable(
 ) -> None:
     postgresql_server.cut(database)
     postgresql_server.execute(
-        f"CREATE TABLESPACE small LOCATION '{small_disk / 'tables'}'", f"ALTER DATABASE {database} SET TABLESPACE small"
+        f"CREATE TABLESPACE small LOCATION '{small_disk / 'tables'}'",
+        f"ALTER DATABASE {database} SET TABLESPACE small",
     )
     name_in_settings(tmp_path, postgresql_server.url(database))
     noise = random.Random(1)
@@ -215,21 +241,30 @@ def test_a_full_disk_of_the_server_is_said_and_everything_stays_readable(
         add_version(catalogue, "after", content=document())
         assert len(catalogue.versions(V)) == kept + 1
     postgresql_server.cut(database)
-    postgresql_server.execute(f"ALTER DATABASE {database} SET TABLESPACE pg_default", "DROP TABLESPACE small")
+    postgresql_server.execute(
+        f"ALTER DATABASE {database} SET TABLESPACE pg_default", "DROP TABLESPACE small"
+    )
 
 
 def test_names_longer_than_an_index_holds_are_kept(catalogue: Catalogue) -> None:
     """A name in the inbox is somebody else's: PostgreSQL's usual indices take 2.7 kB."""
-    path = "glider/" + "".join(random.Random(1).choices("abcdefghijklmnopqrstuvwxyz0123456789/ä", k=4000))
-    catalogue.note_arrivals([InboxEvent(path, V, 10, 5, "tried"), InboxEvent(path, V, 10, 5, "failed", reason="r\0")])
+    path = "glider/" + "".join(
+        random.Random(1).choices("abcdefghijklmnopqrstuvwxyz0123456789/ä", k=4000)
+    )
+    catalogue.note_arrivals(
+        [InboxEvent(path, V, 10, 5, "tried"), InboxEvent(path, V, 10, 5, "failed", reason="r\0")]
+    )
     assert catalogue.attempts([path]) == {(path, 10, 5): (1, "r\\x00")}
 
 
 # Moving
 
 
-def test_all_rows_go_there_and_back(kept_in: str, tmp_path: Path, postgresql_server: Server) -> None:
-    """From either kind into a file, from there into the other kind, and into a file again: the same rows."""
+def test_all_rows_go_there_and_back(
+    kept_in: str, tmp_path: Path, postgresql_server: Server
+) -> None:
+    """From either kind into a file, from there into the other kind, and into a file again: the same
+    rows."""
     from tests.storage.catalogue.test_catalogue_safety import _filled
 
     with Catalogue.open(tmp_path / "catalogue.sqlite") as first:
@@ -240,7 +275,10 @@ def test_all_rows_go_there_and_back(kept_in: str, tmp_path: Path, postgresql_ser
             copy_catalogue(first, between)
             other = postgresql_server.catalogue()
             name_in_settings(tmp_path / "other", postgresql_server.url(other))
-            with Catalogue.open(tmp_path / "other" / "catalogue.sqlite") as moved, Catalogue.in_file(tmp_path / "last") as last:
+            with (
+                Catalogue.open(tmp_path / "other" / "catalogue.sqlite") as moved,
+                Catalogue.in_file(tmp_path / "last") as last,
+            ):
                 copy_catalogue(between, moved)
                 copy_catalogue(moved, last)
                 rows = [_rows(one) for one in (first, between, moved, last)]

@@ -1,4 +1,5 @@
-"""A workspace whose store is on a real S3 service: the same results, any folder as good as another, faults said and mended."""
+"""A workspace whose store is on a real S3 service: the same results, any folder as good as another,
+faults said and mended."""
 
 import hashlib
 import os
@@ -48,15 +49,20 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 
 
 @pytest.fixture(scope="module")
-def plain(tmp_path_factory: pytest.TempPathFactory, logs: list[Path]) -> tuple[Workspace, dict[str, Any]]:
+def plain(
+    tmp_path_factory: pytest.TempPathFactory, logs: list[Path]
+) -> tuple[Workspace, dict[str, Any]]:
     """Workspace and update's document without an object store."""
     workspace = prepared(tmp_path_factory.mktemp("plain"), logs[0].parent)
     return workspace, ingest_and_update(workspace, logs)
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory, service: ObjectService, logs: list[Path]) -> tuple[Workspace, Any, str]:
-    """A workspace like the plain one, and its update's document; its store is at the address that comes third."""
+def made(
+    tmp_path_factory: pytest.TempPathFactory, service: ObjectService, logs: list[Path]
+) -> tuple[Workspace, Any, str]:
+    """A workspace like the plain one, and its update's document; its store is at the address that
+    comes third."""
     root, url = tmp_path_factory.mktemp("made"), f"s3://{service.bucket()}/tests/gliders"
     settings(root, url)
     workspace = prepared(root, logs[0].parent)
@@ -64,18 +70,26 @@ def made(tmp_path_factory: pytest.TempPathFactory, service: ObjectService, logs:
 
 
 @pytest.fixture
-def kept(made: tuple[Workspace, Any, str], service: ObjectService, tmp_path: Path) -> tuple[Workspace, str]:
+def kept(
+    made: tuple[Workspace, Any, str], service: ObjectService, tmp_path: Path
+) -> tuple[Workspace, str]:
     """A workspace like that one with a bucket of its own, to be spoiled; and its address."""
     return another(made[0], made[2], tmp_path / "w", service)
 
 
-def test_from_logs_to_proof_the_same_is_stored(made: tuple[Workspace, Any, str], plain: tuple[Workspace, dict[str, Any]]) -> None:
+def test_from_logs_to_proof_the_same_is_stored(
+    made: tuple[Workspace, Any, str], plain: tuple[Workspace, dict[str, Any]]
+) -> None:
     assert stored(made[0]) == stored(plain[0])
     assert made[1]["candidate"] == plain[1]["candidate"] is not None
-    assert [entry["terms"] for entry in made[1]["increments"]] == [entry["terms"] for entry in plain[1]["increments"]]
+    assert [entry["terms"] for entry in made[1]["increments"]] == [
+        entry["terms"] for entry in plain[1]["increments"]
+    ]
 
 
-def test_every_file_is_an_object_whose_name_has_its_hash(made: tuple[Workspace, Any, str], service: ObjectService) -> None:
+def test_every_file_is_an_object_whose_name_has_its_hash(
+    made: tuple[Workspace, Any, str], service: ObjectService
+) -> None:
     workspace, _, url = made
     there = service.names(url)
     assert {name(file) for file in named(workspace)} <= set(there)
@@ -84,7 +98,9 @@ def test_every_file_is_an_object_whose_name_has_its_hash(made: tuple[Workspace, 
         path, _, sha256 = each.rpartition(".")
         assert hashlib.sha256(body).hexdigest() == sha256
         assert (workspace.root / path).read_bytes() == body
-    here = [path for folder in STORE for path in (workspace.root / folder).rglob("*") if path.is_file()]
+    here = [
+        path for folder in STORE for path in (workspace.root / folder).rglob("*") if path.is_file()
+    ]
     assert len(here) == len(there) > 18
     report = checked(workspace, fetch=True)
     assert report.problems == []
@@ -109,7 +125,9 @@ def test_without_the_cache_everything_is_readable_and_nothing_is_made_again(
     opened = stores(str(workspace.root))
     version = opened.named(NAME, "released")
     for _ in range(2):  # whether it is there is asked, not fetched
-        key = load_comparison(opened, held["flights"][0], version or "", opened.catalogue.runs()[0].id)[2]
+        key = load_comparison(
+            opened, held["flights"][0], version or "", opened.catalogue.runs()[0].id
+        )[2]
         row = opened.catalogue.result(key)
         assert row is not None
         assert opened.has(key)
@@ -135,8 +153,11 @@ def test_two_machines_read_each_others_flights(
     assert checked(one, fetch=True).problems == []
 
 
-def test_who_wrote_the_same_file_otherwise_spoils_nothing(kept: tuple[Workspace, str], tmp_path: Path) -> None:
-    """Two machines agree on a result to 1e-9, not on its bytes: the newest row says which counts, and both objects stand."""
+def test_who_wrote_the_same_file_otherwise_spoils_nothing(
+    kept: tuple[Workspace, str], tmp_path: Path
+) -> None:
+    """Two machines agree on a result to 1e-9, not on its bytes: the newest row says which counts,
+    and both objects stand."""
     workspace, _ = kept
     file, other = the(workspace, "conditioning"), tmp_path / "other"
     other.write_bytes((workspace.root / file.path).read_bytes() + b"more")
@@ -154,7 +175,9 @@ def test_the_cache_is_kept_small_and_gives_up_nothing_that_is_not_put(
 ) -> None:
     workspace, url = kept
     places = [place for folder in STORE for place in (workspace.root / folder).glob("??/*")]
-    assert asked(workspace.root, "store", "trim") == {"files": 0, "bytes": 0, "left": []}, "no limit is set"
+    assert asked(workspace.root, "store", "trim") == {"files": 0, "bytes": 0, "left": []}, (
+        "no limit is set"
+    )
     before = time.time() - 86_400.0
     for place in places:
         os.utime(place / INDEX if place.is_dir() else place, (before, before))
@@ -172,14 +195,24 @@ def test_the_cache_is_kept_small_and_gives_up_nothing_that_is_not_put(
 
 
 def as_plain(workspace: Workspace, plain: Workspace) -> None:
-    """Asserts that the one flight of a workspace has all results under the keys that it has without an object store."""
+    """Asserts that the one flight of a workspace has all results under the keys that it has without
+    an object store."""
     ((flight, results),) = stored(workspace)["results"].items()
     assert set(results) <= set(stored(plain)["results"][flight])
-    assert {step for step, _ in results} >= {"ingest", "conditioning", "consistency", "coefficients", "compare"}
+    assert {step for step, _ in results} >= {
+        "ingest",
+        "conditioning",
+        "consistency",
+        "coefficients",
+        "compare",
+    }
 
 
 def test_a_store_that_is_away_costs_a_run_but_loses_nothing(
-    logs: list[Path], tmp_path: Path, service: ObjectService, plain: tuple[Workspace, dict[str, Any]]
+    logs: list[Path],
+    tmp_path: Path,
+    service: ObjectService,
+    plain: tuple[Workspace, dict[str, Any]],
 ) -> None:
     url = f"s3://{service.bucket()}/away"
     settings(tmp_path / "w", url)
@@ -199,9 +232,14 @@ def test_a_store_that_is_away_costs_a_run_but_loses_nothing(
 
 @pytest.mark.heavy
 def test_a_store_that_is_away_for_a_while_is_waited_for_under_prefect(
-    logs: list[Path], tmp_path: Path, service: ObjectService, plain: tuple[Workspace, dict[str, Any]], trials: Any
+    logs: list[Path],
+    tmp_path: Path,
+    service: ObjectService,
+    plain: tuple[Workspace, dict[str, Any]],
+    trials: Any,
 ) -> None:
-    """It comes back after the first file was to be put: the steps that could not do so are tried again by themselves."""
+    """It comes back after the first file was to be put: the steps that could not do so are tried
+    again by themselves."""
     if trials(0, 1) == 0:
         pytest.skip("Prefect starts and waits for half a minute: --full-campaign")
     root = tmp_path / "w"
@@ -231,7 +269,10 @@ def test_a_store_that_is_away_for_a_while_is_waited_for_under_prefect(
 def test_a_workspace_moves_into_an_object_store_and_out_again(
     tmp_path: Path, service: ObjectService, plain: tuple[Workspace, dict[str, Any]]
 ) -> None:
-    root, url = Path(shutil.copytree(plain[0].root, tmp_path / "w")), f"s3://{service.bucket()}/moved"
+    root, url = (
+        Path(shutil.copytree(plain[0].root, tmp_path / "w")),
+        f"s3://{service.bucket()}/moved",
+    )
     workspace = Workspace.open(root)
     settings(root, url)
     assert set(kinds(checked(workspace))) == {"not put"}
@@ -250,10 +291,14 @@ def test_a_workspace_moves_into_an_object_store_and_out_again(
         service.start()
 
 
-def test_a_log_of_the_inbox_is_an_object_before_it_leaves(logs: list[Path], tmp_path: Path, service: ObjectService) -> None:
+def test_a_log_of_the_inbox_is_an_object_before_it_leaves(
+    logs: list[Path], tmp_path: Path, service: ObjectService
+) -> None:
     root, url = tmp_path / "w", f"s3://{service.bucket()}/inbox"
     settings(root, url)
-    (root / "settings.toml").write_text((root / "settings.toml").read_text() + "[inbox]\nsettle = 0.0\n")
+    (root / "settings.toml").write_text(
+        (root / "settings.toml").read_text() + "[inbox]\nsettle = 0.0\n"
+    )
     workspace = prepared(root, logs[0].parent)
     (workspace.inbox / NAME).mkdir()
     shutil.copy2(logs[0], workspace.inbox / NAME / "a.csv")
@@ -268,7 +313,8 @@ def test_a_log_of_the_inbox_is_an_object_before_it_leaves(logs: list[Path], tmp_
 def test_a_log_whose_flight_is_stored_waits_for_the_object_store_without_blame(
     kept: tuple[Workspace, str], logs: list[Path], service: ObjectService
 ) -> None:
-    """Tries that only the service's absence ended once added up: after three sweeps such a log was put into quarantine."""
+    """Tries that only the service's absence ended once added up: after three sweeps such a log was
+    put into quarantine."""
     workspace, url = kept
     path = workspace.root / "settings.toml"
     path.write_text(path.read_text() + "[inbox]\nsettle = 0.0\nattempts = 2\n")
@@ -297,6 +343,11 @@ def test_a_night_keeps_the_cache_as_small_as_the_settings_say(kept: tuple[Worksp
         os.utime(place / INDEX if place.is_dir() else place, (1e9, 1e9))
     trimmed = run_flow(nightly_flow, {}, workspace, "direct")["trimmed"]
     assert trimmed["error"] == ""
-    held = sum(path.stat().st_size for folder in STORE for path in (workspace.root / folder).rglob("*") if path.is_file())
+    held = sum(
+        path.stat().st_size
+        for folder in STORE
+        for path in (workspace.root / folder).rglob("*")
+        if path.is_file()
+    )
     assert 0 < held <= 100_000 < held + trimmed["bytes"]
     assert read_all(workspace) > 15

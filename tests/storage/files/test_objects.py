@@ -1,4 +1,5 @@
-"""One file as an object of a real S3 service: whole or not at all, with the bytes that were stored or not at all."""
+"""One file as an object of a real S3 service: whole or not at all, with the bytes that were stored
+or not at all."""
 
 import hashlib
 import io
@@ -47,7 +48,12 @@ def test_another_client_finds_the_bytes_under_their_own_hash(
     stored = objects.put(path, PLACE)
     assert stored == StoredFile(PLACE, hashlib.sha256(data).hexdigest(), size)
     assert service.names(objects.url) == [f"{PLACE}.{stored.sha256}"]
-    assert service.client.get_object(**service.at(objects.url, f"{PLACE}.{stored.sha256}"))["Body"].read() == data
+    assert (
+        service.client.get_object(**service.at(objects.url, f"{PLACE}.{stored.sha256}"))[
+            "Body"
+        ].read()
+        == data
+    )
     assert objects.has(stored)
     assert objects.fetch(stored, tmp_path / "deep" / "er" / "fetched")
     assert (tmp_path / "deep" / "er" / "fetched").read_bytes() == data
@@ -60,10 +66,14 @@ def test_what_is_there_whole_is_not_sent_again_and_what_is_half_there_is(
 ) -> None:
     stored = objects.put(path, PLACE)
     there = service.at(objects.url, f"{PLACE}.{stored.sha256}")
-    tagged = service.client.put_object_tagging(**there, Tagging={"TagSet": [{"Key": "first", "Value": "yes"}]})
+    tagged = service.client.put_object_tagging(
+        **there, Tagging={"TagSet": [{"Key": "first", "Value": "yes"}]}
+    )
     assert tagged["ResponseMetadata"]["HTTPStatusCode"] == 200
     objects.put(path, PLACE)
-    assert service.client.get_object_tagging(**there)["TagSet"], "an object that is sent again loses its tags"
+    assert service.client.get_object_tagging(**there)["TagSet"], (
+        "an object that is sent again loses its tags"
+    )
     service.client.put_object(**there, Body=path.read_bytes()[:-1])
     assert not objects.has(stored)
     objects.put(path, PLACE)
@@ -88,7 +98,9 @@ def test_nothing_there_is_no_error_and_leaves_nothing(objects: Objects, tmp_path
     assert others(tmp_path) == []
 
 
-def test_a_changed_object_is_refused_by_its_hash(service: ObjectService, objects: Objects, path: Path, tmp_path: Path) -> None:
+def test_a_changed_object_is_refused_by_its_hash(
+    service: ObjectService, objects: Objects, path: Path, tmp_path: Path
+) -> None:
     stored = objects.put(path, PLACE)
     service.spoil(objects.url, f"{PLACE}.{stored.sha256}")
     (tmp_path / "new").mkdir()
@@ -101,13 +113,17 @@ def test_a_changed_object_is_refused_by_its_hash(service: ObjectService, objects
     assert others(tmp_path / "new") == ["kept"]
 
 
-def test_a_file_that_is_not_the_one_that_was_meant_is_not_sent(service: ObjectService, objects: Objects, path: Path) -> None:
+def test_a_file_that_is_not_the_one_that_was_meant_is_not_sent(
+    service: ObjectService, objects: Objects, path: Path
+) -> None:
     with pytest.raises(InputError, match="changed while it was read"):
         objects.put(path, PLACE, "cd" * 32)
     assert service.names(objects.url) == []
 
 
-def test_no_bucket_is_said_and_never_taken_for_no_object(service: ObjectService, path: Path, tmp_path: Path) -> None:
+def test_no_bucket_is_said_and_never_taken_for_no_object(
+    service: ObjectService, path: Path, tmp_path: Path
+) -> None:
     nowhere = opened("s3://there-is-none/of/it", service.environment)
     stored = StoredFile(PLACE, "cd" * 32, 10)
     calls = [
@@ -124,7 +140,9 @@ def test_no_bucket_is_said_and_never_taken_for_no_object(service: ObjectService,
         assert "make the bucket" in caught.value.remedy
 
 
-def test_who_has_no_right_is_told_what_to_do(service: ObjectService, objects: Objects, path: Path, tmp_path: Path) -> None:
+def test_who_has_no_right_is_told_what_to_do(
+    service: ObjectService, objects: Objects, path: Path, tmp_path: Path
+) -> None:
     stored = StoredFile(PLACE, "cd" * 32, 10)
     with _rights_asked_for(service):
         for call in (
@@ -145,7 +163,10 @@ def _rights_asked_for(service: ObjectService) -> Iterator[None]:
     """The service asks who its clients are from now on, and knows none."""
 
     def free(calls: bytes) -> None:
-        url, kind = f"{service.environment['AWS_ENDPOINT_URL']}/moto-api/reset-auth", {"content-type": "text/plain"}
+        url, kind = (
+            f"{service.environment['AWS_ENDPOINT_URL']}/moto-api/reset-auth",
+            {"content-type": "text/plain"},
+        )
         urllib.request.urlopen(urllib.request.Request(url, data=calls, headers=kind)).close()
 
     free(b"0")
@@ -161,7 +182,10 @@ def test_a_service_that_is_away_is_busy_and_works_when_it_is_back(
     stored = objects.put(path, PLACE)
     service.stop()
     try:
-        for call in (lambda: objects.fetch(stored, tmp_path / "x"), lambda: objects.put(path, f"{PLACE}x")):
+        for call in (
+            lambda: objects.fetch(stored, tmp_path / "x"),
+            lambda: objects.put(path, f"{PLACE}x"),
+        ):
             with pytest.raises(StoreBusyError, match="out of reach"):
                 call()
         assert others(tmp_path) == ["file"]
@@ -174,7 +198,8 @@ def test_a_service_that_is_away_is_busy_and_works_when_it_is_back(
 def test_a_file_that_cannot_be_read_to_its_end_leaves_no_half_object(
     service: ObjectService, objects: Objects, path: Path
 ) -> None:
-    """What closes the library's stream completes the upload, also when it is an error that closes it."""
+    """What closes the library's stream completes the upload, also when it is an error that closes
+    it."""
 
     class Broken(io.BytesIO):
         def read(self, size: int | None = -1) -> bytes:
@@ -184,12 +209,16 @@ def test_a_file_that_cannot_be_read_to_its_end_leaves_no_half_object(
 
     data = path.read_bytes()
     with pytest.raises(OSError, match="Input/output"):
-        objects._upload(Broken(data), StoredFile(PLACE, hashlib.sha256(data).hexdigest(), len(data)))
+        objects._upload(
+            Broken(data), StoredFile(PLACE, hashlib.sha256(data).hexdigest(), len(data))
+        )
     assert service.names(objects.url) == []
 
 
 @pytest.mark.parametrize("size", [70_000, 12_000_001])
-def test_an_upload_that_fails_leaves_another_writers_object_of_the_same_name(objects: Objects, path: Path, size: int) -> None:
+def test_an_upload_that_fails_leaves_another_writers_object_of_the_same_name(
+    objects: Objects, path: Path, size: int
+) -> None:
     """Both began when there was none; the other has put all of it before this one ends half-way."""
     data = path.read_bytes()[:size]
     path.write_bytes(data)
@@ -210,7 +239,8 @@ def test_an_upload_that_fails_leaves_another_writers_object_of_the_same_name(obj
 
 @contextmanager
 def wire(target: int, until: int) -> Iterator[int]:
-    """A port in front of the local one `target`; both ways of all connections are cut after so many bytes, and new ones, too."""
+    """A port in front of the local one `target`; both ways of all connections are cut after so many
+    bytes, and new ones, too."""
     listening, passed, ended = socket.create_server(("127.0.0.1", 0)), [0], threading.Event()
     held: list[socket.socket] = []
 
@@ -243,10 +273,14 @@ def wire(target: int, until: int) -> Iterator[int]:
 
 
 @pytest.mark.parametrize("until", [2_000, 9_000_000])
-def test_a_connection_that_is_cut_leaves_no_half_object(service: ObjectService, objects: Objects, path: Path, until: int) -> None:
+def test_a_connection_that_is_cut_leaves_no_half_object(
+    service: ObjectService, objects: Objects, path: Path, until: int
+) -> None:
     port = int(service.environment["AWS_ENDPOINT_URL"].rpartition(":")[2])
     with wire(port, until) as cut:
-        through = opened(objects.url, {**service.environment, "AWS_ENDPOINT_URL": f"http://127.0.0.1:{cut}"})
+        through = opened(
+            objects.url, {**service.environment, "AWS_ENDPOINT_URL": f"http://127.0.0.1:{cut}"}
+        )
         with pytest.raises(StoreBusyError, match="out of reach"):
             through.put(path, PLACE)
     assert service.names(objects.url) == []
@@ -272,7 +306,16 @@ def test_an_endpoint_that_is_none_is_said(service: ObjectService, address: str) 
 
 
 GOOD = ["s3://bucket", "s3://my.bucket-1/", "s3://bucket/a/B_c.d-1/e"]
-BAD = ["bucket", "https://host/b", "s3://", "s3://b", "s3://Bucket", "s3://bucket/../x", "s3://bucket//x", "s3://bucket/a b"]
+BAD = [
+    "bucket",
+    "https://host/b",
+    "s3://",
+    "s3://b",
+    "s3://Bucket",
+    "s3://bucket/../x",
+    "s3://bucket//x",
+    "s3://bucket/a b",
+]
 
 
 @pytest.mark.parametrize("url", GOOD)
@@ -284,8 +327,12 @@ def test_settings_name_the_store(tmp_path: Path, service: ObjectService, url: st
     assert made.url == url.rstrip("/")
 
 
-@pytest.mark.parametrize("url", [*BAD, "s3://key:the-secret@bucket", "s3://bucket?secret_key=the-secret"])
-def test_settings_that_name_none_are_refused_without_repeating_a_secret(tmp_path: Path, url: str) -> None:
+@pytest.mark.parametrize(
+    "url", [*BAD, "s3://key:the-secret@bucket", "s3://bucket?secret_key=the-secret"]
+)
+def test_settings_that_name_none_are_refused_without_repeating_a_secret(
+    tmp_path: Path, url: str
+) -> None:
     (tmp_path / "settings.toml").write_text(f'[store]\nurl = "{url}"\n')
     for read in (load_settings, objects_of):
         with pytest.raises(SettingsError, match="s3://BUCKET/PREFIX") as caught:
@@ -301,6 +348,8 @@ def test_no_settings_or_none_about_it_mean_the_folder(tmp_path: Path) -> None:
     with pytest.raises(SettingsError, match="cannot be read"):
         objects_of(tmp_path)
     (tmp_path / "settings.toml").unlink()
-    (tmp_path / "settings.toml").symlink_to(tmp_path / "settings.toml")  # it is there, and nobody can read it
+    (tmp_path / "settings.toml").symlink_to(
+        tmp_path / "settings.toml"
+    )  # it is there, and nobody can read it
     with pytest.raises(SettingsError, match="cannot be read"):
         objects_of(tmp_path)

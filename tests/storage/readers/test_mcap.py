@@ -1,4 +1,5 @@
-"""MCAP with ROS 2 messages: what mcap's own writer wrote comes back, by name and in time; damage costs what it hit."""
+"""MCAP with ROS 2 messages: what mcap's own writer wrote comes back, by name and in time; damage
+costs what it hit."""
 
 from pathlib import Path
 from typing import Any
@@ -27,10 +28,14 @@ NESTED = (
     f"{SEPARATOR}MSG: geometry_msgs/Vector3\nfloat64 x\nfloat64 y\nfloat64 z\n"
 )
 IMU = (
-    "std_msgs/Header header\ngeometry_msgs/Quaternion orientation\nfloat64[9] orientation_covariance\n"
-    "geometry_msgs/Vector3 angular_velocity\ngeometry_msgs/Vector3 linear_acceleration\n" + NESTED
+    "std_msgs/Header header\ngeometry_msgs/Quaternion orientation\nfloat64[9]"
+    " orientation_covariance\ngeometry_msgs/Vector3 angular_velocity\ngeometry_msgs/Vector3"
+    " linear_acceleration\n" + NESTED
 )
-JOINTS = "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort\n" + NESTED
+JOINTS = (
+    "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[]"
+    " effort\n" + NESTED
+)
 FLOAT = "float64 data\n"
 VEHICLE = """
 name = "wing"
@@ -56,8 +61,14 @@ def header(ns: int) -> dict[str, Any]:
     return {"stamp": {"sec": ns // 10**9, "nanosec": ns % 10**9}, "frame_id": "base_link"}
 
 
-def write_flight(path: Path, samples: int = 400, chunk: int = 8192, compression: CompressionType = CompressionType.ZSTD) -> None:
-    """An IMU at 100 Hz that rests level and points east, an elevator joint and an airspeed; stamps 5 ms before log times."""
+def write_flight(
+    path: Path,
+    samples: int = 400,
+    chunk: int = 8192,
+    compression: CompressionType = CompressionType.ZSTD,
+) -> None:
+    """An IMU at 100 Hz that rests level and points east, an elevator joint and an airspeed; stamps
+    5 ms before log times."""
     level_east = {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}
     with path.open("wb") as out:
         writer = Writer(out, chunk_size=chunk, compression=compression)
@@ -104,7 +115,9 @@ def test_what_was_written_is_read(tmp_path: Path, compression: CompressionType) 
     np.testing.assert_array_equal(imu.fields["angular_velocity.z"], 0.001 * np.arange(400))
     np.testing.assert_array_equal(imu.fields["orientation_covariance[8]"], np.full(400, 8.0))
     np.testing.assert_array_equal(joints.fields["position.elevator"], 0.01 * np.arange(0, 400, 5))
-    np.testing.assert_allclose(recording.topics["/airspeed/true"].time, np.arange(0, 4, 0.05), atol=1e-9)
+    np.testing.assert_allclose(
+        recording.topics["/airspeed/true"].time, np.arange(0, 4, 0.05), atol=1e-9
+    )
     assert recording.start_utc is not None
     assert recording.start_utc.timestamp() == START * 1e-9
 
@@ -114,7 +127,16 @@ def test_ros2_mapping_turns_rep_103_into_flight_axes(log: Path) -> None:
     mapping = choose_mapping(recording, builtin_mappings().values())
     flight = map_recording(recording, mapping, parse_vehicle(VEHICLE))
     assert mapping.name == "ros2"
-    expected = {"p": 0.1, "q": -0.2, "ax_imu": 0.5, "ay_imu": -0.25, "az_imu": -9.81, "phi": 0.0, "theta": 0.0, "psi": np.pi / 2}
+    expected = {
+        "p": 0.1,
+        "q": -0.2,
+        "ax_imu": 0.5,
+        "ay_imu": -0.25,
+        "az_imu": -9.81,
+        "phi": 0.0,
+        "theta": 0.0,
+        "psi": np.pi / 2,
+    }
     for name, value in expected.items():
         np.testing.assert_allclose(flight[name], value, atol=1e-9, err_msg=name)
     np.testing.assert_allclose(flight["r"], -0.001 * np.arange(len(flight.time)), atol=1e-9)
@@ -131,7 +153,9 @@ def test_cut_file_keeps_what_is_before_the_cut(log: Path) -> None:
         (tail,) = [d for d in recording.damage if d.kind == "lost_tail"]
         assert tail.bytes_lost <= cut
         n = len(recording.topics["/imu/data"].time)
-        np.testing.assert_array_equal(recording.topics["/imu/data"].time, whole.topics["/imu/data"].time[:n])
+        np.testing.assert_array_equal(
+            recording.topics["/imu/data"].time, whole.topics["/imu/data"].time[:n]
+        )
         read.append(n)
     assert read == sorted(read)
     assert read[0] > 0
@@ -139,7 +163,8 @@ def test_cut_file_keeps_what_is_before_the_cut(log: Path) -> None:
 
 
 def test_flipped_bit_in_a_chunk_costs_that_chunk_and_is_located(log: Path) -> None:
-    """The chunk's checksum tells; the messages of the other chunks are kept, the missing ones are counted by topic."""
+    """The chunk's checksum tells; the messages of the other chunks are kept, the missing ones are
+    counted by topic."""
     data, whole = bytearray(log.read_bytes()), read_mcap(log)
     data[len(data) // 3] ^= 0x10
     log.write_bytes(data)
@@ -153,7 +178,8 @@ def test_flipped_bit_in_a_chunk_costs_that_chunk_and_is_located(log: Path) -> No
 
 
 def test_checksum_over_the_data_tells_of_bytes_outside_chunks(tmp_path: Path) -> None:
-    """Messages without chunks have no checksum of their own; the one over all data says that something differs."""
+    """Messages without chunks have no checksum of their own; the one over all data says that
+    something differs."""
     path = tmp_path / "a.mcap"
     with path.open("wb") as out:
         writer = PlainWriter(out, use_chunking=False, enable_data_crcs=True)
@@ -161,7 +187,9 @@ def test_checksum_over_the_data_tells_of_bytes_outside_chunks(tmp_path: Path) ->
         schema = writer.register_schema("std_msgs/msg/Float64", "ros2msg", FLOAT.encode())
         channel = writer.register_channel("/v", "cdr", schema)
         for k in range(3):
-            writer.add_message(channel, k * 10**9, bytes([0, 1, 0, 0]) + np.float64(k + 0.5).tobytes(), k * 10**9)
+            writer.add_message(
+                channel, k * 10**9, bytes([0, 1, 0, 0]) + np.float64(k + 0.5).tobytes(), k * 10**9
+            )
         writer.finish()
     assert read_mcap(path).damage == ()
     data = bytearray(path.read_bytes())
@@ -191,7 +219,9 @@ def test_other_encodings_are_named_by_topic(tmp_path: Path) -> None:
         text = writer.register_schema("thing", "flatbuffer", b"{}")
         good = writer.register_channel("/v", "cdr", number)
         other = writer.register_channel("/j", "flatbuffer", text)
-        broken = writer.register_channel("/b", "cdr", writer.register_schema("pkg/msg/Bad", "ros2msg", b"Missing thing\n"))
+        broken = writer.register_channel(
+            "/b", "cdr", writer.register_schema("pkg/msg/Bad", "ros2msg", b"Missing thing\n")
+        )
         for k in range(3):
             cdr = bytes([0, 1, 0, 0]) + np.float64(k).tobytes()
             writer.add_message(good, k * 10**9, cdr, k * 10**9)
@@ -210,7 +240,13 @@ def test_stamps_of_another_clock_give_way_to_log_times(tmp_path: Path) -> None:
         writer = Writer(out)
         schema = writer.register_msgdef("sensor_msgs/msg/JointState", JOINTS)
         for k in range(5):
-            message = {"header": header(k * 10**9 + 1), "name": ["a"], "position": [1.0], "velocity": [], "effort": []}
+            message = {
+                "header": header(k * 10**9 + 1),
+                "name": ["a"],
+                "position": [1.0],
+                "velocity": [],
+                "effort": [],
+            }
             writer.write_message("/joints", schema, message, log_time=START + k * 10**9)
         writer.finish()
     recording = read_mcap(path)
@@ -223,7 +259,10 @@ def test_stamps_of_another_clock_give_way_to_log_times(tmp_path: Path) -> None:
     [
         (b"", "empty"),
         (b"\x89MCAP0\r\n", "no message can be read"),
-        (b"\x89MCAP0\r\n" + b"\x06" + (2**62).to_bytes(8, "little") + bytes(100), "no message can be read"),
+        (
+            b"\x89MCAP0\r\n" + b"\x06" + (2**62).to_bytes(8, "little") + bytes(100),
+            "no message can be read",
+        ),
         (b"ROSBAG V2.0", "not an MCAP file"),
     ],
 )
@@ -237,12 +276,15 @@ def test_refused(tmp_path: Path, content: bytes, what: str) -> None:
 
 
 def test_a_chunk_that_hides_as_a_private_record_is_missed(tmp_path: Path) -> None:
-    """Readers must pass over record types from 128 on: a flipped bit made a whole chunk one of these, without a word."""
+    """Readers must pass over record types from 128 on: a flipped bit made a whole chunk one of
+    these, without a word."""
     path = tmp_path / "a.mcap"
     write_flight(path, samples=60, chunk=2048)
     data = bytearray(path.read_bytes())
     with path.open("rb") as handle:
-        chunks = [r for r in walk(handle, len(data)) if isinstance(r, Record) and r.opcode == Opcode.CHUNK]
+        chunks = [
+            r for r in walk(handle, len(data)) if isinstance(r, Record) and r.opcode == Opcode.CHUNK
+        ]
     data[chunks[-1].start] |= 0x80
     path.write_bytes(data)
     (damage,) = read_log(path).damage

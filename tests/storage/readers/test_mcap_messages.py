@@ -8,7 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from google.protobuf.descriptor_pb2 import DescriptorProto, FieldDescriptorProto, FileDescriptorProto, FileDescriptorSet
+from google.protobuf.descriptor_pb2 import (
+    DescriptorProto,
+    FieldDescriptorProto,
+    FileDescriptorProto,
+    FileDescriptorSet,
+)
 from google.protobuf.descriptor_pool import DescriptorPool
 from google.protobuf.message import Message
 from google.protobuf.message_factory import GetMessageClass
@@ -27,10 +32,19 @@ STEP = 10_000_000
 F = FieldDescriptorProto
 
 
-def write(path: Path, *channels: tuple[str, str, tuple[str, str, bytes] | None, Messages], plain: bool = False) -> Path:
-    """Channels (topic, message encoding, schema (name, encoding, data), messages), 100 messages a second, with mcap's own writer;
-    `plain`: without chunks and checksums, so that decoders meet every damage."""
-    kind = {"use_chunking": False, "enable_data_crcs": False, "compression": CompressionType.NONE} if plain else {}
+def write(
+    path: Path,
+    *channels: tuple[str, str, tuple[str, str, bytes] | None, Messages],
+    plain: bool = False,
+) -> Path:
+    """Channels (topic, message encoding, schema (name, encoding, data), messages), 100 messages a
+    second, with mcap's own writer; `plain`: without chunks and checksums, so that decoders meet
+    every damage."""
+    kind = (
+        {"use_chunking": False, "enable_data_crcs": False, "compression": CompressionType.NONE}
+        if plain
+        else {}
+    )
     with path.open("wb") as out:
         writer = Writer(out, **kind)
         writer.start(profile="", library="")
@@ -43,7 +57,9 @@ def write(path: Path, *channels: tuple[str, str, tuple[str, str, bytes] | None, 
     return path
 
 
-def field(name: str, number: int, kind: int = F.TYPE_DOUBLE, many: bool = False, type_name: str = "") -> FieldDescriptorProto:
+def field(
+    name: str, number: int, kind: int = F.TYPE_DOUBLE, many: bool = False, type_name: str = ""
+) -> FieldDescriptorProto:
     label = F.LABEL_REPEATED if many else F.LABEL_OPTIONAL
     return F(name=name, number=number, type=kind, label=label, type_name=type_name or None)  # type: ignore[arg-type]
 
@@ -53,21 +69,43 @@ def message_type(name: str, *fields: FieldDescriptorProto) -> DescriptorProto:
 
 
 def flight_files() -> FileDescriptorSet:
-    """sensor_msgs/Imu in protobuf, in three files, each before what it imports; and every kind of field."""
+    """sensor_msgs/Imu in protobuf, in three files, each before what it imports; and every kind of
+    field."""
     vector = message_type("Vector", *(field(name, k) for k, name in enumerate("xyzw", 1)))
     stamp = message_type("Time", field("sec", 1, F.TYPE_INT32), field("nanosec", 2, F.TYPE_UINT32))
-    header = message_type("Header", field("stamp", 1, F.TYPE_MESSAGE, type_name=".t.Time"), field("frame_id", 2, F.TYPE_STRING))
-    basics = FileDescriptorProto(name="basics.proto", package="t", syntax="proto3", message_type=[vector, stamp, header])
+    header = message_type(
+        "Header",
+        field("stamp", 1, F.TYPE_MESSAGE, type_name=".t.Time"),
+        field("frame_id", 2, F.TYPE_STRING),
+    )
+    basics = FileDescriptorProto(
+        name="basics.proto", package="t", syntax="proto3", message_type=[vector, stamp, header]
+    )
     nested = [
-        field(name, k, F.TYPE_MESSAGE, type_name=".t.Vector") for k, name in enumerate(("angular_velocity", "orientation"), 2)
+        field(name, k, F.TYPE_MESSAGE, type_name=".t.Vector")
+        for k, name in enumerate(("angular_velocity", "orientation"), 2)
     ]
     imu = message_type(
         "Imu", field("header", 1, F.TYPE_MESSAGE, type_name=".t.Header"), *nested,
         field("linear_acceleration", 4, F.TYPE_MESSAGE, type_name=".t.Vector"), field("orientation_covariance", 5, many=True),
     )  # fmt: skip
-    kinds = ["double", "float", "int32", "int64", "uint32", "uint64", "sint32", "sint64", "fixed32", "fixed64", "sfixed32"]
+    kinds = [
+        "double",
+        "float",
+        "int32",
+        "int64",
+        "uint32",
+        "uint64",
+        "sint32",
+        "sint64",
+        "fixed32",
+        "fixed64",
+        "sfixed32",
+    ]
     kinds += ["sfixed64", "bool", "bytes", "string"]
-    scalars = [field(name, k, getattr(F, f"TYPE_{name.upper()}")) for k, name in enumerate(kinds, 1)]
+    scalars = [
+        field(name, k, getattr(F, f"TYPE_{name.upper()}")) for k, name in enumerate(kinds, 1)
+    ]
     state = field("state", 20, F.TYPE_ENUM, type_name=".t.Every.State")
     unset = field("unset", 21)
     unset.proto3_optional, unset.oneof_index = True, 0
@@ -75,14 +113,19 @@ def flight_files() -> FileDescriptorSet:
     entry = message_type("GainEntry", field("key", 1, F.TYPE_STRING), field("value", 2))
     entry.options.map_entry = True
     gain = field("gain", 23, F.TYPE_MESSAGE, True, ".t.Every.GainEntry")
-    varying, itself = field("varying", 24, many=True), field("itself", 25, F.TYPE_MESSAGE, type_name=".t.Every")
+    varying, itself = (
+        field("varying", 24, many=True),
+        field("itself", 25, F.TYPE_MESSAGE, type_name=".t.Every"),
+    )
     every = message_type("Every", *scalars, state, unset, when, gain, varying, itself)
     every.nested_type.append(entry)
     every.oneof_decl.add(name="_unset")
     states = every.enum_type.add(name="State")
     states.value.add(name="OFF", number=0)
     states.value.add(name="ON", number=7)
-    top = FileDescriptorProto(name="top.proto", package="t", syntax="proto3", message_type=[imu, every])
+    top = FileDescriptorProto(
+        name="top.proto", package="t", syntax="proto3", message_type=[imu, every]
+    )
     top.dependency.extend(["basics.proto", "google/protobuf/timestamp.proto"])
     found = FileDescriptorSet(file=[top, basics])
     TIMESTAMP_FILE.CopyToProto(found.file.add())
@@ -122,12 +165,18 @@ def imu_message(k: int) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("encoding", ["json", "protobuf"])
-def test_the_same_flight_in_any_encoding_is_the_same_recording(tmp_path: Path, encoding: str) -> None:
-    """Against the ROS 2 file of the same flight, written and decoded by other code: fields, values, times, and what is mapped."""
+def test_the_same_flight_in_any_encoding_is_the_same_recording(
+    tmp_path: Path, encoding: str
+) -> None:
+    """Against the ROS 2 file of the same flight, written and decoded by other code: fields, values,
+    times, and what is mapped."""
     write_flight(tmp_path / "ros2.mcap", samples=100)
     expected = read_log(tmp_path / "ros2.mcap").topics["/imu/data"]
     if encoding == "json":
-        schema, messages = ("Imu", "jsonschema", b'{"type": "object"}'), as_json(*map(imu_message, range(100)))
+        schema, messages = (
+            ("Imu", "jsonschema", b'{"type": "object"}'),
+            as_json(*map(imu_message, range(100))),
+        )
     else:
         schema, kind = ("t.Imu", "protobuf", DESCRIPTORS), made("t.Imu")
         messages = [kind(**imu_message(k)).SerializeToString() for k in range(100)]
@@ -136,7 +185,9 @@ def test_the_same_flight_in_any_encoding_is_the_same_recording(tmp_path: Path, e
     assert recording.damage == ()
     np.testing.assert_array_equal(topic.time, expected.time)
     # The protobuf vector has a w everywhere; what was never set is its default.
-    assert {name for name in topic.fields if not name.endswith(("velocity.w", "acceleration.w"))} == set(expected.fields)
+    assert {
+        name for name in topic.fields if not name.endswith(("velocity.w", "acceleration.w"))
+    } == set(expected.fields)
     for name, values in expected.fields.items():
         assert topic.fields[name].tobytes() == values.tobytes()
     mapping = choose_mapping(recording, builtin_mappings().values())
@@ -147,12 +198,25 @@ def test_the_same_flight_in_any_encoding_is_the_same_recording(tmp_path: Path, e
 
 
 def test_published_bytes_of_protobuf(tmp_path: Path) -> None:
-    """Encoding guide of protobuf: field 1 as varint 150 is 08 96 01; zigzag 1 is -1; fixed64 is little-endian."""
-    parts = [field("a", 1, F.TYPE_INT32), field("b", 2, F.TYPE_SINT64), field("c", 3), field("d", 4, F.TYPE_INT32, many=True)]
+    """Encoding guide of protobuf: field 1 as varint 150 is 08 96 01; zigzag 1 is -1; fixed64 is
+    little-endian."""
+    parts = [
+        field("a", 1, F.TYPE_INT32),
+        field("b", 2, F.TYPE_SINT64),
+        field("c", 3),
+        field("d", 4, F.TYPE_INT32, many=True),
+    ]
     test = message_type("Test1", *parts)
-    files = FileDescriptorSet(file=[FileDescriptorProto(name="x", syntax="proto3", message_type=[test])])
-    data = bytes.fromhex("089601100119") + struct.pack("<d", 0.1) + bytes.fromhex("2206038e029ea705")
-    path = write(tmp_path / "a.mcap", ("/v", "protobuf", ("Test1", "protobuf", files.SerializeToString()), [data]))
+    files = FileDescriptorSet(
+        file=[FileDescriptorProto(name="x", syntax="proto3", message_type=[test])]
+    )
+    data = (
+        bytes.fromhex("089601100119") + struct.pack("<d", 0.1) + bytes.fromhex("2206038e029ea705")
+    )
+    path = write(
+        tmp_path / "a.mcap",
+        ("/v", "protobuf", ("Test1", "protobuf", files.SerializeToString()), [data]),
+    )
     found = {name: values.tolist() for name, values in one(path).items()}
     assert found == {"a": [150], "b": [-1], "c": [0.1], "d[0]": [3], "d[1]": [270], "d[2]": [86942]}
 
@@ -175,26 +239,48 @@ def test_every_protobuf_scalar_keeps_its_bits(tmp_path: Path) -> None:
         "state": [0, 7, 3, -1],
     }
     kind = made("t.Every")
-    rows = [kind(**{name: values[k] for name, values in extremes.items()}, bytes=b"\xff", string="x") for k in range(4)]
-    recording = read_log(write(tmp_path / "a.mcap", ("/v", "protobuf", EVERY, [row.SerializeToString() for row in rows])))
+    rows = [
+        kind(**{name: values[k] for name, values in extremes.items()}, bytes=b"\xff", string="x")
+        for k in range(4)
+    ]
+    recording = read_log(
+        write(
+            tmp_path / "a.mcap",
+            ("/v", "protobuf", EVERY, [row.SerializeToString() for row in rows]),
+        )
+    )
     found = recording.topics["/v"].fields
     assert set(found) == set(extremes)
     for name, values in extremes.items():
         expected = np.array(values, np.uint64 if name in ("uint64", "fixed64") else None)
-        assert (found[name].dtype, found[name].tobytes()) == (expected.dtype, expected.tobytes()), name
+        assert (found[name].dtype, found[name].tobytes()) == (
+            expected.dtype,
+            expected.tobytes(),
+        ), name
     assert recording.damage == ()
     assert recording.metadata["not read: /v"] == "bytes bytes, text string"
 
 
 def test_what_is_not_set_varies_or_nests(tmp_path: Path) -> None:
-    """Defaults are values, what knows it was not set is missing, maps go by key, sequences that change length are left out."""
+    """Defaults are values, what knows it was not set is missing, maps go by key, sequences that
+    change length are left out."""
     kind = made("t.Every")
     rows = [
         kind(),
-        kind(unset=0.0, gain={key: float(ord(key)) for key in "bhaecgdf"}, varying=[1.0], itself=kind(int32=5)),
+        kind(
+            unset=0.0,
+            gain={key: float(ord(key)) for key in "bhaecgdf"},
+            varying=[1.0],
+            itself=kind(int32=5),
+        ),
         kind(gain={"a": 3.0}, varying=[1.0, 2.0]),
     ]
-    recording = read_log(write(tmp_path / "a.mcap", ("/v", "protobuf", EVERY, [row.SerializeToString() for row in rows])))
+    recording = read_log(
+        write(
+            tmp_path / "a.mcap",
+            ("/v", "protobuf", EVERY, [row.SerializeToString() for row in rows]),
+        )
+    )
     found, nan = recording.topics["/v"].fields, np.nan
     expected = {
         "double": [0, 0, 0], "unset": [nan, 0, nan], "gain.a": [nan, 97, 3], "gain.b": [nan, 98, nan],
@@ -202,14 +288,18 @@ def test_what_is_not_set_varies_or_nests(tmp_path: Path) -> None:
     }  # fmt: skip
     for name, values in expected.items():
         np.testing.assert_array_equal(found[name], values)
-    assert [name for name in found if name.startswith("gain")] == [f"gain.{key}" for key in "abcdefgh"]
+    assert [name for name in found if name.startswith("gain")] == [
+        f"gain.{key}" for key in "abcdefgh"
+    ]
     assert not any(name.startswith("varying") for name in found)
     assert recording.metadata["not read: /v"] == "varying of changing length"
 
 
 @pytest.mark.parametrize("schema", [None, ("Any", "jsonschema", b"{}"), ("Any", "", b"")])
 def test_json_keeps_its_bits(tmp_path: Path, schema: tuple[str, str, bytes] | None) -> None:
-    numbers = np.random.default_rng(1).standard_normal(200) * 10.0 ** np.random.default_rng(2).integers(-300, 300, 200)
+    numbers = np.random.default_rng(1).standard_normal(200) * 10.0 ** np.random.default_rng(
+        2
+    ).integers(-300, 300, 200)
     rows = [
         {
             "x": float(x),
@@ -235,15 +325,25 @@ def test_json_keeps_its_bits(tmp_path: Path, schema: tuple[str, str, bytes] | No
     np.testing.assert_allclose(recording.topics["/v"].time, np.arange(200) * 0.01)
 
 
-@pytest.mark.parametrize(("seconds", "rest"), [("sec", "nsec"), ("sec", "nanosec"), ("seconds", "nanos"), ("secs", "nsecs")])
-def test_timestamps_of_foxglove_and_protobuf_are_the_time(tmp_path: Path, seconds: str, rest: str) -> None:
+@pytest.mark.parametrize(
+    ("seconds", "rest"),
+    [("sec", "nsec"), ("sec", "nanosec"), ("seconds", "nanos"), ("secs", "nsecs")],
+)
+def test_timestamps_of_foxglove_and_protobuf_are_the_time(
+    tmp_path: Path, seconds: str, rest: str
+) -> None:
     stamps = [START + k * STEP - 3_000_000 for k in range(5)]
     if seconds == "seconds":
         kind = made("t.Every")
-        rows = [kind(timestamp={"seconds": ns // 10**9, "nanos": ns % 10**9}).SerializeToString() for ns in stamps]
+        rows = [
+            kind(timestamp={"seconds": ns // 10**9, "nanos": ns % 10**9}).SerializeToString()
+            for ns in stamps
+        ]
         path = write(tmp_path / "a.mcap", ("/v", "protobuf", EVERY, rows))
     else:
-        rows = as_json(*({"timestamp": {seconds: ns // 10**9, rest: ns % 10**9}, "v": 1} for ns in stamps))
+        rows = as_json(
+            *({"timestamp": {seconds: ns // 10**9, rest: ns % 10**9}, "v": 1} for ns in stamps)
+        )
         path = write(tmp_path / "a.mcap", ("/v", "json", None, rows))
     topic = read_log(path).topics["/v"]
     np.testing.assert_allclose(topic.time, np.arange(5) * 0.01 - 0.003, atol=1e-12)
@@ -251,16 +351,32 @@ def test_timestamps_of_foxglove_and_protobuf_are_the_time(tmp_path: Path, second
 
 
 @pytest.mark.parametrize(
-    "stamp", [{"sec": 2**80, "nsec": 0}, {"sec": "1", "nsec": 0}, {"sec": True, "nsec": 0}, {"sec": -1, "nsec": 0}, 1.5, []]
+    "stamp",
+    [
+        {"sec": 2**80, "nsec": 0},
+        {"sec": "1", "nsec": 0},
+        {"sec": True, "nsec": 0},
+        {"sec": -1, "nsec": 0},
+        1.5,
+        [],
+    ],
 )
 def test_what_is_no_stamp_does_not_become_the_time(tmp_path: Path, stamp: Any) -> None:
-    topic = read_log(write(tmp_path / "a.mcap", ("/v", "json", None, as_json({"timestamp": stamp, "v": 1})))).topics["/v"]
+    topic = read_log(
+        write(tmp_path / "a.mcap", ("/v", "json", None, as_json({"timestamp": stamp, "v": 1})))
+    ).topics["/v"]
     assert topic.time.tolist() == [0.0]
 
 
 def test_numbers_that_json_does_not_have_are_missing_and_said(tmp_path: Path) -> None:
-    """NaN and Infinity, as many writers write them, cost themselves and not their message; so does a number beyond all bounds."""
-    rows = [b'{"x": NaN, "y": 1}', b'{"x": Infinity, "y": 2}', b'{"x": 1e999, "y": 3}', b'{"x": 4.5, "y": 36893488147419103233}']
+    """NaN and Infinity, as many writers write them, cost themselves and not their message; so does
+    a number beyond all bounds."""
+    rows = [
+        b'{"x": NaN, "y": 1}',
+        b'{"x": Infinity, "y": 2}',
+        b'{"x": 1e999, "y": 3}',
+        b'{"x": 4.5, "y": 36893488147419103233}',
+    ]
     recording = read_log(write(tmp_path / "a.mcap", ("/v", "json", None, rows)))
     np.testing.assert_array_equal(recording.topics["/v"].fields["x"], [np.nan, np.nan, np.nan, 4.5])
     np.testing.assert_array_equal(recording.topics["/v"].fields["y"], [1, 2, 3, 2.0**65])

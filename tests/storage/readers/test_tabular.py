@@ -1,4 +1,5 @@
-"""Readers of tables: against scipy and pandas, on measured files, and on files that are damaged or of another kind."""
+"""Readers of tables: against scipy and pandas, on measured files, and on files that are damaged or
+of another kind."""
 
 import struct
 import zlib
@@ -45,13 +46,18 @@ def _hdf5(path: Path) -> Path:
 
 
 def _parquet(path: Path) -> Path:
-    fields = [pa.field("time", pa.float64(), metadata={"unit": "s"}), pa.field("alpha", pa.float64(), metadata={"unit": "deg"})]
+    fields = [
+        pa.field("time", pa.float64(), metadata={"unit": "s"}),
+        pa.field("alpha", pa.float64(), metadata={"unit": "deg"}),
+    ]
     pq.write_table(pa.table([TABLE[:, 0], TABLE[:, 1]], schema=pa.schema(fields)), path)
     return path
 
 
 def _csv(path: Path) -> Path:
-    pd.DataFrame(TABLE, columns=["time [s]", "alpha (deg)", "V [ft/s]", "note"]).to_csv(path, index=False)
+    pd.DataFrame(TABLE, columns=["time [s]", "alpha (deg)", "V [ft/s]", "note"]).to_csv(
+        path, index=False
+    )
     return path
 
 
@@ -82,12 +88,16 @@ def test_mat_5_equals_scipy(tmp_path: Path, compressed: bool) -> None:
     assert recording.damage == ()
 
 
-@pytest.mark.parametrize("name", ["totter_f1_017_data.mat", "totter_demo_data.mat", "totter_9752ed20_data.mat"])
+@pytest.mark.parametrize(
+    "name", ["totter_f1_017_data.mat", "totter_demo_data.mat", "totter_9752ed20_data.mat"]
+)
 def test_measured_mat_equals_scipy(measured: Callable[[str], Path], name: str) -> None:
     path = measured(f"twin_otter/{name}")
     recording = read_tabular(path)
     expected = scipy.io.loadmat(path)["fdata"]
-    np.testing.assert_array_equal(np.column_stack(list(recording.topics["fdata"].fields.values())), expected)
+    np.testing.assert_array_equal(
+        np.column_stack(list(recording.topics["fdata"].fields.values())), expected
+    )
     assert recording.damage == ()
     assert recording.size == path.stat().st_size
 
@@ -95,7 +105,9 @@ def test_measured_mat_equals_scipy(measured: Callable[[str], Path], name: str) -
 def test_mat_7_3(tmp_path: Path) -> None:
     recording = read_tabular(_hdf5(tmp_path / "x.mat"))
     for name in ("fdata", "packed"):
-        np.testing.assert_array_equal(np.column_stack(list(recording.topics[name].fields.values())), TABLE)
+        np.testing.assert_array_equal(
+            np.column_stack(list(recording.topics[name].fields.values())), TABLE
+        )
     np.testing.assert_array_equal(recording.topics["table"].fields["t"], TABLE[:, 0])
     assert recording.metadata == {"info.area": 10.3, "pilot": "Ann"}
 
@@ -121,7 +133,10 @@ def test_parquet_units_nulls_and_times(tmp_path: Path) -> None:
     np.testing.assert_array_equal(topic.fields["flag"], [1.0, 0.0, 1.0])
     assert topic.units == {"when": "s"}
     assert recording.metadata["skipped"] == "name"
-    assert read_tabular(_parquet(tmp_path / "y.parquet")).topics["table"].units == {"time": "s", "alpha": "deg"}
+    assert read_tabular(_parquet(tmp_path / "y.parquet")).topics["table"].units == {
+        "time": "s",
+        "alpha": "deg",
+    }
 
 
 def test_csv_header_units(tmp_path: Path) -> None:
@@ -157,7 +172,9 @@ def test_measured_text_and_parquet(measured: Callable[[str], Path]) -> None:
     np.testing.assert_array_equal(np.column_stack(list(fields.values())), np.loadtxt(attas))
     citation = measured("citation/flight_2019-03-12.parquet")
     expected = pd.read_parquet(citation)["vane_AOA"].to_numpy()
-    np.testing.assert_array_equal(read_tabular(citation).topics["table"].fields["vane_AOA"], expected)
+    np.testing.assert_array_equal(
+        read_tabular(citation).topics["table"].fields["vane_AOA"], expected
+    )
 
 
 def test_cut_text_loses_only_its_last_line(tmp_path: Path) -> None:
@@ -204,7 +221,9 @@ def test_damaged_cells_are_reported(tmp_path: Path) -> None:
         ("log.xyz", b"1 2\n", "unknown kind"),
     ],
 )
-def test_unusable_files_are_refused_with_place_and_remedy(tmp_path: Path, name: str, content: bytes, what: str) -> None:
+def test_unusable_files_are_refused_with_place_and_remedy(
+    tmp_path: Path, name: str, content: bytes, what: str
+) -> None:
     (tmp_path / name).write_bytes(content)
     with pytest.raises(InputError) as refusal:
         read_tabular(tmp_path / name)
@@ -228,7 +247,9 @@ def _mat_file(*elements: bytes) -> bytes:
     return b"MATLAB 5.0 MAT-file".ljust(116) + bytes(8) + b"\x00\x01IM" + b"".join(elements)
 
 
-def _variable(name: bytes, shape: tuple[int, int], values: bytes, declared: int | None = None) -> bytes:
+def _variable(
+    name: bytes, shape: tuple[int, int], values: bytes, declared: int | None = None
+) -> bytes:
     parts = (
         _mat_element(6, struct.pack("<II", 6, 0)),
         _mat_element(5, struct.pack("<ii", *shape)),
@@ -278,7 +299,9 @@ def test_hdf5_that_declares_more_than_it_stores(tmp_path: Path) -> None:
 @pytest.mark.heavy
 @pytest.mark.parametrize("name", list(WRITERS))
 @pytest.mark.parametrize("harm", ["cut", "flip"])
-def test_damaged_bytes_give_a_recording_or_a_refusal(tmp_path: Path, trials, name: str, harm: str) -> None:
+def test_damaged_bytes_give_a_recording_or_a_refusal(
+    tmp_path: Path, trials, name: str, harm: str
+) -> None:
     whole = WRITERS[name](tmp_path / name).read_bytes()
     rng = np.random.default_rng(3)
     cut_silently, count = 0, trials(100, 2000)

@@ -1,4 +1,5 @@
-"""ULog: the same numbers as PX4's own reader; what is written comes back; every byte that is lost is accounted for."""
+"""ULog: the same numbers as PX4's own reader; what is written comes back; every byte that is lost
+is accounted for."""
 
 from collections.abc import Callable
 from datetime import UTC, datetime
@@ -24,7 +25,10 @@ SAMPLES = ("sample.ulg", "sample_log_small.ulg", "sample_appended_multiple.ulg")
 
 def example_topics(seconds: float = 4.0) -> list[Topic]:
     """Three topics of different rates, types and instances."""
-    fast, slow = np.arange(1, int(200 * seconds) + 1) / 200.0, np.arange(1, int(10 * seconds) + 1) / 10.0
+    fast, slow = (
+        np.arange(1, int(200 * seconds) + 1) / 200.0,
+        np.arange(1, int(10 * seconds) + 1) / 10.0,
+    )
     gyro = {f"xyz[{k}]": np.sin(fast + k).astype(np.float32) for k in range(3)}
     mixed = {
         "count": np.arange(len(slow), dtype=np.uint16),
@@ -42,7 +46,12 @@ def example_topics(seconds: float = 4.0) -> list[Topic]:
 @pytest.fixture
 def log(tmp_path: Path) -> Path:
     path = tmp_path / "flight.ulg"
-    write_ulog(path, example_topics(), metadata={"sys_name": "PX4", "ver_hw": "V5"}, parameters={"A_B": 1.5, "N": 7})
+    write_ulog(
+        path,
+        example_topics(),
+        metadata={"sys_name": "PX4", "ver_hw": "V5"},
+        parameters={"A_B": 1.5, "N": 7},
+    )
     return path
 
 
@@ -67,7 +76,9 @@ def test_same_arrays_as_pyulog_on_measured_logs(name: str, measured: Callable[[s
     ours, theirs = read_log(path), ULog(str(path))
     assert ours.layout == "px4"
     assert ours.metadata["ver_sw"] == theirs.msg_info_dict["ver_sw"]
-    expected = {f"{d.name}.{d.multi_id}" if d.multi_id else d.name: d.data for d in theirs.data_list}
+    expected = {
+        f"{d.name}.{d.multi_id}" if d.multi_id else d.name: d.data for d in theirs.data_list
+    }
     assert set(ours.topics) == set(expected)
     for topic, data in expected.items():
         read = ours.topics[topic]
@@ -80,7 +91,9 @@ def test_same_arrays_as_pyulog_on_measured_logs(name: str, measured: Callable[[s
     assert not [d for d in ours.damage if d.kind in ("framing", "lost_tail")]
 
 
-def test_dropout_is_located_in_the_topics_that_lost_samples(measured: Callable[[str], Path]) -> None:
+def test_dropout_is_located_in_the_topics_that_lost_samples(
+    measured: Callable[[str], Path],
+) -> None:
     recording = read_ulog(measured("px4_ulog/sample_log_small.ulg"))
     lost = {d.topic: d for d in recording.damage if d.kind == "dropout" and d.topic}
     rates = lost["vehicle_angular_velocity"]
@@ -99,19 +112,29 @@ def test_what_is_written_is_read_by_pyulog_and_by_us(log: Path) -> None:
     for topic in example_topics():
         name, _, instance = topic.name.partition(".")
         data = theirs.get_dataset(name, int(instance or 0)).data
-        np.testing.assert_array_equal(data["timestamp"], np.round(topic.time * 1e6).astype(np.uint64))
+        np.testing.assert_array_equal(
+            data["timestamp"], np.round(topic.time * 1e6).astype(np.uint64)
+        )
         np.testing.assert_allclose(ours.topics[topic.name].time, topic.time, rtol=0, atol=1e-9)
         for field, values in topic.fields.items():
             read = ours.topics[topic.name].fields[field]
             np.testing.assert_array_equal(read, values)
             np.testing.assert_array_equal(data[field], values)
-    assert (ours.metadata["sys_name"], ours.metadata["param:A_B"], ours.metadata["param:N"]) == ("PX4", 1.5, 7)
+    assert (ours.metadata["sys_name"], ours.metadata["param:A_B"], ours.metadata["param:N"]) == (
+        "PX4",
+        1.5,
+        7,
+    )
     assert theirs.message_formats["vehicle_angular_velocity"].fields[1] == ("float", 3, "xyz")
 
 
 def test_messages_stand_in_the_order_of_time(log: Path) -> None:
     data = log.read_bytes()
-    stamps = [int.from_bytes(data[at + 5 : at + 13], "little") for at, _, kind in messages(data) if kind == ord("D")]
+    stamps = [
+        int.from_bytes(data[at + 5 : at + 13], "little")
+        for at, _, kind in messages(data)
+        if kind == ord("D")
+    ]
     assert len(stamps) == 880
     assert stamps == sorted(stamps)
 
@@ -125,7 +148,9 @@ def test_start_utc_survives(tmp_path: Path) -> None:
 def test_only_the_topics_asked_for(log: Path) -> None:
     some = read_ulog(log, topics=["battery"])
     assert sorted(some.topics) == ["battery", "battery.1"]
-    np.testing.assert_array_equal(some.topics["battery"].fields["count"], read_ulog(log).topics["battery"].fields["count"])
+    np.testing.assert_array_equal(
+        some.topics["battery"].fields["count"], read_ulog(log).topics["battery"].fields["count"]
+    )
 
 
 def test_cut_anywhere_keeps_all_whole_messages_and_reports_the_rest(log: Path) -> None:
@@ -143,7 +168,8 @@ def test_cut_anywhere_keeps_all_whole_messages_and_reports_the_rest(log: Path) -
 
 @pytest.mark.parametrize("fill", [b"\x00", b"\xff", b"D"])
 def test_overwritten_block_is_excised_and_located(log: Path, fill: bytes) -> None:
-    """A bad block of a memory card: everything outside it is read, what was in it is reported with its times."""
+    """A bad block of a memory card: everything outside it is read, what was in it is reported with
+    its times."""
     data = bytearray(log.read_bytes())
     found = [(at, end) for at, end, kind in messages(bytes(data)) if kind == ord("D")]
     first, last = found[300], found[420]
@@ -163,7 +189,8 @@ def test_overwritten_block_is_excised_and_located(log: Path, fill: bytes) -> Non
 
 
 def test_what_looks_like_a_record_amid_damage_is_not_believed(log: Path) -> None:
-    """Five stray bytes have the form of a dropout report; only what further records follow counts."""
+    """Five stray bytes have the form of a dropout report; only what further records follow
+    counts."""
     data = bytearray(log.read_bytes())
     found = [(at, end) for at, end, kind in messages(bytes(data)) if kind == ord("D")]
     first, last = found[300][0], found[320][0]
@@ -187,7 +214,8 @@ def test_lost_announcement_and_lost_format_are_reported_by_topic(log: Path) -> N
 
 
 def test_data_appended_after_a_crash_are_read_behind_a_cut_record(log: Path) -> None:
-    """PX4 appends what it finds in memory after a hard fault, and notes the offset in the flag bits message."""
+    """PX4 appends what it finds in memory after a hard fault, and notes the offset in the flag bits
+    message."""
     data = log.read_bytes()
     found = [(at, end) for at, end, kind in messages(data) if kind == ord("D")]
     cut = found[400][0] + 6
@@ -220,7 +248,16 @@ def test_format_of_absurd_size_costs_its_topic_only(log: Path) -> None:
         for text in (b"deep:uint64_t timestamp;wide[60000] x;", b"wide:deep[60000] y;")
     )
     announced = (7).to_bytes(2, "little") + b"A" + bytes([0, 99, 0]) + b"deep"
-    log.write_bytes(data[:at] + nested + data[at:] + announced + (20).to_bytes(2, "little") + b"D" + bytes([99, 0]) + bytes(18))
+    log.write_bytes(
+        data[:at]
+        + nested
+        + data[at:]
+        + announced
+        + (20).to_bytes(2, "little")
+        + b"D"
+        + bytes([99, 0])
+        + bytes(18)
+    )
     recording = read_ulog(log)
     assert len(recording.topics) == 3
     assert [d.topic for d in recording.damage if d.kind == "values"] == ["deep"]
@@ -234,7 +271,10 @@ def test_format_of_absurd_size_costs_its_topic_only(log: Path) -> None:
         (b"ULog\x01\x12\x35\x01" + bytes(8), "no data"),
         (b"ULog\x01\x12\x35\x01" + bytes(8) + b"\xff\xffD" + bytes(300), "no data"),
         (b"PK\x03\x04 not a log", "not a ULog file"),
-        (b"ULog\x01\x12\x35\x01" + bytes(8) + b"\x28\x00B" + bytes(8) + b"\x02" + bytes(31), "ncompatible flag"),
+        (
+            b"ULog\x01\x12\x35\x01" + bytes(8) + b"\x28\x00B" + bytes(8) + b"\x02" + bytes(31),
+            "ncompatible flag",
+        ),
     ],
 )
 def test_refused(tmp_path: Path, content: bytes, what: str) -> None:
@@ -262,7 +302,9 @@ def test_absent_file_is_refused(tmp_path: Path) -> None:
         (Topic("a", np.ones(2), {"x": np.ones(1)}), "values for"),
     ],
 )
-def test_what_ulog_cannot_hold_is_refused_and_nothing_is_left_behind(tmp_path: Path, topic: Topic, what: str) -> None:
+def test_what_ulog_cannot_hold_is_refused_and_nothing_is_left_behind(
+    tmp_path: Path, topic: Topic, what: str
+) -> None:
     with pytest.raises(InputError, match=what):
         write_ulog(tmp_path / "a.ulg", [topic])
     assert list(tmp_path.iterdir()) == []
@@ -271,7 +313,9 @@ def test_what_ulog_cannot_hold_is_refused_and_nothing_is_left_behind(tmp_path: P
 def test_inspection_shows_rates_and_gaps(log: Path) -> None:
     summary = describe(read_ulog(log))
     rates = {topic.name: topic.rate for topic in summary.topics}
-    assert rates == pytest.approx({"battery": 10.0, "battery.1": 10.0, "vehicle_angular_velocity": 200.0})
+    assert rates == pytest.approx(
+        {"battery": 10.0, "battery.1": 10.0, "vehicle_angular_velocity": 200.0}
+    )
     assert (summary.start, summary.end) == pytest.approx((0.005, 4.001))
     time = np.array([0.0, 0.1, 0.2, 0.3, 1.0, 1.1])
     (topic,) = describe(Recording("", "ulog", "", 0, {"a": Topic("a", time, {})})).topics
@@ -305,16 +349,30 @@ def test_px4_mapping_gives_the_channels(tmp_path: Path) -> None:
     mapping = choose_mapping(recording, builtin_mappings().values())
     assert mapping.name == "px4"
     flight = map_recording(recording, mapping, parse_vehicle(VEHICLE))
-    for name in ("p", "az_imu", "theta", "V", "alpha", "beta", "rho", "static_pressure", "altitude", "velocity_north"):
+    for name in (
+        "p",
+        "az_imu",
+        "theta",
+        "V",
+        "alpha",
+        "beta",
+        "rho",
+        "static_pressure",
+        "altitude",
+        "velocity_north",
+    ):
         assert name in flight, name
     assert np.mean(flight["az_imu"]) == pytest.approx(-9.8, abs=0.1)
     assert np.mean(flight["temperature"]) == pytest.approx(285.15, abs=0.1)
     raw = recording.topics["vehicle_torque_setpoint"].fields["xyz[1]"]
-    assert np.max(flight["delta_elevator"]) == pytest.approx(np.deg2rad(20.0) * np.max(raw), rel=1e-3)
+    assert np.max(flight["delta_elevator"]) == pytest.approx(
+        np.deg2rad(20.0) * np.max(raw), rel=1e-3
+    )
 
 
 def test_px4_mapping_knows_former_names(measured: Callable[[str], Path]) -> None:
-    """sample.ulg is of 2016: rates and accelerations stand in sensor_combined, commands in actuator_controls_0."""
+    """sample.ulg is of 2016: rates and accelerations stand in sensor_combined, commands in
+    actuator_controls_0."""
     recording = read_log(measured("px4_ulog/sample.ulg"))
     flight = map_recording(recording, builtin_mappings()["px4"], parse_vehicle(VEHICLE))
     for name in ("p", "q", "r", "ax_imu", "az_imu", "phi", "velocity_north", "delta_elevator"):
@@ -323,9 +381,12 @@ def test_px4_mapping_knows_former_names(measured: Callable[[str], Path]) -> None
 
 
 def test_one_topic_without_a_timestamp_costs_no_other(tmp_path: Path) -> None:
-    """A flipped byte in one format once made pyulog stop, without a word, before all the topics that follow."""
+    """A flipped byte in one format once made pyulog stop, without a word, before all the topics
+    that follow."""
     path = tmp_path / "a.ulg"
-    topics = [Topic(name, np.arange(1.0, 11.0), {"x": np.arange(10.0)}) for name in ("aaa", "bbb", "ccc")]
+    topics = [
+        Topic(name, np.arange(1.0, 11.0), {"x": np.arange(10.0)}) for name in ("aaa", "bbb", "ccc")
+    ]
     write_ulog(path, topics, metadata={"sys_name": "PX4"})
     whole = path.read_bytes()
     path.write_bytes(whole.replace(b"bbb:uint64_t timestamp", b"bbb:uint64_t timestanp"))

@@ -1,4 +1,5 @@
-"""Backup and restore: consistent while others write, interrupted ones refused, only what is new copied, damage kept out."""
+"""Backup and restore: consistent while others write, interrupted ones refused, only what is new
+copied, damage kept out."""
 
 import hashlib
 import json
@@ -50,14 +51,18 @@ def workspace(made: tuple[Path, list[Path]], tmp_path: Path) -> Workspace:
 
 
 def ingest(workspace: Workspace, *logs: Path) -> None:
-    run_flow(flight_flow, {"logs": [str(log) for log in logs], "vehicle": NAME}, workspace, "direct")
+    run_flow(
+        flight_flow, {"logs": [str(log) for log in logs], "vehicle": NAME}, workspace, "direct"
+    )
 
 
 def files(root: Path) -> dict[str, str]:
     return state_of(root, ("catalogue", "prefect", "reports", "locks"))
 
 
-def test_a_restored_workspace_is_the_one_that_was_backed_up(workspace: Workspace, tmp_path: Path) -> None:
+def test_a_restored_workspace_is_the_one_that_was_backed_up(
+    workspace: Workspace, tmp_path: Path
+) -> None:
     back_up(workspace, tmp_path / "b")
     restore(tmp_path / "b", tmp_path / "new")
     new = Workspace.open(tmp_path / "new")
@@ -71,14 +76,18 @@ def test_a_restored_workspace_is_the_one_that_was_backed_up(workspace: Workspace
     assert rows[0] == rows[1]
 
 
-def test_a_second_backup_copies_only_what_is_new(workspace: Workspace, made: tuple[Path, list[Path]], tmp_path: Path) -> None:
+def test_a_second_backup_copies_only_what_is_new(
+    workspace: Workspace, made: tuple[Path, list[Path]], tmp_path: Path
+) -> None:
     first = back_up(workspace, tmp_path / "b")
     assert first.copied == first.files > 20
     assert back_up(workspace, tmp_path / "b").copied == 0
     before = files(workspace.root)
     ingest(workspace, made[1][3])
     second = back_up(workspace, tmp_path / "b")
-    assert second.copied == len(files(workspace.root)) - len(before) == second.files - first.files > 0
+    assert (
+        second.copied == len(files(workspace.root)) - len(before) == second.files - first.files > 0
+    )
     restore(tmp_path / "b", tmp_path / "new")
     assert stored(Workspace.open(tmp_path / "new")) == stored(workspace)
 
@@ -107,7 +116,9 @@ def _killed_backup(workspace: Workspace, target: Path, after: int) -> None:
 
 
 @pytest.mark.skipif(os.name == "nt", reason="no SIGKILL")
-def test_an_interrupted_backup_is_refused_and_can_be_taken_up(workspace: Workspace, made: Any, tmp_path: Path) -> None:
+def test_an_interrupted_backup_is_refused_and_can_be_taken_up(
+    workspace: Workspace, made: Any, tmp_path: Path
+) -> None:
     target = tmp_path / "b"
     _killed_backup(workspace, target, 7)
     with pytest.raises(InputError, match="this backup was interrupted"):
@@ -119,7 +130,9 @@ def test_an_interrupted_backup_is_refused_and_can_be_taken_up(workspace: Workspa
     ingest(workspace, made[1][3])
     _killed_backup(workspace, target, 2)
     restore(target, tmp_path / "new")
-    assert stored(Workspace.open(tmp_path / "new")) == kept, "the backup before the interrupted one is still whole"
+    assert stored(Workspace.open(tmp_path / "new")) == kept, (
+        "the backup before the interrupted one is still whole"
+    )
 
 
 _WRITER = """
@@ -137,9 +150,11 @@ for log in sys.argv[3:]:
 """
 
 
-def beside_a_writer(workspace: Workspace, logs: list[Path], backup: Callable[[int], int]) -> list[int]:
-    """What `backup` says, which is called (with 0, 1...) whenever another process has begun to take in one of the `logs`: at once
-    with the first, later with each further one."""
+def beside_a_writer(
+    workspace: Workspace, logs: list[Path], backup: Callable[[int], int]
+) -> list[int]:
+    """What `backup` says, which is called (with 0, 1...) whenever another process has begun to take
+    in one of the `logs`: at once with the first, later with each further one."""
     command = [sys.executable, "-c", _WRITER, str(workspace.root), NAME, *map(str, logs)]
     pipes: dict[str, Any] = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
     numbers = []
@@ -173,11 +188,15 @@ def test_backups_while_another_process_takes_logs_in(tmp_path: Path) -> None:
     assert [k + 1 for k in range(5) if numbers[k] not in (k + 1, k + 2)] == [], numbers
 
 
-def test_damage_in_the_store_is_told_and_does_not_replace_the_good_copy(workspace: Workspace, tmp_path: Path) -> None:
+def test_damage_in_the_store_is_told_and_does_not_replace_the_good_copy(
+    workspace: Workspace, tmp_path: Path
+) -> None:
     back_up(workspace, tmp_path / "b")
     path = next((workspace.root / "results").rglob("*.parquet"))
     path.write_bytes(path.read_bytes()[:-1] + b"?")
-    result = CliRunner().invoke(app, ["--workspace", str(workspace.root), "--json", "backup", str(tmp_path / "b")])
+    result = CliRunner().invoke(
+        app, ["--workspace", str(workspace.root), "--json", "backup", str(tmp_path / "b")]
+    )
     assert result.exit_code == 1
     (problem,) = json.loads(result.stdout)["problems"]
     assert problem["where"] == workspace.relative(path)
@@ -188,7 +207,9 @@ def test_damage_in_the_store_is_told_and_does_not_replace_the_good_copy(workspac
 
 
 @pytest.mark.parametrize("what", ["file", "missing", "catalogue", "quarantined", "no reason"])
-def test_a_damaged_backup_is_refused_and_leaves_nothing(workspace: Workspace, tmp_path: Path, what: str) -> None:
+def test_a_damaged_backup_is_refused_and_leaves_nothing(
+    workspace: Workspace, tmp_path: Path, what: str
+) -> None:
     back_up(workspace, tmp_path / "b")
     stored_file = next((tmp_path / "b" / "flights").rglob("*.parquet"))
     places = {
@@ -201,7 +222,9 @@ def test_a_damaged_backup_is_refused_and_leaves_nothing(workspace: Workspace, tm
         path.unlink()
     else:
         data = path.read_bytes()
-        path.write_bytes(data[: len(data) // 2] + bytes([data[len(data) // 2] ^ 1]) + data[len(data) // 2 + 1 :])
+        path.write_bytes(
+            data[: len(data) // 2] + bytes([data[len(data) // 2] ^ 1]) + data[len(data) // 2 + 1 :]
+        )
     (tmp_path / "place").mkdir()
     with pytest.raises(InputError) as refusal:
         restore(tmp_path / "b", tmp_path / "place" / "new")
@@ -217,11 +240,21 @@ def test_a_manifest_with_any_bit_flipped_is_refused(workspace: Workspace, tmp_pa
     flips = [(k, rng.randrange(8)) for k in range(len(written))]
     named = written.index(b'"name"')
     for position, bit in [*flips, *[(k, bit) for k in range(named, named + 6) for bit in range(8)]]:
-        manifest.write_bytes(written[:position] + bytes([written[position] ^ 1 << bit]) + written[position + 1 :])
+        manifest.write_bytes(
+            written[:position] + bytes([written[position] ^ 1 << bit]) + written[position + 1 :]
+        )
         with pytest.raises(InputError) as refusal:
             restore(tmp_path / "b", tmp_path / "new")
         assert refusal.value.remedy
-    for other in (b"", b"[]\n", b"7\n", b"{}\n", written[:-1], written + b" ", written[: len(written) // 2]):
+    for other in (
+        b"",
+        b"[]\n",
+        b"7\n",
+        b"{}\n",
+        written[:-1],
+        written + b" ",
+        written[: len(written) // 2],
+    ):
         manifest.write_bytes(other)
         with pytest.raises(InputError, match="not the one that was written"):
             manifest_of(tmp_path / "b")
@@ -236,7 +269,9 @@ def _lack(workspace: Workspace) -> list[Path]:
     gone.unlink()
     topics = sorted((workspace.root / "flights").glob("*/*.topics"))
     (topics[0] / "0000.parquet").write_bytes(b"damaged")
-    (topics[1] / INDEX).write_bytes((topics[1] / INDEX).read_bytes().replace(b"topics", b"tropic", 1))
+    (topics[1] / INDEX).write_bytes(
+        (topics[1] / INDEX).read_bytes().replace(b"topics", b"tropic", 1)
+    )
     quarantined = next((workspace.root / "quarantine").glob("*/log.csv"))
     quarantined.unlink()
     return sorted([gone, topics[0] / "0000.parquet", topics[1] / INDEX, quarantined.parent])
@@ -244,7 +279,9 @@ def _lack(workspace: Workspace) -> list[Path]:
 
 def _wheres(workspace: Workspace) -> list[Path]:
     with Catalogue.open(workspace.catalogue) as catalogue:
-        return sorted(workspace.resolve(problem.where) for problem in verify(workspace, catalogue).problems)
+        return sorted(
+            workspace.resolve(problem.where) for problem in verify(workspace, catalogue).problems
+        )
 
 
 def test_what_lacked_at_the_backup_does_not_keep_the_rest_from_being_restored(
@@ -254,15 +291,21 @@ def test_what_lacked_at_the_backup_does_not_keep_the_rest_from_being_restored(
     damaged = _lack(workspace)
     assert _wheres(workspace) == damaged
     assert len(back_up(workspace, tmp_path / "b").problems) == 4
-    result = CliRunner().invoke(app, ["--json", "restore", str(tmp_path / "b"), "--workspace", str(tmp_path / "new")])
+    result = CliRunner().invoke(
+        app, ["--json", "restore", str(tmp_path / "b"), "--workspace", str(tmp_path / "new")]
+    )
     assert result.exit_code == 1
     new = Workspace.open(tmp_path / "new")
-    told = sorted(new.resolve(problem["where"]) for problem in json.loads(result.stdout)["problems"])
+    told = sorted(
+        new.resolve(problem["where"]) for problem in json.loads(result.stdout)["problems"]
+    )
     assert told == _wheres(new) == [new.root / path.relative_to(workspace.root) for path in damaged]
     assert files(new.root).items() <= files(workspace.root).items()
     assert stored(new) == sound
     # The repair works as it does in the workspace itself.
-    for folder in {path.parent for path in told if path.parent.suffix == ".topics" and path.parent.exists()}:
+    for folder in {
+        path.parent for path in told if path.parent.suffix == ".topics" and path.parent.exists()
+    }:
         shutil.rmtree(folder)
     ingest(new, *made[1][:3])
     assert [path.parent.name for path in _wheres(new)] == ["quarantine"]
@@ -272,7 +315,9 @@ def test_what_lacked_at_the_backup_does_not_keep_the_rest_from_being_restored(
         restore(tmp_path / "b", tmp_path / "another")
 
 
-def test_an_earlier_copy_that_is_damaged_since_is_not_restored(workspace: Workspace, tmp_path: Path) -> None:
+def test_an_earlier_copy_that_is_damaged_since_is_not_restored(
+    workspace: Workspace, tmp_path: Path
+) -> None:
     back_up(workspace, tmp_path / "b")
     path = next((workspace.root / "results").rglob("*.parquet"))
     path.unlink()
@@ -286,7 +331,8 @@ def test_an_earlier_copy_that_is_damaged_since_is_not_restored(workspace: Worksp
 def test_every_folder_in_quarantine_is_in_a_backup_and_those_taken_back_are_not(
     workspace: Workspace, made: tuple[Path, list[Path]], tmp_path: Path
 ) -> None:
-    """Also a log that is stored for another vehicle, one that could not be read, and none of a link."""
+    """Also a log that is stored for another vehicle, one that could not be read, and none of a
+    link."""
     stored_log, sha256 = made[1][0], measured(made[1][0])[0]
     workspace.quarantine(stored_log, sha256, "another vehicle's", "other")
     with Catalogue.open(workspace.catalogue) as catalogue:
@@ -297,11 +343,15 @@ def test_every_folder_in_quarantine_is_in_a_backup_and_those_taken_back_are_not(
         aside = workspace.root / "quarantine" / hashlib.sha256(name.encode()).hexdigest()
         aside.mkdir()
         workspace.write_reason(aside, name, 1, "could not be read", NAME)
-        (aside / "aside").symlink_to(stored_log) if name == "link" else (aside / "aside").write_bytes(b"x")
+        (aside / "aside").symlink_to(stored_log) if name == "link" else (
+            aside / "aside"
+        ).write_bytes(b"x")
     assert back_up(workspace, tmp_path / "b").problems == ()
     restore(tmp_path / "b", tmp_path / "new")
     expected = files(workspace.root)
-    assert files(tmp_path / "new") == {path: sha for path, sha in expected.items() if aside.name not in path}
+    assert files(tmp_path / "new") == {
+        path: sha for path, sha in expected.items() if aside.name not in path
+    }
     assert (tmp_path / "new" / "quarantine" / sha256 / "log.csv").is_file()
     shutil.rmtree(workspace.root / "quarantine" / sha256)
     back_up(workspace, tmp_path / "b")
@@ -309,7 +359,9 @@ def test_every_folder_in_quarantine_is_in_a_backup_and_those_taken_back_are_not(
     assert not (tmp_path / "newer" / "quarantine" / sha256).exists()
 
 
-def test_a_place_that_is_taken_is_not_touched(workspace: Workspace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_place_that_is_taken_is_not_touched(
+    workspace: Workspace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     back_up(workspace, tmp_path / "b")
     empty = tmp_path / "empty"
     empty.mkdir()
@@ -351,7 +403,11 @@ def test_places_that_are_taken_or_wrong_are_refused(workspace: Workspace, tmp_pa
     with pytest.raises(InputError, match="there already"):
         restore(tmp_path / "b", other)
     result = CliRunner().invoke(app, ["--workspace", str(tmp_path / "b"), "flight", "list"])
-    assert "no workspace here" in str(result.exception), "a backup is no workspace: nobody writes to it by mistake"
-    restored = CliRunner().invoke(app, ["restore", str(tmp_path / "b"), "--workspace", str(tmp_path / "new")])
+    assert "no workspace here" in str(result.exception), (
+        "a backup is no workspace: nobody writes to it by mistake"
+    )
+    restored = CliRunner().invoke(
+        app, ["restore", str(tmp_path / "b"), "--workspace", str(tmp_path / "new")]
+    )
     assert restored.exit_code == 0
     assert "verified" in restored.stdout

@@ -1,4 +1,5 @@
-"""`aerodb verify`: nothing wrong where nothing is, and each planted fault found, named once, with a repair that works."""
+"""`aerodb verify`: nothing wrong where nothing is, and each planted fault found, named once, with a
+repair that works."""
 
 import hashlib
 import json
@@ -31,7 +32,8 @@ from tests.support.small_glider import NAME, write_files
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Path]]:
-    """A workspace after ingestion, update and closed loop, with a log in quarantine; and its logs."""
+    """A workspace after ingestion, update and closed loop, with a log in quarantine; and its
+    logs."""
     logs = write_files(tmp_path_factory.mktemp("logs"), flights=3)
     workspace = prepared(tmp_path_factory.mktemp("w"), logs[0].parent)
     document = ingest_and_update(workspace, logs)
@@ -79,7 +81,12 @@ def by_hand(workspace: Workspace, statement: str) -> None:
 def test_a_sound_workspace_is_clean_and_everything_was_looked_at(workspace: Workspace) -> None:
     report = report_of(workspace)
     assert report.problems == []
-    files = [path for folder in ("flights", "results", "logs") for path in (workspace.root / folder).rglob("*") if path.is_file()]
+    files = [
+        path
+        for folder in ("flights", "results", "logs")
+        for path in (workspace.root / folder).rglob("*")
+        if path.is_file()
+    ]
     quarantined = list((workspace.root / "quarantine").glob("*/log*"))
     assert report.checked["files"] == len(files) + len(quarantined)
     assert report.checked["bytes"] == sum(path.stat().st_size for path in [*files, *quarantined])
@@ -87,7 +94,9 @@ def test_a_sound_workspace_is_clean_and_everything_was_looked_at(workspace: Work
     assert report.checked["edges"] > 20
 
 
-@pytest.mark.parametrize("step", ["ingest", "conditioning", "consistency", "coefficients", "compare", "gram"])
+@pytest.mark.parametrize(
+    "step", ["ingest", "conditioning", "consistency", "coefficients", "compare", "gram"]
+)
 def test_one_flipped_bit_in_any_kind_of_result_is_found(workspace: Workspace, step: str) -> None:
     path = file_of(workspace, step)
     data = bytearray(path.read_bytes())
@@ -96,10 +105,15 @@ def test_one_flipped_bit_in_any_kind_of_result_is_found(workspace: Workspace, st
     assert kinds(workspace) == [("changed", workspace.relative(path))]
 
 
-def test_what_is_damaged_is_made_again_as_the_hint_says(workspace: Workspace, made: tuple[Path, list[Path]]) -> None:
+def test_what_is_damaged_is_made_again_as_the_hint_says(
+    workspace: Workspace, made: tuple[Path, list[Path]]
+) -> None:
     """Results by whoever asks next, topics by taking the log in again; ids and keys stay."""
     kept = stored(workspace)
-    results = [file_of(workspace, step) for step in ("ingest", "conditioning", "consistency", "coefficients", "compare")]
+    results = [
+        file_of(workspace, step)
+        for step in ("ingest", "conditioning", "consistency", "coefficients", "compare")
+    ]
     topics = next((workspace.root / "flights").glob("*/*.topics"))
     for path in results:
         path.write_bytes(b"\0")
@@ -113,7 +127,9 @@ def test_what_is_damaged_is_made_again_as_the_hint_says(workspace: Workspace, ma
         assert problem.remedy.startswith("remove")
         shutil.rmtree(place.parent) if "this folder" in problem.remedy else place.unlink()
     assert {kind for kind, _ in kinds(workspace)} == {"missing"}
-    run_flow(flight_flow, {"logs": [str(log) for log in made[1]], "vehicle": NAME}, workspace, "direct")
+    run_flow(
+        flight_flow, {"logs": [str(log) for log in made[1]], "vehicle": NAME}, workspace, "direct"
+    )
     assert kinds(workspace) == []
     assert stored(workspace) == kept
 
@@ -164,12 +180,18 @@ def test_a_topic_that_is_gone_or_does_not_belong_is_found(workspace: Workspace) 
     assert set(kinds(workspace)) == {*found, ("orphan", workspace.relative(folder / "link"))}
 
 
-def test_what_was_stored_before_hashes_were_kept_is_told_and_backed_up(workspace: Workspace, tmp_path: Path) -> None:
+def test_what_was_stored_before_hashes_were_kept_is_told_and_backed_up(
+    workspace: Workspace, tmp_path: Path
+) -> None:
     folder = next((workspace.root / "flights").glob("*/*.topics"))
     index = json.loads((folder / INDEX).read_text())
     names = sorted(path.name for path in folder.glob("*.parquet"))
-    (folder / INDEX).write_text(json.dumps({key: value for key, value in index.items() if key != "files"}))
-    by_hand(workspace, f"DELETE FROM stored_files WHERE path = '{workspace.relative(folder / INDEX)}'")
+    (folder / INDEX).write_text(
+        json.dumps({key: value for key, value in index.items() if key != "files"})
+    )
+    by_hand(
+        workspace, f"DELETE FROM stored_files WHERE path = '{workspace.relative(folder / INDEX)}'"
+    )
     assert kinds(workspace) == [("no hash", workspace.relative(folder / INDEX))]
     with Catalogue.open(workspace.catalogue) as catalogue:
         catalogue.add_file(workspace.relative(folder / INDEX), *measured(folder / INDEX))
@@ -188,7 +210,9 @@ def test_quarantined_logs_are_what_their_names_say(workspace: Workspace) -> None
     assert kinds(workspace) == [("missing", workspace.relative(log.parent))]
 
 
-def test_logs_as_they_came_are_what_their_names_say(workspace: Workspace, made: tuple[Path, list[Path]]) -> None:
+def test_logs_as_they_came_are_what_their_names_say(
+    workspace: Workspace, made: tuple[Path, list[Path]]
+) -> None:
     """Also one whose hash was not noted any more when its run was killed."""
     sha256 = hashlib.sha256(made[1][0].read_bytes()).hexdigest()
     kept = workspace.log_path(sha256, ".csv")
@@ -202,19 +226,45 @@ def test_logs_as_they_came_are_what_their_names_say(workspace: Workspace, made: 
     ("statement", "where"),
     [
         ("UPDATE versions SET settings = '{}' WHERE number = 2", f"v0002 of {NAME}"),
-        ("UPDATE versions SET content = replace(content, '-0.65', '-0.66') WHERE number = 1", f"v0001 of {NAME}"),
-        ("UPDATE versions SET content = replace(content, '-0.03', '-0.04') WHERE number = 1", f"v0001 of {NAME}"),
-        ("DELETE FROM version_inputs WHERE rowid = (SELECT min(rowid) FROM version_inputs)", f"v0001 of {NAME}"),
-        ("UPDATE vehicle_texts SET text = text || ' '", f"vehicle {NAME}"),
-        ("UPDATE name_events SET previous = version WHERE sequence = (SELECT max(sequence) FROM name_events)", "'candidate'"),
-        ("UPDATE result_inputs SET input_key = 'gone' WHERE rowid = (SELECT min(rowid) FROM result_inputs)", "result "),
         (
-            "UPDATE version_inputs SET input_key = 'gone' WHERE rowid = (SELECT max(rowid) FROM version_inputs)",
+            "UPDATE versions SET content = replace(content, '-0.65', '-0.66') WHERE number = 1",
+            f"v0001 of {NAME}",
+        ),
+        (
+            "UPDATE versions SET content = replace(content, '-0.03', '-0.04') WHERE number = 1",
+            f"v0001 of {NAME}",
+        ),
+        (
+            "DELETE FROM version_inputs WHERE rowid = (SELECT min(rowid) FROM version_inputs)",
+            f"v0001 of {NAME}",
+        ),
+        ("UPDATE vehicle_texts SET text = text || ' '", f"vehicle {NAME}"),
+        (
+            (
+                "UPDATE name_events SET previous = version WHERE sequence = (SELECT max(sequence)"
+                " FROM name_events)"
+            ),
+            "'candidate'",
+        ),
+        (
+            (
+                "UPDATE result_inputs SET input_key = 'gone' WHERE rowid = (SELECT min(rowid) FROM"
+                " result_inputs)"
+            ),
+            "result ",
+        ),
+        (
+            (
+                "UPDATE version_inputs SET input_key = 'gone' WHERE rowid = (SELECT max(rowid) FROM"
+                " version_inputs)"
+            ),
             f"v0002 of {NAME}",
         ),
     ],
 )
-def test_a_catalogue_changed_by_hand_is_found_out(workspace: Workspace, statement: str, where: str) -> None:
+def test_a_catalogue_changed_by_hand_is_found_out(
+    workspace: Workspace, statement: str, where: str
+) -> None:
     by_hand(workspace, statement)
     found = [place for kind, place in kinds(workspace) if kind == "catalogue"]
     assert any(where in place for place in found), found
@@ -246,4 +296,7 @@ def test_the_command_says_it_in_json_and_by_its_exit_code(workspace: Workspace) 
     wrong = called("--json")
     assert wrong.exit_code == 1
     (problem,) = json.loads(wrong.stdout)["problems"]
-    assert (problem["kind"], problem["remedy"]) == ("missing", "it is made again when it is needed next")
+    assert (problem["kind"], problem["remedy"]) == (
+        "missing",
+        "it is made again when it is needed next",
+    )
