@@ -1,7 +1,7 @@
 """Five-hole probes: flow angles from raw pressure differences, with corrections for nonlinearity
 and for the other angle.
 
-The probe shows ``dp / q = K (x + offset + square x^2 + cross y^2 + bend beyond(x))`` with x the
+The probe shows ``dp / q = K (x + offset + square x^2 + cross y^2 + bend dead_zone(x))`` with x the
 flow angle of that pair of holes, y the other, q the dynamic pressure and ``beyond`` what of x lies
 beyond +-`break`. K = `slope` alone is the usual ``x = dp / (K q)``; 003, III (Phoenix) found it too
 coarse, and alpha to depend on the sideslip.
@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field
 
 from aerodb.quantities import Number, Radians
-from aerodb.support import Array, Signal, Strict, beyond
+from aerodb.support import Array, Signal, Strict, dead_zone
 
 #: Newton steps from the linear answer, and the residual angle (rad) that they must leave.
 _STEPS, _LEFT = 20, 1e-9
@@ -51,7 +51,7 @@ def flow_angles(dp_alpha: Array, dp_beta: Array, q: Array, probe: FiveHole) -> t
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         for _ in range(_STEPS):
             x, y = Signal(angles[0], {"x": 1.0}), Signal(angles[1], {"y": 1.0})
-            shown = (relative(x, y, probe.alpha), relative(y, x, probe.beta))
+            shown = (pressure_ratio(x, y, probe.alpha), pressure_ratio(y, x, probe.beta))
             off = [got.value - want for got, want in zip(shown, wanted, strict=True)]
             (a, b), (c, d) = ([np.asarray(got.by.get(name, 0.0)) for name in "xy"] for got in shown)
             determinant = a * d - b * c
@@ -63,12 +63,12 @@ def flow_angles(dp_alpha: Array, dp_beta: Array, q: Array, probe: FiveHole) -> t
     return np.where(found, angles[0], np.nan), np.where(found, angles[1], np.nan)
 
 
-def relative(x: Signal, y: Signal, curve: Curve) -> Signal:
+def pressure_ratio(x: Signal, y: Signal, curve: Curve) -> Signal:
     """``dp / (K q)`` that a pair of holes shows at its own angle x and the other one y."""
     return (
         x
         + curve.offset
         + x * x * curve.square
         + y * y * curve.cross
-        + beyond(x, curve.break_angle) * curve.bend
+        + dead_zone(x, curve.break_angle) * curve.bend
     )

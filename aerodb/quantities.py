@@ -8,17 +8,17 @@ from pydantic import BeforeValidator, Field
 from aerodb.units import quantity
 
 
-def unit_of(unit: str) -> BeforeValidator:
+def in_unit(unit: str) -> BeforeValidator:
     """A number in SI, or text such as "6.5 ft" that is converted to `unit`."""
     return BeforeValidator(
         lambda value: quantity(value, unit) if isinstance(value, (str, int, float)) else value
     )
 
 
-Metres = Annotated[float, unit_of("m")]
-Radians = Annotated[float, unit_of("rad")]
-Seconds = Annotated[float, unit_of("s"), Field(ge=0)]
-Kilograms = Annotated[float, unit_of("kg"), Field(gt=0)]
-Inertia = Annotated[float, unit_of("kg m^2")]
-Number = Annotated[float, unit_of("")]
+Metres = Annotated[float, in_unit("m")]
+Radians = Annotated[float, in_unit("rad")]
+Seconds = Annotated[float, in_unit("s"), Field(ge=0)]
+Kilograms = Annotated[float, in_unit("kg"), Field(gt=0)]
+Inertia = Annotated[float, in_unit("kg m^2")]
+Number = Annotated[float, in_unit("")]
 Point = tuple[Metres, Metres, Metres]

@@ -19,7 +19,7 @@ from aerodb.errors import InputError, UnknownNameError, nearest
 from aerodb.five_hole import FiveHole
 from aerodb.flight import Flight
 from aerodb.nomenclature import channel
-from aerodb.quantities import Inertia, Kilograms, Metres, Number, Point, Radians, Seconds, unit_of
+from aerodb.quantities import Inertia, Kilograms, Metres, Number, Point, Radians, Seconds, in_unit
 from aerodb.support import Array, Strict, validated
 from aerodb.units import quantity
 
@@ -28,9 +28,9 @@ class Reference(Strict):
     """Reference area [m2], chord [m] (for Cm and q_hat) and full span [m] (for Cl, Cn, p_hat,
     r_hat)."""
 
-    area: Annotated[float, unit_of("m^2"), Field(gt=0)]
-    chord: Annotated[float, unit_of("m"), Field(gt=0)]
-    span: Annotated[float, unit_of("m"), Field(gt=0)]
+    area: Annotated[float, in_unit("m^2"), Field(gt=0)]
+    chord: Annotated[float, in_unit("m"), Field(gt=0)]
+    span: Annotated[float, in_unit("m"), Field(gt=0)]
 
 
 class Points(Strict):
@@ -65,7 +65,7 @@ class MassProperties(Strict):
     of that length); or named channels of the log (`source = "channels"`)."""
 
     source: Literal["constant", "fuel_table", "channels"] = "constant"
-    fuel_mass: tuple[Annotated[float, unit_of("kg"), Field(ge=0)], ...] = ()
+    fuel_mass: tuple[Annotated[float, in_unit("kg"), Field(ge=0)], ...] = ()
     mass: Kilograms | tuple[Kilograms, ...] | None = None
     cg: Point | tuple[Point, ...] | None = None
     Ixx: Inertia | tuple[Inertia, ...] | None = None
@@ -155,7 +155,7 @@ class Accuracy(Strict):
 
     attitude: Radians = float(np.deg2rad(0.3))
     flow_angle: Radians = float(np.deg2rad(0.5))
-    horizontal_velocity: Annotated[float, unit_of("m/s")] = 0.8
+    horizontal_velocity: Annotated[float, in_unit("m/s")] = 0.8
     lateral_position: Metres = 10.0
     qbar_fraction: Number = 0.02
 
@@ -164,8 +164,8 @@ class Processing(Strict):
     """Uniform grid rate [Hz] (None: the fastest inertial topic's own) and smoothing bandwidth [Hz]
     of the rates."""
 
-    rate: Annotated[float, unit_of("Hz"), Field(gt=0)] | None = None
-    bandwidth: Annotated[float, unit_of("Hz"), Field(gt=0)] | None = None
+    rate: Annotated[float, in_unit("Hz"), Field(gt=0)] | None = None
+    bandwidth: Annotated[float, in_unit("Hz"), Field(gt=0)] | None = None
 
 
 class Vehicle(Strict):

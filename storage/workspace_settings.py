@@ -17,7 +17,7 @@ from zoneinfo import ZoneInfo
 from pydantic import BeforeValidator, Field, field_validator, model_validator
 
 from aerodb.errors import InputError, UnknownNameError
-from aerodb.quantities import Metres, Number, Radians, Seconds, unit_of
+from aerodb.quantities import Metres, Number, Radians, Seconds, in_unit
 from aerodb.storage.encoding import VEHICLE_NAME
 from aerodb.storage.limits import Limits
 from aerodb.storage.urls import checked_url
@@ -260,7 +260,7 @@ class Accuracy(Strict):
 
     attitude: Radians | None = None
     flow_angle: Radians | None = None
-    horizontal_velocity: Annotated[float, unit_of("m/s")] | None = None
+    horizontal_velocity: Annotated[float, in_unit("m/s")] | None = None
     lateral_position: Metres | None = None
     qbar_fraction: Number | None = None
 

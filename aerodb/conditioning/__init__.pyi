@@ -1,8 +1,8 @@
 from .clock import clean_clock, interval, is_uniform
 from .condition import (
     Conditioning,
-    conditioned,
     examine,
+    flag_unusable,
     from_document,
     suspicion_documents,
     to_document,
@@ -39,10 +39,10 @@ __all__ = [
     "bridge",
     "clean_clock",
     "clock_suspicions",
-    "conditioned",
     "examine",
     "fingerprint",
     "first_order_lag",
+    "flag_unusable",
     "from_document",
     "hold",
     "interval",

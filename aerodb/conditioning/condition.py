@@ -28,7 +28,7 @@ class Conditioning:
     delays: tuple[Delay, ...]
 
 
-def conditioned(flight: Flight) -> Flight:
+def flag_unusable(flight: Flight) -> Flight:
     """The flight with wild points and samples on the ground flagged; values stay as they are."""
     return flag_on_ground(flag_wild_points(flight))
 

@@ -17,7 +17,7 @@ from scipy.signal import correlate
 
 from aerodb.conditioning.channel_rates import KINEMATICS, with_accelerations
 from aerodb.conditioning.differentiation import bridge, low_passed
-from aerodb.conditioning.resampling import thinned
+from aerodb.conditioning.resampling import decimated
 from aerodb.flight import Flight
 from aerodb.support import Array
 
@@ -194,7 +194,7 @@ def _prepared(
         channels["V"] = np.maximum(
             channels["V"], 0.2 * np.max(channels["V"], initial=0.0)
         )  # at rest nothing divides by zero
-    return thinned(channels, flight.step, SAMPLES_PER_PERIOD * upper)
+    return decimated(channels, flight.step, SAMPLES_PER_PERIOD * upper)
 
 
 def _channel_delay(

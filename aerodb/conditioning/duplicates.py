@@ -89,7 +89,9 @@ def fingerprint(flight: Flight) -> frozenset[int]:
     return frozenset(_marks(flight))
 
 
-def suspects(marks: frozenset[int], stored: dict[str, frozenset[int]]) -> tuple[str, ...]:
+def duplicate_candidates(
+    marks: frozenset[int], stored: dict[str, frozenset[int]]
+) -> tuple[str, ...]:
     """Names of stored fingerprints with enough marks in common to be worth `shared_samples`, most
     first."""
     common = {name: len(marks & others) for name, others in stored.items()}

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from aerodb.conditioning.channel_rates import GRAVITY, KINEMATICS, airspeed_rate, with_accelerations
 from aerodb.conditioning.differentiation import low_passed
 from aerodb.conditioning.hypotheses import explain
-from aerodb.conditioning.resampling import thinned
+from aerodb.conditioning.resampling import decimated
 from aerodb.conditioning.wild_points import stuck
 from aerodb.flight import Flight
 from aerodb.nomenclature import FLAGS
@@ -79,7 +79,7 @@ def suspicions(flight: Flight) -> tuple[Suspicion, ...]:
     vertical, channels = _weight(channels)
     found += vertical
     if len(flight.time) >= 32 and channels:
-        thin, step = thinned(channels, flight.step, RATE)
+        thin, step = decimated(channels, flight.step, RATE)
         found += _kinematic(thin, step) or _aerodynamic(thin, step)
     return tuple(found)
 

@@ -48,14 +48,14 @@ def low_pass(values: Array, step: float, new_step: float) -> Array:
     return result
 
 
-def thinned(
+def decimated(
     channels: Mapping[str, Array], step: float, rate: float
 ) -> tuple[dict[str, Array], float]:
     """Channels (n,), finite, at uniform `step` [s] with every k-th sample kept, low-passed before,
     and the new step [s].
 
     k is as large as leaves `rate` [Hz] or more, and 64 samples. What is below 0.35 of `rate` stays
-    as it was. Of a record that is thinned the last few samples (less than one in a hundred) go, so
+    as it was. Of a record that is decimated the last few samples (less than one in a hundred) go, so
     that its length is one that transforms like.
     """
     n = len(next(iter(channels.values()), ()))
@@ -73,7 +73,7 @@ class Resampler:
     """Brings values from one time base to a grid; made by `resampler` once per time base, used for
     all of its fields.
 
-    time : (n,) s, of the source. grid : (m,) s. gap : (m,) true where the source was silent. places
+    time : (n,) s, of the source. grid : (m,) s. gap : (m,) true where the source was silent. sample_times
     : (m,) the grid with each instant that is one of the source replaced by exactly that. step,
     grid_step : intervals, s.
     """
@@ -81,19 +81,23 @@ class Resampler:
     time: Array
     grid: Array
     gap: NDArray[np.bool_]
-    places: Array
+    sample_times: Array
     step: float
     grid_step: float
 
     def __call__(self, values: Array) -> Array:
         """`values` (n,) at `time`, finite, as (m,) at `grid`; held beyond the ends."""
-        if len(self.places) == len(self.time) and np.array_equal(self.places, self.time):
+        if len(self.sample_times) == len(self.time) and np.array_equal(
+            self.sample_times, self.time
+        ):
             return values
         if self.step >= 0.9 * self.grid_step or len(self.time) < 3:
-            return np.interp(self.places, self.time, values)
+            return np.interp(self.sample_times, self.time, values)
         even = uniform_grid(float(self.time[0]), float(self.time[-1]), self.step)
         if is_uniform(self.time):
-            return np.interp(self.places, self.time, low_pass(values, self.step, self.grid_step))
+            return np.interp(
+                self.sample_times, self.time, low_pass(values, self.step, self.grid_step)
+            )
         return np.interp(
             self.grid, even, low_pass(np.interp(even, self.time, values), self.step, self.grid_step)
         )
@@ -111,10 +115,10 @@ def resampler(time: Array, grid: Array) -> Resampler:
     right = np.clip(np.searchsorted(time, grid), 1, max(len(time) - 1, 1))
     left, right = right - 1, np.minimum(right, len(time) - 1)
     on_left, on_right = np.abs(grid - time[left]) <= limit, np.abs(grid - time[right]) <= limit
-    places = np.where(on_right, time[right], np.where(on_left, time[left], grid))
+    sample_times = np.where(on_right, time[right], np.where(on_left, time[left], grid))
     apart = (time[right] - time[left] > GAP_INTERVALS * step) & ~on_left & ~on_right
     outside = (grid < time[0] - step - limit) | (grid > time[-1] + step + limit)
-    return Resampler(time, grid, apart | outside, places, step, grid_step)
+    return Resampler(time, grid, apart | outside, sample_times, step, grid_step)
 
 
 def hold(time: Array, values: Array, grid: Array) -> Array:

@@ -216,7 +216,11 @@ def integrate(
     states, sensitivity = np.empty((9, n)), np.empty((9, n, start.shape[1]))
     taken = np.zeros(9, dtype=np.bool_) if given is None else np.isfinite(given[0])
     if given is None or not taken.any():
-        place = None if earth is None else np.array((earth.latitude, earth.height, *earth.metres))
+        place = (
+            None
+            if earth is None
+            else np.array((earth.latitude, earth.height, *earth.metres_per_radian))
+        )
         states[:, 0] = initial
         x, dx = quaternion_start(np.asarray(initial, dtype=np.float64), start)
         march(

@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from aerodb.physics import PLUMB, RATE, curvature, normal_gravity
+from aerodb.physics import EARTH_RATE, PLUMB_LINE_CURVATURE, normal_gravity, radii_of_curvature
 from aerodb.support import Array
 
 #: Nearer to the vertical than this cosine of the pitch attitude, derivatives of Euler angles are
@@ -107,18 +107,19 @@ def _slope_rotating(x: Array, u: Array, earth: Array, out: Array, jacobian: Arra
     _slope(x, u, down, out, jacobian)
     s, c = np.sin(latitude), np.cos(latitude)
     spin, dspin = (
-        np.array([RATE * c, 0.0, -RATE * s]),
-        np.array([-RATE * s, 0.0, -RATE * c]) / earth[2],
+        np.array([EARTH_RATE * c, 0.0, -EARTH_RATE * s]),
+        np.array([-EARTH_RATE * s, 0.0, -EARTH_RATE * c]) / earth[2],
     )
     north = np.array([bend * height, 0.0, 0.0])
     north_by = (
-        np.array([2.0 * PLUMB * np.cos(2.0 * latitude) * height, 0.0, by_latitude]) / earth[2]
+        np.array([2.0 * PLUMB_LINE_CURVATURE * np.cos(2.0 * latitude) * height, 0.0, by_latitude])
+        / earth[2]
     )
     _velocity_by_earth(
         x, spin, dspin, north, north_by, np.array([bend, 0.0, by_height]), out, jacobian
     )
     _attitude_by_earth(x, spin, dspin, latitude, height, earth, out, jacobian)
-    meridian, normal, dmeridian, dnormal = curvature(latitude)
+    meridian, normal, dmeridian, dnormal = radii_of_curvature(latitude)
     to_north, to_east = earth[2] / (meridian + height), earth[3] / ((normal + height) * c)
     for number in range(7):
         jacobian[7, number] *= to_north
@@ -183,7 +184,7 @@ def _attitude_by_earth(
     over the earth."""
     q = x[3:7]
     north, east = out[7], out[8]
-    meridian, normal, dmeridian, dnormal = curvature(latitude)
+    meridian, normal, dmeridian, dnormal = radii_of_curvature(latitude)
     a, b, slant, c = (
         1.0 / (meridian + height),
         1.0 / (normal + height),

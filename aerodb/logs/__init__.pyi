@@ -1,6 +1,6 @@
-from .completeness import prevents
+from .completeness import consequences_of_missing
 from .inspection import TopicSummary, describe, missing_by_topic
-from .mapping import channels_found, choose_mapping, map_recording, on_mapped_clock
+from .mapping import channels_found, choose_mapping, map_recording, with_mapped_clock
 from .mapping_file import Mapping, parse_mapping
 from .probe import angles_from_pressures, velocity_at_cg
 
@@ -10,11 +10,11 @@ __all__ = [
     "angles_from_pressures",
     "channels_found",
     "choose_mapping",
+    "consequences_of_missing",
     "describe",
     "map_recording",
     "missing_by_topic",
-    "on_mapped_clock",
     "parse_mapping",
-    "prevents",
     "velocity_at_cg",
+    "with_mapped_clock",
 ]

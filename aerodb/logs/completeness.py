@@ -34,11 +34,11 @@ _PREVENTED: tuple[tuple[tuple[str, ...], str], ...] = (
 )
 
 
-def prevents(missing: Sequence[str]) -> list[str]:
+def consequences_of_missing(missing: Sequence[str]) -> list[str]:
     """What the channels that a log lacks (`Flight.missing`) prevent, in plain words, the gravest
     first.
 
-    >>> prevents(["beta"])
+    >>> consequences_of_missing(["beta"])
     ['no angle of sideslip: no comparison of CY, Cl and Cn against tables over beta']
     """
     lacking = set(missing)

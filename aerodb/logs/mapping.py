@@ -21,7 +21,7 @@ from aerodb.errors import InputError
 from aerodb.flight import Flight
 from aerodb.logs.air_data import complete_air_data
 from aerodb.logs.captive import flag_captive
-from aerodb.logs.completeness import prevents
+from aerodb.logs.completeness import consequences_of_missing
 from aerodb.logs.derivations import METHODS
 from aerodb.logs.mapping_file import (
     ChannelMapping,
@@ -38,7 +38,7 @@ from aerodb.support import Array
 from aerodb.units import convert
 from aerodb.vehicle import Surface, Vehicle, add_combinations
 
-__all__ = ["Mapping", "choose_mapping", "map_recording", "parse_mapping", "prevents"]
+__all__ = ["Mapping", "choose_mapping", "consequences_of_missing", "map_recording", "parse_mapping"]
 
 
 _RATES = ("p", "q", "r")
@@ -263,7 +263,7 @@ def channels_found(
     return tuple(found), tuple(name for name in dict.fromkeys(known) if name not in found)
 
 
-def on_mapped_clock(recording: Recording, mapping: Mapping) -> Recording:
+def with_mapped_clock(recording: Recording, mapping: Mapping) -> Recording:
     """The recording with the times [s] that the mapping's ``[time]`` gives its topics: readers of
     tables know none.
 

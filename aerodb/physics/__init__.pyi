@@ -7,20 +7,20 @@ from .atmosphere import (
     standard_atmosphere,
 )
 from .frames import euler_321_from_enu_quaternion, euler_321_from_quaternion
-from .geodesy import PLUMB, RATE, Earth, curvature, normal_gravity
+from .geodesy import EARTH_RATE, PLUMB_LINE_CURVATURE, Earth, normal_gravity, radii_of_curvature
 
 __all__ = [
     "DENSITY_0",
+    "EARTH_RATE",
     "GRAVITY",
-    "PLUMB",
-    "RATE",
+    "PLUMB_LINE_CURVATURE",
     "Earth",
-    "curvature",
     "density",
     "euler_321_from_enu_quaternion",
     "euler_321_from_quaternion",
     "mach_from_calibrated",
     "normal_gravity",
+    "radii_of_curvature",
     "speed_of_sound",
     "standard_atmosphere",
 ]

@@ -18,14 +18,14 @@ from aerodb.support import Array
 SEMI_MAJOR: Final = 6378137.0  # m
 FLATTENING: Final = 1.0 / 298.257223563
 ECCENTRICITY_SQUARED: Final = FLATTENING * (2.0 - FLATTENING)
-RATE: Final = 7.292115e-5  # rad/s
+EARTH_RATE: Final = 7.292115e-5  # rad/s
 GRAVITATION: Final = 3.986004418e14  # m3/s2
 _EQUATOR, _SOMIGLIANA = 9.7803253359, 0.00193185265241
 #: m = omega^2 a^2 b / GM, the ratio of centrifugal acceleration to gravitation at the equator.
-_RATIO: Final = RATE**2 * SEMI_MAJOR**3 * (1.0 - FLATTENING) / GRAVITATION
+_RATIO: Final = EARTH_RATE**2 * SEMI_MAJOR**3 * (1.0 - FLATTENING) / GRAVITATION
 #: The plumb line bends: gravity has a northward part of this times height times sin(2 latitude),
 #: 1/s2 (Groves, eq. 2.140).
-PLUMB: Final = -8.08e-9
+PLUMB_LINE_CURVATURE: Final = -8.08e-9
 
 #: Beyond this latitude north and east lose meaning (rad).
 HIGHEST_LATITUDE: Final = float(np.deg2rad(89.0))
@@ -55,20 +55,20 @@ class Earth:
             )
 
     @property
-    def metres(self) -> tuple[float, float]:
+    def metres_per_radian(self) -> tuple[float, float]:
         """Metres per radian of latitude and of longitude at the origin."""
-        meridian, normal = curvature(self.latitude)[:2]
+        meridian, normal = radii_of_curvature(self.latitude)[:2]
         return float(meridian + self.height), float((normal + self.height) * np.cos(self.latitude))
 
     def to_local(self, latitude: Array, longitude: Array) -> tuple[Array, Array]:
         """North and east [m] of positions [rad], each (n,); longitudes may pass 180 deg."""
-        to_north, to_east = self.metres
+        to_north, to_east = self.metres_per_radian
         turn = np.remainder(longitude - self.longitude + np.pi, 2.0 * np.pi) - np.pi
         return (latitude - self.latitude) * to_north, turn * to_east
 
 
 @njit(cache=True)
-def curvature(latitude: float) -> tuple[float, float, float, float]:
+def radii_of_curvature(latitude: float) -> tuple[float, float, float, float]:
     """Radii of curvature [m] in the meridian and across it, and their derivatives by latitude
     (Groves, eqs. 2.105-2.106)."""
     s, c = np.sin(latitude), np.cos(latitude)
@@ -102,5 +102,5 @@ def normal_gravity(latitude: float, height: float) -> tuple[float, float, float,
         ground * share,
         by_latitude * share + ground * turn,
         ground * (fall + 2.0 * bend * height),
-        PLUMB * np.sin(2.0 * latitude),
+        PLUMB_LINE_CURVATURE * np.sin(2.0 * latitude),
     )

@@ -1,7 +1,18 @@
 from .arrays import Array, Integers, Mask
 from .identity import canonical_json, content_sha256, key_of, result_key, version_id
 from .parallel import Threads, in_threads
-from .signals import Signal, Triple, angle, arcsine, beyond, body_to_earth, cross, dot, root, sine
+from .signals import (
+    Signal,
+    Triple,
+    angle,
+    arcsine,
+    body_to_earth,
+    cross,
+    dead_zone,
+    dot,
+    root,
+    sine,
+)
 from .strict import Strict, validated
 
 __all__ = [
@@ -14,11 +25,11 @@ __all__ = [
     "Triple",
     "angle",
     "arcsine",
-    "beyond",
     "body_to_earth",
     "canonical_json",
     "content_sha256",
     "cross",
+    "dead_zone",
     "dot",
     "in_threads",
     "key_of",

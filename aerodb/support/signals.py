@@ -92,7 +92,7 @@ def angle(y: Signal, x: Signal) -> Signal:
     return y.chain(value, x.value / square) + x.chain(0.0, -y.value / square)
 
 
-def beyond(x: Signal, edge: float) -> Signal:
+def dead_zone(x: Signal, edge: float) -> Signal:
     """What of x lies beyond +-`edge`, with its sign; zero inside."""
     outside = np.abs(x.value) > edge
     return x.chain(

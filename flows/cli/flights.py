@@ -51,7 +51,12 @@ def inspect(
 
 
 def _look_into(session: Session, recording: Recording, mapping: str | None) -> None:
-    from aerodb.logs import channels_found, choose_mapping, on_mapped_clock, prevents
+    from aerodb.logs import (
+        channels_found,
+        choose_mapping,
+        consequences_of_missing,
+        with_mapped_clock,
+    )
     from aerodb.storage.mappings import builtin_mappings, load_mapping
     from aerodb.tasks.steps import look_over
 
@@ -62,7 +67,7 @@ def _look_into(session: Session, recording: Recording, mapping: str | None) -> N
             if mapping
             else choose_mapping(recording, builtin_mappings().values())
         )
-        recording = on_mapped_clock(recording, chosen)
+        recording = with_mapped_clock(recording, chosen)
     except InputError as error:
         refusal = str(error)
     document = _contents(session, recording)
@@ -73,7 +78,7 @@ def _look_into(session: Session, recording: Recording, mapping: str | None) -> N
         )
         return
     found, missing = channels_found(recording, chosen)
-    sentences = prevents(missing)
+    sentences = consequences_of_missing(missing)
     session.say(f"mapping {chosen.name}: {', '.join(found)}")
     session.say(f"not in the log: {', '.join(missing) or 'nothing that this mapping knows'}")
     for sentence in sentences:

@@ -10,7 +10,7 @@ from aerodb.conditioning import (
 )
 from aerodb.errors import InputError
 from aerodb.flight import Flight
-from aerodb.logs import Mapping, on_mapped_clock
+from aerodb.logs import Mapping, with_mapped_clock
 from aerodb.recording import Recording
 from aerodb.storage.catalogue import FlightRow, StoredFile
 from aerodb.storage.files import read_recording, read_results, write_results
@@ -30,7 +30,7 @@ def clocks_of(recording: Recording, mapping: Mapping) -> tuple[Suspicion, ...]:
     """Topics of a recording whose time stamps do not meet those of the others; none where the
     mapping finds no time."""
     try:
-        return clock_suspicions(on_mapped_clock(recording, mapping))
+        return clock_suspicions(with_mapped_clock(recording, mapping))
     except InputError:
         return ()
 

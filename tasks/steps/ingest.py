@@ -9,8 +9,8 @@ from typing import Any
 
 from aerodb.conditioning import (
     Conditioning,
-    conditioned,
     fingerprint,
+    flag_unusable,
     suspicion_documents,
     without_wild_points,
 )
@@ -225,7 +225,7 @@ def _mapped(
             recording.source,
             f"aerodb log inspect shows what mapping {mapping.name} finds in it",
         )
-    return conditioned(flight)
+    return flag_unusable(flight)
 
 
 def _result(

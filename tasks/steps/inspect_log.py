@@ -3,7 +3,7 @@ to be described."""
 
 from typing import Any
 
-from aerodb.conditioning import conditioned, examine, suspicion_documents, to_document
+from aerodb.conditioning import examine, flag_unusable, suspicion_documents, to_document
 from aerodb.errors import InputError
 from aerodb.logs import Mapping, map_recording
 from aerodb.recording import Recording
@@ -31,7 +31,7 @@ def look_over(recording: Recording, mapping: Mapping) -> dict[str, Any]:
     Where it cannot become a flight, only its time stamps are judged, and ``refused`` says why.
     """
     try:
-        flight = conditioned(map_recording(recording, mapping, parse_vehicle(_ANY)))
+        flight = flag_unusable(map_recording(recording, mapping, parse_vehicle(_ANY)))
     except InputError as error:
         clocks = suspicion_documents(clocks_of(recording, mapping))
         return {

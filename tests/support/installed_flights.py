@@ -7,7 +7,7 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid
 from scipy.spatial.transform import Rotation
 
-from aerodb.physics.geodesy import RATE, curvature, normal_gravity
+from aerodb.physics.geodesy import EARTH_RATE, normal_gravity, radii_of_curvature
 from tests.support.consistent_flights import NAME, VEHICLE
 from tests.support.instrumented_path import BOOM, GPS, NOISE, PRESSURE, PROBE, motion
 from tests.support.simulated_path import DENSITY, GRAVITY, INERTIAL_NOISE, truth
@@ -109,11 +109,11 @@ def around_the_earth(
     time = 0.1 * np.arange(round(seconds / 0.1))
     exact = truth(time)
     velocity = np.stack([exact[f"velocity_{axis}"] for axis in ("north", "east", "down")])
-    meridian, normal = curvature(latitude)[:2]
+    meridian, normal = radii_of_curvature(latitude)[:2]
     lat = latitude + cumulative_trapezoid(velocity[0], time, initial=0.0) / meridian
     lon = cumulative_trapezoid(velocity[1] / np.cos(lat), time, initial=0.0) / normal
     altitude = -cumulative_trapezoid(velocity[2], time, initial=0.0)
-    spin = RATE * np.stack([np.cos(lat), np.zeros_like(lat), -np.sin(lat)])
+    spin = EARTH_RATE * np.stack([np.cos(lat), np.zeros_like(lat), -np.sin(lat)])
     turn = np.stack(
         [velocity[1] / normal, -velocity[0] / meridian, -velocity[1] * np.tan(lat) / normal]
     )

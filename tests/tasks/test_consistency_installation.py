@@ -14,7 +14,7 @@ from aerodb.consistency.records import at_probe, inertial, records_from_flight
 from aerodb.flight import Flight
 from aerodb.logs.probe import air_data_at_cg
 from aerodb.nomenclature import FLAGS
-from aerodb.physics.geodesy import RATE
+from aerodb.physics.geodesy import EARTH_RATE
 from aerodb.storage.files.flights import read_results
 from aerodb.tasks.steps.consistency import load_consistent
 from aerodb.tasks.workspace_access import stores
@@ -273,7 +273,7 @@ def test_a_long_flight_is_taken_over_a_turning_earth(
         abs(_estimates(outcome)[f"{name}_bias"]["value"] - planted[f"{name}_bias"])
         for name in "pqr"
     )
-    assert right < 0.15 * RATE < 0.3 * RATE < wrong
+    assert right < 0.15 * EARTH_RATE < 0.3 * EARTH_RATE < wrong
 
 
 def test_records_know_where_things_are() -> None:

@@ -20,16 +20,16 @@ from functools import cached_property
 import numpy as np
 
 from aerodb.errors import InputError
-from aerodb.five_hole import Curve, FiveHole, relative
+from aerodb.five_hole import Curve, FiveHole, pressure_ratio
 from aerodb.support import (
     Array,
     Signal,
     Triple,
     angle,
     arcsine,
-    beyond,
     body_to_earth,
     cross,
+    dead_zone,
     dot,
     root,
     sine,
@@ -296,7 +296,7 @@ class Sight:
         assert self.installation.five_hole is not None  # `sensors.Record` asks for it
         curve: Curve = getattr(self.installation.five_hole, which)
         x, y = self.vanes if which == "alpha" else self.vanes[::-1]
-        shape = relative(x, y, curve)
+        shape = pressure_ratio(x, y, curve)
         name = f"probe_{which}"
         shape = shape + x * self.unknown(f"{name}_slope") + self.unknown(f"{name}_offset")
         if self.acts(f"{name}_square", f"{name}_cross", f"{name}_bend"):
@@ -306,5 +306,5 @@ class Sight:
     def _shape(self, name: str, x: Signal, y: Signal, curve: Curve) -> Signal:
         """What is estimated of the calibration's curvature, dependence on the other angle and
         bend."""
-        bend = self.unknown(f"{name}_bend") * beyond(x, curve.break_angle)
+        bend = self.unknown(f"{name}_bend") * dead_zone(x, curve.break_angle)
         return x * x * self.unknown(f"{name}_square") + y * y * self.unknown(f"{name}_cross") + bend

@@ -11,7 +11,14 @@ from aerodb.consistency.kinematics import INPUTS, integrate
 from aerodb.consistency.output_error.reconstruction import reconstruct
 from aerodb.consistency.sensors.prediction import Record
 from aerodb.errors import InputError
-from aerodb.physics.geodesy import PLUMB, RATE, SEMI_MAJOR, Earth, curvature, normal_gravity
+from aerodb.physics.geodesy import (
+    EARTH_RATE,
+    PLUMB_LINE_CURVATURE,
+    SEMI_MAJOR,
+    Earth,
+    normal_gravity,
+    radii_of_curvature,
+)
 
 FOOT = 0.3048
 MINOR, GRAVITATION = 6356752.314245, 3.986004418e14
@@ -33,13 +40,13 @@ def gravity_vector(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
         return 0.5 * ((1.0 + 3.0 * at**2 / focus) * np.arctan(e / at) - 3.0 * at / e)
 
     slope = 3.0 * (1.0 + u2 / focus) * (1.0 - u / e * np.arctan(e / u)) - 1.0
-    spin = (RATE * SEMI_MAJOR) ** 2
+    spin = (EARTH_RATE * SEMI_MAJOR) ** 2
     part = GRAVITATION / (u2 + focus) + spin * e / (u2 + focus) * slope / q(MINOR) * (
         0.5 * np.sin(beta) ** 2 - 1.0 / 6.0
     )
-    up = (-part + RATE**2 * u * np.cos(beta) ** 2) / w
+    up = (-part + EARTH_RATE**2 * u * np.cos(beta) ** 2) / w
     north = (
-        (spin / np.sqrt(u2 + focus) * q(u) / q(MINOR) - RATE**2 * np.sqrt(u2 + focus))
+        (spin / np.sqrt(u2 + focus) * q(u) / q(MINOR) - EARTH_RATE**2 * np.sqrt(u2 + focus))
         * np.sin(beta)
         * np.cos(beta)
         / w
@@ -67,8 +74,10 @@ def place(latitude: np.ndarray, longitude: np.ndarray, height: np.ndarray) -> np
 def test_gravity_and_curvature_are_those_published():
     assert normal_gravity(0.0, 0.0)[0] == pytest.approx(9.7803253359, abs=1e-10)
     assert normal_gravity(np.pi / 2, 0.0)[0] == pytest.approx(9.8321849378, abs=1e-9)
-    assert curvature(0.0)[0] == pytest.approx(6335439.3273, abs=1e-3)
-    assert curvature(np.pi / 2)[:2] == pytest.approx((6399593.6258, 6399593.6258), abs=1e-3)
+    assert radii_of_curvature(0.0)[0] == pytest.approx(6335439.3273, abs=1e-3)
+    assert radii_of_curvature(np.pi / 2)[:2] == pytest.approx(
+        (6399593.6258, 6399593.6258), abs=1e-3
+    )
 
 
 @pytest.mark.parametrize("height", [0.0, 3000.0, 12000.0, 20000.0])
@@ -80,7 +89,7 @@ def test_gravity_aloft_against_the_closed_form(height):
         north = exact @ [-np.sin(latitude), 0.0, np.cos(latitude)]
         assert down == pytest.approx(-(exact @ [np.cos(latitude), 0.0, np.sin(latitude)]), abs=3e-6)
         assert bend * height == pytest.approx(north, abs=2e-6)
-        assert bend == PLUMB * np.sin(2 * latitude)
+        assert bend == PLUMB_LINE_CURVATURE * np.sin(2 * latitude)
 
 
 def test_eotvos_and_transport_rate():
@@ -89,13 +98,13 @@ def test_eotvos_and_transport_rate():
     flat earth the same sensors would climb six kilometres."""
     latitude, height, speed = np.deg2rad(45.0), 8000.0, 250.0
     down, _, _, bend = normal_gravity(latitude, height)
-    across = curvature(latitude)[1] + height
-    eotvos = 2.0 * RATE * speed * np.cos(latitude) + speed**2 / across
+    across = radii_of_curvature(latitude)[1] + height
+    eotvos = 2.0 * EARTH_RATE * speed * np.cos(latitude) + speed**2 / across
     assert eotvos == pytest.approx(0.03557, abs=2e-5)
-    turn = RATE + speed / (across * np.cos(latitude))
+    turn = EARTH_RATE + speed / (across * np.cos(latitude))
     # body axes of eastward flight: forward is east, right is south
     south = (
-        -(2.0 * RATE * np.sin(latitude) * speed + speed**2 * np.tan(latitude) / across)
+        -(2.0 * EARTH_RATE * np.sin(latitude) * speed + speed**2 * np.tan(latitude) / across)
         + bend * height
     )
     steady = [0.0, south, -(down - eotvos), 0.0, -turn * np.cos(latitude), -turn * np.sin(latitude)]
@@ -107,7 +116,7 @@ def test_eotvos_and_transport_rate():
     assert np.abs(states[6]).max() < 0.01
     assert np.abs(states[5] - np.pi / 2).max() < 1e-7
     assert states[7, -1] == pytest.approx(
-        600.0 * speed * earth.metres[1] / (across * np.cos(latitude)), rel=1e-9
+        600.0 * speed * earth.metres_per_radian[1] / (across * np.cos(latitude)), rel=1e-9
     )
     flat, _ = integrate(inputs, 0.1, first, down)
     assert abs(flat[8, -1] - height) > 5000.0
@@ -121,7 +130,7 @@ def test_a_falling_stone_lands_to_the_east():
     states, _ = integrate(inputs, 0.01, first, 0.0, earth=Earth(latitude))
     gravity = normal_gravity(latitude, 3500.0)[0]
     assert states[7, -1] == pytest.approx(
-        RATE * gravity * 30.0**3 * np.cos(latitude) / 3.0, rel=5e-3
+        EARTH_RATE * gravity * 30.0**3 * np.cos(latitude) / 3.0, rel=5e-3
     )
     assert 5000.0 - states[8, -1] == pytest.approx(0.5 * gravity * 900.0, rel=5e-4)
 
@@ -143,7 +152,7 @@ def _inertial_sensors(time: np.ndarray) -> tuple[dict[str, np.ndarray], np.ndarr
 
     def inertial(t: np.ndarray) -> tuple[np.ndarray, Rotation]:
         at = path(t)
-        spin = Rotation.from_rotvec(np.outer(RATE * t, [0.0, 0.0, 1.0]))
+        spin = Rotation.from_rotvec(np.outer(EARTH_RATE * t, [0.0, 0.0, 1.0]))
         to_earth_fixed = Rotation.from_euler(
             "ZY", np.column_stack([at["longitude"], -at["latitude"] - np.pi / 2])
         )
@@ -161,8 +170,8 @@ def _inertial_sensors(time: np.ndarray) -> tuple[dict[str, np.ndarray], np.ndarr
     rates = sum(w * turn.as_rotvec() for w, turn in zip(weights, turned, strict=True)) / tiny
     at = path(time)
     fixed = place(at["latitude"], at["longitude"], at["altitude"])
-    spin = Rotation.from_rotvec(np.outer(RATE * time, [0.0, 0.0, 1.0]))
-    centrifugal = RATE**2 * fixed * [1.0, 1.0, 0.0]
+    spin = Rotation.from_rotvec(np.outer(EARTH_RATE * time, [0.0, 0.0, 1.0]))
+    centrifugal = EARTH_RATE**2 * fixed * [1.0, 1.0, 0.0]
     attraction = spin.apply(gravity_vector(*fixed.T) - centrifugal)
     return at, np.column_stack([stencil[3][1].inv().apply(acceleration - attraction), rates])
 
@@ -173,7 +182,7 @@ def test_the_inertial_frame_gives_the_same_motion():
     time = np.arange(0.0, 600.0, 0.02)
     at, inputs = _inertial_sensors(time)
     north, east = ORIGIN.to_local(at["latitude"], at["longitude"])
-    meridian, normal = curvature(ORIGIN.latitude)[:2]
+    meridian, normal = radii_of_curvature(ORIGIN.latitude)[:2]
     over = np.array([2e-5 + 5e-6, 4e-5 + 7e-6]) * [
         meridian + 6000.0,
         (normal + 6000.0) * np.cos(ORIGIN.latitude),
@@ -385,5 +394,5 @@ def test_what_an_earth_must_be():
         integrate(np.tile([1e6, 0, 0, 0, 0, 0], (100, 1)), 0.1, np.zeros(9), 9.8)
     there = Earth(0.1, np.pi - 1e-4)
     assert there.to_local(np.array([0.1]), np.array([-np.pi + 1e-4]))[1] == pytest.approx(
-        2e-4 * there.metres[1], rel=1e-6
+        2e-4 * there.metres_per_radian[1], rel=1e-6
     )

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from aerodb.errors import InputError
 from aerodb.flight import Flight
-from aerodb.logs.completeness import prevents
+from aerodb.logs.completeness import consequences_of_missing
 from aerodb.logs.mapping import choose_mapping, map_recording
 from aerodb.logs.mapping_file import parse_mapping
 from aerodb.nomenclature import FLAGS, channel
@@ -260,7 +260,7 @@ def test_constants_of_the_vehicle_fill_what_the_log_lacks() -> None:
     assert any("delta_flap" in note for note in flight.notes)
     assert flight.id == "first"
     assert {"ax_imu", "V", "qbar", "delta_aileron_left"} <= set(flight.missing)
-    assert prevents(flight.missing)[0].endswith("no coefficient can be computed")
+    assert consequences_of_missing(flight.missing)[0].endswith("no coefficient can be computed")
 
 
 def test_former_names_patterns_and_declared_units() -> None:
@@ -432,10 +432,10 @@ def test_absent_mapping_is_refused_with_the_nearest_name(tmp_path: Path) -> None
 
 
 def test_what_missing_channels_prevent() -> None:
-    assert prevents([]) == []
-    assert prevents(["qbar"]) == []
-    assert "no coefficient" in prevents(["qbar", "V"])[0]
-    assert "CY" in prevents(["ay", "ay_imu"])[0]
-    assert prevents(["delta_rudder"]) == [
+    assert consequences_of_missing([]) == []
+    assert consequences_of_missing(["qbar"]) == []
+    assert "no coefficient" in consequences_of_missing(["qbar", "V"])[0]
+    assert "CY" in consequences_of_missing(["ay", "ay_imu"])[0]
+    assert consequences_of_missing(["delta_rudder"]) == [
         "no position of rudder: no control effectiveness of these"
     ]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from aerodb.flight import Flight
-from aerodb.logs.completeness import prevents
+from aerodb.logs.completeness import consequences_of_missing
 from aerodb.logs.mapping import choose_mapping, map_recording
 from aerodb.storage.mappings import builtin_mappings
 from aerodb.storage.readers.tabular import read_tabular
@@ -94,7 +94,7 @@ def test_columns_of_zeros_are_missing(measured: Callable[[str], Path]) -> None:
     assert {"thrust", "thrust_left", "ax_imu", "psi"} <= set(flight.missing)
     assert "rho from dynamic pressure and airspeed" in flight.notes
     np.testing.assert_allclose(flight["qbar"], 0.5 * flight["rho"] * flight["V"] ** 2, rtol=1e-12)
-    assert prevents(flight.missing)[-1].startswith("no thrust")
+    assert consequences_of_missing(flight.missing)[-1].startswith("no thrust")
 
 
 def test_attas_units_differ_between_its_two_kinds_of_files(measured: Callable[[str], Path]) -> None:
