@@ -1,23 +1,23 @@
-from .estimate import AxisUpdate, Doubt, Update, estimate_increments, keep_slope_signs
+from .estimate import AxisUpdate, ConsiderParameter, Update, estimate_increments, keep_slope_signs
 from .gate import Check, Standing, Verdict, judge, sign_reasons
 from .model_file import INCREMENT_AXES, ModelFile, parse_model_file
 from .validation import (
     UNCHANGED,
-    AxisProof,
+    AxisValidation,
     HoldOut,
     choose_hold_out,
-    prove,
-    prove_by_leaving_one_out,
+    validate_by_leaving_one_out,
+    validate_on_held_out,
     worse_axes,
 )
 
 __all__ = [
     "INCREMENT_AXES",
     "UNCHANGED",
-    "AxisProof",
     "AxisUpdate",
+    "AxisValidation",
     "Check",
-    "Doubt",
+    "ConsiderParameter",
     "HoldOut",
     "ModelFile",
     "Standing",
@@ -28,8 +28,8 @@ __all__ = [
     "judge",
     "keep_slope_signs",
     "parse_model_file",
-    "prove",
-    "prove_by_leaving_one_out",
     "sign_reasons",
+    "validate_by_leaving_one_out",
+    "validate_on_held_out",
     "worse_axes",
 ]

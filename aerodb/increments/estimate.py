@@ -76,7 +76,7 @@ class AxisUpdate:
 
 
 @dataclass(frozen=True)
-class Doubt:
+class ConsiderParameter:
     """A constant error that one flight's channels may still have, invisible in its residual:
     `sigma`, one standard error; axis -> (n,) `columns`, by how much it moves the residual per unit;
     `shared`: the same error, by `name`, in all flights."""
@@ -101,7 +101,7 @@ def estimate_increments(
     comparisons: Sequence[Comparison],
     model: ModelFile,
     database: AeroDatabase,
-    doubts: Mapping[str, Sequence[Doubt]] | None = None,
+    doubts: Mapping[str, Sequence[ConsiderParameter]] | None = None,
 ) -> Update:
     """Estimates the declared increments on top of `database` from flights and their comparisons
     (same order).
@@ -164,7 +164,7 @@ def _axis(
     channels: Sequence[Mapping[str, Array]],
     comparisons: Sequence[Comparison],
     database: AeroDatabase,
-    doubts: Mapping[str, Sequence[Doubt]],
+    doubts: Mapping[str, Sequence[ConsiderParameter]],
 ) -> tuple[AxisUpdate, Increment]:
     axis, regressors = declared.axis, expand(declared)
     records = zip(flights, channels, comparisons, strict=True)
@@ -228,7 +228,7 @@ def _fitted(
     response: Array,
     names: Sequence[str],
     used: Sequence[_Used],
-    doubts: Mapping[str, Sequence[Doubt]],
+    doubts: Mapping[str, Sequence[ConsiderParameter]],
 ) -> Regression:
     """Least squares on the samples of the flights `used`, in order, with one constant or one for
     each of them."""
@@ -257,7 +257,7 @@ def _doubted(
     axis: str,
     matrix: Array,
     used: Sequence[_Used],
-    doubts: Mapping[str, Sequence[Doubt]],
+    doubts: Mapping[str, Sequence[ConsiderParameter]],
 ) -> Array:
     """Covariance (k, k) of least-squares estimates that constant errors of the sensors cause;
     matrix (n, k), samples of the flights `used` in order.

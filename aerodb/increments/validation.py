@@ -39,7 +39,7 @@ class HoldOut:
 
 
 @dataclass(frozen=True)
-class AxisProof:
+class AxisValidation:
     """Error of one axis before and after; rms over all usable samples of the flights concerned.
 
     `*_shape` are the same without each flight's own constant. `noise_floor` is the sensor noise
@@ -125,25 +125,25 @@ def _split(flights: Sequence[str], held: set[str]) -> HoldOut:
     return HoldOut(identified, tuple(name for name in flights if name in held), "held-out")
 
 
-def prove(
+def validate_on_held_out(
     before: Mapping[str, Comparison], after: Mapping[str, Comparison], hold_out: HoldOut
-) -> tuple[AxisProof, ...]:
+) -> tuple[AxisValidation, ...]:
     """Error per axis before and after, on identification and on held-out flights (mappings from
     flight id)."""
     axes = sorted(
         {axis for comparison in before.values() for axis in comparison.usable}, key=_order
     )
     return tuple(
-        _axis_proof(axis, before, after, after, hold_out.identified, hold_out.held_out)
+        _axis_validation(axis, before, after, after, hold_out.identified, hold_out.held_out)
         for axis in axes
     )
 
 
-def prove_by_leaving_one_out(
+def validate_by_leaving_one_out(
     before: Mapping[str, Comparison],
     after: Mapping[str, Comparison],
     without: Callable[[str], Comparison],
-) -> tuple[AxisProof, ...]:
+) -> tuple[AxisValidation, ...]:
     """The same where flights are too few to hold any out: each is predicted by what the others
     give.
 
@@ -155,7 +155,7 @@ def prove_by_leaving_one_out(
     axes = sorted(
         {axis for comparison in before.values() for axis in comparison.usable}, key=_order
     )
-    return tuple(_axis_proof(axis, before, after, left_out, flights, flights) for axis in axes)
+    return tuple(_axis_validation(axis, before, after, left_out, flights, flights) for axis in axes)
 
 
 def worse_axes(before: Mapping[str, Comparison], after: Mapping[str, Comparison]) -> frozenset[str]:
@@ -175,14 +175,14 @@ def worse_axes(before: Mapping[str, Comparison], after: Mapping[str, Comparison]
     return frozenset(grown)
 
 
-def _axis_proof(
+def _axis_validation(
     axis: str,
     before: Mapping[str, Comparison],
     after: Mapping[str, Comparison],
     validated: Mapping[str, Comparison],
     identified: Sequence[str],
     held_out: Sequence[str],
-) -> AxisProof:
+) -> AxisValidation:
     raw = _residuals(axis, before, identified)
     fitted = _residuals(axis, after, identified)
     held_before = _residuals(axis, before, held_out)
@@ -197,7 +197,7 @@ def _axis_proof(
     first = _pooled(held_before) if held_after else _pooled(raw)
     spread = _pooled([m - m.mean() for m in measured]) or 0.0
     explained = 1.0 - (error or 0.0) ** 2 / spread**2 if spread > 0 else 0.0
-    return AxisProof(
+    return AxisValidation(
         axis=axis,
         rms_before=_pooled(raw),
         rms_after=_pooled(fitted),

@@ -10,7 +10,7 @@ from aerodb.coefficients import Comparison
 from aerodb.consistency import StateNoise
 from aerodb.effects import FlightView, doubts, doubts_of_alpha, view_of
 from aerodb.flight import Flight
-from aerodb.increments import Doubt
+from aerodb.increments import ConsiderParameter
 from aerodb.loop.flights import Reconstruction
 from aerodb.tables import AeroDatabase
 from aerodb.tracing import Settings, bounded_noise, noisy_copies, tracing_bandwidth
@@ -29,11 +29,11 @@ def consider_parameters(
     database: AeroDatabase,
     flights: Sequence[Flight],
     comparisons: Sequence[Comparison],
-) -> dict[str, tuple[Doubt, ...]]:
+) -> dict[str, tuple[ConsiderParameter, ...]]:
     """Flight -> what its reconstruction leaves uncertain of its sensors. What a flight estimated
     for itself errs for itself; a calibration, and what only the vehicle file knows, err alike in
     all. reconstructions : by flight (its id)."""
-    found: dict[str, tuple[Doubt, ...]] = {}
+    found: dict[str, tuple[ConsiderParameter, ...]] = {}
     for flight, comparison in zip(flights, comparisons, strict=True):
         reconstruction = reconstructions[flight.id]
         noise, errors = reconstruction.noise, reconstruction.errors

@@ -2,7 +2,12 @@
 identify."""
 
 from aerodb.coefficients import Comparison
-from aerodb.increments import AxisProof, HoldOut, prove, prove_by_leaving_one_out
+from aerodb.increments import (
+    AxisValidation,
+    HoldOut,
+    validate_by_leaving_one_out,
+    validate_on_held_out,
+)
 from aerodb.loop.flights import FlightSource
 from aerodb.loop.library import Library
 from aerodb.loop.rounds import Accept, Loop, run_loop
@@ -12,7 +17,7 @@ from aerodb.loop.within_flight import validated_within_flights
 
 def validate_loop(
     source: FlightSource, hold_out: HoldOut, library: Library, loop: Loop, accept: Accept
-) -> tuple[AxisProof, ...]:
+) -> tuple[AxisValidation, ...]:
     """Error before and after on the flights that were held out; where none were, each is predicted
     from the others.
 
@@ -24,14 +29,14 @@ def validate_loop(
     before = {flight: source.comparison(flight, loop.baseline)[1] for flight in flights}
     after = {flight: source.comparison(flight, loop.candidate)[1] for flight in flights}
     if hold_out.kind != "cross-validated":
-        return prove(before, after, hold_out)
+        return validate_on_held_out(before, after, hold_out)
     if loop.separates:
 
         def from_others(left_out: str) -> Comparison:
             others = tuple(flight for flight in library.stall if flight != left_out)
             return source.comparison(left_out, added_stall(source, loop.baseline, others))[1]
 
-        return prove_by_leaving_one_out(before, after, from_others)
+        return validate_by_leaving_one_out(before, after, from_others)
     if loop.by_manoeuvre:
         return validated_within_flights(source, library, loop, before, after)
 
@@ -40,4 +45,4 @@ def validate_loop(
         again = run_loop(source, others, loop.baseline, library, accept)
         return source.comparison(left_out, again.candidate)[1]
 
-    return prove_by_leaving_one_out(before, after, without)
+    return validate_by_leaving_one_out(before, after, without)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from aerodb.coefficients import Comparison
 from aerodb.effects import add_effects, envelopes_of, view_of
-from aerodb.increments import AxisProof, Update, keep_slope_signs, prove_by_leaving_one_out
+from aerodb.increments import AxisValidation, Update, keep_slope_signs, validate_by_leaving_one_out
 from aerodb.loop.flights import FlightSource
 from aerodb.loop.library import Library
 from aerodb.loop.manoeuvre_units import manoeuvre_spans
@@ -38,7 +38,7 @@ def validated_within_flights(
     loop: Loop,
     before: Mapping[str, Comparison],
     after: Mapping[str, Comparison],
-) -> tuple[AxisProof, ...]:
+) -> tuple[AxisValidation, ...]:
     """Error before and after on heads and tails of flights, each with the values that everything
     else gives the terms added.
 
@@ -59,7 +59,7 @@ def validated_within_flights(
         )
         return _only(source.comparison(flight, candidate)[1], mask)
 
-    return prove_by_leaving_one_out(
+    return validate_by_leaving_one_out(
         {part: _only(before[flight], mask) for part, (flight, mask) in masks.items()},
         {part: _only(after[flight], mask) for part, (flight, mask) in masks.items()},
         without,

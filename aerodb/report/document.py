@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
-from aerodb.increments import AxisProof, AxisUpdate, HoldOut, Update
+from aerodb.increments import AxisUpdate, AxisValidation, HoldOut, Update
 
 
 def update_document(
@@ -16,7 +16,7 @@ def update_document(
     excluded: Sequence[tuple[str, str]],
     looks: Mapping[str, int],
     update: Update,
-    proof: Sequence[AxisProof],
+    proof: Sequence[AxisValidation],
 ) -> dict[str, Any]:
     """The document of an update; `looks` says for each held-out flight how often it has validated a
     version before.
@@ -56,7 +56,7 @@ def opening(
     }
 
 
-def axis_document(entry: AxisProof) -> dict[str, Any]:
+def axis_document(entry: AxisValidation) -> dict[str, Any]:
     """One axis before and after, as CONTRACT.md states it."""
     return {
         "rms_before": entry.rms_before,
@@ -101,7 +101,7 @@ def _increment(entry: AxisUpdate) -> dict[str, Any]:
     }
 
 
-def _remarks(update: Update, proof: Sequence[AxisProof], hold_out: HoldOut) -> list[str]:
+def _remarks(update: Update, proof: Sequence[AxisValidation], hold_out: HoldOut) -> list[str]:
     """What a reader must know before trusting the numbers, in plain sentences."""
     said, axes = [], update.axes
     added = update.candidate.increments[len(update.candidate.increments) - len(axes) :]
@@ -142,7 +142,7 @@ def _remarks(update: Update, proof: Sequence[AxisProof], hold_out: HoldOut) -> l
     return said
 
 
-def _not_repaired(entry: AxisProof) -> str:
+def _not_repaired(entry: AxisValidation) -> str:
     """Why an axis is not repaired, as far as its numbers tell."""
     held_out = entry.held_out_rms_after is not None
     after = entry.held_out_rms_after if entry.held_out_rms_after is not None else entry.rms_after

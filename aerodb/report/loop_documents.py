@@ -4,7 +4,7 @@ and what it is worth."""
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from aerodb.increments import AxisProof, HoldOut
+from aerodb.increments import AxisValidation, HoldOut
 from aerodb.report.document import axis_document, opening
 from aerodb.tracing import Finding, Remainder, Traced
 
@@ -22,7 +22,7 @@ def loop_document(
     findings: Sequence[Finding],
     added: Sequence[Finding],
     left: Sequence[Remainder],
-    proof: Sequence[AxisProof],
+    proof: Sequence[AxisValidation],
     remarks: Sequence[str],
 ) -> dict[str, Any]:
     """The document of a closed loop.

@@ -2,11 +2,11 @@ from .algebra import cancel, plus, times
 from .arguments import breakpoints_over, calls, channel_of, rebuilt
 from .check_cases import CheckCase, failures, make_check_cases
 from .consolidation import NodeShare, consolidate, node_lineage, plan, point_lineage
-from .database import AeroDatabase, Term, Variable
+from .database import AeroDatabase, Prediction, Term, Variable
 from .definitions import CONSTANTS, STATE_CHANNEL
 from .differences import DatabaseDiff, NodeChanges, TermChange, diff
 from .envelope import flown_envelope
-from .evaluation import Place
+from .evaluation import Evaluation, Place, evaluate_database
 from .expression import (
     MAX_DEPTH,
     MAX_LENGTH,
@@ -60,6 +60,7 @@ __all__ = [
     "Call",
     "CheckCase",
     "DatabaseDiff",
+    "Evaluation",
     "Expression",
     "Increment",
     "Interval",
@@ -72,6 +73,7 @@ __all__ = [
     "Number",
     "Operation",
     "Place",
+    "Prediction",
     "Program",
     "Reference",
     "RefinedShape",
@@ -97,6 +99,7 @@ __all__ = [
     "consolidate",
     "diff",
     "evaluate",
+    "evaluate_database",
     "failures",
     "flown_envelope",
     "hat_rate",

@@ -1,14 +1,14 @@
-"""An aerodynamic database: a graph from channels through variables and tables to the six
-coefficients.
+"""The aerodynamic database: from channels through variables and tables to the six coefficients.
 
-Its readable view are the terms, each an expression on one axis; increments from flights add at the
-outputs. Where a database comes from or goes to belongs in `aerodb.exchange`.
+A coefficient is a sum of terms, each an expression on one axis. Increments identified from flights
+add to the sum. Checks of the definitions are in `definitions`; standard errors and places in
+`evaluation`; file formats in `aerodb.exchange`.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,7 @@ from aerodb.tables.definitions import (
     check_axis,
     check_definitions,
     check_input,
+    check_states,
     check_uncertainties,
 )
 from aerodb.tables.expression import Expression
@@ -32,7 +33,6 @@ from aerodb.tables.reference import (
     WIND_AXES,
     Reference,
     hat_rate,
-    transfer_moments,
     wind_to_body,
 )
 from aerodb.tables.scattered import ScatteredTable
@@ -40,31 +40,21 @@ from aerodb.tables.state_model import StateModel
 from aerodb.tables.table import Table
 from aerodb.tables.uncertainty import Uncertainty
 
-if TYPE_CHECKING:
-    from aerodb.tables.evaluation import Evaluation
-
-__all__ = [
-    "CONSTANTS",
-    "AeroDatabase",
-    "Prediction",
-    "Reference",
-    "Term",
-    "Variable",
-    "transfer_moments",
-]
-
-#: Points that are evaluated at once: more would not fit a processor's cache with all intermediate
-#: values. No power of two: rows of that length fall on the same lines of the cache, which doubles
-#: the time.
+#: Points evaluated in one pass. With more, the intermediate values no longer fit the processor's
+#: cache. Not a power of two: rows of such a length map to the same cache lines, which doubles the
+#: time.
 BLOCK: Final = 4000
 
 
 @dataclass(frozen=True)
 class Variable:
-    """A named expression that terms and other variables use; `unit` as far as the source tells.
+    """A named expression that terms and other variables use.
 
-    declared : what the source says of it beyond that, as text: DAVE-ML's id, name, sign, symbol,
-    role and alike.
+    Parameters
+    ----------
+    unit : as the source states it; "1" where it states none.
+    declared : further attributes from the source, as text: DAVE-ML's id, name, sign, symbol, role.
+    uncertainty : declared by the source; None where there is none.
     """
 
     expression: Expression
@@ -76,8 +66,10 @@ class Variable:
 
 @dataclass(frozen=True)
 class Term:
-    """One contribution to a coefficient axis (CX .. Cn, or C_drag C_side C_lift along the wind
-    axes)."""
+    """One additive contribution to a coefficient.
+
+    axis : CX CY CZ Cl Cm Cn on body axes, or C_drag C_side C_lift on wind axes.
+    """
 
     name: str
     axis: str
@@ -87,11 +79,13 @@ class Term:
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """Coefficients on the six body axes, each (n,), moments about the database's own moment
-    reference.
+    """Predicted coefficients on the six body axes.
 
-    outside : (n,) true where any argument of any table lies outside its breakpoints;
-    `outside_tables`, by table name, holds only tables for which that happens at all.
+    Parameters
+    ----------
+    coefficients : axis -> (n,); moments about the database's own moment reference.
+    outside : (n,) true where any argument of any table lies outside its breakpoints.
+    outside_tables : table name -> (n,), only for tables with at least one such point.
     """
 
     coefficients: dict[str, Array]
@@ -101,14 +95,18 @@ class Prediction:
 
 @dataclass(frozen=True, eq=False)
 class AeroDatabase:
-    """A database of one vehicle.
+    """The aerodynamic database of one vehicle.
 
-    Names in expressions are resolved in this order: `variables`; the constants S_ref [m2], c_ref,
-    b_ref [m]; `free_inputs` (name -> what it is: quantities that the source uses and that are no
-    channel of this product); channels of `aerodb.nomenclature`, where p_hat q_hat r_hat
-    alphadot_hat are made from p q r alphadot, V and this database's own lengths unless they are
-    given. A channel that one of `states` makes has, unless it is given, the value that it settles
-    at: what it is along a flight says `states_along`.
+    Names in expressions are resolved in this order:
+
+    1. `variables`;
+    2. the constants S_ref [m2], c_ref, b_ref [m];
+    3. `free_inputs` (name -> description): quantities of the source that are no channel here;
+    4. channels of `aerodb.nomenclature`. The dimensionless rates p_hat q_hat r_hat alphadot_hat
+       are computed from p q r alphadot, V and this database's own lengths unless they are given.
+
+    A channel that one of `states` computes has its steady value unless it is given;
+    `states_along` integrates it along a flight.
 
     Raises InputError for an unknown name, table or axis (with the nearest valid one), a wrong
     number of table arguments, and variables that are defined by each other.
@@ -130,15 +128,26 @@ class AeroDatabase:
         object.__setattr__(self, "states", tuple(self.states))
         object.__setattr__(self, "terms", tuple(self.terms))
         object.__setattr__(self, "increments", tuple(self.increments))
-        check_definitions(self)
-        check_uncertainties(self)
+        tables = {**self.tables, **self.scattered}
+        check_definitions(
+            self.name,
+            self.variables,
+            [*self.tables.items(), *self.scattered.items()],
+            self.free_inputs,
+        )
+        check_states(self.name, self.states, self.free_inputs)
+        check_uncertainties(
+            self.name,
+            {name: variable.uncertainty for name, variable in self.variables.items()},
+            tables.values(),
+        )
         for axis in self._axes:
             check_axis(axis, self.name)
         names = [term.name for term in self.terms]
         repeated = sorted({name for name in names if names.count(name) > 1})
         if repeated:
             raise InputError(
-                f"term '{repeated[0]}' stands twice",
+                f"term '{repeated[0]}' is defined twice",
                 f"database {self.name}",
                 "give each term its own name",
             )
@@ -150,7 +159,7 @@ class AeroDatabase:
         except InputError as error:
             raise InputError(error.what, f"database {self.name}", error.remedy) from None
         for name in sorted(used.union(*(increment.names for increment in self.increments))):
-            check_input(name, self)
+            check_input(name, self.name, self.variables, self.free_inputs)
 
     def _compile(self, expressions: Iterable[Expression]) -> Program:
         definitions = {name: variable.expression for name, variable in self.variables.items()}
@@ -162,8 +171,8 @@ class AeroDatabase:
         variables: Mapping[str, Expression],
         tables: Mapping[str, AnyTable],
     ) -> Program:
-        """A program of `expressions` with this database's reference lengths and other definitions
-        of variables and tables."""
+        """Compile `expressions` with this database's reference lengths and the given variables and
+        tables in place of its own."""
         constants = {
             name: float(getattr(self.reference, attribute)) for name, attribute in CONSTANTS.items()
         }
@@ -181,7 +190,7 @@ class AeroDatabase:
 
     @cached_property
     def needs(self) -> tuple[str, ...]:
-        """Names that evaluation uses, hat rates among them."""
+        """Names that evaluation uses, sorted, dimensionless rates among them."""
         names = set(self._program.inputs).union(*(increment.names for increment in self.increments))
         if self.on_wind_axes:
             names |= {"alpha", "beta"}
@@ -194,8 +203,8 @@ class AeroDatabase:
 
     @cached_property
     def inputs(self) -> tuple[str, ...]:
-        """Channels and free inputs that `predict` needs, sorted; for a hat rate the rate and V that
-        it is made of."""
+        """Channels and free inputs that `predict` needs, sorted; for a dimensionless rate, the
+        rate and V."""
         names = set(self.needs) - set(HAT_RATES)
         for hat in set(self.needs) & set(HAT_RATES):
             names |= {HAT_RATES[hat][0], "V"}
@@ -205,13 +214,13 @@ class AeroDatabase:
 
     @cached_property
     def flight_inputs(self) -> tuple[str, ...]:
-        """Channels and free inputs that a flight must have, sorted: `inputs`, in place of states
-        what they are made of."""
-        made = [self._states[name] for name in self.inputs if name in self._states]
+        """Channels and free inputs that a flight must have, sorted: `inputs`, with each state
+        replaced by the channels that it is integrated from."""
+        used = [self._states[name] for name in self.inputs if name in self._states]
         return tuple(
             sorted(
                 set(self.inputs) - self._states.keys()
-                | {name for state in made for name in state.needs}
+                | {name for state in used for name in state.needs}
             )
         )
 
@@ -220,11 +229,15 @@ class AeroDatabase:
         return {state.name: state for state in self.states}
 
     def states_along(self, time: Array, channels: Mapping[str, Array]) -> dict[str, Array]:
-        """The channels that the states make along a flight, by name, each (n,); `channels` as
-        `flight_inputs`, each (n,).
+        """Integrate the state models along a flight: state name -> (n,).
 
-        States that `channels` holds, or nothing uses, are left out. Raises InputError naming
-        channels that a state lacks.
+        Parameters
+        ----------
+        time : (n,) s, uniform.
+        channels : those of `flight_inputs`, each (n,).
+
+        States that `channels` already holds, and states that nothing uses, are left out. Raises
+        InputError naming the channels that a state needs and `channels` lacks.
         """
         wanted = [
             state
@@ -234,8 +247,10 @@ class AeroDatabase:
         return {state.name: state.along(time, channels, self.reference.chord) for state in wanted}
 
     def resolved(self, names: Iterable[str], channels: Mapping[str, Value]) -> dict[str, Any]:
-        """Values of channels, hat rates and free inputs by `names`; InputError says which of
-        `channels` are missing."""
+        """Values of the channels, dimensionless rates, states and free inputs in `names`.
+
+        Raises InputError naming all channels that are missing.
+        """
         values: dict[str, Any] = {}
         absent: set[str] = set()
         for name in names:
@@ -246,11 +261,11 @@ class AeroDatabase:
             sources = (
                 {HAT_RATES[name][0], "V"} if name in HAT_RATES else {"alpha"} if state else {name}
             )
-            lacking = {source for source in sources if source not in channels}
-            absent |= lacking
-            if state is not None and not lacking:
+            missing = {source for source in sources if source not in channels}
+            absent |= missing
+            if state is not None and not missing:
                 values[name] = state.settled(channels, self.reference.chord)
-            elif name in HAT_RATES and not lacking:
+            elif name in HAT_RATES and not missing:
                 values[name] = hat_rate(name, channels, self.reference)
         if absent:
             shown = [
@@ -264,10 +279,14 @@ class AeroDatabase:
         return values
 
     def predict(self, channels: Mapping[str, Value]) -> Prediction:
-        """The six coefficients at `channels` (each (n,) or a number, SI and rad); stateless.
+        """Predict the six coefficients; stateless.
 
-        Raises InputError that names missing channels. Arguments that are not finite give
-        coefficients that are not.
+        Parameters
+        ----------
+        channels : those of `inputs`, each (n,) or a number, SI and rad.
+
+        Raises InputError naming missing channels. Inputs that are not finite give coefficients
+        that are not finite.
         """
         n = _length(channels)
         values = self.resolved(self.needs, channels)
@@ -300,20 +319,14 @@ class AeroDatabase:
             outside |= where
         return Prediction(totals, outside, beyond)
 
-    def evaluate(self, channels: Mapping[str, Value]) -> "Evaluation":
-        """Value, standard error and place on every body axis at `channels`; what they mean stands
-        with `evaluation`."""
-        from aerodb.tables.evaluation import evaluate  # which needs this module
-
-        return evaluate(self, channels)
-
 
 def _length(channels: Mapping[str, Value]) -> int:
     return max((np.size(value) for value in channels.values()), default=1)
 
 
 def _blocks(values: Mapping[str, Value], n: int) -> Iterator[tuple[int, dict[str, Value]]]:
-    """Consecutive blocks of values (n,), each with its first sample; numbers as they are."""
+    """Yield consecutive blocks of the values (n,), each with the index of its first sample;
+    numbers unchanged."""
     for start in range(0, n, BLOCK):
         part = slice(start, start + BLOCK)
         yield (
@@ -326,7 +339,7 @@ def _blocks(values: Mapping[str, Value], n: int) -> Iterator[tuple[int, dict[str
 
 
 def _joined(blocks: list[Prediction], n: int) -> Prediction:
-    """Predictions of consecutive blocks as one of (n,)."""
+    """Join the predictions of consecutive blocks into one of length n."""
     coefficients = {
         axis: np.concatenate([block.coefficients[axis] for block in blocks]) for axis in AXES
     }

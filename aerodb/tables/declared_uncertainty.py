@@ -4,7 +4,7 @@ order."""
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -12,14 +12,12 @@ from aerodb.nomenclature import AXES, FORCE_AXES
 from aerodb.support import Array
 from aerodb.tables.algebra import plus, times
 from aerodb.tables.arguments import rebuilt
+from aerodb.tables.database import AeroDatabase
 from aerodb.tables.expression import Call, Expression, Name, Operation, TableCall, number
 from aerodb.tables.linear_terms import depends_on
 from aerodb.tables.program import AnyTable
 from aerodb.tables.reference import WIND_AXES
 from aerodb.tables.uncertainty import Bound, Uncertainty
-
-if TYPE_CHECKING:
-    from aerodb.tables.database import AeroDatabase
 
 
 def deviation(
@@ -65,7 +63,7 @@ class _Shifted:
 
 
 def declared_variance(
-    database: "AeroDatabase",
+    database: AeroDatabase,
     values: Mapping[str, Any],
     rotation: Mapping[str, Mapping[str, Array]],
     n: int,
@@ -93,7 +91,7 @@ def declared_variance(
     return variance, frozenset(acts)
 
 
-def _definitions(database: "AeroDatabase") -> _Shifted:
+def _definitions(database: AeroDatabase) -> _Shifted:
     variables = {name: variable.expression for name, variable in database.variables.items()}
     return _Shifted(
         tuple(term.expression for term in database.terms),
@@ -102,7 +100,7 @@ def _definitions(database: "AeroDatabase") -> _Shifted:
     )
 
 
-def _shifts(database: "AeroDatabase") -> dict[str, _Shifted]:
+def _shifts(database: AeroDatabase) -> dict[str, _Shifted]:
     """By the name of every uncertain variable or table."""
     plain, shifts = _definitions(database), dict[str, _Shifted]()
     for name, variable in database.variables.items():
@@ -119,7 +117,7 @@ def _shifts(database: "AeroDatabase") -> dict[str, _Shifted]:
     return shifts
 
 
-def _table_shifted(database: "AeroDatabase", plain: _Shifted, name: str) -> _Shifted:
+def _table_shifted(database: AeroDatabase, plain: _Shifted, name: str) -> _Shifted:
     """Every call of a table with one standard deviation added; bounds per node become tables of
     their own."""
     table: Any = {**database.tables, **database.scattered}[name]
@@ -157,7 +155,7 @@ def _expression(bound: Bound) -> Expression:
 
 
 def _totals(
-    database: "AeroDatabase", definitions: _Shifted, values: Mapping[str, Any], n: int
+    database: AeroDatabase, definitions: _Shifted, values: Mapping[str, Any], n: int
 ) -> dict[str, Array]:
     """Sum of the terms on every body and wind axis, (n,) each, without increments."""
     program = database.compiled(definitions.terms, definitions.variables, definitions.tables)

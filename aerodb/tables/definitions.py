@@ -1,53 +1,63 @@
-"""What a database may define: names that are identifiers, differ, and hide neither channels nor
-constants."""
+"""Checks of what a database defines: names must be identifiers, differ, and hide no channel and
+no constant."""
 
-from collections.abc import Iterable
-from typing import TYPE_CHECKING, Final
+from collections.abc import Container, Iterable, Mapping
+from typing import Final
 
 from aerodb.errors import InputError, UnknownNameError, nearest
 from aerodb.nomenclature import CHANNELS, axis_description, channel
 from aerodb.tables.expression import check_identifier
+from aerodb.tables.program import AnyTable
+from aerodb.tables.state_model import StateModel
 from aerodb.tables.uncertainty import Uncertainty, check_bounds
-
-if TYPE_CHECKING:
-    from aerodb.tables.database import AeroDatabase
-    from aerodb.tables.program import AnyTable
 
 #: Names that stand for the database's own reference area, chord and span in every expression.
 CONSTANTS: Final[dict[str, str]] = {"S_ref": "area", "c_ref": "chord", "b_ref": "span"}
 
-#: The channel that states make; others make free inputs.
+#: The channel that state models compute; a state of any other name needs a free input of that name.
 STATE_CHANNEL: Final = "flow_attachment"
 
 
-def check_uncertainties(database: "AeroDatabase") -> None:
-    """Bounds that a variable gives must have that variable; what has no nodes has no bounds per
-    node."""
-    carriers: list[tuple[str, Uncertainty | None]] = []
-    for group in (database.variables, database.tables, database.scattered):
-        carriers += [(name, carrier.uncertainty) for name, carrier in group.items()]
+def check_uncertainties(
+    database: str, variables: Mapping[str, Uncertainty | None], tables: Iterable[AnyTable]
+) -> None:
+    """Raise InputError where a bound names a variable that does not exist, or where a variable has
+    bounds per node.
+
+    database : its name, for messages. variables : name -> declared uncertainty, None where there
+    is none. tables : all tables, on grids and on scattered points.
+    """
+    carriers = [*variables.items(), *((table.name, table.uncertainty) for table in tables)]
     for name, uncertainty in carriers:
         if uncertainty is None:
             continue
-        where = f"database {database.name}: uncertainty of {name}"
-        for bound in sorted(uncertainty.names - database.variables.keys()):
-            raise InputError(f"no variable '{bound}'", where, nearest(bound, database.variables))
-        if name in database.variables:
+        where = f"database {database}: uncertainty of {name}"
+        for bound in sorted(uncertainty.names - variables.keys()):
+            raise InputError(f"no variable '{bound}'", where, nearest(bound, variables))
+        if name in variables:
             try:
                 check_bounds(uncertainty, 0)
             except InputError as error:
                 raise InputError(error.what, where) from None
 
 
-def check_definitions(database: "AeroDatabase") -> None:
-    """Names that a database defines must be identifiers, differ, and hide neither channels nor
-    constants."""
+def check_definitions(
+    database: str,
+    variables: Iterable[str],
+    tables: Iterable[tuple[str, AnyTable]],
+    free_inputs: Iterable[str],
+) -> None:
+    """Raise InputError unless all defined names are identifiers, differ from each other and hide
+    neither channels nor constants.
+
+    database : its name, for messages. tables : key and table, on grids and on scattered points.
+    """
     seen: dict[str, str] = {}
+    tables = list(tables)
     definitions: tuple[tuple[str, Iterable[str]], ...] = (
-        ("variable", database.variables),
-        ("table", database.tables),
-        ("table", database.scattered),
-        ("free input", database.free_inputs),
+        ("variable", variables),
+        ("table", [name for name, _ in tables]),
+        ("free input", free_inputs),
     )
     for kind, names in definitions:
         for name in names:
@@ -58,49 +68,54 @@ def check_definitions(database: "AeroDatabase") -> None:
             if other:
                 raise InputError(
                     f"{kind} '{name}' has the name of a {other}",
-                    f"database {database.name}",
+                    f"database {database}",
                     "choose another name",
                 )
             seen[name] = kind
-    tables: dict[str, AnyTable] = {**database.tables, **database.scattered}
-    for name, table in tables.items():
+    for name, table in tables:
         if table.name != name:
             raise InputError(
-                f"table '{table.name}' is filed under '{name}'", f"database {database.name}"
+                f"table '{table.name}' is stored under the key '{name}'", f"database {database}"
             )
-    _check_states(database)
 
 
-def _check_states(database: "AeroDatabase") -> None:
-    made = [state.name for state in database.states]
-    for name in made:
-        if made.count(name) > 1:
+def check_states(database: str, states: Iterable[StateModel], free_inputs: Container[str]) -> None:
+    """Raise InputError for a state model that is defined twice, or whose name is neither
+    `STATE_CHANNEL` nor a free input."""
+    names = [state.name for state in states]
+    for name in names:
+        if names.count(name) > 1:
             raise InputError(
-                f"state '{name}' stands twice", f"database {database.name}", "keep one of them"
+                f"state '{name}' is defined twice", f"database {database}", "keep one of them"
             )
-        if name != STATE_CHANNEL and name not in database.free_inputs:
+        if name != STATE_CHANNEL and name not in free_inputs:
             remedy = f"call it {STATE_CHANNEL}, or declare a free input of that name"
             raise InputError(
-                f"state '{name}' makes no channel that terms can use",
-                f"database {database.name}",
+                f"state '{name}' computes no channel that terms can use",
+                f"database {database}",
                 remedy,
             )
 
 
-def check_axis(axis: str, where: str) -> None:
+def check_axis(axis: str, database: str) -> None:
+    """Raise InputError, with the nearest valid name, for an unknown coefficient axis."""
     try:
         axis_description(axis)
     except UnknownNameError as error:
-        raise InputError(error.what, f"database {where}", error.remedy) from None
+        raise InputError(error.what, f"database {database}", error.remedy) from None
 
 
-def check_input(name: str, database: "AeroDatabase") -> None:
-    if name in database.free_inputs:
+def check_input(
+    name: str, database: str, variables: Iterable[str], free_inputs: Iterable[str]
+) -> None:
+    """Raise InputError, with the nearest valid name, for a name that is neither a free input nor a
+    channel."""
+    if name in free_inputs:
         return
     try:
         channel(name)
     except UnknownNameError:
-        known = [*CHANNELS, *CONSTANTS, *database.variables, *database.free_inputs]
+        known = [*CHANNELS, *CONSTANTS, *variables, *free_inputs]
         raise InputError(
-            f"unknown name '{name}'", f"database {database.name}", nearest(name, known)
+            f"unknown name '{name}'", f"database {database}", nearest(name, known)
         ) from None

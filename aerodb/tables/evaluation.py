@@ -1,45 +1,43 @@
-"""What a database says at a point and how far to trust it: value, standard error and place, on
-every body axis.
+"""Coefficients of a database at given points, with standard error and place on every body axis.
 
-The standard error follows the flights where they have been, and the baseline beyond. On an axis it
-adds in squares
+Inside the flown envelope the standard error is that of the flights; beyond it, that of the
+baseline. The variance on an axis is the sum of
 
-- for every increment, its own error under the envelope rule: covariance of the estimates and what
-  has faded;
-- ``(1 - w)`` times what the source declares of its tables and variables (`Uncertainty`), where w is
-  the weight that the
-  envelopes leave of the flights' evidence: inside the data the flights have measured the total, and
-  one table's declared doubt no longer adds to theirs.
+- for every increment, its own variance under the envelope rule: the covariance of the estimates,
+  and the square of what has faded (`Increment.evaluate`);
+- ``(1 - w)^2`` times the variance that the source declares for its tables and variables
+  (`Uncertainty`), where w is the weight that the envelopes leave to the flights' evidence. Inside
+  the data the flights have measured the total coefficient, so that the declared uncertainty of a
+  single table no longer adds to theirs.
 
-Sources and increments of different updates are taken as independent. What nobody has quantified is
-not known: an axis with neither increments nor declared uncertainty has NaN, not 0. Where only part
-of a baseline is declared, the error is that part.
+Sources, and increments of different updates, are taken as independent. An axis with neither
+increments nor declared uncertainty has the standard error NaN, not 0: nobody has quantified it.
+Where only part of a baseline is declared, the error is that part.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from aerodb.nomenclature import AXES, FORCE_AXES
 from aerodb.support import Array
+from aerodb.tables.database import AeroDatabase, Prediction
 from aerodb.tables.declared_uncertainty import declared_variance
 from aerodb.tables.functions import Value
 from aerodb.tables.linear_terms import depends_on
 from aerodb.tables.reference import WIND_AXES, wind_to_body
 
-if TYPE_CHECKING:
-    from aerodb.tables.database import AeroDatabase, Prediction
-
-#: Body axes on which a wind axis is felt at small angles: whose flights speak for whom.
-_SPEAKS_FOR: Final = {"C_drag": ("CX", "CZ"), "C_side": ("CY",), "C_lift": ("CX", "CZ")}
+#: Wind axis -> the body axes that it acts on at small angles. Evidence from flights on a wind axis
+#: counts for these.
+_BODY_AXES_OF: Final = {"C_drag": ("CX", "CZ"), "C_side": ("CY",), "C_lift": ("CX", "CZ")}
 
 
 class Place(IntEnum):
-    """Where a point lies for one axis; `Place(code).label` is what people read."""
+    """Where a point lies for one axis. Arrays hold the code; `Place(code).label` is its text."""
 
     INSIDE_DATA = 0
     INSIDE_TABLES = 1
@@ -53,25 +51,32 @@ class Place(IntEnum):
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """Per body axis CX CY CZ Cl Cm Cn, each (n,): value, standard error (NaN where not known) and
-    place (a `Place`).
+    """Coefficients with standard error and place; mappings from body axis CX CY CZ Cl Cm Cn.
 
-    place : OUTSIDE where a table behind this axis is asked beyond its breakpoints, whatever flights
-    say; else INSIDE_DATA where the envelope of an increment on this axis contains the point; else
-    INSIDE_TABLES.
+    Parameters
+    ----------
+    value : (n,).
+    standard_error : (n,), NaN where it is not known.
+    place : (n,), codes of `Place`. OUTSIDE where a table that this axis depends on is evaluated
+        beyond its breakpoints, even if flights have been there; else INSIDE_DATA where the
+        envelope of an increment on this axis contains the point; else INSIDE_TABLES.
+    prediction : the same values, and which tables are evaluated beyond their breakpoints.
     """
 
     value: Mapping[str, Array]
     standard_error: Mapping[str, Array]
     place: Mapping[str, NDArray[np.int8]]
-    prediction: "Prediction"
+    prediction: Prediction
 
 
-def evaluate(database: "AeroDatabase", channels: Mapping[str, Value]) -> Evaluation:
-    """Value, standard error and place of the six coefficients at `channels` (each (n,) or a number,
-    SI and rad).
+def evaluate_database(database: AeroDatabase, channels: Mapping[str, Value]) -> Evaluation:
+    """Evaluate the six coefficients with standard error and place.
 
-    Raises InputError that names missing channels.
+    Parameters
+    ----------
+    channels : those of `database.inputs`, each (n,) or a number, SI and rad.
+
+    Raises InputError naming missing channels.
     """
     prediction = database.predict(channels)
     n = prediction.outside.size
@@ -86,12 +91,12 @@ def evaluate(database: "AeroDatabase", channels: Mapping[str, Value]) -> Evaluat
     for increment in database.increments:
         result, left = increment.evaluate(values), increment.weight(values)
         own[increment.axis] += result.standard_error**2
-        for axis in _SPEAKS_FOR.get(increment.axis, (increment.axis,)):
+        for axis in _BODY_AXES_OF.get(increment.axis, (increment.axis,)):
             known.add(axis)
             weight[axis] = np.maximum(weight[axis], left)
             inside[axis] |= result.inside
     declared, uncertain = declared_variance(database, values, rotation, n)
-    known |= {axis for source in uncertain for axis in _SPEAKS_FOR.get(source, (source,))}
+    known |= {axis for source in uncertain for axis in _BODY_AXES_OF.get(source, (source,))}
     variance = _in_body_axes(own, rotation)
     for axis, share in declared.items():
         variance[axis] += (1.0 - weight[axis]) ** 2 * share
@@ -111,8 +116,7 @@ def evaluate(database: "AeroDatabase", channels: Mapping[str, Value]) -> Evaluat
 
 
 def _rotation_to_body(values: Mapping[str, Any], n: int) -> dict[str, dict[str, Array]]:
-    """``rotation[wind axis][force axis]``, each (n,): what one unit along a wind axis gives along
-    the body axes."""
+    """Rotation matrix from wind to body axes, ``rotation[wind axis][force axis]``, each (n,)."""
     rotation = {}
     for k, wind in enumerate(WIND_AXES):
         drag, side, lift = (float(k == other) for other in range(3))
@@ -126,8 +130,8 @@ def _rotation_to_body(values: Mapping[str, Any], n: int) -> dict[str, dict[str, 
 def _in_body_axes(
     own: Mapping[str, Array], rotation: Mapping[str, Mapping[str, Array]]
 ) -> dict[str, Array]:
-    """Variances of independent contributions on body and wind axes, (n,) each, as variances on the
-    body axes."""
+    """Variances on the body axes from independent contributions on body and wind axes, each
+    (n,)."""
     total = {axis: np.array(own[axis]) for axis in AXES}
     for wind, parts in rotation.items():
         for axis, part in parts.items():
@@ -136,12 +140,12 @@ def _in_body_axes(
 
 
 def _outside(
-    database: "AeroDatabase", prediction: "Prediction", n: int
+    database: AeroDatabase, prediction: Prediction, n: int
 ) -> dict[str, NDArray[np.bool_]]:
-    """Per body axis, where a table on which it depends is asked beyond its breakpoints."""
+    """Per body axis (n,), where a table that it depends on is evaluated beyond its breakpoints."""
     beyond = {axis: np.zeros(n, dtype=np.bool_) for axis in AXES}
     for term in database.terms if prediction.outside_tables else ():
         for table in depends_on(term.expression, database) & prediction.outside_tables.keys():
-            for axis in _SPEAKS_FOR.get(term.axis, (term.axis,)):
+            for axis in _BODY_AXES_OF.get(term.axis, (term.axis,)):
                 beyond[axis] |= prediction.outside_tables[table]
     return beyond

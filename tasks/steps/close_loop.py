@@ -1,6 +1,6 @@
 """The closed loop as steps: the rounds, their validation, and what they leave unexplained."""
 
-from aerodb.increments import AxisProof
+from aerodb.increments import AxisValidation
 from aerodb.loop import Accept, Library, Loop, unexplained_residuals, validate_loop
 from aerodb.loop import run_loop as run_rounds
 from aerodb.tasks.loop_flights import flights_of
@@ -20,7 +20,7 @@ def run_loop(plan: Plan, library: Library, *, workspace: str, run: str, accept: 
 
 def prove_loop(
     plan: Plan, library: Library, loop: Loop, *, workspace: str, run: str, accept: Accept
-) -> tuple[AxisProof, ...]:
+) -> tuple[AxisValidation, ...]:
     """Error before and after on flights that did not identify; below five flights each is predicted
     from the others."""
     return validate_loop(

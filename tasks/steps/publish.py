@@ -19,7 +19,7 @@ from aerodb.exchange import (
     read_native,
     to_document,
 )
-from aerodb.increments import AxisProof, Update, sign_reasons
+from aerodb.increments import AxisValidation, Update, sign_reasons
 from aerodb.loop import Accept, Library, Loop
 from aerodb.report import loop_document, update_document
 from aerodb.storage.catalogue import FlightRole, VersionRow
@@ -111,7 +111,7 @@ def read_database(
 
 
 def publish_candidate(
-    plan: Plan, update: Update, proof: tuple[AxisProof, ...], *, workspace: str, run: str
+    plan: Plan, update: Update, proof: tuple[AxisValidation, ...], *, workspace: str, run: str
 ) -> dict[str, Any]:
     """Stores the update's candidate with its proof and points ``candidate`` at it; returns the
     update's document."""
@@ -155,7 +155,7 @@ def publish_loop(
     library: Library,
     loop: Loop,
     left: tuple[Remainder, ...],
-    proof: tuple[AxisProof, ...],
+    proof: tuple[AxisValidation, ...],
     *,
     workspace: str,
     run: str,

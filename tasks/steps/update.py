@@ -11,7 +11,7 @@ from aerodb.effects import with_flattening
 from aerodb.errors import InputError
 from aerodb.flight import Flight
 from aerodb.increments import (
-    AxisProof,
+    AxisValidation,
     HoldOut,
     ModelFile,
     Update,
@@ -19,8 +19,8 @@ from aerodb.increments import (
     estimate_increments,
     keep_slope_signs,
     parse_model_file,
-    prove,
-    prove_by_leaving_one_out,
+    validate_by_leaving_one_out,
+    validate_on_held_out,
 )
 from aerodb.loop import consider_parameters, noisier_flights
 from aerodb.storage.catalogue import FlightRow
@@ -150,7 +150,7 @@ def estimate(plan: Plan, *, workspace: str, run: str) -> Update:
     return keep_slope_signs(with_flattening(update, noisier, Settings().shift_factor), database)
 
 
-def validate(plan: Plan, update: Update, *, workspace: str, run: str) -> tuple[AxisProof, ...]:
+def validate(plan: Plan, update: Update, *, workspace: str, run: str) -> tuple[AxisValidation, ...]:
     """Error before and after the update, on flights that did not identify it where there are
     any."""
     opened = stores(workspace)
@@ -158,7 +158,7 @@ def validate(plan: Plan, update: Update, *, workspace: str, run: str) -> tuple[A
     before = {c.flight: c for c in comparisons}
     after = {flight: compared(opened, flight, update.candidate, run) for flight in plan.flights}
     if plan.hold_out.kind != "cross-validated":
-        return prove(before, after, plan.hold_out)
+        return validate_on_held_out(before, after, plan.hold_out)
     model, baseline = parse_model_file(plan.model), opened.database(plan.baseline)
 
     def without(left_out: str) -> Comparison:
@@ -168,7 +168,7 @@ def validate(plan: Plan, update: Update, *, workspace: str, run: str) -> tuple[A
         )
         return compared(opened, left_out, candidate, run)
 
-    return prove_by_leaving_one_out(before, after, without)
+    return validate_by_leaving_one_out(before, after, without)
 
 
 def _estimated_where_possible(

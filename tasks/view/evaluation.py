@@ -12,7 +12,7 @@ from aerodb.errors import InputError, nearest
 from aerodb.exchange import from_document
 from aerodb.nomenclature import AXES
 from aerodb.storage.catalogue import Catalogue, VersionRow
-from aerodb.tables import AeroDatabase, Place
+from aerodb.tables import AeroDatabase, Place, evaluate_database
 from aerodb.tasks.references import point_of
 
 #: A line through a database has at most so many points.
@@ -28,7 +28,9 @@ def evaluate_at(catalogue: Catalogue, version: VersionRow, at: str) -> dict[str,
     """
     database = database_of(catalogue, version)
     point, assumed, channels = _point(database, at)
-    found = database.evaluate({name: np.array([value]) for name, value in channels.items()})
+    found = evaluate_database(
+        database, {name: np.array([value]) for name, value in channels.items()}
+    )
     return {
         "version": version.id,
         "at": point,
@@ -72,8 +74,8 @@ def sweep(
         )
     point, assumed, channels = _point(database, at)
     line = np.linspace(low, high, points)
-    found = database.evaluate(
-        {**{name: np.full(points, value) for name, value in channels.items()}, over: line}
+    found = evaluate_database(
+        database, {**{name: np.full(points, value) for name, value in channels.items()}, over: line}
     )
     axes = {
         axis: {

@@ -19,14 +19,14 @@ from aerodb.effects.flight_view import FlightView
 from aerodb.effects.measurement.constant_errors import with_wind
 from aerodb.effects.measurement.sensor import predicted_change
 from aerodb.effects.measurement.sensor_flow_angles import NATURAL
-from aerodb.increments import AxisUpdate, Doubt, Update
+from aerodb.increments import AxisUpdate, ConsiderParameter, Update
 from aerodb.support import Array
 
 #: Realisations of e that stand for its covariance.
 _DRAWS: Final = 16
 
 
-def doubts_of_alpha(view: FlightView, noise: StateNoise) -> tuple[Doubt, ...]:
+def doubts_of_alpha(view: FlightView, noise: StateNoise) -> tuple[ConsiderParameter, ...]:
     """The doubts in what one flight with a reconstructed alpha gives: in proportion, and in
     `_DRAWS` realisations of e.
 
@@ -36,8 +36,10 @@ def doubts_of_alpha(view: FlightView, noise: StateNoise) -> tuple[Doubt, ...]:
     if "alpha" not in noise.density:
         return ()
 
-    def doubt(name: str, sigma: float, shared: bool, error: Array) -> Doubt:
-        return Doubt(name, sigma, shared, with_wind(view, predicted_change(view, alpha=error)))
+    def doubt(name: str, sigma: float, shared: bool, error: Array) -> ConsiderParameter:
+        return ConsiderParameter(
+            name, sigma, shared, with_wind(view, predicted_change(view, alpha=error))
+        )
 
     generator = np.random.default_rng(
         int.from_bytes(view.flight.encode()[:8].ljust(8, b"0"), "big")

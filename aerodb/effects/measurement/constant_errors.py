@@ -16,14 +16,14 @@ from aerodb.effects.flight_view import FlightView
 from aerodb.effects.hypothesis import Columns
 from aerodb.effects.measurement import sensor_accelerometer, sensor_flow_angles, sensor_qbar
 from aerodb.effects.measurement.sensor import added, predicted_change
-from aerodb.increments import Doubt
+from aerodb.increments import ConsiderParameter
 from aerodb.support import Array
 from aerodb.tables import WIND_AXES, body_to_wind
 
 
 def doubts(
     view: FlightView, sigma: Mapping[str, float], own: Collection[str] = ()
-) -> tuple[Doubt, ...]:
+) -> tuple[ConsiderParameter, ...]:
     """The doubts in what one flight gives.
 
     sigma : ``<channel>_bias`` and ``<angle>_delay`` -> one standard error of what is left of it,
@@ -36,7 +36,11 @@ def doubts(
         if sigma.get(name, 0.0) > 0 and (
             channel in view.channels or f"{channel}_imu" in view.channels
         ):
-            found.append(Doubt(name, sigma[name], name not in own, with_wind(view, columns(view))))
+            found.append(
+                ConsiderParameter(
+                    name, sigma[name], name not in own, with_wind(view, columns(view))
+                )
+            )
     return tuple(found)
 
 

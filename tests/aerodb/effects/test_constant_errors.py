@@ -10,7 +10,7 @@ from aerodb.effects.flight_view import view_of
 from aerodb.effects.measurement.constant_errors import doubts
 from aerodb.estimation.statistics import rms
 from aerodb.flight import Flight
-from aerodb.increments.estimate import Doubt, estimate_increments
+from aerodb.increments.estimate import ConsiderParameter, estimate_increments
 from aerodb.increments.model_file import parse_model_file
 from aerodb.logs.probe import air_data_at_cg
 from aerodb.nomenclature import AXES, MOMENT_AXES
@@ -49,7 +49,9 @@ def _distances(runs: int, shared: bool, told: bool) -> Array:
             comparison(f, {"CZ": r + x}) for f, r, x in zip(flights, residuals, noise, strict=True)
         ]
         known = {
-            f.id: [Doubt(n, SIGMA[n], shared, {"CZ": x}) for n, x in _columns(f).items()]
+            f.id: [
+                ConsiderParameter(n, SIGMA[n], shared, {"CZ": x}) for n, x in _columns(f).items()
+            ]
             for f in flights
         }
         update = estimate_increments(
@@ -89,7 +91,9 @@ def test_without_doubts_nothing_changes() -> None:
         for d in (None, {})
     )
     np.testing.assert_array_equal(plain.covariance, empty.covariance)
-    more = {"f0": [Doubt("alpha_bias", 0.002, True, {"CZ": np.full(len(one.time), 5.0)})]}
+    more = {
+        "f0": [ConsiderParameter("alpha_bias", 0.002, True, {"CZ": np.full(len(one.time), 5.0)})]
+    }
     doubted = estimate_increments(
         [one], [compared], parse_model_file(MODEL), database(), more
     ).axes[0]

@@ -24,6 +24,7 @@ from aerodb.nomenclature import AXES
 from aerodb.support.arrays import Array
 from aerodb.tables.consolidation import consolidate
 from aerodb.tables.database import AeroDatabase, Term
+from aerodb.tables.evaluation import evaluate_database
 from aerodb.tables.expression import parse
 from aerodb.tables.reference import Reference
 from aerodb.vehicle import Vehicle, add_combinations, parse_vehicle
@@ -249,14 +250,15 @@ def test_what_is_added_is_the_column_times_the_value_inside_the_envelope(aircraf
     view, library = _phoenix() if aircraft == "phoenix" else _taxi(aircraft == "wind")
     database = view.database
     before = {
-        axis: values.copy() for axis, values in database.evaluate(view.channels).value.items()
+        axis: values.copy()
+        for axis, values in evaluate_database(database, view.channels).value.items()
     }
     for number, hypothesis in enumerate(library):
         value = np.array([(-1) ** number * 0.3 * hypothesis.plausible[1] or -1.0])
         covariance = np.array([[(0.01 * value[0]) ** 2]])
         envelopes = envelopes_of([hypothesis], [view], database)
         candidate = add_effects(database, [hypothesis], value, covariance, envelopes, [view.flight])
-        after, columns = candidate.evaluate(view.channels), hypothesis.columns(view)
+        after, columns = evaluate_database(candidate, view.channels), hypothesis.columns(view)
         for axis in AXES:
             share = value[0] * columns[axis] if axis in columns else 0.0
             assert np.allclose(
@@ -280,7 +282,7 @@ def test_several_effects_keep_their_joint_covariance_on_an_axis() -> None:
     assert np.array_equal(pitch.covariance, covariance[1:2, 1:2])
     at = {name: np.array([values[600]]) for name, values in view.channels.items()}
     column = np.array([at["alpha"][0], at["q_hat"][0]])
-    assert candidate.evaluate(at).standard_error["CZ"][0] == pytest.approx(
+    assert evaluate_database(candidate, at).standard_error["CZ"][0] == pytest.approx(
         np.sqrt(column @ lift.covariance @ column)
     )
 

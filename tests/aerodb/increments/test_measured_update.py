@@ -18,7 +18,7 @@ from aerodb.estimation.statistics import rms
 from aerodb.exchange.jsbsim.reader import import_jsbsim
 from aerodb.increments.estimate import estimate_increments
 from aerodb.increments.model_file import parse_model_file
-from aerodb.increments.validation import HoldOut, prove
+from aerodb.increments.validation import HoldOut, validate_on_held_out
 from aerodb.report.document import update_document
 from tests.aerodb.coefficients.test_coefficients import _with_nasas_constants, record, twin_otter  # noqa: F401
 from tests.support.paths import VEHICLES
@@ -57,7 +57,7 @@ def updated(record, twin_otter):  # noqa: F811
         update = estimate_increments([flight], [before], model, database)
         after = compare(flight, coefficients, update.candidate, twin_otter.reference)
         split = HoldOut((flight.id,), (), "not validated")
-        proof = prove({flight.id: before}, {flight.id: after}, split)
+        proof = validate_on_held_out({flight.id: before}, {flight.id: after}, split)
         document = update_document(
             vehicle="twin-otter",
             baseline="b",

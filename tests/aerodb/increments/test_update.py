@@ -12,7 +12,7 @@ from aerodb.errors import InputError
 from aerodb.flight import Flight
 from aerodb.increments.estimate import AxisUpdate, Update, estimate_increments
 from aerodb.increments.model_file import ModelFile, parse_model_file
-from aerodb.increments.validation import HoldOut, prove
+from aerodb.increments.validation import HoldOut, validate_on_held_out
 from aerodb.support.arrays import Array
 from aerodb.tables.database import Term
 from aerodb.tables.expression import parse
@@ -142,7 +142,9 @@ def test_nothing_planted_is_nothing_found() -> None:
         t_values.append(axis.estimates / axis.standard_errors)
         before = {c.flight: c for c in compared}
         after = {f.id: _with(update, f, c) for f, c in zip(flown, compared, strict=True)}
-        proof = prove(before, after, HoldOut(("f0", "f1", "f2"), ("f3",), "held-out"))[0]
+        proof = validate_on_held_out(
+            before, after, HoldOut(("f0", "f1", "f2"), ("f3",), "held-out")
+        )[0]
         assert proof.held_out_rms_before is not None
         assert proof.held_out_rms_after is not None
         excess.append(proof.held_out_rms_after / proof.held_out_rms_before - 1.0)

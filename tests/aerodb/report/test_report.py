@@ -19,7 +19,7 @@ from aerodb.flows.cli.main import app
 from aerodb.flows.flight import flight_flow
 from aerodb.flows.report import report_flow
 from aerodb.flows.run import run_flow
-from aerodb.increments.validation import AxisProof, HoldOut
+from aerodb.increments.validation import AxisValidation, HoldOut
 from aerodb.report.headlines import error_rows, headline
 from aerodb.report.loop_documents import loop_document
 from aerodb.report.page import number, pdf
@@ -236,7 +236,7 @@ def test_what_is_refused(made: tuple[Path, dict[str, Any]], tmp_path: Path) -> N
     assert not (tmp_path / "none").exists()
 
 
-def proof(axis: str, before: float, after: float, **other: Any) -> AxisProof:
+def proof(axis: str, before: float, after: float, **other: Any) -> AxisValidation:
     known = {
         "rms_before": before,
         "rms_after": after,
@@ -256,7 +256,7 @@ def proof(axis: str, before: float, after: float, **other: Any) -> AxisProof:
         "explained": 0.9,
         "outcome": "improved",
     }
-    return AxisProof(axis=axis, **{**known, **other})
+    return AxisValidation(axis=axis, **{**known, **other})
 
 
 def found(
@@ -289,7 +289,7 @@ def found(
 def loop(
     findings: list[Finding],
     added: list[Finding],
-    proofs: list[AxisProof],
+    proofs: list[AxisValidation],
     left: tuple[Remainder, ...] = (),
 ) -> dict[str, Any]:
     not_found = (

@@ -17,6 +17,7 @@ from aerodb.support.identity import canonical_json
 from aerodb.tables.arguments import coverage
 from aerodb.tables.consolidation import consolidate, node_lineage, plan, point_lineage
 from aerodb.tables.database import AeroDatabase, Term, Variable
+from aerodb.tables.evaluation import evaluate_database
 from aerodb.tables.expression import parse
 from aerodb.tables.increment import Increment, Interval
 from aerodb.tables.multilinear import NotMultilinearError, breaks, merged
@@ -81,7 +82,7 @@ def test_layered_and_consolidated_give_the_same(seed: int, increments: int) -> N
     assert equal(stored, folded)
     assert equal(consolidate(folded), folded), "nothing is left to fold"
     channels = points(layered, seed)
-    one, other = layered.evaluate(channels), folded.evaluate(channels)
+    one, other = evaluate_database(layered, channels), evaluate_database(folded, channels)
     scale = 1.0 + sum(float(np.abs(i.estimates).sum()) for i in layered.increments)
     for axis in AXES:
         assert other.value[axis] == pytest.approx(one.value[axis], abs=1e-12 * scale)
@@ -218,8 +219,10 @@ def test_added_uncertainty_per_node_follows_the_new_nodes() -> None:
     folded = consolidate(layered)
     assert folded.increments[0].folded == ("CZ0",)
     alpha = {"alpha": np.linspace(-0.5, 0.8, 131)}
-    expected = layered.evaluate(alpha).standard_error["CZ"]
-    assert folded.evaluate(alpha).standard_error["CZ"] == pytest.approx(expected, abs=1e-13)
+    expected = evaluate_database(layered, alpha).standard_error["CZ"]
+    assert evaluate_database(folded, alpha).standard_error["CZ"] == pytest.approx(
+        expected, abs=1e-13
+    )
     assert expected[0] == pytest.approx(np.hypot(0.1, 2.0 * 0.05), rel=1e-12), (
         "far away: the source's, and what has faded"
     )

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from aerodb.errors import InputError
 from aerodb.nomenclature import AXES
 from aerodb.tables.database import AeroDatabase, Term, Variable
-from aerodb.tables.evaluation import Place
+from aerodb.tables.evaluation import Place, evaluate_database
 from aerodb.tables.expression import number, parse
 from aerodb.tables.increment import Increment, Interval
 from aerodb.tables.reference import Reference, body_to_wind, transfer_moments, wind_to_body
@@ -58,7 +58,7 @@ def lifting(
 
 def at(database: AeroDatabase, **channels: float) -> Mapping[str, tuple[float, float, str]]:
     """Axis -> value, standard error, place in words at one point."""
-    found = database.evaluate({"V": 50.0, "q": 0.0, "beta": 0.0, **channels})
+    found = evaluate_database(database, {"V": 50.0, "q": 0.0, "beta": 0.0, **channels})
     return {
         axis: (
             float(found.value[axis][0]),
@@ -211,7 +211,7 @@ def test_increments_of_two_updates_add_in_squares_and_missing_channels_are_named
     database = lifting(one, replace(one, covariance=np.array([[16e-4]])))
     assert at(database, alpha=0.1)["Cm"][1] == pytest.approx(0.05, rel=1e-12)
     with pytest.raises(InputError, match="channels missing: V, alpha, q"):
-        database.evaluate({"beta": 0.0})
+        evaluate_database(database, {"beta": 0.0})
 
 
 def test_evaluation_of_many_points_is_that_of_each() -> None:
@@ -223,9 +223,9 @@ def test_evaluation_of_many_points_is_that_of_each() -> None:
         "V": np.full(50, 50.0),
         "q": np.zeros(50),
     }
-    together = database.evaluate(channels)
+    together = evaluate_database(database, channels)
     for k in range(50):
-        alone = database.evaluate({name: x[k : k + 1] for name, x in channels.items()})
+        alone = evaluate_database(database, {name: x[k : k + 1] for name, x in channels.items()})
         for axis in AXES:
             assert together.standard_error[axis][k] == pytest.approx(
                 alone.standard_error[axis][0], rel=1e-12, nan_ok=True

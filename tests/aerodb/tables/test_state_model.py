@@ -22,6 +22,7 @@ from aerodb.flight import Flight
 from aerodb.support.identity import canonical_json
 from aerodb.tables.check_cases import failures, make_check_cases
 from aerodb.tables.database import AeroDatabase, Term
+from aerodb.tables.evaluation import evaluate_database
 from aerodb.tables.expression import parse
 from aerodb.tables.increment import Increment, Interval
 from aerodb.tables.program import evaluate
@@ -240,7 +241,7 @@ def test_prediction_is_stateless_and_settles_where_nobody_gives_the_state():
     attached = made.predict({"alpha": alpha, "beta": 0.0, "flow_attachment": 1.0}).coefficients
     assert all(np.array_equal(free[axis], given[axis]) for axis in free)
     assert np.max(np.abs(attached["CZ"] - free["CZ"])) > 0.5
-    assert made.evaluate({"alpha": 0.25, "beta": 0.0}).value["CZ"].shape == (1,)
+    assert evaluate_database(made, {"alpha": 0.25, "beta": 0.0}).value["CZ"].shape == (1,)
     with pytest.raises(InputError, match="alpha"):
         made.predict({"beta": 0.0})
 
@@ -277,7 +278,7 @@ def test_a_flight_is_given_what_its_states_make_of_it():
         (lambda: Relay(0.3, 0.1), "swap"),
         (lambda: Relay(0.1, 0.3, separated=0.5), "0 or 1"),
         (lambda: database(state(ATTAS), state(RELAY)), "twice"),
-        (lambda: database(state(ATTAS, "alpha")), "makes no channel"),
+        (lambda: database(state(ATTAS, "alpha")), "computes no channel"),
         (lambda: state(RELAY).expression(), "no steady value"),
     ],
 )

@@ -263,7 +263,7 @@ def test_a_database_survives_pickling() -> None:
         ),
         (
             {"terms": (Term("a", "CZ", parse("1")), Term("a", "Cm", parse("1")))},
-            "term 'a' stands twice",
+            "term 'a' is defined twice",
         ),
         (
             {

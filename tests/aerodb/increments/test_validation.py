@@ -10,8 +10,8 @@ from aerodb.errors import InputError, UnknownNameError
 from aerodb.increments.validation import (
     HoldOut,
     choose_hold_out,
-    prove,
-    prove_by_leaving_one_out,
+    validate_by_leaving_one_out,
+    validate_on_held_out,
     worse_axes,
 )
 
@@ -141,7 +141,7 @@ def test_numbers_by_hand() -> None:
         "a": compared("a", [1, 2], [0, 1], 0.1),
         "b": compared("b", [10, -10, 0], [1, 2, 1e6], 0.6, bad=2),
     }
-    (proof,) = prove(before, after, SPLIT)
+    (proof,) = validate_on_held_out(before, after, SPLIT)
     assert proof.axis == "CZ"
     assert proof.rms_before == pytest.approx(np.sqrt(12.5))
     assert proof.rms_after == pytest.approx(np.sqrt(0.5))
@@ -166,7 +166,7 @@ def test_numbers_by_hand() -> None:
 def test_the_error_cannot_fall_below_nothing() -> None:
     before = {"a": compared("a", [1, 2], [3, 4], 0.1), "b": compared("b", [10, -10], [3, 5], 2.0)}
     after = {"a": compared("a", [1, 2], [0, 1], 0.1), "b": compared("b", [10, -10], [1, 2], 2.0)}
-    (proof,) = prove(before, after, SPLIT)
+    (proof,) = validate_on_held_out(before, after, SPLIT)
     assert proof.excess_after == 0.0
     assert proof.outcome == "at noise floor"
 
@@ -194,7 +194,7 @@ def test_outcomes(
         "a": compared("a", [10, -10], [0, 0], sigma),
         "b": compared("b", [10, -10], held_after, sigma),
     }
-    assert prove(before, after, SPLIT)[0].outcome == outcome
+    assert validate_on_held_out(before, after, SPLIT)[0].outcome == outcome
 
 
 def test_without_held_out_flights_the_numbers_are_those_that_identified() -> None:
@@ -202,7 +202,7 @@ def test_without_held_out_flights_the_numbers_are_those_that_identified() -> Non
         {"a": compared("a", [1, 2], [3, 4], 0.1)},
         {"a": compared("a", [1, 2], [0, 1], 0.1)},
     )
-    (proof,) = prove(before, after, HoldOut(("a",), (), "not validated"))
+    (proof,) = validate_on_held_out(before, after, HoldOut(("a",), (), "not validated"))
     assert (proof.held_out_rms_before, proof.held_out_rms_after, proof.excess_after) == (
         None,
         None,
@@ -220,7 +220,7 @@ def test_leaving_one_out_scores_each_flight_by_the_others() -> None:
         asked.append(flight)
         return compared(flight, [10, -10], [2, -2], 0.1)
 
-    (proof,) = prove_by_leaving_one_out(before, after, without)
+    (proof,) = validate_by_leaving_one_out(before, after, without)
     assert asked == ["a", "b", "c"]
     assert (proof.rms_before, proof.rms_after) == (pytest.approx(4.0), pytest.approx(1.0))
     assert (proof.held_out_rms_before, proof.held_out_rms_after) == (
@@ -234,7 +234,7 @@ def test_an_axis_that_a_held_out_flight_lacks_is_judged_on_the_others() -> None:
         compared("b", [10, -10], [3, 5], 0.1), usable={}, measured={}, predicted={}, sigma={}
     )
     sides = [{"a": compared("a", [10, -10], [k, -k], 0.1), "b": lacking} for k in (4, 1)]
-    (proof,) = prove(*sides, SPLIT)
+    (proof,) = validate_on_held_out(*sides, SPLIT)
     assert proof.held_out_rms_after is None
     assert proof.rms_after == pytest.approx(1.0)
     assert proof.outcome == "improved"
@@ -242,4 +242,4 @@ def test_an_axis_that_a_held_out_flight_lacks_is_judged_on_the_others() -> None:
         {"a": compared("a", [10, -10], [k, -k], 0.1), "b": compared("b", [1], [k], 0.1, bad=0)}
         for k in (4, 1)
     ]
-    assert prove(*nothing, SPLIT)[0].held_out_rms_after is None
+    assert validate_on_held_out(*nothing, SPLIT)[0].held_out_rms_after is None
