@@ -54,7 +54,7 @@ def close_loop_flow(
         hold_out=hold_out,
     )
     frozen = steps(freeze_library, plan, **where, effects=effects, expected=library)
-    # The first round's Grams are the bulk of the work, and do not depend on each other.
+    # The first round's normal equations are the bulk of the work, and do not depend on each other.
     steps.map(
         trace_flight,
         plan.hold_out.identified,

@@ -9,7 +9,7 @@ from aerodb.conditioning import Segment
 from aerodb.exchange import database_document_sha256
 from aerodb.flight import Flight
 from aerodb.loop import Library, Reconstruction, evidence_beside
-from aerodb.storage.files import read_gram, write_gram
+from aerodb.storage.files import read_normal_equations, write_normal_equations
 from aerodb.tables import AeroDatabase
 from aerodb.tasks.steps import (
     applied_errors,
@@ -22,7 +22,7 @@ from aerodb.tasks.steps import (
 )
 from aerodb.tasks.stored_steps import StoredResult
 from aerodb.tasks.workspace_access import Stores, stores
-from aerodb.tracing import Gram, gram
+from aerodb.tracing import NormalEquations, normal_equations_of
 from aerodb.vehicle import Vehicle
 
 
@@ -70,7 +70,9 @@ class StoredFlights:
         channels, comparison, _ = beside(self.opened, flight, database, self.run)
         return channels, comparison
 
-    def normal_equations(self, flight: str, database: AeroDatabase, library: Library) -> Gram:
+    def normal_equations(
+        self, flight: str, database: AeroDatabase, library: Library
+    ) -> NormalEquations:
         """Read back when they are stored, else made and stored."""
         row = self.opened.catalogue.flight(flight)
         _, _, coefficients_key = load_coefficients(self.opened, row, self.run)
@@ -83,9 +85,11 @@ class StoredFlights:
         result = StoredResult(self.opened, "gram", "gram", inputs, settings, flight=row.id)
         path = result.stored()
         if path is not None:
-            return read_gram(path)
-        made = gram(evidence_beside(self, flight, database, library), library.settings)
-        result.keep(self.run, lambda path: write_gram(path, made))
+            return read_normal_equations(path)
+        made = normal_equations_of(
+            evidence_beside(self, flight, database, library), library.settings
+        )
+        result.keep(self.run, lambda path: write_normal_equations(path, made))
         return made
 
     def looked_before(self, flights: Sequence[str], library: Library) -> frozenset[str] | None:
@@ -94,7 +98,9 @@ class StoredFlights:
         for flight in flights:
             for result in self.opened.catalogue.results_of(flight, "gram"):
                 if result.settings["library"] != library.sha256:
-                    ids = frozenset(read_gram(self.opened.file_of(result.path)).hypotheses)
+                    ids = frozenset(
+                        read_normal_equations(self.opened.file_of(result.path)).hypotheses
+                    )
                     known = ids if known is None else known & ids
         return known
 

@@ -11,7 +11,7 @@ from aerodb.consistency import StateNoise
 from aerodb.flight import Flight
 from aerodb.loop.library import Library
 from aerodb.tables import AeroDatabase
-from aerodb.tracing import Gram, thinned
+from aerodb.tracing import NormalEquations, thinned
 from aerodb.vehicle import Vehicle
 
 
@@ -68,9 +68,11 @@ class FlightSource(Protocol):
         the full rate."""
         ...
 
-    def normal_equations(self, flight: str, database: AeroDatabase, library: Library) -> Gram:
+    def normal_equations(
+        self, flight: str, database: AeroDatabase, library: Library
+    ) -> NormalEquations:
         """Whitened cross-products of all columns of the library and of the residual of a flight
-        beside a database: what `aerodb.tracing.gram.gram` makes of
+        beside a database: what `aerodb.tracing.normal_equations_of` makes of
         `aerodb.loop.evidence.evidence_beside`."""
         ...
 

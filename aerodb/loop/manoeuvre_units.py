@@ -95,7 +95,9 @@ def _in_plane(said: Suspicion, axes: Collection[str]) -> Suspicion:
 
 def with_suspicion(traced: Traced, parts: Sequence[Suspicion]) -> Traced:
     """What flights found and bounded, and what their manoeuvres suspect."""
-    names = dict.fromkeys(gram.flight for said in parts for gram in said.joint.grams)
+    names = dict.fromkeys(
+        equations.flight for said in parts for equations in said.joint.normal_equations
+    )
     voters = [VotingUnit.parse(name) for name in names]
     findings = [finding for said in parts for finding in said.findings]
     short = ", ".join(unit.short if unit.window is None else f"{unit.short} s" for unit in voters)

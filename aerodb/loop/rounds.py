@@ -173,10 +173,12 @@ def _traced(
     known_before: frozenset[str] | None,
 ) -> tuple[Traced, tuple[str, ...]]:
     """What whole flights say beside a database, and what a reader must know of it."""
-    grams = in_threads(lambda flight: source.normal_equations(flight, database, library), flights)
+    normal_equations = in_threads(
+        lambda flight: source.normal_equations(flight, database, library), flights
+    )
     earlier = {finding.hypothesis: finding.value for finding in added}
     traced, remarks = only_what_was_frozen(
-        trace(grams, library.hypotheses, library.settings, earlier), known_before
+        trace(normal_equations, library.hypotheses, library.settings, earlier), known_before
     )
     return (
         replace(

@@ -14,7 +14,7 @@ from .flights import (
     write_results,
     write_topics,
 )
-from .normal_equations import read_gram, write_gram
+from .normal_equations import read_normal_equations, write_normal_equations
 from .objects import DamagedObject, Objects, objects_of
 from .transfer import STORE, Moved, Part, is_sound, parts, push, require_unused, trim
 
@@ -41,7 +41,7 @@ __all__ = [
     "put_recording",
     "read_document",
     "read_flight",
-    "read_gram",
+    "read_normal_equations",
     "read_recording",
     "read_results",
     "require_unused",
@@ -50,7 +50,7 @@ __all__ = [
     "trim",
     "write_document",
     "write_flight",
-    "write_gram",
+    "write_normal_equations",
     "write_results",
     "write_topics",
 ]

@@ -1,4 +1,4 @@
-"""Gram matrices of flights in the store: one Parquet file each, its matrices flat, everything else
+"""Normal equations of flights in the store: one Parquet file each, its matrices flat, everything else
 in the metadata."""
 
 from pathlib import Path
@@ -7,15 +7,15 @@ from typing import Any
 import numpy as np
 
 from aerodb.storage.files.flights import read_results, write_results
-from aerodb.tracing import Gram, gram_from_arrays
+from aerodb.tracing import NormalEquations, normal_equations_from_arrays
 
-#: Matrices of a Gram, and the registered columns that hold them.
+#: The matrices, and the registered columns that hold them.
 _MATRICES = {"matrix": "product", "noisy": "product_noisy"}
 
 
-def write_gram(path: Path, gram: Gram) -> None:
-    """Stores a Gram."""
-    arrays = gram.to_arrays()
+def write_normal_equations(path: Path, equations: NormalEquations) -> None:
+    """Store the normal equations of a flight."""
+    arrays = equations.to_arrays()
     present = {name: arrays[name] for name in _MATRICES if arrays[name].size}
     rest = {name: values.tolist() for name, values in arrays.items() if name not in _MATRICES}
     write_results(
@@ -23,11 +23,11 @@ def write_gram(path: Path, gram: Gram) -> None:
     )
 
 
-def read_gram(path: Path) -> Gram:
-    """A stored Gram; InputError when it is missing, damaged or of another form."""
+def read_normal_equations(path: Path) -> NormalEquations:
+    """Stored normal equations; InputError when they are missing, damaged or of another form."""
     table, metadata = read_results(path)
     arrays: dict[str, Any] = {name: np.array(values) for name, values in metadata["gram"].items()}
     size = round(np.sqrt(len(table["product"])))
     for name, column in _MATRICES.items():
         arrays[name] = table[column].reshape(size, size) if column in table else np.zeros((0, 0))
-    return gram_from_arrays(arrays)
+    return normal_equations_from_arrays(arrays)

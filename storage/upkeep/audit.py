@@ -25,7 +25,7 @@ Fault = tuple[str, str, str]
 Count = Callable[[str, int], None]
 
 _RESTORE: Final = "restore the workspace from a backup: aerodb restore"
-_GRAM: Final = "gram"
+_NORMAL_EQUATIONS: Final = "gram"
 
 
 class Audit(Ledger):
@@ -177,7 +177,7 @@ def _edges(connection: sa.Connection, count: Count) -> Iterator[Fault]:
     """Every input leads to a result, a log, a vehicle's text, a version or a calibration.
 
     Two kinds of input are of things that are not kept: the file that a version without parent was
-    imported from, and the database beside which a Gram was made, which may be a candidate between
+    imported from, and the database beside which normal equations were made, which may be a candidate between
     two rounds of the loop.
     """
     known = sa.union_all(
@@ -195,7 +195,7 @@ def _edges(connection: sa.Connection, count: Count) -> Iterator[Fault]:
         .join(s.results, r.key == i.key)
         .where(i.input_key.not_in(known))
     )
-    for row in connection.execute(lost.where(r.step != _GRAM)):
+    for row in connection.execute(lost.where(r.step != _NORMAL_EQUATIONS)):
         yield (
             f"its input {row.input_key[:12]} is not there",
             f"result {row.key[:12]} ({row.step})",

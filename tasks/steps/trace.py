@@ -7,7 +7,7 @@ from aerodb.tables import AeroDatabase
 from aerodb.tasks.loop_flights import flights_of
 from aerodb.tasks.steps.update import Plan
 from aerodb.tasks.workspace_access import stores
-from aerodb.tracing import Gram
+from aerodb.tracing import NormalEquations
 
 
 def freeze_library(
@@ -28,8 +28,8 @@ def freeze_library(
 
 def trace_flight(
     flight: str, *, workspace: str, run: str, library: Library, database: AeroDatabase
-) -> Gram:
-    """The Gram of a flight (its id) beside a database; read back when it is stored, else made and
+) -> NormalEquations:
+    """The normal equations of a flight (its id) beside a database; read back when it is stored, else made and
     stored."""
     vehicle = stores(workspace).catalogue.flight(flight).vehicle
     return flights_of(workspace, vehicle, run).normal_equations(flight, database, library)

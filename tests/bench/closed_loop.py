@@ -1,5 +1,5 @@
 """`make bench`, the closed loop: a campaign of long flights as a whole, the decision from stored
-Grams, one flight more."""
+normal equations, one flight more."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -35,7 +35,7 @@ from aerodb.flows.close_loop import close_loop_flow
 from aerodb.flows.flight import flight_flow
 from aerodb.flows.run import run_flow
 from aerodb.storage.catalogue.catalogue import Catalogue
-from aerodb.storage.files.normal_equations import read_gram
+from aerodb.storage.files.normal_equations import read_normal_equations
 from aerodb.storage.workspace import Workspace
 from aerodb.tracing.decision.verdicts import trace
 from aerodb.tasks.steps.update import plan_update
@@ -58,14 +58,14 @@ library, opened = freeze_library(plan, **where), stores(str(workspace.root))
 database = opened.database(baseline)
 ten = [trace_flight(flight, **where, library=library, database=database) for flight in flights]
 # what is the same flight twice is taken once: each copy differs in the last digits
-copies = [(gram, 1.0 + 1e-5 * copy, copy) for copy in range(COUNT // 10) for gram in ten]
-grams = [replace(gram, flight=f"{gram.flight}-{copy}", matrix=gram.matrix * factor) for gram, factor, copy in copies]
+copies = [(one, 1.0 + 1e-5 * copy, copy) for copy in range(COUNT // 10) for one in ten]
+normal_equations = [replace(one, flight=f"{one.flight}-{copy}", matrix=one.matrix * factor) for one, factor, copy in copies]
 trace(ten, library.hypotheses, library.settings)
 """
 
 
 def closed_loop(folder: Path, measure: Measure, count: int = 10, seconds: float = 600.0) -> None:
-    """The whole closed loop over flights at 50 Hz, its decision from stored Grams, and what one
+    """The whole closed loop over flights at 50 Hz, its decision from stored normal equations, and what one
     more flight costs beside many."""
     folder = folder / "campaign"
     new = _fly(folder, count, seconds)
@@ -92,7 +92,7 @@ def closed_loop(folder: Path, measure: Measure, count: int = 10, seconds: float 
             f"  {'Prefect' if how == 'auto' else 'direct':8} {done['seconds']:7.2f} s"
             f" {done['megabytes']:7.0f} MB"
         )
-    # What a new flight costs whatever else is stored, its run and its Gram: taken once, beside the
+    # What a new flight costs whatever else is stored, its run and its normal equations: taken once, beside the
     # decisions.
     asked = {"logs": [str(new)], "vehicle": "phoenix"}
     one = f"new = run_flow(flight_flow, {asked!r}, workspace, 'direct')[0]['flight']\nanswer = 0\n"
@@ -100,12 +100,14 @@ def closed_loop(folder: Path, measure: Measure, count: int = 10, seconds: float 
     flight = measure(setup + DECISION.replace("COUNT", "10"), one)["seconds"]
     costs = {}
     for many in (10, 200):
-        body = "answer = len(trace(grams, library.hypotheses, library.settings).findings)"
+        body = (
+            "answer = len(trace(normal_equations, library.hypotheses, library.settings).findings)"
+        )
         costs[many] = measure(setup + DECISION.replace("COUNT", str(many)), body)["seconds"]
-        print(f"  decision from the stored Grams of {many} flights {costs[many]:.2f} s")
+        print(f"  decision from the stored normal equations of {many} flights {costs[many]:.2f} s")
     ratio = (flight + costs[200]) / (flight + costs[10])
     print(
-        f"  one flight more, from log to Gram, {flight:.2f} s; adding it to 200 costs {ratio:.2f}"
+        f"  one flight more, from log to normal equations, {flight:.2f} s; adding it to 200 costs {ratio:.2f}"
         " times adding it to 10"
     )
 

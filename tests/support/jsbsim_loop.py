@@ -24,7 +24,7 @@ from aerodb.tracing.decision.verdicts import trace
 from aerodb.tracing.estimates.covariance import joint_covariance
 from aerodb.tracing.evidence.bandwidth import tracing_bandwidth
 from aerodb.tracing.evidence.flight_evidence import evidence_of
-from aerodb.tracing.evidence.normal_equations import gram
+from aerodb.tracing.evidence.normal_equations import normal_equations_of
 from aerodb.tracing.evidence.shape_misfit import with_shapes
 from aerodb.tracing.settings import Settings
 from aerodb.vehicle import Vehicle
@@ -87,7 +87,7 @@ def closed(
     earlier: dict[str, float] = {}
     wrong = set[str]()
     for _ in range(MOST_ROUNDS):
-        grams, views = [], []
+        normal_equations, views = [], []
         for number, (flight, made) in enumerate(
             zip(flights[:IDENTIFIED], coefficients, strict=False)
         ):
@@ -96,10 +96,14 @@ def closed(
                 _noisier(flight, database, vehicle, 100 * number + copy) for copy in range(COPIES)
             ]
             evidence = evidence_of(flight, comparison, database, vehicle, hypotheses, noisy)
-            grams.append(gram(with_shapes(evidence, flight, hypotheses), settings))
+            normal_equations.append(
+                normal_equations_of(with_shapes(evidence, flight, hypotheses), settings)
+            )
             views.append(view_of(flight, comparison, database, vehicle))
         rounds.append(
-            beside_wrong_shapes(trace(grams, hypotheses, settings, earlier).findings, wrong)
+            beside_wrong_shapes(
+                trace(normal_equations, hypotheses, settings, earlier).findings, wrong
+            )
         )
         new = [finding for finding in rounds[-1] if finding.verdict == "confirmed"]
         if not new:

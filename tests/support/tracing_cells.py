@@ -13,7 +13,7 @@ from aerodb.tracing.decision.findings import Traced
 from aerodb.tracing.decision.verdicts import trace
 from aerodb.tracing.evidence.evidence import Evidence
 from aerodb.tracing.evidence.low_pass import Band
-from aerodb.tracing.evidence.normal_equations import gram
+from aerodb.tracing.evidence.normal_equations import normal_equations_of
 from aerodb.tracing.settings import Settings
 from aerodb.vehicle import Vehicle
 from tests.support.tracing_flights import (
@@ -178,7 +178,7 @@ def campaigns(
         bank.draw(flights, np.random.default_rng([seed, number, flights]), planted)
         for number in range(trials)
     )
-    return [trace(grams, hypotheses, SETTINGS) for grams in drawn]
+    return [trace(normal_equations, hypotheses, SETTINGS) for normal_equations in drawn]
 
 
 def tally(
@@ -270,10 +270,11 @@ def answering(gain: float, instruments: bool, trials: int) -> list[Traced]:
     for number in range(trials):
         generator = np.random.default_rng([10, number])
         chosen = generator.choice(len(flown()), 6, replace=False)
-        grams = [
-            gram(_answered(flown()[int(n)], gain, instruments, generator), SETTINGS) for n in chosen
+        normal_equations = [
+            normal_equations_of(_answered(flown()[int(n)], gain, instruments, generator), SETTINGS)
+            for n in chosen
         ]
-        found.append(trace(grams, library(), SETTINGS))
+        found.append(trace(normal_equations, library(), SETTINGS))
     return found
 
 
@@ -311,5 +312,9 @@ def chain(planted: Mapping[str, float], trials: int) -> list[Traced]:
             through_the_chain(flight, generator, library(), planted, SETTINGS.bandwidth)
             for flight in finely
         ]
-        found.append(trace([gram(flight, SETTINGS) for flight in flights], library(), SETTINGS))
+        found.append(
+            trace(
+                [normal_equations_of(flight, SETTINGS) for flight in flights], library(), SETTINGS
+            )
+        )
     return found

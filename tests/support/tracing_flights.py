@@ -30,7 +30,7 @@ from aerodb.tables.database import AeroDatabase
 from aerodb.tracing.evidence.evidence import Evidence
 from aerodb.tracing.evidence.flight_evidence import evidence_of
 from aerodb.tracing.evidence.low_pass import Band, Records, band_limited, in_band
-from aerodb.tracing.evidence.normal_equations import Gram, gram_of
+from aerodb.tracing.evidence.normal_equations import NormalEquations, normal_equations_of_band
 from aerodb.tracing.evidence.shape_misfit import with_shapes
 from aerodb.tracing.evidence.thinning import thinned
 from aerodb.tracing.settings import Settings
@@ -197,15 +197,15 @@ class Bank:
 
     def draw(
         self, count: int, generator: np.random.Generator, planted: Mapping[str, float] | None = None
-    ) -> list[Gram]:
-        """Grams of `count` different flights with a fresh residual each, and `planted` columns of
+    ) -> list[NormalEquations]:
+        """normal equations of `count` different flights with a fresh residual each, and `planted` columns of
         the library besides."""
         chosen = generator.choice(len(self.flights), count, replace=False)
         return [self._gram(int(number), generator, planted or {}) for number in chosen]
 
     def _gram(
         self, number: int, generator: np.random.Generator, planted: Mapping[str, float]
-    ) -> Gram:
+    ) -> NormalEquations:
         band, n = self.band(number), len(self.flights[number].time)
         every = np.ones(n, dtype=bool)
         index = [band.names.index(name) + 1 for name in planted]
@@ -224,7 +224,9 @@ class Bank:
             return result
 
         noisy = tuple(with_added(records) for records in band.noisy)
-        return gram_of(replace(band, records=with_added(band.records), noisy=noisy), self.settings)
+        return normal_equations_of_band(
+            replace(band, records=with_added(band.records), noisy=noisy), self.settings
+        )
 
 
 def coloured(generator: np.random.Generator, n: int, lag: float = LAG, step: float = STEP) -> Array:

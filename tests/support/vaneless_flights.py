@@ -82,12 +82,12 @@ class Fleet:
         """What is found from each group of flights (places)."""
         where = {"workspace": str(self.opened.workspace.root), "run": self.run}
         library, database = self.library(wrong), self.opened.database(self.versions[wrong])
-        grams = [
+        normal_equations = [
             trace_flight(flight, **where, library=library, database=database)
             for flight in self.flights
         ]
         return [
-            trace([grams[i] for i in group], library.hypotheses, library.settings)
+            trace([normal_equations[i] for i in group], library.hypotheses, library.settings)
             for group in groups
         ]
 

@@ -145,9 +145,11 @@ def _correlation_times(joint: Joint) -> dict[str, dict[str, float]]:
     """Flight -> axis -> correlation time [s]: the mean over the flight's units, weighted by their
     samples."""
     sums: dict[str, dict[str, tuple[float, float]]] = {}
-    for gram in joint.grams:
-        of_flight = sums.setdefault(VotingUnit.parse(gram.flight).flight, {})
-        for axis, time, samples in zip(gram.axes, gram.correlation, gram.samples, strict=True):
+    for equations in joint.normal_equations:
+        of_flight = sums.setdefault(VotingUnit.parse(equations.flight).flight, {})
+        for axis, time, samples in zip(
+            equations.axes, equations.correlation, equations.samples, strict=True
+        ):
             total, weight = of_flight.get(axis, (0.0, 0.0))
             of_flight[axis] = (total + float(time) * float(samples), weight + float(samples))
     return {
@@ -227,7 +229,7 @@ def _contradicted(votes: Votes, test: Tested, place: int, silent: tuple[float, f
 def _halves_agree(joint: Joint, test: Tested, place: int, evidence: Sequence[Evidence]) -> bool:
     """Whether the halves of the lone voter bear each other out, as units without a vote would
     (blocks of one record: Ibragimov & Mueller, JBES 28(4), 2010)."""
-    made = joint.grams[int(np.flatnonzero(test.voters[:, place])[0])]
+    made = joint.normal_equations[int(np.flatnonzero(test.voters[:, place])[0])]
     hypothesis = joint.court.campaign.hypotheses[place]
     noise = dict(zip(made.axes, made.spread.tolist(), strict=True))
     times = [
@@ -362,7 +364,9 @@ def believable_sensors(joint: Joint, places: Sequence[int]) -> dict[int, tuple[i
             hypotheses[sensor],
             prior_sigma=max(limit / settings.kappa, hypotheses[sensor].prior_sigma or 0.0),
         )
-        test = replace(court, campaign=campaign(joint.grams, loose)).tested(joint.terms, (), 1)
+        test = replace(court, campaign=campaign(joint.normal_equations, loose)).tested(
+            joint.terms, (), 1
+        )
         for place, sensors in found.items():
             if not (
                 test.p[place] < settings.level

@@ -1,4 +1,4 @@
-"""One model of several manoeuvres at once: common values, and Grams whose noise is what the model
+"""One model of several manoeuvres at once: common values, and normal equations whose noise is what the model
 leaves."""
 
 from collections.abc import Sequence
@@ -11,7 +11,15 @@ from aerodb.effects import Hypothesis
 from aerodb.support import Array
 from aerodb.tracing.decision.selection import Court
 from aerodb.tracing.estimates import campaign
-from aerodb.tracing.evidence import Band, Evidence, Gram, Records, gram_of, in_band, without_shapes
+from aerodb.tracing.evidence import (
+    Band,
+    Evidence,
+    NormalEquations,
+    Records,
+    in_band,
+    normal_equations_of_band,
+    without_shapes,
+)
 from aerodb.tracing.settings import Settings
 
 #: A manoeuvre is short and made of square pulses: up to the third harmonic of the band's edge they
@@ -35,7 +43,7 @@ class Joint:
 
     terms: tuple[int, ...]
     values: Array
-    grams: tuple[Gram, ...]
+    normal_equations: tuple[NormalEquations, ...]
     court: Court
 
     def value(self, place: int) -> float:
@@ -65,9 +73,9 @@ def joint_fit(
     settings: Settings,
 ) -> Joint:
     """All units under one value of every term and a constant of their own per axis: weighted least
-    squares, each unit's axis with the spread that it leaves. Then their Grams.
+    squares, each unit's axis with the spread that it leaves. Then their normal equations.
 
-    The filters of the Grams are fitted to what the model leaves; what it takes is put back by
+    The filters of the normal equations are fitted to what the model leaves; what it takes is put back by
     algebra, ``y = y' + X theta``.
     """
     columns = [place + 1 for place in terms]
@@ -91,12 +99,12 @@ def joint_fit(
             key: float(taken @ each @ taken) / len(rows[key]) for key, each in products.items()
         }
         weight = {key: 1.0 / each if each > 0.0 else 0.0 for key, each in spread.items()}
-    grams = tuple(_about(band, columns, values, settings) for band in bands)
+    normal_equations = tuple(_about(band, columns, values, settings) for band in bands)
     return Joint(
         tuple(terms),
         values,
-        grams,
-        Court(campaign(grams, hypotheses), tuple(range(len(bands))), settings),
+        normal_equations,
+        Court(campaign(normal_equations, hypotheses), tuple(range(len(bands))), settings),
     )
 
 
@@ -106,8 +114,12 @@ def under(joint: Joint, evidence: Sequence[Evidence]) -> Court:
     hypotheses, settings = joint.court.campaign.hypotheses, joint.court.settings
     bands = [_ordered(in_band(without_shapes(each), settings), hypotheses) for each in evidence]
     columns = [place + 1 for place in joint.terms]
-    grams = [_about(band, columns, joint.values, settings) for band in bands if band.records]
-    return Court(campaign(grams, hypotheses), tuple(range(len(grams))), settings)
+    normal_equations = [
+        _about(band, columns, joint.values, settings) for band in bands if band.records
+    ]
+    return Court(
+        campaign(normal_equations, hypotheses), tuple(range(len(normal_equations))), settings
+    )
 
 
 def _level(records: Sequence[Array], columns: Sequence[int]) -> Array:
@@ -116,7 +128,9 @@ def _level(records: Sequence[Array], columns: Sequence[int]) -> Array:
     return np.asarray(rows - rows.mean(axis=0))
 
 
-def _about(band: Band, columns: Sequence[int], values: Array, settings: Settings) -> Gram:
+def _about(
+    band: Band, columns: Sequence[int], values: Array, settings: Settings
+) -> NormalEquations:
     def left(records: Records) -> dict[str, list[Array]]:
         return {
             axis: [
@@ -127,7 +141,9 @@ def _about(band: Band, columns: Sequence[int], values: Array, settings: Settings
         }
 
     noisy = tuple(left(copy) for copy in band.noisy)
-    made = gram_of(replace(band, records=left(band.records), noisy=noisy, instruments={}), settings)
+    made = normal_equations_of_band(
+        replace(band, records=left(band.records), noisy=noisy, instruments={}), settings
+    )
     back = np.eye(len(made.matrix))
     back[[len(made.axes) + column - 1 for column in columns], -1] = values
     again = None if made.noisy is None else back.T @ made.noisy @ back

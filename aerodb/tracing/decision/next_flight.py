@@ -11,14 +11,17 @@ from aerodb.tracing.decision.explanation_sets import Explanation
 from aerodb.tracing.decision.findings import with_unit
 from aerodb.tracing.decision.selection import SUSPICION, Court, Decision
 from aerodb.tracing.estimates import POWER
-from aerodb.tracing.evidence import Gram
+from aerodb.tracing.evidence import NormalEquations
 
 #: Sentences about hypotheses that no flight could show, at most.
 MOST = 5
 
 
 def next_flights(
-    court: Court, decision: Decision, explanations: Sequence[Explanation], grams: Sequence[Gram]
+    court: Court,
+    decision: Decision,
+    explanations: Sequence[Explanation],
+    normal_equations: Sequence[NormalEquations],
 ) -> tuple[str, ...]:
     """Sentences for aliases, sensors that could stand behind a finding, suspicions and what was
     never excited."""
@@ -28,7 +31,9 @@ def next_flights(
         if explanation.place in decision.suspected:
             sentences.append(_more_flights(court, decision, explanation.place))
         if rivals:
-            sentences.append(_separation(court, decision, explanation.place, rivals[0], grams))
+            sentences.append(
+                _separation(court, decision, explanation.place, rivals[0], normal_equations)
+            )
         if explanation.sensors:
             sentences.append(
                 _calibration(court, decision, explanation.place, explanation.sensors[0])
@@ -52,7 +57,11 @@ def excitation_needed(value: float, known: float, per_flight: float, level: floa
 
 
 def _separation(
-    court: Court, decision: Decision, place: int, rival: int, grams: Sequence[Gram]
+    court: Court,
+    decision: Decision,
+    place: int,
+    rival: int,
+    normal_equations: Sequence[NormalEquations],
 ) -> str:
     """How much the one has to move without the other."""
     names, sensors = court.campaign.hypotheses, set(court.campaign.sensors)
@@ -81,17 +90,19 @@ def _separation(
     )
     held = f"while {tied} stays as it is" if tied else "with nothing else moving"
     return (
-        f"{start}move {', '.join(free)} on its own, {_amount(names[mover], grams, factor)} in one"
+        f"{start}move {', '.join(free)} on its own, {_amount(names[mover], normal_equations, factor)} in one"
         f" flight, {held}"
     )
 
 
-def _amount(hypothesis: Hypothesis, grams: Sequence[Gram], factor: float) -> str:
+def _amount(
+    hypothesis: Hypothesis, normal_equations: Sequence[NormalEquations], factor: float
+) -> str:
     """Root mean square of the motion: in degrees where the column is a deflection or an angle, else
     against what was flown."""
     flown = [
         g.excitation[g.hypotheses.index(hypothesis.id)]
-        for g in grams
+        for g in normal_equations
         if hypothesis.id in g.hypotheses
     ]
     level = float(max(flown, default=0.0))

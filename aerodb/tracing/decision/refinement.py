@@ -6,7 +6,7 @@ noise is what is left, and all terms stand together: their gains are estimated a
 change from node to node of a variable (`aerodb.effects.spline`), shrunk towards no change by a
 ridge that flights choose which are left out. Either stays only if it predicts left-out flights
 better, flight after flight: new gains better than the old ones, a finer shape better than the best
-gains. All of it is algebra on whitened Grams: trims and sensors, with their priors, stand beside it
+gains. All of it is algebra on whitened normal equations: trims and sensors, with their priors, stand beside it
 as in tracing.
 """
 
@@ -25,7 +25,7 @@ from aerodb.support import Array, in_threads
 from aerodb.tables import AeroDatabase
 from aerodb.tracing.decision.findings import Finding
 from aerodb.tracing.estimates import Campaign, campaign, paired_p
-from aerodb.tracing.evidence import evidence_of, gram
+from aerodb.tracing.evidence import evidence_of, normal_equations_of
 from aerodb.tracing.settings import Settings
 from aerodb.vehicle import Vehicle
 
@@ -123,14 +123,14 @@ def refined(
                 options.append((place, variable, ramp_terms(hypothesis, spline)))
     columns = [*accepted, *(ramp for _, _, ramps in options for ramp in ramps)]
     library = [*columns, *sensors]
-    grams = in_threads(
-        lambda given: gram(
+    normal_equations = in_threads(
+        lambda given: normal_equations_of(
             evidence_of(*given[0], candidate, vehicle, library, view=given[1]), settings
         ),
         zip(flights, views, strict=True),
     )
     of = [*range(len(accepted)), *(place for place, _, ramps in options for _ in ramps)]
-    problem = _problem(campaign(grams, library), of, settings)
+    problem = _problem(campaign(normal_equations, library), of, settings)
     edges = np.cumsum([len(accepted), *(len(ramps) for _, _, ramps in options)]).tolist()
     groups = [tuple(range(start, stop)) for start, stop in pairwise(edges)]
     chosen = searched(problem, groups, len(accepted), settings)

@@ -1,4 +1,4 @@
-"""From the Grams of several flights to findings: decide, explain, repeat without some flights,
+"""From the normal equations of several flights to findings: decide, explain, repeat without some flights,
 bound the rest."""
 
 from collections.abc import Mapping, Sequence
@@ -19,12 +19,12 @@ from aerodb.tracing.decision.selection import (
     left_out_gains,
 )
 from aerodb.tracing.estimates import Tested, campaign
-from aerodb.tracing.evidence import Gram
+from aerodb.tracing.evidence import NormalEquations
 from aerodb.tracing.settings import Settings
 
 
 def trace(
-    grams: Sequence[Gram],
+    normal_equations: Sequence[NormalEquations],
     hypotheses: Sequence[Hypothesis],
     settings: Settings,
     earlier: Mapping[str, float] | None = None,
@@ -36,15 +36,21 @@ def trace(
     id -> value of terms that the database got in earlier rounds: what is left of their shape is no
     second effect.
 
-    Raises InputError without flights, without hypotheses, for a flight given twice, for a Gram of
+    Raises InputError without flights, without hypotheses, for a flight given twice, for normal equations of
     another library.
     """
-    if not grams or not hypotheses:
+    if not normal_equations or not hypotheses:
         raise InputError(
-            "nothing to trace", "tracing", "give at least one flight's Gram and one hypothesis"
+            "nothing to trace",
+            "tracing",
+            "give at least one flight's normal equations and one hypothesis",
         )
-    grams, notes = _once(grams)
-    court = Court(campaign(grams, hypotheses, earlier), tuple(range(len(grams))), settings)
+    normal_equations, notes = _once(normal_equations)
+    court = Court(
+        campaign(normal_equations, hypotheses, earlier),
+        tuple(range(len(normal_equations))),
+        settings,
+    )
     decision = decide(court)
     places = (*decision.terms, *decision.freed)
     explanations = [explain(court, decision, place) for place in places]
@@ -54,43 +60,44 @@ def trace(
     test = _final(court, decision)
     explained = {*places, *(i for e in explanations for i in (*e.rivals, *e.sensors))}
     rest = [i for i in range(len(hypotheses)) if i not in explained]
-    if len(grams) < settings.fewest:
+    if len(normal_equations) < settings.fewest:
         notes.append(
-            f"{len(grams)} flights: below {settings.fewest} no error rate can be promised and"
+            f"{len(normal_equations)} flights: below {settings.fewest} no error rate can be promised and"
             " nothing is confirmed"
         )
     return Traced(
         flights=court.campaign.flights,
         findings=tuple(findings),
         not_found=tuple(_not_found(hypotheses[i], test, i, settings) for i in rest),
-        next_flight=next_flights(court, decision, explanations, grams),
+        next_flight=next_flights(court, decision, explanations, normal_equations),
         notes=tuple(notes),
     )
 
 
-def _once(grams: Sequence[Gram]) -> tuple[list[Gram], list[str]]:
-    """Each flight once: a Gram equal to an earlier one under another name is the same flight, and
+def _once(normal_equations: Sequence[NormalEquations]) -> tuple[list[NormalEquations], list[str]]:
+    """Each flight once: normal equations equal to an earlier one under another name is the same flight, and
     is left out."""
-    kept: list[Gram] = []
-    alike: dict[str, list[Gram]] = {}
+    kept: list[NormalEquations] = []
+    alike: dict[str, list[NormalEquations]] = {}
     notes = []
-    for gram in grams:
-        seen = alike.setdefault(f"{gram.matrix[-1, -1]:.6e}", [])
+    for equations in normal_equations:
+        seen = alike.setdefault(f"{equations.matrix[-1, -1]:.6e}", [])
         twin = next(
             (
                 g
                 for g in seen
-                if g.hypotheses == gram.hypotheses and np.allclose(g.matrix, gram.matrix, rtol=1e-9)
+                if g.hypotheses == equations.hypotheses
+                and np.allclose(g.matrix, equations.matrix, rtol=1e-9)
             ),
             None,
         )
-        if twin is not None and twin.flight != gram.flight:
+        if twin is not None and twin.flight != equations.flight:
             notes.append(
-                f"{gram.flight} has the samples of {twin.flight}: one flight, one vote; left out"
+                f"{equations.flight} has the samples of {twin.flight}: one flight, one vote; left out"
             )
         else:
-            seen.append(gram)
-            kept.append(gram)
+            seen.append(equations)
+            kept.append(equations)
     return kept, notes
 
 

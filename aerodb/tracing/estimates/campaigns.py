@@ -1,4 +1,4 @@
-"""Grams of several flights and a library: what votes are taken from."""
+"""normal equations of several flights and a library: what votes are taken from."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -9,29 +9,29 @@ from aerodb.effects import Hypothesis
 from aerodb.errors import InputError
 from aerodb.tracing.estimates.per_flight import Campaign
 from aerodb.tracing.estimates.products import products_of
-from aerodb.tracing.evidence import Gram, companions, parent
+from aerodb.tracing.evidence import NormalEquations, companions, parent
 
 #: The effect whose column is the axis' own constant.
 OFFSET = "zero_offset"
 
 
 def campaign(
-    grams: Sequence[Gram],
+    normal_equations: Sequence[NormalEquations],
     hypotheses: Sequence[Hypothesis],
     earlier: Mapping[str, float] | None = None,
 ) -> Campaign:
-    """Grams of different flights on the order of `hypotheses`; a flight that lacks a column says
+    """normal equations of different flights on the order of `hypotheses`; a flight that lacks a column says
     nothing about it.
 
     earlier : id -> value of the terms that earlier rounds have added: their shapes stand beside
     everything (`shapes`).
 
-    Raises InputError when a Gram has columns that the library has not (it was made with another
+    Raises InputError when a flight has columns that the library has not (it was made with another
     library), when a flight is given twice under one name, or when a sensor has no prior.
     """
-    _check(grams, hypotheses)
+    _check(normal_equations, hypotheses)
     known = {h.id: place for place, h in enumerate(hypotheses)}
-    columns = frozenset[str]().union(*{g.hypotheses for g in grams})
+    columns = frozenset[str]().union(*{g.hypotheses for g in normal_equations})
     beside = [
         (h.id, name, least)
         for h in hypotheses
@@ -47,14 +47,14 @@ def campaign(
     }
     sensors = tuple(place for place, h in enumerate(hypotheses) if h.kind == "sensor")
     products, noisy, total = products_of(
-        grams, known, offsets, {shape: place for shape, (place, _) in shapes.items()}
+        normal_equations, known, offsets, {shape: place for shape, (place, _) in shapes.items()}
     )
     scale = 1.0 / products.factor[:-1]
     precision = np.zeros(len(known))
     for place in sensors:
         precision[place] = (hypotheses[place].prior_sigma or np.inf) ** -2 / scale[place] ** 2
     return Campaign(
-        flights=tuple(g.flight for g in grams),
+        flights=tuple(g.flight for g in normal_equations),
         hypotheses=tuple(hypotheses),
         products=products,
         noisy=noisy,
@@ -68,7 +68,7 @@ def campaign(
     )
 
 
-def _check(grams: Sequence[Gram], hypotheses: Sequence[Hypothesis]) -> None:
+def _check(normal_equations: Sequence[NormalEquations], hypotheses: Sequence[Hypothesis]) -> None:
     names = [h.id for h in hypotheses]
     if len(set(names)) != len(names):
         twice = next(name for name in names if names.count(name) > 1)
@@ -84,12 +84,14 @@ def _check(grams: Sequence[Gram], hypotheses: Sequence[Hypothesis]) -> None:
                 "library",
                 "give its one sigma in SI units",
             )
-    flights, known = Counter(g.flight for g in grams), set(names)
-    for columns, g in {g.hypotheses: g for g in reversed(grams)}.items():
+    flights, known = Counter(g.flight for g in normal_equations), set(names)
+    for columns, g in {g.hypotheses: g for g in reversed(normal_equations)}.items():
         unknown = [name for name in columns if (parent(name) or name) not in known]
         if unknown:
             what = f"its columns were made with another library ({unknown[0]} is not in this one)"
-            raise InputError(what, g.flight, "make its Gram anew with the library in use")
+            raise InputError(
+                what, g.flight, "make its normal equations anew with the library in use"
+            )
     for flight, times in flights.items():
         if times > 1:
             raise InputError("the same flight twice", flight, "a flight has one vote: give it once")

@@ -1,6 +1,6 @@
-"""From Grams to votes: each flight's own estimate of each hypothesis, given what is nuisance.
+"""From normal equations to votes: each flight's own estimate of each hypothesis, given what is nuisance.
 
-How Grams of several flights come onto one order of columns is `campaign`'s.
+How normal equations of several flights come onto one order of columns is `campaign`'s.
 """
 
 from collections.abc import Mapping, Sequence

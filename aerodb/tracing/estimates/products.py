@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerodb.support import Array
-from aerodb.tracing.evidence import Gram
+from aerodb.tracing.evidence import NormalEquations
 
 #: Part of a column's sum of squares below which what varies about its level is no excitation.
 _VARIES = 1e-8
@@ -21,7 +21,7 @@ class Products:
     """Cross-products of g flights. Columns are k hypotheses, then companions, then the residual: c
     in all.
 
-    matrices : each flight's Gram, in its own order; positions : (c,) where a column stands in it,
+    matrices : each flight's matrix, in its own order; positions : (c,) where a column stands in it,
     for each of the orders that there are, and order (g,) : which of them a flight has. levels (g,
     axes, c) : a column on an axis' constant, whose weight (g, axes) is its product with itself;
     kept (g, c) : 0 for columns that a flight has not, or that do not vary, else 1. base (c,) : the
@@ -88,7 +88,7 @@ class Products:
         return found
 
     def _gather(self, found: Array, rows: Places, columns: Places) -> None:
-        """Fills (g, ...) with the elements at rows and columns (...) of the flights' Grams."""
+        """Fills (g, ...) with the elements at rows and columns (...) of the flights' matrices."""
         sizes = [
             len(self.matrices[self.order.index(number)]) for number in range(len(self.positions))
         ]
@@ -100,18 +100,20 @@ class Products:
 
 
 def products_of(
-    grams: Sequence[Gram],
+    normal_equations: Sequence[NormalEquations],
     known: Mapping[str, int],
     offsets: Mapping[int, str],
     shapes: Mapping[int, int],
 ) -> tuple[Products, Products | None, Array]:
-    """Products of the Grams and, where any has them, of their noisy copies; and the columns with
+    """Products of the normal equations and, where any has them, of their noisy copies; and the columns with
     themselves (columns,), over all flights, SI.
 
     known : id or companion's name -> column; offsets : column -> axis whose own constant it is;
     shapes : companion -> its column.
     """
-    plain, diagonal = _aligned(grams, [g.matrix for g in grams], known, offsets, shapes)
+    plain, diagonal = _aligned(
+        normal_equations, [g.matrix for g in normal_equations], known, offsets, shapes
+    )
     behind, beside = (
         np.array(list(shapes), dtype=np.intp),
         np.array(list(shapes.values()), dtype=np.intp),
@@ -127,14 +129,14 @@ def products_of(
     scale = np.sqrt(np.where(largest > 0.0, largest, 1.0))
     finished = {"part": part, "factor": np.r_[1.0 / scale, 1.0]}
     noisy = None
-    if any(g.noisy is not None for g in grams):
-        copies = [g.matrix if g.noisy is None else g.noisy for g in grams]
-        noisy = replace(_aligned(grams, copies, known, offsets, shapes)[0], **finished)
+    if any(g.noisy is not None for g in normal_equations):
+        copies = [g.matrix if g.noisy is None else g.noisy for g in normal_equations]
+        noisy = replace(_aligned(normal_equations, copies, known, offsets, shapes)[0], **finished)
     return replace(plain, **finished), noisy, diagonal[:, :-1].sum(axis=0)
 
 
 def _aligned(
-    grams: Sequence[Gram],
+    normal_equations: Sequence[NormalEquations],
     matrices: Sequence[Array],
     known: Mapping[str, int],
     offsets: Mapping[int, str],
@@ -142,12 +144,17 @@ def _aligned(
 ) -> tuple[Products, Array]:
     """Products without companions' parts and scales, and (g, columns) of each column with
     itself."""
-    axes = list(dict.fromkeys([*(axis for g in grams for axis in g.axes), *offsets.values()]))
+    axes = list(
+        dict.fromkeys([*(axis for g in normal_equations for axis in g.axes), *offsets.values()])
+    )
     columns = len(known) + 1
-    shape = len(grams), columns
+    shape = len(normal_equations), columns
     squares, indices = np.zeros(shape), dict[tuple[object, ...], tuple[Places, Places]]()
-    levels, weight = np.zeros((len(grams), len(axes), columns)), np.zeros((len(grams), len(axes)))
-    for row, (g, matrix) in enumerate(zip(grams, matrices, strict=True)):
+    levels, weight = (
+        np.zeros((len(normal_equations), len(axes), columns)),
+        np.zeros((len(normal_equations), len(axes))),
+    )
+    for row, (g, matrix) in enumerate(zip(normal_equations, matrices, strict=True)):
         if (g.axes, g.hypotheses) not in indices:
             index = np.array([*(known[name] for name in g.hypotheses), columns - 1], dtype=np.intp)
             indices[g.axes, g.hypotheses] = (
@@ -169,7 +176,7 @@ def _aligned(
     constants = {place: axes.index(axis) for place, axis in offsets.items()}
     zero, one = np.zeros(shape), np.ones(columns)
     number = {each: number for number, each in enumerate(indices)}
-    order = tuple(number[g.axes, g.hypotheses] for g in grams)
+    order = tuple(number[g.axes, g.hypotheses] for g in normal_equations)
     at = tuple(np.zeros(columns, dtype=np.intp) for _ in indices)
     for position, (rows, index) in zip(at, indices.values(), strict=True):
         position[index] = len(rows) + np.arange(len(index))

@@ -4,7 +4,12 @@ from .flight_evidence import evidence_of
 from .instrumental_variables import as_commanded, with_instruments
 from .low_pass import Band, Records, band_limited, in_band, stretches
 from .noise_limits import bounded_noise
-from .normal_equations import Gram, gram, gram_from_arrays, gram_of
+from .normal_equations import (
+    NormalEquations,
+    normal_equations_from_arrays,
+    normal_equations_of,
+    normal_equations_of_band,
+)
 from .shape_misfit import TOLERANCE, companions, parent, with_shapes, without_shapes
 from .state_errors import noisy_copies
 from .thinning import LONG, thinned
@@ -15,7 +20,7 @@ __all__ = [
     "TOLERANCE",
     "Band",
     "Evidence",
-    "Gram",
+    "NormalEquations",
     "Records",
     "VotingUnit",
     "as_commanded",
@@ -23,12 +28,12 @@ __all__ = [
     "bounded_noise",
     "companions",
     "evidence_of",
-    "gram",
-    "gram_from_arrays",
-    "gram_of",
     "halves",
     "in_band",
     "noisy_copies",
+    "normal_equations_from_arrays",
+    "normal_equations_of",
+    "normal_equations_of_band",
     "parent",
     "stretches",
     "thinned",

@@ -1,6 +1,6 @@
 """What tracing knows of one flight: its residual, and what each hypothesis would add to it.
 
-Nothing is conditioned here: low-pass, decimation, trims and whitening are `gram`'s, applied to all
+Nothing is conditioned here: low-pass, decimation, trims and whitening are those of `normal_equations_of`, applied to all
 columns alike.
 """
 

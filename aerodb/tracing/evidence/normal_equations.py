@@ -18,12 +18,12 @@ from aerodb.tracing.evidence.evidence import Evidence
 from aerodb.tracing.evidence.low_pass import Band, Records, centred, in_band
 from aerodb.tracing.settings import Settings
 
-#: Form of a stored Gram.
-GRAM_VERSION = 1
+#: Form of stored normal equations.
+NORMAL_EQUATIONS_VERSION = 1
 
 
 @dataclass(frozen=True)
-class Gram:
+class NormalEquations:
     """Whitened cross-products of one flight, k = trims + hypotheses + 1 columns.
 
     flight : id of the unit. axes : those that carry residuals, in the order of the trims.
@@ -48,7 +48,7 @@ class Gram:
         """Plain arrays for a store; `gram_from_arrays` is the way back. Absent matrices are
         empty."""
         return {
-            "version": np.array(GRAM_VERSION),
+            "version": np.array(NORMAL_EQUATIONS_VERSION),
             "flight": np.array(self.flight),
             "axes": np.array(self.axes, dtype=np.str_),
             "hypotheses": np.array(self.hypotheses, dtype=np.str_),
@@ -61,12 +61,12 @@ class Gram:
         }
 
 
-def gram_from_arrays(arrays: Mapping[str, NDArray[np.generic]]) -> Gram:
-    """A Gram from what `Gram.to_arrays` gave. Raises InputError when it is of another form."""
+def normal_equations_from_arrays(arrays: Mapping[str, NDArray[np.generic]]) -> NormalEquations:
+    """Normal equations from what `NormalEquations.to_arrays` gave. Raises InputError when it is of another form."""
     version = int(np.asarray(arrays["version"], dtype=np.int64)) if "version" in arrays else 0
-    if version != GRAM_VERSION:
+    if version != NORMAL_EQUATIONS_VERSION:
         raise InputError(
-            f"a Gram of form {version}, not {GRAM_VERSION}",
+            f"normal equations of format {version}, not {NORMAL_EQUATIONS_VERSION}",
             str(arrays.get("flight", "")),
             "make it anew from its flight",
         )
@@ -74,7 +74,7 @@ def gram_from_arrays(arrays: Mapping[str, NDArray[np.generic]]) -> Gram:
     def numbers(name: str) -> Array:
         return np.asarray(arrays[name], dtype=np.float64)
 
-    return Gram(
+    return NormalEquations(
         flight=str(arrays["flight"]),
         axes=tuple(str(axis) for axis in arrays["axes"]),
         hypotheses=tuple(str(name) for name in arrays["hypotheses"]),
@@ -87,19 +87,19 @@ def gram_from_arrays(arrays: Mapping[str, NDArray[np.generic]]) -> Gram:
     )
 
 
-def gram(evidence: Evidence, settings: Settings) -> Gram:
-    """The Gram of one flight. Axes without a usable stretch, or whose residual is exactly constant,
+def normal_equations_of(evidence: Evidence, settings: Settings) -> NormalEquations:
+    """The normal equations of one flight. Axes without a usable stretch, or whose residual is exactly constant,
     stay out.
 
     A column that has an instrument counts by what its instrument predicts of it (`first_stage`).
 
     Raises InputError when no axis is left.
     """
-    return gram_of(in_band(evidence, settings), settings)
+    return normal_equations_of_band(in_band(evidence, settings), settings)
 
 
-def gram_of(band: Band, settings: Settings) -> Gram:
-    """The Gram of one flight that is already in the band.
+def normal_equations_of_band(band: Band, settings: Settings) -> NormalEquations:
+    """The normal equations of one flight that is already in the band.
 
     The filter of an axis is fitted once, to its residual without its level, and used for all
     columns, the noisy copies and the instruments: filtering is linear, so that what was true of the
@@ -123,7 +123,7 @@ def gram_of(band: Band, settings: Settings) -> Gram:
             "see why its samples are flagged; fly longer manoeuvres",
         )
     noisy = [_products(band, copy, fitted) for copy in band.noisy]
-    return Gram(
+    return NormalEquations(
         flight=band.flight,
         axes=tuple(fitted),
         hypotheses=band.names,

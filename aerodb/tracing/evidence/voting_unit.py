@@ -1,4 +1,4 @@
-"""What votes: a flight, or a stretch of one; and the name by which evidence, Grams and findings
+"""What votes: a flight, or a stretch of one; and the name by which evidence, normal equations and findings
 carry it."""
 
 import re

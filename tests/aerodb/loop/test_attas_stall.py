@@ -31,7 +31,7 @@ from aerodb.tables.expression import parse
 from aerodb.tables.increment import Increment
 from aerodb.tracing.decision.verdicts import trace
 from aerodb.tracing.evidence.flight_evidence import evidence_of
-from aerodb.tracing.evidence.normal_equations import gram
+from aerodb.tracing.evidence.normal_equations import normal_equations_of
 from aerodb.tracing.settings import Settings
 from tests.support.attas_stalls import (
     ATTACHED,
@@ -297,11 +297,13 @@ def test_tracing_suspects_the_stall_first_and_no_static_template(stalls, flights
     library = [
         each for each in library if each.kind == "sensor" or not {"Cl", "Cn"} & set(each.axes)
     ]
-    grams = [
-        gram(evidence_of(f, compared(f, current), current, attas(), library), settings)
+    normal_equations = [
+        normal_equations_of(
+            evidence_of(f, compared(f, current), current, attas(), library), settings
+        )
         for f in flights
     ]
-    found = trace(grams, library, settings).findings
+    found = trace(normal_equations, library, settings).findings
     assert (found[0].effect, found[0].verdict) == ("stall_hysteresis", "suspected")
     assert {finding.effect for finding in found}.isdisjoint({"alpha_slope", "alpha_slope_break"})
     assert not any("alpha_slope" in rival for finding in found for rival in finding.explanation_set)

@@ -26,7 +26,7 @@ from aerodb.loop import (
     validate_loop,
 )
 from aerodb.tables.database import AeroDatabase
-from aerodb.tracing.evidence.normal_equations import Gram, gram
+from aerodb.tracing.evidence.normal_equations import NormalEquations, normal_equations_of
 from aerodb.vehicle import Vehicle
 from tests.support import effect_flights
 from tests.support.tracing_flights import FLOOR, coloured
@@ -59,8 +59,12 @@ class FlightsInMemory:
         channels, coefficients = self.flown[flight]
         return channels, compare(channels, coefficients, database, self.vehicle.reference)
 
-    def normal_equations(self, flight: str, database: AeroDatabase, library: Library) -> Gram:
-        return gram(evidence_beside(self, flight, database, library), library.settings)
+    def normal_equations(
+        self, flight: str, database: AeroDatabase, library: Library
+    ) -> NormalEquations:
+        return normal_equations_of(
+            evidence_beside(self, flight, database, library), library.settings
+        )
 
     def looked_before(self, flights: Sequence[str], library: Library) -> frozenset[str] | None:
         return self.known

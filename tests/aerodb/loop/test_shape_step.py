@@ -13,7 +13,7 @@ from aerodb.tables.increment import Increment, RefinedShape, Refit
 from aerodb.tables.reference import Reference
 from aerodb.tracing.decision.refinement import Refined, beside_wrong_shapes
 from aerodb.tracing.decision.verdicts import trace
-from aerodb.tracing.evidence.normal_equations import gram
+from aerodb.tracing.evidence.normal_equations import normal_equations_of
 from aerodb.tracing.settings import Settings
 from tests.support.tracing_small import LIBRARY, evidence
 
@@ -74,11 +74,11 @@ def test_only_new_gains_cast_no_suspicion() -> None:
 
 
 def test_a_claim_on_such_an_axis_is_suspected_and_says_why() -> None:
-    grams = [
-        gram(evidence(seed, {LIBRARY[0].id: 0.4, LIBRARY[2].id: 0.4}), Settings())
+    normal_equations = [
+        normal_equations_of(evidence(seed, {LIBRARY[0].id: 0.4, LIBRARY[2].id: 0.4}), Settings())
         for seed in range(6)
     ]
-    findings = trace(grams, LIBRARY, Settings()).findings
+    findings = trace(normal_equations, LIBRARY, Settings()).findings
     assert {f.verdict for f in findings} == {"confirmed"}
     verdicts = {f.hypothesis: f for f in beside_wrong_shapes(findings, {"CX"})}
     assert verdicts[LIBRARY[0].id].verdict == "suspected"

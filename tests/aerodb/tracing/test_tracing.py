@@ -14,7 +14,10 @@ from aerodb.tracing.decision.findings import Finding, Traced
 from aerodb.tracing.decision.unexplained_residual import Left, remainders
 from aerodb.tracing.decision.verdicts import trace
 from aerodb.tracing.evidence import Evidence
-from aerodb.tracing.evidence.normal_equations import gram, gram_from_arrays
+from aerodb.tracing.evidence.normal_equations import (
+    normal_equations_from_arrays,
+    normal_equations_of,
+)
 from tests.support.tracing_flights import coloured
 from tests.support.tracing_small import LIBRARY, SETTINGS, STEP, evidence, instrument, term
 
@@ -28,7 +31,7 @@ def flights(
 
 
 def traced(given: Sequence[Evidence], library: Sequence[Hypothesis] = LIBRARY) -> Traced:
-    return trace([gram(flight, SETTINGS) for flight in given], library, SETTINGS)
+    return trace([normal_equations_of(flight, SETTINGS) for flight in given], library, SETTINGS)
 
 
 def only(result: Traced) -> Finding:
@@ -80,9 +83,13 @@ def test_a_missing_term_is_confirmed_with_its_value_votes_and_reasons() -> None:
 
 
 def test_the_order_of_flights_does_not_matter_nor_does_storing_their_grams() -> None:
-    grams = [gram(e, SETTINGS) for e in flights(5, {A_CX: 0.3})]
-    first = trace(grams, LIBRARY, SETTINGS)
-    again = trace([gram_from_arrays(g.to_arrays()) for g in reversed(grams)], LIBRARY, SETTINGS)
+    normal_equations = [normal_equations_of(e, SETTINGS) for e in flights(5, {A_CX: 0.3})]
+    first = trace(normal_equations, LIBRARY, SETTINGS)
+    again = trace(
+        [normal_equations_from_arrays(g.to_arrays()) for g in reversed(normal_equations)],
+        LIBRARY,
+        SETTINGS,
+    )
     assert only(again).value == pytest.approx(only(first).value, rel=1e-9)
     assert only(again).p_adjusted == pytest.approx(only(first).p_adjusted, rel=1e-6)
 

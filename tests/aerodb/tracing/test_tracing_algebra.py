@@ -18,7 +18,7 @@ from aerodb.tracing.estimates.significance import holm, moderated_variance, over
 from aerodb.tracing.evidence.autoregression import correlation_time, fit, whiten
 from aerodb.tracing.evidence.evidence import Evidence
 from aerodb.tracing.evidence.low_pass import band_limited
-from aerodb.tracing.evidence.normal_equations import first_stage, gram
+from aerodb.tracing.evidence.normal_equations import first_stage, normal_equations_of
 from aerodb.tracing.settings import Settings
 from tests.support.tracing_flights import coloured
 from tests.support.tracing_small import LIBRARY, SETTINGS, STEP, evidence, term
@@ -50,7 +50,7 @@ def test_votes_are_those_of_direct_least_squares_with_the_priors_as_extra_rows(
     accepted: tuple[int, ...], freed: tuple[int, ...]
 ) -> None:
     flight = evidence(3, {LIBRARY[0].id: 0.4})
-    votes = campaign([gram(flight, SETTINGS)], LIBRARY).votes(accepted, freed)
+    votes = campaign([normal_equations_of(flight, SETTINGS)], LIBRARY).votes(accepted, freed)
     columns, response = whitened(flight)
     for place, _ in enumerate(LIBRARY):
         others = [n for n in (*accepted, 3, 4) if n != place]
@@ -76,7 +76,7 @@ def test_votes_are_those_of_direct_least_squares_with_the_priors_as_extra_rows(
 
 def test_vif_is_one_over_the_tolerance_of_a_regression_on_the_nuisances() -> None:
     flight = evidence(5)
-    votes = campaign([gram(flight, SETTINGS)], LIBRARY).votes((1,), (3, 4))
+    votes = campaign([normal_equations_of(flight, SETTINGS)], LIBRARY).votes((1,), (3, 4))
     columns, _ = whitened(flight)
     trims, column = columns[:, :2], columns[:, 2]
     within = column - trims @ np.linalg.lstsq(trims, column, rcond=None)[0]
@@ -93,7 +93,7 @@ def test_without_noise_every_vote_is_the_planted_value() -> None:
         "CZ": ~flight.usable["CZ"],
     }  # else its noise would move the sensors
     exact = replace(flight, residual={"CX": truth + 0.02, "CZ": truth}, usable=silent)
-    votes = campaign([gram(exact, SETTINGS)], LIBRARY).votes((), ())
+    votes = campaign([normal_equations_of(exact, SETTINGS)], LIBRARY).votes((), ())
     assert votes.estimate[0, 0] == pytest.approx(0.4, abs=1e-6)
 
 
@@ -101,7 +101,7 @@ def test_units_of_columns_do_not_matter() -> None:
     flight = evidence(9, {LIBRARY[0].id: 0.4})
     scaled = {**flight.columns, LIBRARY[0].id: {"CX": 1e4 * flight.columns[LIBRARY[0].id]["CX"]}}
     first, second = (
-        campaign([gram(e, SETTINGS)], LIBRARY).votes((), ())
+        campaign([normal_equations_of(e, SETTINGS)], LIBRARY).votes((), ())
         for e in (flight, replace(flight, columns=scaled))
     )
     assert second.estimate[0, 0] * 1e4 == pytest.approx(first.estimate[0, 0], rel=1e-6)
@@ -116,7 +116,9 @@ def test_a_constant_per_flight_changes_no_vote_but_that_of_the_constant() -> Non
     flight = evidence(11)
     flight = replace(flight, columns={**flight.columns, offset.id: {"CX": np.ones(flight.samples)}})
     moved = replace(flight, residual={**flight.residual, "CX": flight.residual["CX"] + 0.7})
-    first, second = (campaign([gram(e, SETTINGS)], library).votes((), ()) for e in (flight, moved))
+    first, second = (
+        campaign([normal_equations_of(e, SETTINGS)], library).votes((), ()) for e in (flight, moved)
+    )
     assert np.allclose(first.estimate[0, :5], second.estimate[0, :5], atol=1e-9)
     assert second.estimate[0, 5] - first.estimate[0, 5] == pytest.approx(0.7, rel=1e-9)
     columns, response = whitened(flight)
@@ -301,7 +303,9 @@ def test_simex_shift_is_the_known_attenuation_of_a_linear_regressor() -> None:
         usable = {"CX": np.ones(4000, dtype=bool)}
         noisy = Evidence("copy", STEP, residual, usable, {column.id: {"CX": twice}})
         flight = Evidence(f"f{seed}", STEP, residual, usable, {column.id: {"CX": once}}, (noisy,))
-        votes = campaign([gram(flight, replace(SETTINGS, order=0))], [column]).votes((), ())
+        votes = campaign([normal_equations_of(flight, replace(SETTINGS, order=0))], [column]).votes(
+            (), ()
+        )
         found.append((votes.estimate[0, 0], votes.errors.at([0])[0][1][0]))
     estimate, shift = np.mean(found, axis=0)
     assert estimate == pytest.approx(2.0 / 1.2, rel=0.03)
@@ -351,7 +355,7 @@ def test_an_instrument_frees_a_rate_from_what_the_controller_answers_to_the_resi
             {column.id: {"CX": command + 0.5 * noise}},
         )
         for found, given in ((plain, {}), (instrumented, {column.id: {"CX": command}})):
-            made = gram(replace(flight, instruments=given), SETTINGS)
+            made = normal_equations_of(replace(flight, instruments=given), SETTINGS)
             found.append(campaign([made], [column]).votes((), ()).estimate[0, 0])
     assert np.mean(plain) == pytest.approx(0.5 / 1.25, rel=0.15)  # cov(q, v) / var(q)
     assert abs(np.mean(instrumented)) < 4.0 * np.std(instrumented) / np.sqrt(40)

@@ -9,7 +9,7 @@ from aerodb.flight import Flight
 from aerodb.tracing.decision.verdicts import trace
 from aerodb.tracing.evidence.evidence import Evidence
 from aerodb.tracing.evidence.instrumental_variables import as_commanded, with_instruments
-from aerodb.tracing.evidence.normal_equations import gram
+from aerodb.tracing.evidence.normal_equations import normal_equations_of
 from aerodb.tracing.evidence.shape_misfit import with_shapes
 from tests.support.tracing_cells import SETTINGS
 from tests.support.tracing_flights import FLOOR, Cell, coloured, evidence_in, flown, library
@@ -70,11 +70,15 @@ def _campaigns(
     found = []
     for number in range(count):
         generator = np.random.default_rng([77, number])
-        grams = []
+        normal_equations = []
         for place in generator.choice(len(flown()), FLIGHTS, replace=False):
             flight, evidence = _flight(int(place), generator, gain, planted)
-            grams.append(gram(_instrumented(flight, evidence) if commands else evidence, SETTINGS))
-        traced = trace(grams, library(), SETTINGS)
+            normal_equations.append(
+                normal_equations_of(
+                    _instrumented(flight, evidence) if commands else evidence, SETTINGS
+                )
+            )
+        traced = trace(normal_equations, library(), SETTINGS)
         found.append(
             {f.hypothesis for f in traced.findings if f.verdict in ("confirmed", "alias_group")}
         )

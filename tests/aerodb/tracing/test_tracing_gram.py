@@ -1,4 +1,4 @@
-"""From evidence to Gram: the band, gaps, stored form, units, and what is refused."""
+"""From evidence to normal equations: the band, gaps, stored form, units, and what is refused."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -11,7 +11,11 @@ from aerodb.errors import InputError
 from aerodb.tracing.estimates.campaigns import campaign
 from aerodb.tracing.evidence.evidence import Evidence, units
 from aerodb.tracing.evidence.low_pass import band_limited, decimation, ends_left_out
-from aerodb.tracing.evidence.normal_equations import Gram, gram, gram_from_arrays
+from aerodb.tracing.evidence.normal_equations import (
+    NormalEquations,
+    normal_equations_from_arrays,
+    normal_equations_of,
+)
 from tests.support.tracing_flights import coloured
 from tests.support.tracing_small import LIBRARY, SETTINGS, evidence
 
@@ -48,25 +52,25 @@ def test_gaps_keep_what_is_linear_linear() -> None:
     residual = {"CX": np.where(usable["CX"], 0.4 * x + 0.1, 99.0), "CZ": flight.residual["CZ"]}
     usable["CZ"][:] = False
     votes = campaign(
-        [gram(replace(flight, residual=residual, usable=usable), SETTINGS)], LIBRARY
+        [normal_equations_of(replace(flight, residual=residual, usable=usable), SETTINGS)], LIBRARY
     ).votes((0, 1), ())
     assert votes.estimate[0, 0] == pytest.approx(0.4, abs=1e-9)
     assert votes.estimate[0, 1] == pytest.approx(0.0, abs=1e-9)
 
 
 def test_a_gram_returns_from_its_arrays() -> None:
-    made = gram(replace(evidence(1), noisy=(evidence(1),)), SETTINGS)
-    again = gram_from_arrays(made.to_arrays())
+    made = normal_equations_of(replace(evidence(1), noisy=(evidence(1),)), SETTINGS)
+    again = normal_equations_from_arrays(made.to_arrays())
     for name in ("matrix", "noisy", "spread", "correlation", "samples", "excitation"):
         assert np.array_equal(getattr(made, name), getattr(again, name))
     assert (again.flight, again.axes, again.hypotheses) == (made.flight, made.axes, made.hypotheses)
-    with pytest.raises(InputError, match="form 0"):
-        gram_from_arrays({"flight": np.array("x")})
+    with pytest.raises(InputError, match="format 0"):
+        normal_equations_from_arrays({"flight": np.array("x")})
 
 
 def broken(change: Callable[[Evidence], Evidence]) -> str:
     with pytest.raises(InputError) as caught:
-        gram(change(evidence(1)), SETTINGS)
+        normal_equations_of(change(evidence(1)), SETTINGS)
     return str(caught.value)
 
 
@@ -86,12 +90,12 @@ def test_bad_evidence_is_refused_with_its_place() -> None:
     )
 
 
-def grams(count: int) -> list[Gram]:
-    return [gram(evidence(seed), SETTINGS) for seed in range(count)]
+def normal_equations(count: int) -> list[NormalEquations]:
+    return [normal_equations_of(evidence(seed), SETTINGS) for seed in range(count)]
 
 
 def test_a_campaign_refuses_another_library_a_flight_twice_and_a_sensor_without_prior() -> None:
-    made = grams(2)
+    made = normal_equations(2)
     with pytest.raises(InputError, match="another library"):
         campaign(made, LIBRARY[1:])
     with pytest.raises(InputError, match="same flight twice"):

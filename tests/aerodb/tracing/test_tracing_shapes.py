@@ -11,7 +11,7 @@ from aerodb.tables.expression import parse
 from aerodb.tracing.decision.verdicts import trace
 from aerodb.tracing.estimates.campaigns import campaign
 from aerodb.tracing.evidence.evidence import Evidence
-from aerodb.tracing.evidence.normal_equations import Gram, gram
+from aerodb.tracing.evidence.normal_equations import NormalEquations, normal_equations_of
 from aerodb.tracing.evidence.shape_misfit import (
     LEAST,
     TOLERANCE,
@@ -23,7 +23,7 @@ from aerodb.tracing.settings import Settings
 from tests.support.tracing_flights import coloured, library
 from tests.support.tracing_small import LIBRARY, STEP, evidence
 
-#: No filter and no decimation: what a Gram is the product of is then written down in one line.
+#: No filter and no decimation: what the matrix is the product of is then written down in one line.
 PLAIN = Settings(order=0, bandwidth=0.2 / STEP)
 FIRST, SECOND = LIBRARY[0].id, LIBRARY[1].id
 
@@ -54,7 +54,7 @@ def test_votes_beside_a_companion_are_those_of_direct_least_squares_with_its_pri
     None
 ):
     flight = shaped(3, 0.5)
-    votes = campaign([gram(flight, PLAIN)], LIBRARY).votes((0,), ())
+    votes = campaign([normal_equations_of(flight, PLAIN)], LIBRARY).votes((0,), ())
     rows, names = [], [h.id for h in LIBRARY]
     for number, axis in enumerate(("CX", "CZ")):
         zero, trims = np.zeros(flight.samples), np.zeros((flight.samples, 2))
@@ -95,10 +95,10 @@ def claims(
     error: float, with_companion: bool, earlier: dict[str, float] | None = None
 ) -> list[str]:
     flights = [shaped(seed, error) for seed in range(6)]
-    grams: list[Gram] = [
-        gram(f if with_companion else without_shapes(f), Settings()) for f in flights
+    normal_equations: list[NormalEquations] = [
+        normal_equations_of(f if with_companion else without_shapes(f), Settings()) for f in flights
     ]
-    return [f.hypothesis for f in trace(grams, LIBRARY, Settings(), earlier).findings]
+    return [f.hypothesis for f in trace(normal_equations, LIBRARY, Settings(), earlier).findings]
 
 
 def test_what_a_wrong_shape_leaves_over_is_no_second_effect() -> None:
@@ -111,14 +111,16 @@ def test_nor_in_a_later_round() -> None:
     """What an earlier round has added is taken off; what is left is its shape alone."""
 
     def later(known: dict[str, float] | None) -> list[str]:
-        grams = []
+        normal_equations = []
         for seed in range(6):
             flight = shaped(seed, 0.5)
             rest = flight.residual["CX"] - 0.4 * flight.columns[FIRST]["CX"]
-            grams.append(
-                gram(replace(flight, residual={**flight.residual, "CX": rest}), Settings())
+            normal_equations.append(
+                normal_equations_of(
+                    replace(flight, residual={**flight.residual, "CX": rest}), Settings()
+                )
             )
-        return [f.hypothesis for f in trace(grams, LIBRARY, Settings(), known).findings]
+        return [f.hypothesis for f in trace(normal_equations, LIBRARY, Settings(), known).findings]
 
     assert SECOND in later(None)
     assert SECOND not in later({FIRST: 0.4})
@@ -133,7 +135,7 @@ def test_a_second_effect_of_its_own_is_still_found() -> None:
         )
         for f in flights
     ]
-    found = trace([gram(f, Settings()) for f in both], LIBRARY, Settings()).findings
+    found = trace([normal_equations_of(f, Settings()) for f in both], LIBRARY, Settings()).findings
     assert {f.hypothesis for f in found} == {FIRST, LIBRARY[2].id}
 
 

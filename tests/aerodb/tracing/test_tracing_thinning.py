@@ -15,7 +15,7 @@ from aerodb.tables.database import AeroDatabase
 from aerodb.tracing.estimates.campaigns import campaign
 from aerodb.tracing.evidence import thinning
 from aerodb.tracing.evidence.flight_evidence import evidence_of
-from aerodb.tracing.evidence.normal_equations import gram
+from aerodb.tracing.evidence.normal_equations import normal_equations_of
 from aerodb.tracing.evidence.state_errors import noisy_copies
 from aerodb.tracing.evidence.thinning import thinned
 from aerodb.tracing.settings import Settings
@@ -87,7 +87,8 @@ def test_the_votes_are_those_of_all_samples(flight: Flight) -> None:
     beside = missing_lift(flight, compared(flight, database()), 0.2)
     made = [
         campaign(
-            [gram(evidence_of(*given, database(), vehicle(), hypotheses), settings)], hypotheses
+            [normal_equations_of(evidence_of(*given, database(), vehicle(), hypotheses), settings)],
+            hypotheses,
         ).votes((), ())
         for given in ((flight, beside), thinned(flight, beside, BAND))
     ]

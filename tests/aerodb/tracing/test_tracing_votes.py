@@ -11,7 +11,7 @@ from aerodb.effects.hypothesis import Hypothesis
 from aerodb.tracing.decision.selection import Court
 from aerodb.tracing.estimates.campaigns import OFFSET, campaign
 from aerodb.tracing.estimates.per_flight import Campaign
-from aerodb.tracing.evidence.normal_equations import Gram
+from aerodb.tracing.evidence.normal_equations import NormalEquations
 from aerodb.tracing.evidence.shape_misfit import LEAST, TOLERANCE
 from aerodb.tracing.settings import Settings
 from tests.support.tracing_small import instrument, term
@@ -30,13 +30,13 @@ OFFSET_PLACES, SENSOR_PLACES = (4, 5), (6, 7, 8)
 
 @dataclass(frozen=True)
 class Flown:
-    """Whitened columns of one flight and their Gram. rows (m, columns); trims (m, axes)."""
+    """Whitened columns of one flight and their normal equations. rows (m, columns); trims (m, axes)."""
 
     names: tuple[str, ...]
     trims: Array
     columns: dict[str, Array]
     residual: Array
-    gram: Gram
+    equations: NormalEquations
 
 
 def flown(seed: int) -> Flown:
@@ -68,7 +68,7 @@ def flown(seed: int) -> Flown:
     again = stacked + 0.05 * rng.standard_normal(stacked.shape) * (stacked != 0.0)
     again[:, : len(axes)] = trims
     names, none = tuple(columns), np.zeros(0)
-    gram = Gram(
+    equations = NormalEquations(
         f"f{seed}",
         axes,
         names,
@@ -79,7 +79,7 @@ def flown(seed: int) -> Flown:
         none.astype(np.int64),
         np.ones(len(names)),
     )
-    return Flown(names, trims, columns, residual, gram)
+    return Flown(names, trims, columns, residual, equations)
 
 
 FLIGHTS = [flown(seed) for seed in range(7)]
@@ -179,7 +179,7 @@ def tolerances(values: dict[int, float]) -> dict[str, float]:
 
 @pytest.fixture(scope="module")
 def made() -> Campaign:
-    return campaign([f.gram for f in FLIGHTS], LIBRARY)
+    return campaign([f.equations for f in FLIGHTS], LIBRARY)
 
 
 @pytest.mark.parametrize("terms", [(), (0,), (0, 1, 2), (0, 4)])
@@ -213,13 +213,13 @@ def test_a_model_is_solved_as_least_squares_solve_it(
 
 
 def test_the_shift_is_the_vote_of_the_noisy_copies_less_that_of_the_flights(made: Campaign) -> None:
-    """Under the priors of the flights themselves: so only where the noisy Grams are made the
+    """Under the priors of the flights themselves: so only where the noisy normal equations are made the
     flights' own."""
-    alone = campaign([replace(f.gram, noisy=f.gram.matrix) for f in FLIGHTS], LIBRARY).votes(
-        (0, 2), (6,)
-    )
+    alone = campaign(
+        [replace(f.equations, noisy=f.equations.matrix) for f in FLIGHTS], LIBRARY
+    ).votes((0, 2), (6,))
     noisy = campaign(
-        [replace(f.gram, matrix=f.gram.noisy, noisy=None) for f in FLIGHTS], LIBRARY
+        [replace(f.equations, matrix=f.equations.noisy, noisy=None) for f in FLIGHTS], LIBRARY
     ).votes((), (6,))
     plain = made.votes((), (6,))
     for place in (1, 3, 4, 6, 7):
@@ -236,7 +236,7 @@ def test_the_shift_is_the_vote_of_the_noisy_copies_less_that_of_the_flights(made
 
 
 def test_what_is_asked_for_late_or_alone_is_what_was_there_at_once(made: Campaign) -> None:
-    fresh = campaign([f.gram for f in FLIGHTS], LIBRARY)
+    fresh = campaign([f.equations for f in FLIGHTS], LIBRARY)
     whole = made.votes((0, 2), (6,)).errors.at(range(len(LIBRARY)))
     for place in reversed(range(len(LIBRARY))):
         leak, shift = fresh.votes((2, 0), (6,)).errors.at([place])[0]
