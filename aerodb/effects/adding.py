@@ -1,9 +1,8 @@
-"""What is accepted goes into the database: increments with joint covariance, envelope and the
-flights behind them.
+"""Add accepted hypotheses to a database: increments with joint covariance, envelope and flights.
 
-The regressors are those of the columns that were tested, so that inside the envelope the candidate
-is the baseline plus value times column. Sensors and vehicle data are not added to a database: they
-belong to its measurement.
+The regressors are those of the columns that were tested, so that within the envelope the candidate
+equals the baseline plus value times column. Sensor and vehicle-data errors are not added to a
+database; they belong to its measurements.
 """
 
 from collections.abc import Mapping, Sequence

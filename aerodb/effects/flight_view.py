@@ -1,8 +1,7 @@
-"""What hypotheses see of one flight: its channels, what the current model predicts for it, and how
-that depends on each input.
+"""What hypotheses use of one flight: channels, the model's prediction and its sensitivities.
 
-Everything here comes from the flight's state and the model, never from the measured coefficients: a
-sensor column that is made of the measurement explains any residual.
+All of it comes from the flight's state and the model, never from the measured coefficients: a
+sensor column computed from the measurement would explain any residual.
 """
 
 from collections.abc import Iterable, Mapping

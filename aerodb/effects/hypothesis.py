@@ -1,10 +1,9 @@
-"""A hypothesis: one parameter that the database, a sensor or the vehicle file may have wrong, and
-the column that it leaves.
+"""A hypothesis: one parameter that may be wrong in the database, a sensor or the vehicle file.
 
-The column is the derivative of the residual, measured minus predicted, by the parameter: for an
-aerodynamic hypothesis what the database lacks, for a sensor the tangent of the whole chain from the
-sensor to the coefficients. How hypotheses are tested belongs in `aerodb.tracing`; which there are
-in `library`.
+Its column is the derivative of the residual, measured minus predicted, with respect to the
+parameter: for an aerodynamic hypothesis the term missing from the database, for a sensor the
+tangent of the whole chain from the sensor to the coefficients. `library` lists the hypotheses;
+`aerodb.tracing` tests them.
 """
 
 from collections.abc import Callable, Mapping

@@ -1,9 +1,9 @@
-"""A table as an expression: exact between its breakpoints and held outside them, for increments,
-which call no tables.
+"""A table as an expression: exact between its breakpoints and held constant outside them.
 
-Along each axis ``f(x) = f(x_0) + sum_j clip(x - x_j, 0, d_j)/d_j (f(x_{j+1}) - f(x_j))``, where the
-f's are functions of the other axes in turn. Only abs, clip and products appear, so that
-`multilinear.breaks` finds the breakpoints again and a table can carry it.
+Increments need this form, because they cannot call tables. Along each axis ``f(x) = f(x_0) + sum_j
+clip(x - x_j, 0, d_j)/d_j (f(x_{j+1}) - f(x_j))``, where the f's are functions of the other axes in
+turn. Only abs, clip and products appear, so that `multilinear.breaks` recovers the breakpoints and
+a table can hold the result.
 """
 
 from collections.abc import Sequence

@@ -1,7 +1,7 @@
-"""The library: every template, and the hypotheses that they give for one database and one vehicle.
+"""The effect library: all templates, and the hypotheses they give for one database and one vehicle.
 
-It is fixed and hashed before a residual is looked at; a finding holds for the library under whose
-hash it was made.
+It is fixed and hashed before any residual is looked at; a finding is valid for the library with the
+hash under which it was made.
 """
 
 import math

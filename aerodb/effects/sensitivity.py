@@ -1,8 +1,8 @@
-"""How the current model's coefficients depend on one input along a flight.
+"""Slopes of the model's coefficients with respect to one input along a flight.
 
 A slope is taken over the range in which a sensor may be wrong, not at a point: a table's slope
-jumps at every breakpoint, and what a biased sensor does to the prediction is the mean slope over
-its error.
+jumps at every breakpoint, and the effect of a biased sensor on the prediction is the mean slope
+over its error.
 """
 
 from collections.abc import Mapping

@@ -1,10 +1,10 @@
-"""A template's shape made finer: its regressor times a function, linear between nodes, of a
-variable that it may depend on.
+"""Spline refinement of a hypothesis: its regressor times a piecewise-linear function of a variable.
 
-``R (g + d_1 s_1(u) + d_2 s_2(u) + ...)`` with ramps ``s_j``, 0 below node j, 1 above node j + 1: g
-is the gain at the lowest node, d_j how much it changes over interval j. All d = 0 is the template.
-Linear B-splines (de Boor, 1978) in the basis in which a penalty on the differences of neighbours
-(Eilers & Marx, Stat. Sci. 11(2), 1996) is a penalty on each coefficient.
+``R (g + d_1 s_1(u) + d_2 s_2(u) + ...)`` with ramps ``s_j``, 0 below node j and 1 above node j + 1:
+g is the gain at the lowest node, d_j its change over interval j. With all d = 0 it is the original
+hypothesis. These are linear B-splines (de Boor, 1978) in the basis in which a penalty on the
+differences of neighbouring coefficients (Eilers & Marx, Stat. Sci. 11(2), 1996) is a penalty on
+each d_j.
 """
 
 from collections.abc import Sequence

@@ -1,5 +1,4 @@
-"""Which deflections a vehicle has and what each is for: it decides on which axes an error of its
-effect is looked for."""
+"""Control surfaces of a vehicle and their roles, which decide the axes of their hypotheses."""
 
 import re
 from collections.abc import Iterable

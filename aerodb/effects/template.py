@@ -1,5 +1,7 @@
-"""Templates: how an effect becomes hypotheses for one database and one vehicle, before any flight
-has been looked at."""
+"""Templates: how an effect becomes hypotheses for one database and one vehicle.
+
+Templates are expanded before any flight is looked at.
+"""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field

@@ -1,4 +1,14 @@
-"""TODO aerodb.effects.aerodynamic."""
+"""Aerodynamic effect templates: one module per effect that a database can lack or have wrong.
+
+Each module states the effect, its model, the data needed to identify it, its believable size and
+its source, and defines one `TEMPLATE`; `aerodb.effects.library` lists them all. Most are made by
+`template.per_axis` (one regressor on several axes) or `per_surface.per_surface` (one hypothesis per
+control surface and axis). `lift_like` gives the angle of attack from zero lift (`zero_lift_alpha`,
+`from_zero_lift`), which ground, Mach and dynamic-pressure effects share.
+
+To add an effect: write a module like `pitch_damping`, add its `TEMPLATE` to `library.AERODYNAMIC`,
+and its formula to tests/aerodb/effects/test_effects_recovery.py.
+"""
 
 import lazy_loader as lazy
 

@@ -1,10 +1,11 @@
-"""A force or moment that follows the rate of change of alpha: the wing's downwash reaches the tail
-late.
+"""Downwash lag: normal force and pitching moment due to alphadot (CZ_alphadot, Cm_alphadot).
 
-``C += k alphadot_hat``, ``alphadot_hat = alphadot c/(2V)``. Size: Cm_alphadot is a quarter to a
-half of Cm_q, -2 to -15. In pitching alone q and alphadot are one motion; they are told apart where
-the flight path curves without pitching against it: plunging, turbulence, rolling at alpha, steady
-turns (000).
+Model: ``C += k alphadot_hat`` with ``alphadot_hat = alphadot c/(2V)``; the downwash of the wing
+reaches the tail late. Believable size: Cm_alphadot is a quarter to a half of Cm_q, -2 to -15.
+
+Data needed: manoeuvres in which q and alphadot differ, i.e. in which the flight path curves
+without pitching to match: plunging, turbulence, rolling at angle of attack, steady turns (000). In
+pure pitching, q and alphadot are one motion.
 
 >>> from aerodb.effects.template import value
 >>> value(REGRESSOR, alphadot_hat=0.004)

@@ -1,8 +1,10 @@
-"""A force or moment that grows with angle of attack at another rate than the database says.
+"""Lift-curve slope and static stability: slopes over angle of attack (CX, CZ, Cm_alpha).
 
-``C += k alpha``. Size: lift slopes of preflight databases are wrong by about a tenth of 2 to 6 per
-rad (003: 9-10 % of CZ, below 3 % of Cm); a third is still believed. On CX it is an exact twin of an
-alpha bias, on Cm of a CG shift along x. Valid below the stall; needs alpha to move by a degree.
+Model: ``C += k alpha``. Believable size: lift-curve slopes of preflight databases, 2 to 6 per rad,
+are off by about a tenth (003: 9-10 % of CZ, below 3 % of Cm); a third is still accepted.
+
+Data needed: angle-of-attack changes of at least one degree below the stall. Aliases: on CX exactly
+an alpha bias; on Cm exactly a CG shift along x.
 
 >>> from aerodb.effects.template import value
 >>> value(REGRESSOR, alpha=0.1)

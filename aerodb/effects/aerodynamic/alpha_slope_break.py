@@ -1,9 +1,11 @@
-"""A slope over angle of attack that changes where the database's does not, or the other way round.
+"""Slope break: the slope over angle of attack changes where the database's does not, or vice versa.
 
-``C += k max(alpha - alpha_break, 0)``. The break is chosen before flights are looked at: 0.175 rad
-(003, eq. 7), and the sharpest kink that the database's own curve has among attached-flow angles,
-which flight may not show (the Twin Otter's lift in DHC6.xml bends at alpha 0). Size: as
-`alpha_slope`. Needs flight on both sides of the break.
+Model: ``C += k max(alpha - alpha_break, 0)``. The break is fixed before any flight is looked at: at
+0.175 rad (003, eq. 7), and at the sharpest kink of the database's own curve within attached flow,
+which flight may not confirm (the Twin Otter's lift in DHC6.xml bends at alpha = 0). Believable
+size: as for `alpha_slope`.
+
+Data needed: flight on both sides of the break.
 
 >>> from aerodb.effects.template import value
 >>> value(regressor(0.175), alpha=0.2), value(regressor(0.0), alpha=-0.01)

@@ -1,9 +1,10 @@
-"""A side force or lateral moment that is the same for sideslip to either side: what symmetry
-forbids.
+"""Even sideslip effect: side force or lateral moment alike for left and right sideslip.
 
-``C += k |beta|``. No symmetric aircraft has it. A database gains it by a lost sign, with which it
-is then an exact twin of `table_sign` where that table is linear in beta; a damaged or asymmetric
-aircraft has it truly. Size: as `beta_slope`. Needs sideslip to both sides.
+Model: ``C += k |beta|``. Symmetry forbids it. A database acquires it through a lost sign; it is
+then exactly aliased with `table_sign` where that table is linear in beta. A damaged or asymmetric
+aircraft really has it. Believable size: as for `beta_slope`.
+
+Data needed: sideslip in both directions.
 
 >>> from aerodb.effects.template import value
 >>> value(REGRESSOR, beta=-0.05)

@@ -1,8 +1,9 @@
-"""A side force or lateral moment that grows with sideslip at another rate than the database says.
+"""Side-force slope, dihedral effect and weathercock stability (CY_beta, Cl_beta, Cn_beta).
 
-``C += k beta``: weathercock stability, dihedral effect, side force. Size: for the Twin Otter, CY
--.85, Cl -.11, Cn .085 per rad; a handbook database was off by .42 in Cn (DHC6.xml). Needs sideslip
-of a degree.
+Model: ``C += k beta``. Believable size: the Twin Otter has CY_beta -.85, Cl_beta -.11 and
+Cn_beta .085 per rad; one handbook database was off by .42 in Cn_beta (DHC6.xml).
+
+Data needed: at least one degree of sideslip.
 
 >>> from aerodb.effects.template import value
 >>> value(REGRESSOR, beta=-0.05)

@@ -1,7 +1,9 @@
-"""A body flap that acts otherwise than the database says.
+"""Body-flap effectiveness: axial and normal force and pitching moment due to body-flap deflection.
 
-``C += k delta``. Size: Cm_bf -.05 per rad on Phoenix-like shapes. Moves as a trim surface, often
-together with the speed brake: see there. Needs its own motion.
+Model: ``C += k delta``. Believable size: Cm_bf is -.05 per rad on Phoenix-like shapes.
+
+Data needed: body-flap motion of its own. As a trim surface it often moves together with the speed
+brake; see `speed_brake`.
 
 >>> from aerodb.effects.template import value
 >>> value(regressor("delta"), delta=-0.1)

@@ -1,9 +1,11 @@
-"""A control surface whose effect changes with angle of attack.
+"""Control effectiveness that changes with angle of attack.
 
-``C += k alpha delta``, on the moment that the surface is for, and on Cn for ailerons (adverse yaw).
-Source 000 has alpha delta_e in the tail lift; a wake or vortex over the surface does the same.
-Size: a surface that loses its effect within 20 deg of alpha has k = 3 times its effectiveness.
-Needs deflections at several angles of attack.
+Model: ``C += k alpha delta`` on the moment that the surface controls, and on Cn for ailerons
+(adverse yaw). The tail-lift model of 000 has a term in alpha delta_e; a wake or vortex passing over
+the surface has the same effect. Believable size: a surface that loses all effectiveness within 20
+deg of alpha has k = 3 times its effectiveness.
+
+Data needed: deflections at several angles of attack.
 
 >>> from aerodb.effects.template import value
 >>> value(regressor("delta"), alpha=0.2, delta=0.1)

@@ -1,9 +1,11 @@
-"""A control surface that moves the vehicle more or less than the database says.
+"""Control effectiveness: force or moment due to surface deflection (Cm_de, Cl_da, Cn_dr, ...).
 
-``C += k delta``. Size: effectiveness of preflight databases is seldom wrong by more than a third
-(Cm_de -1 to -2, Cl_da -.2, Cn_dr -.13 per rad). In Cm it is a near twin of the surface's
-calibration, of Iyy and of the CG; only several axes tell them apart. Needs the surface to move by a
-degree, apart from the motion that it causes.
+Model: ``C += k delta``. Believable size: the effectiveness in preflight databases is seldom off by
+more than a third (Cm_de -1 to -2, Cl_da -.2, Cn_dr -.13 per rad).
+
+Data needed: at least one degree of surface motion that is separable from the motion it causes. On
+Cm it is nearly aliased with the calibration of the surface, with Iyy and with the CG; only several
+axes together separate them.
 
 >>> from aerodb.effects.template import value
 >>> value(regressor("delta"), delta=0.1)

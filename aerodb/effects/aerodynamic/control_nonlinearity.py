@@ -1,9 +1,10 @@
-"""A control surface that loses (or gains) effect at large deflection: tail lift has a cubic part.
+"""Control nonlinearity: effectiveness lost or gained at large deflections (cubic term).
 
-``C += k delta^3``, on the moment that the surface is for. Source 000 writes tail lift as linear
-plus cubic in deflection. Size: at 25 deg, delta^3 is .08; a third of a Cm_de of -1.5 lost there is
-k = 1.6; larger where the surface stalls. Needs large and small deflections: near zero nothing is
-seen of it.
+Model: ``C += k delta^3`` on the moment that the surface controls; 000 writes tail lift as linear
+plus cubic in deflection. Believable size: delta^3 is .08 at 25 deg, so losing a third of a Cm_de of
+-1.5 there gives k = 1.6; larger where the surface stalls.
+
+Data needed: small and large deflections; near zero the effect is invisible.
 
 >>> from aerodb.effects.template import value
 >>> value(regressor("delta"), delta=0.4)

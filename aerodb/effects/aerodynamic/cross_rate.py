@@ -1,9 +1,9 @@
-"""Forces and moments across the axes of a rate: roll due to yaw rate, yaw due to roll rate, side
-force due to both.
+"""Cross-rate derivatives: roll due to yaw rate (Cl_r), yaw due to roll rate (Cn_p), CY_p and CY_r.
 
-``Cl += k r_hat``, ``Cn += k p_hat``, ``CY += k p_hat``, ``CY += k r_hat``. Size: Cl_r .1 to .3 and
-more with lift, Cn_p -.1 to .1, CY_r up to 1 (Twin Otter .96, as flown). Needs rolling and yawing
-that are not one Dutch roll.
+Model: ``Cl += k r_hat``, ``Cn += k p_hat``, ``CY += k p_hat``, ``CY += k r_hat``. Believable size:
+Cl_r .1 to .3, more at high lift; Cn_p -.1 to .1; CY_r up to 1 (Twin Otter .96, as flown).
+
+Data needed: rolling and yawing that are not both part of one Dutch roll.
 
 >>> from aerodb.effects.template import value
 >>> value("r_hat", r_hat=0.02)

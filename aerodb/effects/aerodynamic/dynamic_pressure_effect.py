@@ -1,9 +1,11 @@
-"""An elastic airframe: slopes that change with dynamic pressure.
+"""Aeroelasticity: lift-curve slope and static stability that change with dynamic pressure.
 
-``C += k (alpha - alpha_0) qbar`` on CZ and Cm: the first term of the divergence series ``1/(1 -
-qbar/qbar_D)``. Size: a swept wing loses a tenth of its lift slope at 10 kPa, k = 5e-5 per rad Pa.
-Needs dynamic pressures apart at like angle of attack; at one altitude it cannot be told from
-`mach_effect`.
+Model: ``C += k (alpha - alpha_0) qbar`` on CZ and Cm, the first term of the divergence series
+``1/(1 - qbar/qbar_D)``. Believable size: a swept wing loses a tenth of its lift-curve slope at
+10 kPa, k = 5e-5 per rad Pa.
+
+Data needed: different dynamic pressures at the same angle of attack. At one altitude it cannot be
+separated from `mach_effect`.
 
 >>> from aerodb.effects.template import value
 >>> value("alpha*qbar", alpha=0.1, qbar=5000.0)

@@ -1,7 +1,9 @@
-"""High-lift flaps that act otherwise than the database says.
+"""High-lift flaps: lift, drag and pitching moment due to flap deflection.
 
-``C += k delta``. Size: lift 1 to 3 per rad, drag .1 to .4, a nose-down moment with it. Needs flight
-with several flap settings: within one setting it is a constant.
+Model: ``C += k delta``. Believable size: lift 1 to 3 per rad, drag .1 to .4 per rad, with a
+nose-down moment.
+
+Data needed: flight at several flap settings; within one setting the effect is a constant.
 
 >>> from aerodb.effects.template import value
 >>> value(regressor("delta"), delta=0.35)

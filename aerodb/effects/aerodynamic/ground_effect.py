@@ -1,12 +1,13 @@
-"""The ground under the wing: more lift, less induced drag, another moment, all of it gone within a
-span.
+"""Ground effect: lift, induced drag and pitching moment that change within a span of the ground.
 
-``C += k sigma (alpha - alpha_0)`` on CZ (C_lift) and Cm, ``C += k sigma (alpha - alpha_0)^2`` on CX
-(C_drag), with Wieselsberger's influence factor ``sigma = exp(-2.48 (2h/b)^0.768)`` in its usual fit
-(h above ground, b span) and alpha_0 the database's own angle of zero lift. Beyond REACH spans it is
-taken as nothing, so that what is left of it there (5e-5) is no rival of every slope in alpha. Size:
-a tenth to a quarter of the lift slope. Needs flight within half a span of the ground at several
-angles of attack.
+Model: ``C += k sigma (alpha - alpha_0)`` on CZ (C_lift) and Cm, ``C += k sigma (alpha -
+alpha_0)^2`` on CX (C_drag), with Wieselsberger's influence factor ``sigma = exp(-2.48
+(2h/b)^0.768)`` in its usual fit (h height above ground, b span) and alpha_0 the database's own
+zero-lift angle. Above REACH spans sigma is set to zero, so that the small value left there (5e-5)
+does not compete with every slope in alpha. Believable size: a tenth to a quarter of the lift-curve
+slope.
+
+Data needed: flight within half a span of the ground at several angles of attack.
 
 >>> from aerodb.effects.template import value
 >>> value(influence(10.0), height_above_ground=5.0), value(influence(10.0), height_above_ground=1.0)

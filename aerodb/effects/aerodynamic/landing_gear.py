@@ -1,7 +1,9 @@
-"""A landing gear whose drag, lift or moment differ from the database's.
+"""Landing gear: drag, lift and pitching moment due to gear position.
 
-``C += k delta_gear``, 0 up to 1 down. Size: C_drag .01 to .04, the moment a few hundredths. Needs
-the gear to move in flight, or flights with it up and down.
+Model: ``C += k delta_gear`` with delta_gear 0 up and 1 down. Believable size: C_drag .01 to .04, a
+pitching moment of a few hundredths.
+
+Data needed: gear movement in flight, or flights with the gear up and with it down.
 
 >>> from aerodb.effects.template import value
 >>> value(regressor("delta"), delta=1.0)

@@ -1,12 +1,15 @@
-"""A landing gear that changes what sideslip does.
+"""Landing gear in sideslip: sideslip derivatives that change with gear position.
 
-``C += k delta_gear beta`` on CY and Cn, ``C += k delta_gear |beta|`` on CZ: the terms of 003, eq.
-6. Size: a gear ahead of the CG takes some hundredths per rad off Cn_beta. Needs sideslip with the
-gear down and up.
+Model: ``C += k delta_gear beta`` on CY and Cn, ``C += k delta_gear |beta|`` on CZ; the terms of
+003, eq. 6. Believable size: a gear ahead of the CG reduces Cn_beta by a few hundredths per rad.
+
+Data needed: sideslip with the gear down and with it up.
 
 >>> from aerodb.effects.template import value
->>> value(regressor("delta", "Cn"), beta=-0.1, delta=1.0), value(regressor("delta", "CZ"), beta=-0.1, delta=0.5)
-(-0.1, 0.05)
+>>> value(regressor("delta", "Cn"), beta=-0.1, delta=1.0)
+-0.1
+>>> value(regressor("delta", "CZ"), beta=-0.1, delta=0.5)
+0.05
 """
 
 from aerodb.effects.hypothesis import Hypothesis

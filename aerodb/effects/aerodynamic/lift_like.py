@@ -1,5 +1,7 @@
-"""Angle of attack from zero lift: what ground, Mach number and dynamic pressure act on is the lift,
-not alpha itself."""
+"""Angle of attack from zero lift, the regressor of ground, Mach and dynamic-pressure effects.
+
+These effects scale the lift, not the angle of attack itself.
+"""
 
 from functools import lru_cache
 

@@ -1,9 +1,11 @@
-"""Compressibility that the database lacks: slopes that grow with Mach number.
+"""Compressibility: lift-curve slope and static stability that grow with Mach number.
 
-``C += k (alpha - alpha_0) M^2`` on CZ and Cm: the first term of Prandtl and Glauert's ``1/sqrt(1 -
-M^2) - 1 = M^2/2 +
-...``. Size: half the slope itself, 1 to 3 per rad on CZ. Valid below M = .6. Needs Mach numbers
-apart at like angle of attack; at one altitude it cannot be told from `dynamic_pressure_effect`.
+Model: ``C += k (alpha - alpha_0) M^2`` on CZ and Cm, the first term of the Prandtl-Glauert factor
+``1/sqrt(1 - M^2) - 1 = M^2/2 + ...``, valid below M = .6. Believable size: half the slope itself, 1
+to 3 per rad on CZ.
+
+Data needed: different Mach numbers at the same angle of attack. At one altitude it cannot be
+separated from `dynamic_pressure_effect`.
 
 >>> from aerodb.effects.template import value
 >>> value("alpha*mach^2", alpha=0.1, mach=0.5)

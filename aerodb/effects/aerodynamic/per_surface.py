@@ -1,5 +1,4 @@
-"""What the templates about deflections share: one hypothesis per axis on which a surface of that
-kind acts."""
+"""Shared constructor of the control-surface templates: one hypothesis per surface and axis."""
 
 from collections.abc import Callable, Mapping
 

@@ -1,8 +1,10 @@
-"""A pitching moment due to pitch rate other than the database says.
+"""Pitch damping: pitching moment due to pitch rate (Cm_q).
 
-``Cm += k q_hat``. The total is negative, -5 to -40; the correction has either sign. With alpha-dot
-not separated (000) it takes over Cm_alphadot too. Needs pitch manoeuvres faster than the short
-period is damped.
+Model: ``Cm += k q_hat`` with ``q_hat = q c/(2V)``. Believable size: the total is negative, -5 to
+-40; the correction may have either sign. Where alphadot is not separated (000), the estimate
+includes Cm_alphadot.
+
+Data needed: pitch manoeuvres faster than the decay of the short period.
 
 >>> from aerodb.effects.template import value
 >>> value(REGRESSOR, q_hat=-0.01)

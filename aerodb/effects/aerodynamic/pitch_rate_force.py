@@ -1,8 +1,10 @@
-"""A force due to pitch rate that the database lacks: the effect that 003 found undeclared in CX.
+"""Pitch-rate forces: axial and normal force due to pitch rate (CX_q, CZ_q).
 
-``C += k q_hat``, ``q_hat = q c/(2V)``. Size: CZ_q is 0 to -40 (tail volume; Twin Otter C_lift_q
-20), CX_q a tenth of it to a third; either sign as a correction. Needs pitch rate that alpha does
-not follow at once.
+Model: ``C += k q_hat`` with ``q_hat = q c/(2V)``; 003 found CX_q missing from the preflight
+database. Believable size: CZ_q 0 to -40 (tail volume; Twin Otter C_lift_q 20), CX_q a tenth to a
+third of that; the correction may have either sign.
+
+Data needed: pitch rate that angle of attack does not follow immediately.
 
 >>> from aerodb.effects.template import value
 >>> value(REGRESSOR, q_hat=0.01)

@@ -1,7 +1,9 @@
-"""A rolling moment due to roll rate other than the database says.
+"""Roll damping: rolling moment due to roll rate (Cl_p).
 
-``Cl += k p_hat``, ``p_hat = p b/(2V)``. The total is negative, -.1 (slender) to -.6; the correction
-has either sign. Needs aileron doublets.
+Model: ``Cl += k p_hat`` with ``p_hat = p b/(2V)``. Believable size: the total is negative, -.1
+(slender) to -.6; the correction may have either sign.
+
+Data needed: aileron doublets.
 
 >>> from aerodb.effects.template import value
 >>> value(REGRESSOR, p_hat=0.02)

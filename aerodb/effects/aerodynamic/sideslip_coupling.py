@@ -1,9 +1,10 @@
-"""Sideslip that acts on the longitudinal axes, or sideslip derivatives that change with angle of
-attack.
+"""Sideslip coupling: longitudinal effects of sideslip, and lateral ones that vary with alpha.
 
-``C += k |beta|`` on CX, CZ, Cm (eq. 6 of 003 has these terms) and ``C += k alpha beta`` on CY, Cl,
-Cn (DHC6.xml: Cn_beta grows with alpha by 4 to 6 per rad2, which the Twin Otter's flights do not
-show). Size: up to a few per rad2. Needs sideslip at several angles of attack.
+Model: ``C += k |beta|`` on CX, CZ and Cm (terms of 003, eq. 6), and ``C += k alpha beta`` on CY, Cl
+and Cn (in DHC6.xml, Cn_beta grows with alpha by 4 to 6 per rad2, which the Twin Otter's flights do
+not confirm). Believable size: up to a few per rad2.
+
+Data needed: sideslip at several angles of attack.
 
 >>> from aerodb.effects.template import value
 >>> value(LONGITUDINAL, beta=-0.1), value(LATERAL, alpha=0.1, beta=-0.1)

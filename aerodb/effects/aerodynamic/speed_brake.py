@@ -1,8 +1,11 @@
-"""A speed brake that acts otherwise than the database says.
+"""Speed-brake effectiveness: drag, lift and pitching moment due to speed-brake deflection.
 
-``C += k delta``. 003 found its drag overestimated. Size: C_drag .05 to .3 per rad. 003 and 000
-disagree about speed brake and body flap in the pitching moment: where both move together they are
-one alias group. Needs brakes in and out in like conditions.
+Model: ``C += k delta``. Believable size: C_drag .05 to .3 per rad; 003 found the preflight
+database to overestimate it.
+
+Data needed: brakes in and out under the same conditions. 003 and 000 disagree about the split of
+the pitching moment between speed brake and body flap; where both move together they form one alias
+group.
 
 >>> from aerodb.effects.template import value
 >>> value(regressor("delta"), delta=0.5)

@@ -1,10 +1,11 @@
-"""A left and a right surface that are not alike: rolling out of a symmetric deflection, pitching
-out of an asymmetric one.
+"""Unequal left and right surfaces: roll due to symmetric, pitch due to asymmetric deflection.
 
-``Cl += k delta_symmetric``, ``Cm += k delta_asymmetric`` (a symmetric aircraft has neither;
-|delta_asymmetric| in Cm is no asymmetry). Size: the share by which one side is weaker, times the
-effect of the pair; all of it for a surface that is stuck, of which `surface_calibration` has the
-other view. Needs both deflections of the pair to move by themselves.
+Model: ``Cl += k delta_symmetric``, ``Cm += k delta_asymmetric``; a symmetric aircraft has neither,
+and |delta_asymmetric| in Cm is no asymmetry. Believable size: the share by which one side is
+weaker, times the effectiveness of the pair; all of it for a jammed surface, which
+`surface_calibration` treats as a fault of the vehicle instead.
+
+Data needed: independent motion of both deflections of the pair.
 
 >>> from aerodb.effects.template import value
 >>> value("delta_elevator", delta_elevator=-0.1)

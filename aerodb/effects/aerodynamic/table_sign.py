@@ -1,10 +1,13 @@
-"""A table whose symmetry or sign in sideslip is wrong; the table's own column is the template.
+"""Sideslip table with the wrong symmetry or sign: the column is the table itself.
 
-Reversing sideslip reverses CY, Cl, Cn of a symmetric aircraft and leaves CX, CZ, Cm. Where a table
-does not obey, ``C += k T_wrong`` with its part of the wrong symmetry, ``T_wrong(beta) = (T(beta) +
-T(-beta))/2`` on the lateral axes: k = -1 takes it out (and `beta_slope` puts in what a lost sign
-lost). Where it obeys, ``C += k T``, and k = -2 is a sign turned round. Linear in beta near zero, it
-is an exact twin of `beta_even` there. Needs sideslip to both sides.
+Reversing sideslip reverses CY, Cl and Cn of a symmetric aircraft and leaves CX, CZ and Cm
+unchanged. For a table that violates this, the model is ``C += k T_wrong`` with the part of wrong
+symmetry, on the lateral axes ``T_wrong(beta) = (T(beta) + T(-beta))/2``; k = -1 removes it, and
+`beta_slope` restores the slope that a lost sign took away. For a table that complies, the model is
+``C += k T``, and k = -2 reverses its sign. Where the table is linear in beta near zero, it is
+exactly aliased with `beta_even`.
+
+Data needed: sideslip in both directions.
 
 >>> from aerodb.tables.table import Table
 >>> table = Table("Clb", ("beta",), (np.array([-0.1, 0.0, 0.1]),), np.array([0.04, 0.0, 0.04]))

@@ -1,9 +1,11 @@
-"""Power effects: the jet or slipstream changes lift, moment, and in a single-engined propeller
-aircraft yaw and roll.
+"""Power effects: lift, pitching, yawing and rolling moment due to thrust.
 
-``C += k CT``, ``CT = thrust/(qbar S)``, on CZ, Cm, Cn and Cl. CX is left out: there it is the
-thrust itself (`thrust_scale`). Size: a thrust line one chord off the CG would be k = 1 in Cm. Needs
-throttle changes at like speed.
+Model: ``C += k CT`` with ``CT = thrust/(qbar S)`` on CZ, Cm, Cn and Cl: the jet or slipstream
+changes lift and pitching moment and, on a single-engined propeller aircraft, yawing and rolling
+moment. CX is left out, because there the effect is the thrust itself (`thrust_scale`). Believable
+size: a thrust line one chord off the CG gives k = 1 in Cm.
+
+Data needed: throttle changes at nearly constant speed.
 
 >>> from aerodb.effects.template import value
 >>> value(regressor(40.0), thrust=8000.0, qbar=2000.0)

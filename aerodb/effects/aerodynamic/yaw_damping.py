@@ -1,7 +1,9 @@
-"""A yawing moment due to yaw rate other than the database says.
+"""Yaw damping: yawing moment due to yaw rate (Cn_r).
 
-``Cn += k r_hat``, ``r_hat = r b/(2V)``. The total is negative, -.05 to -.4; the correction has
-either sign. Needs rudder doublets.
+Model: ``Cn += k r_hat`` with ``r_hat = r b/(2V)``. Believable size: the total is negative, -.05 to
+-.4; the correction may have either sign.
+
+Data needed: rudder doublets.
 
 >>> from aerodb.effects.template import value
 >>> value(REGRESSOR, r_hat=0.02)

@@ -1,10 +1,12 @@
-"""A constant force or moment that the database lacks.
+"""Zero terms: constant forces and moments (CX_0, CY_0, CZ_0, Cl_0, Cm_0, Cn_0).
 
-``C += k`` on every axis, forces along the body also where the database writes them along the wind:
-there each flight's own constants stand, and a constant lift beside them would be seen in CX alone,
-as a force that changes with alpha. Instrument constants look alike, so that tracing usually leaves
-it to each flight's own constant. Size: 003, section IV.D, reports zero terms of some thousandths to
-hundredths, of either sign. Valid everywhere.
+Model: ``C += k`` on every body axis. Forces stay on body axes even if the database writes them on
+wind axes: each flight's own constants are on body axes, and beside them a constant lift would
+appear in CX alone, as a force that changes with alpha. Instrument biases look alike, so that
+tracing usually assigns the offset to each flight's own constant. Believable size: 003, section
+IV.D, reports zero terms of a few thousandths to hundredths, of either sign.
+
+Data needed: none in particular; the effect is present in all flight conditions.
 
 >>> from aerodb.effects.template import value
 >>> value(REGRESSOR)

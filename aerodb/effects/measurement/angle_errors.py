@@ -1,11 +1,11 @@
-"""What a reconstructed angle of attack leaves wrong in declared increments: errors in variables.
+"""Errors in variables: uncertainty that a reconstructed alpha adds to declared increments.
 
-An angle from the motion carries an error e of its own. Three things follow, and no residual shows
-them. The estimates err with e, slow as it is, each flight for itself. The angle is wrong in
-proportion where the airspeed is, in all flights alike. And where a regressor is wrong, its
-coefficient comes out flatter and its neighbours take what it lost (Fuller, *Measurement Error
-Models*, 1987, section 2.2): estimates from flights with e once more are off by as much again (Cook
-& Stefanski, JASA 89, 1994).
+An angle reconstructed from the motion has an error e of its own. No residual shows its three
+consequences. The estimates follow e, which varies slowly and independently in each flight. The
+angle has a scale error where the airspeed has one, in all flights alike. And a coefficient whose
+regressor is in error is attenuated, its neighbours taking up the difference (Fuller, *Measurement
+Error Models*, 1987, section 2.2); estimates from flights with e added once more are off by as much
+again (SIMEX; Cook & Stefanski, JASA 89, 1994).
 """
 
 from collections.abc import Sequence

@@ -1,9 +1,8 @@
-"""What stays wrong with a flight's channels, bias or delay, as doubt in whatever is estimated from
-it.
+"""Sensor biases and delays as consider parameters: uncertainty that the residual cannot show.
 
-A bias that stays looks like an aerodynamic coefficient and leaves no trace in the residual, a late
-angle like one by rates: no regression of the residual knows of them. The flight-path reconstruction
-does; the columns are those of the sensors.
+A residual bias looks like an aerodynamic coefficient, and a delayed angle like a rate derivative;
+regression on the residual cannot detect either. Flight-path reconstruction knows their standard
+errors; the columns are those of the sensor hypotheses.
 """
 
 from collections.abc import Callable, Collection, Mapping

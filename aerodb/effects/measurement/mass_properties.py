@@ -1,11 +1,12 @@
-"""Mass, centre of gravity and inertia that the vehicle file has wrong, and thrust that its channel
-has wrong.
+"""Errors of mass, centre of gravity, moments of inertia and thrust.
 
-Mass: ``(C qbar S + T)/(qbar S)`` per unit of its share, on the forces and through the arm on the
-moments. CG: the moment of the forces about a point that is off, and what the accelerometer and the
-probe were moved by. Inertia: ``dI wdot + w x (dI w)``. Thrust: minus itself, and its moment. Forces
-and accelerations are the model's: with the measured ones these columns span any residual (TRACING
-step 2). Sizes: mass 1-2 %, CG 1-2 cm, inertia 3-10 %, thrust 3-10 %. Source: 003, eqs. 1-4.
+Tangents: mass ``(C qbar S + T)/(qbar S)`` per unit share, on the forces and through the arm on the
+moments; CG: the moment of the forces about the displaced point, and the transfer of accelerometer
+and air data over the changed arms; inertia ``dI wdot + w x (dI w)``; thrust: minus the thrust and
+its moment. Forces and accelerations are those of the model: with the measured ones, these columns
+would span any residual (docs/method/tracing.md, section 4).
+
+Believable size: mass 1-2 %, CG 1-2 cm, inertia 3-10 %, thrust 3-10 %. Source: 003, eqs. 1-4.
 """
 
 from functools import partial

@@ -1,13 +1,11 @@
-"""Sensors as rivals where a flow angle was reconstructed: what can be wrong, and how far the
-reconstruction leaves it open.
+"""Sensor hypotheses for flow angles that were reconstructed from the motion instead of measured.
 
-Where alpha comes from the motion there is no vane that could be biased or late. The angle itself
-can be: off by a constant (wind), in proportion (airspeed, gusts that nobody saw), late (velocity
-over the earth), and so it stands among the rivals under its own name. And it is made of the
-accelerations that tracing explains: a trim's alpha goes with one over qbar, as a bias of the
-accelerometer does. But the reconstruction compared the accelerations with what the velocity over
-the earth did: a bias far beyond the standard error of what it took off is not believable (TRACING
-step 2).
+Without a vane, no vane bias or delay exists. The reconstructed angle can still have a constant
+error (wind), a proportional one (airspeed, unseen gusts) or a delay (velocity over ground), so it
+has hypotheses under its own name. It is computed from the accelerations whose residuals tracing
+explains: the alpha of a trimmed flight varies as 1/qbar, like the effect of an accelerometer bias.
+But reconstruction has compared the accelerations with the velocity over ground, so a bias far
+beyond the standard error of its correction is not believable (docs/method/tracing.md, section 18).
 """
 
 from collections.abc import Collection, Iterable, Mapping, Sequence

@@ -1,9 +1,9 @@
-"""What the explanations by sensors and vehicle data share: one parameter, felt on all axes through
-the whole chain.
+"""Shared parts of the sensor and vehicle-data hypotheses: one parameter that acts on all axes.
 
-A sensor shows ``(1 + scale) true(t - delay) + bias``. A tangent is the derivative of measured -
-predicted by such a parameter at the current model: where the measurement itself would appear (a
-mass error scales it), the model's prediction takes its place.
+A sensor reads ``(1 + scale) true(t - delay) + bias``. A tangent is the derivative of measured -
+predicted with respect to such a parameter, through the whole processing chain, at the current
+model. Where the measurement itself would appear (a mass error scales it), the prediction of the
+model takes its place.
 """
 
 from collections.abc import Callable

@@ -1,8 +1,8 @@
-"""An accelerometer that reads too much by a constant: a force that grows as dynamic pressure falls,
-and its moment.
+"""Accelerometer bias: a constant error of specific force along one body axis.
 
-``dC_x = m/(qbar S)`` on its own force, and through the arm from the CG to the moment reference on
-the moments about that. Size: .01 to .2 m/s2. Source: 003, eqs. 1-3; TRACING step 2.
+Tangent: ``dC_x = m/(qbar S)`` on the force along the axis, and on the moments through the arm from
+the CG to the moment reference; the error grows as dynamic pressure falls. Believable size: .01 to
+.2 m/s2. Source: 003, eqs. 1-3; docs/method/tracing.md, section 4.
 """
 
 from functools import partial

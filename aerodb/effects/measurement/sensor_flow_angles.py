@@ -1,14 +1,17 @@
-"""Angle of attack or sideslip that reads wrong: by a constant, in proportion, late, or from
-elsewhere than was assumed.
+"""Flow-angle errors: bias, scale factor, delay and probe position (angle of attack, sideslip).
 
-A reading that is off by d changes the prediction by d dC/dangle, so that the column is minus that:
-bias ``-dC/dalpha``, scale ``-alpha dC/dalpha``, delay ``+alphadot dC/dalpha``, of what the probe
-shows; a rate that was made from the angle is off alike. A probe that sits dx further ahead than
-assumed shows the rotation of more arm, on both angles. Sizes: .2 to .5 deg, some %, .01 to .03 s
-(Twin Otter), and 13 m for a boom taken as the CG (ATTAS stall records). Source: TRACING step 2;
-Klein & Morelli 2006, section 10.2.
+A reading with error d changes the prediction by d dC/dangle; the tangent is minus that, of the
+angle at the probe: bias ``-dC/dalpha``, scale ``-alpha dC/dalpha``, delay ``+alphadot dC/dalpha``.
+A rate derived from the angle has the error's rate. A probe that sits dx further forward than
+assumed sees rotation over the additional arm, on both angles.
 
->>> changes = flow_changes(np.array([[0.0], [0.0], [-0.5]]), 50.0, 0.0, 0.0)  # 0.5 rad/s nose up, seen one metre ahead
+Believable size: bias .2 to .5 deg, scale a few per cent, delay .01 to .03 s (Twin Otter), position
+up to 13 m, where a boom was taken to be at the CG (ATTAS stall records). Source:
+docs/method/tracing.md, section 4; Klein & Morelli 2006, section 10.2.
+
+Pitching up at 0.5 rad/s, seen one metre ahead:
+
+>>> changes = flow_changes(np.array([[0.0], [0.0], [-0.5]]), 50.0, 0.0, 0.0)
 >>> float(changes["alpha"][0])
 -0.01
 """

@@ -1,9 +1,9 @@
-"""A gyro that reads wrong: by a constant or in proportion.
+"""Gyro bias and scale-factor error: a constant or proportional error of one body rate.
 
-The wrong rate goes everywhere at once: into the prediction through the rate derivatives, into the
-measured moment ``I wdot + w x (I w)``, into the specific force that is moved from the accelerometer
-to the CG, into the air data that are moved from the probe. Accelerations in the column are those of
-the model. Size: 1e-3 rad/s, a few parts in a thousand. Source: 003, eqs. 1-4.
+The rate error acts through the rate derivatives of the prediction, the measured moment ``I wdot + w
+x (I w)``, the transfer of specific force from the accelerometer to the CG, and the transfer of air
+data from the probe to the CG. Accelerations in the tangent are those of the model. Believable size:
+1e-3 rad/s bias, a few parts per thousand of scale. Source: 003, eqs. 1-4.
 """
 
 from functools import partial

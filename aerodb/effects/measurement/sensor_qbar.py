@@ -1,10 +1,9 @@
-"""Dynamic pressure that reads wrong: in proportion (pitot coefficient), or by a constant (zero
-shift).
+"""Dynamic-pressure errors: scale-factor error (pitot coefficient) and offset (zero shift).
 
-``qbar_scale``: ``-C - qbar dC/dqbar``; ``qbar_offset``: ``-C/qbar - dC/dqbar``; the second part
-only where the database looks at qbar. C is the model's. All coefficients shrink together, which no
-one aerodynamic effect does. Size: 2 % (003's limit); 10.19 % was found by 003 on one flight.
-Source: 003, eq. 5; TRACING step 2.
+Tangents: ``qbar_scale``: ``-C - qbar dC/dqbar``; ``qbar_offset``: ``-C/qbar - dC/dqbar``; the
+second term only where the database depends on qbar. C is predicted by the model. All coefficients
+shrink together, which no single aerodynamic effect does. Believable size: 2 % (the limit of 003),
+although 003 found 10.19 % on one flight. Source: 003, eq. 5; docs/method/tracing.md, section 4.
 """
 
 from aerodb.effects.flight_view import FlightView

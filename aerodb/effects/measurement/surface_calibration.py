@@ -1,12 +1,13 @@
-"""Deflections that are not what the log says: a wrong calibration of a surface or a pair, or one
-side of a pair that fails.
+"""Control-surface calibration errors and faults: deflections that differ from the log.
 
-``surface_scale``: the log shows ``(1 + s)`` times the deflection: ``-sum delta dC/ddelta`` over a
-surface, or over both deflections of a pair of surfaces (right and left of one kind, calibrated
-alike). ``surface_asymmetry`` as a fault of the vehicle: one surface of a pair moves less than its
-log says by a share k, 1 when it is stuck: ``-delta dC/ddelta`` of that surface alone. Sizes: 3 % of
-calibration; a fault is anything up to 1, for a single surface too. Source: 003, eq. 6; CONVENTIONS
-(logs hold commands).
+``surface_scale``: the log shows ``(1 + s)`` times the deflection. Tangent ``-sum delta dC/ddelta``
+over one surface, or over both deflections of a left/right pair, which share one calibration.
+
+``surface_asymmetry`` as a vehicle fault: one surface of a pair moves less than logged by a share k,
+which is 1 when it is jammed. Tangent ``-delta dC/ddelta`` of that surface alone.
+
+Believable size: 3 % for a calibration; anything up to 1 for a fault, also of a single surface.
+Source: 003, eq. 6; docs/reference/conventions.md, "Axes, signs, units" (logs hold commands).
 """
 
 from functools import partial

@@ -1,18 +1,21 @@
-"""Flow that separates in a stall and attaches again later: lift lost, drag added, another pitching
-moment.
+"""Stall hysteresis: lift, drag and pitching moment of flow that separates and reattaches late.
 
-With X of a state model (`flow_attachment`, 1 attached): ``C_lift += k (((1 + sqrt X)/2)^2 -
+Model, with X of a state model (`flow_attachment`, 1 attached): ``C_lift += k (((1 + sqrt X)/2)^2 -
 1)(alpha - alpha_0)``, ``C_drag += k (1 - X)``, ``Cm += k (1 - X)``, each with its own k; alpha_0 is
-the database's own angle of zero lift. Size: up to the whole lift slope, drag up to that of a plate.
-Needs flight through the stall and back.
+the database's own zero-lift angle. Believable size: up to the whole lift-curve slope; drag up to
+that of a flat plate.
 
-X depends on a shape that is nonlinear, so it is fixed before a flight is judged: by default the
-start values of Jategaonkar (2015) for a transport aircraft; better, chosen by
-`stall_shape.cross_fitted` on the *other* flights, so that every flight's vote stays its own.
+Data needed: flight into the stall and back out of it.
+
+The shape of X is nonlinear in its parameters, so it is fixed before any flight is judged: by
+default the start values of Jategaonkar (2015) for a transport aircraft; better, fitted by
+`stall_shape.cross_fitted` on the *other* flights, so that each flight's estimate stays independent.
 
 >>> from aerodb.effects.template import value
->>> value(LIFT.format("alpha"), alpha=0.2, flow_attachment=1.0), value(LIFT.format("alpha"), alpha=0.2, flow_attachment=0.0)
-(0.0, -0.15)
+>>> value(LIFT.format("alpha"), alpha=0.2, flow_attachment=1.0)
+0.0
+>>> value(LIFT.format("alpha"), alpha=0.2, flow_attachment=0.0)
+-0.15
 """
 
 from collections.abc import Mapping, Sequence

@@ -1,13 +1,14 @@
-"""A stall whose lift has two branches that meet where the flow switches: a closed static loop.
+"""Closed stall loop: lift with two static branches that meet at the angles where the flow switches.
 
-With X of a relay (`flow_attachment`, 0 from `high` until alpha falls below `low`): ``C_lift += k (1
-- X)(alpha - alpha_0) max(alpha - low, 0) max(high - alpha, 0)``. Unlike the loss of a share of the
-lift (`stall_hysteresis`), nothing jumps at either end: the lift is lost in between, on the way
-back. Size: at most half the attached lift, 200 per rad^3 for a loop 15 deg wide. Needs flight
-through the stall and back. Source: static loops of airfoils as Mueller, J. Aircraft 22(9), 1985,
-shows them; light aircraft of JSBSim (aero/stall-hyst-norm).
+Model, with X of a relay (`flow_attachment`, 0 from `high` until alpha falls below `low`): ``C_lift
++= k (1 - X)(alpha - alpha_0) max(alpha - low, 0) max(high - alpha, 0)``. Unlike a loss of a share
+of the lift (`stall_hysteresis`), lift does not jump at either end; it is lost in between, on the
+way back. Believable size: at most half the attached lift, 200 per rad^3 for a loop 15 deg wide.
+Source: static loops of airfoils as shown by Mueller, J. Aircraft 22(9), 1985; light aircraft of
+JSBSim (aero/stall-hyst-norm).
 
-The two angles are chosen by `fitted`, and for each flight's vote on the *other* flights.
+Data needed: flight into the stall and back out of it. The two angles are fitted by `fitted`, for
+each flight's estimate on the *other* flights.
 
 >>> from aerodb.effects.template import value
 >>> value(LOOP.format("alpha", 0.1, 0.3), alpha=0.2, flow_attachment=0.0)

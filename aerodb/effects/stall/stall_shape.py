@@ -1,14 +1,14 @@
-"""How stalled flow takes lift, adds drag and pitches: families of shapes, and the one that flights
-agree with best.
+"""Families of stall shapes, and the shape within a family that fits a set of flights best.
 
-A shape has few nonlinear parameters; given them, everything else is linear: on every axis a gain
-beside the attached flow's own corrections (nuisances). So the shape alone is searched, the rest is
-projected out (variable projection; Golub & Pereyra, SIAM J. Numer. Anal. 10(2), 1973). All axes
-share one shape: it is one flow. Lift alone hardly determines it, three axes do.
+A shape has few nonlinear parameters; given them, all other parameters are linear: one gain per
+axis, beside the corrections of the attached flow (nuisances). So only the shape is searched for and
+the linear parameters are projected out (variable projection; Golub & Pereyra, SIAM J. Numer. Anal.
+10(2), 1973). All axes share one shape, because they share one flow; lift alone hardly determines
+it, three axes do.
 
 Shapes are bounded to the data: one that leaves more than half of the flow attached in every flight
-has an unknown gain and is not tried. A shape that was chosen on a flight must not be judged on it:
-`cross_fitted` chooses each flight's on the others.
+has an undetermined gain and is not tried. A shape must not be judged on a flight that helped to
+choose it: `cross_fitted` fits the shape for each flight on the others.
 """
 
 from collections.abc import Callable, Mapping, Sequence

@@ -306,7 +306,7 @@ def loop(
         ),
         NotFound("flap@CZ", "flap", ("CZ",), "flap", "not_excited", "CZ_flap", "1/rad", None, None),
     )
-    traced = Traced(("f0", "f1"), tuple(findings), not_found, ("move the flap on its own",), (), "")
+    traced = Traced(("f0", "f1"), tuple(findings), not_found, ("move the flap on its own",), ())
     document = loop_document(
         vehicle="v",
         baseline="b" * 64,
