@@ -15,9 +15,9 @@ from typing import Any, Literal
 import numpy as np
 
 from aerodb.estimation import rms
-from aerodb.examples.phoenix import text
+from aerodb.examples.phoenix import read_example
 from aerodb.examples.phoenix.mission import fly
-from aerodb.examples.phoenix.truth import EFFECTS, Effect, drawn, truth
+from aerodb.examples.phoenix.truth import EFFECTS, Effect, draw_effects, truth
 from aerodb.flows.close_loop import close_loop_flow
 from aerodb.flows.flight import flight_flow
 from aerodb.flows.importing import import_flow
@@ -52,9 +52,9 @@ class Demo:
 def run_demo(workspace: Workspace, logs: list[Path], run: Run, say: Say) -> Demo:
     """Takes the logs of `write_logs` in, closes the loop on them, and then opens the envelope."""
     database = logs[0].parent / "preflight.toml"
-    database.write_text(text("preflight.toml"), encoding="utf-8")
+    database.write_text(read_example("preflight.toml"), encoding="utf-8")
     opened = stores(str(workspace.root))
-    opened.catalogue.add_vehicle(VEHICLE, text("vehicle.toml"))
+    opened.catalogue.add_vehicle(VEHICLE, read_example("vehicle.toml"))
     baseline = run(import_flow, {"file": str(database), "vehicle": VEHICLE, "bindings": {}})[
         "version"
     ]
@@ -79,7 +79,7 @@ def write_logs(folder: Path, flights: int, seed: int | None) -> list[Path]:
     seed : draws the undeclared effects and all else that is random; None: the Phoenix case of 003.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    effects = EFFECTS if seed is None else drawn(seed)
+    effects = EFFECTS if seed is None else draw_effects(seed)
     (folder / ENVELOPE).write_text(
         json.dumps([asdict(effect) for effect in effects], indent=1) + "\n", encoding="utf-8"
     )

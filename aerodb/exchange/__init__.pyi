@@ -14,7 +14,7 @@ from .native import (
     read_native,
     to_document,
 )
-from .state_terms import for_jsbsim, without_memory
+from .state_terms import states_for_jsbsim, without_states
 
 __all__ = [
     "check_in_jsbsim",
@@ -25,7 +25,7 @@ __all__ = [
     "export_jsbsim",
     "export_mat",
     "export_netcdf",
-    "for_jsbsim",
+    "states_for_jsbsim",
     "from_document",
     "import_csv",
     "import_daveml",
@@ -37,5 +37,5 @@ __all__ = [
     "jsbsim_check_cases",
     "read_native",
     "to_document",
-    "without_memory",
+    "without_states",
 ]

@@ -2,7 +2,7 @@
 structured fields hold.
 
 Documents carry that structure in keys of its own (``refit``, ``lengthened_cells``). Documents of
-earlier releases have the text alone; it is decoded here, and nowhere else.
+earlier releases have the text alone; it is decode_note here, and nowhere else.
 """
 
 import re
@@ -17,14 +17,14 @@ _SHAPE: Final = re.compile(r"(?:^|; )(.+?) over (.+?) \(left-out flights: (-?[\d
 _LENGTHENED: Final = re.compile(r"(?:^|; )held and faded over (\d+) table cells of alpha each: .*$")
 
 
-def own_note(text: str, bare: Increment) -> str:
+def note_without_structure(text: str, bare: Increment) -> str:
     """The note without what the other fields say: `text` is the whole of it, `bare` the increment
     without any note."""
     said = bare.full_note
     return "" if text == said else text.removesuffix(f"; {said}") if said else text
 
 
-def decoded(text: str) -> tuple[str, Refit | None, int]:
+def decode_note(text: str) -> tuple[str, Refit | None, int]:
     """Own note, refit and lengthened cells of a text from a document that holds nothing else about
     them."""
     lengthened = _LENGTHENED.search(text)

@@ -19,7 +19,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from aerodb.errors import InputError, UnknownNameError, nearest
-from aerodb.exchange.increment_notes import decoded, own_note
+from aerodb.exchange.increment_notes import decode_note, note_without_structure
 from aerodb.exchange.native_schema import (
     DatabaseFile,
     Document,
@@ -332,7 +332,7 @@ def _increment_document(increment: Increment) -> dict[str, Any]:
 
 
 #: Keys of an increment whose contents the note says in words.
-_SAID_BY_NOTE: Final = frozenset({"refit", "lengthened_cells"})
+_REPEATED_IN_NOTE: Final = frozenset({"refit", "lengthened_cells"})
 
 
 def _refit_document(refit: Refit) -> dict[str, Any]:
@@ -351,7 +351,7 @@ def database_document_sha256(database: AeroDatabase) -> str:
     if database not in _DOCUMENT_HASHES:
         document = to_document(database)
         said = [
-            {key: value for key, value in each.items() if key not in _SAID_BY_NOTE}
+            {key: value for key, value in each.items() if key not in _REPEATED_IN_NOTE}
             for each in document["increments"]
         ]
         text = json.dumps({**document, "increments": said}, sort_keys=True)
@@ -388,8 +388,8 @@ def _increment(file: IncrementFile, where: str) -> Increment:
         lengthened_cells=file.lengthened_cells,
     )
     if bare.full_note:
-        return replace(bare, note=own_note(file.note, bare))
-    note, refit, cells = decoded(file.note)
+        return replace(bare, note=note_without_structure(file.note, bare))
+    note, refit, cells = decode_note(file.note)
     return replace(bare, note=note, refit=refit, lengthened_cells=cells)
 
 

@@ -9,14 +9,14 @@ from typing import Final
 
 from aerodb.errors import InputError
 from aerodb.exchange.increment_terms import substitute, with_increments_as_terms
-from aerodb.exchange.jsbsim import HYSTERESIS, hysteresis_text, own_name
+from aerodb.exchange.jsbsim import STALL_HYSTERESIS, hysteresis_description, property_identifier
 from aerodb.nomenclature import CHANNELS
 from aerodb.tables import AeroDatabase, Expression, Name, Relay, StateModel, Variable, parse
 
-_RELAY_INPUT: Final = own_name(HYSTERESIS)
+_RELAY_INPUT: Final = property_identifier(STALL_HYSTERESIS)
 
 
-def without_memory(database: AeroDatabase) -> AeroDatabase:
+def without_states(database: AeroDatabase) -> AeroDatabase:
     """`database` without state models, for a file that cannot carry them; `predict` gives the same
     values.
 
@@ -49,14 +49,14 @@ def without_memory(database: AeroDatabase) -> AeroDatabase:
     return replace(flat, states=())
 
 
-def for_jsbsim(database: AeroDatabase) -> AeroDatabase:
-    """`without_memory` with a relay as the one that JSBSim runs itself.
+def states_for_jsbsim(database: AeroDatabase) -> AeroDatabase:
+    """`without_states` with a relay as the one that JSBSim runs itself.
 
     Raises InputError for a second relay, and for one with a limit of zero, at which JSBSim's does
     not move.
     """
     relays = [state for state in database.states if isinstance(state.law, Relay)]
-    flat = without_memory(database)
+    flat = without_states(database)
     if len(relays) > 1:
         names = ", ".join(state.name for state in relays)
         raise InputError(
@@ -72,7 +72,7 @@ def for_jsbsim(database: AeroDatabase) -> AeroDatabase:
                 what, f"database {database.name}", "another format may carry it as an input"
             )
         free = {key: text for key, text in flat.free_inputs.items() if key != state.name}
-        free[_RELAY_INPUT] = hysteresis_text(state.law.low, state.law.high)
+        free[_RELAY_INPUT] = hysteresis_description(state.law.low, state.law.high)
         if state.name != _RELAY_INPUT:
             flat = replace(flat, free_inputs={**flat.free_inputs, **free})
             flat = _substituted(

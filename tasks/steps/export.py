@@ -15,7 +15,6 @@ from aerodb.exchange import (
     export_jsbsim,
     export_mat,
     export_netcdf,
-    for_jsbsim,
     from_document,
     import_csv,
     import_daveml,
@@ -24,7 +23,8 @@ from aerodb.exchange import (
     import_netcdf,
     input_properties,
     jsbsim_check_cases,
-    without_memory,
+    states_for_jsbsim,
+    without_states,
 )
 from aerodb.storage.catalogue import Catalogue, VersionRow
 from aerodb.storage.workspace import Workspace, write_for_user
@@ -76,7 +76,7 @@ FORMS: Final[dict[str, Form]] = {
         _jsbsim,
         lambda data, name: import_jsbsim(data, name=name),
         _in_jsbsim,
-        for_jsbsim,
+        states_for_jsbsim,
     ),
     "csv": Form(
         make_check_cases, lambda database, _, cases: export_csv(database, cases), import_csv
@@ -85,7 +85,7 @@ FORMS: Final[dict[str, Form]] = {
         make_check_cases,
         _daveml,
         lambda data, name: import_daveml(data, name=name),
-        carried=without_memory,
+        carried=without_states,
     ),
     "mat": Form(
         make_check_cases, lambda database, _, cases: export_mat(database, cases), import_mat

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from aerodb.examples.phoenix import text
+from aerodb.examples.phoenix import read_example
 from aerodb.examples.phoenix.mission import fly
-from aerodb.examples.phoenix.truth import drawn
+from aerodb.examples.phoenix.truth import draw_effects
 from aerodb.flows.flight import flight_flow
 from aerodb.flows.importing import import_flow
 from aerodb.flows.run import run_flow
@@ -129,13 +129,13 @@ def campaign(folder: Path, count: int, seconds: float) -> list[Path]:
     folder.mkdir()
     workspace = Workspace.open(folder / "workspace")
     Catalogue.open(workspace.catalogue).add_vehicle(
-        "phoenix", text("vehicle.toml").replace("rate = 100.0", "rate = 50.0")
+        "phoenix", read_example("vehicle.toml").replace("rate = 100.0", "rate = 50.0")
     )
-    (folder / "preflight.toml").write_text(text("preflight.toml"))
+    (folder / "preflight.toml").write_text(read_example("preflight.toml"))
     asked = {"file": str(folder / "preflight.toml"), "vehicle": "phoenix", "bindings": {}}
     run_flow(import_flow, asked, workspace, "direct")
     logs = []
-    for log in fly(5, count, drawn(5)):
+    for log in fly(5, count, draw_effects(5)):
         first = min(topic.time[0] for topic in log.topics)
         lasts = max(topic.time[-1] for topic in log.topics) - first
         times = range(int(np.ceil(seconds / lasts)))

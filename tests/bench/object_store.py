@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from aerodb.examples.phoenix import text
+from aerodb.examples.phoenix import read_example
 from aerodb.flows.demo import write_logs
 from aerodb.flows.flight import flight_flow
 from aerodb.flows.run import run_flow
@@ -44,7 +44,7 @@ def _workspace(root: Path, url: str = "") -> Workspace:
     if url:
         (root / "settings.toml").write_text(f'[store]\nurl = "{url}"\n')
     with Catalogue.open(workspace.catalogue) as catalogue:
-        catalogue.add_vehicle(VEHICLE, text("vehicle.toml"))
+        catalogue.add_vehicle(VEHICLE, read_example("vehicle.toml"))
     return workspace
 
 

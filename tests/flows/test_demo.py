@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from aerodb.examples.phoenix import text
+from aerodb.examples.phoenix import read_example
 from aerodb.flows.demo import floors as floors_of
 from aerodb.flows.demo import open_envelope
 from aerodb.flows.run import run_flow
@@ -47,7 +47,7 @@ def declared(phoenix):
         "vehicle": "phoenix",
         "baseline": document["baseline"],
         "flights": flights,
-        "model": text("model.toml"),
+        "model": read_example("model.toml"),
     }
     updated = run_flow(update_flow, given, workspace, "direct")
     return updated, floors_of(workspace, updated, open_envelope(root / "demo-logs"))

@@ -19,7 +19,7 @@ from aerodb.coefficients.total import total_coefficients
 from aerodb.effects.flight_view import view_of
 from aerodb.effects.hypothesis import Hypothesis
 from aerodb.effects.library import hypotheses_for
-from aerodb.examples.phoenix import text
+from aerodb.examples.phoenix import read_example
 from aerodb.examples.phoenix.mission import simulate
 from aerodb.exchange.native import read_native
 from aerodb.flight import Flight
@@ -76,13 +76,13 @@ CHANNELS = (
 @lru_cache(maxsize=1)
 def vehicle() -> Vehicle:
     """The example's vehicle."""
-    return parse_vehicle(text("vehicle.toml"), "vehicle.toml")
+    return parse_vehicle(read_example("vehicle.toml"), "vehicle.toml")
 
 
 @lru_cache(maxsize=1)
 def preflight() -> AeroDatabase:
     """The example's preflight database: what flies, but for the planted effect."""
-    return read_native(text("preflight.toml"), "preflight.toml")
+    return read_native(read_example("preflight.toml"), "preflight.toml")
 
 
 #: Flights of the bank: simulated together, so that many cost little more than few.

@@ -8,7 +8,7 @@ flies is sealed in `truth`; `mission` flies it.
 from importlib.resources import files
 
 
-def text(name: str) -> str:
+def read_example(name: str) -> str:
     """Text of one of the example's files: ``vehicle.toml``, ``preflight.toml`` or
     ``model.toml``."""
     return (files(__name__) / name).read_text(encoding="utf-8")

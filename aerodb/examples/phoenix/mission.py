@@ -14,7 +14,7 @@ from datetime import UTC, datetime, timedelta
 import numpy as np
 from numpy.typing import NDArray
 
-from aerodb.examples.phoenix import text
+from aerodb.examples.phoenix import read_example
 from aerodb.examples.phoenix.instruments import instruments, servo_channels
 from aerodb.examples.phoenix.truth import EFFECTS, Effect, truth
 from aerodb.exchange import read_native
@@ -350,8 +350,8 @@ def fly(
     seed: int = 0, flights: int = 8, effects: tuple[Effect, ...] = EFFECTS
 ) -> list[SimulatedLog]:
     """Logs of a campaign flown on the sealed truth, in the order flown, one day apart."""
-    vehicle = parse_vehicle(text("vehicle.toml"), "vehicle.toml")
-    preflight = read_native(text("preflight.toml"), "preflight.toml")
+    vehicle = parse_vehicle(read_example("vehicle.toml"), "vehicle.toml")
+    preflight = read_native(read_example("preflight.toml"), "preflight.toml")
     history = simulate(vehicle, truth(preflight, effects)[0], preflight, seed, flights)
     return logs(vehicle, history, seed)
 

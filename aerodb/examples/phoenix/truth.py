@@ -53,9 +53,9 @@ EFFECTS: tuple[Effect, ...] = (
 )
 
 
-#: What `drawn` draws from: each with the size that shows clearly in these flights (CONVENTIONS,
+#: What `draw_effects` draws from: each with the size that shows clearly in these flights (CONVENTIONS,
 #: "Phoenix size"); either sign.
-SET: tuple[Effect, ...] = (
+CANDIDATES: tuple[Effect, ...] = (
     Effect("pitch_rate_force", "CX", "CX_q", "q_hat", 0.8),
     Effect("pitch_rate_force", "CZ", "CZ_q", "q_hat", 3.0),
     Effect("pitch_damping", "Cm", "Cm_q", "q_hat", 0.12),
@@ -80,12 +80,12 @@ SET: tuple[Effect, ...] = (
 )
 
 
-def drawn(seed: int) -> tuple[Effect, ...]:
-    """One or two effects from SET on different axes, size within a fifth, sign as it falls."""
+def draw_effects(seed: int) -> tuple[Effect, ...]:
+    """One or two effects from CANDIDATES on different axes, size within a fifth, sign as it falls."""
     generator = np.random.default_rng([seed, 7])
     wanted, chosen = int(generator.integers(1, 3)), list[Effect]()
-    for place in generator.permutation(len(SET)):
-        effect = SET[place]
+    for place in generator.permutation(len(CANDIDATES)):
+        effect = CANDIDATES[place]
         if len(chosen) < wanted and effect.axis not in {other.axis for other in chosen}:
             size = generator.choice([-1.0, 1.0]) * generator.uniform(0.8, 1.2)
             chosen.append(replace(effect, value=float(size * effect.value)))

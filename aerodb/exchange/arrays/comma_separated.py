@@ -23,19 +23,19 @@ from typing import Final
 import numpy as np
 
 from aerodb.errors import InputError
-from aerodb.exchange.arrays.archive_parts import (
+from aerodb.exchange.arrays.contents import (
     ENVELOPE,
     MAX_BYTES,
     TERM_TEXTS,
     VARIABLE_TEXTS,
     CaseNumbers,
+    Contents,
     IncrementNumbers,
-    Parts,
     argument_units,
-    checked_size,
-    parsed_manifest,
-    put_together,
-    take_apart,
+    check_size,
+    from_contents,
+    parse_manifest,
+    to_contents,
 )
 from aerodb.nomenclature import AXES
 from aerodb.support import Array
@@ -48,18 +48,18 @@ _EPOCH: Final = (1980, 1, 1, 0, 0, 0)  # the same database gives the same bytes
 
 def export_csv(database: AeroDatabase, check_cases: Sequence[CheckCase] | None = None) -> bytes:
     """`database` as a ZIP of CSV files, with check cases (25 of its own unless given)."""
-    parts = take_apart(database, _KIND, check_cases)
+    contents = to_contents(database, _KIND, check_cases)
     files = {
-        "manifest.json": parts.manifest_text,
+        "manifest.json": contents.manifest_text,
         "terms.csv": _text(
-            TERM_TEXTS, ([entry[key] for key in TERM_TEXTS] for entry in parts.terms)
+            TERM_TEXTS, ([entry[key] for key in TERM_TEXTS] for entry in contents.terms)
         ),
         "variables.csv": _text(
-            VARIABLE_TEXTS, ([entry[key] for key in VARIABLE_TEXTS] for entry in parts.variables)
+            VARIABLE_TEXTS, ([entry[key] for key in VARIABLE_TEXTS] for entry in contents.variables)
         ),
     }
     units = argument_units(database)
-    for name, (axes, values) in parts.tables.items():
+    for name, (axes, values) in contents.tables.items():
         arguments = database.tables[name].arguments
         header = [
             f"{label} [{unit}]" if unit else label
@@ -69,8 +69,8 @@ def export_csv(database: AeroDatabase, check_cases: Sequence[CheckCase] | None =
         files[f"tables/{name}.csv"] = _text(
             [*header, "value"], np.column_stack([*mesh, values.ravel()]).tolist()
         )
-    for k, numbers in enumerate(parts.increments):
-        entry, stem = parts.manifest["database"]["increments"][k], _stem(k, parts)
+    for k, numbers in enumerate(contents.increments):
+        entry, stem = contents.manifest["database"]["increments"][k], _stem(k, contents)
         rows = zip(
             entry["regressors"],
             numbers.estimates.tolist(),
@@ -87,8 +87,8 @@ def export_csv(database: AeroDatabase, check_cases: Sequence[CheckCase] | None =
         files[f"{stem}_envelope.csv"] = _text(
             ["variable", *ENVELOPE], ([name, *row] for name, row in bounds)
         )
-    cases = np.hstack([parts.cases.inputs, parts.cases.coefficients]).tolist()
-    files["check_cases.csv"] = _text([*parts.cases.names, *AXES], cases)
+    cases = np.hstack([contents.cases.inputs, contents.cases.coefficients]).tolist()
+    files["check_cases.csv"] = _text([*contents.cases.names, *AXES], cases)
     packed = io.BytesIO()
     with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, text in files.items():
@@ -104,9 +104,9 @@ def import_csv(data: bytes, where: str = "CSV file") -> AeroDatabase:
     Raises InputError that names the file in the archive: damaged or too large ones, grids with
     missing or repeated nodes, text where numbers belong, and check cases that fail.
     """
-    checked_size(data, where)
+    check_size(data, where)
     files = _unpacked(data, where)
-    manifest = parsed_manifest(_file(files, "manifest.json", where), where)
+    manifest = parse_manifest(_file(files, "manifest.json", where), where)
     document = manifest.get("database")
     listed = document.get("increments") if isinstance(document, dict) else None
     tables = {
@@ -116,16 +116,16 @@ def import_csv(data: bytes, where: str = "CSV file") -> AeroDatabase:
     }
     named = _texts(files, "variables.csv", VARIABLE_TEXTS, where)
     terms = _texts(files, "terms.csv", TERM_TEXTS, where)
-    parts = Parts(manifest, terms, named, tables, [], _case_table(files, where))
+    contents = Contents(manifest, terms, named, tables, [], _case_table(files, where))
     increments = listed if isinstance(listed, list) else []
-    parts.increments.extend(
-        _increment(files, _stem(k, parts), entry, where) for k, entry in enumerate(increments)
+    contents.increments.extend(
+        _increment(files, _stem(k, contents), entry, where) for k, entry in enumerate(increments)
     )
-    return put_together(parts, _KIND, where)
+    return from_contents(contents, _KIND, where)
 
 
-def _stem(k: int, parts: Parts) -> str:
-    entry = parts.manifest["database"]["increments"][k]
+def _stem(k: int, contents: Contents) -> str:
+    entry = contents.manifest["database"]["increments"][k]
     axis = entry.get("axis", "") if isinstance(entry, dict) else ""
     return f"increments/{k + 1:02d}_{axis}"
 

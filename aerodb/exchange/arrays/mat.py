@@ -16,17 +16,17 @@ from typing import Any, Final, cast
 import numpy as np
 
 from aerodb.errors import InputError
-from aerodb.exchange.arrays.archive_parts import (
+from aerodb.exchange.arrays.contents import (
     MAX_BYTES,
     TERM_TEXTS,
     VARIABLE_TEXTS,
     CaseNumbers,
+    Contents,
     IncrementNumbers,
-    Parts,
-    checked_size,
-    parsed_manifest,
-    put_together,
-    take_apart,
+    check_size,
+    from_contents,
+    parse_manifest,
+    to_contents,
 )
 from aerodb.exchange.arrays.mat_reader import read_mat
 from aerodb.nomenclature import AXES
@@ -53,7 +53,7 @@ def export_mat(database: AeroDatabase, check_cases: Sequence[CheckCase] | None =
     """`database` as the bytes of a MAT file, with check cases (25 of its own unless given)."""
     from scipy.io import savemat  # loads slowly
 
-    parts = take_apart(database, _KIND, check_cases)
+    contents = to_contents(database, _KIND, check_cases)
     tables = [
         {
             "name": name,
@@ -61,7 +61,7 @@ def export_mat(database: AeroDatabase, check_cases: Sequence[CheckCase] | None =
             "breakpoints": _cell([axis[:, None] for axis in axes]),
             "values": values[:, None] if values.ndim == 1 else values,
         }
-        for name, (axes, values) in parts.tables.items()
+        for name, (axes, values) in contents.tables.items()
     ]
     increments = [
         {
@@ -74,14 +74,14 @@ def export_mat(database: AeroDatabase, check_cases: Sequence[CheckCase] | None =
             "flights": _cell(entry["flights"]),
         }
         for entry, numbers in zip(
-            parts.manifest["database"]["increments"], parts.increments, strict=True
+            contents.manifest["database"]["increments"], contents.increments, strict=True
         )
     ]
-    cases = parts.cases
+    cases = contents.cases
     content = {
-        "manifest": parts.manifest_text,
-        "terms": _structs(TERM_TEXTS, parts.terms),
-        "variables": _structs(VARIABLE_TEXTS, parts.variables),
+        "manifest": contents.manifest_text,
+        "terms": _structs(TERM_TEXTS, contents.terms),
+        "variables": _structs(VARIABLE_TEXTS, contents.variables),
         "tables": _structs(_TABLE, tables),
         "increments": _structs(_INCREMENT, increments),
         "check_cases": {
@@ -103,7 +103,7 @@ def import_mat(data: bytes, where: str = "MAT file") -> AeroDatabase:
     Raises InputError for damaged or too large files, missing fields, fields of another kind, and
     check cases that fail.
     """
-    checked_size(data, where)
+    check_size(data, where)
     try:
         (content,) = read_mat(data, MAX_BYTES)["aerodb"]
         tables = {
@@ -122,8 +122,8 @@ def import_mat(data: bytes, where: str = "MAT file") -> AeroDatabase:
         named = [
             {key: _string(entry[key]) for key in VARIABLE_TEXTS} for entry in content["variables"]
         ]
-        manifest = parsed_manifest(_string(content["manifest"]), where)
-        parts = Parts(manifest, terms, named, tables, increments, _case_numbers(content))
+        manifest = parse_manifest(_string(content["manifest"]), where)
+        contents = Contents(manifest, terms, named, tables, increments, _case_numbers(content))
     except InputError:
         raise
     except OverflowError as error:
@@ -132,7 +132,7 @@ def import_mat(data: bytes, where: str = "MAT file") -> AeroDatabase:
         raise InputError(
             f"no MAT file with a struct 'aerodb' as exported: {error}", where, "export it again"
         ) from error
-    return put_together(parts, _KIND, where)
+    return from_contents(contents, _KIND, where)
 
 
 def _cell(items: Sequence[Any]) -> Any:

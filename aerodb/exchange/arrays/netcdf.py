@@ -18,16 +18,16 @@ from typing import Any, Final
 import numpy as np
 
 from aerodb.errors import InputError
-from aerodb.exchange.arrays.archive_parts import (
+from aerodb.exchange.arrays.contents import (
     VARIABLE_TEXTS,
     CaseNumbers,
+    Contents,
     IncrementNumbers,
-    Parts,
     argument_units,
-    checked_size,
-    parsed_manifest,
-    put_together,
-    take_apart,
+    check_size,
+    from_contents,
+    parse_manifest,
+    to_contents,
 )
 from aerodb.support import Array
 from aerodb.tables import AeroDatabase, CheckCase
@@ -39,19 +39,21 @@ def export_netcdf(database: AeroDatabase, check_cases: Sequence[CheckCase] | Non
     """`database` as the bytes of a NetCDF file, with check cases (25 of its own unless given)."""
     from scipy.io import netcdf_file  # loads slowly
 
-    parts = take_apart(database, _KIND, check_cases)
-    document = parts.manifest["database"]
-    rest = document.get("terms") or [{}] * len(parts.terms)
-    document["terms"] = [{**texts, **more} for texts, more in zip(parts.terms, rest, strict=True)]
-    for texts in parts.variables:
+    contents = to_contents(database, _KIND, check_cases)
+    document = contents.manifest["database"]
+    rest = document.get("terms") or [{}] * len(contents.terms)
+    document["terms"] = [
+        {**texts, **more} for texts, more in zip(contents.terms, rest, strict=True)
+    ]
+    for texts in contents.variables:
         document["variables"][texts["name"]] |= {key: texts[key] for key in VARIABLE_TEXTS[1:]}
-    parts.manifest["check_inputs"] = list(parts.cases.names)
+    contents.manifest["check_inputs"] = list(contents.cases.names)
     written = io.BytesIO()
     file: Any = netcdf_file(written, "w", version=2)
     file.title = b"aerodynamic database"
-    file.manifest = parts.manifest_text.encode("ascii")
+    file.manifest = contents.manifest_text.encode("ascii")
     units = argument_units(database)
-    for name, (axes, values) in parts.tables.items():
+    for name, (axes, values) in contents.tables.items():
         arguments = database.tables[name].arguments
         dimensions = [f"breakpoints_{name}_{k}" for k in range(len(axes))]
         for dimension, argument, unit, axis in zip(
@@ -59,7 +61,7 @@ def export_netcdf(database: AeroDatabase, check_cases: Sequence[CheckCase] | Non
         ):
             _write(file, dimension, [dimension], axis, long_name=argument, units=unit)
         _write(file, f"table_{name}", dimensions, values, long_name=name)
-    for k, numbers in enumerate(parts.increments, start=1):
+    for k, numbers in enumerate(contents.increments, start=1):
         one, other, bounds = (
             f"increment_{k}_regressor",
             f"increment_{k}_with",
@@ -68,12 +70,12 @@ def export_netcdf(database: AeroDatabase, check_cases: Sequence[CheckCase] | Non
         _write(file, f"increment_{k}_estimates", [one], numbers.estimates)
         _write(file, f"increment_{k}_covariance", [one, other], numbers.covariance)
         _write(file, f"increment_{k}_envelope", [bounds, "low_high_cell"], numbers.envelope)
-    _write(file, "check_inputs", ["check_case", "check_input"], parts.cases.inputs)
+    _write(file, "check_inputs", ["check_case", "check_input"], contents.cases.inputs)
     _write(
         file,
         "check_coefficients",
         ["check_case", "axis_CX_CY_CZ_Cl_Cm_Cn"],
-        parts.cases.coefficients,
+        contents.cases.coefficients,
     )
     file.flush()
     return written.getvalue()
@@ -85,9 +87,9 @@ def import_netcdf(data: bytes, where: str = "NetCDF file") -> AeroDatabase:
 
     Raises InputError for damaged or too large files, missing variables, and check cases that fail.
     """
-    checked_size(data, where)
+    check_size(data, where)
     arrays, text = _read(data, where)
-    manifest = parsed_manifest(text, where)
+    manifest = parse_manifest(text, where)
     try:
         document = manifest["database"]
         terms = [dict(entry) for entry in document.pop("terms")]
@@ -110,8 +112,10 @@ def import_netcdf(data: bytes, where: str = "NetCDF file") -> AeroDatabase:
         raise InputError(
             f"manifest and variables do not fit together ({error!r})", where, "export it again"
         ) from error
-    parts = Parts(manifest, terms, named, tables, increments, CaseNumbers(names, inputs, cases))
-    return put_together(parts, _KIND, where)
+    contents = Contents(
+        manifest, terms, named, tables, increments, CaseNumbers(names, inputs, cases)
+    )
+    return from_contents(contents, _KIND, where)
 
 
 def _write(

@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 from aerodb.errors import InputError
-from aerodb.exchange.daveml.names import Declared, read_unit, scale_of
+from aerodb.exchange.daveml.names import Declaration, read_unit, unit_conversion
 from aerodb.exchange.daveml.xml_elements import (
     children,
     find,
@@ -65,7 +65,7 @@ class CheckCase:
 
 
 @dataclass(frozen=True)
-class Verified:
+class CaseResult:
     """How a database met one check case: signals compared, and one sentence for each that is beyond
     its tolerance."""
 
@@ -79,7 +79,7 @@ class Verified:
         return not self.failures
 
 
-def check_cases(xml: bytes, *, name: str = "") -> tuple[CheckCase, ...]:
+def read_check_cases(xml: bytes, *, name: str = "") -> tuple[CheckCase, ...]:
     """The check cases of a DAVE-ML file; empty when it has none.
 
     Raises InputError for a signal that no variable answers to, or that several do and the unit does
@@ -87,7 +87,7 @@ def check_cases(xml: bytes, *, name: str = "") -> tuple[CheckCase, ...]:
     """
     where = name or "DAVE-ML file"
     root = read_root(xml, where)
-    declared: list[tuple[Declared, frozenset[str]]] = []
+    declared: list[tuple[Declaration, frozenset[str]]] = []
     for element in children(root):
         if tag(element) == "variableDef":
             identity = required(element, "varID", where)
@@ -96,7 +96,7 @@ def check_cases(xml: bytes, *, name: str = "") -> tuple[CheckCase, ...]:
                 (element.get("units") or "nd").strip(),
             )
             declared.append(
-                (Declared(identity, shown, unit), frozenset(map(tag, children(element))))
+                (Declaration(identity, shown, unit), frozenset(map(tag, children(element))))
             )
     cases: list[CheckCase] = []
     for block in children(root):
@@ -109,7 +109,7 @@ def check_cases(xml: bytes, *, name: str = "") -> tuple[CheckCase, ...]:
 
 
 def _case(
-    shot: Any, declared: list[tuple[Declared, frozenset[str]]], where: str, count: int
+    shot: Any, declared: list[tuple[Declaration, frozenset[str]]], where: str, count: int
 ) -> CheckCase:
     name = (shot.get("name") or f"shot {count}").strip()
     parts: dict[str, tuple[CheckSignal, ...]] = {}
@@ -134,7 +134,7 @@ def _signals(part: Any, where: str) -> Iterator[Any]:
 
 def _signal(
     element: Any,
-    declared: list[tuple[Declared, frozenset[str]]],
+    declared: list[tuple[Declaration, frozenset[str]]],
     roles: tuple[str, ...],
     where: str,
 ) -> CheckSignal:
@@ -161,10 +161,10 @@ def _signal(
 def _named(
     name: str,
     unit: str,
-    declared: list[tuple[Declared, frozenset[str]]],
+    declared: list[tuple[Declaration, frozenset[str]]],
     roles: tuple[str, ...],
     where: str,
-) -> Declared:
+) -> Declaration:
     """The variable that an outside name means: of its role if any has it, then of its unit: names
     alone may repeat."""
     same = [(each, kinds) for each, kinds in declared if name in (each.name, each.identity)]
@@ -172,7 +172,7 @@ def _named(
         each for each, _ in same
     ]
     exact = [each for each in in_role if _spelling(each.unit) == _spelling(unit)]
-    near = [each for each in in_role if scale_of(unit, read_unit(each.unit)) is not None]
+    near = [each for each in in_role if unit_conversion(unit, read_unit(each.unit)) is not None]
     for candidates in (exact, near, in_role if not unit else []):
         if len(candidates) == 1:
             return candidates[0]
@@ -193,10 +193,10 @@ def _spelling(unit: str) -> str:
 def _between(unit: str, to: str) -> tuple[float, float]:
     if _spelling(unit) == _spelling(to):
         return 1.0, 0.0
-    return scale_of(unit, read_unit(to)) or (1.0, 0.0)
+    return unit_conversion(unit, read_unit(to)) or (1.0, 0.0)
 
 
-class Signals:
+class SignalEvaluator:
     """All signals of a database at given values of the file's own inputs."""
 
     def __init__(self, database: AeroDatabase) -> None:
@@ -251,15 +251,15 @@ class Signals:
         }
 
 
-def verify(
+def verify_cases(
     database: AeroDatabase, cases: tuple[CheckCase, ...], relative: float = RELATIVE
-) -> tuple[Verified, ...]:
+) -> tuple[CaseResult, ...]:
     """`database`, imported from DAVE-ML, at check cases of its file: every internal signal and
     output by the stated tolerance, where none is stated by `relative` times max(|value|, 1e-3).
 
     Raises InputError for an input or signal that the database does not have.
     """
-    signals = Signals(database)
+    signals = SignalEvaluator(database)
     results = []
     for case in cases:
         values = signals.at({signal.identity: signal.value for signal in case.inputs})
@@ -278,5 +278,7 @@ def verify(
                     f"{signal.identity} is {given!r}, it should be {signal.value!r} within"
                     f" {tolerance:g}"
                 )
-        results.append(Verified(case.name, len(case.internals), len(case.outputs), tuple(failures)))
+        results.append(
+            CaseResult(case.name, len(case.internals), len(case.outputs), tuple(failures))
+        )
     return tuple(results)

@@ -12,7 +12,7 @@ from aerodb.exchange.daveml.check_cases import CheckCase, CheckSignal
 from aerodb.exchange.daveml.names import (
     STANDARD_INPUTS,
     STANDARD_SIGNS,
-    Declared,
+    Declaration,
     output_axis,
     write_unit,
 )
@@ -77,7 +77,7 @@ class Document:
         """Id of one of the database's names."""
         return self._ids.get(name, name)
 
-    def given(self, name: str) -> None:
+    def add_input(self, name: str) -> None:
         """An input: a channel in SI, or a free input of the database."""
         known = name in CHANNELS or (is_surface(name) and name not in self._database.free_inputs)
         unit = (
@@ -90,9 +90,9 @@ class Document:
         self.inputs.append(name)
         shown = STANDARD_INPUTS.get(name, name)
         roles = ("isInput", "isStdAIAA") if name in STANDARD_INPUTS else ("isInput",)
-        self.variable(name, shown, unit, note, None, roles, {"sign": sign})
+        self.add_variable(name, shown, unit, note, None, roles, {"sign": sign})
 
-    def variable(
+    def add_variable(
         self,
         identity: str,
         name: str,
@@ -153,7 +153,7 @@ class Document:
         else:
             _child(element, "calculation").append(write_math(inner, self._refer))
 
-    def new(
+    def add_calculation(
         self, wanted: str, name: str, unit: str, note: str, expression: Expression, axis: str = ""
     ) -> str:
         """A variable that only the file has; gives its name. With `axis`, it is that
@@ -164,16 +164,17 @@ class Document:
         attributes = {"sign": STANDARD_SIGNS[axis], "axisSystem": "body"} if axis else {}
         if axis:
             self.outputs[axis] = identity
-        self.variable(identity, name, unit, note, expression, roles, attributes)
+        self.add_variable(identity, name, unit, note, expression, roles, attributes)
         return identity
 
-    def keep(self, name: str, variable: Variable, output: bool) -> None:
+    def add_declared(self, name: str, variable: Variable, output: bool) -> None:
         """A variable of the database as it was declared. Only what is a total of the database stays
         an output on an axis."""
         declared, identity = variable.declared, self._ids[name]
         shown = declared.get("name", identity)
         axis = output_axis(
-            Declared(identity, shown, variable.unit, declared.get("sign", "")), self._database.name
+            Declaration(identity, shown, variable.unit, declared.get("sign", "")),
+            self._database.name,
         )
         roles = {
             role
@@ -188,7 +189,7 @@ class Document:
         kept = {attribute: declared.get(key, "") for key, attribute in _KEPT.items()}
         note = variable.description
         unit = variable.unit if variable.unit not in ("", "1") else "nd"
-        self.variable(
+        self.add_variable(
             identity,
             shown,
             unit,
@@ -270,7 +271,7 @@ class Document:
         if node not in self._calls and isinstance(node, TableCall):
             self._calls[node] = identity = self._unused(f"{node.table}_value", self._taken)
             self._taken.add(identity)
-            self.variable(identity, "", "nd", f"value of {node.table}", None)
+            self.add_variable(identity, "", "nd", f"value of {node.table}", None)
             self._function(node, identity)
         return self._calls[node]
 
@@ -279,7 +280,7 @@ class Document:
         if isinstance(expression, (Name, TableCall)):
             return self._refer(expression)
         if expression not in self._arguments:
-            self._arguments[expression] = self.new(
+            self._arguments[expression] = self.add_calculation(
                 f"{table}_argument", "", "nd", f"argument of {table}", expression
             )
         return self._arguments[expression]

@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 
 from aerodb.errors import InputError
-from aerodb.exchange.daveml.check_cases import CheckCase, CheckSignal, Signals, verify
+from aerodb.exchange.daveml.check_cases import CheckCase, CheckSignal, SignalEvaluator, verify_cases
 from aerodb.exchange.daveml.document import Document
 from aerodb.exchange.daveml.model import hat_rate_expression
 from aerodb.exchange.daveml.names import (
@@ -21,12 +21,12 @@ from aerodb.exchange.daveml.names import (
     POSITIONS,
     REFERENCES,
     STANDARD_OUTPUTS,
-    Declared,
+    Declaration,
     output_axis,
 )
 from aerodb.exchange.daveml.reader import import_daveml
 from aerodb.exchange.increment_terms import with_increments_as_terms
-from aerodb.exchange.state_terms import without_memory
+from aerodb.exchange.state_terms import without_states
 from aerodb.nomenclature import AXES, FORCE_AXES
 from aerodb.tables import (
     CONSTANTS,
@@ -59,12 +59,12 @@ def export_daveml(
     Raises InputError where a check case fails, which says that this database cannot be exported
     exactly.
     """
-    flat = with_increments_as_terms(without_memory(database))
+    flat = with_increments_as_terms(without_states(database))
     document = _written(flat, created, author)
     again = import_daveml(document.to_bytes(), name=database.name)
     cases = _cases(flat, again, document, check_cases)
     document.write_cases(cases)
-    failed = [failure for result in verify(again, cases) for failure in result.failures]
+    failed = [failure for result in verify_cases(again, cases) for failure in result.failures]
     if failed:
         raise InputError(
             f"the exported file does not meet check case: {failed[0]}", f"database {database.name}"
@@ -78,7 +78,7 @@ def _written(database: AeroDatabase, created: str, author: str) -> Document:
         name = next(standard for standard, known in REFERENCES.items() if known == attribute)
         unit = "m2" if attribute == "area" else "m"
         note = f"reference {attribute}"
-        document.variable(
+        document.add_variable(
             key,
             name,
             unit,
@@ -91,7 +91,7 @@ def _written(database: AeroDatabase, created: str, author: str) -> Document:
         value = database.reference.moment_reference[k]
         expression: Expression = Negation(Number(-value)) if value < 0 else Number(value)
         sign = POSITION_SIGNS[k][0].split()[0]
-        document.variable(
+        document.add_variable(
             f"moment_reference_{'xyz'[k]}",
             name,
             "m",
@@ -109,16 +109,16 @@ def _written(database: AeroDatabase, created: str, author: str) -> Document:
     hats = sorted(names & set(HAT_RATES))
     names |= {rate for hat in hats for rate in (HAT_RATES[hat][0], "V")}
     for name in sorted(names - set(database.variables) - set(CONSTANTS) - set(hats)):
-        document.given(name)
+        document.add_input(name)
     for hat in hats:
         rate, length = HAT_RATES[hat]
         constant = next(key for key, attribute in CONSTANTS.items() if attribute == length)
-        document.variable(
+        document.add_variable(
             hat, hat, "nd", "rate without dimension", hat_rate_expression(rate, constant)
         )
     outputs = {axis: _present(axis, total, database) for axis, total in totals.items()}
     for name, variable in database.variables.items():
-        document.keep(name, variable, output=name in outputs.values())
+        document.add_declared(name, variable, output=name in outputs.values())
     _write_outputs(document, database, outputs)
     document.finish()
     return document
@@ -139,7 +139,7 @@ def _present(axis: str, total: Expression, database: AeroDatabase) -> str:
         return ""
     for name, variable in database.variables.items():
         declared = variable.declared
-        signal = Declared(
+        signal = Declaration(
             declared.get("id", name),
             declared.get("name", ""),
             variable.unit,
@@ -160,7 +160,7 @@ def _write_outputs(document: Document, database: AeroDatabase, outputs: dict[str
     if any(parts[axis] for axis in WIND_AXES):
         for axis in WIND_AXES:
             sum_of_terms = reduce(plus, parts[axis]) if parts[axis] else Number(0.0)
-            name = document.new(
+            name = document.add_calculation(
                 axis, "", "nd", "sum of the terms along this wind axis", sum_of_terms
             )
             parts[axis] = [Name(name)]
@@ -170,7 +170,7 @@ def _write_outputs(document: Document, database: AeroDatabase, outputs: dict[str
         if outputs.get(axis):
             continue
         total = reduce(plus, parts[axis]) if parts[axis] else Number(0.0)
-        document.new(axis, STANDARD_OUTPUTS[axis], "nd", "", total, axis=axis)
+        document.add_calculation(axis, STANDARD_OUTPUTS[axis], "nd", "", total, axis=axis)
 
 
 def _term(document: Document, database: AeroDatabase, term: Term) -> Expression:
@@ -178,7 +178,7 @@ def _term(document: Document, database: AeroDatabase, term: Term) -> Expression:
     if isinstance(term.expression, Name) and term.expression.name in database.variables:
         return term.expression
     return Name(
-        document.new(
+        document.add_calculation(
             term.name, "", "nd", term.description or f"term on {term.axis}", term.expression
         )
     )
@@ -202,7 +202,7 @@ def _cases(
 ) -> tuple[CheckCase, ...]:
     """Check cases: coefficients of `database` itself, internal signals of what the file gives when
     it is read."""
-    signals = Signals(again)
+    signals = SignalEvaluator(again)
     cases = []
     for k, case in enumerate(make_check_cases(database, count), start=1):
         inputs = {document.identity(name): case.inputs.get(name, _FILL) for name in document.inputs}

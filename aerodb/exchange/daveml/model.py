@@ -11,12 +11,12 @@ from aerodb.exchange.daveml.names import (
     POSITION_SIGNS,
     POSITIONS,
     REFERENCES,
-    Declared,
-    in_unit,
+    Declaration,
+    channel_in_unit,
     input_channel,
     output_axis,
-    scale_of,
-    sign_of,
+    sign_factor,
+    unit_conversion,
     variable,
 )
 from aerodb.nomenclature import AXES, CHANNELS, channel, is_surface
@@ -51,7 +51,7 @@ _MOST_TERMS: Final = 200
 class Signal:
     """A variable of the file: how it is declared, its roles, notes and initial value."""
 
-    declared: Declared
+    declared: Declaration
     roles: tuple[str, ...]
     description: str
     notes: Mapping[str, str]
@@ -60,7 +60,7 @@ class Signal:
 
 @dataclass
 class Model:
-    """Signals and what defines them, by the file's ids. `bindings` as `import_daveml` takes
+    """SignalEvaluator and what defines them, by the file's ids. `bindings` as `import_daveml` takes
     them."""
 
     where: str
@@ -150,8 +150,8 @@ class Model:
                 if text and not (key == "name" and text == identity)
             }
             description = signal.description or self._notes.get(identity, "")
-            doubt = self.uncertainties.get(identity)
-            variables[name] = Variable(value, signal.declared.unit, description, notes, doubt)
+            uncertainty = self.uncertainties.get(identity)
+            variables[name] = Variable(value, signal.declared.unit, description, notes, uncertainty)
         self._refuse_unused(used)
         terms = self._terms(variables)
         if same:
@@ -198,7 +198,7 @@ class Model:
         if raw is None and (key is None):
             found = input_channel(signal.declared, self.where)
             if found is not None:
-                raw = in_unit(
+                raw = channel_in_unit(
                     Name(found[0]), signal.declared.unit, channel(found[0]).unit, found[1]
                 )
         if raw is None:
@@ -285,7 +285,7 @@ class Model:
         )
 
     def _metres(self, signal: Signal, unit: str) -> float:
-        scale = scale_of(signal.declared.unit, unit)
+        scale = unit_conversion(signal.declared.unit, unit)
         if scale is None or signal.initial is None:
             raise InputError(
                 f"{signal.declared.name} in '{signal.declared.unit}'",
@@ -300,7 +300,9 @@ class Model:
         declared = signal.declared
         fraction = declared.unit.lower() == "fracmac"
         value = (signal.initial or 0.0) * chord if fraction else self._metres(signal, "m")
-        sign = sign_of(declared.sign or ("aft" if fraction and k == 0 else ""), *POSITION_SIGNS[k])
+        sign = sign_factor(
+            declared.sign or ("aft" if fraction and k == 0 else ""), *POSITION_SIGNS[k]
+        )
         if sign == 0:
             raise InputError(
                 f"{declared.name} with sign '{declared.sign}'",

@@ -77,7 +77,7 @@ _UNITS: Final = {
 
 
 @dataclass(frozen=True)
-class Declared:
+class Declaration:
     """A variable as a file declares it: all text."""
 
     identity: str
@@ -120,7 +120,7 @@ def write_unit(unit: str) -> str:
     )
 
 
-def scale_of(unit: str, to: str) -> tuple[float, float] | None:
+def unit_conversion(unit: str, to: str) -> tuple[float, float] | None:
     """Scale and offset from a unit in DAVE-ML's spelling; None where it is unknown or of another
     dimension."""
     try:
@@ -129,7 +129,7 @@ def scale_of(unit: str, to: str) -> tuple[float, float] | None:
         return None
 
 
-def sign_of(sign: str, same: str, opposite: str) -> int:
+def sign_factor(sign: str, same: str, opposite: str) -> int:
     """1, -1, or 0 for a sign convention that is neither; none stated is the standard's own: 1."""
     word = sign.strip().lower().lstrip("+")
     if not word or word in same.split():
@@ -137,7 +137,7 @@ def sign_of(sign: str, same: str, opposite: str) -> int:
     return -1 if word in opposite.split() else 0
 
 
-def input_channel(declared: Declared, where: str) -> tuple[str, int] | None:
+def input_channel(declared: Declaration, where: str) -> tuple[str, int] | None:
     """Channel of an input and its sign, None for an input that is no channel of this product.
 
     By its standard name, the name or id of a channel itself, or ``<surface>Deflection`` with a
@@ -154,12 +154,12 @@ def input_channel(declared: Declared, where: str) -> tuple[str, int] | None:
             ),
             None,
         )
-        if own is None or scale_of(declared.unit, channel(own).unit) is None:
+        if own is None or unit_conversion(declared.unit, channel(own).unit) is None:
             return _surface(declared)
         known = next((row for row in _INPUTS.values() if row[0] == own), (own, *_SURFACE_SIGNS))
-    sign = sign_of(declared.sign, known[1], known[2])
+    sign = sign_factor(declared.sign, known[1], known[2])
     unit = channel(known[0]).unit
-    if sign == 0 or scale_of(declared.unit, unit) is None:
+    if sign == 0 or unit_conversion(declared.unit, unit) is None:
         what = (
             f"input {declared.name} in '{declared.unit}' with sign '{declared.sign}' cannot be"
             f" {known[0]} in {unit}"
@@ -168,14 +168,14 @@ def input_channel(declared: Declared, where: str) -> tuple[str, int] | None:
     return known[0], sign
 
 
-def _surface(declared: Declared) -> tuple[str, int] | None:
+def _surface(declared: Declaration) -> tuple[str, int] | None:
     """A surface whose sign is stated: trailing edge down or left is ours."""
     found = _DEFLECTION.fullmatch(declared.name)
-    sign = sign_of(declared.sign, *_SURFACE_SIGNS) if declared.sign.strip() else 0
+    sign = sign_factor(declared.sign, *_SURFACE_SIGNS) if declared.sign.strip() else 0
     if (
         found is None
         or not sign
-        or scale_of(declared.unit, "rad") is None
+        or unit_conversion(declared.unit, "rad") is None
         or not read_unit(declared.unit)
     ):
         return None
@@ -183,9 +183,9 @@ def _surface(declared: Declared) -> tuple[str, int] | None:
     return (name, sign) if is_surface(name) else None
 
 
-def in_unit(quantity: Expression, unit: str, si: str, sign: int) -> Expression:
+def channel_in_unit(quantity: Expression, unit: str, si: str, sign: int) -> Expression:
     """A channel as the file's unit and sign have it."""
-    scale, offset = scale_of(unit, si) or (1.0, 0.0)
+    scale, offset = unit_conversion(unit, si) or (1.0, 0.0)
     if offset:
         quantity = Operation("-", quantity, Number(offset))
     if scale != 1.0:
@@ -193,7 +193,7 @@ def in_unit(quantity: Expression, unit: str, si: str, sign: int) -> Expression:
     return Negation(quantity) if sign < 0 else quantity
 
 
-def output_axis(declared: Declared, where: str) -> tuple[str, int] | None:
+def output_axis(declared: Declaration, where: str) -> tuple[str, int] | None:
     """Axis of an output and its sign, by standard name or by an axis's own name; None for another
     output."""
     known = _OUTPUTS.get(declared.name)
@@ -203,7 +203,7 @@ def output_axis(declared: Declared, where: str) -> tuple[str, int] | None:
         known = (axis, *_signs(axis)) if axis else None
     if known is None:
         return None
-    sign = sign_of(declared.sign, known[1], known[2])
+    sign = sign_factor(declared.sign, known[1], known[2])
     if sign == 0:
         raise InputError(
             f"output {declared.name} with sign '{declared.sign}'",

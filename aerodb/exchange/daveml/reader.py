@@ -15,17 +15,17 @@ import numpy as np
 from aerodb.errors import InputError
 from aerodb.exchange.daveml.mathml import read_math
 from aerodb.exchange.daveml.model import Model, Signal
-from aerodb.exchange.daveml.names import Declared
+from aerodb.exchange.daveml.names import Declaration
 from aerodb.exchange.daveml.tables import (
     METADATA,
     Argument,
     Grid,
     Points,
     TableReader,
-    legacy,
     limited,
     read_argument,
     read_breakpoints,
+    read_point_lists,
 )
 from aerodb.exchange.daveml.xml_elements import (
     children,
@@ -83,12 +83,12 @@ def import_daveml(
     (named), names that nothing defines, and files without reference geometry or without an output
     that is a coefficient.
     """
-    reading = _Reading(name or "DAVE-ML file", dict(bindings or {}))
+    reading = _FileReader(name or "DAVE-ML file", dict(bindings or {}))
     reading.read(read_root(xml, reading.where))
     return reading.model.database(reference)
 
 
-class _Reading:
+class _FileReader:
     """What has been found while the elements of one file are read."""
 
     def __init__(self, where: str, bindings: dict[str, str]) -> None:
@@ -97,8 +97,8 @@ class _Reading:
         self._definitions: dict[str, Any] = {}  # variableDef by id
         self._breakpoints: dict[str, Any] = {}
         self._tables: dict[str, Grid | Points] = {}  # by gtID or utID
-        self._made: dict[Any, str] = {}  # table and its modes -> name in the database
-        self._reader = TableReader(self._breakpoints, self._refer, self._lift)
+        self._converted: dict[Any, str] = {}  # table and its modes -> name in the database
+        self._reader = TableReader(self._breakpoints, self._refer, self._declare_inner)
 
     def read(self, root: Any) -> None:
         """Takes everything in; elements may stand in any order."""
@@ -133,10 +133,10 @@ class _Reading:
             self._function(element)
         for identity, element in list(self._definitions.items()):
             self._define(identity, element)
-        used = {key[0] for key in self._made}
+        used = {key[0] for key in self._converted}
         for identity in self._tables:
             if identity not in used:
-                self._make(
+                self._convert_table(
                     identity,
                     self._tables[identity],
                     [Argument(f"x{k}") for k in range(_dimensions(self._tables[identity]))],
@@ -154,7 +154,7 @@ class _Reading:
             if tag(child) not in (*METADATA, "calculation", "uncertainty", *_ROLES):
                 raise unsupported(child, f"variableDef {identity}", self.where)
         self._definitions[identity] = element
-        declared = Declared(
+        declared = Declaration(
             identity,
             (element.get("name") or identity).strip(),
             (element.get("units") or "nd").strip(),
@@ -170,7 +170,7 @@ class _Reading:
             Signal(declared, roles, note, {k: text for k, text in notes.items() if text}, value)
         )
 
-    def _lift(self, element: Any) -> str:
+    def _declare_inner(self, element: Any) -> str:
         """A variableDef that stands inside an uncertainty's bounds, as one of the file."""
         name = self._declare(element)
         identity = required(element, "varID", self.where)
@@ -199,7 +199,7 @@ class _Reading:
         name = (element.get("name") or f"function {element.sourceline}").strip()
         where = f"{self.where}: function {name}"
         if find(element, "independentVarPts", "dependentVarPts") is not None:
-            arguments, table, dependent = legacy(element, where)
+            arguments, table, dependent = read_point_lists(element, where)
             self._call(dependent, name, table, arguments, where)
             return
         arguments, found, dependents = [], [], []
@@ -256,18 +256,18 @@ class _Reading:
                 else (-math.inf, math.inf)
             )
             values.append(argument.limited(self._resolve(argument.identity, where), first, last))
-        name = self._make(identity, table, arguments)
+        name = self._convert_table(identity, table, arguments)
         self.model.define(dependent, TableCall(name, tuple(values)), where)
 
-    def _make(self, identity: str, table: Grid | Points, arguments: list[Argument]) -> str:
+    def _convert_table(self, identity: str, table: Grid | Points, arguments: list[Argument]) -> str:
         """The table in the database; the same one for every function that uses it in the same
         way."""
         interpolation = tuple(argument.interpolation for argument in arguments)
         extrapolation = tuple(argument.extrapolation for argument in arguments)
         key = (identity, interpolation, extrapolation)
-        if key in self._made:
-            return self._made[key]
-        name = self._made[key] = self.model.unique(identity)
+        if key in self._converted:
+            return self._converted[key]
+        name = self._converted[key] = self.model.unique(identity)
         labels = tuple(argument.identity for argument in arguments)
         try:
             if isinstance(table, Grid):
@@ -333,9 +333,9 @@ class _Reading:
             self.model.define(identity, constant(value), where)
         if math.isfinite(low) or math.isfinite(high):
             self.model.limits[identity] = lambda raw: limited(raw, low, high)
-        doubt = self._reader.uncertainty(find(element, "uncertainty"), where)
-        if doubt is not None:
-            self.model.uncertainties[identity] = doubt
+        uncertainty = self._reader.uncertainty(find(element, "uncertainty"), where)
+        if uncertainty is not None:
+            self.model.uncertainties[identity] = uncertainty
 
 
 def _dimensions(table: Grid | Points) -> int:

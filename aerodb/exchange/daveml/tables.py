@@ -1,4 +1,4 @@
-"""DAVE-ML's tables in: breakpoints, gridded and ungridded tables, legacy point lists, and
+"""DAVE-ML's tables in: breakpoints, gridded and ungridded tables, read_point_lists point lists, and
 uncertainty."""
 
 import math
@@ -115,7 +115,7 @@ class TableReader:
     def __init__(
         self, breakpoints: dict[str, Array], refer: Callable[[str], str], lift: Callable[[Any], str]
     ) -> None:
-        self._breakpoints, self._refer, self._lift = breakpoints, refer, lift
+        self._breakpoints, self._refer, self._declare_inner = breakpoints, refer, lift
 
     def gridded(self, element: Any, where: str) -> Grid:
         """A ``griddedTableDef`` or ``griddedTable``."""
@@ -157,8 +157,8 @@ class TableReader:
         if not rows or len({row.size for row in rows}) != 1 or rows[0].size < 2:
             raise InputError("data points that differ in length, or none", where)
         table = np.stack(rows)
-        doubt = self.uncertainty(find(element, "uncertainty"), where)
-        return Points(table[:, :-1], table[:, -1], doubt, plain(find(element, *METADATA)))
+        uncertainty = self.uncertainty(find(element, "uncertainty"), where)
+        return Points(table[:, :-1], table[:, -1], uncertainty, plain(find(element, *METADATA)))
 
     def uncertainty(self, element: Any, where: str) -> Uncertainty | None:
         """An ``uncertainty``, None for no element."""
@@ -205,13 +205,13 @@ class TableReader:
         if tag(inner) == "variableRef":
             return self._refer(required(inner, "varID", where))
         if tag(inner) == "variableDef":
-            return self._lift(inner)
+            return self._declare_inner(inner)
         if tag(inner) == "dataTable":
             return tuple(numbers(inner, where).tolist())
         raise unsupported(inner, "<bounds>", where)
 
 
-def legacy(element: Any, where: str) -> tuple[list[Argument], Grid, str]:
+def read_point_lists(element: Any, where: str) -> tuple[list[Argument], Grid, str]:
     """A function written as lists of points: its arguments, its table, and the id of the variable
     that it gives."""
     arguments, axes = [], []

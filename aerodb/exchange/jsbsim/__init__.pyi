@@ -1,15 +1,15 @@
 from .check_cases import check_in_jsbsim, jsbsim_check_cases
 from .export import export_jsbsim, input_properties
-from .properties import HYSTERESIS, hysteresis_text, own_name
+from .properties import STALL_HYSTERESIS, hysteresis_description, property_identifier
 from .reader import import_jsbsim
 
 __all__ = [
-    "HYSTERESIS",
+    "STALL_HYSTERESIS",
     "check_in_jsbsim",
     "export_jsbsim",
-    "hysteresis_text",
+    "hysteresis_description",
     "import_jsbsim",
     "input_properties",
     "jsbsim_check_cases",
-    "own_name",
+    "property_identifier",
 ]

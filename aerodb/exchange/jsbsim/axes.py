@@ -86,7 +86,7 @@ def axis_frame(element: Any, where: str) -> tuple[str, str]:
     return axis, "" if frame == "BODY" else frame
 
 
-def shares(axis: str, frame: str) -> Shares:
+def axis_shares(axis: str, frame: str) -> Shares:
     """Our axes that a function on `axis` in `frame` reaches, each with its factor as an
     expression."""
     return _FRAMES[frame][axis]

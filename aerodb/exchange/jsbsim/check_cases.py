@@ -32,12 +32,12 @@ TOLERANCE: Final = 1e-9
 SMALLEST: Final = 1e-3
 
 #: What follows from other conditions inside JSBSim and cannot be set there.
-FOLLOWING: Final = ("alphadot", "betadot", "calibrated_airspeed", "cg_x", "cg_y", "cg_z")
+DERIVED_INPUTS: Final = ("alphadot", "betadot", "calibrated_airspeed", "cg_x", "cg_y", "cg_z")
 #: What initial conditions bring about.
 _STATE: Final = {
     *("V", "alpha", "beta", "mach", "rho", "qbar", "p", "q", "r"),
     *("altitude", "height_above_ground", "phi", "theta"),
-    *FOLLOWING,
+    *DERIVED_INPUTS,
 }
 
 _RANGES: Final[dict[str, tuple[float, float]]] = {
@@ -62,7 +62,7 @@ _KELVIN: Final = 1.8  # degrees Rankine
 
 
 @dataclass(frozen=True, eq=False)
-class Flown:
+class JsbsimRun:
     """What JSBSim had and gave: inputs and coefficients (n,) by name, moments about the database's
     reference."""
 
@@ -99,7 +99,7 @@ def jsbsim_check_cases(database: AeroDatabase, n: int = 20, seed: int = 0) -> li
         drawn["V"] = drawn["mach"] * _SOUND * rng.uniform(0.88, 1.0, n)
     if {"qbar", "rho"} <= drawn.keys():
         drawn["qbar"] = drawn["rho"] * drawn.setdefault("V", rng.uniform(*_RANGES["V"], n)) ** 2 / 2
-    drawn |= {name: np.zeros(n) for name in FOLLOWING if name in drawn}
+    drawn |= {name: np.zeros(n) for name in DERIVED_INPUTS if name in drawn}
     predicted = database.predict(drawn).coefficients
     coefficients = {axis: np.broadcast_to(predicted[axis], n) for axis in AXES}
     return [
@@ -175,7 +175,7 @@ def fly_cases(
     conditions: Sequence[Mapping[str, float]],
     properties: Mapping[str, tuple[str, float]],
     reference: Reference,
-) -> Flown:
+) -> JsbsimRun:
     """Brings `executive` to each of `conditions` and reads back inputs, forces and moments.
 
     executive : JSBSim's FGFDMExec with the aircraft loaded. conditions : inputs in SI; what is
@@ -195,7 +195,7 @@ def fly_cases(
         centres.append((-x, y, -z))
     found = {axis: np.array([row[k] for row in rows]) for k, axis in enumerate(AXES)}
     moved = transfer_moments(found, np.array(centres), reference.moment_reference, reference)
-    return Flown({name: np.array(values) for name, values in had.items()}, moved)
+    return JsbsimRun({name: np.array(values) for name, values in had.items()}, moved)
 
 
 def _coefficients(executive: Any) -> list[float]:

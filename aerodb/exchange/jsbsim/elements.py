@@ -69,7 +69,7 @@ class Axis:
     extrapolation: str = "neither"
 
 
-def snapped(axis: Axis) -> Element:
+def snapped_argument(axis: Axis) -> Element:
     """The breakpoint that an argument stands for on an axis that is not linear."""
     points = axis.breakpoints
     test, thresholds = {

@@ -18,16 +18,16 @@ from aerodb.exchange.jsbsim.elements import Element, function, node, prop, total
 from aerodb.exchange.jsbsim.properties import (
     CHANNEL_PROPERTIES,
     FOOT,
-    HYSTERESIS,
     INCH,
     LIFT_SQUARED,
     OWN_CHANNEL,
     OWN_FREE,
     PROPERTIES,
+    STALL_HYSTERESIS,
     hysteresis_limits,
 )
 from aerodb.exchange.jsbsim.writing import FunctionWriter, channel_property
-from aerodb.exchange.state_terms import for_jsbsim
+from aerodb.exchange.state_terms import states_for_jsbsim
 from aerodb.nomenclature import axis_description, channel
 from aerodb.tables import WIND_AXES, AeroDatabase, CheckCase, Reference, Term, parse
 
@@ -43,7 +43,7 @@ _NATIVE_CONTROL: Final = re.compile(
 
 _STATE: Final = {
     *(path for path, _ in CHANNEL_PROPERTIES.values()),
-    HYSTERESIS,
+    STALL_HYSTERESIS,
     LIFT_SQUARED,
     "aero/Re",
     "aero/h_b-mac-ft",
@@ -87,7 +87,7 @@ def export_jsbsim(database: AeroDatabase, *, name: str, cases: Sequence[CheckCas
 
     Raises InputError for an expression that has no form in JSBSim.
     """
-    plain = with_increments_as_terms(for_jsbsim(database))
+    plain = with_increments_as_terms(states_for_jsbsim(database))
     writer = FunctionWriter(plain, free_properties(plain))
     axes = _axes(plain, writer)
     root = node(
@@ -119,7 +119,9 @@ def free_properties(database: AeroDatabase) -> dict[str, str]:
     for name, description in database.free_inputs.items():
         match = _SOURCE_PROPERTY.match(description)
         lost = (
-            match is not None and match[1] == HYSTERESIS and hysteresis_limits(description) is None
+            match is not None
+            and match[1] == STALL_HYSTERESIS
+            and hysteresis_limits(description) is None
         )
         found[name] = match[1] if match and not lost else f"{OWN_FREE}{name}"
     return found
@@ -236,7 +238,7 @@ def _axes(database: AeroDatabase, writer: FunctionWriter) -> list[Element]:
         else:
             totals[term.axis].append(term)
     if mixed:
-        for axis, element in _turned(totals, writer, names):
+        for axis, element in _wind_as_body_axes(totals, writer, names):
             written[axis].append(element)
     theirs = {**forces, **_MOMENTS}
     return [
@@ -254,7 +256,7 @@ def _force(path: str, axis: str, coefficient: Element, note: str) -> Element:
     return function(path, node("product", *factors, coefficient), note)
 
 
-def _turned(
+def _wind_as_body_axes(
     totals: dict[str, list[Term]], writer: FunctionWriter, names: "_Names"
 ) -> Iterable[tuple[str, Element]]:
     """The terms on wind axes as one function on each body axis."""

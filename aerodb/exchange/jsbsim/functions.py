@@ -11,9 +11,9 @@ from typing import Any, Final, NoReturn
 import numpy as np
 
 from aerodb.errors import InputError
-from aerodb.exchange.jsbsim.operations import interpreted
-from aerodb.exchange.jsbsim.properties import OWN_FREE, own_name
-from aerodb.exchange.jsbsim.table import read_table, stack
+from aerodb.exchange.jsbsim.operations import build_operation
+from aerodb.exchange.jsbsim.properties import OWN_FREE, property_identifier
+from aerodb.exchange.jsbsim.table import read_table, stack_slices
 from aerodb.exchange.jsbsim.xml_elements import MAX_NAME, read_number
 from aerodb.nomenclature import CHANNELS, is_surface
 from aerodb.support import Array
@@ -109,7 +109,7 @@ class Functions:
                 f"at least one, at most {MAX_NAME}",
             )
         if name not in self.identifiers:
-            self.identifiers[name] = self.unique(own_name(name))
+            self.identifiers[name] = self.unique(property_identifier(name))
         return self.identifiers[name]
 
     def unique(self, wanted: str) -> str:
@@ -150,7 +150,7 @@ class Functions:
             return self._interpolation(
                 [self._tree(child, function) for child in elements], function
             )
-        found = interpreted(
+        found = build_operation(
             tag, [self._node(child, function) for child in elements], f"{self.where}: {function}"
         )
         return found if found is not None else self.refuse(element, f"function {function}")
@@ -217,7 +217,9 @@ class Functions:
             and len({c.arguments for c in calls}) == 1
         ):
             parts = [self.tables.pop(call.table) for call in calls]
-            axes, values = stack(levels, [(part.breakpoints, part.values) for part in parts], where)
+            axes, values = stack_slices(
+                levels, [(part.breakpoints, part.values) for part in parts], where
+            )
             return self._table(
                 function, (*calls[0].arguments, x), (*parts[0].arguments, label), axes, values
             )

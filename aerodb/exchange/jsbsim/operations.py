@@ -97,7 +97,7 @@ _OPERATIONS: Final[dict[str, _Operation]] = {
 }
 
 
-def interpreted(tag: str, operands: list[Expression], where: str) -> Expression | None:
+def build_operation(tag: str, operands: list[Expression], where: str) -> Expression | None:
     """The operation `tag` of `operands`, None when it is not known. Raises InputError for a wrong
     number of operands."""
     operation = _OPERATIONS.get(tag)

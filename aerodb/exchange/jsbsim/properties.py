@@ -23,7 +23,7 @@ AREA: Final = "metrics/Sw-sqft"
 SPAN: Final = "metrics/bw-ft"
 CHORD: Final = "metrics/cbarw-ft"
 LIFT_SQUARED: Final = "aero/cl-squared"
-HYSTERESIS: Final = "aero/stall-hyst-norm"
+STALL_HYSTERESIS: Final = "aero/stall-hyst-norm"
 WING_ALPHA: Final = "aero/alpha-wing-rad"
 WING_INCIDENCE: Final = "metrics/iw-rad"
 
@@ -135,35 +135,35 @@ def height_of_reference_point(x: float, y: float, z: float) -> str:
     return f"(height_above_ground - ({below_cg}))/b_ref"
 
 
-def hysteresis_text(low: float, high: float) -> str:
+def hysteresis_description(low: float, high: float) -> str:
     """How a free input says that it is JSBSim's stall hysteresis between two angles of attack
     [rad]."""
     return (
-        f"JSBSim property {HYSTERESIS}: relay on alpha, 1 above {high!r} rad, 0 below {low!r} rad,"
+        f"JSBSim property {STALL_HYSTERESIS}: relay on alpha, 1 above {high!r} rad, 0 below {low!r} rad,"
         " in between as it was"
     )
 
 
 _HYSTERESIS_TEXT = re.compile(
-    re.escape(f"JSBSim property {HYSTERESIS}: relay on alpha, 1 above ")
+    re.escape(f"JSBSim property {STALL_HYSTERESIS}: relay on alpha, 1 above ")
     + r"(\S+) rad, 0 below (\S+) rad,.*"
 )
 
 
 def hysteresis_limits(text: str) -> tuple[float, float] | None:
-    """Low and high angle of attack [rad] out of `hysteresis_text`; None for any other text.
+    """Low and high angle of attack [rad] out of `hysteresis_description`; None for any other text.
 
-    >>> hysteresis_limits(hysteresis_text(0.1, 0.3))
+    >>> hysteresis_limits(hysteresis_description(0.1, 0.3))
     (0.1, 0.3)
     """
     match = _HYSTERESIS_TEXT.fullmatch(text)
     return (float(match[2]), float(match[1])) if match else None
 
 
-def own_name(name: str) -> str:
+def property_identifier(name: str) -> str:
     """The identifier that a property should have if it is free: its own name where an export made
     it."""
-    if name == HYSTERESIS:
+    if name == STALL_HYSTERESIS:
         return "stall_hyst_norm"
     for prefix in (OWN_FREE, OWN_VARIABLE):
         if name.startswith(prefix):

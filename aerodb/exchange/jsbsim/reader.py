@@ -11,25 +11,25 @@ from functools import reduce
 from typing import Any, Final
 
 from aerodb.errors import InputError, UnknownNameError, nearest
-from aerodb.exchange.jsbsim.axes import FACTORS, axis_frame, body_forces, check_systems, shares
+from aerodb.exchange.jsbsim.axes import FACTORS, axis_frame, axis_shares, body_forces, check_systems
 from aerodb.exchange.jsbsim.functions import TEXT, Functions
 from aerodb.exchange.jsbsim.properties import (
-    HYSTERESIS,
     LIFT_SQUARED,
     OWN_CHANNEL,
     PROPERTIES,
+    STALL_HYSTERESIS,
     WING_ALPHA,
     WING_INCIDENCE,
     height_of_reference_point,
+    hysteresis_description,
     hysteresis_limits,
-    hysteresis_text,
 )
 from aerodb.exchange.jsbsim.xml_elements import (
-    part,
     read_constants,
     read_limits,
     read_reference,
     read_root,
+    read_section,
 )
 from aerodb.nomenclature import channel
 from aerodb.tables import (
@@ -85,14 +85,14 @@ def import_jsbsim(
     the file does not use.
     """
     root = read_root(xml, name)
-    metrics = part(root, "metrics", name, loader)
+    metrics = read_section(root, "metrics", name, loader)
     reference, constants = read_reference(metrics, name), read_constants(metrics, name)
-    reading = _Reading(name, dict(bindings or {}), constants)
-    reading.read(part(root, "aerodynamics", name, loader))
+    reading = _AircraftReader(name, dict(bindings or {}), constants)
+    reading.read(read_section(root, "aerodynamics", name, loader))
     return reading.database(reference)
 
 
-class _Reading:
+class _AircraftReader:
     """The aerodynamics of one file: its functions, the axes that they act on, and what its
     properties mean."""
 
@@ -141,7 +141,7 @@ class _Reading:
         if (
             element.tag == "hysteresis_limits" and low != 0.0 != high
         ):  # JSBSim's relay does not move when either is zero
-            self._hysteresis = hysteresis_text(low, high)
+            self._hysteresis = hysteresis_description(low, high)
 
     def _only_function(self, element: Any) -> str:
         functions = [child for child in element if child.tag not in TEXT]
@@ -201,7 +201,7 @@ class _Reading:
                 meaning = self._meaning(name, reference, terms)
                 if meaning is None:
                     free[identifier] = (
-                        self._hysteresis if name == HYSTERESIS else f"JSBSim property {name}"
+                        self._hysteresis if name == STALL_HYSTERESIS else f"JSBSim property {name}"
                     )
                 else:
                     variables[identifier] = meaning
@@ -213,7 +213,7 @@ class _Reading:
         body = any(axis in ("AXIAL", "NORMAL") for axis, _, _ in self._acting)
         for axis, frame, function in self._acting:
             expression, description = self._functions.defined[function]
-            reached = shares(axis, frame)
+            reached = axis_shares(axis, frame)
             for ours, factor in reached:
                 scaled = _scaled(self._without(expression, FACTORS[ours]), parse(factor))
                 short = (
@@ -306,7 +306,7 @@ class _Reading:
             return height_of_reference_point(*reference.moment_reference)
         if name == WING_ALPHA:
             return f"alpha + {self._constants.get(WING_INCIDENCE, 0.0)!r}".replace("+ -", "- ")
-        if name == HYSTERESIS and not self._hysteresis:
+        if name == STALL_HYSTERESIS and not self._hysteresis:
             return "0"  # JSBSim never moves it without limits
         own = name.removeprefix(OWN_CHANNEL)
         if own != name:

@@ -6,7 +6,7 @@ from typing import Any, Final
 import numpy as np
 
 from aerodb.errors import InputError
-from aerodb.exchange.jsbsim.xml_elements import shown
+from aerodb.exchange.jsbsim.xml_elements import shortened
 from aerodb.support import Array
 from aerodb.tables import Table
 
@@ -63,7 +63,7 @@ def _read(blocks: list[Any], dimensions: int, where: str) -> tuple[tuple[Array, 
             for block in blocks
             if dimensions < 4 or _only_slices(block, where)
         ]
-        return stack(_levels(blocks, where), slices, where)
+        return stack_slices(_levels(blocks, where), slices, where)
     if len(blocks) != 1:
         raise InputError(
             f"{len(blocks)} blocks of data for a {dimensions}-dimensional table", where
@@ -109,7 +109,7 @@ def _numbers(element: Any, where: str) -> Array:
             if line.strip()
         ]
     except ValueError as error:
-        raise InputError(f"table data: {shown(str(error))}", where) from None
+        raise InputError(f"table data: {shortened(str(error))}", where) from None
     if not lines or sum(map(len, lines)) > MAX_NUMBERS:
         raise InputError(
             f"table data of {len(lines)} lines", where, f"between one and {MAX_NUMBERS} numbers"
@@ -122,7 +122,7 @@ def _numbers(element: Any, where: str) -> Array:
     return np.array(lines)
 
 
-def stack(
+def stack_slices(
     levels: Array, slices: list[tuple[tuple[Array, ...], Array]], where: str
 ) -> tuple[tuple[Array, ...], Array]:
     """Slices at the `levels` of one further, last axis as one table. Slices on different

@@ -15,7 +15,7 @@ from aerodb.exchange.jsbsim.elements import (
     function,
     node,
     prop,
-    snapped,
+    snapped_argument,
     table,
     value,
 )
@@ -257,7 +257,8 @@ class FunctionWriter:
         if way == "linear":
             return axis
         return Axis(
-            self._argument(snapped(axis), f"{argument}: {way} of the breakpoints"), axis.breakpoints
+            self._argument(snapped_argument(axis), f"{argument}: {way} of the breakpoints"),
+            axis.breakpoints,
         )
 
 

@@ -62,7 +62,7 @@ def read_root(xml: bytes, where: str) -> Any:
     try:
         root = etree.fromstring(xml, parser)
     except (etree.XMLSyntaxError, ValueError) as error:
-        raise InputError(f"not valid XML: {shown(str(error))}", where) from None
+        raise InputError(f"not valid XML: {shortened(str(error))}", where) from None
     if root.getroottree().docinfo.doctype:
         raise _document_type(where)
     for element in root.iter():
@@ -81,13 +81,13 @@ def _document_type(where: str) -> InputError:
     return InputError("XML with a document type", where, "remove the <!DOCTYPE ...> declaration")
 
 
-def shown(text: str | None) -> str:
+def shortened(text: str | None) -> str:
     """Text of a file as messages show it: one line, not too long."""
     line = " ".join((text or "").split())
     return line if len(line) <= _SHOWN else f"{line[:_SHOWN]}..."
 
 
-def only(parent: Any, tag: str, where: str) -> Any:
+def only_child(parent: Any, tag: str, where: str) -> Any:
     """The one child of this tag; InputError when there are none or several."""
     found = parent.findall(tag)
     if len(found) != 1:
@@ -97,13 +97,13 @@ def only(parent: Any, tag: str, where: str) -> Any:
     return found[0]
 
 
-def part(root: Any, tag: str, where: str, loader: Callable[[str], bytes] | None) -> Any:
+def read_section(root: Any, tag: str, where: str, loader: Callable[[str], bytes] | None) -> Any:
     """The one child of this tag, from the file that it names where it names one.
 
     Raises InputError for a file without a `loader`, one named by an absolute path or through
     ``..``, and one with another root.
     """
-    element = only(root, tag, where)
+    element = only_child(root, tag, where)
     file = element.get("file", "").strip()
     if not file:
         return element
@@ -130,9 +130,9 @@ def read_number(text: str | None, where: str) -> float:
     try:
         value = float(text or "")
     except ValueError:
-        raise InputError(f"'{shown(text)}' is not a number", where) from None
+        raise InputError(f"'{shortened(text)}' is not a number", where) from None
     if not math.isfinite(value):
-        raise InputError(f"'{shown(text)}' is not finite", where)
+        raise InputError(f"'{shortened(text)}' is not finite", where)
     return value
 
 
@@ -146,7 +146,9 @@ def _convert(element: Any, text: str | None, default: str, to: str, where: str) 
 def read_reference(metrics: Any, where: str) -> Reference:
     """Area, chord, span and moment reference (AERORP) in SI; positions from the structural origin
     in body axes."""
-    area, span, chord = (only(metrics, tag, where) for tag in ("wingarea", "wingspan", "chord"))
+    area, span, chord = (
+        only_child(metrics, tag, where) for tag in ("wingarea", "wingspan", "chord")
+    )
     point = next(
         (place for place in metrics.findall("location") if place.get("name") == "AERORP"), None
     )
@@ -154,7 +156,9 @@ def read_reference(metrics: Any, where: str) -> Reference:
         raise InputError(
             "no <location name='AERORP'> in <metrics>", where, "moments need their reference point"
         )
-    x, y, z = (_convert(point, only(point, axis, where).text, "IN", "m", where) for axis in "xyz")
+    x, y, z = (
+        _convert(point, only_child(point, axis, where).text, "IN", "m", where) for axis in "xyz"
+    )
     return Reference(
         area=_convert(area, area.text, "FT2", "m^2", where),
         chord=_convert(chord, chord.text, "FT", "m", where),
@@ -178,7 +182,7 @@ def read_constants(metrics: Any, where: str) -> dict[str, float]:
 def read_limits(element: Any, where: str) -> tuple[float, float]:
     """``<min>`` and ``<max>`` [rad] of an element with a unit, radians without."""
     low, high = (
-        _convert(element, only(element, tag, where).text, "RAD", "rad", where)
+        _convert(element, only_child(element, tag, where).text, "RAD", "rad", where)
         for tag in ("min", "max")
     )
     return low, high

@@ -10,7 +10,7 @@ from aerodb.conditioning.duplicates import fingerprint, shared_samples
 from aerodb.conditioning.plausibility import clock_suspicions, suspicions
 from aerodb.conditioning.segmentation import segments
 from aerodb.conditioning.wild_points import flag_wild_points
-from aerodb.examples.phoenix import mission, text
+from aerodb.examples.phoenix import mission, read_example
 from aerodb.flight import Flight
 from aerodb.logs.mapping import map_recording
 from aerodb.recording import Recording
@@ -29,7 +29,7 @@ def recordings() -> list[Recording]:
 
 @pytest.fixture(scope="module")
 def flights(recordings: list[Recording]) -> list[Flight]:
-    vehicle = parse_vehicle(text("vehicle.toml"))
+    vehicle = parse_vehicle(read_example("vehicle.toml"))
     return [
         map_recording(recording, builtin_mappings()["px4"], vehicle, recording.source)
         for recording in recordings

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from aerodb.coefficients.total import total_coefficients
-from aerodb.examples.phoenix import mission, text
+from aerodb.examples.phoenix import mission, read_example
 from aerodb.examples.phoenix.preflight import preflight_text
 from aerodb.examples.phoenix.truth import EFFECTS, truth
 from aerodb.exchange.native import read_native
@@ -32,12 +32,12 @@ FLIGHTS = 3
 
 @pytest.fixture(scope="module")
 def vehicle() -> Vehicle:
-    return parse_vehicle(text("vehicle.toml"))
+    return parse_vehicle(read_example("vehicle.toml"))
 
 
 @pytest.fixture(scope="module")
 def preflight() -> AeroDatabase:
-    return read_native(text("preflight.toml"))
+    return read_native(read_example("preflight.toml"))
 
 
 @pytest.fixture(scope="module")
@@ -89,8 +89,8 @@ def test_vehicle_has_the_published_figures(vehicle: Vehicle, preflight: AeroData
 
 
 def test_preflight_file_is_what_its_formulas_give() -> None:
-    assert text("preflight.toml") == preflight_text()
-    assert "INVENTED" in text("preflight.toml").splitlines()[0]
+    assert read_example("preflight.toml") == preflight_text()
+    assert "INVENTED" in read_example("preflight.toml").splitlines()[0]
 
 
 def test_truth_differs_as_003_reports(preflight: AeroDatabase, vehicle: Vehicle) -> None:
@@ -120,7 +120,7 @@ def test_truth_differs_as_003_reports(preflight: AeroDatabase, vehicle: Vehicle)
 def test_declared_model_spans_the_truth_and_names_channels_that_flights_have(
     history: History,
 ) -> None:
-    model = parse_model_file(text("model.toml"))
+    model = parse_model_file(read_example("model.toml"))
     check_channels(model, {*flown(history, 0), "q_hat"})
     declared = {(entry.axis, term) for entry in model.increment for term in entry.terms}
     plain = {"min(alpha, 0.175)": "alpha", "max(alpha - 0.175, 0)": "alpha"}

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from lxml import etree
 
 from aerodb.examples.phoenix.preflight import preflight_text
-from aerodb.exchange.daveml.check_cases import check_cases, verify
+from aerodb.exchange.daveml.check_cases import read_check_cases, verify_cases
 from aerodb.exchange.daveml.export import export_daveml
 from aerodb.exchange.daveml.reader import import_daveml
 from aerodb.exchange.jsbsim.reader import import_jsbsim
@@ -67,8 +67,8 @@ def test_hl20_meets_all_its_static_shots_and_internal_signals(
 ) -> None:
     """25 shots with 8,616 internal signals: the outputs at the file's tolerances, the signals,
     which have none, at 1e-12."""
-    cases = check_cases(hl20_xml)
-    results = verify(hl20, cases, relative=1e-12)
+    cases = read_check_cases(hl20_xml)
+    results = verify_cases(hl20, cases, relative=1e-12)
     assert [result.failures for result in results] == [()] * 25
     assert sum(result.internals for result in results) == 8616
     assert sum(result.outputs for result in results) == 250
@@ -92,13 +92,13 @@ def test_a_wrong_value_is_reported(hl20: AeroDatabase, hl20_xml: bytes) -> None:
         hl20.terms,
         free_inputs=hl20.free_inputs,
     )
-    assert any(not result.passed for result in verify(other, check_cases(hl20_xml)))
+    assert any(not result.passed for result in verify_cases(other, read_check_cases(hl20_xml)))
 
 
 def test_hl20_coefficients_on_body_axes(hl20: AeroDatabase, hl20_xml: bytes) -> None:
     """The first shot through channels in SI: lift and drag are along the stability axes (NASA
     TM-107580), CY is a body axis."""
-    shot = check_cases(hl20_xml)[0]
+    shot = read_check_cases(hl20_xml)[0]
     outputs = {signal.identity: signal.value for signal in shot.outputs}
     alpha = np.radians(12.34)
     channels = dict.fromkeys(hl20.inputs, 0.0) | {
@@ -122,7 +122,7 @@ def test_hl20_there_and_back(hl20: AeroDatabase) -> None:
     file = export_daveml(hl20)
     again = import_daveml(file, name="again")
     assert difference(hl20, again, hl20_points(10_000)) <= 1e-12
-    results = verify(again, check_cases(file))
+    results = verify_cases(again, read_check_cases(file))
     assert len(results) == 25
     assert all(result.passed and result.internals > 300 for result in results)
     twice = import_daveml(export_daveml(again), name="twice")
@@ -211,7 +211,7 @@ def test_any_database_comes_back_equal(seed: int) -> None:
     }
     points |= {name: points.get(name, np.zeros(300)) for name in again.inputs}
     assert difference(database, again, points) <= 1e-12
-    assert all(result.passed for result in verify(again, check_cases(file)))
+    assert all(result.passed for result in verify_cases(again, read_check_cases(file)))
     assert {name: table.uncertainty for name, table in again.tables.items()} == {
         name: table.uncertainty for name, table in database.tables.items()
     }
@@ -319,4 +319,4 @@ def test_the_file_states_what_it_means() -> None:
 
 def test_a_database_that_is_finite_nowhere_has_no_check_cases() -> None:
     database = AeroDatabase("s", REFERENCE, terms=(Term("a", "Cm", parse("sqrt(-1 - alpha^2)")),))
-    assert check_cases(export_daveml(database)) == ()
+    assert read_check_cases(export_daveml(database)) == ()

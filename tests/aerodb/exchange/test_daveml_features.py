@@ -6,7 +6,7 @@ import pytest
 from scipy.interpolate import LinearNDInterpolator
 
 from aerodb.errors import InputError
-from aerodb.exchange.daveml.check_cases import check_cases, verify
+from aerodb.exchange.daveml.check_cases import read_check_cases, verify_cases
 from aerodb.exchange.daveml.export import export_daveml
 from aerodb.exchange.daveml.reader import import_daveml
 from aerodb.exchange.daveml.xml_elements import is_daveml
@@ -266,11 +266,11 @@ def test_names_may_repeat_with_other_units_and_units_be_spelled_otherwise() -> N
       </signal><signal><signalName>aeroBodyMomentCoefficient_Pitch</signalName><signalUnits></signalUnits>
       <signalValue>1.0</signalValue><tol>1e-9</tol></signal></checkOutputs></staticShot></checkData>"""
     file = small(body)
-    (result,) = verify(import_daveml(file, name="names"), check_cases(file))
+    (result,) = verify_cases(import_daveml(file, name="names"), read_check_cases(file))
     assert result.passed, result.failures
     assert (result.internals, result.outputs) == (1, 2)
-    (wrong,) = verify(
-        import_daveml(file, name="names"), check_cases(file.replace(b">1.0<", b">1.1<"))
+    (wrong,) = verify_cases(
+        import_daveml(file, name="names"), read_check_cases(file.replace(b">1.0<", b">1.1<"))
     )
     assert "CM is 1.0, it should be 1.1" in wrong.failures[0]
 

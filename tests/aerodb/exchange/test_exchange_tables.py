@@ -16,7 +16,7 @@ from scipy.interpolate import RegularGridInterpolator
 from scipy.io import loadmat, netcdf_file, savemat
 
 from aerodb.errors import InputError
-from aerodb.exchange.arrays import archive_parts as parts
+from aerodb.exchange.arrays import contents as parts
 from aerodb.exchange.arrays.comma_separated import export_csv, import_csv
 from aerodb.exchange.arrays.mat import export_mat, import_mat
 from aerodb.exchange.arrays.netcdf import export_netcdf, import_netcdf
@@ -139,7 +139,7 @@ def test_the_file_says_axes_units_signs_and_moment_reference(
     export: Exporter, read: Importer
 ) -> None:
     database = with_grid()
-    text = parts.take_apart(database, "CSV").manifest_text
+    text = parts.to_contents(database, "CSV").manifest_text
     point = ", ".join(f"{x:g}" for x in database.reference.moment_reference)
     for said in (
         "positive nose up",
@@ -321,7 +321,7 @@ def test_small_files_that_unpack_to_huge_ones_are_refused(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for module in ("comma_separated", "mat"):
-        monkeypatch.setattr(f"aerodb.exchange.{module}.MAX_BYTES", 3_000_000)
+        monkeypatch.setattr(f"aerodb.exchange.arrays.{module}.MAX_BYTES", 3_000_000)
     if name == "csv":
         bomb = changed_zip(export_csv(with_grid()), {"tables/T0.csv": "0" * 30_000_000})
     else:

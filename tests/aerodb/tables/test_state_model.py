@@ -17,7 +17,7 @@ from aerodb.exchange.daveml.reader import import_daveml
 from aerodb.exchange.jsbsim.export import export_jsbsim
 from aerodb.exchange.jsbsim.reader import import_jsbsim
 from aerodb.exchange.native import database_content_sha256, from_document, read_native, to_document
-from aerodb.exchange.state_terms import for_jsbsim, without_memory
+from aerodb.exchange.state_terms import states_for_jsbsim, without_states
 from aerodb.flight import Flight
 from aerodb.support.identity import canonical_json
 from aerodb.tables.check_cases import failures, make_check_cases
@@ -326,7 +326,7 @@ def test_relay_against_jsbsim_in_a_stall_and_recovery():
 @pytest.mark.parametrize("law", [ATTAS, GOMAN])
 def test_exported_as_what_it_settles_at(law):
     made = database(state(law))
-    flat = without_memory(made)
+    flat = without_states(made)
     note = flat.variables["settled_flow_attachment"].description
     assert ("not in this file" in note) == (law.relaxation > 0.0)
     rng = np.random.default_rng(3)
@@ -359,7 +359,7 @@ def test_a_relay_goes_to_jsbsim_as_its_own_and_comes_back():
     )
     assert theirs["CZ"] == pytest.approx(ours["CZ"], rel=1e-9)
     assert set(made.states_along(time, channels)["flow_attachment"]) == {0.0, 1.0}
-    assert not for_jsbsim(made).states
+    assert not states_for_jsbsim(made).states
     with pytest.raises(InputError, match="does not move"):
         export_jsbsim(database(state(Relay(0.0, 0.3))), name="wing")
     assert "flow_attachment" in import_daveml(export_daveml(made), name="wing").inputs

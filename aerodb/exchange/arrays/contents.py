@@ -3,7 +3,7 @@ NetCDF files.
 
 Numbers of tables, increments and check cases stand once, in the arrays of the format, where its
 users look for them and may change them; definitions stand once, as text; whatever else a database
-has is in the manifest (JSON). So nothing can be silently lost or contradict itself. `put_together`
+has is in the manifest (JSON). So nothing can be silently lost or contradict itself. `from_contents`
 tests the result against the check cases that the file carries.
 """
 
@@ -48,7 +48,7 @@ class CaseNumbers:
 
 
 @dataclass(frozen=True)
-class Parts:
+class Contents:
     """manifest : what is neither in the texts nor in the arrays. tables : name -> breakpoints per
     axis, and values."""
 
@@ -65,10 +65,10 @@ class Parts:
         return json.dumps(self.manifest, indent=1, ensure_ascii=True)
 
 
-def take_apart(
+def to_contents(
     database: AeroDatabase, kind: str, check_cases: Sequence[CheckCase] | None = None
-) -> Parts:
-    """The parts of `database` for a file of `kind`, with `check_cases` (by default 25 made of the
+) -> Contents:
+    """The contents of `database` for a file of `kind`, with `check_cases` (by default 25 made of the
     database).
 
     Raises InputError for text that the formats cannot hold.
@@ -110,23 +110,23 @@ def take_apart(
         "database": document,
     }
     cases = make_check_cases(database) if check_cases is None else tuple(check_cases)
-    return Parts(manifest, terms, variables, tables, increments, _case_numbers(cases))
+    return Contents(manifest, terms, variables, tables, increments, _case_numbers(cases))
 
 
-def put_together(parts: Parts, kind: str, where: str) -> AeroDatabase:
-    """The database of `parts` from a file of `kind`, tested against its check cases.
+def from_contents(contents: Contents, kind: str, where: str) -> AeroDatabase:
+    """The database of `contents` from a file of `kind`, tested against its check cases.
 
-    Raises InputError where the parts do not fit together, are not of this format, or fail a check
+    Raises InputError where the contents do not fit together, are not of this format, or fail a check
     case.
     """
-    document = _document(parts, kind, where)
+    document = _document(contents, kind, where)
     try:
-        for name, (axes, values) in parts.tables.items():
+        for name, (axes, values) in contents.tables.items():
             document["tables"][name] |= {
                 "breakpoints": [axis.tolist() for axis in axes],
                 "values": values.tolist(),
             }
-        for entry, numbers in zip(document["increments"], parts.increments, strict=True):
+        for entry, numbers in zip(document["increments"], contents.increments, strict=True):
             bounds = [dict(zip(ENVELOPE, row, strict=True)) for row in numbers.envelope.tolist()]
             entry["envelope"] = dict(zip(entry["envelope"], bounds, strict=True))
             entry |= {
@@ -136,7 +136,7 @@ def put_together(parts: Parts, kind: str, where: str) -> AeroDatabase:
         document["terms"] = [
             {**texts, **rest}
             for texts, rest in zip(
-                parts.terms, document.get("terms") or [{}] * len(parts.terms), strict=True
+                contents.terms, document.get("terms") or [{}] * len(contents.terms), strict=True
             )
         ]
         rest = document.get("variables") or {}
@@ -144,7 +144,7 @@ def put_together(parts: Parts, kind: str, where: str) -> AeroDatabase:
             texts["name"]: (
                 {key: texts[key] for key in VARIABLE_TEXTS[1:]} | rest.get(texts["name"], {})
             )
-            for texts in parts.variables
+            for texts in contents.variables
         }
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise InputError(
@@ -152,7 +152,7 @@ def put_together(parts: Parts, kind: str, where: str) -> AeroDatabase:
         ) from error
     database = from_document(document, where)
     try:
-        said = failures(database, _cases(parts.cases, where))
+        said = failures(database, _cases(contents.cases, where))
     except InputError as error:
         raise InputError(f"check cases: {error.what}", where, error.remedy) from error
     if said:
@@ -161,7 +161,7 @@ def put_together(parts: Parts, kind: str, where: str) -> AeroDatabase:
     return database
 
 
-def parsed_manifest(text: str, where: str) -> dict[str, Any]:
+def parse_manifest(text: str, where: str) -> dict[str, Any]:
     """The manifest of a file; InputError unless it is one."""
     try:
         manifest = json.loads(text)
@@ -174,7 +174,7 @@ def parsed_manifest(text: str, where: str) -> dict[str, Any]:
     return manifest
 
 
-def checked_size(data: bytes, where: str) -> None:
+def check_size(data: bytes, where: str) -> None:
     """InputError for a file beyond `MAX_BYTES`."""
     if len(data) > MAX_BYTES:
         raise InputError(f"{len(data)} bytes", where, f"at most {MAX_BYTES}")
@@ -229,9 +229,9 @@ def _input(name: str, database: AeroDatabase) -> str:
     return f"[{entry.unit}] {entry.description}"
 
 
-def _document(parts: Parts, kind: str, where: str) -> dict[str, Any]:
+def _document(contents: Contents, kind: str, where: str) -> dict[str, Any]:
     """A copy of the manifest's document whose tables and increments are those of the arrays."""
-    manifest = parts.manifest
+    manifest = contents.manifest
     if manifest.get("file") != f"aerodb {kind}" or manifest.get("version") != FORMAT:
         found = f"{manifest.get('file')!r}, version {manifest.get('version')!r}"
         raise InputError(
@@ -244,14 +244,16 @@ def _document(parts: Parts, kind: str, where: str) -> dict[str, Any]:
         raise InputError("the manifest holds no database", where, "export the database again")
     document = json.loads(json.dumps(document))
     tables, increments = document.get("tables"), document.get("increments")
-    if not isinstance(tables, dict) or tables.keys() != parts.tables.keys():
-        listed = sorted(tables.keys() ^ parts.tables.keys()) if isinstance(tables, dict) else "all"
+    if not isinstance(tables, dict) or tables.keys() != contents.tables.keys():
+        listed = (
+            sorted(tables.keys() ^ contents.tables.keys()) if isinstance(tables, dict) else "all"
+        )
         raise InputError(
             f"tables in the manifest and in the data differ: {listed}",
             where,
             "export the database again",
         )
-    if not isinstance(increments, list) or len(increments) != len(parts.increments):
+    if not isinstance(increments, list) or len(increments) != len(contents.increments):
         raise InputError(
             "increments in the manifest and in the data differ", where, "export the database again"
         )
