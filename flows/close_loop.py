@@ -16,7 +16,7 @@ from aerodb.tasks.steps import (
     what_is_left,
     write_update_page,
 )
-from aerodb.tasks.workspace_access import stores
+from aerodb.tasks.workspace_access import access_workspace
 
 
 def close_loop_flow(
@@ -60,7 +60,7 @@ def close_loop_flow(
         plan.hold_out.identified,
         **where,
         library=frozen,
-        database=stores(workspace).database(baseline),
+        database=access_workspace(workspace).database(baseline),
     )
     loop = steps(run_loop, plan, frozen, **where, accept=accept)
     proof = steps(prove_loop, plan, frozen, loop, **where, accept=accept)

@@ -25,7 +25,7 @@ from aerodb.nomenclature import AXES
 from aerodb.storage.workspace import Workspace
 from aerodb.storage.writers import write_ulog
 from aerodb.tasks.steps import compared
-from aerodb.tasks.workspace_access import stores
+from aerodb.tasks.workspace_access import access_workspace
 
 VEHICLE = "phoenix"
 ENVELOPE = "envelope.json"
@@ -53,8 +53,8 @@ def run_demo(workspace: Workspace, logs: list[Path], run: Run, say: Say) -> Demo
     """Takes the logs of `write_logs` in, closes the loop on them, and then opens the envelope."""
     database = logs[0].parent / "preflight.toml"
     database.write_text(read_example("preflight.toml"), encoding="utf-8")
-    opened = stores(str(workspace.root))
-    opened.catalogue.add_vehicle(VEHICLE, read_example("vehicle.toml"))
+    access = access_workspace(str(workspace.root))
+    access.catalogue.add_vehicle(VEHICLE, read_example("vehicle.toml"))
     baseline = run(import_flow, {"file": str(database), "vehicle": VEHICLE, "bindings": {}})[
         "version"
     ]
@@ -127,11 +127,11 @@ def floors(
 ) -> dict[str, dict[str, float]]:
     """Residual of the baseline, the candidate and the true model on the same reconstructed held-out
     coefficients."""
-    opened = stores(str(workspace.root))
-    baseline = opened.database(document["baseline"])
+    access = access_workspace(str(workspace.root))
+    baseline = access.database(document["baseline"])
     models = {
         "before": baseline,
-        "after": opened.database(document["candidate"]) if document["candidate"] else baseline,
+        "after": access.database(document["candidate"]) if document["candidate"] else baseline,
         "floor": truth(baseline, effects)[0],
     }
     residuals: dict[str, dict[str, list[np.ndarray]]] = {
@@ -139,7 +139,7 @@ def floors(
     }
     for id in document["flights"]["held_out"]:
         for name, database in models.items():
-            comparison = compared(opened, id, database, "")
+            comparison = compared(access, id, database, "")
             for axis in AXES:
                 residuals[axis][name].append(comparison.residual(axis)[comparison.usable[axis]])
     return {

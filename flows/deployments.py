@@ -37,12 +37,12 @@ def nightly(workspace: str, vehicle: str | None = None) -> None:
         nightly_flow,
     )  # here and below: a run does not wait for the science of the other
 
-    opened = Workspace.open(Path(workspace), create=False)
-    lock = take(night_lock(opened, vehicle))
+    folder = Workspace.open(Path(workspace), create=False)
+    lock = take(night_lock(folder, vehicle))
     if lock is None:
         return
     try:
-        run_flow(nightly_flow, {"vehicle": vehicle, "scheduled": vehicle is None}, opened)
+        run_flow(nightly_flow, {"vehicle": vehicle, "scheduled": vehicle is None}, folder)
     finally:
         lock.release()
 

@@ -31,12 +31,12 @@ Step = Callable[..., Any]
 Call = Callable[[], Any]
 
 #: A scheduler that does not answer, or has no worker, after so long [s] is not there.
-_ANSWERS: Final = 5.0
+_CONNECT_SECONDS: Final = 5.0
 _WHERE: Final = f"{FILE}: work"
-_PAGE: Final = "see flows/deploy/many-machines.md"
+_GUIDE: Final = "see flows/deploy/many-machines.md"
 
 
-class Work(Protocol):
+class Executor(Protocol):
     """Where steps are done."""
 
     def calls(
@@ -54,7 +54,7 @@ class Work(Protocol):
     ) -> None: ...
 
 
-class Here:
+class LocalExecutor:
     """Steps done by whoever calls them."""
 
     def calls(
@@ -74,15 +74,15 @@ class Here:
         """Nothing to give back."""
 
 
-class Cluster:
+class DaskExecutor:
     """Steps done by the workers of the Dask cluster at `address`; connected to when the first of
     them comes.
 
     far : whether workers may be on other machines, because those share the catalogue.
     """
 
-    def __init__(self, address: str, far: bool) -> None:
-        self._address, self._far = address, far
+    def __init__(self, address: str, remote: bool) -> None:
+        self._address, self._remote = address, far
         self._client: Any = None
         self._connecting = threading.Lock()
 
@@ -92,9 +92,9 @@ class Cluster:
         todo = list(items)
         if not todo:
             return []
-        job = partial(perform, Home.of(keywords, self._far), step)
+        job = partial(run_on_worker, RunSite.of(keywords, self._remote), step)
         # All at once: how many are under way at a time is the cluster's business.
-        return [_Remote(self, partial(job, item, args, keywords), item) for item in todo]
+        return [_RemoteCall(self, partial(job, item, args, keywords), item) for item in todo]
 
     def submit(self, job: Call) -> Any:
         """The future of a job. StoreBusyError where no scheduler, or no worker, can be had."""
@@ -118,14 +118,14 @@ class Cluster:
             ):  # what matters is raised
                 logging.getLogger(name).setLevel(logging.CRITICAL)
             connect: Any = distributed.Client
-            client = connect(self._address, timeout=_ANSWERS, set_as_default=False)
+            client = connect(self._address, timeout=_CONNECT_SECONDS, set_as_default=False)
         except OSError as error:
             what = f"no scheduler of a Dask cluster answers at {self._address}"
             raise StoreBusyError(
                 what, _WHERE, 'start it (dask scheduler), or engine = "threads"'
             ) from error
         try:
-            client.wait_for_workers(1, timeout=_ANSWERS)
+            client.wait_for_workers(1, timeout=_CONNECT_SECONDS)
         except TimeoutError as error:
             client.close()
             remedy = f"start some: dask worker {self._address} --nworkers auto --nthreads 1"
@@ -147,10 +147,10 @@ class Cluster:
             self._client.close()
 
 
-class _Remote:
+class _RemoteCall:
     """A step that a worker does; `job` is what it calls, for `item`."""
 
-    def __init__(self, cluster: Cluster, job: Call, item: Any) -> None:
+    def __init__(self, cluster: DaskExecutor, job: Call, item: Any) -> None:
         self._cluster, self._job, self._item = cluster, job, item
         self._future = cluster.submit(job)
 
@@ -178,7 +178,7 @@ class _Remote:
 
 
 @dataclass(frozen=True)
-class Home:
+class RunSite:
     """What a worker must have in common with the run: its machine (unless it is `far`), the
     versions of the steps, and the workspace folder, in which the file of the run's lock stands
     while it lasts."""
@@ -186,23 +186,23 @@ class Home:
     machine: str
     code: str
     lock: str
-    far: bool
+    remote: bool
 
     @classmethod
-    def of(cls, keywords: Mapping[str, Any], far: bool) -> Self:
+    def of(cls, keywords: Mapping[str, Any], remote: bool) -> Self:
         """Where a step is asked for: `keywords` are what it is given, its ``workspace`` and ``run``
         among them."""
         lock = Workspace(Path(keywords["workspace"])).lock(f"run-{keywords['run']}")
-        return cls(_machine(), _code(), str(lock), far)
+        return cls(_machine(), _code(), str(lock), remote)
 
 
-def perform(
-    home: Home, step: Step, item: Any, args: tuple[Any, ...], keywords: dict[str, Any]
+def run_on_worker(
+    site: RunSite, step: Step, item: Any, args: tuple[Any, ...], keywords: dict[str, Any]
 ) -> Any:
     """What a worker does: the step, and whatever that raises; SettingsError where this is not the
     place for it."""
     here = socket.gethostname()
-    if home.machine != _machine() and not home.far:
+    if site.machine != _machine() and not site.remote:
         what = (
             f"the worker on {here} is another machine than the run's, and the catalogue is a file"
             " of that one"
@@ -212,13 +212,13 @@ def perform(
             _WHERE,
             f'[catalogue] url = "postgresql://..." and a shared workspace folder; {_PAGE}',
         )
-    if home.code != _code():
+    if site.code != _code():
         raise SettingsError(
             f"the worker on {here} has another version of aerodb",
             _WHERE,
             f"install {home.code} there",
         )
-    if not os.path.exists(home.lock):
+    if not os.path.exists(site.lock):
         what = (
             f"the worker on {here} does not see the workspace folder {Path(home.lock).parents[1]}"
         )
@@ -240,12 +240,12 @@ def _code() -> str:
     return f"{code_version().partition('+')[0]} {json.dumps(RESULT_VERSION, sort_keys=True)}"
 
 
-def work_of(root: Path) -> Work:
+def executor_of(root: Path) -> Executor:
     """Where the workspace's settings want the steps of flights done. SettingsError where they
     cannot be used."""
     settings = load_settings(root)
     if settings.work.engine == "threads":
-        return Here()
+        return LocalExecutor()
     address = settings.work.address
     if address.startswith("$"):
         try:
@@ -254,4 +254,4 @@ def work_of(root: Path) -> Work:
             raise SettingsError(
                 f"{settings.work.address} holds no address: {error}", _WHERE, "set the variable"
             ) from error
-    return Cluster(address, far=bool(settings.catalogue.url))
+    return DaskExecutor(address, remote=bool(settings.catalogue.url))

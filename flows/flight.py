@@ -5,7 +5,7 @@ from typing import Any
 
 from aerodb.flows.run import Steps
 from aerodb.tasks.steps import check_consistency, compare_with_version, reconstruct, store_log
-from aerodb.tasks.workspace_access import stores
+from aerodb.tasks.workspace_access import access_workspace
 
 
 def flight_flow(
@@ -41,7 +41,7 @@ def flight_flow(
 def again_flow(steps: Steps, *, workspace: str, run: str, flight: str) -> dict[str, Any]:
     """The steps of the per-flight run once more on a stored flight (its id): what is missing of it
     is made, all else is read."""
-    vehicle = stores(workspace).catalogue.flight(flight).vehicle
+    vehicle = access_workspace(workspace).catalogue.flight(flight).vehicle
     made = _beside_released(steps, [flight], vehicle, workspace, run)
     return {"flight": flight, **{name: step.get(flight) for name, step in made.items()}}
 
@@ -57,7 +57,7 @@ def _beside_released(
     }
     coefficients = {entry["flight"]: entry for entry in steps.map(reconstruct, flights, **where)}
     known = [flight for flight in flights if coefficients[flight]["key"] is not None]
-    released = stores(workspace).named(vehicle, "released")
+    released = access_workspace(workspace).named(vehicle, "released")
     compared: dict[str, Any] = {}
     if released is not None:
         compared = {

@@ -26,7 +26,7 @@ from aerodb.tasks.steps import (
     settle,
     tell,
 )
-from aerodb.tasks.workspace_access import Stores, stores
+from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 
 #: Files of one vehicle that go through the per-flight run together: what is done is done, whatever
 #: comes after it.
@@ -47,20 +47,20 @@ def sweep_flow(
     Raises StoreError when there was no room for any of the files, and, once all else is done,
     SettingsError when settings or what they name cannot be used: no try counts then.
     """
-    opened = stores(workspace)
-    settings = load_settings(opened.workspace.root)
-    with holding(opened.workspace.lock("inbox")):
-        seen = files_of_inbox(opened, settings, vehicle)
+    access = access_workspace(workspace)
+    settings = load_settings(access.workspace.root)
+    with holding(access.workspace.lock("inbox")):
+        seen = files_of_inbox(access, settings, vehicle)
         files: list[dict[str, Any]] = []
         faults: list[SettingsError] = []
         try:
-            for batch in _batches(opened, settings, seen):
+            for batch in _batches(access, settings, seen):
                 try:
-                    files += _dealt(steps, opened, settings, batch, run)
+                    files += _dealt(steps, access, settings, batch, run)
                 except SettingsError as error:  # of one vehicle's mapping, perhaps
                     faults.append(error)
         finally:
-            _tell(opened, files)
+            _tell(access, files)
     _check_progress(files, faults)
     left = [entry for entry in seen if entry.state in ("copying", "blocked")]
     waiting = [
@@ -81,11 +81,11 @@ def _check_progress(files: Sequence[dict[str, Any]], faults: Sequence[SettingsEr
 
 
 def _batches(
-    opened: Stores, settings: Settings, seen: Sequence[Waiting]
+    access: WorkspaceAccess, settings: Settings, seen: Sequence[Waiting]
 ) -> Iterator[list[tuple[Waiting, str]]]:
     """Files to deal with together, each with the reason for which it is set aside, if it is. What
     was tried before goes alone."""
-    attempts = opened.catalogue.attempts(entry.relative for entry in seen)
+    attempts = access.catalogue.attempts(entry.relative for entry in seen)
     fresh: dict[str, list[tuple[Waiting, str]]] = {}
     alone: list[list[tuple[Waiting, str]]] = []
     for entry in seen:
@@ -116,15 +116,19 @@ def _batches(
 
 
 def _dealt(
-    steps: Steps, opened: Stores, settings: Settings, batch: Sequence[tuple[Waiting, str]], run: str
+    steps: Steps,
+    access: WorkspaceAccess,
+    settings: Settings,
+    batch: Sequence[tuple[Waiting, str]],
+    run: str,
 ) -> list[dict[str, Any]]:
-    where = {"workspace": str(opened.workspace.root), "run": run}
+    where = {"workspace": str(access.workspace.root), "run": run}
     if batch[0][1]:
         return [steps(set_aside, entry, **where, reason=reason) for entry, reason in batch]
     entries = [entry for entry, _ in batch if entry.unchanged()]
     if not entries:
         return []
-    note_tries(opened, entries, run)
+    note_tries(access, entries, run)
     own = settings.of(entries[0].vehicle)
     logs, vehicle = [str(entry.path) for entry in entries], entries[0].vehicle
     try:
@@ -133,20 +137,20 @@ def _dealt(
         )
     except BaseException as error:
         if len(entries) == 1 and _is_its_fault(error):
-            return [note_failure(opened, entries[0], run, f"{type(error).__name__}: {error}")]
+            return [note_failure(access, entries[0], run, f"{type(error).__name__}: {error}")]
         if len(entries) == 1 and _is_no_room(error):
-            return [note_no_room(opened, entries[0], run, str(error))]
+            return [note_no_room(access, entries[0], run, str(error))]
         for (
             entry
         ) in entries:  # not their fault, or one of them did it: the tries of all are taken back
-            note_failure(opened, entry, run, "")
+            note_failure(access, entry, run, "")
         if not (_is_its_fault(error) or _is_no_room(error)):
             raise
         # Alone, it hurts nobody else.
         return [
             ending
             for entry in entries
-            for ending in _dealt(steps, opened, settings, [(entry, "")], run)
+            for ending in _dealt(steps, access, settings, [(entry, "")], run)
         ]
     endings: list[dict[str, Any]] = steps(
         settle, list(zip(entries, outcomes, strict=True)), **where
@@ -180,7 +184,7 @@ def _is_no_room(error: BaseException) -> bool:
     return isinstance(error, StoreError) and not isinstance(error, StoreBusyError)
 
 
-def _tell(opened: Stores, files: Sequence[dict[str, Any]]) -> None:
+def _tell(access: WorkspaceAccess, files: Sequence[dict[str, Any]]) -> None:
     """One notification per vehicle for what was refused, and one for what failed."""
     for vehicle in sorted({ending["vehicle"] for ending in files}):
         mine = [ending for ending in files if ending["vehicle"] == vehicle]
@@ -196,10 +200,10 @@ def _tell(opened: Stores, files: Sequence[dict[str, Any]]) -> None:
                 f"{len(refused)} of {len(mine)} logs of {vehicle or 'no vehicle'} were refused or"
                 " rejected"
             )
-            tell(opened.workspace, "refused", vehicle, text, details)
+            tell(access.workspace, "refused", vehicle, text, details)
         elif failed:
             tell(
-                opened.workspace,
+                access.workspace,
                 "failed",
                 vehicle,
                 f"{len(failed)} logs of {vehicle} could not be processed",

@@ -16,7 +16,7 @@ from aerodb.flows.update import update_flow
 from aerodb.storage.workspace import Workspace
 from aerodb.storage.workspace_settings import SettingsError, load_settings
 from aerodb.tasks.steps import deliver, due, mark_ended, parameters_of, tell, trim_cache
-from aerodb.tasks.workspace_access import Stores, stores
+from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 
 _BODIES: Final[dict[str, Callable[..., Any]]] = {
     "close-loop": close_loop_flow,
@@ -41,13 +41,13 @@ def nightly_flow(
     error of one that failed. One stops no other. ``trimmed`` says what left the cache of an object
     store.
     """
-    opened = stores(workspace)
-    names = [row.name for row in opened.catalogue.vehicles()]
-    settings = load_settings(opened.workspace.root, tuple(names))
-    crashed = mark_ended(opened)
+    access = access_workspace(workspace)
+    names = [row.name for row in access.catalogue.vehicles()]
+    settings = load_settings(access.workspace.root, tuple(names))
+    crashed = mark_ended(access)
     swept, fault = _swept(steps, workspace, run, vehicle)
     loops = [
-        _advanced(steps, opened, name, way, run)
+        _advanced(steps, access, name, way, run)
         for name in names
         if name == vehicle or (vehicle is None and not (scheduled and settings.of(name).schedule))
         for way in settings.loop_of(name).run
@@ -77,10 +77,12 @@ def _swept(
         return {}, error
 
 
-def _advanced(steps: Steps, opened: Stores, vehicle: str, way: str, run: str) -> dict[str, Any]:
+def _advanced(
+    steps: Steps, access: WorkspaceAccess, vehicle: str, way: str, run: str
+) -> dict[str, Any]:
     """Takes one database further in one way, where that is due; says what came of it."""
-    loop = load_settings(opened.workspace.root).loop_of(vehicle)
-    asked = due(opened, vehicle, loop, way)
+    loop = load_settings(access.workspace.root).loop_of(vehicle)
+    asked = due(access, vehicle, loop, way)
     said: dict[str, Any] = {
         "vehicle": vehicle,
         "way": way,
@@ -91,14 +93,14 @@ def _advanced(steps: Steps, opened: Stores, vehicle: str, way: str, run: str) ->
     said |= {"candidate": None, "label": None, "error": ""}
     if not asked.is_due:
         return said
-    before = opened.named(vehicle, "candidate")
+    before = access.named(vehicle, "candidate")
     try:
-        parameters = parameters_of(opened, vehicle, loop, way, asked)
-        document = run_part(steps, _BODIES[way], parameters, str(opened.workspace.root), run)
+        parameters = parameters_of(access, vehicle, loop, way, asked)
+        document = run_part(steps, _BODIES[way], parameters, str(access.workspace.root), run)
     except Exception as error:
         text = f"{way} of {vehicle} failed: {error}"
         tell(
-            opened.workspace,
+            access.workspace,
             "failed",
             vehicle,
             text,
@@ -116,5 +118,5 @@ def _advanced(steps: Steps, opened: Stores, vehicle: str, way: str, run: str) ->
             for axis, entry in document["axes"].items()
         }
         details = {"version": document["candidate"], "label": document["label"], "axes": axes}
-        tell(opened.workspace, "candidate", vehicle, text, details)
+        tell(access.workspace, "candidate", vehicle, text, details)
     return said

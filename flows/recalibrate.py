@@ -5,7 +5,7 @@ from typing import Any
 
 from aerodb.flows.run import Steps
 from aerodb.tasks.steps import bind, calibrate, check_consistency, compare_with_version, reconstruct
-from aerodb.tasks.workspace_access import stores
+from aerodb.tasks.workspace_access import access_workspace
 
 
 def recalibrate_flow(
@@ -36,7 +36,7 @@ def recalibrate_flow(
         for entry in steps.map(reconstruct, bound, **where)
         if entry["key"] is not None
     ]
-    released = stores(workspace).named(vehicle, "released")
+    released = access_workspace(workspace).named(vehicle, "released")
     compared = (
         []
         if released is None

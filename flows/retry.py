@@ -15,7 +15,7 @@ from aerodb.flows.update import update_flow
 from aerodb.storage.catalogue import RunRow
 from aerodb.storage.inbox import Quarantined, put_back
 from aerodb.tasks.steps import in_quarantine
-from aerodb.tasks.workspace_access import Stores
+from aerodb.tasks.workspace_access import WorkspaceAccess
 
 #: Runs a flow with its parameters: the command line's way, or a test's.
 Run = Callable[[Any, dict[str, Any]], Any]
@@ -37,15 +37,17 @@ _BODIES: Final[dict[str, Callable[..., Any]]] = {
 _SHORTEST: Final = 4
 
 
-def retry(opened: Stores, reference: str, vehicle: str | None, run: Run) -> list[dict[str, Any]]:
+def retry(
+    access: WorkspaceAccess, reference: str, vehicle: str | None, run: Run
+) -> list[dict[str, Any]]:
     """Does again what `reference` means: ``all``, a log in quarantine (key or name), a failed run,
     or a flight.
 
     vehicle : for whom a log came, where it is not known. Returns what was done: ``what``, ``kind``,
     ``outcome``, ``reason``. Raises UnknownNameError where nothing answers.
     """
-    entries = in_quarantine(opened)
-    failed = opened.catalogue.unresolved_runs()
+    entries = in_quarantine(access)
+    failed = access.catalogue.unresolved_runs()
     if reference == "all":
         chosen, runs = [entry for entry in entries if entry.can_return], list(failed)
     else:
@@ -54,8 +56,8 @@ def retry(opened: Stores, reference: str, vehicle: str | None, run: Run) -> list
         ]
         runs = [] if chosen else [each for each in failed if _means(reference, each.id)]
     if reference != "all" and not chosen and not runs:
-        return [_flight_again(opened, reference, vehicle, run)]
-    done = _logs_again(opened, chosen, vehicle, run) if chosen or reference == "all" else []
+        return [_flight_again(access, reference, vehicle, run)]
+    done = _logs_again(access, chosen, vehicle, run) if chosen or reference == "all" else []
     return done + [_run_again(each, run) for each in runs if each.flow != "sweep_flow" or not done]
 
 
@@ -64,11 +66,11 @@ def _means(reference: str, id: str) -> bool:
 
 
 def _logs_again(
-    opened: Stores, entries: list[Quarantined], vehicle: str | None, run: Run
+    access: WorkspaceAccess, entries: list[Quarantined], vehicle: str | None, run: Run
 ) -> list[dict[str, Any]]:
     """Back into the inbox, and the inbox swept. Of several, what cannot go back yet keeps none of
     the others."""
-    names = [row.name for row in opened.catalogue.vehicles()]
+    names = [row.name for row in access.catalogue.vehicles()]
     whose = {
         entry.key: entry.vehicle or vehicle or (names[0] if len(names) == 1 else "")
         for entry in entries
@@ -82,7 +84,7 @@ def _logs_again(
                     entry.name,
                     f"--vehicle {' or '.join(names[:6])}",
                 )
-            put_back(opened.workspace, entry, whose[entry.key])
+            put_back(access.workspace, entry, whose[entry.key])
         except InputError as error:
             if len(entries) == 1:
                 raise
@@ -108,9 +110,11 @@ def _run_again(row: RunRow, run: Run) -> dict[str, Any]:
     return said
 
 
-def _flight_again(opened: Stores, reference: str, vehicle: str | None, run: Run) -> dict[str, Any]:
+def _flight_again(
+    access: WorkspaceAccess, reference: str, vehicle: str | None, run: Run
+) -> dict[str, Any]:
     try:
-        flight = opened.catalogue.flight(reference, vehicle)
+        flight = access.catalogue.flight(reference, vehicle)
     except UnknownNameError as error:
         what = f"neither a log in quarantine, nor a failed run, nor a flight: '{reference[:80]}'"
         raise UnknownNameError(

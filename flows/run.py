@@ -24,7 +24,7 @@ from threadpoolctl import threadpool_limits
 
 from aerodb.errors import InputError, StoreBusyError, StoreError
 from aerodb.flows.deadline import at_most
-from aerodb.flows.executors import Call, Here, Work, work_of
+from aerodb.flows.executors import Call, Executor, LocalExecutor, executor_of
 from aerodb.storage.catalogue import Catalogue, RunState
 from aerodb.storage.locks import holding, note_of
 from aerodb.storage.workspace import Workspace
@@ -59,27 +59,27 @@ def silent(_step: str, _done: int, _total: int) -> None:
 class DirectSteps:
     """Steps as plain calls; those that are mapped are done where `work` says, on all cores."""
 
-    def __init__(self, progress: Progress = silent, work: Work | None = None) -> None:
-        self._progress, self._work = progress, work or Here()
+    def __init__(self, progress: Progress = silent, executor: Executor | None = None) -> None:
+        self._progress, self._executor = progress, executor or LocalExecutor()
 
     def __call__(self, step: Callable[..., Any], *args: Any, **keywords: Any) -> Any:
-        return self._told(step, Here().calls(step, args[:1], *args[1:], **keywords))[0]
+        return self._reported(step, LocalExecutor().calls(step, args[:1], *args[1:], **keywords))[0]
 
     def map(
         self, step: Callable[..., Any], items: Iterable[Any], *args: Any, **keywords: Any
     ) -> list[Any]:
-        calls = self._work.calls(step, items, *args, **keywords)
+        calls = self._executor.calls(step, items, *args, **keywords)
         workers = min(len(calls), os.cpu_count() or 1)
         if workers < 2:
-            return self._told(step, calls)
+            return self._reported(step, calls)
         pool = ThreadPoolExecutor(workers)
         try:
             with threadpool_limits(1, user_api="blas"):
-                return self._told(step, [pool.submit(call).result for call in calls])
+                return self._reported(step, [pool.submit(call).result for call in calls])
         finally:  # what has not begun when one fails, or the run is stopped, does not begin
             pool.shutdown(wait=isinstance(sys.exception(), Exception | None), cancel_futures=True)
 
-    def _told(self, step: Callable[..., Any], calls: Sequence[Call]) -> list[Any]:
+    def _reported(self, step: Callable[..., Any], calls: Sequence[Call]) -> list[Any]:
         results = []
         for done, call in enumerate(calls):
             self._progress(name_of(step), done, len(calls))
@@ -92,19 +92,21 @@ class PrefectSteps:
     """Steps as Prefect tasks of the flow run that is under way; what they do is done where `work`
     says."""
 
-    def __init__(self, progress: Progress = silent, work: Work | None = None) -> None:
-        self._progress, self._work = progress, work or Here()
+    def __init__(self, progress: Progress = silent, executor: Executor | None = None) -> None:
+        self._progress, self._executor = progress, executor or LocalExecutor()
 
     def __call__(self, step: Callable[..., Any], *args: Any, **keywords: Any) -> Any:
         return self._done(
-            step, Here().calls(step, args[:1], *args[1:], **keywords), keywords["workspace"]
+            step,
+            LocalExecutor().calls(step, args[:1], *args[1:], **keywords),
+            keywords["workspace"],
         )[0]
 
     def map(
         self, step: Callable[..., Any], items: Iterable[Any], *args: Any, **keywords: Any
     ) -> list[Any]:
         return self._done(
-            step, self._work.calls(step, items, *args, **keywords), keywords["workspace"]
+            step, self._executor.calls(step, items, *args, **keywords), keywords["workspace"]
         )
 
     def _done(self, step: Callable[..., Any], calls: Sequence[Call], workspace: str) -> list[Any]:
@@ -122,7 +124,7 @@ class PrefectSteps:
             retry_delay_seconds=list(_AGAIN_AFTER),
             retry_condition_fn=_may_pass,
             timeout_seconds=load_settings(Path(workspace)).limits.step,
-        )(_made)
+        )(_run_call)
         results = []
         with threadpool_limits(1 if len(calls) > 1 else None, user_api="blas"):  # tasks are threads
             futures = [prefect_task.submit(_Opaque(call)) for call in calls]
@@ -142,7 +144,7 @@ class _Opaque:
         self.call = call
 
 
-def _made(given: _Opaque) -> Any:
+def _run_call(given: _Opaque) -> Any:
     return given.call()
 
 
@@ -174,7 +176,7 @@ def run_flow(
     The body is called as ``body(steps, workspace=<folder as text>, run=<run id>, **parameters)``.
     """
     _check_text(parameters)
-    _settle()
+    _freeze_imports()
     orchestrated = "" if how == "direct" else _present_flow_run()
     way: Way = (
         "direct"
@@ -187,18 +189,18 @@ def run_flow(
 
     def call(run: str) -> Any:
         limit = load_settings(workspace.root).limits.run
-        with at_most(limit, f"run {run[:12]}"), work_of(workspace.root) as work:
+        with at_most(limit, f"run {run[:12]}"), executor_of(workspace.root) as executor:
             if way == "direct":
-                return body(DirectSteps(progress, work), run=run, **given)
+                return body(DirectSteps(progress, executor), run=run, **given)
             if orchestrated:  # a deployment: its flow run is this run
-                return body(PrefectSteps(progress, work), run=run, **given)
-            return _under_prefect(body, {"run": run, **given}, PrefectSteps(progress, work))
+                return body(PrefectSteps(progress, executor), run=run, **given)
+            return _under_prefect(body, {"run": run, **given}, PrefectSteps(progress, executor))
 
     return _recorded(body, call, parameters, workspace, way, orchestrated)
 
 
 @lru_cache(maxsize=1)
-def _settle() -> None:
+def _freeze_imports() -> None:
     """Once in a process: no collection of garbage looks again at what was imported; that costs a
     long run a tenth of its time."""
     gc.collect()
@@ -210,10 +212,10 @@ def run_part(
 ) -> Any:
     """Runs a flow body through the steps of the run `within` (its id) that is under way, with a
     record of its own."""
-    opened = Workspace.open(Path(workspace))
-    way: Way = Catalogue.open(opened.catalogue).run(within).how
+    folder = Workspace.open(Path(workspace))
+    way: Way = Catalogue.open(folder.catalogue).run(within).how
     given = {"workspace": workspace, **parameters}
-    return _recorded(body, lambda run: body(steps, run=run, **given), parameters, opened, way)
+    return _recorded(body, lambda run: body(steps, run=run, **given), parameters, folder, way)
 
 
 def _recorded(

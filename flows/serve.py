@@ -24,7 +24,7 @@ from aerodb.storage.locks import Lock, is_held, note_of, take
 from aerodb.storage.workspace import Workspace
 from aerodb.storage.workspace_settings import FILE, checked_token, load_settings
 from aerodb.tasks.steps import deliver, files_of_inbox, mark_ended
-from aerodb.tasks.workspace_access import Stores, stores
+from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 
 _BEAT: Final = 1.0
 _CLEAR_UP_EVERY: Final = 30.0
@@ -47,7 +47,7 @@ class Server:
 
     def __init__(self, workspace: Workspace, lock: Lock, say: Say) -> None:
         self._workspace, self._lock, self._say = workspace, lock, say
-        self._opened: Stores = stores(str(workspace.root))
+        self._access: WorkspaceAccess = access_workspace(str(workspace.root))
         self._settings = load_settings(workspace.root, self._vehicles())
         given = checked_token(self._settings.serve, dict(os.environ))
         # Without one of the user's, the next best: others on this machine do not know it, and it
@@ -78,7 +78,7 @@ class Server:
         self._since: dict[Any, float] = {}
 
     def _vehicles(self) -> tuple[str, ...]:
-        return tuple(row.name for row in self._opened.catalogue.vehicles())
+        return tuple(row.name for row in self._access.catalogue.vehicles())
 
     def _settings_written(self) -> int:
         try:
@@ -88,7 +88,7 @@ class Server:
 
     def run(self, stopping: threading.Event) -> None:
         """Runs until `stopping` is set; StoreError when the server does not come up."""
-        for ended in mark_ended(self._opened):
+        for ended in mark_ended(self._access):
             self._say(f"run {ended['run'][:12]} of {ended['flow']} had crashed")
         try:
             self._start(stopping)
@@ -132,7 +132,7 @@ class Server:
             self._watch()
             if time.monotonic() - self._cleared > _CLEAR_UP_EVERY:
                 self._cleared = time.monotonic()
-                mark_ended(self._opened)
+                mark_ended(self._access)
                 clear_up(self.client, self._workspace, at_start=False)
                 self._deliver()
         except (AeroError, OSError) as error:
@@ -196,7 +196,7 @@ class Server:
     def _look(self) -> list[Waiting]:
         """What is in the inbox; what has been there unchanged for long enough is ready, whatever
         the clock says of its times."""
-        seen, now = files_of_inbox(self._opened, self._settings, wait=False), time.monotonic()
+        seen, now = files_of_inbox(self._access, self._settings, wait=False), time.monotonic()
         self._since = {entry.file: self._since.get(entry.file, now) for entry in seen}
         settle = self._settings.inbox.settle
         return [
@@ -208,7 +208,7 @@ class Server:
     def _failed_just_now(self, nothing_new: bool) -> bool:
         """Whether the last sweep failed (for want of room, say) and the next one is to wait: twice
         as long after each failure, but not so long where something has come since."""
-        last = self._opened.catalogue.newest_run(["sweep_flow", "nightly_flow"])
+        last = self._access.catalogue.newest_run(["sweep_flow", "nightly_flow"])
         if last is None or last.state != "failed" or last.ended_utc is None:
             self._failures = []
             return False
@@ -225,7 +225,7 @@ class Server:
         """Ends the runner and its runs, says of these that they were stopped, and ends the
         server."""
         self._runner.stop(4.0)
-        mark_ended(self._opened, "cancelled", "aerodb serve was stopped")
+        mark_ended(self._access, "cancelled", "aerodb serve was stopped")
         if self.client.healthy():
             try:
                 clear_up(self.client, self._workspace, at_start=True)

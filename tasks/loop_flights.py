@@ -21,7 +21,7 @@ from aerodb.tasks.steps import (
     segments_of,
 )
 from aerodb.tasks.stored_steps import StoredResult
-from aerodb.tasks.workspace_access import Stores, stores
+from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 from aerodb.tracing import NormalEquations, normal_equations_of
 from aerodb.vehicle import Vehicle
 
@@ -34,22 +34,22 @@ class StoredFlights:
     Implements `aerodb.loop.FlightSource`.
     """
 
-    opened: Stores
+    access: WorkspaceAccess
     vehicle_name: str
     run: str
 
     @property
     def vehicle(self) -> Vehicle:
         """The vehicle as its file and the settings describe it now."""
-        return self.opened.vehicle(self.vehicle_name)[0]
+        return self.access.vehicle(self.vehicle_name)[0]
 
     def flight(self, flight: str) -> Flight:
         """The consistent flight that coefficients are computed from."""
-        return load_coefficients(self.opened, self.opened.catalogue.flight(flight), self.run)[0]
+        return load_coefficients(self.access, self.access.catalogue.flight(flight), self.run)[0]
 
     def reconstruction(self, flight: str) -> Reconstruction:
         """From the stored document of the consistent flight."""
-        document = load_consistent(self.opened, self.opened.catalogue.flight(flight), self.run)[1]
+        document = load_consistent(self.access, self.access.catalogue.flight(flight), self.run)[1]
         errors = {
             entry["parameter"]: entry["standard_error"] for entry in document.get("estimates", ())
         }
@@ -63,26 +63,26 @@ class StoredFlights:
 
     def segments(self, flight: str) -> tuple[Segment, ...]:
         """As conditioning found them."""
-        return segments_of(self.opened, flight, self.run)
+        return segments_of(self.access, flight, self.run)
 
     def comparison(self, flight: str, database: AeroDatabase) -> tuple[Flight, Comparison]:
         """Kept in memory for a while, not in the store."""
-        channels, comparison, _ = beside(self.opened, flight, database, self.run)
+        channels, comparison, _ = beside(self.access, flight, database, self.run)
         return channels, comparison
 
     def normal_equations(
         self, flight: str, database: AeroDatabase, library: Library
     ) -> NormalEquations:
         """Read back when they are stored, else made and stored."""
-        row = self.opened.catalogue.flight(flight)
-        _, _, coefficients_key = load_coefficients(self.opened, row, self.run)
+        row = self.access.catalogue.flight(flight)
+        _, _, coefficients_key = load_coefficients(self.access, row, self.run)
         inputs = {"coefficients": coefficients_key, "database": database_document_sha256(database)}
         settings = {"library": library.sha256, "tracing": library.settings.sha256}
         if flight in library.stall:
             settings["stall"] = str(library.stall[flight])
         if flight in library.loops:
             settings["loop"] = str(library.loops[flight])
-        result = StoredResult(self.opened, "gram", "gram", inputs, settings, flight=row.id)
+        result = StoredResult(self.access, "gram", "gram", inputs, settings, flight=row.id)
         path = result.stored()
         if path is not None:
             return read_normal_equations(path)
@@ -96,10 +96,10 @@ class StoredFlights:
         """By the stored cross-products of these flights."""
         known: frozenset[str] | None = None
         for flight in flights:
-            for result in self.opened.catalogue.results_of(flight, "gram"):
+            for result in self.access.catalogue.results_of(flight, "gram"):
                 if result.settings["library"] != library.sha256:
                     ids = frozenset(
-                        read_normal_equations(self.opened.file_of(result.path)).hypotheses
+                        read_normal_equations(self.access.file_of(result.path)).hypotheses
                     )
                     known = ids if known is None else known & ids
         return known
@@ -107,4 +107,4 @@ class StoredFlights:
 
 def flights_of(workspace: str, vehicle: str, run: str) -> StoredFlights:
     """The flights of a vehicle (its name) in a workspace."""
-    return StoredFlights(stores(workspace), vehicle, run)
+    return StoredFlights(access_workspace(workspace), vehicle, run)

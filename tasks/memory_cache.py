@@ -1,8 +1,6 @@
-"""What was read or computed stays at hand for a while, by what it is made of: flights,
-coefficients, comparisons.
+"""Memory cache of a process: flights, coefficients and comparisons, by the hash of their inputs.
 
-Within a bound of memory, the least recently used go first. Arrays that are kept cannot be written
-to.
+The cache is bounded in bytes and evicts what was used least recently. Cached arrays are read-only.
 """
 
 from collections.abc import Callable, Hashable, Mapping
@@ -16,49 +14,51 @@ from cachetools import LRUCache
 
 Value = TypeVar("Value")
 
-#: Bytes that all kept values may take together: some 30 flights of ten minutes at 50 Hz.
-_ROOM: Final = 512 * 2**20
-_kept: Final[LRUCache[Hashable, tuple[Any, int]]] = LRUCache(
-    _ROOM, getsizeof=lambda entry: entry[1]
+#: Bound of the whole cache [bytes]: about 30 flights of ten minutes at 50 Hz.
+_MAX_BYTES: Final = 512 * 2**20
+_cache: Final[LRUCache[Hashable, tuple[Any, int]]] = LRUCache(
+    _MAX_BYTES, getsizeof=lambda entry: entry[1]
 )
 _lock: Final = Lock()
 
 
-def kept(key: Hashable, make: Callable[[], Value]) -> Value:
-    """The value of `key`, as it was made before or as `make` makes it now; what is larger than a
-    quarter of the room is not kept.
+def cached(key: Hashable, make: Callable[[], Value]) -> Value:
+    """Return the cached value of `key`; on a miss, compute it with `make` and cache it.
 
-    Two threads that ask at once may both make it: they make the same.
+    A value larger than a quarter of the bound is not cached. Two threads that miss at the same time
+    may both compute the value; the results are equal.
     """
     with _lock:
-        found = _kept.get(key)
+        found = _cache.get(key)
     if found is not None:
         value: Value = found[0]
         return value
     value = make()
-    size = _sealed_size(value)
-    if size <= _ROOM // 4:
+    size = _frozen_size(value)
+    if size <= _MAX_BYTES // 4:
         with _lock:
-            _kept[key] = (value, size)
+            _cache[key] = (value, size)
     return value
 
 
-def of_file(path: Path, *more: Hashable) -> Hashable:
-    """A key for what is made of a file as it is now: one that is written anew, or damaged, has
-    another."""
+def file_key(path: Path, *more: Hashable) -> Hashable:
+    """Return a cache key for what is read from a file in its present state.
+
+    A file that is rewritten or damaged gets another key.
+    """
     found = path.stat()
     return (str(path), found.st_ino, found.st_size, found.st_mtime_ns, *more)
 
 
-def _sealed_size(value: Any) -> int:
-    """Bytes of the arrays in a value, which can be read only from now on."""
+def _frozen_size(value: Any) -> int:
+    """Make the arrays of a value read-only, and return their size [bytes]."""
     if isinstance(value, np.ndarray):
         value.flags.writeable = False
         return value.nbytes
     if isinstance(value, Mapping):
-        return sum(_sealed_size(each) for each in value.values())
+        return sum(_frozen_size(each) for each in value.values())
     if isinstance(value, (tuple, list)):
-        return sum(_sealed_size(each) for each in value)
+        return sum(_frozen_size(each) for each in value)
     if is_dataclass(value):
-        return sum(_sealed_size(getattr(value, field.name)) for field in fields(value))
+        return sum(_frozen_size(getattr(value, field.name)) for field in fields(value))
     return 0

@@ -12,7 +12,7 @@ from aerodb.storage.files import put
 from aerodb.support import result_key
 from aerodb.tasks.provenance import code_version
 from aerodb.tasks.result_versions import RESULT_VERSION
-from aerodb.tasks.workspace_access import Stores
+from aerodb.tasks.workspace_access import WorkspaceAccess
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class StoredResult:
     of the file. folder : of the store where the file stands.
     """
 
-    opened: Stores
+    access: WorkspaceAccess
     step: str
     kind: str
     inputs: Mapping[str, str]
@@ -43,7 +43,7 @@ class StoredResult:
     @property
     def path(self) -> Path:
         """Where its file belongs."""
-        workspace = self.opened.workspace
+        workspace = self.access.workspace
         return (
             workspace.flight_path(self.key)
             if self.folder == "flights"
@@ -53,17 +53,17 @@ class StoredResult:
     def stored(self) -> Path | None:
         """Its file, fetched from the object store where it is not here; None where there is none,
         or it was lost."""
-        return self.opened.path_of(self.key)
+        return self.access.path_of(self.key)
 
     def is_stored(self) -> bool:
         """Whether its file is kept, here or in the object store: it is not fetched."""
-        return self.opened.has(self.key)
+        return self.access.has(self.key)
 
     def write(self, write: Callable[[Path], object]) -> StoredFile | None:
         """Writes the file; returns what is in the object store of it. Nobody can see it until its
         row is added."""
         write(self.path)
-        return put(self.opened.workspace, self.path)
+        return put(self.access.workspace, self.path)
 
     def add(
         self,
@@ -75,7 +75,7 @@ class StoredResult:
     ) -> None:
         """Adds the row of the result whose file was written. inputs, settings : as the row names
         them, where that differs from what the key is made of."""
-        self.opened.keep_result(
+        self.access.keep_result(
             self.key,
             self.path,
             stored,

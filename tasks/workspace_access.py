@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Stores:
+class WorkspaceAccess:
     """The workspace folder and its catalogue."""
 
     workspace: Workspace
@@ -113,13 +113,13 @@ def _database(content: str) -> "AeroDatabase":
     return from_document(json.loads(content))
 
 
-def stores(workspace: str) -> Stores:
+def access_workspace(workspace: str) -> WorkspaceAccess:
     """The stores of the workspace folder `workspace`; a process opens them once."""
-    opened = Workspace.open(Path(workspace))
-    place = place_of(opened.catalogue)
+    folder = Workspace.open(Path(workspace))
+    place = place_of(folder.catalogue)
     if not place.begun:
-        Catalogue.open(opened.catalogue).close()
-    return Stores(opened, _catalogue(opened.catalogue, place.identity, os.getpid()))
+        Catalogue.open(folder.catalogue).close()
+    return WorkspaceAccess(folder, _catalogue(folder.catalogue, place.identity, os.getpid()))
 
 
 @lru_cache(maxsize=8)

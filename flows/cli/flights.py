@@ -16,7 +16,7 @@ from aerodb.logs import TopicSummary, describe
 from aerodb.recording import Damage, Recording
 from aerodb.storage.catalogue import FlightRow
 from aerodb.tasks.view import damage_document, flight_details, flights_document
-from aerodb.tasks.workspace_access import Stores
+from aerodb.tasks.workspace_access import WorkspaceAccess
 
 logs = typer.Typer(name="log", no_args_is_help=True, help="Logs as they are.")
 app = typer.Typer(name="flight", no_args_is_help=True, help="Flights: logs that were taken in.")
@@ -280,7 +280,7 @@ def show(
     catalogue = session.catalogue()
     row = catalogue.flight(flight, vehicle)
     log, impact = catalogue.log(row.log_sha256), catalogue.impact(row.id)
-    document = flight_details(Stores(session.workspace(), catalogue), row)
+    document = flight_details(WorkspaceAccess(session.workspace(), catalogue), row)
     session.say(
         f"flight {row.label} of {row.vehicle}: {_when(row)}, {row.duration:.1f} s at"
         f" {1 / row.step:.4g} Hz, mapping {row.mapping}"

@@ -9,7 +9,7 @@ from aerodb.errors import InputError, StoreBusyError
 from aerodb.flows.cli.output import Session
 from aerodb.storage.locks import take
 from aerodb.storage.workspace import Workspace
-from aerodb.tasks.workspace_access import Stores
+from aerodb.tasks.workspace_access import WorkspaceAccess
 
 _Direct = Annotated[bool, typer.Option(help="Without Prefect: the same steps, the same keys.")]
 
@@ -22,8 +22,8 @@ def _first_line(text: str) -> str:
     return next(iter(text.splitlines()), "")
 
 
-def _opened(session: Session) -> Stores:
-    return Stores(session.workspace(), session.catalogue())
+def _access(session: Session) -> WorkspaceAccess:
+    return WorkspaceAccess(session.workspace(), session.catalogue())
 
 
 def serve(context: typer.Context) -> None:
@@ -119,7 +119,7 @@ def status(context: typer.Context) -> None:
     from aerodb.tasks.view import status_of
 
     session: Session = context.obj
-    document = status_of(_opened(session))
+    document = status_of(_access(session))
     serving = document["serve"]
     where = (
         f"yes, process {serving.get('pid')} at {serving.get('url')}" if serving["running"] else "no"
@@ -190,9 +190,9 @@ def retry(
     session: Session = context.obj
     if not what.strip():
         raise InputError("what is to be tried again?", "retry", "aerodb status lists what can be")
-    opened = _opened(session)
+    access = _access(session)
     done = do_again(
-        opened, what, vehicle, lambda body, parameters: session.run(body, parameters, direct)
+        access, what, vehicle, lambda body, parameters: session.run(body, parameters, direct)
     )
     for entry in done:
         session.say(

@@ -14,9 +14,9 @@ from aerodb.flows.release import promote_flow, roll_back_flow
 from aerodb.flows.web.console import (
     Vehicle,
     Word,
+    access_of,
     console_of,
     document,
-    opened_of,
     page_of,
     version_at,
 )
@@ -73,12 +73,12 @@ def promotion_page(
     request: Request, version: str, vehicle: Vehicle = None, name: Word = None
 ) -> Response:
     """Asks for the reason, and says what would move from where to where."""
-    opened = opened_of(request)
-    row = version_at(opened, version, vehicle)
+    access = access_of(request)
+    row = version_at(access, version, vehicle)
     moved = name or RELEASED
-    event = opened.catalogue.named(row.vehicle, moved)
-    now = opened.catalogue.version_of_id(event.version) if event is not None else None
-    stale = opened.catalogue.stale(row.id)
+    event = access.catalogue.named(row.vehicle, moved)
+    now = access.catalogue.version_of_id(event.version) if event is not None else None
+    stale = access.catalogue.stale(row.id)
     return page_of(
         request,
         "promote.html",
@@ -99,7 +99,7 @@ async def promote_from_page(request: Request, version: str) -> Response:
 
 
 def _promote(request: Request, version: str, fields: dict[str, str]) -> Response:
-    row = version_at(opened_of(request), version, None)
+    row = version_at(access_of(request), version, None)
     name = fields.get("name", RELEASED)
     _check_seen(request, row.vehicle, name, fields.get("seen"))
     outcome = _moved(
@@ -111,13 +111,13 @@ def _promote(request: Request, version: str, fields: dict[str, str]) -> Response
 @router.get("/rollback", include_in_schema=False)
 def rollback_page(request: Request, vehicle: Vehicle = None, name: Word = None) -> Response:
     """Asks for the reason, and says where the name would go back to."""
-    opened = opened_of(request)
-    owner, moved = vehicle_of(opened.catalogue, vehicle), name or RELEASED
-    standing = standing_moves(opened.catalogue.name_history(owner, moved))
+    access = access_of(request)
+    owner, moved = vehicle_of(access.catalogue, vehicle), name or RELEASED
+    standing = standing_moves(access.catalogue.name_history(owner, moved))
     ids = [event.version for event in standing[-2:]]
-    rows = opened.catalogue.versions_by_id(ids)
+    rows = access.catalogue.versions_by_id(ids)
     now, back = (rows[ids[-1]] if ids else None), (rows[ids[0]] if len(ids) > 1 else None)
-    stale = opened.catalogue.stale(back.id) if back else ()
+    stale = access.catalogue.stale(back.id) if back else ()
     title = f"Take back the last move of '{moved}'"
     return page_of(
         request, "rollback.html", title, vehicle=owner, name=moved, now=now, back=back, stale=stale
@@ -133,7 +133,7 @@ async def roll_back_from_page(request: Request) -> Response:
 
 
 def _roll_back(request: Request, fields: dict[str, str]) -> Response:
-    owner = vehicle_of(opened_of(request).catalogue, fields.get("vehicle"))
+    owner = vehicle_of(access_of(request).catalogue, fields.get("vehicle"))
     name = fields.get("name", RELEASED)
     _check_seen(request, owner, name, fields.get("seen"))
     outcome = _moved(
@@ -152,7 +152,7 @@ def promote(
 ) -> Response:
     """The document of `aerodb version promote`; 409 with the reasons where the gate refuses."""
     check_csrf(request, console_of(request).guard, token)
-    row = version_at(opened_of(request), version, vehicle)
+    row = version_at(access_of(request), version, vehicle)
     parameters = {"version": row.id, "name": asked.name, "reason": asked.reason}
     return document(console_of(request).run(promote_flow, parameters))
 
@@ -161,7 +161,7 @@ def promote(
 def roll_back(request: Request, asked: RollBack, token: Token = "") -> Response:
     """The document of `aerodb version rollback`."""
     check_csrf(request, console_of(request).guard, token)
-    owner = vehicle_of(opened_of(request).catalogue, asked.vehicle)
+    owner = vehicle_of(access_of(request).catalogue, asked.vehicle)
     return document(
         console_of(request).run(
             roll_back_flow, {"vehicle": owner, "name": asked.name, "reason": asked.reason}
@@ -172,7 +172,7 @@ def roll_back(request: Request, asked: RollBack, token: Token = "") -> Response:
 def _check_seen(request: Request, vehicle: str, name: str, seen: str | None) -> None:
     """Raises GateRefusal where a name does not point any more where it did when its page was
     shown."""
-    event = opened_of(request).catalogue.named(vehicle, name)
+    event = access_of(request).catalogue.named(vehicle, name)
     if seen != (event.version if event is not None else _NOWHERE):
         what = f"'{name}' was moved after this page was shown"
         raise GateRefusal(what, f"vehicle {vehicle}", "look at its history, then decide again")

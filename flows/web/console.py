@@ -20,7 +20,7 @@ from aerodb.storage.catalogue import VersionRow
 from aerodb.storage.workspace import Workspace
 from aerodb.tasks.references import version_of
 from aerodb.tasks.view import as_json
-from aerodb.tasks.workspace_access import Stores, stores
+from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 
 #: Entries of a page of a list.
 PER_PAGE: Final = 50
@@ -63,9 +63,9 @@ class Console:
     root: Path
     guard: Guard
 
-    def opened(self) -> Stores:
+    def access(self) -> WorkspaceAccess:
         """The stores of the workspace."""
-        return stores(str(self.root))
+        return access_workspace(str(self.root))
 
     def run(self, body: Any, parameters: dict[str, Any]) -> Any:
         """Runs a flow as the command line runs it with ``--direct``: the same steps, a record in
@@ -79,20 +79,20 @@ def console_of(request: Request) -> Console:
     return found
 
 
-def opened_of(request: Request) -> Stores:
+def access_of(request: Request) -> WorkspaceAccess:
     """The stores that a request is about."""
-    return console_of(request).opened()
+    return console_of(request).access()
 
 
 def version_at(
-    opened: Stores, reference: str, vehicle: str | None, as_of: str | None = None
+    access: WorkspaceAccess, reference: str, vehicle: str | None, as_of: str | None = None
 ) -> VersionRow:
     """The version that is meant: by its full id whatever the vehicle, else as commands take it."""
     if as_of is None and vehicle is None:
-        row = opened.catalogue.versions_by_id([reference]).get(reference)
+        row = access.catalogue.versions_by_id([reference]).get(reference)
         if row is not None:
             return row
-    return version_of(opened.catalogue, reference, vehicle, as_of)
+    return version_of(access.catalogue, reference, vehicle, as_of)
 
 
 def document(content: Any, further: str = "", status: int = 200) -> Response:

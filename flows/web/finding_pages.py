@@ -11,10 +11,10 @@ from aerodb.flows.web.console import (
     PER_PAGE,
     Limit,
     Vehicle,
+    access_of,
     address,
     console_of,
     document,
-    opened_of,
     page_of,
     report,
 )
@@ -31,7 +31,7 @@ After = Annotated[
 @router.get("/findings", include_in_schema=False)
 def findings_list(request: Request, after: After = "") -> Response:
     """Updates and closed loops, newest first."""
-    entries, further = findings_page(opened_of(request), PER_PAGE // 2, after)
+    entries, further = findings_page(access_of(request), PER_PAGE // 2, after)
     following = address("/findings", after=further) if further else ""
     return page_of(
         request, "findings.html", "Findings", findings=entries, after=after, further=following
@@ -46,7 +46,7 @@ def findings_list(request: Request, after: After = "") -> Response:
 def findings(request: Request, after: After = "", limit: Limit = PER_PAGE // 2) -> Response:
     """Run, vehicle, outcome in one sentence and verdicts of each; `reference` names its
     document."""
-    entries, further = findings_page(opened_of(request), limit, after)
+    entries, further = findings_page(access_of(request), limit, after)
     return document(
         entries, address("/api/findings", after=further, limit=limit) if further else ""
     )
@@ -55,8 +55,8 @@ def findings(request: Request, after: After = "", limit: Limit = PER_PAGE // 2) 
 @router.get("/findings/{reference}", include_in_schema=False)
 def finding_page(request: Request, reference: str, vehicle: Vehicle = None) -> Response:
     """One update or closed loop: the finding first, the explanation set, before and after."""
-    opened = opened_of(request)
-    found = finding_document(opened, reference, vehicle)
+    access = access_of(request)
+    found = finding_document(access, reference, vehicle)
     return page_of(
         request,
         "finding.html",
@@ -64,8 +64,8 @@ def finding_page(request: Request, reference: str, vehicle: Vehicle = None) -> R
         found=found,
         headline=headline(found),
         errors=error_rows(found),
-        labels=labels_of(opened, found),
-        reference=reference_of(opened, reference, vehicle),
+        labels=labels_of(access, found),
+        reference=reference_of(access, reference, vehicle),
         means=MEANS,
     )
 
@@ -74,11 +74,11 @@ def finding_page(request: Request, reference: str, vehicle: Vehicle = None) -> R
 def finding(request: Request, reference: str, vehicle: Vehicle = None) -> Response:
     """The document that `aerodb update` or `aerodb close-loop` answered; by version, or by the key
     of its report."""
-    return document(finding_document(opened_of(request), reference, vehicle))
+    return document(finding_document(access_of(request), reference, vehicle))
 
 
 @router.get("/findings/{reference}/report", include_in_schema=False)
 def finding_report(request: Request, reference: str, vehicle: Vehicle = None) -> Response:
     """Its report, as `aerodb report update` writes it."""
-    about = reference_of(opened_of(request), reference, vehicle)
+    about = reference_of(access_of(request), reference, vehicle)
     return report(console_of(request).run(report_flow, {"kind": "update", "about": about}))

@@ -18,11 +18,11 @@ from aerodb.flows.web.console import (
     Limit,
     Vehicle,
     Word,
+    access_of,
     address,
     console_of,
     document,
     given,
-    opened_of,
     page_of,
     report,
 )
@@ -39,7 +39,7 @@ from aerodb.tasks.view import (
     record_of,
     series_of,
 )
-from aerodb.tasks.workspace_access import Stores
+from aerodb.tasks.workspace_access import WorkspaceAccess
 
 router = APIRouter(tags=["flights"])
 _MOST_ENVELOPES = 50
@@ -67,18 +67,18 @@ def flights_page(
     after: After = "",
 ) -> Response:
     """The list of flights, narrowed and paged."""
-    opened = opened_of(request)
+    access = access_of(request)
     asked = {"vehicle": vehicle, "verdict": verdict, "text": text}
-    found = opened.catalogue.flight_page(Asked(vehicle, verdict, text), PER_PAGE, after)
+    found = access.catalogue.flight_page(Asked(vehicle, verdict, text), PER_PAGE, after)
     return page_of(
         request,
         "flights.html",
         "Flights",
-        flights=flights_document(opened.catalogue, found.rows),
+        flights=flights_document(access.catalogue, found.rows),
         asked=asked,
         after=after,
         further=address("/flights", **asked, after=found.further) if found.further else "",
-        vehicles=[row.name for row in opened.catalogue.vehicles()],
+        vehicles=[row.name for row in access.catalogue.vehicles()],
         verdicts=[*VERDICTS, RETRACTED],
     )
 
@@ -94,8 +94,8 @@ def flights(
 ) -> Response:
     """The documents of `aerodb flight list`, a page at a time; a search looks through a bounded
     number of flights per page."""
-    opened = opened_of(request)
-    found = opened.catalogue.flight_page(Asked(vehicle, verdict, text), limit, after)
+    access = access_of(request)
+    found = access.catalogue.flight_page(Asked(vehicle, verdict, text), limit, after)
     asked = {
         "vehicle": vehicle,
         "verdict": verdict,
@@ -104,7 +104,7 @@ def flights(
         "after": found.further,
     }
     return document(
-        flights_document(opened.catalogue, found.rows),
+        flights_document(access.catalogue, found.rows),
         address("/api/flights", **asked) if found.further else "",
     )
 
@@ -119,37 +119,37 @@ def envelopes(
 ) -> Response:
     """Lowest and highest usable value of airspeed, angles of attack and sideslip and altitude (SI),
     by flight id."""
-    opened = opened_of(request)
-    return document(envelopes_of(opened, list(opened.catalogue.flights_by_id(flight).values())))
+    access = access_of(request)
+    return document(envelopes_of(access, list(access.catalogue.flights_by_id(flight).values())))
 
 
 @router.get("/flights/{flight}", include_in_schema=False)
 def flight_page(request: Request, flight: str, vehicle: Vehicle = None) -> Response:
     """One flight: what it says of itself, its record, what rests on it."""
-    opened = opened_of(request)
-    row = opened.catalogue.flight(flight, vehicle)
+    access = access_of(request)
+    row = access.catalogue.flight(flight, vehicle)
     record, missing = None, ""
     try:
-        record = record_of(opened, row)
+        record = record_of(access, row)
     except AeroError as error:
         missing = str(error)
     return page_of(
         request,
         "flight.html",
         f"Flight {row.label}",
-        flight=flight_details(opened, row),
+        flight=flight_details(access, row),
         label=row.label,
         record=record,
         missing=missing,
-        released=_released(opened, row),
+        released=_released(access, row),
     )
 
 
 @router.get("/api/flights/{flight}", summary="One flight", responses=answers(models.Flight))
 def flight(request: Request, flight: str, vehicle: Vehicle = None) -> Response:
     """The document of `aerodb flight show`."""
-    opened = opened_of(request)
-    return document(flight_details(opened, opened.catalogue.flight(flight, vehicle)))
+    access = access_of(request)
+    return document(flight_details(access, access.catalogue.flight(flight, vehicle)))
 
 
 @router.get("/flights/{flight}/report", include_in_schema=False)
@@ -157,10 +157,10 @@ def flight_report(
     request: Request, flight: str, vehicle: Vehicle = None, against: Word = None
 ) -> Response:
     """The report of a flight beside a version, as `aerodb report flight` writes it."""
-    opened = opened_of(request)
-    row = opened.catalogue.flight(flight, vehicle)
+    access = access_of(request)
+    row = access.catalogue.flight(flight, vehicle)
     version = (
-        opened.catalogue.version(row.vehicle, against).id if against else _released(opened, row)
+        access.catalogue.version(row.vehicle, against).id if against else _released(access, row)
     )
     asked = {"kind": "flight", "about": row.id, "version": version or ""}
     return report(console_of(request).run(report_flow, asked))
@@ -194,12 +194,12 @@ def channels(
 ) -> Response:
     """Time [s] and values (SI) of each line, as many as a screen shows: no extreme is lost, and few
     enough samples come whole."""
-    opened = opened_of(request)
-    row = opened.catalogue.flight(flight, vehicle)
+    access = access_of(request)
+    row = access.catalogue.flight(flight, vehicle)
     wanted = [name.strip() for name in names.split(",") if name.strip()] or list(
-        record_of(opened, row).first
+        record_of(access, row).first
     )
-    lines, ends = series_of(opened, row, wanted, start, end, points)
+    lines, ends = series_of(access, row, wanted, start, end, points)
     said = {"flight": row.id, "start": ends[0], "end": ends[1]}
     if format == "binary":
         return Response(_packed(said, lines), media_type="application/octet-stream")
@@ -236,5 +236,5 @@ def _packed(said: dict[str, Any], lines: Sequence[Series]) -> bytes:
     return struct.pack("<I", len(heading)) + heading + b"".join(arrays)
 
 
-def _released(opened: Stores, row: FlightRow) -> str | None:
-    return opened.named(row.vehicle, RELEASED)
+def _released(access: WorkspaceAccess, row: FlightRow) -> str | None:
+    return access.named(row.vehicle, RELEASED)

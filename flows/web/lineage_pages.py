@@ -7,10 +7,10 @@ from fastapi import APIRouter, Query, Request
 from starlette.responses import Response
 
 from aerodb.errors import InputError
-from aerodb.flows.web.console import Point, Vehicle, document, opened_of, page_of, version_at
+from aerodb.flows.web.console import Point, Vehicle, access_of, document, page_of, version_at
 from aerodb.storage.catalogue import VersionRow
 from aerodb.tasks.view import impact_document, lineage_document, origins_document, prov_of
-from aerodb.tasks.workspace_access import Stores
+from aerodb.tasks.workspace_access import WorkspaceAccess
 
 router = APIRouter(tags=["lineage"])
 Node = Annotated[
@@ -18,14 +18,14 @@ Node = Annotated[
 ]
 
 
-def _asked(opened: Stores, row: VersionRow, node: str | None, at: str) -> dict[str, Any]:
+def _asked(access: WorkspaceAccess, row: VersionRow, node: str | None, at: str) -> dict[str, Any]:
     """The document of `aerodb version lineage`: of the whole version, or of what stands behind a
     node or a point."""
     if node and at:
         raise InputError("a node and a point together", "node, at", "ask for a node or for a point")
     if node or at:
-        return origins_document(opened.catalogue, row, node or None, at)
-    return lineage_document(opened.catalogue, row)
+        return origins_document(access.catalogue, row, node or None, at)
+    return lineage_document(access.catalogue, row)
 
 
 @router.get("/versions/{version}/lineage", include_in_schema=False)
@@ -33,10 +33,10 @@ def lineage_page(
     request: Request, version: str, node: Node = None, at: Point = "", vehicle: Vehicle = None
 ) -> Response:
     """What a version, or one number of it, rests on."""
-    opened = opened_of(request)
-    row = version_at(opened, version, vehicle)
-    found = _asked(opened, row, node, at)
-    labels = opened.catalogue.flight_labels(entry["flight"] for entry in found.get("flights", ()))
+    access = access_of(request)
+    row = version_at(access, version, vehicle)
+    found = _asked(access, row, node, at)
+    labels = access.catalogue.flight_labels(entry["flight"] for entry in found.get("flights", ()))
     what = node or at
     title = (
         f"What is behind {what} of {row.label}"
@@ -63,16 +63,16 @@ def lineage(
     request: Request, version: str, node: Node = None, at: Point = "", vehicle: Vehicle = None
 ) -> Response:
     """The document of `aerodb version lineage`, also with --node or --at."""
-    opened = opened_of(request)
-    return document(_asked(opened, version_at(opened, version, vehicle), node, at))
+    access = access_of(request)
+    return document(_asked(access, version_at(access, version, vehicle), node, at))
 
 
 @router.get("/api/versions/{version}/prov", summary="The lineage of a version as W3C PROV-JSON")
 def prov(request: Request, version: str, vehicle: Vehicle = None) -> Response:
     """What `aerodb version lineage --prov` writes."""
-    opened = opened_of(request)
+    access = access_of(request)
     return Response(
-        prov_of(opened.catalogue, version_at(opened, version, vehicle)),
+        prov_of(access.catalogue, version_at(access, version, vehicle)),
         media_type="application/json",
     )
 
@@ -80,13 +80,13 @@ def prov(request: Request, version: str, vehicle: Vehicle = None) -> Response:
 @router.get("/flights/{flight}/impact", include_in_schema=False)
 def impact_page(request: Request, flight: str, vehicle: Vehicle = None) -> Response:
     """Which versions rest on a flight."""
-    opened = opened_of(request)
-    row = opened.catalogue.flight(flight, vehicle)
-    uses = opened.catalogue.impact(row.id)
-    pointed = {id: name for name, id in opened.catalogue.names(row.vehicle).items()}
+    access = access_of(request)
+    row = access.catalogue.flight(flight, vehicle)
+    uses = access.catalogue.impact(row.id)
+    pointed = {id: name for name, id in access.catalogue.names(row.vehicle).items()}
     through = {
         id: version.label
-        for id, version in opened.catalogue.versions_by_id(use.through for use in uses).items()
+        for id, version in access.catalogue.versions_by_id(use.through for use in uses).items()
     }
     shown = {"row": row, "uses": uses, "through": through, "pointed": pointed}
     return page_of(request, "impact.html", f"What rests on flight {row.label}", **shown)
@@ -95,6 +95,6 @@ def impact_page(request: Request, flight: str, vehicle: Vehicle = None) -> Respo
 @router.get("/api/flights/{flight}/impact", summary="Versions that rest on a flight")
 def impact(request: Request, flight: str, vehicle: Vehicle = None) -> Response:
     """The document of `aerodb version impact`."""
-    opened = opened_of(request)
-    row = opened.catalogue.flight(flight, vehicle)
-    return document(impact_document(row.id, opened.catalogue.impact(row.id)))
+    access = access_of(request)
+    row = access.catalogue.flight(flight, vehicle)
+    return document(impact_document(row.id, access.catalogue.impact(row.id)))

@@ -5,13 +5,13 @@ from typing import Any
 from fastapi import APIRouter, Request
 from starlette.responses import Response
 
-from aerodb.flows.web.console import console_of, document, opened_of, page_of
+from aerodb.flows.web.console import access_of, console_of, document, page_of
 from aerodb.flows.web.models import Session, Vehicle, answers
 from aerodb.flows.web.security import keep_session, session_of
 from aerodb.storage.catalogue import Asked
 from aerodb.tasks.result_versions import CANDIDATE, RELEASED
 from aerodb.tasks.view import findings_page, flights_document
-from aerodb.tasks.workspace_access import Stores
+from aerodb.tasks.workspace_access import WorkspaceAccess
 
 router = APIRouter()
 _NEWEST = 5
@@ -20,15 +20,15 @@ _NEWEST = 5
 @router.get("/", include_in_schema=False)
 def overview(request: Request) -> Response:
     """Vehicles with what is released, and the newest findings and flights."""
-    opened = opened_of(request)
-    entries, _ = findings_page(opened, _NEWEST)
-    rows = opened.catalogue.flight_page(Asked(), _NEWEST).rows
-    flights = flights_document(opened.catalogue, rows)
+    access = access_of(request)
+    entries, _ = findings_page(access, _NEWEST)
+    rows = access.catalogue.flight_page(Asked(), _NEWEST).rows
+    flights = flights_document(access.catalogue, rows)
     return page_of(
         request,
         "overview.html",
         "Overview",
-        vehicles=_vehicles(opened),
+        vehicles=_vehicles(access),
         findings=entries,
         flights=flights,
     )
@@ -42,7 +42,7 @@ def overview(request: Request) -> Response:
 )
 def vehicles(request: Request) -> Response:
     """Name, file and names of versions of every vehicle."""
-    return document(_vehicles(opened_of(request)))
+    return document(_vehicles(access_of(request)))
 
 
 @router.get(
@@ -76,11 +76,11 @@ def contents(request: Request) -> Response:
     return page_of(request, "api.html", "API", entries=entries)
 
 
-def _vehicles(opened: Stores) -> list[dict[str, Any]]:
+def _vehicles(access: WorkspaceAccess) -> list[dict[str, Any]]:
     found = []
-    for row in opened.catalogue.vehicles():
-        names = opened.catalogue.names(row.name)
-        versions = opened.catalogue.versions_by_id(names.values())
+    for row in access.catalogue.vehicles():
+        names = access.catalogue.names(row.name)
+        versions = access.catalogue.versions_by_id(names.values())
         pointed = {name: {"version": id, "label": versions[id].label} for name, id in names.items()}
         first: dict[str, Any] = {
             name: pointed[name] for name in (RELEASED, CANDIDATE) if name in pointed
@@ -93,7 +93,7 @@ def _vehicles(opened: Stores) -> list[dict[str, Any]]:
         found.append(
             {
                 **entry,
-                "versions": opened.catalogue.count_versions(row.name),
+                "versions": access.catalogue.count_versions(row.name),
                 "names": {**first, **pointed},
             }
         )

@@ -19,10 +19,10 @@ from aerodb.flows.web.console import (
     Point,
     Vehicle,
     Word,
+    access_of,
     address,
     console_of,
     document,
-    opened_of,
     page_of,
     report,
     version_at,
@@ -45,7 +45,7 @@ from aerodb.tasks.view import (
     version_details,
     versions_document,
 )
-from aerodb.tasks.workspace_access import Stores
+from aerodb.tasks.workspace_access import WorkspaceAccess
 
 router = APIRouter(tags=["versions"])
 Before = Annotated[
@@ -65,19 +65,19 @@ _SUFFIX: dict[str, str] = {
 }
 
 
-def _chosen(opened: Stores, vehicle: str | None) -> tuple[str | None, list[str]]:
+def _chosen(access: WorkspaceAccess, vehicle: str | None) -> tuple[str | None, list[str]]:
     """The vehicle whose list is shown, the only or the first one where none is named; and all of
     them."""
-    names = [row.name for row in opened.catalogue.vehicles()]
-    return (vehicle_of(opened.catalogue, vehicle) if vehicle else next(iter(names), None)), names
+    names = [row.name for row in access.catalogue.vehicles()]
+    return (vehicle_of(access.catalogue, vehicle) if vehicle else next(iter(names), None)), names
 
 
 @router.get("/versions", include_in_schema=False)
 def versions_page(request: Request, vehicle: Vehicle = None, before: Before = None) -> Response:
     """The versions of a vehicle, newest first."""
-    opened = opened_of(request)
-    owner, names = _chosen(opened, vehicle)
-    rows = opened.catalogue.versions(owner, PER_PAGE, before) if owner else ()
+    access = access_of(request)
+    owner, names = _chosen(access, vehicle)
+    rows = access.catalogue.versions(owner, PER_PAGE, before) if owner else ()
     further = (
         address("/versions", vehicle=owner, before=rows[0].number)
         if rows and rows[0].number > 1
@@ -85,11 +85,11 @@ def versions_page(request: Request, vehicle: Vehicle = None, before: Before = No
     )
     labels = {
         row.id: row.label
-        for row in opened.catalogue.versions_by_id(
+        for row in access.catalogue.versions_by_id(
             row.parent for row in rows if row.parent
         ).values()
     }
-    listed = versions_document(opened.catalogue, owner, rows)[::-1] if owner else []
+    listed = versions_document(access.catalogue, owner, rows)[::-1] if owner else []
     shown = {
         "versions": listed,
         "labels": labels,
@@ -109,14 +109,14 @@ def versions(
 ) -> Response:
     """The document of `aerodb version list`: the newest, oldest first; the next page holds earlier
     ones."""
-    opened = opened_of(request)
-    owner = vehicle_of(opened.catalogue, vehicle)
-    rows = opened.catalogue.versions(owner, limit, before)
+    access = access_of(request)
+    owner = vehicle_of(access.catalogue, vehicle)
+    rows = access.catalogue.versions(owner, limit, before)
     more = bool(rows) and rows[0].number > 1
     further = (
         address("/api/versions", vehicle=owner, before=rows[0].number, limit=limit) if more else ""
     )
-    return document(versions_document(opened.catalogue, owner, rows), further)
+    return document(versions_document(access.catalogue, owner, rows), further)
 
 
 @router.get("/versions/{version}", include_in_schema=False)
@@ -130,18 +130,18 @@ def version_page(
 ) -> Response:
     """One version: what it is made of, evaluated at a point, a table of it, where it goes from
     here."""
-    opened = opened_of(request)
-    row = version_at(opened, version, vehicle, as_of)
-    details = version_details(opened.catalogue, row)
-    database = database_of(opened.catalogue, row)
-    names = [name for name, id in opened.catalogue.names(row.vehicle).items() if id == row.id]
+    access = access_of(request)
+    row = version_at(access, version, vehicle, as_of)
+    details = version_details(access.catalogue, row)
+    database = database_of(access.catalogue, row)
+    names = [name for name, id in access.catalogue.names(row.vehicle).items() if id == row.id]
     found, fault = None, ""
     if at:
         try:
-            found = evaluate_at(opened.catalogue, row, at)
+            found = evaluate_at(access.catalogue, row, at)
         except InputError as error:
             fault = f"{error.what}. {error.remedy}"
-    parent = opened.catalogue.versions_by_id([row.parent] if row.parent else [])
+    parent = access.catalogue.versions_by_id([row.parent] if row.parent else [])
     return page_of(
         request,
         "version.html",
@@ -165,8 +165,8 @@ def version(
     request: Request, version: str, vehicle: Vehicle = None, as_of: AsOf = None
 ) -> Response:
     """The document of `aerodb version show`."""
-    opened = opened_of(request)
-    return document(version_details(opened.catalogue, version_at(opened, version, vehicle, as_of)))
+    access = access_of(request)
+    return document(version_details(access.catalogue, version_at(access, version, vehicle, as_of)))
 
 
 @router.get(
@@ -178,8 +178,8 @@ def evaluate(
     request: Request, version: str, at: Point = "", vehicle: Vehicle = None, as_of: AsOf = None
 ) -> Response:
     """The document of `aerodb version evaluate`."""
-    opened = opened_of(request)
-    return document(evaluate_at(opened.catalogue, version_at(opened, version, vehicle, as_of), at))
+    access = access_of(request)
+    return document(evaluate_at(access.catalogue, version_at(access, version, vehicle, as_of), at))
 
 
 @router.get(
@@ -201,11 +201,11 @@ def along(
     as_of: AsOf = None,
 ) -> Response:
     """Value, standard error and place of every axis along a line; values and the line in SI."""
-    opened = opened_of(request)
-    row = version_at(opened, version, vehicle, as_of)
+    access = access_of(request)
+    row = version_at(access, version, vehicle, as_of)
     factor, label = channel_scale(over)
     found = sweep(
-        opened.catalogue, row, over, (value_of(over, start), value_of(over, end)), points, at
+        access.catalogue, row, over, (value_of(over, start), value_of(over, end)), points, at
     )
     return document({**found, "label": label, "factor": factor})
 
@@ -215,10 +215,10 @@ def table(
     request: Request, version: str, table: str, vehicle: Vehicle = None, as_of: AsOf = None
 ) -> Response:
     """Breakpoints and values of a table, in its own units."""
-    opened = opened_of(request)
+    access = access_of(request)
     return document(
         table_document(
-            database_of(opened.catalogue, version_at(opened, version, vehicle, as_of)), table
+            database_of(access.catalogue, version_at(access, version, vehicle, as_of)), table
         )
     )
 
@@ -226,7 +226,7 @@ def table(
 @router.get("/versions/{version}/report", include_in_schema=False)
 def version_report(request: Request, version: str, vehicle: Vehicle = None) -> Response:
     """The report of a version, as `aerodb report version` writes it."""
-    row = version_at(opened_of(request), version, vehicle)
+    row = version_at(access_of(request), version, vehicle)
     return report(console_of(request).run(report_flow, {"kind": "version", "about": row.id}))
 
 
@@ -236,12 +236,12 @@ def export(
 ) -> Response:
     """The file that `aerodb version export` writes: read back, and given only when its check cases
     pass."""
-    opened = opened_of(request)
-    row = version_at(opened, version, vehicle, as_of)
+    access = access_of(request)
+    row = version_at(access, version, vehicle, as_of)
     name = f"{row.vehicle}-{row.label}.{_SUFFIX[format]}"
     with tempfile.TemporaryDirectory() as folder:
         target = Path(folder) / name
-        said = export_version(opened.workspace, opened.catalogue, row, format, target)
+        said = export_version(access.workspace, access.catalogue, row, format, target)
         data = target.read_bytes()
     headers = {
         "content-disposition": f'attachment; filename="{name}"',
@@ -255,19 +255,19 @@ def history_page(
     request: Request, vehicle: Vehicle = None, name: Word = None, before: Before = None
 ) -> Response:
     """The moves of the names of a vehicle's versions, newest first."""
-    opened = opened_of(request)
-    owner, names = _chosen(opened, vehicle)
-    events = opened.catalogue.name_history(owner, name, PER_PAGE + 1, before) if owner else ()
+    access = access_of(request)
+    owner, names = _chosen(access, vehicle)
+    events = access.catalogue.name_history(owner, name, PER_PAGE + 1, before) if owner else ()
     shown = events[-PER_PAGE:]
     more = len(events) > PER_PAGE
     further = (
         address("/history", vehicle=owner, name=name, before=shown[0].sequence) if more else ""
     )
-    versions = opened.catalogue.versions_by_id(
+    versions = access.catalogue.versions_by_id(
         {id for event in shown for id in (event.version, event.previous) if id}
     )
     labels = {id: row.label for id, row in versions.items()}
-    known = list(opened.catalogue.names(owner)) if owner else []
+    known = list(access.catalogue.names(owner)) if owner else []
     moves = history_document(shown)[::-1]
     context: dict[str, Any] = {
         "moves": moves,
@@ -297,9 +297,9 @@ def history(
 ) -> Response:
     """The document of `aerodb version history`: the newest, oldest first; the next page holds
     earlier ones."""
-    opened = opened_of(request)
-    owner = vehicle_of(opened.catalogue, vehicle)
-    events = opened.catalogue.name_history(owner, name, limit + 1, before)
+    access = access_of(request)
+    owner = vehicle_of(access.catalogue, vehicle)
+    events = access.catalogue.name_history(owner, name, limit + 1, before)
     shown = events[-limit:]
     asked = {"vehicle": owner, "name": name, "limit": limit}
     further = (
@@ -313,7 +313,7 @@ def diff_page(
     request: Request, before: Word = None, after: Word = None, vehicle: Vehicle = None
 ) -> Response:
     """What differs between two versions."""
-    opened = opened_of(request)
+    access = access_of(request)
     if before is None or after is None:
         return page_of(
             request,
@@ -323,9 +323,9 @@ def diff_page(
             after=None,
             asked=(before, after, vehicle),
         )
-    old, new = version_at(opened, before, vehicle), version_at(opened, after, vehicle)
-    found, _ = compare_versions(opened.catalogue, old, new)
-    labels = opened.catalogue.flight_labels(
+    old, new = version_at(access, before, vehicle), version_at(access, after, vehicle)
+    found, _ = compare_versions(access.catalogue, old, new)
+    labels = access.catalogue.flight_labels(
         {flight for term in found["terms"] for flight in term["flights"]}
     )
     title = f"From {old.label} to {new.label} of {new.vehicle}"
@@ -347,9 +347,9 @@ def diff(
     vehicle: Vehicle = None,
 ) -> Response:
     """The document of `aerodb version diff`."""
-    opened = opened_of(request)
+    access = access_of(request)
     found, _ = compare_versions(
-        opened.catalogue, version_at(opened, before, vehicle), version_at(opened, after, vehicle)
+        access.catalogue, version_at(access, before, vehicle), version_at(access, after, vehicle)
     )
     return document(found)
 
@@ -361,9 +361,9 @@ def diff_figure(
     after: Annotated[str, Query(max_length=300)],
 ) -> Response:
     """Slices through two versions where they differ, as a picture."""
-    opened = opened_of(request)
+    access = access_of(request)
     _, drawn = compare_versions(
-        opened.catalogue, version_at(opened, before, None), version_at(opened, after, None), "svg"
+        access.catalogue, version_at(access, before, None), version_at(access, after, None), "svg"
     )
     return Response(drawn or b"", media_type="image/svg+xml")
 

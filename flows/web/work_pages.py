@@ -5,7 +5,7 @@ from typing import Any
 from fastapi import APIRouter, Request
 from starlette.responses import Response
 
-from aerodb.flows.web.console import document, opened_of, page_of
+from aerodb.flows.web.console import access_of, document, page_of
 from aerodb.tasks.view import status_of
 
 router = APIRouter(tags=["work"])
@@ -14,14 +14,14 @@ router = APIRouter(tags=["work"])
 @router.get("/work", include_in_schema=False)
 def work_page(request: Request) -> Response:
     """What waits, runs and failed."""
-    status = status_of(opened_of(request))
+    status = status_of(access_of(request))
     return page_of(request, "work.html", "Work", status=status, server=_server(status))
 
 
 @router.get("/api/status", summary="What waits, runs and failed")
 def status(request: Request) -> Response:
     """The document of `aerodb status`."""
-    return document(status_of(opened_of(request)))
+    return document(status_of(access_of(request)))
 
 
 def _server(status: dict[str, Any]) -> str:

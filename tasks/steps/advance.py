@@ -7,7 +7,7 @@ from typing import Any, Final
 from aerodb.errors import InputError
 from aerodb.storage.workspace_settings import Loop
 from aerodb.tasks.result_versions import RELEASED
-from aerodb.tasks.workspace_access import Stores
+from aerodb.tasks.workspace_access import WorkspaceAccess
 
 #: What the settings call a way to take a database further, and the flow that does it.
 FLOWS: Final = {"close-loop": "close_loop_flow", "update": "update_flow"}
@@ -31,20 +31,22 @@ class Due:
         return self.baseline is not None and self.new >= self.after
 
 
-def due(opened: Stores, vehicle: str, loop: Loop, way: str) -> Due:
+def due(access: WorkspaceAccess, vehicle: str, loop: Loop, way: str) -> Due:
     """Whether a vehicle's database is to be taken further in this way. What it costs does not grow
     with the flights stored: the newest are looked at, and which of them the last run of the flow
     was given."""
-    rows = opened.catalogue.newest_flights(vehicle, loop.newest)
+    rows = access.catalogue.newest_flights(vehicle, loop.newest)
     usable = [row.id for row in rows if row.retracted_utc is None and row.verdict != "rejected"]
-    repeating = {repeat.flight for repeat in opened.catalogue.repeats(usable)}
-    last = opened.catalogue.last_completed(FLOWS[way], vehicle)
+    repeating = {repeat.flight for repeat in access.catalogue.repeats(usable)}
+    last = access.catalogue.last_completed(FLOWS[way], vehicle)
     used = set(last.parameters.get("flights", ())) if last is not None else set()
     new = [id for id in usable if id not in used and id not in repeating]
-    return Due(len(new), loop.after, tuple(usable), opened.named(vehicle, RELEASED))
+    return Due(len(new), loop.after, tuple(usable), access.named(vehicle, RELEASED))
 
 
-def parameters_of(opened: Stores, vehicle: str, loop: Loop, way: str, asked: Due) -> dict[str, Any]:
+def parameters_of(
+    access: WorkspaceAccess, vehicle: str, loop: Loop, way: str, asked: Due
+) -> dict[str, Any]:
     """The parameters of the flow; InputError where the model file that an update needs cannot be
     read."""
     given: dict[str, Any] = {
@@ -55,7 +57,7 @@ def parameters_of(opened: Stores, vehicle: str, loop: Loop, way: str, asked: Due
     if way == "close-loop":
         return given
     try:
-        path = opened.workspace.resolve(loop.model)
+        path = access.workspace.resolve(loop.model)
         return {**given, "model": path.read_text(encoding="utf-8")}
     except (OSError, ValueError) as error:
         raise InputError(

@@ -8,7 +8,7 @@ from aerodb.consistency import joint_calibration
 from aerodb.errors import InputError
 from aerodb.tasks.steps.counting import counted_out
 from aerodb.tasks.steps.ingest import load_flight
-from aerodb.tasks.workspace_access import stores
+from aerodb.tasks.workspace_access import access_workspace
 
 
 def calibrate(
@@ -27,12 +27,12 @@ def calibrate(
     valid_from, valid_until : ISO 8601, UTC. Returns a document: calibration (id), label,
     parameters, flights, skipped.
     """
-    opened = stores(workspace)
-    described, _ = opened.vehicle(vehicle)
+    access = access_workspace(workspace)
+    described, _ = access.vehicle(vehicle)
     loaded, skipped = [], []
-    repeats = counted_out(opened.catalogue, vehicle)
+    repeats = counted_out(access.catalogue, vehicle)
     for id in flights:
-        row = opened.catalogue.flight(id)
+        row = access.catalogue.flight(id)
         why = (
             "retracted"
             if row.retracted_utc
@@ -45,7 +45,7 @@ def calibrate(
         if why:
             skipped.append({"flight": id, "reason": why})
             continue
-        flight, _ = load_flight(opened, row, run)
+        flight, _ = load_flight(access, row, run)
         loaded.append(flight)
     if not loaded:
         raise InputError(
@@ -57,7 +57,7 @@ def calibrate(
         None if text is None else datetime.fromisoformat(text) for text in (valid_from, valid_until)
     ]
     found = joint_calibration(loaded, described, *span)
-    stored = opened.catalogue.add_calibration(
+    stored = access.catalogue.add_calibration(
         found.id, vehicle=vehicle, content=found.document(), reason=reason, run=run
     )
     parameters = {
@@ -77,5 +77,5 @@ def calibrate(
 def bind(flight: str, *, workspace: str, run: str, calibration: str) -> str:
     """Binds a flight to a calibration (ids); returns the flight. What hangs on it is recomputed
     when it is asked for next."""
-    stores(workspace).catalogue.bind_flight(flight, calibration, run)
+    access_workspace(workspace).catalogue.bind_flight(flight, calibration, run)
     return flight

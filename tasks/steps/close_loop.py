@@ -5,7 +5,7 @@ from aerodb.loop import Accept, Library, Loop, unexplained_residuals, validate_l
 from aerodb.loop import run_loop as run_rounds
 from aerodb.tasks.loop_flights import flights_of
 from aerodb.tasks.steps.update import Plan
-from aerodb.tasks.workspace_access import stores
+from aerodb.tasks.workspace_access import access_workspace
 from aerodb.tracing import Remainder
 
 
@@ -13,7 +13,7 @@ def run_loop(plan: Plan, library: Library, *, workspace: str, run: str, accept: 
     """The loop on the plan's identification flights."""
     source, baseline = (
         flights_of(workspace, plan.vehicle, run),
-        stores(workspace).database(plan.baseline),
+        access_workspace(workspace).database(plan.baseline),
     )
     return run_rounds(source, plan.hold_out.identified, baseline, library, accept)
 

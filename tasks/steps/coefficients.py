@@ -11,10 +11,10 @@ from aerodb.errors import InputError
 from aerodb.flight import Flight
 from aerodb.storage.catalogue import FlightRow
 from aerodb.storage.files import read_results, write_results
-from aerodb.tasks.memory_cache import kept, of_file
+from aerodb.tasks.memory_cache import cached, file_key
 from aerodb.tasks.steps.consistency import load_consistent
 from aerodb.tasks.stored_steps import StoredResult
-from aerodb.tasks.workspace_access import Stores, stores
+from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 from aerodb.vehicle import Vehicle, cg_positions
 
 
@@ -24,9 +24,9 @@ def reconstruct(flight: str, *, workspace: str, run: str) -> dict[str, Any]:
     Returns a document: flight, key, axes, bandwidth [Hz], notes; or flight, key None and the reason
     why there are none.
     """
-    opened = stores(workspace)
+    access = access_workspace(workspace)
     try:
-        _, coefficients, key = load_coefficients(opened, opened.catalogue.flight(flight), run)
+        _, coefficients, key = load_coefficients(access, access.catalogue.flight(flight), run)
     except InputError as error:
         return {"flight": flight, "key": None, "reason": str(error), "axes": [], "notes": []}
     axes, notes = list(coefficients.values), list(coefficients.notes)
@@ -39,23 +39,25 @@ def reconstruct(flight: str, *, workspace: str, run: str) -> dict[str, Any]:
     }
 
 
-def load_coefficients(opened: Stores, row: FlightRow, run: str) -> tuple[Flight, Coefficients, str]:
+def load_coefficients(
+    access: WorkspaceAccess, row: FlightRow, run: str
+) -> tuple[Flight, Coefficients, str]:
     """A consistent flight, its coefficients and their key; read back when they are stored, else
     computed and stored."""
-    flight, _, flight_key = load_consistent(opened, row, run)
-    vehicle, _ = opened.vehicle(row.vehicle)
+    flight, _, flight_key = load_consistent(access, row, run)
+    vehicle, _ = access.vehicle(row.vehicle)
     settings = {
         "bandwidth": bandwidth_of(flight, vehicle),
         "angular_acceleration": "differentiated",
     }
     result = StoredResult(
-        opened, "coefficients", "coefficients", {"flight": flight_key}, settings, flight=row.id
+        access, "coefficients", "coefficients", {"flight": flight_key}, settings, flight=row.id
     )
     path = result.stored()
     if path is not None:
         return (
             flight,
-            kept(of_file(path, flight_key), lambda: _stored(path, flight, vehicle)),
+            cached(file_key(path, flight_key), lambda: _stored(path, flight, vehicle)),
             result.key,
         )
     coefficients = total_coefficients(flight, vehicle)

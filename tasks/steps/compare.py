@@ -12,10 +12,10 @@ from aerodb.flight import Flight
 from aerodb.nomenclature import AXES
 from aerodb.storage.files import write_results
 from aerodb.tables import AeroDatabase
-from aerodb.tasks.memory_cache import kept
+from aerodb.tasks.memory_cache import cached
 from aerodb.tasks.steps.coefficients import load_coefficients
 from aerodb.tasks.stored_steps import StoredResult
-from aerodb.tasks.workspace_access import Stores, stores
+from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 
 
 def compare_with_version(flight: str, *, workspace: str, run: str, version: str) -> dict[str, Any]:
@@ -25,9 +25,9 @@ def compare_with_version(flight: str, *, workspace: str, run: str, version: str)
     notes; or, where the comparison is not possible, flight, key None and the reason. That is no
     failure of the flight: it stays stored.
     """
-    opened = stores(workspace)
+    access = access_workspace(workspace)
     try:
-        _, comparison, key = load_comparison(opened, flight, version, run)
+        _, comparison, key = load_comparison(access, flight, version, run)
     except InputError as error:
         return {"flight": flight, "key": None, "reason": str(error), "axes": {}, "notes": []}
     axes = {axis: _summary(comparison, axis) for axis in AXES if axis in comparison.usable}
@@ -35,37 +35,37 @@ def compare_with_version(flight: str, *, workspace: str, run: str, version: str)
 
 
 def load_comparison(
-    opened: Stores, flight: str, version: str, run: str
+    access: WorkspaceAccess, flight: str, version: str, run: str
 ) -> tuple[Flight, Comparison, str]:
     """A flight, its comparison with a version (both by id), and the comparison's key; stored when
     it is not yet."""
-    row = opened.catalogue.flight(flight)
-    channels, comparison, coefficients_key = beside(opened, flight, opened.database(version), run)
+    row = access.catalogue.flight(flight)
+    channels, comparison, coefficients_key = beside(access, flight, access.database(version), run)
     inputs = {"coefficients": coefficients_key, "version": version}
-    result = StoredResult(opened, "compare", "comparison", inputs, flight=row.id)
+    result = StoredResult(access, "compare", "comparison", inputs, flight=row.id)
     if not result.is_stored():
         metadata = {"notes": list(comparison.notes), "version": version}
         result.keep(run, lambda path: write_results(path, _long(comparison), metadata))
     return channels, comparison, result.key
 
 
-def compared(opened: Stores, flight: str, database: AeroDatabase, run: str) -> Comparison:
+def compared(access: WorkspaceAccess, flight: str, database: AeroDatabase, run: str) -> Comparison:
     """A flight (its id) beside a database that need not be stored."""
-    return beside(opened, flight, database, run)[1]
+    return beside(access, flight, database, run)[1]
 
 
 def beside(
-    opened: Stores, flight: str, database: AeroDatabase, run: str
+    access: WorkspaceAccess, flight: str, database: AeroDatabase, run: str
 ) -> tuple[Flight, Comparison, str]:
     """A flight (its id), its comparison with a database that need not be stored, and the key of its
     coefficients."""
-    row = opened.catalogue.flight(flight)
-    channels, coefficients, key = load_coefficients(opened, row, run)
+    row = access.catalogue.flight(flight)
+    channels, coefficients, key = load_coefficients(access, row, run)
 
     def made() -> Comparison:
-        return compare(channels, coefficients, database, opened.vehicle(row.vehicle)[0].reference)
+        return compare(channels, coefficients, database, access.vehicle(row.vehicle)[0].reference)
 
-    return channels, kept(("comparison", key, database_document_sha256(database)), made), key
+    return channels, cached(("comparison", key, database_document_sha256(database)), made), key
 
 
 def _long(comparison: Comparison) -> dict[str, np.ndarray]:

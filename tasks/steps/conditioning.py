@@ -15,13 +15,13 @@ from aerodb.recording import Recording
 from aerodb.storage.catalogue import FlightRow, StoredFile
 from aerodb.storage.files import read_recording, read_results, write_results
 from aerodb.tasks.stored_steps import StoredResult
-from aerodb.tasks.workspace_access import Stores
+from aerodb.tasks.workspace_access import WorkspaceAccess
 
 
-def mapping_of(opened: Stores, row: FlightRow) -> Mapping:
+def mapping_of(access: WorkspaceAccess, row: FlightRow) -> Mapping:
     """The mapping that a stored flight was made with last."""
     stated = [
-        result.settings["mapping"] for result in opened.catalogue.results_of(row.id, "ingest")
+        result.settings["mapping"] for result in access.catalogue.results_of(row.id, "ingest")
     ]
     return Mapping.model_validate([entry for entry in stated if entry["name"] == row.mapping][-1])
 
@@ -35,50 +35,50 @@ def clocks_of(recording: Recording, mapping: Mapping) -> tuple[Suspicion, ...]:
         return ()
 
 
-def examined(opened: Stores, flight: Flight, mapping: Mapping) -> Conditioning:
+def examined(access: WorkspaceAccess, flight: Flight, mapping: Mapping) -> Conditioning:
     """What there is to say of a conditioned flight and of the recording that it was made from,
     whose topics are stored."""
     # Where the mapping takes time from a field, fields are needed; else the stamps will do.
-    recording = read_recording(opened.topics_of(flight.log_sha256), fields=mapping.time is not None)
+    recording = read_recording(access.topics_of(flight.log_sha256), fields=mapping.time is not None)
     return examine(flight, clocks_of(recording, mapping))
 
 
 def load_conditioning(
-    opened: Stores, row: FlightRow, flight: Flight, flight_key: str, run: str
+    access: WorkspaceAccess, row: FlightRow, flight: Flight, flight_key: str, run: str
 ) -> tuple[Conditioning, str]:
     """The findings on a flight (as `tasks.ingest.load_flight` gives it, with its key), and their
     key; stored when not yet."""
-    result = _result(opened, row.id, flight_key)
+    result = _result(access, row.id, flight_key)
     path = result.stored()
     if path is not None:
         return from_document(read_results(path)[1]), result.key
-    found = examined(opened, flight, mapping_of(opened, row))
+    found = examined(access, flight, mapping_of(access, row))
     return found, keep_conditioning(
-        opened, row.id, flight_key, write_conditioning(opened, row.id, flight_key, found), run
+        access, row.id, flight_key, write_conditioning(access, row.id, flight_key, found), run
     )
 
 
 def write_conditioning(
-    opened: Stores, flight: str, flight_key: str, found: Conditioning
+    access: WorkspaceAccess, flight: str, flight_key: str, found: Conditioning
 ) -> StoredFile | None:
     """Writes the findings on a flight (its id, and the key of its channels); returns what is in the
     object store of them."""
-    return _result(opened, flight, flight_key).write(
+    return _result(access, flight, flight_key).write(
         lambda path: write_results(path, {}, to_document(found))
     )
 
 
 def keep_conditioning(
-    opened: Stores, flight: str, flight_key: str, stored: StoredFile | None, run: str
+    access: WorkspaceAccess, flight: str, flight_key: str, stored: StoredFile | None, run: str
 ) -> str:
     """Adds the findings on a flight (its id, and the key of its channels) that were written;
     returns their key."""
-    result = _result(opened, flight, flight_key)
+    result = _result(access, flight, flight_key)
     result.add(run, stored)
     return result.key
 
 
-def _result(opened: Stores, flight: str, flight_key: str) -> StoredResult:
+def _result(access: WorkspaceAccess, flight: str, flight_key: str) -> StoredResult:
     return StoredResult(
-        opened, "conditioning", "conditioning", {"flight": flight_key}, flight=flight
+        access, "conditioning", "conditioning", {"flight": flight_key}, flight=flight
     )

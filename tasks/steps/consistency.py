@@ -21,10 +21,10 @@ from aerodb.consistency import (
 from aerodb.flight import Flight
 from aerodb.storage.catalogue import FlightRow
 from aerodb.storage.files import read_results, write_results
-from aerodb.tasks.memory_cache import kept, of_file
+from aerodb.tasks.memory_cache import cached, file_key
 from aerodb.tasks.steps.ingest import load_flight
 from aerodb.tasks.stored_steps import StoredResult
-from aerodb.tasks.workspace_access import Stores, stores
+from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 
 
 def check_consistency(flight: str, *, workspace: str, run: str) -> dict[str, Any]:
@@ -33,36 +33,38 @@ def check_consistency(flight: str, *, workspace: str, run: str) -> dict[str, Any
 
     Returns the document of `aerodb.consistency.whole_flight` with flight and key.
     """
-    opened = stores(workspace)
-    row = opened.catalogue.flight(flight)
-    _, document, key = load_consistent(opened, row, run)
-    opened.catalogue.judge_flight(row.id, document["verdict"], document["reasons"])
+    access = access_workspace(workspace)
+    row = access.catalogue.flight(flight)
+    _, document, key = load_consistent(access, row, run)
+    access.catalogue.judge_flight(row.id, document["verdict"], document["reasons"])
     return {"flight": flight, "key": key, **document}
 
 
-def load_consistent(opened: Stores, row: FlightRow, run: str) -> tuple[Flight, dict[str, Any], str]:
+def load_consistent(
+    access: WorkspaceAccess, row: FlightRow, run: str
+) -> tuple[Flight, dict[str, Any], str]:
     """A consistent flight, its document, and the key of both; reconstructed and stored when they
     are not yet.
 
     A flight that is processed for the first time is bound to the newest calibration that is valid
     for it, and stays bound to that one until it is recalibrated.
     """
-    flight, flight_key = load_flight(opened, row, run)
-    calibration = _bound(opened, row, run)
+    flight, flight_key = load_flight(access, row, run)
+    calibration = _bound(access, row, run)
     inputs = {
         "flight": flight_key,
         "calibration": "none" if calibration is None else calibration.id,
     }
-    limits = opened.accuracy(row.vehicle)
+    limits = access.accuracy(row.vehicle)
     settings = {"accuracy": limits} if limits else {}
-    result = StoredResult(opened, "consistency", "consistency", inputs, settings, flight=row.id)
+    result = StoredResult(access, "consistency", "consistency", inputs, settings, flight=row.id)
     path = result.stored()
     if path is not None:
-        restored, document = kept(
-            of_file(path, flight_key), lambda: _restored(flight, *read_results(path))
+        restored, document = cached(
+            file_key(path, flight_key), lambda: _restored(flight, *read_results(path))
         )
         return restored, document, result.key
-    vehicle, _ = opened.vehicle(row.vehicle)
+    vehicle, _ = access.vehicle(row.vehicle)
     found = make_consistent(flight, vehicle, calibration)
     # as it will be read back: a document does not depend on whether it was just made
     document = json.loads(json.dumps({**found.document, "changed": list(found.changed)}))
@@ -73,18 +75,18 @@ def load_consistent(opened: Stores, row: FlightRow, run: str) -> tuple[Flight, d
     return found.flight, document, result.key
 
 
-def _bound(opened: Stores, row: FlightRow, run: str) -> Calibration | None:
+def _bound(access: WorkspaceAccess, row: FlightRow, run: str) -> Calibration | None:
     """The calibration that a flight is bound to; one that was never reconstructed is bound to the
     newest valid one."""
-    bound = opened.catalogue.calibration_of(row.id)
+    bound = access.catalogue.calibration_of(row.id)
     if bound is not None:
         return from_document(bound.content)
-    if opened.catalogue.results_of(row.id, "consistency"):
+    if access.catalogue.results_of(row.id, "consistency"):
         return None  # reconstructed before there was one
-    for candidate in reversed(opened.catalogue.calibrations(row.vehicle)):
+    for candidate in reversed(access.catalogue.calibrations(row.vehicle)):
         calibration = from_document(candidate.content)
         if calibration.valid_at(row.start_utc):
-            opened.catalogue.bind_flight(row.id, candidate.id, run)
+            access.catalogue.bind_flight(row.id, candidate.id, run)
             return calibration
     return None
 

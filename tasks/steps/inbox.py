@@ -26,16 +26,16 @@ from aerodb.storage.inbox import (
 )
 from aerodb.storage.workspace_settings import Settings
 from aerodb.tasks.steps.counting import WHOLE
-from aerodb.tasks.workspace_access import Stores, stores
+from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 
 
 def files_of_inbox(
-    opened: Stores, settings: Settings, vehicle: str | None = None, wait: bool = True
+    access: WorkspaceAccess, settings: Settings, vehicle: str | None = None, wait: bool = True
 ) -> list[Waiting]:
     """What is in the inbox (of one vehicle), judged; `wait` gives what changed a moment ago its
     time to stand still."""
-    names = [row.name for row in opened.catalogue.vehicles()]
-    seen = look(opened.workspace.inbox, names, settings.inbox.settle)
+    names = [row.name for row in access.catalogue.vehicles()]
+    seen = look(access.workspace.inbox, names, settings.inbox.settle)
     if wait and any(may_settle(entry) for entry in seen):
         time.sleep(settings.inbox.settle)
         seen = look_again(seen, settings.inbox.settle, settings.inbox.settle)
@@ -52,62 +52,62 @@ def set_aside(entry: Waiting, *, workspace: str, run: str, reason: str) -> dict[
 
     Returns its ending.
     """
-    opened = stores(workspace)
-    sha256 = "" if entry.state == "refused" else _sha256(opened, entry)
-    opened.catalogue.note_arrivals(
+    access = access_workspace(workspace)
+    sha256 = "" if entry.state == "refused" else _sha256(access, entry)
+    access.catalogue.note_arrivals(
         [_event(entry, "quarantined", run, sha256 or aside_key(entry), reason)]
     )
-    log = opened.catalogue.log(sha256) if sha256 else None
+    log = access.catalogue.log(sha256) if sha256 else None
     if sha256:
         if log is None:
             name = entry.path.name
-            opened.catalogue.add_log(
+            access.catalogue.add_log(
                 sha256, name=name, size=entry.size, format="", status="quarantined", reason=reason
             )
-        opened.workspace.quarantine(entry.path, sha256, reason, entry.vehicle)
+        access.workspace.quarantine(entry.path, sha256, reason, entry.vehicle)
     else:
-        put_aside(opened.workspace, entry, reason)
+        put_aside(access.workspace, entry, reason)
     return _ending(entry, "quarantined", {"what": reason})
 
 
-def _sha256(opened: Stores, entry: Waiting) -> str:
+def _sha256(access: WorkspaceAccess, entry: Waiting) -> str:
     """The hash of a file's bytes, empty where they cannot be read."""
     try:
-        with open_log(entry.path, opened.workspace.inbox) as file:
+        with open_log(entry.path, access.workspace.inbox) as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
     except OSError:
         return ""
 
 
-def in_quarantine(opened: Stores, limit: int | None = None) -> list[Quarantined]:
+def in_quarantine(access: WorkspaceAccess, limit: int | None = None) -> list[Quarantined]:
     """What lies in quarantine, newest first, at most `limit`; without what was stored since, by
     another way."""
-    entries = newest(opened.workspace, limit)
+    entries = newest(access.workspace, limit)
     return [
         entry
         for entry in entries
         if not any(
-            f.vehicle == entry.vehicle for f in opened.catalogue.flights(log_sha256=entry.key)
+            f.vehicle == entry.vehicle for f in access.catalogue.flights(log_sha256=entry.key)
         )
     ]
 
 
-def note_tries(opened: Stores, entries: Sequence[Waiting], run: str) -> None:
+def note_tries(access: WorkspaceAccess, entries: Sequence[Waiting], run: str) -> None:
     """Notes, before they are read, that files are tried: what ends the process is told by it."""
-    opened.catalogue.note_arrivals([_event(entry, "tried", run) for entry in entries])
+    access.catalogue.note_arrivals([_event(entry, "tried", run) for entry in entries])
 
 
-def note_failure(opened: Stores, entry: Waiting, run: str, reason: str) -> dict[str, Any]:
+def note_failure(access: WorkspaceAccess, entry: Waiting, run: str, reason: str) -> dict[str, Any]:
     """Notes that a file could not be dealt with; an empty reason says that it was not its own
     fault. Returns its ending."""
-    opened.catalogue.note_arrivals([_event(entry, "failed", run, reason=reason)])
+    access.catalogue.note_arrivals([_event(entry, "failed", run, reason=reason)])
     return _ending(entry, "failed", {"what": reason})
 
 
-def note_no_room(opened: Stores, entry: Waiting, run: str, reason: str) -> dict[str, Any]:
+def note_no_room(access: WorkspaceAccess, entry: Waiting, run: str, reason: str) -> dict[str, Any]:
     """Notes that the disk or the machine could not take a file now, which is not its fault: it
     waits. Returns its ending."""
-    return {**note_failure(opened, entry, run, ""), "kind": "no_room", "reason": reason}
+    return {**note_failure(access, entry, run, ""), "kind": "no_room", "reason": reason}
 
 
 def settle(
@@ -120,48 +120,50 @@ def settle(
     ``failed``, or ``left`` for one that changed meanwhile and waits again), flight, reason,
     verdict.
     """
-    opened = stores(workspace)
-    return [_settled(opened, entry, outcome, run) for entry, outcome in dealt]
+    access = access_workspace(workspace)
+    return [_settled(access, entry, outcome, run) for entry, outcome in dealt]
 
 
-def _settled(opened: Stores, entry: Waiting, outcome: dict[str, Any], run: str) -> dict[str, Any]:
+def _settled(
+    access: WorkspaceAccess, entry: Waiting, outcome: dict[str, Any], run: str
+) -> dict[str, Any]:
     there, sha256 = entry.path.exists() or entry.path.is_symlink(), outcome["sha256"]
     if there and not entry.unchanged():
         return _ending(entry, "left", {"what": "changed while it was read"})
     reason = _reason(outcome)
     if outcome["status"] == "refused" and not sha256:
-        return note_failure(opened, entry, run, reason)
+        return note_failure(access, entry, run, reason)
     if outcome["status"] == "refused":
         if there:  # refused for another reason than its bytes: it is another vehicle's, say
-            opened.workspace.quarantine(entry.path, sha256, reason, entry.vehicle)
-        opened.catalogue.note_arrivals([_event(entry, "quarantined", run, sha256, reason)])
+            access.workspace.quarantine(entry.path, sha256, reason, entry.vehicle)
+        access.catalogue.note_arrivals([_event(entry, "quarantined", run, sha256, reason)])
         return _ending(entry, "quarantined", outcome)
-    kind = _kind(opened, entry, outcome)
-    kept = kept_path(opened.workspace, entry, sha256)
+    kind = _kind(access, entry, outcome)
+    kept = kept_path(access.workspace, entry, sha256)
     try:
         if there:
-            put(opened.workspace, entry.path, kept, sha256)
+            put(access.workspace, entry.path, kept, sha256)
     except InputError as error:
         return _ending(entry, "left", {"what": error.what})
     except (
         StoreError
     ) as error:  # its flight is stored; the log itself waits here until it can be put
-        return note_no_room(opened, entry, run, str(error))
-    with opened.catalogue.transaction():
-        opened.catalogue.note_arrivals([_event(entry, kind, run, sha256)])
+        return note_no_room(access, entry, run, str(error))
+    with access.catalogue.transaction():
+        access.catalogue.note_arrivals([_event(entry, kind, run, sha256)])
         if there:
-            opened.catalogue.add_file(opened.workspace.relative(kept), sha256, entry.size)
+            access.catalogue.add_file(access.workspace.relative(kept), sha256, entry.size)
     if there:
         keep_log(entry, kept, sha256)
     return _ending(entry, kind, outcome)
 
 
-def _kind(opened: Stores, entry: Waiting, outcome: dict[str, Any]) -> InboxKind:
+def _kind(access: WorkspaceAccess, entry: Waiting, outcome: dict[str, Any]) -> InboxKind:
     """Stored or duplicate. A run that ended between storing a log and noting it finds its own
     flight: that is no duplicate."""
     earlier = [
         event
-        for event in opened.catalogue.arrivals(sha256=outcome["sha256"])
+        for event in access.catalogue.arrivals(sha256=outcome["sha256"])
         if event.kind == "stored"
     ]
     if earlier:  # copies that are read side by side do not know of each other
@@ -174,7 +176,7 @@ def _kind(opened: Stores, entry: Waiting, outcome: dict[str, Any]) -> InboxKind:
         return "stored"
     if sum(repeat["share"] for repeat in outcome["repeats"] if repeat["counts"]) > WHOLE:
         return "duplicate"
-    log = opened.catalogue.log(outcome["sha256"])
+    log = access.catalogue.log(outcome["sha256"])
     return "stored" if log is not None and log.name == plain_text(entry.path.name) else "duplicate"
 
 

@@ -34,7 +34,7 @@ from aerodb.storage.inbox import open_log
 from aerodb.storage.mappings import builtin_mappings, load_mapping
 from aerodb.storage.readers import parsed_log
 from aerodb.storage.workspace_settings import SettingsError, load_settings
-from aerodb.tasks.memory_cache import kept, of_file
+from aerodb.tasks.memory_cache import cached, file_key
 from aerodb.tasks.steps.conditioning import (
     clocks_of,
     examined,
@@ -46,7 +46,7 @@ from aerodb.tasks.steps.conditioning import (
 from aerodb.tasks.steps.counting import WHOLE, repeat_documents
 from aerodb.tasks.steps.repeats import compare_with_stored, suspects_of
 from aerodb.tasks.stored_steps import StoredResult
-from aerodb.tasks.workspace_access import Stores, stores
+from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 
 
 def store_log(
@@ -70,26 +70,26 @@ def store_log(
     Raises SettingsError where settings, vehicle or mapping cannot be used, and StoreError where the
     disk or the machine cannot take the log now: neither is the log's fault.
     """
-    opened, path = stores(workspace), Path(log)
+    access, path = access_workspace(workspace), Path(log)
     outcome: dict[str, Any] = {"log": log, "sha256": "", "status": "refused", "flight": None}
     outcome |= {"damage": [], "suspicions": [], "repeats": []}
     sha256 = ""
-    limits = load_settings(opened.workspace.root).limits
-    chosen = _usable_mapping(opened, vehicle, mapping)
+    limits = load_settings(access.workspace.root).limits
+    chosen = _usable_mapping(access, vehicle, mapping)
     try:
-        with open_log(path, opened.workspace.inbox) as file:
+        with open_log(path, access.workspace.inbox) as file:
             limits.check_size(os.fstat(file.fileno()).st_size, log)
             sha256 = outcome["sha256"] = hashlib.file_digest(file, "sha256").hexdigest()
-        known = _known(opened, sha256, vehicle, chosen)
+        known = _known(access, sha256, vehicle, chosen)
         if known is not None:
             return (
-                outcome | {"status": "duplicate", "flight": known} | _findings(opened, known, run)
+                outcome | {"status": "duplicate", "flight": known} | _findings(access, known, run)
             )
-        refused = _inadmissible(opened, sha256, vehicle, name)
+        refused = _inadmissible(access, sha256, vehicle, name)
         if refused is not None:
             return outcome | _refusal(refused, log)
-        topics = opened.workspace.recording_path(sha256)
-        require_space(opened.workspace.root, path.stat().st_size, limits.reserve)
+        topics = access.workspace.recording_path(sha256)
+        require_space(access.workspace.root, path.stat().st_size, limits.reserve)
         with parsed_log(path, topics, limits) as parsed:
             recording = parsed.recording
             if recording.sha256 != sha256:
@@ -105,7 +105,7 @@ def store_log(
                     "ingest without --strict to keep what is intact",
                 )
             layout = chosen or choose_mapping(recording, builtin_mappings().values())
-            flight = _mapped(opened, recording, layout, vehicle, sha256)
+            flight = _mapped(access, recording, layout, vehicle, sha256)
             parsed.keep(topics)  # the same bytes may come under two names at once
     except (StoreError, SettingsError):
         raise
@@ -115,11 +115,11 @@ def store_log(
         )
     except InputError as error:
         if sha256:
-            _quarantine(opened, path, sha256, error, vehicle)
+            _quarantine(access, path, sha256, error, vehicle)
         return outcome | _refusal(error, log)
-    found = examined(opened, flight, layout)
-    _keep(opened, recording, flight, found, layout, run, name)
-    repeats = repeat_documents(opened.catalogue, sha256)
+    found = examined(access, flight, layout)
+    _keep(access, recording, flight, found, layout, run, name)
+    repeats = repeat_documents(access.catalogue, sha256)
     whole = sum(entry["share"] for entry in repeats if entry["counts"]) > WHOLE
     status = "damaged" if broken else "duplicate" if whole else "stored"
     damage = [asdict(entry) for entry in recording.damage]
@@ -127,23 +127,23 @@ def store_log(
     return outcome | {"status": status, "flight": sha256, "damage": damage} | findings
 
 
-def _usable_mapping(opened: Stores, vehicle: str, mapping: str | None) -> Mapping | None:
+def _usable_mapping(access: WorkspaceAccess, vehicle: str, mapping: str | None) -> Mapping | None:
     """The mapping that was asked for; SettingsError when it, or the vehicle's file, cannot be
     used."""
     try:
-        opened.vehicle(vehicle)
+        access.vehicle(vehicle)
         return load_mapping(mapping) if mapping else None
     except InputError as error:
         raise SettingsError(error.what, error.where, error.remedy) from error
 
 
-def _findings(opened: Stores, flight: str, run: str) -> dict[str, Any]:
+def _findings(access: WorkspaceAccess, flight: str, run: str) -> dict[str, Any]:
     """What is known of a flight (its id) that is stored already."""
-    row = opened.catalogue.flight(flight)
-    found, _ = load_conditioning(opened, row, *load_flight(opened, row, run), run)
+    row = access.catalogue.flight(flight)
+    found, _ = load_conditioning(access, row, *load_flight(access, row, run), run)
     return {
         "suspicions": suspicion_documents(found.suspicions),
-        "repeats": repeat_documents(opened.catalogue, flight),
+        "repeats": repeat_documents(access.catalogue, flight),
     }
 
 
@@ -161,10 +161,12 @@ def _refusal(error: InputError, log: str) -> dict[str, str]:
     }
 
 
-def _inadmissible(opened: Stores, sha256: str, vehicle: str, name: str | None) -> InputError | None:
+def _inadmissible(
+    access: WorkspaceAccess, sha256: str, vehicle: str, name: str | None
+) -> InputError | None:
     """Why the catalogue would not take these bytes as a flight of this name. The log is not at
     fault: no quarantine."""
-    for row in opened.catalogue.flights(log_sha256=sha256):
+    for row in access.catalogue.flights(log_sha256=sha256):
         if row.vehicle != vehicle or name not in (None, row.name):
             return InputError(
                 f"already stored for vehicle '{row.vehicle}' as '{row.label}'", "", "use that one"
@@ -175,7 +177,7 @@ def _inadmissible(opened: Stores, sha256: str, vehicle: str, name: str | None) -
         checked(name, FLIGHT_NAME, "the name of a flight")
     except InputError as error:
         return error
-    taken = [row for row in opened.catalogue.flights(vehicle) if row.name == name]
+    taken = [row for row in access.catalogue.flights(vehicle) if row.name == name]
     return (
         InputError(f"'{name}' is flight {taken[0].id[:12]} already", "", "choose another name")
         if taken
@@ -183,30 +185,30 @@ def _inadmissible(opened: Stores, sha256: str, vehicle: str, name: str | None) -
     )
 
 
-def load_flight(opened: Stores, row: FlightRow, run: str) -> tuple[Flight, str]:
+def load_flight(access: WorkspaceAccess, row: FlightRow, run: str) -> tuple[Flight, str]:
     """A stored flight under the vehicle's present file, and its key; mapped anew from the stored
     topics when that changed.
 
     What is stored is as it was measured; here, wild points are bridged, so that no later step
     smears them over others.
     """
-    mapping = mapping_of(opened, row)
-    result = _result(opened, row.log_sha256, row.vehicle, mapping)
+    mapping = mapping_of(access, row)
+    result = _result(access, row.log_sha256, row.vehicle, mapping)
     key, path = result.key, result.stored()
     if path is not None:
-        return kept(of_file(path), lambda: without_wild_points(read_flight(path))), key
-    recording = open_recording(opened.topics_of(row.log_sha256))
-    flight = _mapped(opened, recording, mapping, row.vehicle, row.id)
-    _keep(opened, recording, flight, examined(opened, flight, mapping), mapping, run, row.name)
+        return cached(file_key(path), lambda: without_wild_points(read_flight(path))), key
+    recording = open_recording(access.topics_of(row.log_sha256))
+    flight = _mapped(access, recording, mapping, row.vehicle, row.id)
+    _keep(access, recording, flight, examined(access, flight, mapping), mapping, run, row.name)
     return without_wild_points(flight), key
 
 
 def _mapped(
-    opened: Stores, recording: Recording, mapping: Mapping, vehicle: str, sha256: str
+    access: WorkspaceAccess, recording: Recording, mapping: Mapping, vehicle: str, sha256: str
 ) -> Flight:
     """The conditioned flight of a recording; InputError when no coefficient could ever be computed
     from it."""
-    described, _ = opened.vehicle(vehicle)
+    described, _ = access.vehicle(vehicle)
     try:
         flight = replace(
             map_recording(recording, mapping, described, flight_id=sha256),
@@ -229,50 +231,58 @@ def _mapped(
 
 
 def _result(
-    opened: Stores, log_sha256: str, vehicle: str, mapping: Mapping, flight: str | None = None
+    access: WorkspaceAccess,
+    log_sha256: str,
+    vehicle: str,
+    mapping: Mapping,
+    flight: str | None = None,
 ) -> StoredResult:
     """The channels of a log under a vehicle's present file and a mapping; flight : its id, for the
     row."""
-    inputs = {"log": log_sha256, "vehicle": opened.catalogue.vehicle(vehicle).sha256}
+    inputs = {"log": log_sha256, "vehicle": access.catalogue.vehicle(vehicle).sha256}
     settings = {"mapping": mapping.model_dump(mode="json")}
-    return StoredResult(opened, "ingest", "flight", inputs, settings, flight, folder="flights")
+    return StoredResult(access, "ingest", "flight", inputs, settings, flight, folder="flights")
 
 
-def _known(opened: Stores, sha256: str, vehicle: str, chosen: Mapping | None) -> str | None:
+def _known(
+    access: WorkspaceAccess, sha256: str, vehicle: str, chosen: Mapping | None
+) -> str | None:
     """The flight of these bytes, when they are stored under the vehicle's present file and this
     mapping, topics and all."""
-    if not is_recording_kept(opened.workspace, opened.catalogue, sha256):
+    if not is_recording_kept(access.workspace, access.catalogue, sha256):
         return None
-    for row in opened.catalogue.flights(vehicle, log_sha256=sha256):
+    for row in access.catalogue.flights(vehicle, log_sha256=sha256):
         mappings = [chosen] if chosen else builtin_mappings().values()
         candidates = [mapping for mapping in mappings if mapping.name == row.mapping]
         if any(
-            opened.catalogue.result(_result(opened, sha256, vehicle, mapping).key)
+            access.catalogue.result(_result(access, sha256, vehicle, mapping).key)
             for mapping in candidates
         ):
             return row.id
     return None
 
 
-def _index_path(opened: Stores, sha256: str) -> Path:
-    return opened.workspace.recording_path(sha256) / INDEX
+def _index_path(access: WorkspaceAccess, sha256: str) -> Path:
+    return access.workspace.recording_path(sha256) / INDEX
 
 
-def _quarantine(opened: Stores, path: Path, sha256: str, error: InputError, vehicle: str) -> None:
-    log = opened.catalogue.log(sha256)
+def _quarantine(
+    access: WorkspaceAccess, path: Path, sha256: str, error: InputError, vehicle: str
+) -> None:
+    log = access.catalogue.log(sha256)
     if log is not None and log.status != "quarantined":
         return
     # The row first: a file of the inbox that goes into quarantine leaves it, and would else be
     # nowhere if this ended here.
     size = path.stat().st_size if path.exists() else 0
-    opened.catalogue.add_log(
+    access.catalogue.add_log(
         sha256, name=path.name, size=size, format="", status="quarantined", reason=str(error)
     )
-    opened.workspace.quarantine(path, sha256, str(error), vehicle)
+    access.workspace.quarantine(path, sha256, str(error), vehicle)
 
 
 def _keep(
-    opened: Stores,
+    access: WorkspaceAccess,
     recording: Recording,
     flight: Flight,
     found: Conditioning,
@@ -282,40 +292,44 @@ def _keep(
 ) -> None:
     """Files first (the topics stand), then all rows in one transaction: a crash between leaves
     nothing that anyone can see."""
-    result = _result(opened, recording.sha256, flight.vehicle, mapping, flight.id)
+    result = _result(access, recording.sha256, flight.vehicle, mapping, flight.id)
     key, path = result.key, result.path
     write_flight(path, flight)
-    topics = put_recording(opened.workspace, opened.workspace.recording_path(recording.sha256))
+    topics = put_recording(access.workspace, access.workspace.recording_path(recording.sha256))
     channels, findings = (
-        put(opened.workspace, path),
-        write_conditioning(opened, flight.id, key, found),
+        put(access.workspace, path),
+        write_conditioning(access, flight.id, key, found),
     )
     marks = fingerprint(flight)
     compared: dict[str, RepeatRow | None] = {}
     # Two files of one flight may come at once: a flight enters only when it was compared with all
     # that were there before.
     while True:
-        with opened.catalogue.transaction():
-            suspects = suspects_of(opened, flight, marks) - compared.keys()
+        with access.catalogue.transaction():
+            suspects = suspects_of(access, flight, marks) - compared.keys()
             if not suspects:
-                _add_rows(opened, recording, flight, mapping, name)
-                opened.keep_file(_index_path(opened, recording.sha256), topics)
+                _add_rows(access, recording, flight, mapping, name)
+                access.keep_file(_index_path(access, recording.sha256), topics)
                 result.add(run, channels)
-                opened.catalogue.add_marks(flight.id, marks)
+                access.catalogue.add_marks(flight.id, marks)
                 for repeat in filter(None, compared.values()):
-                    opened.catalogue.add_repeat(repeat)
-                keep_conditioning(opened, flight.id, key, findings, run)
+                    access.catalogue.add_repeat(repeat)
+                keep_conditioning(access, flight.id, key, findings, run)
                 return
         compared |= {
-            suspect: compare_with_stored(opened, flight, suspect) for suspect in sorted(suspects)
+            suspect: compare_with_stored(access, flight, suspect) for suspect in sorted(suspects)
         }
 
 
 def _add_rows(
-    opened: Stores, recording: Recording, flight: Flight, mapping: Mapping, name: str | None
+    access: WorkspaceAccess,
+    recording: Recording,
+    flight: Flight,
+    mapping: Mapping,
+    name: str | None,
 ) -> None:
     """The rows of a log and its flight, whose files stand."""
-    opened.catalogue.add_log(
+    access.catalogue.add_log(
         recording.sha256,
         name=Path(recording.source).name,
         size=recording.size,
@@ -323,7 +337,7 @@ def _add_rows(
         status="damaged" if broken_parts(recording) else "stored",
         damage=recording.damage,
     )
-    opened.catalogue.add_flight(
+    access.catalogue.add_flight(
         flight.id,
         vehicle=flight.vehicle,
         name=name,

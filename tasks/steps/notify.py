@@ -36,10 +36,10 @@ def deliver(root: str, *, workspace: str, run: str) -> list[dict[str, str]]:
     Where one could not be reached, it is not tried for the others now. Returns the failures:
     ``text`` of the notification and ``error``. Addresses, which may hold secrets, are never in it.
     """
-    opened = Workspace.open(Path(root))
-    settings, failures = load_settings(opened.root), []
+    folder = Workspace.open(Path(root))
+    settings, failures = load_settings(folder.root), []
     failed: dict[tuple[str, tuple[str, ...]], str] = {}
-    for path, message in waiting(opened):
+    for path, message in waiting(folder):
         target = settings.notification_of(message["vehicle"])
         reached = (target.webhook, target.command)
         error = failed.get(reached) or _send(target, message)

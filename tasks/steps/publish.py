@@ -30,7 +30,7 @@ from aerodb.tasks.provenance import user
 from aerodb.tasks.result_versions import CANDIDATE, RELEASED, RESULT_VERSION
 from aerodb.tasks.steps.update import Plan
 from aerodb.tasks.stored_steps import StoredResult
-from aerodb.tasks.workspace_access import Stores, stores
+from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 from aerodb.tracing import Remainder
 
 #: Formats that mark their files: where, with which bytes, and what reads them.
@@ -47,8 +47,8 @@ def import_database(
 ) -> dict[str, Any]:
     """Imports a database file as a version without parent; the vehicle's first becomes
     ``released``."""
-    opened, path = stores(workspace), Path(file)
-    opened.catalogue.vehicle(vehicle)
+    access, path = access_workspace(workspace), Path(file)
+    access.catalogue.vehicle(vehicle)
     data = path.read_bytes()
     inputs = {hashlib.sha256(data).hexdigest()}
 
@@ -62,7 +62,7 @@ def import_database(
     database = read_database(data, path.name, bindings or {}, part)
     settings = {"bindings": dict(bindings or {}), "importer": RESULT_VERSION["import"]}
     version = _add(
-        opened,
+        access,
         database,
         vehicle,
         None,
@@ -72,8 +72,8 @@ def import_database(
         [],
         run,
     )
-    if opened.named(vehicle, RELEASED) is None:
-        move(opened, vehicle, RELEASED, version.id, f"first imported database ({path.name})")
+    if access.named(vehicle, RELEASED) is None:
+        move(access, vehicle, RELEASED, version.id, f"first imported database ({path.name})")
     return {
         "version": version.id,
         "label": version.label,
@@ -115,17 +115,17 @@ def publish_candidate(
 ) -> dict[str, Any]:
     """Stores the update's candidate with its proof and points ``candidate`` at it; returns the
     update's document."""
-    opened = stores(workspace)
+    access = access_workspace(workspace)
     document = update_document(
         vehicle=plan.vehicle,
         baseline=plan.baseline,
         hold_out=plan.hold_out,
         excluded=plan.excluded,
-        looks={flight: _looks(opened, flight) for flight in plan.hold_out.held_out},
+        looks={flight: _looks(access, flight) for flight in plan.hold_out.held_out},
         update=update,
         proof=proof,
     )
-    signs = sign_reasons(opened.database(plan.baseline), update.candidate)
+    signs = sign_reasons(access.database(plan.baseline), update.candidate)
     document["remarks"] += [f"The gate will refuse this version: {reason}." for reason in signs]
     settings = {
         "model": plan.model,
@@ -135,7 +135,7 @@ def publish_candidate(
     }
     document["candidate"] = version_id(plan.vehicle, plan.baseline, list(plan.keys), settings)
     version = _add(
-        opened,
+        access,
         update.candidate,
         plan.vehicle,
         plan.baseline,
@@ -145,9 +145,9 @@ def publish_candidate(
         _roles(plan),
         run,
     )
-    move(opened, plan.vehicle, CANDIDATE, version.id, "declared increments estimated")
+    move(access, plan.vehicle, CANDIDATE, version.id, "declared increments estimated")
     # Where the same update was made before, the stored report is the one that counts.
-    return {**opened.catalogue.version_documents(version.id).report, "label": version.label}
+    return {**access.catalogue.version_documents(version.id).report, "label": version.label}
 
 
 def publish_loop(
@@ -166,7 +166,7 @@ def publish_loop(
 
     Returns the loop's document with ``label`` and ``report``, the key under which it is stored.
     """
-    opened = stores(workspace)
+    access = access_workspace(workspace)
     settings = {
         "library": library.sha256,
         "tracing": library.settings.sha256,
@@ -180,7 +180,7 @@ def publish_loop(
         baseline=plan.baseline,
         hold_out=plan.hold_out,
         excluded=plan.excluded,
-        looks={flight: _looks(opened, flight) for flight in plan.hold_out.held_out},
+        looks={flight: _looks(access, flight) for flight in plan.hold_out.held_out},
         library=library.sha256,
         rounds=loop.rounds,
         traced=loop.traced,
@@ -198,7 +198,7 @@ def publish_loop(
     if loop.added:
         document["candidate"] = version_id(plan.vehicle, plan.baseline, list(plan.keys), settings)
         version = _add(
-            opened,
+            access,
             loop.candidate,
             plan.vehicle,
             plan.baseline,
@@ -208,14 +208,14 @@ def publish_loop(
             _roles(plan),
             run,
         )
-        move(opened, plan.vehicle, CANDIDATE, version.id, "effects traced and added")
+        move(access, plan.vehicle, CANDIDATE, version.id, "effects traced and added")
         # Where the same loop was closed before, the stored report is the one that counts.
-        document, label = dict(opened.catalogue.version_documents(version.id).report), version.label
+        document, label = dict(access.catalogue.version_documents(version.id).report), version.label
         document.pop("check_cases", None)
     return {
         **document,
         "label": label,
-        "report": _keep_report(opened, plan, document, settings, run),
+        "report": _keep_report(access, plan, document, settings, run),
     }
 
 
@@ -247,13 +247,17 @@ def _loop_remarks(plan: Plan, loop: Loop) -> list[str]:
 
 
 def _keep_report(
-    opened: Stores, plan: Plan, document: Mapping[str, Any], settings: Mapping[str, Any], run: str
+    access: WorkspaceAccess,
+    plan: Plan,
+    document: Mapping[str, Any],
+    settings: Mapping[str, Any],
+    run: str,
 ) -> str:
     """The loop's document as a stored result, whether or not a version came of it; returns its
     key."""
     inputs = [plan.baseline, *plan.keys]
     result = StoredResult(
-        opened, "close_loop", "findings", {name: name for name in inputs}, settings, suffix=".json"
+        access, "close_loop", "findings", {name: name for name in inputs}, settings, suffix=".json"
     )
     if not result.is_stored():
         result.keep(run, lambda path: write_document(path, document))
@@ -266,18 +270,18 @@ def _roles(plan: Plan) -> list[FlightRole]:
     return [*roles, *(FlightRole(flight, "excluded", reason) for flight, reason in plan.excluded)]
 
 
-def move(opened: Stores, vehicle: str, name: str, version: str, reason: str) -> None:
+def move(access: WorkspaceAccess, vehicle: str, name: str, version: str, reason: str) -> None:
     """Points a name at a version (its id) from wherever it points now; nothing happens when it is
     there already."""
-    current = opened.named(vehicle, name)
+    current = access.named(vehicle, name)
     if current != version:
-        opened.catalogue.move_name(
+        access.catalogue.move_name(
             vehicle, name, version, user=user(), reason=reason, expected=current
         )
 
 
 def _add(
-    opened: Stores,
+    access: WorkspaceAccess,
     database: AeroDatabase,
     vehicle: str,
     parent: str | None,
@@ -287,7 +291,7 @@ def _add(
     roles: list[FlightRole],
     run: str,
 ) -> VersionRow:
-    return opened.catalogue.add_version(
+    return access.catalogue.add_version(
         version_id(vehicle, parent, inputs, settings),
         vehicle=vehicle,
         parent=parent,
@@ -301,10 +305,10 @@ def _add(
     )
 
 
-def _looks(opened: Stores, flight: str) -> int:
+def _looks(access: WorkspaceAccess, flight: str) -> int:
     """How many versions of this vehicle a flight has validated already."""
     return sum(
         1
-        for impact in opened.catalogue.impact(flight)
+        for impact in access.catalogue.impact(flight)
         if impact.role == "held_out" and impact.through == impact.version.id
     )

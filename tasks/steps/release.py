@@ -13,7 +13,7 @@ from aerodb.storage.workspace_settings import load_settings
 from aerodb.tables import AeroDatabase, CheckCase
 from aerodb.tasks.provenance import user
 from aerodb.tasks.result_versions import RELEASED
-from aerodb.tasks.workspace_access import Stores, stores
+from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 
 
 def promote(version: str, *, workspace: str, run: str, name: str, reason: str) -> dict[str, Any]:
@@ -22,14 +22,14 @@ def promote(version: str, *, workspace: str, run: str, name: str, reason: str) -
     Returns a document: vehicle, name, version, label, previous, moved, checks. Raises GateRefusal
     with every reason, also when another run moved the name meanwhile; nothing is changed then.
     """
-    opened = stores(workspace)
-    catalogue = opened.catalogue
+    access = access_workspace(workspace)
+    catalogue = access.catalogue
     row = catalogue.version_of_id(version)
     _check_words(name, reason)
     seen = catalogue.named(row.vehicle, name)
     if seen is not None and seen.version == row.id:
         return _document(seen, row, moved=False)
-    verdict = _gate(opened, row, seen) if name == RELEASED else Verdict(())
+    verdict = _gate(access, row, seen) if name == RELEASED else Verdict(())
     if not verdict.passed:
         raise _refusal(row, verdict.reasons)
     with catalogue.transaction():
@@ -50,8 +50,8 @@ def roll_back(vehicle: str, *, workspace: str, run: str, name: str, reason: str)
     Raises InputError where there is nothing before, GateRefusal where the version before is no
     longer as it was stored.
     """
-    opened = stores(workspace)
-    catalogue = opened.catalogue
+    access = access_workspace(workspace)
+    catalogue = access.catalogue
     catalogue.vehicle(vehicle)
     _check_words(name, reason)
     history = catalogue.name_history(vehicle, name)
@@ -80,8 +80,8 @@ def _check_words(name: str, reason: str) -> None:
         raise InputError("moving a name needs a reason", f"'{name}'", "say why: --reason TEXT")
 
 
-def _gate(opened: Stores, row: VersionRow, released: NameEvent | None) -> Verdict:
-    catalogue = opened.catalogue
+def _gate(access: WorkspaceAccess, row: VersionRow, released: NameEvent | None) -> Verdict:
+    catalogue = access.catalogue
     if released is None:
         raise GateRefusal(
             "nothing is released yet to compare it with",
@@ -104,21 +104,21 @@ def _gate(opened: Stores, row: VersionRow, released: NameEvent | None) -> Verdic
     cases = [CheckCase(**case) for case in documents.report.get("check_cases", [])]
     verdict = judge(
         standing,
-        opened.database(released.version),
+        access.database(released.version),
         candidate,
         cases,
         documents.report.get("axes", {}),
     )
-    return Verdict((*verdict.checks, *_enough_flights(opened, row)))
+    return Verdict((*verdict.checks, *_enough_flights(access, row)))
 
 
-def _enough_flights(opened: Stores, row: VersionRow) -> tuple[Check, ...]:
+def _enough_flights(access: WorkspaceAccess, row: VersionRow) -> tuple[Check, ...]:
     """Whether as many flights identified and validated a version as the settings of its vehicle ask
     for; none where they ask for none."""
-    asked = load_settings(opened.workspace.root).of(row.vehicle).gate
+    asked = load_settings(access.workspace.root).of(row.vehicle).gate
     if not (asked.identified or asked.held_out):
         return ()
-    roles: list[str] = [use.role for use in opened.catalogue.version_flights(row.id)]
+    roles: list[str] = [use.role for use in access.catalogue.version_flights(row.id)]
     said = []
     for role, fewest in (("identified", asked.identified), ("held_out", asked.held_out)):
         if (count := roles.count(role)) < fewest:

@@ -5,26 +5,26 @@ from aerodb.conditioning import FEWEST_MARKS, Shared, shared_samples
 from aerodb.flight import Flight
 from aerodb.storage.catalogue import RepeatRow, Stretch
 from aerodb.storage.files import read_flight
-from aerodb.tasks.workspace_access import Stores
+from aerodb.tasks.workspace_access import WorkspaceAccess
 
 
-def suspects_of(opened: Stores, flight: Flight, marks: frozenset[int]) -> set[str]:
+def suspects_of(access: WorkspaceAccess, flight: Flight, marks: frozenset[int]) -> set[str]:
     """Ids of stored flights of the vehicle, not retracted, that have enough marks in common to be
     compared."""
-    counts = opened.catalogue.flights_with_marks(marks, flight.vehicle)
+    counts = access.catalogue.flights_with_marks(marks, flight.vehicle)
     found = [id for id, count in counts.items() if count >= FEWEST_MARKS and id != flight.id]
     return {
         row.id
-        for row in opened.catalogue.flights_by_id(found).values()
+        for row in access.catalogue.flights_by_id(found).values()
         if row.retracted_utc is None
     }
 
 
-def compare_with_stored(opened: Stores, flight: Flight, other: str) -> RepeatRow | None:
+def compare_with_stored(access: WorkspaceAccess, flight: Flight, other: str) -> RepeatRow | None:
     """What a flight and a stored one (its id) share, None for nothing. The one that was stored
     later repeats the other."""
-    stored = read_flight(opened.file_of(opened.catalogue.results_of(other, "ingest")[-1].path))
-    rows = opened.catalogue.flights_by_id([flight.id, other])
+    stored = read_flight(access.file_of(access.catalogue.results_of(other, "ingest")[-1].path))
+    rows = access.catalogue.flights_by_id([flight.id, other])
     first = flight.id in rows and (rows[flight.id].added_utc, flight.id) < (
         rows[other].added_utc,
         other,

@@ -29,7 +29,7 @@ from aerodb.tasks.steps.compare import compared, load_comparison
 from aerodb.tasks.steps.conditioning import load_conditioning
 from aerodb.tasks.steps.consistency import load_consistent
 from aerodb.tasks.steps.ingest import load_flight
-from aerodb.tasks.workspace_access import Stores, stores
+from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 
 _KEY: Final = re.compile(r"[0-9a-f]{64}")
 
@@ -39,27 +39,27 @@ _ANCESTORS, _CHILDREN = 5, 6
 
 def flight_page(flight: str, *, workspace: str, run: str, version: str = "") -> str:
     """The page of a flight (its id) beside a version (its id; empty: beside none)."""
-    opened = stores(workspace)
-    row = opened.catalogue.flight(flight)
-    measured, key = load_flight(opened, row, run)
-    consistent, document, _ = load_consistent(opened, row, run)
+    access = access_workspace(workspace)
+    row = access.catalogue.flight(flight)
+    measured, key = load_flight(access, row, run)
+    consistent, document, _ = load_consistent(access, row, run)
     comparison, why = (
         None,
         "This vehicle has no released database yet: import one, then make this page again.",
     )
     if version:
         try:
-            _, comparison, _ = load_comparison(opened, row.id, version, run)
+            _, comparison, _ = load_comparison(access, row.id, version, run)
         except InputError as error:
             why = f"There are none: {error}."
-    versions = opened.catalogue.versions_by_id([version] if version else [])
-    found, _ = load_conditioning(opened, row, measured, key, run)
+    versions = access.catalogue.versions_by_id([version] if version else [])
+    found, _ = load_conditioning(access, row, measured, key, run)
     return flight_report(
         FlightStory(
             id=row.id,
-            label=_label(opened, row.id),
+            label=_label(access, row.id),
             vehicle=row.vehicle,
-            log=_log_name(opened, row.log_sha256),
+            log=_log_name(access, row.log_sha256),
             start_utc=row.start_utc,
             verdict=row.verdict,
             reasons=row.reasons,
@@ -68,10 +68,10 @@ def flight_page(flight: str, *, workspace: str, run: str, version: str = "") -> 
             measured=measured,
             flight=consistent,
             comparison=comparison,
-            database=opened.database(version) if version else None,
+            database=access.database(version) if version else None,
             version=versions[version].label if version else "",
             no_comparison=why,
-            versions=[(use.version.label, use.role) for use in opened.catalogue.impact(row.id)],
+            versions=[(use.version.label, use.role) for use in access.catalogue.impact(row.id)],
             suspicions=found.suspicions,
             segments=found.segments,
         )
@@ -84,27 +84,27 @@ def update_page(reference: str, *, workspace: str, run: str) -> str:
 
     Raises InputError for a version that no update made, UnknownNameError for what is neither.
     """
-    opened = stores(workspace)
-    document = _document(opened, reference)
+    access = access_workspace(workspace)
+    document = _document(access, reference)
     ids = [id for id in (document["baseline"], document["candidate"]) if id]
-    rows = opened.catalogue.versions_by_id(ids)
+    rows = access.catalogue.versions_by_id(ids)
     roles = document["flights"]
     excluded = [entry["flight"] for entry in roles["excluded"]]
     labels = {
-        flight: _label(opened, flight)
+        flight: _label(access, flight)
         for flight in (*roles["identified"], *roles["held_out"], *excluded)
     }
     candidate = rows[document["candidate"]].label if document["candidate"] else None
     baseline = rows[document["baseline"]].label
     databases = (
-        opened.database(document["baseline"]),
-        opened.database(document["candidate"] or document["baseline"]),
+        access.database(document["baseline"]),
+        access.database(document["candidate"] or document["baseline"]),
     )
     shown = roles["held_out"] or roles["identified"]
-    before = {flight: compared(opened, flight, databases[0], run) for flight in shown}
-    after = {flight: compared(opened, flight, databases[1], run) for flight in shown if candidate}
+    before = {flight: compared(access, flight, databases[0], run) for flight in shown}
+    after = {flight: compared(access, flight, databases[1], run) for flight in shown if candidate}
     channels = {
-        flight: _variables(_consistent(opened, flight, run), databases[1]) for flight in shown
+        flight: _variables(_consistent(access, flight, run), databases[1]) for flight in shown
     }
     return update_report(
         UpdateStory(document, labels, baseline, candidate, databases, before, after, channels)
@@ -114,11 +114,11 @@ def update_page(reference: str, *, workspace: str, run: str) -> str:
 def write_update_page(document: dict[str, Any], *, workspace: str, run: str) -> str:
     """Writes the page of what an update or a closed loop answered into the workspace's reports;
     returns the file."""
-    opened = stores(workspace)
+    access = access_workspace(workspace)
     reference = document.get("report") or document["candidate"]
     page = update_page(reference, workspace=workspace, run=run)
     path = (
-        opened.workspace.reports
+        access.workspace.reports
         / f"{document['vehicle']}-{document['label'] or 'nothing-added'}-{reference[:12]}.html"
     )
 
@@ -131,15 +131,15 @@ def write_update_page(document: dict[str, Any], *, workspace: str, run: str) -> 
 
 def version_page(version: str, *, workspace: str, run: str) -> str:
     """The page of a version (its id)."""
-    opened = stores(workspace)
-    catalogue = opened.catalogue
+    access = access_workspace(workspace)
+    catalogue = access.catalogue
     row = catalogue.version_of_id(version)
     report = catalogue.version_documents(row.id).report
     roles = catalogue.version_flights(row.id)
     flights = catalogue.flights_by_id(use.flight for use in roles)
-    database = opened.database(row.id)
+    database = access.database(row.id)
     parent = (
-        (catalogue.version_of_id(row.parent).label, opened.database(row.parent))
+        (catalogue.version_of_id(row.parent).label, access.database(row.parent))
         if row.parent
         else None
     )
@@ -160,7 +160,7 @@ def version_page(version: str, *, workspace: str, run: str) -> str:
             ],
             flights=[
                 (
-                    _label(opened, use.flight),
+                    _label(access, use.flight),
                     use.role,
                     flights[use.flight].log_sha256,
                     flights[use.flight].retract_reason,
@@ -169,20 +169,20 @@ def version_page(version: str, *, workspace: str, run: str) -> str:
             ],
             database=database,
             parent=parent,
-            graph=lineage_graph(_family(opened, row, names), row.id),
+            graph=lineage_graph(_family(access, row, names), row.id),
         )
     )
 
 
-def _family(opened: Stores, row: VersionRow, names: dict[str, str]) -> list[Relative]:
+def _family(access: WorkspaceAccess, row: VersionRow, names: dict[str, str]) -> list[Relative]:
     """The nearest ancestors, the version, and its children, parents first."""
-    line = list(reversed(opened.catalogue.lineage(row.id).line[: _ANCESTORS + 1]))
+    line = list(reversed(access.catalogue.lineage(row.id).line[: _ANCESTORS + 1]))
     children = [
-        entry for entry in opened.catalogue.versions(row.vehicle) if entry.parent == row.id
+        entry for entry in access.catalogue.versions(row.vehicle) if entry.parent == row.id
     ][-_CHILDREN:]
     family = []
     for entry in (*line, *children):
-        roles = [use.role for use in opened.catalogue.version_flights(entry.id)]
+        roles = [use.role for use in access.catalogue.version_flights(entry.id)]
         family.append(
             Relative(
                 id=entry.id,
@@ -191,28 +191,28 @@ def _family(opened: Stores, row: VersionRow, names: dict[str, str]) -> list[Rela
                 made=f"{entry.created_utc:%Y-%m-%d %H:%M}",
                 names=tuple(sorted(name for name, id in names.items() if id == entry.id)),
                 flights={role: roles.count(role) for role in dict.fromkeys(roles)},
-                stale=bool(opened.catalogue.stale(entry.id)),
+                stale=bool(access.catalogue.stale(entry.id)),
             )
         )
     return family
 
 
-def _document(opened: Stores, reference: str) -> dict[str, Any]:
+def _document(access: WorkspaceAccess, reference: str) -> dict[str, Any]:
     """The document of an update or a closed loop, by the id of its version or the key of its
     report."""
-    result = opened.catalogue.result(reference) if _KEY.fullmatch(reference) else None
+    result = access.catalogue.result(reference) if _KEY.fullmatch(reference) else None
     if result is not None and result.step == "close_loop":
-        found: dict[str, Any] = read_document(opened.file_of(result.path))
+        found: dict[str, Any] = read_document(access.file_of(result.path))
         return found
-    report = dict(opened.catalogue.version_documents(reference).report)
+    report = dict(access.catalogue.version_documents(reference).report)
     if "axes" not in report:
         what, remedy = "was imported, no update made it", "its page: aerodb report version"
-        raise InputError(what, f"version {opened.catalogue.version_of_id(reference).label}", remedy)
+        raise InputError(what, f"version {access.catalogue.version_of_id(reference).label}", remedy)
     return report
 
 
-def _consistent(opened: Stores, flight: str, run: str) -> Flight:
-    return load_consistent(opened, opened.catalogue.flight(flight), run)[0]
+def _consistent(access: WorkspaceAccess, flight: str, run: str) -> Flight:
+    return load_consistent(access, access.catalogue.flight(flight), run)[0]
 
 
 def _variables(flight: Flight, database: AeroDatabase) -> dict[str, Array]:
@@ -235,12 +235,12 @@ def _variables(flight: Flight, database: AeroDatabase) -> dict[str, Array]:
     return shown
 
 
-def _log_name(opened: Stores, sha256: str) -> str:
-    log = opened.catalogue.log(sha256)
+def _log_name(access: WorkspaceAccess, sha256: str) -> str:
+    log = access.catalogue.log(sha256)
     return log.name if log else sha256[:12]
 
 
-def _label(opened: Stores, flight: str) -> str:
+def _label(access: WorkspaceAccess, flight: str) -> str:
     """The flight's name, else that of its log."""
-    row = opened.catalogue.flight(flight)
-    return row.name or _log_name(opened, row.log_sha256)
+    row = access.catalogue.flight(flight)
+    return row.name or _log_name(access, row.log_sha256)

@@ -5,27 +5,29 @@ from typing import Any
 from aerodb.storage.catalogue import RunState
 from aerodb.storage.locks import is_held
 from aerodb.tasks.steps.notify import tell
-from aerodb.tasks.workspace_access import Stores
+from aerodb.tasks.workspace_access import WorkspaceAccess
 
 
 def mark_ended(
-    opened: Stores, state: RunState = "crashed", why: str = "its process ended without a word"
+    access: WorkspaceAccess,
+    state: RunState = "crashed",
+    why: str = "its process ended without a word",
 ) -> list[dict[str, Any]]:
     """Notes of every run that counts as running, but whose lock nobody holds, that it ended;
     returns them, newest first."""
     ended = []
-    for run in opened.catalogue.runs("running", limit=10_000):
-        if is_held(opened.workspace.lock(f"run-{run.id}")):
+    for run in access.catalogue.runs("running", limit=10_000):
+        if is_held(access.workspace.lock(f"run-{run.id}")):
             continue
-        row = opened.catalogue.end_run(run.id, state, error=why)
-        opened.workspace.lock(f"run-{run.id}").unlink(missing_ok=True)
+        row = access.catalogue.end_run(run.id, state, error=why)
+        access.workspace.lock(f"run-{run.id}").unlink(missing_ok=True)
         if row.state != state:  # it has come to its end meanwhile
             continue
         ended.append({"run": run.id, "flow": run.flow, "started_utc": run.started_utc.isoformat()})
         if state == "crashed":
             vehicle = str(run.parameters.get("vehicle") or "")
             tell(
-                opened.workspace,
+                access.workspace,
                 "failed",
                 vehicle,
                 f"a run of {run.flow} crashed: {why}",

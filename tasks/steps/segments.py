@@ -5,14 +5,14 @@ from dataclasses import replace
 from aerodb.conditioning import Segment
 from aerodb.tasks.steps.conditioning import load_conditioning
 from aerodb.tasks.steps.ingest import load_flight
-from aerodb.tasks.workspace_access import Stores
+from aerodb.tasks.workspace_access import WorkspaceAccess
 
 
-def segments_of(opened: Stores, flight: str, run: str) -> tuple[Segment, ...]:
+def segments_of(access: WorkspaceAccess, flight: str, run: str) -> tuple[Segment, ...]:
     """Segments of a flight (its id), start and end in s from its first sample."""
-    row = opened.catalogue.flight(flight)
-    channels, key = load_flight(opened, row, run)
-    found, _ = load_conditioning(opened, row, channels, key, run)
+    row = access.catalogue.flight(flight)
+    channels, key = load_flight(access, row, run)
+    found, _ = load_conditioning(access, row, channels, key, run)
     first = float(channels.time[0])
     return tuple(
         replace(each, start=each.start - first, end=each.end - first) for each in found.segments

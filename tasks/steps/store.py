@@ -6,7 +6,7 @@ from typing import Any
 from aerodb.errors import StoreError
 from aerodb.storage.files import trim
 from aerodb.storage.workspace_settings import load_settings
-from aerodb.tasks.workspace_access import stores
+from aerodb.tasks.workspace_access import access_workspace
 
 
 def trim_cache(root: str, *, workspace: str, run: str) -> dict[str, Any]:
@@ -19,9 +19,9 @@ def trim_cache(root: str, *, workspace: str, run: str) -> dict[str, Any]:
     asked = load_settings(Path(root)).store
     if not (asked.url and asked.cache):
         return {"files": 0, "bytes": 0, "error": ""}
-    opened = stores(workspace)
+    access = access_workspace(workspace)
     try:
-        moved = trim(opened.workspace, opened.catalogue, asked.cache)
+        moved = trim(access.workspace, access.catalogue, asked.cache)
     except StoreError as error:
         return {"files": 0, "bytes": 0, "error": str(error)}
     return {"files": moved.files, "bytes": moved.bytes, "error": ""}

@@ -6,7 +6,7 @@ from aerodb.loop import freeze_library as frozen_library
 from aerodb.tables import AeroDatabase
 from aerodb.tasks.loop_flights import flights_of
 from aerodb.tasks.steps.update import Plan
-from aerodb.tasks.workspace_access import stores
+from aerodb.tasks.workspace_access import access_workspace
 from aerodb.tracing import NormalEquations
 
 
@@ -21,7 +21,7 @@ def freeze_library(
     """
     source, baseline = (
         flights_of(workspace, plan.vehicle, run),
-        stores(workspace).database(plan.baseline),
+        access_workspace(workspace).database(plan.baseline),
     )
     return frozen_library(source, plan.hold_out.identified, baseline, effects, expected)
 
@@ -31,5 +31,5 @@ def trace_flight(
 ) -> NormalEquations:
     """The normal equations of a flight (its id) beside a database; read back when it is stored, else made and
     stored."""
-    vehicle = stores(workspace).catalogue.flight(flight).vehicle
+    vehicle = access_workspace(workspace).catalogue.flight(flight).vehicle
     return flights_of(workspace, vehicle, run).normal_equations(flight, database, library)

@@ -28,7 +28,7 @@ from aerodb.tables import AeroDatabase
 from aerodb.tasks.loop_flights import StoredFlights
 from aerodb.tasks.steps.compare import compared, load_comparison
 from aerodb.tasks.steps.counting import counted_out, sentence
-from aerodb.tasks.workspace_access import Stores, stores
+from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 from aerodb.tracing import Settings
 
 
@@ -65,8 +65,8 @@ def plan_update(
     `compared` are the documents of `compare_with_version` on `baseline` (its id); `hold_out` flight
     references, an empty list for none, None for the rule of CONVENTIONS.
     """
-    opened = stores(workspace)
-    catalogue = opened.catalogue
+    access = access_workspace(workspace)
+    catalogue = access.catalogue
     excluded = [(entry["flight"], entry["reason"]) for entry in compared if entry["key"] is None]
     rows = [catalogue.flight(entry["flight"]) for entry in compared if entry["key"] is not None]
     excluded += [
@@ -78,10 +78,10 @@ def plan_update(
         (row.id, f"rejected: {'; '.join(row.reasons)}") for row in rows if row.verdict == "rejected"
     ]
     excluded += _repeated(
-        opened, vehicle, {row.id for row in rows} - {flight for flight, _ in excluded}
+        access, vehicle, {row.id for row in rows} - {flight for flight, _ in excluded}
     )
     out = {flight for flight, _ in excluded}
-    usable = sorted((row for row in rows if row.id not in out), key=lambda row: _age(opened, row))
+    usable = sorted((row for row in rows if row.id not in out), key=lambda row: _age(access, row))
     if not usable:
         why = (
             "; ".join(f"{flight[:12]}: {reason}" for flight, reason in excluded) or "none is stored"
@@ -105,21 +105,21 @@ def plan_update(
     return Plan(vehicle, baseline, model, split, tuple(excluded), keys)
 
 
-def _repeated(opened: Stores, vehicle: str, flights: set[str]) -> list[tuple[str, str]]:
+def _repeated(access: WorkspaceAccess, vehicle: str, flights: set[str]) -> list[tuple[str, str]]:
     """Those of `flights` (ids) that are another one once more, and which: their samples would count
     twice."""
     repeats = {
         flight: rows
-        for flight, rows in counted_out(opened.catalogue, vehicle).items()
+        for flight, rows in counted_out(access.catalogue, vehicle).items()
         if flight in flights
     }
-    labels = opened.catalogue.flight_labels(
+    labels = access.catalogue.flight_labels(
         row.original for rows in repeats.values() for row in rows
     )
     return [(flight, sentence(rows, labels)) for flight, rows in repeats.items()]
 
 
-def _age(opened: Stores, row: FlightRow) -> tuple[Any, ...]:
+def _age(access: WorkspaceAccess, row: FlightRow) -> tuple[Any, ...]:
     """Sorts flights as they were flown, the same on every machine: by start; before those, unknown
     starts by log name.
 
@@ -127,18 +127,18 @@ def _age(opened: Stores, row: FlightRow) -> tuple[Any, ...]:
     """
     if row.start_utc is not None:
         return (1, row.start_utc, row.id)
-    log = opened.catalogue.log(row.log_sha256)
+    log = access.catalogue.log(row.log_sha256)
     digits = re.split(r"(\d+)", row.name or (PurePath(log.name).name if log else ""))
     return (0, [(int(part), "") if part.isdecimal() else (-1, part) for part in digits], row.id)
 
 
 def estimate(plan: Plan, *, workspace: str, run: str) -> Update:
     """Estimates the plan's declared increments on its identification flights."""
-    opened = stores(workspace)
-    flights, comparisons = _loaded(opened, plan, plan.hold_out.identified, run)
-    database = opened.database(plan.baseline)
-    model, vehicle = parse_model_file(plan.model), opened.vehicle(plan.vehicle)[0]
-    source = StoredFlights(opened, plan.vehicle, run)
+    access = access_workspace(workspace)
+    flights, comparisons = _loaded(access, plan, plan.hold_out.identified, run)
+    database = access.database(plan.baseline)
+    model, vehicle = parse_model_file(plan.model), access.vehicle(plan.vehicle)[0]
+    source = StoredFlights(access, plan.vehicle, run)
     reconstructions = {flight.id: source.reconstruction(flight.id) for flight in flights}
     doubtful = consider_parameters(reconstructions, vehicle, database, flights, comparisons)
     update = estimate_increments(flights, comparisons, model, database, doubtful)
@@ -153,20 +153,20 @@ def estimate(plan: Plan, *, workspace: str, run: str) -> Update:
 def validate(plan: Plan, update: Update, *, workspace: str, run: str) -> tuple[AxisValidation, ...]:
     """Error before and after the update, on flights that did not identify it where there are
     any."""
-    opened = stores(workspace)
-    flights, comparisons = _loaded(opened, plan, plan.flights, run)
+    access = access_workspace(workspace)
+    flights, comparisons = _loaded(access, plan, plan.flights, run)
     before = {c.flight: c for c in comparisons}
-    after = {flight: compared(opened, flight, update.candidate, run) for flight in plan.flights}
+    after = {flight: compared(access, flight, update.candidate, run) for flight in plan.flights}
     if plan.hold_out.kind != "cross-validated":
         return validate_on_held_out(before, after, plan.hold_out)
-    model, baseline = parse_model_file(plan.model), opened.database(plan.baseline)
+    model, baseline = parse_model_file(plan.model), access.database(plan.baseline)
 
     def without(left_out: str) -> Comparison:
         others = [k for k, flight in enumerate(flights) if flight.id != left_out]
         candidate = _estimated_where_possible(
             [flights[k] for k in others], [comparisons[k] for k in others], model, baseline
         )
-        return compared(opened, left_out, candidate, run)
+        return compared(access, left_out, candidate, run)
 
     return validate_by_leaving_one_out(before, after, without)
 
@@ -190,7 +190,7 @@ def _estimated_where_possible(
 
 
 def _loaded(
-    opened: Stores, plan: Plan, ids: tuple[str, ...], run: str
+    access: WorkspaceAccess, plan: Plan, ids: tuple[str, ...], run: str
 ) -> tuple[list[Flight], list[Comparison]]:
-    loaded = [load_comparison(opened, flight, plan.baseline, run) for flight in ids]
+    loaded = [load_comparison(access, flight, plan.baseline, run) for flight in ids]
     return [flight for flight, _, _ in loaded], [comparison for _, comparison, _ in loaded]

@@ -19,7 +19,7 @@ from aerodb.report import channel_scale, decimated, flagged_stretches
 from aerodb.storage.catalogue import FlightRow
 from aerodb.storage.files import StoredSeries
 from aerodb.support import Array
-from aerodb.tasks.workspace_access import Stores
+from aerodb.tasks.workspace_access import WorkspaceAccess
 
 #: What is shown first, in this order, where the flight has it; surfaces follow.
 FIRST: Final = ("V", "alpha", "beta", "p", "q", "r", "ax", "ay", "az", "phi", "theta", "altitude")
@@ -81,9 +81,9 @@ class _Stored:
         )
 
 
-def record_of(opened: Stores, row: FlightRow) -> Record:
+def record_of(access: WorkspaceAccess, row: FlightRow) -> Record:
     """What there is to show of a flight; InputError when its file is missing or damaged."""
-    stored = _open(opened, row)
+    stored = _open(access, row)
     names = tuple(stored.flight.metadata["channels"])
     surfaces = sorted(name for name in names if is_surface(name))
     chosen = [name for name in FIRST if name in names][: PANELS - min(len(surfaces), 3)]
@@ -93,7 +93,12 @@ def record_of(opened: Stores, row: FlightRow) -> Record:
 
 
 def series_of(
-    opened: Stores, row: FlightRow, names: Sequence[str], start: float, end: float, points: int
+    access: WorkspaceAccess,
+    row: FlightRow,
+    names: Sequence[str],
+    start: float,
+    end: float,
+    points: int,
 ) -> tuple[list[Series], tuple[float, float]]:
     """The lines of the channels and axes `names` from `start` to `end` [s], at most `points` + 2
     samples each, and the ends [s].
@@ -112,7 +117,7 @@ def series_of(
             "from, to",
             "give the earlier time first",
         )
-    stored = _open(opened, row)
+    stored = _open(access, row)
     known = [*stored.flight.metadata["channels"], *stored.axes]
     for name in names:
         if name not in known:
@@ -133,14 +138,16 @@ def series_of(
 ENVELOPE: Final = ("V", "alpha", "beta", "altitude")
 
 
-def envelopes_of(opened: Stores, rows: Sequence[FlightRow]) -> dict[str, dict[str, list[float]]]:
+def envelopes_of(
+    access: WorkspaceAccess, rows: Sequence[FlightRow]
+) -> dict[str, dict[str, list[float]]]:
     """Flight id -> channel -> lowest and highest usable value (SI) of `ENVELOPE`; a flight whose
     file is lost has none."""
     found: dict[str, dict[str, list[float]]] = {}
     for row in rows:
         found[row.id] = {}
         with suppress(AeroError):
-            stored = _open(opened, row)
+            stored = _open(access, row)
             names = [name for name in ENVELOPE if name in stored.flight.metadata["channels"]]
             for line in _whole(stored, names):
                 found[row.id][line[0]] = [float(np.min(line[1])), float(np.max(line[1]))]
@@ -166,8 +173,8 @@ def _whole(stored: _Stored, names: Sequence[str]) -> Iterator[tuple[str, Array]]
             yield name, columns[name][good]
 
 
-def _open(opened: Stores, row: FlightRow) -> _Stored:
-    results = opened.catalogue.results_of(row.id)
+def _open(access: WorkspaceAccess, row: FlightRow) -> _Stored:
+    results = access.catalogue.results_of(row.id)
     by_step = {
         step: [r for r in results if r.step == step]
         for step in ("ingest", "consistency", "compare")
@@ -176,11 +183,11 @@ def _open(opened: Stores, row: FlightRow) -> _Stored:
         raise InputError(
             "its channels are not stored", f"flight {row.label}", "ingest its log again"
         )
-    flight = StoredSeries.open(opened.file_of(by_step["ingest"][-1].path), "flight")
-    consistent = _newest(opened, by_step["consistency"], flight.rows)
-    released = opened.named(row.vehicle, "released")
+    flight = StoredSeries.open(access.file_of(by_step["ingest"][-1].path), "flight")
+    consistent = _newest(access, by_step["consistency"], flight.rows)
+    released = access.named(row.vehicle, "released")
     compared = [
-        StoredSeries.open(opened.file_of(r.path), "result") for r in by_step["compare"][-8:]
+        StoredSeries.open(access.file_of(r.path), "result") for r in by_step["compare"][-8:]
     ]
     beside = [
         c
@@ -190,10 +197,10 @@ def _open(opened: Stores, row: FlightRow) -> _Stored:
     return _Stored(flight, consistent, beside[-1] if beside else None)
 
 
-def _newest(opened: Stores, results: Sequence[Any], rows: int) -> StoredSeries | None:
+def _newest(access: WorkspaceAccess, results: Sequence[Any], rows: int) -> StoredSeries | None:
     """The newest result that holds series on the flight's own grid."""
     for result in reversed(results):
-        found = StoredSeries.open(opened.file_of(result.path), "result")
+        found = StoredSeries.open(access.file_of(result.path), "result")
         if "time" in found.columns and found.rows == rows:
             return found
     return None

@@ -12,7 +12,7 @@ from aerodb.storage.catalogue import RunRow
 from aerodb.storage.files import read_document
 from aerodb.tasks.references import version_of
 from aerodb.tasks.steps import FLOWS
-from aerodb.tasks.workspace_access import Stores
+from aerodb.tasks.workspace_access import WorkspaceAccess
 
 _KEY: Final = re.compile(r"[0-9a-f]{64}")
 #: What a run says that left nothing of its own.
@@ -23,7 +23,9 @@ _UNTOLD: Final = {
 _PLACE: Final = re.compile(r"([0-9T:.+-]{19,40})~([A-Za-z0-9-]{1,64})")
 
 
-def findings_page(opened: Stores, limit: int, after: str = "") -> tuple[list[dict[str, Any]], str]:
+def findings_page(
+    access: WorkspaceAccess, limit: int, after: str = ""
+) -> tuple[list[dict[str, Any]], str]:
     """The newest `limit` updates and closed loops, newest first, and where the next page begins
     (empty at the end).
 
@@ -31,58 +33,60 @@ def findings_page(opened: Stores, limit: int, after: str = "") -> tuple[list[dic
     takes, None where nothing was stored), label, headline, verdicts. after : the second answer of
     the page before; InputError where it is none.
     """
-    rows = opened.catalogue.runs_of(FLOWS.values(), limit + 1, _place(after) if after else None)
+    rows = access.catalogue.runs_of(FLOWS.values(), limit + 1, _place(after) if after else None)
     shown = rows[:limit]
-    made = opened.catalogue.made_by([run.id for run in shown], "close_loop")
-    versions = opened.catalogue.versions_by_id(id for ids, _ in made.values() for id in ids)
-    reports = opened.catalogue.reports_of(versions)
+    made = access.catalogue.made_by([run.id for run in shown], "close_loop")
+    versions = access.catalogue.versions_by_id(id for ids, _ in made.values() for id in ids)
+    reports = access.catalogue.reports_of(versions)
     entries = []
     for run in shown:
         ids, keys = made[run.id]
         reference = next((id for id in ids if "axes" in reports.get(id, {})), None) or next(
             iter(keys), None
         )
-        report = reports[reference] if reference in reports else _stored(opened, reference)
+        report = reports[reference] if reference in reports else _stored(access, reference)
         label = versions[reference].label if reference in versions else None
         entries.append(_entry(run, reference, label, report))
     further = f"{shown[-1].started_utc.isoformat()}~{shown[-1].id}" if len(rows) > limit else ""
     return entries, further
 
 
-def finding_document(opened: Stores, reference: str, vehicle: str | None = None) -> dict[str, Any]:
+def finding_document(
+    access: WorkspaceAccess, reference: str, vehicle: str | None = None
+) -> dict[str, Any]:
     """The document of an update or a closed loop, by the key of its report or by the version that
     it made.
 
     Raises UnknownNameError for what is neither, InputError for a version that was imported.
     """
-    meant = reference_of(opened, reference, vehicle)
-    reports = opened.catalogue.reports_of([meant])
+    meant = reference_of(access, reference, vehicle)
+    reports = access.catalogue.reports_of([meant])
     if meant not in reports:
-        row = opened.catalogue.result(meant)
+        row = access.catalogue.result(meant)
         assert row is not None
-        found: dict[str, Any] = read_document(opened.file_of(row.path))
+        found: dict[str, Any] = read_document(access.file_of(row.path))
         return found
     report = {name: part for name, part in reports[meant].items() if name != "check_cases"}
     if "axes" not in report:
-        label = opened.catalogue.version_of_id(meant).label
+        label = access.catalogue.version_of_id(meant).label
         raise InputError(
             "was imported, no update made it", f"version {label}", "see the version itself"
         )
     return report
 
 
-def reference_of(opened: Stores, reference: str, vehicle: str | None = None) -> str:
+def reference_of(access: WorkspaceAccess, reference: str, vehicle: str | None = None) -> str:
     """The key of a closed loop's report, or the id of the version, that is meant; UnknownNameError
     for what is neither."""
-    result = opened.catalogue.result(reference) if _KEY.fullmatch(reference) else None
+    result = access.catalogue.result(reference) if _KEY.fullmatch(reference) else None
     if result is not None and result.step == "close_loop":
         return result.key
-    if vehicle is None and reference in opened.catalogue.versions_by_id([reference]):
+    if vehicle is None and reference in access.catalogue.versions_by_id([reference]):
         return reference
-    return version_of(opened.catalogue, reference, vehicle).id
+    return version_of(access.catalogue, reference, vehicle).id
 
 
-def labels_of(opened: Stores, document: Mapping[str, Any]) -> dict[str, str]:
+def labels_of(access: WorkspaceAccess, document: Mapping[str, Any]) -> dict[str, str]:
     """Id -> what people call it, for the flights and the versions of an update's document."""
     roles = document["flights"]
     flights = [
@@ -90,11 +94,11 @@ def labels_of(opened: Stores, document: Mapping[str, Any]) -> dict[str, str]:
         *roles["held_out"],
         *(entry["flight"] for entry in roles["excluded"]),
     ]
-    versions = opened.catalogue.versions_by_id(
+    versions = access.catalogue.versions_by_id(
         filter(None, (document["baseline"], document["candidate"]))
     )
     return {
-        **opened.catalogue.flight_labels(flights),
+        **access.catalogue.flight_labels(flights),
         **{id: row.label for id, row in versions.items()},
     }
 
@@ -116,11 +120,11 @@ def _entry(
     }
 
 
-def _stored(opened: Stores, key: str | None) -> Mapping[str, Any]:
+def _stored(access: WorkspaceAccess, key: str | None) -> Mapping[str, Any]:
     """The document stored under a key; empty where it is lost: a list goes on without it."""
-    row = opened.catalogue.result(key) if key is not None else None
+    row = access.catalogue.result(key) if key is not None else None
     try:
-        return {} if row is None else read_document(opened.file_of(row.path))
+        return {} if row is None else read_document(access.file_of(row.path))
     except AeroError:
         return {}
 

@@ -8,7 +8,7 @@ from aerodb.recording import Damage
 from aerodb.storage.catalogue import Catalogue, FlightRow, ResultRow
 from aerodb.storage.files import read_results
 from aerodb.tasks.steps import repeat_documents, repeating
-from aerodb.tasks.workspace_access import Stores
+from aerodb.tasks.workspace_access import WorkspaceAccess
 
 
 def flight_document(row: FlightRow) -> dict[str, Any]:
@@ -37,16 +37,16 @@ def flights_document(catalogue: Catalogue, rows: Sequence[FlightRow]) -> list[di
     ]
 
 
-def flight_details(opened: Stores, row: FlightRow) -> dict[str, Any]:
+def flight_details(access: WorkspaceAccess, row: FlightRow) -> dict[str, Any]:
     """A flight with its log, what conditioning and consistency found, its results, and the versions
     that rest on it."""
-    catalogue = opened.catalogue
+    catalogue = access.catalogue
     log, results = catalogue.log(row.log_sha256), catalogue.results_of(row.id)
     return {
         **flight_document(row),
-        **_conditioning(opened, results),
+        **_conditioning(access, results),
         "repeats": repeat_documents(catalogue, row.id),
-        "consistency": _consistency(opened, row, results),
+        "consistency": _consistency(access, row, results),
         "log": {
             "name": log.name,
             "status": log.status,
@@ -77,21 +77,21 @@ def damage_document(entry: Damage) -> dict[str, Any]:
     }
 
 
-def _conditioning(opened: Stores, results: Sequence[ResultRow]) -> dict[str, Any]:
+def _conditioning(access: WorkspaceAccess, results: Sequence[ResultRow]) -> dict[str, Any]:
     """What conditioning found when the flight was last processed."""
     stored = [result for result in results if result.step == "conditioning"]
-    found = read_results(opened.file_of(stored[-1].path))[1] if stored else {}
+    found = read_results(access.file_of(stored[-1].path))[1] if stored else {}
     return {name: found.get(name, []) for name in ("suspicions", "segments", "delays")}
 
 
 def _consistency(
-    opened: Stores, row: FlightRow, results: Sequence[ResultRow]
+    access: WorkspaceAccess, row: FlightRow, results: Sequence[ResultRow]
 ) -> Mapping[str, Any] | None:
     """The stored document of a flight's consistency under the calibration that it is bound to; None
     while there is none."""
-    bound = opened.catalogue.calibration_of(row.id)
+    bound = access.catalogue.calibration_of(row.id)
     for result in reversed([entry for entry in results if entry.step == "consistency"]):
-        document = read_results(opened.file_of(result.path), ())[1]
+        document = read_results(access.file_of(result.path), ())[1]
         if document.get("calibration") == (None if bound is None else bound.id):
             return document
     return None

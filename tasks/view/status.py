@@ -11,7 +11,7 @@ from aerodb.storage.locks import is_held, note_of
 from aerodb.storage.workspace_settings import Loop, Schedule, Settings, load_settings
 from aerodb.tasks.result_versions import CANDIDATE, RELEASED
 from aerodb.tasks.steps import Due, due, files_of_inbox, in_quarantine, parameters_of
-from aerodb.tasks.workspace_access import Stores
+from aerodb.tasks.workspace_access import WorkspaceAccess
 
 #: So many entries of each kind are listed; the counts are of all.
 _LISTED: Final = 50
@@ -19,37 +19,37 @@ _LISTED: Final = 50
 _SHOWN: Final = ("pid", "url", "since_utc")
 
 
-def status_of(opened: Stores) -> dict[str, Any]:
+def status_of(access: WorkspaceAccess) -> dict[str, Any]:
     """The status document: serve, settings, waiting, running, failed, quarantined, vehicles,
     undelivered, disk, todo.
 
     ``todo`` are plain sentences: what a person should do now; empty when nothing is to be done.
     """
-    settings, fault = _settings(opened)
+    settings, fault = _settings(access)
     serving = {
         key: value
-        for key, value in note_of(opened.workspace.lock("serve")).items()
+        for key, value in note_of(access.workspace.lock("serve")).items()
         if key in _SHOWN
     }
-    runs = opened.catalogue.runs("running", limit=1000)
-    alive = [run for run in runs if is_held(opened.workspace.lock(f"run-{run.id}"))]
+    runs = access.catalogue.runs("running", limit=1000)
+    alive = [run for run in runs if is_held(access.workspace.lock(f"run-{run.id}"))]
     dead = [run for run in runs if run not in alive]
     failed = [_run(run, "its process ended without a word") for run in dead]
-    failed += [_run(run, run.error) for run in opened.catalogue.unresolved_runs(_LISTED)]
-    aside = in_quarantine(opened, _LISTED)
-    elsewhere = min(quarantined.count(opened.workspace), _LISTED) - len(aside)
+    failed += [_run(run, run.error) for run in access.catalogue.unresolved_runs(_LISTED)]
+    aside = in_quarantine(access, _LISTED)
+    elsewhere = min(quarantined.count(access.workspace), _LISTED) - len(aside)
     document: dict[str, Any] = {
         "serve": {
-            "running": is_held(opened.workspace.lock("serve")),
+            "running": is_held(access.workspace.lock("serve")),
             **serving,
             "schedule": schedule_text(settings.nightly),
         },
         "settings": fault or "valid",
-        "waiting": _waiting(opened, settings),
+        "waiting": _waiting(access, settings),
         "running": [_run(run, "") for run in alive],
         "failed": failed,
         "quarantined": {
-            "count": quarantined.count(opened.workspace) - elsewhere,
+            "count": quarantined.count(access.workspace) - elsewhere,
             "newest": [
                 {
                     "key": e.key,
@@ -61,18 +61,18 @@ def status_of(opened: Stores) -> dict[str, Any]:
                 for e in aside
             ],
         },
-        "vehicles": [_vehicle(opened, settings, row.name) for row in opened.catalogue.vehicles()],
-        "undelivered": [message["text"] for _, message in waiting(opened.workspace)][:_LISTED],
-        "free_bytes": shutil.disk_usage(opened.workspace.root).free,
+        "vehicles": [_vehicle(access, settings, row.name) for row in access.catalogue.vehicles()],
+        "undelivered": [message["text"] for _, message in waiting(access.workspace)][:_LISTED],
+        "free_bytes": shutil.disk_usage(access.workspace.root).free,
     }
     return {**document, "todo": _todo(document)}
 
 
-def _settings(opened: Stores) -> tuple[Settings, str]:
+def _settings(access: WorkspaceAccess) -> tuple[Settings, str]:
     try:
         return (
             load_settings(
-                opened.workspace.root, tuple(row.name for row in opened.catalogue.vehicles())
+                access.workspace.root, tuple(row.name for row in access.catalogue.vehicles())
             ),
             "",
         )
@@ -89,9 +89,9 @@ def schedule_text(schedule: Schedule) -> str:
     )
 
 
-def _waiting(opened: Stores, settings: Settings) -> list[dict[str, Any]]:
-    seen = files_of_inbox(opened, settings, wait=False)
-    tries = opened.catalogue.attempts(entry.relative for entry in seen)
+def _waiting(access: WorkspaceAccess, settings: Settings) -> list[dict[str, Any]]:
+    seen = files_of_inbox(access, settings, wait=False)
+    tries = access.catalogue.attempts(entry.relative for entry in seen)
     return [
         {
             "file": entry.file[0],
@@ -116,30 +116,30 @@ def _run(run: RunRow, error: str) -> dict[str, Any]:
     return {**said, "started_utc": run.started_utc.isoformat(), "ended_utc": ended, "error": error}
 
 
-def _vehicle(opened: Stores, settings: Settings, name: str) -> dict[str, Any]:
+def _vehicle(access: WorkspaceAccess, settings: Settings, name: str) -> dict[str, Any]:
     loop = settings.loop_of(name)
-    asked = {way: due(opened, name, loop, way) for way in loop.run}
+    asked = {way: due(access, name, loop, way) for way in loop.run}
     labels = {}
     for pointer in (RELEASED, CANDIDATE):
-        version = opened.named(name, pointer)
-        labels[pointer] = opened.catalogue.version_of_id(version).label if version else None
+        version = access.named(name, pointer)
+        labels[pointer] = access.catalogue.version_of_id(version).label if version else None
     loops = [
         {
             "way": way,
             "new": d.new,
             "after": d.after,
             "due": d.is_due,
-            "fault": _fault(opened, name, loop, way, d),
+            "fault": _fault(access, name, loop, way, d),
         }
         for way, d in asked.items()
     ]
     return {"vehicle": name, **labels, "loops": loops}
 
 
-def _fault(opened: Stores, name: str, loop: Loop, way: str, asked: Due) -> str:
+def _fault(access: WorkspaceAccess, name: str, loop: Loop, way: str, asked: Due) -> str:
     """Why a way to take a database further could not even begin; empty when it can."""
     try:
-        parameters_of(opened, name, loop, way, asked)
+        parameters_of(access, name, loop, way, asked)
     except AeroError as error:
         return str(error)
     return "" if asked.baseline else "no database is released: aerodb database import FILE"

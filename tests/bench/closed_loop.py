@@ -39,7 +39,7 @@ from aerodb.storage.files.normal_equations import read_normal_equations
 from aerodb.storage.workspace import Workspace
 from aerodb.tracing.decision.verdicts import trace
 from aerodb.tasks.steps.update import plan_update
-from aerodb.tasks.workspace_access import stores
+from aerodb.tasks.workspace_access import access_workspace
 from aerodb.tasks.steps.trace import freeze_library, trace_flight
 folder = Path({folder!r})
 workspace = Workspace.open(folder / "workspace")
@@ -54,8 +54,8 @@ run = catalogue.start_run("bench", how="direct", parameters={}, code_version="be
 where = {"workspace": str(workspace.root), "run": run}
 found = [{"flight": flight, "key": flight} for flight in flights]
 plan = plan_update(found, **where, vehicle="phoenix", baseline=baseline, model="", hold_out=[])
-library, opened = freeze_library(plan, **where), stores(str(workspace.root))
-database = opened.database(baseline)
+library, access = freeze_library(plan, **where), access_workspace(str(workspace.root))
+database = access.database(baseline)
 ten = [trace_flight(flight, **where, library=library, database=database) for flight in flights]
 # what is the same flight twice is taken once: each copy differs in the last digits
 copies = [(one, 1.0 + 1e-5 * copy, copy) for copy in range(COUNT // 10) for one in ten]

@@ -21,7 +21,7 @@ from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.files.transfer import STORE
 from aerodb.storage.workspace import Workspace
 from aerodb.tasks.steps.coefficients import load_coefficients
-from aerodb.tasks.workspace_access import stores
+from aerodb.tasks.workspace_access import access_workspace
 from tests.support.object_service import ObjectService, object_service
 
 VEHICLE = "phoenix"
@@ -58,8 +58,8 @@ def _ingest(workspace: Workspace, log: Path) -> None:
 def _read(workspace: Workspace) -> None:
     """What every later step does first: the flight, what was found of its sensors, its
     coefficients."""
-    opened = stores(str(workspace.root))
-    load_coefficients(opened, opened.catalogue.flights(VEHICLE)[0], opened.catalogue.runs()[0].id)
+    access = access_workspace(str(workspace.root))
+    load_coefficients(access, access.catalogue.flights(VEHICLE)[0], access.catalogue.runs()[0].id)
 
 
 def _cold(workspace: Workspace) -> None:

@@ -28,7 +28,7 @@ from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.workspace import Workspace
 from aerodb.storage.workspace_settings import Loop
 from aerodb.tasks.steps.advance import due
-from aerodb.tasks.workspace_access import stores
+from aerodb.tasks.workspace_access import access_workspace
 from tests.support.glider_runs import ingest_and_update, prepared
 from tests.support.paths import ROOT
 from tests.support.set_clock import Clock, can_be_set
@@ -108,7 +108,7 @@ def test_a_clock_that_is_set_back_reorders_nothing(
         flight_flow, {"logs": list(map(str, logs[3:])), "vehicle": NAME}, workspace, "direct"
     )
     new = {outcome["flight"] for outcome in taken_in}
-    asked = due(stores(str(workspace.root)), NAME, loop, "update")
+    asked = due(access_workspace(str(workspace.root)), NAME, loop, "update")
     assert (set(asked.flights), asked.new, asked.is_due, asked.baseline) == (
         new,
         2,
@@ -123,7 +123,7 @@ def test_a_clock_that_is_set_back_reorders_nothing(
             "one that ended well came before it"
         )
     second = run_flow(update_flow, {**given, "model": MODEL}, workspace, "direct")
-    assert due(stores(str(workspace.root)), NAME, loop, "update").new == 0
+    assert due(access_workspace(str(workspace.root)), NAME, loop, "update").new == 0
     for version in (second["candidate"], first["candidate"]):
         _release(workspace, version)
     _in_order(workspace)
@@ -136,7 +136,10 @@ def test_a_last_run_that_names_no_flights_has_used_none(tmp_path: Path) -> None:
         run = catalogue.start_run("update_flow", how="direct", parameters={"vehicle": NAME})
         catalogue.end_run(run.id, "completed")
     asked = due(
-        stores(str(workspace.root)), NAME, Loop(after=1, run=("update",), model="m.toml"), "update"
+        access_workspace(str(workspace.root)),
+        NAME,
+        Loop(after=1, run=("update",), model="m.toml"),
+        "update",
     )
     assert (asked.new, asked.flights, asked.is_due) == (0, (), False)
 

@@ -20,7 +20,7 @@ from aerodb.storage.files.objects import DamagedObject, Objects
 from aerodb.storage.upkeep.backup import back_up, restore
 from aerodb.storage.upkeep.verify import verify
 from aerodb.storage.workspace import Workspace
-from aerodb.tasks.workspace_access import stores
+from aerodb.tasks.workspace_access import access_workspace
 from tests.support.command import asked
 from tests.support.glider_runs import prepared, stored
 from tests.support.object_service import ObjectService
@@ -363,7 +363,7 @@ def test_a_row_is_never_of_bytes_that_are_not_put(
     """A file is written once more between its hash and its object: it is refused, and what was
     noted before still counts."""
     workspace, _ = kept
-    file, opened = the(workspace, "flight"), stores(str(workspace.root))
+    file, access = the(workspace, "flight"), access_workspace(str(workspace.root))
     path = workspace.root / file.path
 
     def overtaken(path: Path) -> tuple[str, int]:
@@ -373,5 +373,5 @@ def test_a_row_is_never_of_bytes_that_are_not_put(
 
     monkeypatch.setattr("aerodb.tasks.workspace_access.measured", overtaken)
     with pytest.raises(InputError, match="changed while it was read"):
-        opened.keep_file(path, StoredFile(file.path, "cd" * 32, file.size))
-    assert opened.catalogue.stored_file(file.path) == file
+        access.keep_file(path, StoredFile(file.path, "cd" * 32, file.size))
+    assert access.catalogue.stored_file(file.path) == file

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from aerodb.errors import AeroError, InputError, StoreBusyError
-from aerodb.flows.executors import Home, perform, work_of
+from aerodb.flows.executors import RunSite, executor_of, run_on_worker
 from aerodb.flows.flight import flight_flow
 from aerodb.flows.run import Steps, run_flow
 from aerodb.storage.catalogue.catalogue import Catalogue
@@ -229,7 +229,7 @@ def test_addresses_that_cannot_be_or_must_not_be(
     monkeypatch.delenv("NOT_SET", raising=False)
     (tmp_path / "settings.toml").write_text(f"[work]\n{section}\n", encoding="utf-8")
     with pytest.raises(SettingsError, match=said):
-        work_of(tmp_path)
+        executor_of(tmp_path)
 
 
 def test_a_worker_that_has_not_the_same_in_common_does_nothing(
@@ -240,18 +240,18 @@ def test_a_worker_that_has_not_the_same_in_common_does_nothing(
     workspace = prepared(tmp_path / "w", logs[0].parent)
     given: dict[str, Any] = {"workspace": str(workspace.root), "run": "r"}
     workspace.lock("run-r").touch()
-    home = Home.of(given, far=False)
-    assert perform(home, noting, 1, (), given) == os.getpid()
+    site = RunSite.of(given, remote=False)
+    assert run_on_worker(site, noting, 1, (), given) == os.getpid()
     wrong = {
-        "is another machine": Home("elsewhere", home.code, home.lock, False),
-        "another version": Home(home.machine, "0.0.1 {}", home.lock, False),
-        "does not see the workspace": Home(
-            "elsewhere", home.code, str(tmp_path / "none" / "locks" / "run-r"), True
+        "is another machine": RunSite("elsewhere", site.code, site.lock, False),
+        "another version": RunSite(site.machine, "0.0.1 {}", site.lock, False),
+        "does not see the workspace": RunSite(
+            "elsewhere", site.code, str(tmp_path / "none" / "locks" / "run-r"), True
         ),
     }
     for said, other in wrong.items():
         with pytest.raises(SettingsError, match=said) as caught:
-            perform(other, noting, 2, (), given)
+            run_on_worker(other, noting, 2, (), given)
         assert isinstance(caught.value, AeroError)
         assert caught.value.remedy
     assert _begun(workspace) == [1]

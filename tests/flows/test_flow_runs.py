@@ -20,7 +20,7 @@ from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.workspace import Workspace
 from aerodb.tasks.steps.coefficients import load_coefficients
 from aerodb.tasks.steps.ingest import load_flight
-from aerodb.tasks.workspace_access import stores
+from aerodb.tasks.workspace_access import access_workspace
 from tests.support import small_glider
 from tests.support.glider_runs import ingest_and_update, prepared, rows, stored, ways
 from tests.support.small_glider import NAME, state_of, write_files
@@ -180,9 +180,9 @@ def test_the_mapping_that_was_asked_for_last_counts(tmp_path: Path, logs: list[P
     def ingested(mapping: str) -> float:
         parameters = {"logs": [str(logs[0])], "vehicle": NAME, "mapping": mapping}
         (outcome,) = run_flow(flight_flow, parameters, workspace, "direct")
-        opened = stores(str(workspace.root))
+        access = access_workspace(str(workspace.root))
         return float(
-            load_flight(opened, opened.catalogue.flight(outcome["flight"]), "")[0]["az"].mean()
+            load_flight(access, access.catalogue.flight(outcome["flight"]), "")[0]["az"].mean()
         )
 
     first, second = ingested("canonical"), ingested(str(other))
@@ -194,10 +194,10 @@ def test_stored_coefficients_are_read_back_as_they_were_computed(
     direct: tuple[Workspace, dict[str, Any]],
 ) -> None:
     workspace, document = direct
-    opened = stores(str(workspace.root))
-    row = opened.catalogue.flight(document["flights"]["identified"][0])
-    flight, read, _ = load_coefficients(opened, row, "")
-    made = total_coefficients(flight, opened.vehicle(NAME)[0])
+    access = access_workspace(str(workspace.root))
+    row = access.catalogue.flight(document["flights"]["identified"][0])
+    flight, read, _ = load_coefficients(access, row, "")
+    made = total_coefficients(flight, access.vehicle(NAME)[0])
     assert list(read.values) == list(made.values)
     for axis in made.values:
         for side in ("values", "sigma", "usable"):

@@ -23,7 +23,7 @@ from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.upkeep.backup import back_up, restore
 from aerodb.storage.upkeep.verify import verify
 from aerodb.storage.workspace import Workspace
-from aerodb.tasks.workspace_access import stores
+from aerodb.tasks.workspace_access import access_workspace
 from tests.faults.killing import STAGES, picture
 from tests.storage.upkeep.test_backup import beside_a_writer, files
 from tests.support.glider_runs import ingest_and_update, prepared, rows, stored
@@ -315,7 +315,7 @@ CUT: list[str] = []
 
 def _cut_inside(item: str, *, workspace: str, run: str) -> int:
     """A step whose connection is cut in its transaction, the first time."""
-    catalogue = stores(workspace).catalogue
+    catalogue = access_workspace(workspace).catalogue
     with catalogue.transaction():
         catalogue.add_vehicle(item, "text")
         if not CUT:

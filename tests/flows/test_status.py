@@ -17,7 +17,7 @@ from aerodb.flows.run import run_flow
 from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.workspace import Workspace
 from aerodb.tasks.steps.release import promote
-from aerodb.tasks.workspace_access import stores
+from aerodb.tasks.workspace_access import access_workspace
 from tests.support.command import asked, document
 from tests.support.glider_runs import ingest_and_update, prepared
 from tests.support.small_glider import NAME, VEHICLE, write_files
@@ -266,15 +266,15 @@ def test_accuracy_limits_of_the_settings_reach_the_verdict_and_belong_to_the_key
     shutil.copy(logs[0], workspace.inbox / NAME)
     (entry,) = asked(workspace.root, "nightly", "--direct")["files"]
     path, keys = workspace.root / "settings.toml", []
-    opened = stores(str(workspace.root))
-    default = opened.vehicle(NAME)[0].accuracy
+    access = access_workspace(str(workspace.root))
+    default = access.vehicle(NAME)[0].accuracy
     for more in ("", f'[vehicles.{NAME}.accuracy]\nattitude = "1 deg"\n', ""):
         path.write_text(SETTINGS + more, encoding="utf-8")
         asked(workspace.root, "retry", entry["flight"][:12], "--direct")
         keys.append(
-            {row.key for row in opened.catalogue.results_of(entry["flight"], "consistency")}
+            {row.key for row in access.catalogue.results_of(entry["flight"], "consistency")}
         )
-        limits = opened.vehicle(NAME)[0].accuracy
+        limits = access.vehicle(NAME)[0].accuracy
         assert limits.attitude == pytest.approx(np.deg2rad(1.0) if more else default.attitude)
         assert limits.flow_angle == default.flow_angle
     assert [len(each) for each in keys] == [1, 2, 2]

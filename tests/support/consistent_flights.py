@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from aerodb.storage.files.flights import read_results
-from aerodb.tasks.workspace_access import Stores
+from aerodb.tasks.workspace_access import WorkspaceAccess
 from tests.support.simulated_path import DENSITY, INERTIAL_NOISE, NOISE, truth
 from tests.support.small_glider import write_parquet
 
@@ -82,9 +82,9 @@ def log(folder: Path, name: str, columns: dict[str, np.ndarray]) -> Path:
     return write_parquet(folder / f"{name}.parquet", columns)
 
 
-def stored_sigma(opened: Stores, key: str) -> dict[str, np.ndarray]:
+def stored_sigma(access: WorkspaceAccess, key: str) -> dict[str, np.ndarray]:
     """Channel -> (n,) one standard error, of the consistent flight stored under `key`."""
-    path = opened.path_of(key)
+    path = access.path_of(key)
     assert path is not None
     return {
         name.removeprefix("sigma_"): x

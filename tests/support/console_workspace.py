@@ -23,7 +23,7 @@ from aerodb.storage.catalogue.rows import FlightRole
 from aerodb.storage.files.documents import write_document
 from aerodb.storage.files.flights import write_flight
 from aerodb.storage.workspace import Workspace
-from aerodb.tasks.workspace_access import stores
+from aerodb.tasks.workspace_access import access_workspace
 from tests.support.catalogue_samples import h
 from tests.support.glider_runs import ingest_and_update, prepared
 from tests.support.small_glider import NAME, write_files
@@ -150,27 +150,27 @@ def add_long_flight(
         log_sha256=id,
         mapping="canonical",
     )
-    opened = stores(str(workspace.root))
+    access = access_workspace(str(workspace.root))
     path = workspace.flight_path(id)
     write_flight(path, flight)
-    opened.catalogue.add_log(id, name="hour.ulg", size=10, format="ulog", status="stored")
+    access.catalogue.add_log(id, name="hour.ulg", size=10, format="ulog", status="stored")
     record: dict[str, Any] = {
         "mapping": "canonical",
         "start_utc": None,
         "duration": float(t[-1]),
         "samples": len(t),
     }
-    opened.catalogue.add_flight(
+    access.catalogue.add_flight(
         id, vehicle=NAME, log_sha256=id, step=1 / rate, name="hour", **record
     )
-    opened.keep_result(id, path, step="ingest", kind="flight", flight=id, result_version=1)
+    access.keep_result(id, path, step="ingest", kind="flight", flight=id, result_version=1)
     return id, flight
 
 
 def add_loop(workspace: Workspace, made: Made) -> str:
     """A closed loop that added nothing: its run, and its document with every part, whose words are
     hostile; its key."""
-    opened, key = stores(str(workspace.root)), h("a loop")
+    access, key = access_workspace(str(workspace.root)), h("a loop")
     vote = {"flight": made.flight, "value": 0.1, "se": 0.02}
     finding = {
         "effect": "alpha_slope",
@@ -215,13 +215,13 @@ def add_loop(workspace: Workspace, made: Made) -> str:
         "remarks": [f"nothing entered {HOSTILE}"],
         "library": {"sha256": h("library"), "rounds": 1},
     }
-    run = opened.catalogue.start_run(
+    run = access.catalogue.start_run(
         "close_loop_flow", how="direct", parameters={"vehicle": NAME, "flights": [made.flight]}
     )
     path = workspace.result_path(key, ".json")
     write_document(path, document)
-    opened.keep_result(key, path, step="close_loop", kind="findings", result_version=1, run=run.id)
-    opened.catalogue.end_run(run.id, "completed")
+    access.keep_result(key, path, step="close_loop", kind="findings", result_version=1, run=run.id)
+    access.catalogue.end_run(run.id, "completed")
     return key
 
 

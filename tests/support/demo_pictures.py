@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Final
 
 from aerodb.tasks.steps.report import update_page
-from aerodb.tasks.workspace_access import stores
+from aerodb.tasks.workspace_access import access_workspace
 
 #: File -> how the text of the picture in the report begins.
 PICTURES: Final = {
@@ -36,7 +36,7 @@ def pictures(page: str) -> dict[str, str]:
 
 def main(workspace: str, folder: str) -> None:
     """Writes the pictures of the candidate of the demo in `workspace` into `folder`."""
-    candidate = stores(workspace).catalogue.version("phoenix", "candidate").id
+    candidate = access_workspace(workspace).catalogue.version("phoenix", "candidate").id
     Path(folder).mkdir(parents=True, exist_ok=True)
     for file, svg in pictures(update_page(candidate, workspace=workspace, run="")).items():
         (Path(folder) / file).write_text(svg, encoding="utf-8")

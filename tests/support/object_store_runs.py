@@ -13,7 +13,7 @@ from aerodb.storage.files.flights import INDEX, read_recording
 from aerodb.storage.upkeep.verify import Report, verify
 from aerodb.storage.workspace import Workspace
 from aerodb.tasks.steps.ingest import load_flight
-from aerodb.tasks.workspace_access import stores
+from aerodb.tasks.workspace_access import access_workspace
 from tests.support.object_service import ObjectService
 from tests.support.small_glider import NAME
 
@@ -91,8 +91,8 @@ def copy_catalogue(source: Workspace, target: Workspace) -> None:
 
 def processed(workspace: Workspace, flight: str) -> Flight:
     """The flight (its id) as a step loads it; made again where its file is lost."""
-    opened = stores(str(workspace.root))
-    return load_flight(opened, opened.catalogue.flight(flight), opened.catalogue.runs()[0].id)[0]
+    access = access_workspace(str(workspace.root))
+    return load_flight(access, access.catalogue.flight(flight), access.catalogue.runs()[0].id)[0]
 
 
 def name(file: StoredFile) -> str:

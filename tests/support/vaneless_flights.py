@@ -31,7 +31,7 @@ from aerodb.tasks.steps.compare import load_comparison
 from aerodb.tasks.steps.consistency import load_consistent, noise_of
 from aerodb.tasks.steps.trace import freeze_library, trace_flight
 from aerodb.tasks.steps.update import Plan
-from aerodb.tasks.workspace_access import Stores, stores
+from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 from aerodb.tracing.decision.findings import Traced
 from aerodb.tracing.decision.verdicts import trace
 from aerodb.tracing.settings import Settings
@@ -60,7 +60,7 @@ class Fleet:
     """Flights taken in: ids of those that got alpha and beta, versions by what is wrong, and the
     true alpha at their times."""
 
-    opened: Stores
+    access: WorkspaceAccess
     run: str
     flights: tuple[str, ...]
     versions: Mapping[str, str]
@@ -75,13 +75,13 @@ class Fleet:
     def library(self, wrong: str) -> Library:
         """The library of these flights beside a database."""
         return freeze_library(
-            self.plan(wrong), workspace=str(self.opened.workspace.root), run=self.run
+            self.plan(wrong), workspace=str(self.access.workspace.root), run=self.run
         )
 
     def traced(self, wrong: str, groups: Sequence[Sequence[int]]) -> list[Traced]:
         """What is found from each group of flights (places)."""
-        where = {"workspace": str(self.opened.workspace.root), "run": self.run}
-        library, database = self.library(wrong), self.opened.database(self.versions[wrong])
+        where = {"workspace": str(self.access.workspace.root), "run": self.run}
+        library, database = self.library(wrong), self.access.database(self.versions[wrong])
         normal_equations = [
             trace_flight(flight, **where, library=library, database=database)
             for flight in self.flights
@@ -94,13 +94,13 @@ class Fleet:
     def updated(self, wrong: str, groups: Sequence[Sequence[int]]) -> Iterator[Update]:
         """The guide's declared increments, estimated as `aerodb update` does from each group of
         flights (places)."""
-        database, vehicle = self.opened.database(self.versions[wrong]), self.opened.vehicle(NAME)[0]
+        database, vehicle = self.access.database(self.versions[wrong]), self.access.vehicle(NAME)[0]
         loaded = [
-            load_comparison(self.opened, flight, self.versions[wrong], self.run)
+            load_comparison(self.access, flight, self.versions[wrong], self.run)
             for flight in self.flights
         ]
         flights, comparisons = [entry[0] for entry in loaded], [entry[1] for entry in loaded]
-        source = StoredFlights(self.opened, NAME, self.run)
+        source = StoredFlights(self.access, NAME, self.run)
         about = (
             {id: source.reconstruction(id) for id in self.flights},
             vehicle,
@@ -120,7 +120,7 @@ class Fleet:
     def consistent(self, flight: str) -> tuple[Flight, dict[str, Any]]:
         """A flight after its reconstruction, and the document of that."""
         found, document, _ = load_consistent(
-            self.opened, self.opened.catalogue.flight(flight), self.run
+            self.access, self.access.catalogue.flight(flight), self.run
         )
         return found, document
 
@@ -174,18 +174,18 @@ def fleet(
     outcomes = run_flow(
         flight_flow, {"logs": [str(log) for log in logs], "vehicle": NAME}, workspace, "direct"
     )
-    opened = stores(str(workspace.root))
-    run = opened.catalogue.start_run("tracing", how="direct").id
+    access = access_workspace(str(workspace.root))
+    run = access.catalogue.start_run("tracing", how="direct").id
     true_alpha, ids = {}, []
     for number, outcome in enumerate(outcomes):
-        found, _, _ = load_consistent(opened, opened.catalogue.flight(outcome["flight"]), run)
+        found, _, _ = load_consistent(access, access.catalogue.flight(outcome["flight"]), run)
         if (
             "alpha" in found and "beta" in found
         ):  # others cannot be compared with the database, and are left out
             clock, alpha = flown.true("alpha", number)
             ids.append(outcome["flight"])
             true_alpha[ids[-1]] = np.interp(found.time - found.time[0], clock, alpha)
-    return Fleet(opened, run, tuple(ids), versions, true_alpha)
+    return Fleet(access, run, tuple(ids), versions, true_alpha)
 
 
 def groups(of: int, size: int, count: int) -> list[list[int]]:

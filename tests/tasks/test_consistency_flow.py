@@ -15,7 +15,7 @@ from aerodb.flight import Flight
 from aerodb.flows.cli.main import app
 from aerodb.storage.files.flights import read_results
 from aerodb.tasks.steps.consistency import load_consistent
-from aerodb.tasks.workspace_access import stores
+from aerodb.tasks.workspace_access import access_workspace
 from aerodb.vehicle import parse_vehicle
 from tests.support.command import asked
 from tests.support.consistent_flights import NAME, PLANTED, VEHICLE, exact, log, stored_sigma, table
@@ -121,12 +121,12 @@ def test_planted_errors_are_removed_and_the_flight_is_read_back(tmp_path: Path) 
     for name, value in PLANTED.items():
         assert abs(estimates[name]["value"] - value) < 3 * estimates[name]["standard_error"], name
         assert estimates[name]["applied"] == (not name.startswith("wind"))
-    opened = stores(str(workspace))
-    row = opened.catalogue.flight(outcome["flight"])
+    access = access_workspace(str(workspace))
+    row = access.catalogue.flight(outcome["flight"])
     assert row.verdict == "good"
-    flight, document, key = load_consistent(opened, row, "")
+    flight, document, key = load_consistent(access, row, "")
     assert key == found["key"]
-    true, sigma = exact(columns), stored_sigma(opened, key)
+    true, sigma = exact(columns), stored_sigma(access, key)
     for name in ("V", "alpha", "beta"):
         assert _error(flight[name], true[name]) < 0.2 * _error(columns[name], true[name]), name
         assert _error(flight[name], true[name]) < 3 * np.sqrt(np.mean(sigma[name] ** 2)), name
@@ -135,10 +135,10 @@ def test_planted_errors_are_removed_and_the_flight_is_read_back(tmp_path: Path) 
         abs(np.mean(flight[name] - true[name])) < 0.05 * abs(PLANTED[f"{name}_bias"])
         for name in ("ax", "az", "p", "q")
     )
-    results = opened.catalogue.results_of(row.id)
+    results = access.catalogue.results_of(row.id)
     again = asked(workspace, *ingest)[0]["consistency"]
     assert again == json.loads(json.dumps(found))
-    assert [entry.key for entry in opened.catalogue.results_of(row.id)] == [
+    assert [entry.key for entry in access.catalogue.results_of(row.id)] == [
         entry.key for entry in results
     ]
     shown = asked(workspace, "flight", "show", row.id)
@@ -381,10 +381,10 @@ def test_citation_is_corrected_without_inventing_sideslip(
     assert found["verdict"] in ("good", "limited")
     assert found["earth"] == "flat"
     assert found["used"]["beta"].startswith("not given")
-    opened = stores(str(workspace))
-    flight, _, key = load_consistent(opened, opened.catalogue.flight(outcome["flight"]), "")
+    access = access_workspace(str(workspace))
+    flight, _, key = load_consistent(access, access.catalogue.flight(outcome["flight"]), "")
     assert "beta" not in flight
-    assert "beta" not in read_results(opened.path_of(key))[0]
+    assert "beta" not in read_results(access.path_of(key))[0]
     applied = {
         entry["parameter"]: entry["value"] for entry in found["estimates"] if entry["applied"]
     }

@@ -17,7 +17,7 @@ from aerodb.nomenclature import FLAGS
 from aerodb.physics.geodesy import EARTH_RATE
 from aerodb.storage.files.flights import read_results
 from aerodb.tasks.steps.consistency import load_consistent
-from aerodb.tasks.workspace_access import stores
+from aerodb.tasks.workspace_access import access_workspace
 from aerodb.vehicle import parse_vehicle
 from tests.support.command import asked
 from tests.support.consistent_flights import NAME, log, stored_sigma
@@ -56,9 +56,9 @@ def _ingested(
 
 def _consistent(outcome: dict[str, Any], workspace: Path) -> tuple[Flight, dict[str, np.ndarray]]:
     """The consistent flight as it is stored, and its standard errors."""
-    opened = stores(str(workspace))
-    flight, _, key = load_consistent(opened, opened.catalogue.flight(outcome["flight"]), "")
-    return flight, stored_sigma(opened, key)
+    access = access_workspace(str(workspace))
+    flight, _, key = load_consistent(access, access.catalogue.flight(outcome["flight"]), "")
+    return flight, stored_sigma(access, key)
 
 
 def _estimates(outcome: dict[str, Any]) -> dict[str, dict[str, Any]]:
@@ -243,13 +243,13 @@ def test_captive_flight_tells_of_the_sensors_and_not_of_the_aircraft(tmp_path: P
         assert entry["standard_error"] == pytest.approx(
             _estimates(outcome)[name]["standard_error"], rel=0.02
         ), name
-    opened = stores(str(workspace))
+    access = access_workspace(str(workspace))
     flight, _ = _consistent(outcome, workspace)
     assert np.array_equal((flight.flags["flight"] & FLAGS["captive"]) > 0, held)
     row = next(
-        r for r in opened.catalogue.results_of(outcome["flight"]) if r.step == "coefficients"
+        r for r in access.catalogue.results_of(outcome["flight"]) if r.step == "coefficients"
     )
-    stored = read_results(opened.workspace.resolve(row.path))[0]
+    stored = read_results(access.workspace.resolve(row.path))[0]
     assert not stored["usable"][stored["time"] < 29.9].any()
     assert stored["usable"][stored["time"] > 31.0].mean() > 0.9
 

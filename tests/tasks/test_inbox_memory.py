@@ -70,7 +70,7 @@ def test_memory_stays_as_it_was_and_queries_answer(
     record_property: Callable[[str, object], None],
 ) -> None:
     monkeypatch.setattr(
-        "aerodb.tasks.memory_cache._kept", LRUCache(_KEPT, getsizeof=lambda entry: entry[1])
+        "aerodb.tasks.memory_cache._cache", LRUCache(_KEPT, getsizeof=lambda entry: entry[1])
     )
     workspace, number = (
         prepared(tmp_path / "w", write_files(tmp_path / "logs", 1)[0].parent),

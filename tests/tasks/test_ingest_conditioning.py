@@ -24,7 +24,7 @@ from aerodb.storage.workspace import Workspace
 from aerodb.storage.writers.ulog import write_ulog
 from aerodb.tasks.steps.counting import counted_out
 from aerodb.tasks.steps.ingest import load_flight, store_log
-from aerodb.tasks.workspace_access import stores
+from aerodb.tasks.workspace_access import access_workspace
 from tests.support.catalogue_samples import V as VEHICLE
 from tests.support.catalogue_samples import add_family, h
 from tests.support.command import asked, six_flights
@@ -221,7 +221,7 @@ def test_wild_points_and_ground_are_flagged_and_segments_are_stored_once(tmp_pat
         "what is kept is what was measured"
     )
     used, _ = load_flight(
-        stores(str(workspace)), opened.flight(outcome["flight"]), opened.runs()[0].id
+        access_workspace(str(workspace)), opened.flight(outcome["flight"]), opened.runs()[0].id
     )
     assert used["q"][1200] == pytest.approx(0.5 * (stored["q"][1199] + stored["q"][1201])), (
         "no later step smears it"

@@ -24,7 +24,7 @@ from aerodb.tasks.loop_flights import StoredFlights
 from aerodb.tasks.steps.compare import compared
 from aerodb.tasks.steps.trace import freeze_library
 from aerodb.tasks.steps.update import plan_update
-from aerodb.tasks.workspace_access import Stores, stores
+from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 from tests.aerodb.increments.test_measured_update import LEFT_OUT
 from tests.support.attas_stalls import attached_database, window_rms, without_stall
 from tests.support.command import asked
@@ -106,10 +106,10 @@ def test_manoeuvres_vote_and_the_answer_says_so(otter) -> None:
 def test_after_acceptance_roll_and_yaw_are_as_good_as_the_records_allow(otter) -> None:
     """Without the flight's own constant Cl .0168 to .0004 and Cn .0184 to .0003; goals .0009 and
     .0005."""
-    opened, flight, before, after = _lateral(otter)
+    access, flight, before, after = _lateral(otter)
     for axis, most in (("Cl", 0.0009), ("Cn", 0.0005)):
-        assert _spread(compared(opened, flight, before, "test"), axis) > 0.012
-        assert _spread(compared(opened, flight, after, "test"), axis) <= most
+        assert _spread(compared(access, flight, before, "test"), axis) > 0.012
+        assert _spread(compared(access, flight, after, "test"), axis) <= most
     assert otter[1]["axes"]["Cn"]["held_out_rms_after"] <= 0.0005
     assert (
         otter[1]["axes"]["Cl"]["held_out_without_constant_after"]
@@ -122,9 +122,9 @@ def test_the_first_manoeuvre_is_predicted_from_the_rest(otter) -> None:
     that identified too: Cl at most .0009 (.0182 before), Cn at most .0005 (.0169). The only aileron
     doublet is in the tail: without it Cl there is .0021."""
     workspace, document = otter
-    opened, flight, before, _ = _lateral(otter)
+    access, flight, before, _ = _lateral(otter)
     where = {"workspace": str(workspace), "run": "test"}
-    flights = [{"flight": row.id, "key": row.id} for row in opened.catalogue.flights("twin-otter")]
+    flights = [{"flight": row.id, "key": row.id} for row in access.catalogue.flights("twin-otter")]
     plan = plan_update(
         flights,
         **where,
@@ -133,14 +133,14 @@ def test_the_first_manoeuvre_is_predicted_from_the_rest(otter) -> None:
         model="",
         hold_out=None,
     )
-    comparison = compared(opened, flight, before, "test")
-    source = StoredFlights(opened, "twin-otter", "test")
+    comparison = compared(access, flight, before, "test")
+    source = StoredFlights(access, "twin-otter", "test")
     head = parts_of(comparison.time, manoeuvre_spans(source, flight))["head"]
     library = freeze_library(plan, **where)
     candidate = estimated_without(
         source, library, before, document["added"], plan.flights, {flight: head}
     )
-    left = compared(opened, flight, candidate, "test")
+    left = compared(access, flight, candidate, "test")
     for axis, most in (("Cl", 0.0009), ("Cn", 0.0005)):
         good, residual = left.usable[axis], left.residual(axis)
         assert np.sqrt(np.mean(comparison.residual(axis)[good & head] ** 2)) > 0.016
@@ -149,15 +149,15 @@ def test_the_first_manoeuvre_is_predicted_from_the_rest(otter) -> None:
         )
 
 
-def _lateral(otter) -> tuple[Stores, str, AeroDatabase, AeroDatabase]:
+def _lateral(otter) -> tuple[WorkspaceAccess, str, AeroDatabase, AeroDatabase]:
     workspace, document = otter
-    opened = stores(str(workspace))
-    flight = next(row.id for row in opened.catalogue.flights("twin-otter") if row.duration > 15.0)
+    access = access_workspace(str(workspace))
+    flight = next(row.id for row in access.catalogue.flights("twin-otter") if row.duration > 15.0)
     return (
-        opened,
+        access,
         flight,
-        opened.database(document["baseline"]),
-        opened.database(document["candidate"]),
+        access.database(document["baseline"]),
+        access.database(document["candidate"]),
     )
 
 
@@ -288,16 +288,16 @@ def test_the_stall_is_predicted_on_the_other_record_through_the_flow(stalls) -> 
     """Lift in the window, low-passed: .026 and .031; goals .027 and .037; without a stall term .041
     and .039."""
     workspace, document = stalls
-    opened = stores(str(workspace))
-    database = opened.database(document["baseline"])
+    access = access_workspace(str(workspace))
+    database = access.database(document["baseline"])
     flights = [
-        row.id for row in sorted(opened.catalogue.flights("attas"), key=lambda row: -row.duration)
+        row.id for row in sorted(access.catalogue.flights("attas"), key=lambda row: -row.duration)
     ]
-    source = StoredFlights(opened, "attas", "test")
+    source = StoredFlights(access, "attas", "test")
     seen = stall_flights(source, flights, database)
     for (fitted, predicted), goal in zip(((0, 1), (1, 0)), (0.027, 0.037), strict=True):
         candidate = added_stall(source, database, (flights[fitted],))
-        comparison = compared(opened, flights[predicted], candidate, "test")
+        comparison = compared(access, flights[predicted], candidate, "test")
         assert window_rms(comparison.residual("C_lift"), seen[predicted]) <= goal
         assert (
             window_rms(without_stall(seen[fitted], seen[predicted])["C_lift"], seen[predicted])
@@ -312,10 +312,10 @@ def test_the_stall_is_predicted_on_the_other_record_through_the_flow(stalls) -> 
 
 def test_the_library_is_frozen_by_the_family_of_the_stall_not_by_its_numbers(stalls) -> None:
     workspace, document = stalls
-    opened = stores(str(workspace))
-    flights = [row.id for row in opened.catalogue.flights("attas")]
+    access = access_workspace(str(workspace))
+    flights = [row.id for row in access.catalogue.flights("attas")]
     seen = stall_flights(
-        StoredFlights(opened, "attas", "test"), flights, opened.database(document["baseline"])
+        StoredFlights(access, "attas", "test"), flights, access.database(document["baseline"])
     )
     assert len(seen) == 2
     again = asked(

@@ -49,9 +49,9 @@ def _chosen(of: Fleet, trials: Trials, *sizes: int) -> list[list[int]]:
 
 
 def _bounded(of: Fleet, flight: str, wrong: str) -> StateNoise:
-    channels, comparison, _ = load_comparison(of.opened, flight, of.versions[wrong], of.run)
+    channels, comparison, _ = load_comparison(of.access, flight, of.versions[wrong], of.run)
     view = view_of(
-        channels, comparison, of.opened.database(of.versions[wrong]), of.opened.vehicle(NAME)[0]
+        channels, comparison, of.access.database(of.versions[wrong]), of.access.vehicle(NAME)[0]
     )
     noise = noise_of(of.consistent(flight)[1])
     assert noise is not None
@@ -95,13 +95,13 @@ def test_nothing_but_alpha_is_bounded(glider: Fleet) -> None:
         },
     )
     channels, comparison, _ = load_comparison(
-        glider.opened, flight, glider.versions["nothing"], glider.run
+        glider.access, flight, glider.versions["nothing"], glider.run
     )
     view = view_of(
         channels,
         comparison,
-        glider.opened.database(glider.versions["nothing"]),
-        glider.opened.vehicle(NAME)[0],
+        glider.access.database(glider.versions["nothing"]),
+        glider.access.vehicle(NAME)[0],
     )
     assert bounded_noise(quiet, view, comparison, Settings(bandwidth=1.2)) == quiet
 

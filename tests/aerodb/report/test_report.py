@@ -26,7 +26,7 @@ from aerodb.report.page import number, pdf
 from aerodb.report.update_page import UpdateStory, update_report
 from aerodb.storage.workspace import Workspace
 from aerodb.tasks.steps.compare import compare_with_version
-from aerodb.tasks.workspace_access import stores
+from aerodb.tasks.workspace_access import access_workspace
 from aerodb.tracing.decision.findings import Finding, NotFound, Traced, Vote
 from aerodb.tracing.decision.unexplained_residual import Remainder
 from tests.support.command import asked
@@ -143,11 +143,11 @@ def test_names_of_logs_are_text_on_the_page_of_a_flight(
     made: tuple[Path, dict[str, Any]], name: str
 ) -> None:
     workspace, _ = made
-    opened = stores(str(workspace))
+    access = access_workspace(str(workspace))
     (flight,) = [
         f.id
-        for f in opened.catalogue.flights()
-        if opened.catalogue.log(f.log_sha256).name.endswith(name)
+        for f in access.catalogue.flights()
+        if access.catalogue.log(f.log_sha256).name.endswith(name)
     ]
     tree = checked(written(workspace, "flight", flight))
     shown = name.replace("\x1b", "\\x1b").replace("\u202e", "\\u202e").replace("\u202c", "\\u202c")
@@ -457,7 +457,7 @@ def test_the_page_of_a_measured_flight(measured: Any, tmp_path: Path) -> None:
     log = measured("twin_otter/totter_9752ed20_data.mat")
     workspace = Workspace.open(tmp_path / "w")
     text = (VEHICLES / "twin_otter.toml").read_text(encoding="utf-8")
-    stores(str(workspace.root)).catalogue.add_vehicle("twin-otter", text)
+    access_workspace(str(workspace.root)).catalogue.add_vehicle("twin-otter", text)
     (outcome,) = run_flow(
         flight_flow, {"logs": [str(log)], "vehicle": "twin-otter"}, workspace, "direct"
     )

@@ -15,7 +15,7 @@ import pytest
 
 from aerodb.storage.workspace import Workspace
 from aerodb.tasks.view.finding_documents import findings_page
-from aerodb.tasks.workspace_access import stores
+from aerodb.tasks.workspace_access import access_workspace
 from tests.aerodb.increments.test_measured_update import LEFT_OUT
 from tests.flows.web.test_console import pages
 from tests.support.catalogue_samples import h
@@ -314,7 +314,7 @@ def test_hostile_names_run_nothing(browser: Any, address: str) -> None:
 
 def _sections(workspace: Workspace) -> list[str]:
     """Addresses of every kind of page of any workspace that holds a finding."""
-    opened = stores(str(workspace.root))
+    opened = access_workspace(str(workspace.root))
     entry = next(entry for entry in findings_page(opened, 20)[0] if entry["reference"])
     vehicle = opened.catalogue.vehicles()[0].name
     rows, (flight, *_) = opened.catalogue.versions(vehicle), opened.catalogue.flights(vehicle)

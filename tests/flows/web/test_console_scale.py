@@ -14,7 +14,7 @@ from starlette.testclient import TestClient
 from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.catalogue.flight_pages import LOOKED_THROUGH
 from aerodb.storage.workspace import Workspace
-from aerodb.tasks.workspace_access import stores
+from aerodb.tasks.workspace_access import access_workspace
 from tests.storage.test_scale import counted
 from tests.support.catalogue_samples import h
 from tests.support.console_workspace import client_of
@@ -177,7 +177,7 @@ def test_a_page_of_a_list_does_the_same_work_however_long_the_list(
     for size, workspace in workspaces.items():
         with client_of(workspace) as client:
             client.get(address)  # what is loaded once is loaded
-            with counted(stores(str(workspace.root)).catalogue) as work:
+            with counted(access_workspace(str(workspace.root)).catalogue) as work:
                 assert client.get(address).status_code == 200
         steps[size], statements[size] = work.steps, len(work.statements)
     assert statements["large"] == statements["small"]

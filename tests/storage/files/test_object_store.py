@@ -22,7 +22,7 @@ from aerodb.storage.files.cache import local
 from aerodb.storage.files.flights import INDEX
 from aerodb.storage.workspace import Workspace
 from aerodb.tasks.steps.compare import load_comparison
-from aerodb.tasks.workspace_access import stores
+from aerodb.tasks.workspace_access import access_workspace
 from tests.support.command import aerodb, asked
 from tests.support.glider_runs import ingest_and_update, prepared, rows, stored, ways
 from tests.support.object_service import ObjectService
@@ -122,15 +122,15 @@ def test_without_the_cache_everything_is_readable_and_nothing_is_made_again(
     ingest_and_update(workspace, logs)
     assert (stored(workspace), rows(workspace), service.names(url)) == (held, counted, objects)
     empty_cache(workspace)
-    opened = stores(str(workspace.root))
-    version = opened.named(NAME, "released")
+    access = access_workspace(str(workspace.root))
+    version = access.named(NAME, "released")
     for _ in range(2):  # whether it is there is asked, not fetched
         key = load_comparison(
-            opened, held["flights"][0], version or "", opened.catalogue.runs()[0].id
+            access, held["flights"][0], version or "", access.catalogue.runs()[0].id
         )[2]
-        row = opened.catalogue.result(key)
+        row = access.catalogue.result(key)
         assert row is not None
-        assert opened.has(key)
+        assert access.has(key)
         assert not (workspace.root / row.path).exists()
 
 
