@@ -78,11 +78,11 @@ class DaskExecutor:
     """Steps done by the workers of the Dask cluster at `address`; connected to when the first of
     them comes.
 
-    far : whether workers may be on other machines, because those share the catalogue.
+    remote : whether workers may be on other machines, because those share the catalogue.
     """
 
     def __init__(self, address: str, remote: bool) -> None:
-        self._address, self._remote = address, far
+        self._address, self._remote = address, remote
         self._client: Any = None
         self._connecting = threading.Lock()
 
@@ -179,7 +179,7 @@ class _RemoteCall:
 
 @dataclass(frozen=True)
 class RunSite:
-    """What a worker must have in common with the run: its machine (unless it is `far`), the
+    """What a worker must have in common with the run: its machine (unless `remote`), the
     versions of the steps, and the workspace folder, in which the file of the run's lock stands
     while it lasts."""
 
@@ -210,19 +210,19 @@ def run_on_worker(
         raise SettingsError(
             what,
             _WHERE,
-            f'[catalogue] url = "postgresql://..." and a shared workspace folder; {_PAGE}',
+            f'[catalogue] url = "postgresql://..." and a shared workspace folder; {_GUIDE}',
         )
     if site.code != _code():
         raise SettingsError(
             f"the worker on {here} has another version of aerodb",
             _WHERE,
-            f"install {home.code} there",
+            f"install {site.code} there",
         )
     if not os.path.exists(site.lock):
         what = (
-            f"the worker on {here} does not see the workspace folder {Path(home.lock).parents[1]}"
+            f"the worker on {here} does not see the workspace folder {Path(site.lock).parents[1]}"
         )
-        raise SettingsError(what, _WHERE, f"share the folder under the same path; {_PAGE}")
+        raise SettingsError(what, _WHERE, f"share the folder under the same path; {_GUIDE}")
     return step(item, *args, **keywords)
 
 
