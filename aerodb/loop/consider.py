@@ -13,7 +13,7 @@ from aerodb.flight import Flight
 from aerodb.increments import ConsiderParameter
 from aerodb.loop.flights import Reconstruction
 from aerodb.tables import AeroDatabase
-from aerodb.tracing import Settings, bounded_noise, noisy_copies, tracing_bandwidth
+from aerodb.tracing import TracingSettings, bounded_noise, noisy_copies, tracing_bandwidth
 from aerodb.vehicle import Vehicle
 
 #: Times the smoother's power that the error of alpha may have where the residual allows it: gusts
@@ -82,5 +82,5 @@ def noisier_flights(
 def _bounded(
     noise: StateNoise, view: FlightView, comparison: Comparison, flight: Flight
 ) -> StateNoise:
-    settings = Settings(bandwidth=tracing_bandwidth(view.database, view.vehicle, [flight]))
+    settings = TracingSettings(bandwidth=tracing_bandwidth(view.database, view.vehicle, [flight]))
     return bounded_noise(noise, view, comparison, settings, most=_MOST)

@@ -12,13 +12,13 @@ from aerodb.tables import AeroDatabase
 from aerodb.tracing import (
     LONG,
     Evidence,
-    as_commanded,
     bounded_noise,
     evidence_of,
     noisy_copies,
     thinned,
+    with_commanded_rates,
     with_instruments,
-    with_shapes,
+    with_shape_terms,
 )
 
 
@@ -44,9 +44,11 @@ def evidence_beside(
     noisy = [] if noise is None else noisy_copies(channels, noise, database, vehicle, copies, near)
     hypotheses = columns_of(library.hypotheses, reconstruction.angles)
     evidence = evidence_of(channels, comparison, database, vehicle, hypotheses, noisy, view)
-    evidence = with_shapes(evidence, channels, library.hypotheses)
-    commanded = as_commanded(channels, library.settings.bandwidth)
+    evidence = with_shape_terms(evidence, channels, library.hypotheses)
+    commanded = with_commanded_rates(channels, library.settings.bandwidth)
     if commanded is not None:
         asked = evidence_of(commanded, comparison, database, vehicle, hypotheses)
-        evidence = with_instruments(evidence, with_shapes(asked, commanded, library.hypotheses))
+        evidence = with_instruments(
+            evidence, with_shape_terms(asked, commanded, library.hypotheses)
+        )
     return evidence

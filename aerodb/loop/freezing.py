@@ -21,7 +21,7 @@ from aerodb.loop.library import Library
 from aerodb.loop.stall import cross_fitted_laws, of_family, stalled_flights, with_laws
 from aerodb.loop.stall_loop import cross_fitted_loops, loop_of_family, with_loops
 from aerodb.tables import AeroDatabase, Law, Relay
-from aerodb.tracing import Settings, tracing_bandwidth
+from aerodb.tracing import TracingSettings, tracing_bandwidth
 
 
 def freeze_library(
@@ -51,7 +51,7 @@ def freeze_library(
     stalled = stalled_flights(flights, identified)
     if stalled:
         hypotheses = (*of_family(hypotheses), loop_of_family(database, vehicle))
-    settings = Settings(bandwidth=tracing_bandwidth(database, vehicle, flown))
+    settings = TracingSettings(bandwidth=tracing_bandwidth(database, vehicle, flown))
     sha256 = library_sha256(hypotheses, settings=None)
     if expected and not sha256.startswith(expected):
         what = f"the library is {sha256[:12]}, not {expected[:12]}: it changed after it was frozen"

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 from aerodb.effects import Hypothesis
 from aerodb.tables import Law, Relay
-from aerodb.tracing import Settings
+from aerodb.tracing import TracingSettings
 
 
 @dataclass(frozen=True)
@@ -20,7 +20,7 @@ class Library:
     """
 
     hypotheses: tuple[Hypothesis, ...]
-    settings: Settings
+    settings: TracingSettings
     sha256: str
     stall: Mapping[str, Law] = field(default_factory=dict)
     loops: Mapping[str, Relay] = field(default_factory=dict)

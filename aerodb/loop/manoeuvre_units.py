@@ -11,11 +11,11 @@ from aerodb.loop.library import Library
 from aerodb.tables import AeroDatabase
 from aerodb.tracing import (
     Evidence,
-    Settings,
-    Suspicion,
+    FewFlightFindings,
+    SamplingUnit,
     Traced,
-    VotingUnit,
-    suspect,
+    TracingSettings,
+    few_flight_findings,
     units,
     windows,
 )
@@ -26,7 +26,7 @@ _TOO_FEW = ("not_testable",)
 _PLANES = (("CX", "CZ", "Cm"), ("CY", "Cl", "Cn"))
 
 
-def too_few_voted(traced: Traced, settings: Settings) -> bool:
+def too_few_voted(traced: Traced, settings: TracingSettings) -> bool:
     """Whether there are hardly more flights than the error rate needs, and some effect has fewer
     votes than that."""
     few = len(traced.flights) < settings.fewest
@@ -38,7 +38,7 @@ def too_few_voted(traced: Traced, settings: Settings) -> bool:
 
 def by_manoeuvres(
     source: FlightSource, traced: Traced, library: Library, database: AeroDatabase
-) -> tuple[Suspicion, ...]:
+) -> tuple[FewFlightFindings, ...]:
     """What the manoeuvres of the flights suspect together, beside what the flights have found, one
     plane of motion after the other; empty where flights are enough, or where there are no two
     manoeuvres.
@@ -59,7 +59,7 @@ def by_manoeuvres(
     chosen = _units(evidence, spans, {})
     if len(chosen) < 2:
         return ()
-    said = suspect(chosen, hypotheses, settings, known)
+    said = few_flight_findings(chosen, hypotheses, settings, known)
     parts = []
     for axes in _PLANES:
         mine = _in_plane(said, axes)
@@ -71,13 +71,13 @@ def by_manoeuvres(
         }
         again = _units(evidence, spans, apart)
         if len(again) > 1 and [each.flight for each in again] != [each.flight for each in chosen]:
-            mine = _in_plane(suspect(again, hypotheses, settings, known), axes)
+            mine = _in_plane(few_flight_findings(again, hypotheses, settings, known), axes)
         if len(again) > 1:
             parts.append(mine)
     return tuple(parts) or (replace(said, findings=()),)
 
 
-def _in_plane(said: Suspicion, axes: Collection[str]) -> Suspicion:
+def _in_plane(said: FewFlightFindings, axes: Collection[str]) -> FewFlightFindings:
     """With the findings of one plane of motion only."""
     lateral = {"CY", "Cl", "Cn", "C_side"}
     wanted = bool(lateral & set(axes))
@@ -85,7 +85,7 @@ def _in_plane(said: Suspicion, axes: Collection[str]) -> Suspicion:
     # the formula stands.
     written = {
         hypothesis.id: hypothesis.written_on[0]
-        for hypothesis in said.joint.court.campaign.hypotheses
+        for hypothesis in said.joint.tests.campaign.hypotheses
     }
     return replace(
         said,
@@ -93,15 +93,15 @@ def _in_plane(said: Suspicion, axes: Collection[str]) -> Suspicion:
     )
 
 
-def with_suspicion(traced: Traced, parts: Sequence[Suspicion]) -> Traced:
+def with_few_flight_findings(traced: Traced, parts: Sequence[FewFlightFindings]) -> Traced:
     """What flights found and bounded, and what their manoeuvres suspect."""
     names = dict.fromkeys(
         equations.flight for said in parts for equations in said.joint.normal_equations
     )
-    voters = [VotingUnit.parse(name) for name in names]
+    included = [SamplingUnit.parse(name) for name in names]
     findings = [finding for said in parts for finding in said.findings]
-    short = ", ".join(unit.short if unit.window is None else f"{unit.short} s" for unit in voters)
-    by_window = any(unit.window is not None for unit in voters)
+    short = ", ".join(unit.short if unit.window is None else f"{unit.short} s" for unit in included)
+    by_window = any(unit.window is not None for unit in included)
     what = (
         "manoeuvres voted, not flights"
         if by_window

@@ -8,10 +8,10 @@ from aerodb.loop.flights import FlightSource, thinned_comparison
 from aerodb.loop.library import Library
 from aerodb.support import in_threads
 from aerodb.tables import AeroDatabase, RefinedShape, Refit
-from aerodb.tracing import Refined, refined
+from aerodb.tracing import Refined, refine
 
 
-def fitted_again(
+def refit_terms(
     source: FlightSource,
     candidate: AeroDatabase,
     library: Library,
@@ -29,7 +29,7 @@ def fitted_again(
     if not compared:
         return None
     sensors = [hypothesis for hypothesis in library.hypotheses if hypothesis.kind == "sensor"]
-    return refined(compared, candidate, source.vehicle, accepted, sensors, library.settings)
+    return refine(compared, candidate, source.vehicle, accepted, sensors, library.settings)
 
 
 def refit_of(finer: Refined) -> Refit:
@@ -42,7 +42,7 @@ def refit_of(finer: Refined) -> Refit:
     return Refit(tuple(shapes))
 
 
-def axes_of_wrong_shapes(database: AeroDatabase) -> frozenset[str]:
+def axes_of_misfit_shapes(database: AeroDatabase) -> frozenset[str]:
     """Body axes on which a term was added whose template's shape was wrong."""
     axes = {
         shape.axis

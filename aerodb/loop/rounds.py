@@ -12,20 +12,20 @@ from aerodb.errors import InputError
 from aerodb.increments import Update, keep_slope_signs, worse_axes
 from aerodb.loop.flights import FlightSource
 from aerodb.loop.library import Library
-from aerodb.loop.manoeuvre_units import by_manoeuvres, with_suspicion
-from aerodb.loop.refit import axes_of_wrong_shapes, fitted_again, refit_of, remarks_on_shapes
+from aerodb.loop.manoeuvre_units import by_manoeuvres, with_few_flight_findings
+from aerodb.loop.refit import axes_of_misfit_shapes, refit_of, refit_terms, remarks_on_shapes
 from aerodb.loop.stall import EFFECT, added_stall
 from aerodb.loop.stall_loop import added_loop, is_loop, one_stall, with_unused_states
 from aerodb.support import in_threads
 from aerodb.tables import STATE_CHANNEL, AeroDatabase
 from aerodb.tracing import (
     ADDED,
+    FewFlightFindings,
     Finding,
-    Suspicion,
     Traced,
-    beside_wrong_shapes,
+    accompanying_linear_terms,
+    downgraded_on_axes,
     joint_covariance,
-    linear_companions,
     trace,
 )
 
@@ -110,7 +110,7 @@ def run_loop(
         traced, remarks = _traced(source, flights, database, library, added, known_before)
         said = by_manoeuvres(source, traced, library, database)
         if said:
-            traced, by_manoeuvre = with_suspicion(traced, said), True
+            traced, by_manoeuvre = with_few_flight_findings(traced, said), True
         have = {finding.hypothesis for finding in added} | withheld
         have |= (
             {h.id for h in library.hypotheses if h.effect == EFFECT} if database.states else set()
@@ -123,7 +123,7 @@ def run_loop(
         }
         if not new:
             break
-        new, beside = _with_companions(new, said, have)
+        new, beside = _with_linear_terms(new, said, have)
         said_beside += beside
         candidate, kept = _bearable(source, database, library, new, flights)
         withheld |= {finding.hypothesis for finding in new if finding not in kept}
@@ -182,7 +182,7 @@ def _traced(
     )
     return (
         replace(
-            traced, findings=beside_wrong_shapes(traced.findings, axes_of_wrong_shapes(database))
+            traced, findings=downgraded_on_axes(traced.findings, axes_of_misfit_shapes(database))
         ),
         remarks,
     )
@@ -211,22 +211,22 @@ def _late(finding: Finding) -> Finding:
     return replace(finding, verdict="suspected", because=because)
 
 
-def _with_companions(
-    new: Sequence[Finding], said: Sequence[Suspicion], have: set[str]
+def _with_linear_terms(
+    new: Sequence[Finding], said: Sequence[FewFlightFindings], have: set[str]
 ) -> tuple[list[Finding], list[str]]:
     """The admitted findings with the linear terms beside which manoeuvres estimated them, and the
     ids of these terms. have : ids that the database has already, or must not get."""
     new, beside = list(new), list[str]()
     for part in said:
         # A stall brings the corrections of its attached flow along: see `added_stall`.
-        companions = linear_companions(
+        linear_terms = accompanying_linear_terms(
             part.joint, [f for f in new if f in part.findings and f.effect != EFFECT]
         )
         stalled = _PITCH if any(finding.effect == EFFECT for finding in new) else frozenset[str]()
         barred = have | {finding.hypothesis for finding in new}
         more = [
             each
-            for each in companions
+            for each in linear_terms
             if each.hypothesis not in barred and not stalled & set(each.axis)
         ]
         beside += [each.hypothesis for each in more]
@@ -334,7 +334,7 @@ def _added(
         finding.verdict != "suspected" for finding in new
     )  # a suspicion holds beside what may not enter
     finer = (
-        fitted_again(source, candidate, library, accepted, [view.flight for view in views])
+        refit_terms(source, candidate, library, accepted, [view.flight for view in views])
         if by_flights
         else None
     )

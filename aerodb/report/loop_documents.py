@@ -6,7 +6,7 @@ from typing import Any
 
 from aerodb.increments import AxisValidation, HoldOut
 from aerodb.report.document import axis_document, opening
-from aerodb.tracing import Finding, Remainder, Traced
+from aerodb.tracing import Finding, Traced, UnexplainedResidual
 
 
 def loop_document(
@@ -21,7 +21,7 @@ def loop_document(
     traced: Traced,
     findings: Sequence[Finding],
     added: Sequence[Finding],
-    left: Sequence[Remainder],
+    left: Sequence[UnexplainedResidual],
     proof: Sequence[AxisValidation],
     remarks: Sequence[str],
 ) -> dict[str, Any]:
@@ -67,7 +67,7 @@ def _term(finding: Finding) -> dict[str, Any]:
     }
 
 
-def _unnamed(entry: Remainder) -> dict[str, Any]:
+def _unnamed(entry: UnexplainedResidual) -> dict[str, Any]:
     """What is reproducible and fits no template: variables, no parameter, no value."""
     return {
         "hypothesis": f"unnamed@{entry.axis}",

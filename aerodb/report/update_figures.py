@@ -20,7 +20,7 @@ from aerodb.report.style import (
     plain_panel,
 )
 from aerodb.support import Array
-from aerodb.tracing import VotingUnit
+from aerodb.tracing import SamplingUnit
 
 #: 95 % of a normal distribution lie within this many standard errors.
 _TWO_SIDED: Final = 1.96
@@ -141,7 +141,7 @@ def voter(name: str, labels: Mapping[str, str]) -> str:
     >>> voter("abc@0-5.65491", {"abc": "first.mat"})
     'first.mat 0-5.65 s'
     """
-    unit = VotingUnit.parse(name)
+    unit = SamplingUnit.parse(name)
     flight, window = unit.flight, unit.window
     whole = in_figure(
         next(

@@ -7,7 +7,7 @@ from aerodb.support import key_of
 
 
 @dataclass(frozen=True)
-class Settings:
+class TracingSettings:
     """Settings of tracing.
 
     bandwidth : Hz, edge of the zero-phase low-pass on both sides: one to two short-period

@@ -6,7 +6,7 @@ from aerodb.loop import run_loop as run_rounds
 from aerodb.tasks.loop_flights import flights_of
 from aerodb.tasks.steps.update import Plan
 from aerodb.tasks.workspace_access import access_workspace
-from aerodb.tracing import Remainder
+from aerodb.tracing import UnexplainedResidual
 
 
 def run_loop(plan: Plan, library: Library, *, workspace: str, run: str, accept: Accept) -> Loop:
@@ -30,7 +30,7 @@ def prove_loop(
 
 def what_is_left(
     plan: Plan, library: Library, loop: Loop, *, workspace: str, run: str
-) -> tuple[Remainder, ...]:
+) -> tuple[UnexplainedResidual, ...]:
     """What the identification flights still have in common beside the candidate; empty below the
     fewest flights."""
     return unexplained_residuals(

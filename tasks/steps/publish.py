@@ -31,7 +31,7 @@ from aerodb.tasks.result_versions import CANDIDATE, RELEASED, RESULT_VERSION
 from aerodb.tasks.steps.update import Plan
 from aerodb.tasks.stored_steps import StoredResult
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
-from aerodb.tracing import Remainder
+from aerodb.tracing import UnexplainedResidual
 
 #: Formats that mark their files: where, with which bytes, and what reads them.
 _BY_MARK: Final[tuple[tuple[int, bytes, Callable[[bytes, str], AeroDatabase]], ...]] = (
@@ -154,7 +154,7 @@ def publish_loop(
     plan: Plan,
     library: Library,
     loop: Loop,
-    left: tuple[Remainder, ...],
+    left: tuple[UnexplainedResidual, ...],
     proof: tuple[AxisValidation, ...],
     *,
     workspace: str,

@@ -29,7 +29,7 @@ from aerodb.tasks.loop_flights import StoredFlights
 from aerodb.tasks.steps.compare import compared, load_comparison
 from aerodb.tasks.steps.counting import counted_out, sentence
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
-from aerodb.tracing import Settings
+from aerodb.tracing import TracingSettings
 
 
 @dataclass(frozen=True)
@@ -147,7 +147,9 @@ def estimate(plan: Plan, *, workspace: str, run: str) -> Update:
         estimate_increments([f for f, _ in each], [c for _, c in each], model, database)
         for each in again
     ]
-    return keep_slope_signs(with_flattening(update, noisier, Settings().shift_factor), database)
+    return keep_slope_signs(
+        with_flattening(update, noisier, TracingSettings().shift_factor), database
+    )
 
 
 def validate(plan: Plan, update: Update, *, workspace: str, run: str) -> tuple[AxisValidation, ...]:

@@ -19,14 +19,14 @@ from aerodb.flight import Flight
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.state_model import Relay
 from aerodb.tracing.decision.findings import Finding
-from aerodb.tracing.decision.refinement import Refined, beside_wrong_shapes, refined
+from aerodb.tracing.decision.refinement import Refined, downgraded_on_axes, refine
 from aerodb.tracing.decision.verdicts import trace
 from aerodb.tracing.estimates.covariance import joint_covariance
 from aerodb.tracing.evidence.bandwidth import tracing_bandwidth
 from aerodb.tracing.evidence.flight_evidence import evidence_of
 from aerodb.tracing.evidence.normal_equations import normal_equations_of
-from aerodb.tracing.evidence.shape_misfit import with_shapes
-from aerodb.tracing.settings import Settings
+from aerodb.tracing.evidence.shape_misfit import with_shape_terms
+from aerodb.tracing.settings import TracingSettings
 from aerodb.vehicle import Vehicle
 from tests.support.jsbsim_campaign import as_logged
 from tests.support.jsbsim_cases import IDENTIFIED
@@ -80,7 +80,7 @@ def closed(
     user = [] if law is None else [stall_loop.template(law, others)]
     hypotheses = hypotheses_for(database, vehicle, set(flights[0].channels), user=user)
     known = {hypothesis.id: hypothesis for hypothesis in hypotheses}
-    settings = Settings(bandwidth=tracing_bandwidth(database, vehicle, flights))
+    settings = TracingSettings(bandwidth=tracing_bandwidth(database, vehicle, flights))
     coefficients = tuple(total_coefficients(flight, vehicle) for flight in flights)
     rounds: list[tuple[Finding, ...]] = []
     shapes: list[Refined | None] = []
@@ -97,11 +97,11 @@ def closed(
             ]
             evidence = evidence_of(flight, comparison, database, vehicle, hypotheses, noisy)
             normal_equations.append(
-                normal_equations_of(with_shapes(evidence, flight, hypotheses), settings)
+                normal_equations_of(with_shape_terms(evidence, flight, hypotheses), settings)
             )
             views.append(view_of(flight, comparison, database, vehicle))
         rounds.append(
-            beside_wrong_shapes(
+            downgraded_on_axes(
                 trace(normal_equations, hypotheses, settings, earlier).findings, wrong
             )
         )
@@ -136,7 +136,7 @@ def closed(
         beside = [
             (flight, compare(flight, made, candidate, vehicle.reference)) for flight, made in pairs
         ]
-        finer = refined(
+        finer = refine(
             beside,
             candidate,
             vehicle,

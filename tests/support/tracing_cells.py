@@ -14,7 +14,7 @@ from aerodb.tracing.decision.verdicts import trace
 from aerodb.tracing.evidence.evidence import Evidence
 from aerodb.tracing.evidence.low_pass import Band
 from aerodb.tracing.evidence.normal_equations import normal_equations_of
-from aerodb.tracing.settings import Settings
+from aerodb.tracing.settings import TracingSettings
 from aerodb.vehicle import Vehicle
 from tests.support.tracing_flights import (
     DEGREE,
@@ -32,7 +32,7 @@ from tests.support.tracing_flights import (
 )
 
 #: Edge of the band in these campaigns, Hz.
-SETTINGS = Settings(bandwidth=1.5)
+SETTINGS = TracingSettings(bandwidth=1.5)
 
 
 def reads(**channels: Callable[[Array, np.random.Generator], Array]) -> Instruments:

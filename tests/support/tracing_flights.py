@@ -31,9 +31,9 @@ from aerodb.tracing.evidence.evidence import Evidence
 from aerodb.tracing.evidence.flight_evidence import evidence_of
 from aerodb.tracing.evidence.low_pass import Band, Records, band_limited, in_band
 from aerodb.tracing.evidence.normal_equations import NormalEquations, normal_equations_of_band
-from aerodb.tracing.evidence.shape_misfit import with_shapes
+from aerodb.tracing.evidence.shape_misfit import with_shape_terms
 from aerodb.tracing.evidence.thinning import thinned
-from aerodb.tracing.settings import Settings
+from aerodb.tracing.settings import TracingSettings
 from aerodb.vehicle import Vehicle, parse_vehicle
 
 DEGREE = np.pi / 180.0
@@ -175,7 +175,7 @@ class Bank:
         cell: Cell,
         flights: Sequence[Flight],
         hypotheses: Sequence[Hypothesis],
-        settings: Settings,
+        settings: TracingSettings,
     ) -> None:
         self.cell, self.flights, self.hypotheses, self.settings = (
             cell,
@@ -273,7 +273,7 @@ def _seen(
     }
     comparison = compare(read, replace(measured, values=values), preflight(), assumed.reference)
     evidence = replace(evidence_of(read, comparison, preflight(), assumed, hypotheses), noisy=noisy)
-    return with_shapes(evidence, read, hypotheses)
+    return with_shape_terms(evidence, read, hypotheses)
 
 
 def _reshaping(cell: Cell, flight: Flight) -> Mapping[str, Array]:
@@ -319,7 +319,7 @@ def through_the_chain(
     read, comparison = thinned(
         read, compare(read, measured, preflight(), vehicle().reference), bandwidth
     )
-    return with_shapes(
+    return with_shape_terms(
         evidence_of(read, comparison, preflight(), vehicle(), hypotheses), read, hypotheses
     )
 

@@ -7,11 +7,11 @@ import numpy as np
 
 from aerodb.effects.hypothesis import Hypothesis
 from aerodb.tracing.evidence.evidence import Evidence
-from aerodb.tracing.settings import Settings
+from aerodb.tracing.settings import TracingSettings
 from tests.support.tracing_flights import coloured
 
 STEP = 0.04
-SETTINGS = Settings()
+SETTINGS = TracingSettings()
 
 
 def term(name: str, axis: str, plausible: tuple[float, float] = (-50.0, 50.0)) -> Hypothesis:

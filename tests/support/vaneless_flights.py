@@ -34,7 +34,7 @@ from aerodb.tasks.steps.update import Plan
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 from aerodb.tracing.decision.findings import Traced
 from aerodb.tracing.decision.verdicts import trace
-from aerodb.tracing.settings import Settings
+from aerodb.tracing.settings import TracingSettings
 from aerodb.vehicle import parse_vehicle
 from tests.support.guide_flights import Flown, blocks, fly_glider, instruments, steeper, write_logs
 from tests.support.paths import ROOT
@@ -115,7 +115,7 @@ class Fleet:
             update = estimate_increments(*chosen, model, database, doubts)
             others = [([each[i][0] for i in group], [each[i][1] for i in group]) for each in again]
             noisier = [estimate_increments(*other, model, database) for other in others]
-            yield with_flattening(update, noisier, Settings().shift_factor)
+            yield with_flattening(update, noisier, TracingSettings().shift_factor)
 
     def consistent(self, flight: str) -> tuple[Flight, dict[str, Any]]:
         """A flight after its reconstruction, and the document of that."""

@@ -1,26 +1,32 @@
-from .few_flights import LINEAR, Suspicion, linear_companions, suspect, windows
+from .few_flights import (
+    LINEAR,
+    FewFlightFindings,
+    accompanying_linear_terms,
+    few_flight_findings,
+    windows,
+)
 from .findings import ADDED, Finding, Traced
 from .joint_model import joint_bands, joint_fit
-from .refinement import Refined, beside_wrong_shapes, refined
-from .unexplained_residual import Left, Remainder, remainders
+from .refinement import Refined, downgraded_on_axes, refine
+from .unexplained_residual import FlightResidual, UnexplainedResidual, unexplained_by_axis
 from .verdicts import trace
 
 __all__ = [
     "ADDED",
     "LINEAR",
     "Finding",
-    "Left",
+    "FlightResidual",
     "Refined",
-    "Remainder",
-    "Suspicion",
+    "UnexplainedResidual",
+    "FewFlightFindings",
     "Traced",
-    "beside_wrong_shapes",
+    "downgraded_on_axes",
     "joint_bands",
     "joint_fit",
-    "linear_companions",
-    "refined",
-    "remainders",
-    "suspect",
+    "accompanying_linear_terms",
+    "refine",
+    "unexplained_by_axis",
+    "few_flight_findings",
     "trace",
     "windows",
 ]

@@ -9,7 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from aerodb.support import Array
-from aerodb.tracing.decision.selection import SUSPICION, Court, Decision, flight_gains, implausible
+from aerodb.tracing.decision.selection import (
+    FEWEST_SUSPECTED,
+    CrossFlightTests,
+    Decision,
+    flight_gains,
+    implausible,
+)
 from aerodb.tracing.estimates import paired_p
 
 #: A rival's gain is lost when less than this part of it is left once the term is in.
@@ -31,24 +37,24 @@ class Explanation:
     fallen: dict[int, str]
 
 
-def explain(court: Court, decision: Decision, place: int) -> Explanation:
+def explain(tests: CrossFlightTests, decision: Decision, place: int) -> Explanation:
     """Rivals and sensors of an accepted (or suspected) term, or of a freed sensor."""
-    sensors = set(court.campaign.sensors)
+    sensors = set(tests.campaign.sensors)
     fewest = (
-        court.settings.fewest
+        tests.settings.fewest
         if place in decision.accepted or place in decision.freed
-        else SUSPICION
+        else FEWEST_SUSPECTED
     )
     terms = tuple(i for i in decision.terms if i != place)
     freed = tuple(i for i in decision.freed if i != place)
     # Trims are in every model: nothing else can take an axis' constant away, and it can take
     # nothing from others.
     fitting, fallen = (
-        _fitting(court, terms, freed, place, fewest)
-        if place not in court.campaign.offsets
+        _fitting(tests, terms, freed, place, fewest)
+        if place not in tests.campaign.offsets
         else ([], {})
     )
-    broken = _breaking(court, terms, freed, place, fewest) if place not in sensors else ()
+    broken = _breaking(tests, terms, freed, place, fewest) if place not in sensors else ()
     rivals = tuple(i for i in fitting if i not in sensors)
     behind = tuple(dict.fromkeys([*broken, *(i for i in fitting if i in sensors)]))
     for i in (*rivals, *behind):
@@ -57,25 +63,25 @@ def explain(court: Court, decision: Decision, place: int) -> Explanation:
 
 
 def _fitting(
-    court: Court, terms: tuple[int, ...], freed: tuple[int, ...], place: int, fewest: int
+    tests: CrossFlightTests, terms: tuple[int, ...], freed: tuple[int, ...], place: int, fewest: int
 ) -> tuple[list[int], dict[int, str]]:
     """Hypotheses that would be found in place of it, whose gain it takes away and that are not
     worse over flights."""
-    sensors = set(court.campaign.sensors)
+    sensors = set(tests.campaign.sensors)
     # The rivals of a sensor are heard as if that sensor were right: beside it they would only get
     # what it leaves.
     fixed = (place,) if place in sensors else ()
-    before = court.tested(terms, freed, fewest, fixed)
-    votes = court.votes(terms, freed, fixed)
+    before = tests.tested(terms, freed, fewest, fixed)
+    estimates = tests.flight_estimates(terms, freed, fixed)
     given = (terms, (*freed, place)) if place in sensors else ((*terms, place), freed)
-    after = court.tested(*given, fewest)
-    barred = {place, *terms, *freed, *court.campaign.offsets}
-    own = _gain_by_flight(court, terms, freed, place, fewest)
+    after = tests.tested(*given, fewest)
+    barred = {place, *terms, *freed, *tests.campaign.offsets}
+    own = _gain_by_flight(tests, terms, freed, place, fewest)
     # What the errors of a reconstructed angle may hide is no finding, but still explains what a
     # stand-in would be blamed for.
     shown = (
-        before.unmasked < court.settings.level
-        if court.campaign.angle_reconstructed
+        before.unmasked < tests.settings.level
+        if tests.campaign.angle_reconstructed
         else before.possible
     )
     fitting: list[int] = []
@@ -86,14 +92,14 @@ def _fitting(
         apart = after.possible[rival] or not before.possible[rival]
         if apart and after.gain[rival] >= LOST * before.gain[rival]:
             continue  # a different defect, not a rival
-        outside = implausible(court, before, rival)
+        outside = implausible(tests, before, rival)
         if outside:
             fallen[rival] = outside
             continue
-        gains = np.zeros(len(court.flights))
-        gains[before.voters[:, rival]] = flight_gains(votes, before, rival)
+        gains = np.zeros(len(tests.flights))
+        gains[before.included[:, rival]] = flight_gains(estimates, before, rival)
         p = paired_p(own, gains)
-        if p < court.settings.level:
+        if p < tests.settings.level:
             fallen[rival] = f"explains less in flight after flight (p = {p:.1g})"
         else:
             fitting.append(rival)
@@ -102,17 +108,17 @@ def _fitting(
 
 
 def _gain_by_flight(
-    court: Court, terms: tuple[int, ...], freed: tuple[int, ...], place: int, fewest: int
+    tests: CrossFlightTests, terms: tuple[int, ...], freed: tuple[int, ...], place: int, fewest: int
 ) -> Array:
     """What the finding is worth in each flight, 0 where it has no vote."""
-    test = court.tested(terms, freed, fewest)
-    gains = np.zeros(len(court.flights))
-    gains[test.voters[:, place]] = flight_gains(court.votes(terms, freed), test, place)
+    test = tests.tested(terms, freed, fewest)
+    gains = np.zeros(len(tests.flights))
+    gains[test.included[:, place]] = flight_gains(tests.flight_estimates(terms, freed), test, place)
     return gains
 
 
 def _breaking(
-    court: Court, terms: tuple[int, ...], freed: tuple[int, ...], place: int, fewest: int
+    tests: CrossFlightTests, terms: tuple[int, ...], freed: tuple[int, ...], place: int, fewest: int
 ) -> tuple[int, ...]:
     """Sensors that, left without a prior, take the finding's separability, sign or significance
     away.
@@ -125,20 +131,20 @@ def _breaking(
         *terms,
         place,
     )  # asked for together: a sensor that is freed is the same model for all findings
-    absent = court.tested(terms, freed, fewest)
-    full = court.tested(every, freed, fewest)
+    absent = tests.tested(terms, freed, fewest)
+    full = tests.tested(every, freed, fewest)
     broken = []
-    for sensor in court.campaign.sensors:
+    for sensor in tests.campaign.sensors:
         if sensor in freed:
-            right = court.gain(
+            right = tests.gain(
                 place, terms, tuple(i for i in freed if i != sensor), fixed=(sensor,)
             )
             if full.gain[place] < LOST * right:
                 broken.append(sensor)
             continue
-        test = court.tested(every, (*freed, sensor), fewest)
+        test = tests.tested(every, (*freed, sensor), fewest)
         same = np.sign(test.mean[place]) == np.sign(full.mean[place])
-        holds = test.testable[place] and same and test.p_at(every)[-1] < court.settings.level
-        if not holds and not implausible(court, absent, sensor):
+        holds = test.testable[place] and same and test.p_at(every)[-1] < tests.settings.level
+        if not holds and not implausible(tests, absent, sensor):
             broken.append(sensor)
     return tuple(broken)

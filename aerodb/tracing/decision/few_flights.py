@@ -18,17 +18,17 @@ from numpy.typing import NDArray
 from aerodb.effects import Hypothesis
 from aerodb.tracing.decision.explanation_sets import explain
 from aerodb.tracing.decision.findings import Finding, Verdict, with_unit
-from aerodb.tracing.decision.joint_model import Joint, joint_bands, joint_fit, under
+from aerodb.tracing.decision.joint_model import JointModel, joint_bands, joint_fit, under
 from aerodb.tracing.decision.selection import (
-    SUSPICION,
+    FEWEST_SUSPECTED,
     Decision,
-    cast,
     cross_validated,
     left_out_gains,
+    reported_votes,
 )
-from aerodb.tracing.estimates import OFFSET, Tested, Votes, campaign
-from aerodb.tracing.evidence import Evidence, VotingUnit, halves
-from aerodb.tracing.settings import Settings
+from aerodb.tracing.estimates import OFFSET, FlightEstimates, Tested, campaign
+from aerodb.tracing.evidence import Evidence, SamplingUnit, halves
+from aerodb.tracing.settings import TracingSettings
 
 #: The linear set: what every axis is given before anything else is looked for.
 LINEAR: Final = (
@@ -81,24 +81,24 @@ def windows(
 
 
 @dataclass(frozen=True)
-class Suspicion:
+class FewFlightFindings:
     """What manoeuvres say. joint : the final model. findings : `suspected` or `ambiguous_sensor`,
     in the order of their p.
 
     correlation_time : flight -> axis -> s, of what the model leaves.
     """
 
-    joint: Joint
+    joint: JointModel
     findings: tuple[Finding, ...]
     correlation_time: Mapping[str, Mapping[str, float]]
 
 
-def suspect(
+def few_flight_findings(
     evidence: Sequence[Evidence],
     hypotheses: Sequence[Hypothesis],
-    settings: Settings,
+    settings: TracingSettings,
     known: Collection[str] = (),
-) -> Suspicion:
+) -> FewFlightFindings:
     """The linear set, then what adds most beside it, one after the other; at the end every term
     beside all others.
 
@@ -120,7 +120,7 @@ def suspect(
     linear = tuple(i for i in able if hypotheses[i].effect in LINEAR)
     joint = joint_fit(bands, linear, hypotheses, settings)
     while len(joint.terms) - len(linear) < settings.most_terms:
-        best: tuple[float, Joint] | None = None
+        best: tuple[float, JointModel] | None = None
         for place in _promising(joint, able):
             tried = joint_fit(bands, (*joint.terms, place), hypotheses, settings)
             test = _tested(tried)
@@ -138,15 +138,15 @@ def suspect(
     found.sort(key=lambda i: float(test.adjusted[i]))
     sensors = believable_sensors(joint, found)
     findings = tuple(_finding(joint, test, place, sensors[place]) for place in found)
-    return Suspicion(joint, findings, _correlation_times(joint))
+    return FewFlightFindings(joint, findings, _correlation_times(joint))
 
 
-def _correlation_times(joint: Joint) -> dict[str, dict[str, float]]:
+def _correlation_times(joint: JointModel) -> dict[str, dict[str, float]]:
     """Flight -> axis -> correlation time [s]: the mean over the flight's units, weighted by their
     samples."""
     sums: dict[str, dict[str, tuple[float, float]]] = {}
     for equations in joint.normal_equations:
-        of_flight = sums.setdefault(VotingUnit.parse(equations.flight).flight, {})
+        of_flight = sums.setdefault(SamplingUnit.parse(equations.flight).flight, {})
         for axis, time, samples in zip(
             equations.axes, equations.correlation, equations.samples, strict=True
         ):
@@ -158,11 +158,11 @@ def _correlation_times(joint: Joint) -> dict[str, dict[str, float]]:
     }
 
 
-def _promising(joint: Joint, able: Sequence[int]) -> list[int]:
+def _promising(joint: JointModel, able: Sequence[int]) -> list[int]:
     """The candidates that gain most by the noise of the present model; each is then judged by the
     noise that it leaves itself."""
     test = _tested(joint)
-    apart = [i for i in able if i not in joint.terms and test.count[i] >= SUSPICION]
+    apart = [i for i in able if i not in joint.terms and test.count[i] >= FEWEST_SUSPECTED]
     return sorted(apart, key=lambda i: -float(test.gain[i]))[:_TRIED]
 
 
@@ -170,36 +170,36 @@ def _claimable(hypothesis: Hypothesis) -> bool:
     return hypothesis.kind == "aerodynamic" and hypothesis.effect != OFFSET
 
 
-def _tested(joint: Joint) -> Tested:
+def _tested(joint: JointModel) -> Tested:
     """The test of the final model. Manoeuvres find effects, no sensors and no offsets: only these
     are tested together, the linear set with one half of the level, so that it does not lose power
     with every template that joins the library."""
-    test = joint.court.tested(joint.terms, (), 1)
-    hypotheses = joint.court.campaign.hypotheses
+    test = joint.tests.tested(joint.terms, (), 1)
+    hypotheses = joint.tests.campaign.hypotheses
     linear = tuple(i for i, h in enumerate(hypotheses) if _claimable(h) and h.effect in LINEAR)
     others = tuple(i for i, h in enumerate(hypotheses) if _claimable(h) and h.effect not in LINEAR)
     return replace(test, families=(linear, others))
 
 
-def _holds(joint: Joint, test: Tested, place: int, evidence: Sequence[Evidence]) -> bool:
-    votes = joint.court.votes(joint.terms, ())
-    if not test.adjusted[place] < joint.court.settings.level:
+def _holds(joint: JointModel, test: Tested, place: int, evidence: Sequence[Evidence]) -> bool:
+    estimates = joint.tests.flight_estimates(joint.terms, ())
+    if not test.adjusted[place] < joint.tests.settings.level:
         return False
     if test.count[place] != 1:
-        return cross_validated(votes, test, place)
-    silent = _silent(votes, test, place)
+        return cross_validated(estimates, test, place)
+    silent = _silent(estimates, test, place)
     if _agree(float(test.mean[place]), *silent):
         return True
-    return not _contradicted(votes, test, place, silent) and _halves_agree(
+    return not _contradicted(estimates, test, place, silent) and _halves_agree(
         joint, test, place, evidence
     )
 
 
-def _silent(votes: Votes, test: Tested, place: int) -> tuple[float, float]:
+def _silent(estimates: FlightEstimates, test: Tested, place: int) -> tuple[float, float]:
     """What the units without a vote say all together: sums of ``A_hy`` and of ``A_hh``."""
-    silent = ~test.voters[:, place] & (votes.information[:, place] > 0.0)
-    information = votes.information[silent, place]
-    return float(information @ votes.estimate[silent, place]), float(information.sum())
+    silent = ~test.included[:, place] & (estimates.information[:, place] > 0.0)
+    information = estimates.information[silent, place]
+    return float(information @ estimates.estimate[silent, place]), float(information.sum())
 
 
 def _agree(value: float, right: float, total: float) -> bool:
@@ -211,7 +211,9 @@ def _agree(value: float, right: float, total: float) -> bool:
     )
 
 
-def _contradicted(votes: Votes, test: Tested, place: int, silent: tuple[float, float]) -> bool:
+def _contradicted(
+    estimates: FlightEstimates, test: Tested, place: int, silent: tuple[float, float]
+) -> bool:
     """Whether the units without a vote reject that the effect is as large as the lone voter says
     (one-sided, 5 %)."""
     right, total = silent
@@ -219,18 +221,20 @@ def _contradicted(votes: Votes, test: Tested, place: int, silent: tuple[float, f
         return False
     value, own = (
         float(test.mean[place]),
-        float(votes.information[test.voters[:, place], place].sum()),
+        float(estimates.information[test.included[:, place], place].sum()),
     )
     return bool(
         np.sign(value) * (value - right / total) > _ONE_SIDED * np.sqrt(1.0 / total + 1.0 / own)
     )
 
 
-def _halves_agree(joint: Joint, test: Tested, place: int, evidence: Sequence[Evidence]) -> bool:
+def _halves_agree(
+    joint: JointModel, test: Tested, place: int, evidence: Sequence[Evidence]
+) -> bool:
     """Whether the halves of the lone voter bear each other out, as units without a vote would
     (blocks of one record: Ibragimov & Mueller, JBES 28(4), 2010)."""
-    made = joint.normal_equations[int(np.flatnonzero(test.voters[:, place])[0])]
-    hypothesis = joint.court.campaign.hypotheses[place]
+    made = joint.normal_equations[int(np.flatnonzero(test.included[:, place])[0])]
+    hypothesis = joint.tests.campaign.hypotheses[place]
     noise = dict(zip(made.axes, made.spread.tolist(), strict=True))
     times = [
         float(time)
@@ -239,10 +243,10 @@ def _halves_agree(joint: Joint, test: Tested, place: int, evidence: Sequence[Evi
     ]
     unit = next(each for each in evidence if each.flight == made.flight)
     parts = under(joint, halves(unit, hypothesis.id, noise, max(times, default=0.0)))
-    votes = parts.votes(joint.terms, ())
-    if len(parts.flights) != 2 or not np.all(votes.information[:, place] > 0.0):
+    estimates = parts.flight_estimates(joint.terms, ())
+    if len(parts.flights) != 2 or not np.all(estimates.information[:, place] > 0.0):
         return False
-    value, information = votes.estimate[:, place], votes.information[:, place]
+    value, information = estimates.estimate[:, place], estimates.information[:, place]
     return all(
         _agree(
             float(value[1 - half]), float(information[half] * value[half]), float(information[half])
@@ -251,13 +255,15 @@ def _halves_agree(joint: Joint, test: Tested, place: int, evidence: Sequence[Evi
     )
 
 
-def linear_companions(joint: Joint, findings: Sequence[Finding]) -> tuple[Finding, ...]:
+def accompanying_linear_terms(
+    joint: JointModel, findings: Sequence[Finding]
+) -> tuple[Finding, ...]:
     """The terms of the model on the axes of `findings` that are none themselves: a finding's value
     holds beside them only.
 
     They are suspected like the findings; where a term has no vote it stays out.
     """
-    hypotheses = joint.court.campaign.hypotheses
+    hypotheses = joint.tests.campaign.hypotheses
     axes = {axis for finding in findings for axis in finding.axis}
     named = {finding.hypothesis for finding in findings}
     test = _tested(joint)
@@ -269,17 +275,17 @@ def linear_companions(joint: Joint, findings: Sequence[Finding]) -> tuple[Findin
     return tuple(_finding(joint, test, place, ()) for place in chosen)
 
 
-def _finding(joint: Joint, test: Tested, place: int, behind: Sequence[int]) -> Finding:
-    court, hypothesis = joint.court, joint.court.campaign.hypotheses[place]
-    votes = court.votes(joint.terms, ())
-    explanation = explain(court, Decision((), joint.terms, ()), place)
-    names = court.campaign.hypotheses
+def _finding(joint: JointModel, test: Tested, place: int, behind: Sequence[int]) -> Finding:
+    tests, hypothesis = joint.tests, joint.tests.campaign.hypotheses[place]
+    estimates = tests.flight_estimates(joint.terms, ())
+    explanation = explain(tests, Decision((), joint.terms, ()), place)
+    names = tests.campaign.hypotheses
     rivals = [names[i].id for i in explanation.rivals if set(names[i].axes) & set(hypothesis.axes)]
     sensors = [names[i].id for i in behind]
     verdict: Verdict = "ambiguous_sensor" if sensors else "suspected"
     value, half = joint.value(place), 0.5 * float(np.ptp(test.interval(place)))
-    on = np.flatnonzero(test.voters[:, place])
-    gains = left_out_gains(votes, test, place)
+    on = np.flatnonzero(test.included[:, place])
+    gains = left_out_gains(estimates, test, place)
     return Finding(
         hypothesis=hypothesis.id,
         effect=hypothesis.effect,
@@ -291,7 +297,7 @@ def _finding(joint: Joint, test: Tested, place: int, behind: Sequence[int]) -> F
         value=value,
         ci95=(value - half, value + half),
         p_adjusted=float(test.adjusted[place]),
-        votes=cast(court, votes, test, place),
+        votes=reported_votes(tests, estimates, test, place),
         explanation_set=(hypothesis.id, *rivals, *sensors),
         because=_because(hypothesis, value, half, len(on), rivals, sensors)
         + _twins(joint, place, explanation.rivals, on),
@@ -304,15 +310,15 @@ def _because(
     h: Hypothesis,
     value: float,
     half: float,
-    votes: int,
+    flights: int,
     rivals: Sequence[str],
     sensors: Sequence[str],
 ) -> str:
     size = f"{with_unit(value, h.unit)} (95 %: {value - half:.3g} to {value + half:.3g})"
     said = f"{h.because}: {h.parameter} = {size} beside the linear set; "
     said += (
-        f"{votes} manoeuvres or flights"
-        if votes > 1
+        f"{flights} manoeuvres or flights"
+        if flights > 1
         else "one manoeuvre, the only one made for it,"
     )
     said += " voted, too few for an error rate"
@@ -323,11 +329,11 @@ def _because(
 
 
 def _twins(
-    joint: Joint, place: int, rivals: Sequence[int], units: Sequence[int] | NDArray[np.intp]
+    joint: JointModel, place: int, rivals: Sequence[int], units: Sequence[int] | NDArray[np.intp]
 ) -> str:
     """Which rivals are the same column but for a factor, and in which units: there no flight of
     this kind can tell them apart."""
-    matrix, names = joint.court.campaign.products.matrix, joint.court.campaign.hypotheses
+    matrix, names = joint.tests.campaign.products.matrix, joint.tests.campaign.hypotheses
     said = ""
     for rival in rivals:
         alike = [
@@ -338,13 +344,13 @@ def _twins(
         ]
         if alike:
             where = ", ".join(
-                VotingUnit.parse(joint.court.campaign.flights[g]).short for g in alike
+                SamplingUnit.parse(joint.tests.campaign.flights[g]).short for g in alike
             )
             said += f"; {names[rival].id} is its exact twin in {where}"
     return said
 
 
-def believable_sensors(joint: Joint, places: Sequence[int]) -> dict[int, tuple[int, ...]]:
+def believable_sensors(joint: JointModel, places: Sequence[int]) -> dict[int, tuple[int, ...]]:
     """Place of a finding -> sensors and vehicle data that an error of believable size makes
     responsible for it.
 
@@ -353,18 +359,18 @@ def believable_sensors(joint: Joint, places: Sequence[int]) -> dict[int, tuple[i
     being kappa of its sigmas; the finding must keep its sign and p < level beside it, the others
     with their priors.
     """
-    court = joint.court
-    hypotheses, settings = court.campaign.hypotheses, court.settings
+    tests = joint.tests
+    hypotheses, settings = tests.campaign.hypotheses, tests.settings
     before = _tested(joint)
     found: dict[int, list[int]] = {place: [] for place in places}
-    for sensor in court.campaign.sensors:
+    for sensor in tests.campaign.sensors:
         limit = max(abs(edge) for edge in hypotheses[sensor].plausible)
         loose = list(hypotheses)
         loose[sensor] = replace(
             hypotheses[sensor],
             prior_sigma=max(limit / settings.kappa, hypotheses[sensor].prior_sigma or 0.0),
         )
-        test = replace(court, campaign=campaign(joint.normal_equations, loose)).tested(
+        test = replace(tests, campaign=campaign(joint.normal_equations, loose)).tested(
             joint.terms, (), 1
         )
         for place, sensors in found.items():

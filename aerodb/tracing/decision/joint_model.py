@@ -9,7 +9,7 @@ import numpy as np
 
 from aerodb.effects import Hypothesis
 from aerodb.support import Array
-from aerodb.tracing.decision.selection import Court
+from aerodb.tracing.decision.selection import CrossFlightTests
 from aerodb.tracing.estimates import campaign
 from aerodb.tracing.evidence import (
     Band,
@@ -18,9 +18,9 @@ from aerodb.tracing.evidence import (
     Records,
     in_band,
     normal_equations_of_band,
-    without_shapes,
+    without_shape_terms,
 )
-from aerodb.tracing.settings import Settings
+from aerodb.tracing.settings import TracingSettings
 
 #: A manoeuvre is short and made of square pulses: up to the third harmonic of the band's edge they
 #: excite.
@@ -37,14 +37,14 @@ _ITERATIONS = 5
 
 
 @dataclass(frozen=True)
-class Joint:
+class JointModel:
     """A model of several units. terms : places in the library; values : (k,), SI; grams : of the
     whole residuals, whitened by what the model leaves; court : over these."""
 
     terms: tuple[int, ...]
     values: Array
     normal_equations: tuple[NormalEquations, ...]
-    court: Court
+    tests: CrossFlightTests
 
     def value(self, place: int) -> float:
         """The common value of one of the terms."""
@@ -52,8 +52,8 @@ class Joint:
 
 
 def joint_bands(
-    evidence: Sequence[Evidence], hypotheses: Sequence[Hypothesis], settings: Settings
-) -> tuple[list[Band], Settings]:
+    evidence: Sequence[Evidence], hypotheses: Sequence[Hypothesis], settings: TracingSettings
+) -> tuple[list[Band], TracingSettings]:
     """The units in the band of manoeuvres with a column for every hypothesis, and the settings that
     go with it."""
     wide = replace(
@@ -62,7 +62,7 @@ def joint_bands(
         inflation_limit=INFLATION_LIMIT,
         least_share=max(LEAST_SHARE, settings.least_share),
     )
-    bands = [_ordered(in_band(without_shapes(each), wide), hypotheses) for each in evidence]
+    bands = [_ordered(in_band(without_shape_terms(each), wide), hypotheses) for each in evidence]
     return [band for band in bands if band.records], wide
 
 
@@ -70,8 +70,8 @@ def joint_fit(
     bands: Sequence[Band],
     terms: Sequence[int],
     hypotheses: Sequence[Hypothesis],
-    settings: Settings,
-) -> Joint:
+    settings: TracingSettings,
+) -> JointModel:
     """All units under one value of every term and a constant of their own per axis: weighted least
     squares, each unit's axis with the spread that it leaves. Then their normal equations.
 
@@ -100,24 +100,28 @@ def joint_fit(
         }
         weight = {key: 1.0 / each if each > 0.0 else 0.0 for key, each in spread.items()}
     normal_equations = tuple(_about(band, columns, values, settings) for band in bands)
-    return Joint(
+    return JointModel(
         tuple(terms),
         values,
         normal_equations,
-        Court(campaign(normal_equations, hypotheses), tuple(range(len(bands))), settings),
+        CrossFlightTests(
+            campaign(normal_equations, hypotheses), tuple(range(len(bands))), settings
+        ),
     )
 
 
-def under(joint: Joint, evidence: Sequence[Evidence]) -> Court:
+def under(joint: JointModel, evidence: Sequence[Evidence]) -> CrossFlightTests:
     """Other units (parts of the same flights) under the same model, with the noise that it leaves
     in them; those too short to be traced stay out."""
-    hypotheses, settings = joint.court.campaign.hypotheses, joint.court.settings
-    bands = [_ordered(in_band(without_shapes(each), settings), hypotheses) for each in evidence]
+    hypotheses, settings = joint.tests.campaign.hypotheses, joint.tests.settings
+    bands = [
+        _ordered(in_band(without_shape_terms(each), settings), hypotheses) for each in evidence
+    ]
     columns = [place + 1 for place in joint.terms]
     normal_equations = [
         _about(band, columns, joint.values, settings) for band in bands if band.records
     ]
-    return Court(
+    return CrossFlightTests(
         campaign(normal_equations, hypotheses), tuple(range(len(normal_equations))), settings
     )
 
@@ -129,7 +133,7 @@ def _level(records: Sequence[Array], columns: Sequence[int]) -> Array:
 
 
 def _about(
-    band: Band, columns: Sequence[int], values: Array, settings: Settings
+    band: Band, columns: Sequence[int], values: Array, settings: TracingSettings
 ) -> NormalEquations:
     def left(records: Records) -> dict[str, list[Array]]:
         return {

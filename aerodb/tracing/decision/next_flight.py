@@ -9,7 +9,7 @@ from scipy import stats
 from aerodb.effects import Hypothesis
 from aerodb.tracing.decision.explanation_sets import Explanation
 from aerodb.tracing.decision.findings import with_unit
-from aerodb.tracing.decision.selection import SUSPICION, Court, Decision
+from aerodb.tracing.decision.selection import FEWEST_SUSPECTED, CrossFlightTests, Decision
 from aerodb.tracing.estimates import POWER
 from aerodb.tracing.evidence import NormalEquations
 
@@ -18,7 +18,7 @@ MOST = 5
 
 
 def next_flights(
-    court: Court,
+    tests: CrossFlightTests,
     decision: Decision,
     explanations: Sequence[Explanation],
     normal_equations: Sequence[NormalEquations],
@@ -29,16 +29,16 @@ def next_flights(
     for explanation in explanations:
         rivals = explanation.rivals
         if explanation.place in decision.suspected:
-            sentences.append(_more_flights(court, decision, explanation.place))
+            sentences.append(_more_flights(tests, decision, explanation.place))
         if rivals:
             sentences.append(
-                _separation(court, decision, explanation.place, rivals[0], normal_equations)
+                _separation(tests, decision, explanation.place, rivals[0], normal_equations)
             )
         if explanation.sensors:
             sentences.append(
-                _calibration(court, decision, explanation.place, explanation.sensors[0])
+                _calibration(tests, decision, explanation.place, explanation.sensors[0])
             )
-    return tuple(dict.fromkeys([*sentences, *_unseen(court, decision)]))
+    return tuple(dict.fromkeys([*sentences, *_unseen(tests, decision)]))
 
 
 def excitation_needed(value: float, known: float, per_flight: float, level: float) -> float:
@@ -57,25 +57,28 @@ def excitation_needed(value: float, known: float, per_flight: float, level: floa
 
 
 def _separation(
-    court: Court,
+    tests: CrossFlightTests,
     decision: Decision,
     place: int,
     rival: int,
     normal_equations: Sequence[NormalEquations],
 ) -> str:
     """How much the one has to move without the other."""
-    names, sensors = court.campaign.hypotheses, set(court.campaign.sensors)
+    names, sensors = tests.campaign.hypotheses, set(tests.campaign.sensors)
     terms, freed = (
         tuple(i for i in group if i != place) for group in (decision.terms, decision.freed)
     )
     mover, other = (rival, place) if place in sensors else (place, rival)
     if other in sensors:
         alone, beside = (
-            court.tested(terms, freed, SUSPICION, fixed=(other,)),
-            court.votes(terms, (*freed, other)),
+            tests.tested(terms, freed, FEWEST_SUSPECTED, fixed=(other,)),
+            tests.flight_estimates(terms, (*freed, other)),
         )
     else:
-        alone, beside = court.tested(terms, freed, SUSPICION), court.votes((*terms, other), freed)
+        alone, beside = (
+            tests.tested(terms, freed, FEWEST_SUSPECTED),
+            tests.flight_estimates((*terms, other), freed),
+        )
     start = f"{names[mover].id} or {names[other].id}: "
     free = [name for name in names[mover].drivers if name not in names[other].drivers]
     tied = ", ".join(names[other].drivers)
@@ -86,7 +89,7 @@ def _separation(
             " inputs, tells them apart"
         )
     factor = excitation_needed(
-        value, float(beside.information[:, mover].sum()), own, court.settings.level
+        value, float(beside.information[:, mover].sum()), own, tests.settings.level
     )
     held = f"while {tied} stays as it is" if tied else "with nothing else moving"
     return (
@@ -119,12 +122,12 @@ def _amount(
     return f"about {needed:.2g} times as much as so far"
 
 
-def _calibration(court: Court, decision: Decision, place: int, sensor: int) -> str:
+def _calibration(tests: CrossFlightTests, decision: Decision, place: int, sensor: int) -> str:
     """How well the sensor must be known by other means: to a third of the error that would take the
     finding's place."""
-    names = court.campaign.hypotheses
+    names = tests.campaign.hypotheses
     terms = tuple(i for i in decision.terms if i != place)
-    needed = abs(float(court.tested(terms, decision.freed, SUSPICION).mean[sensor]))
+    needed = abs(float(tests.tested(terms, decision.freed, FEWEST_SUSPECTED).mean[sensor]))
     start = f"{names[place].id} or {names[sensor].id}: an independent calibration"
     if not np.isfinite(needed) or needed == 0.0:
         return f"{start} of {names[sensor].parameter} decides"
@@ -134,10 +137,10 @@ def _calibration(court: Court, decision: Decision, place: int, sensor: int) -> s
     )
 
 
-def _more_flights(court: Court, decision: Decision, place: int) -> str:
-    test = court.tested(decision.terms, decision.freed, SUSPICION)
-    lacking = court.settings.fewest - int(test.count[place])
-    name = court.campaign.hypotheses[place]
+def _more_flights(tests: CrossFlightTests, decision: Decision, place: int) -> str:
+    test = tests.tested(decision.terms, decision.freed, FEWEST_SUSPECTED)
+    lacking = tests.settings.fewest - int(test.count[place])
+    name = tests.campaign.hypotheses[place]
     flights = f"{lacking} more flight{'' if lacking == 1 else 's'}"
     return (
         f"{name.id}: {flights} with {', '.join(name.drivers) or 'it'} excited as so far, at least,"
@@ -145,18 +148,18 @@ def _more_flights(court: Court, decision: Decision, place: int) -> str:
     )
 
 
-def _unseen(court: Court, decision: Decision) -> list[str]:
+def _unseen(tests: CrossFlightTests, decision: Decision) -> list[str]:
     """One sentence for the channels whose motion no flight shows, or shows only together with
     others."""
-    test = court.tested(decision.terms, decision.freed, SUSPICION)
+    test = tests.tested(decision.terms, decision.freed, FEWEST_SUSPECTED)
     idle: dict[tuple[str, ...], list[str]] = {}
     tied: dict[tuple[str, ...], list[str]] = {}
-    for place, hypothesis in enumerate(court.campaign.hypotheses):
+    for place, hypothesis in enumerate(tests.campaign.hypotheses):
         if hypothesis.kind == "sensor" or not hypothesis.drivers or place in decision.terms:
             continue
         if not test.excited[place]:
             idle.setdefault(hypothesis.drivers, []).append(hypothesis.id)
-        elif test.inflation[place] > court.settings.inflation_limit:
+        elif test.inflation[place] > tests.settings.inflation_limit:
             tied.setdefault(hypothesis.drivers, []).append(hypothesis.id)
     sentences = [
         f"nothing is known of {', '.join(ids)}: excite {', '.join(drivers)}"

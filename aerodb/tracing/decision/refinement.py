@@ -26,7 +26,7 @@ from aerodb.tables import AeroDatabase
 from aerodb.tracing.decision.findings import Finding
 from aerodb.tracing.estimates import Campaign, campaign, paired_p
 from aerodb.tracing.evidence import evidence_of, normal_equations_of
-from aerodb.tracing.settings import Settings
+from aerodb.tracing.settings import TracingSettings
 from aerodb.vehicle import Vehicle
 
 Folds = NDArray[np.intp]
@@ -77,7 +77,7 @@ class Refined:
         return total, joint
 
 
-def beside_wrong_shapes(findings: Sequence[Finding], axes: Collection[str]) -> tuple[Finding, ...]:
+def downgraded_on_axes(findings: Sequence[Finding], axes: Collection[str]) -> tuple[Finding, ...]:
     """The findings of a later round, those on body axes where a template's shape has been shown to
     be wrong suspected at most.
 
@@ -98,13 +98,13 @@ def beside_wrong_shapes(findings: Sequence[Finding], axes: Collection[str]) -> t
     )
 
 
-def refined(
+def refine(
     flights: Sequence[tuple[Flight, Comparison]],
     candidate: AeroDatabase,
     vehicle: Vehicle,
     accepted: Sequence[Hypothesis],
     sensors: Sequence[Hypothesis],
-    settings: Settings,
+    settings: TracingSettings,
 ) -> Refined | None:
     """New gains and finer shapes of the `accepted` terms, which `candidate` holds already; None
     where they are not better, or flights are too few to say so.
@@ -133,7 +133,7 @@ def refined(
     problem = _problem(campaign(normal_equations, library), of, settings)
     edges = np.cumsum([len(accepted), *(len(ramps) for _, _, ramps in options)]).tolist()
     groups = [tuple(range(start, stop)) for start, stop in pairwise(edges)]
-    chosen = searched(problem, groups, len(accepted), settings)
+    chosen = search(problem, groups, len(accepted), settings)
     if not chosen and not _better_gains(problem, len(accepted), settings):
         return None
     active = [*range(len(accepted)), *(i for each in chosen for i in groups[each.option])]
@@ -208,7 +208,7 @@ class ShapeProblem:
         return values / unit, covariance / np.outer(unit, unit)
 
 
-def _problem(found: Campaign, of: Sequence[int], settings: Settings) -> ShapeProblem:
+def _problem(found: Campaign, of: Sequence[int], settings: TracingSettings) -> ShapeProblem:
     """The first columns of a campaign beside its sensors; of : column -> place of its template
     among them."""
     k, sensors = len(of), list(found.sensors)
@@ -226,7 +226,7 @@ def _problem(found: Campaign, of: Sequence[int], settings: Settings) -> ShapePro
     return ShapeProblem(joined[:, :k, :k], joined[:, :k, k], joined[:, k, k], unit)
 
 
-def _better_gains(problem: ShapeProblem, terms: int, settings: Settings) -> bool:
+def _better_gains(problem: ShapeProblem, terms: int, settings: TracingSettings) -> bool:
     """Whether the gains that the other folds give predict a fold better than those that the
     candidate has."""
     folds = np.arange(len(problem.total))
@@ -253,8 +253,8 @@ def _ridge(
     return found
 
 
-def searched(
-    problem: ShapeProblem, groups: Sequence[tuple[int, ...]], terms: int, settings: Settings
+def search(
+    problem: ShapeProblem, groups: Sequence[tuple[int, ...]], terms: int, settings: TracingSettings
 ) -> list[Choice]:
     """Options one after the other, the one that predicts left-out flights best first, until none
     does so significantly."""

@@ -13,11 +13,11 @@ from scipy.special import stdtrit
 
 from aerodb.support import Array
 from aerodb.tracing.decision.findings import Vote, with_unit
-from aerodb.tracing.estimates import Campaign, Tested, Votes, coherent_gain, over_flights
-from aerodb.tracing.settings import Settings
+from aerodb.tracing.estimates import Campaign, FlightEstimates, Tested, coherent_gain, over_flights
+from aerodb.tracing.settings import TracingSettings
 
 #: Votes that a suspicion needs: with one, nothing can be said about another flight.
-SUSPICION = 2
+FEWEST_SUSPECTED = 2
 
 
 @dataclass(frozen=True)
@@ -36,28 +36,28 @@ class Decision:
 
 
 @dataclass(frozen=True)
-class Court:
+class CrossFlightTests:
     """A campaign, the flights that vote in it and the rules. `tested` remembers what it was
     asked."""
 
     campaign: Campaign
     flights: tuple[int, ...]
-    settings: Settings
-    heard: dict[tuple[object, ...], Tested] = field(
+    settings: TracingSettings
+    cached: dict[tuple[object, ...], Tested] = field(
         default_factory=dict, init=False, repr=False, compare=False
     )
 
-    def votes(
+    def flight_estimates(
         self,
         accepted: Sequence[int],
         freed: Sequence[int],
         fixed: Sequence[int] = (),
         exact: Sequence[int] = (),
-    ) -> Votes:
+    ) -> FlightEstimates:
         """The votes of these flights beside the accepted terms and the sensors."""
-        return self.campaign.votes(tuple(accepted), tuple(freed), tuple(fixed), tuple(exact)).rows(
-            self.flights
-        )
+        return self.campaign.flight_estimates(
+            tuple(accepted), tuple(freed), tuple(fixed), tuple(exact)
+        ).rows(self.flights)
 
     def tested(
         self,
@@ -71,77 +71,77 @@ class Court:
         they are `exact`, and the sensors: `freed` without prior, `fixed` known to be right."""
         fewest = self.settings.fewest if fewest is None else fewest
         key = (frozenset(accepted), frozenset(freed), fewest, frozenset(fixed), frozenset(exact))
-        if key not in self.heard:
+        if key not in self.cached:
             certain = {*freed, *fixed}
             sigma = [
                 0.0 if s in certain else self.campaign.hypotheses[s].prior_sigma or 0.0
                 for s in self.campaign.sensors
             ]
-            votes = self.votes(accepted, freed, fixed, exact)
-            self.heard[key] = over_flights(
-                votes, np.array(sigma), self.settings, fewest, self.campaign.offsets
+            estimates = self.flight_estimates(accepted, freed, fixed, exact)
+            self.cached[key] = over_flights(
+                estimates, np.array(sigma), self.settings, fewest, self.campaign.offsets
             )
-        return self.heard[key]
+        return self.cached[key]
 
     def gain(
         self, place: int, accepted: Sequence[int], freed: Sequence[int], fixed: Sequence[int]
     ) -> float:
         """Coherent gain of one hypothesis alone, as `tested` has it."""
         index = list(self.flights)
-        estimate, information = self.campaign.vote(place, accepted, freed, fixed)
+        estimate, information = self.campaign.flight_estimate(place, accepted, freed, fixed)
         return coherent_gain(estimate[index], information[index], self.settings)
 
-    def without(self, flights: Sequence[int]) -> "Court":
+    def without(self, flights: Sequence[int]) -> "CrossFlightTests":
         """The same court without some flights."""
-        return Court(
+        return CrossFlightTests(
             self.campaign, tuple(f for f in self.flights if f not in flights), self.settings
         )
 
 
-def decide(court: Court) -> Decision:
+def decide(tests: CrossFlightTests) -> Decision:
     """Steps 3 to 6 of TRACING, repeated until nothing is left to be found; then suspicions from two
     votes."""
     accepted: tuple[int, ...] = ()
     freed: tuple[int, ...] = ()
     dropped: set[int] = set()  # what has had to leave does not return: each round ends for good
-    while len(accepted) < court.settings.most_terms:
-        term, sensor = _candidates(court, accepted, freed, dropped)
+    while len(accepted) < tests.settings.most_terms:
+        term, sensor = _candidates(tests, accepted, freed, dropped)
         if (
             term is not None
             and sensor is not None
-            and _sensor_wins(court, accepted, freed, term, sensor)
+            and _sensor_wins(tests, accepted, freed, term, sensor)
         ):
             term = None
         if term is not None:
-            kept = _kept(court, (*accepted, term), freed)
+            kept = _kept(tests, (*accepted, term), freed)
             dropped |= {*accepted, term} - set(kept)
             accepted = kept
         elif sensor is not None:
             freed = (*freed, sensor)
         else:
             break
-    suspected = _suspicions(court, accepted, freed)
-    return Decision((*accepted, *_offsets(court, (*accepted, *suspected), freed)), suspected, freed)
+    suspected = _suspicions(tests, accepted, freed)
+    return Decision((*accepted, *_offsets(tests, (*accepted, *suspected), freed)), suspected, freed)
 
 
 def _candidates(
-    court: Court, accepted: tuple[int, ...], freed: tuple[int, ...], dropped: set[int]
+    tests: CrossFlightTests, accepted: tuple[int, ...], freed: tuple[int, ...], dropped: set[int]
 ) -> tuple[int | None, int | None]:
     """The term and the sensor of the largest coherent gain among those that are significant over
     the whole library."""
-    test = court.tested(accepted, freed)
-    sensors = set(court.campaign.sensors)
-    taken = {*accepted, *freed, *dropped, *court.campaign.offsets}
+    test = tests.tested(accepted, freed)
+    sensors = set(tests.campaign.sensors)
+    taken = {*accepted, *freed, *dropped, *tests.campaign.offsets}
     found = [int(i) for i in np.flatnonzero(test.significant) if i not in taken]
     terms = [i for i in found if i not in sensors]
-    wrong = [i for i in found if i in sensors and not _known_better(court, test, i)]
-    wrong = wrong if len(freed) < court.settings.most_freed else []
+    wrong = [i for i in found if i in sensors and not _known_better(tests, test, i)]
+    wrong = wrong if len(freed) < tests.settings.most_freed else []
     return _largest(test.gain, terms), _largest(test.gain, wrong)
 
 
-def _known_better(court: Court, test: Tested, place: int) -> bool:
+def _known_better(tests: CrossFlightTests, test: Tested, place: int) -> bool:
     """Whether a sensor would have to be wrong by more than these flights themselves leave open."""
-    return bool(court.campaign.hypotheses[place].known_by and implausible(court, test, place))
+    return bool(tests.campaign.hypotheses[place].known_by and implausible(tests, test, place))
 
 
 def _largest(gain: Array, places: Sequence[int]) -> int | None:
@@ -149,7 +149,11 @@ def _largest(gain: Array, places: Sequence[int]) -> int | None:
 
 
 def _sensor_wins(
-    court: Court, accepted: tuple[int, ...], freed: tuple[int, ...], term: int, sensor: int
+    tests: CrossFlightTests,
+    accepted: tuple[int, ...],
+    freed: tuple[int, ...],
+    term: int,
+    sensor: int,
 ) -> bool:
     """Each is tested given the other: the sensor wins if it survives, and the term does not or
     gains less.
@@ -157,101 +161,109 @@ def _sensor_wins(
     The gains are compared fairly: the term's with the sensor taken to be right, not beside a sensor
     that has taken its share.
     """
-    given_term = court.tested((*accepted, term), freed, exact=(term,))
-    if given_term.p_at([sensor])[0] >= court.settings.level:
+    given_term = tests.tested((*accepted, term), freed, exact=(term,))
+    if given_term.p_at([sensor])[0] >= tests.settings.level:
         return False
-    given_sensor = court.tested(accepted, (*freed, sensor))
-    if given_sensor.p_at([term])[0] >= court.settings.level:
+    given_sensor = tests.tested(accepted, (*freed, sensor))
+    if given_sensor.p_at([term])[0] >= tests.settings.level:
         return True
-    alone = court.gain(term, accepted, freed, fixed=(sensor,))
-    return bool(court.tested(accepted, freed).gain[sensor] > alone)
+    alone = tests.gain(term, accepted, freed, fixed=(sensor,))
+    return bool(tests.tested(accepted, freed).gain[sensor] > alone)
 
 
-def _kept(court: Court, accepted: tuple[int, ...], freed: tuple[int, ...]) -> tuple[int, ...]:
+def _kept(
+    tests: CrossFlightTests, accepted: tuple[int, ...], freed: tuple[int, ...]
+) -> tuple[int, ...]:
     """The accepted terms that still stand beside each other: an early stand-in leaves when the true
     terms are in."""
     while len(accepted) > 1:
-        test = court.tested(accepted, freed)
+        test = tests.tested(accepted, freed)
         if test.significant[list(accepted)].all():
             break
         p = test.p_at(accepted)
-        if p.max() < court.settings.level:
+        if p.max() < tests.settings.level:
             break
         weakest = accepted[int(p.argmax())]
         accepted = tuple(i for i in accepted if i != weakest)
     return accepted
 
 
-def _suspicions(court: Court, accepted: tuple[int, ...], freed: tuple[int, ...]) -> tuple[int, ...]:
+def _suspicions(
+    tests: CrossFlightTests, accepted: tuple[int, ...], freed: tuple[int, ...]
+) -> tuple[int, ...]:
     """Terms with too few votes for the error rate that each voting flight predicts for the others;
     largest gain first."""
     suspected: tuple[int, ...] = ()
-    while len(accepted) + len(suspected) < court.settings.most_terms:
+    while len(accepted) + len(suspected) < tests.settings.most_terms:
         terms = (*accepted, *suspected)
-        test = court.tested(terms, freed, SUSPICION)
-        votes = court.votes(terms, freed)
-        few = (test.count < court.settings.fewest) & test.significant
-        barred = {*court.campaign.sensors, *court.campaign.offsets, *terms}
+        test = tests.tested(terms, freed, FEWEST_SUSPECTED)
+        estimates = tests.flight_estimates(terms, freed)
+        few = (test.count < tests.settings.fewest) & test.significant
+        barred = {*tests.campaign.sensors, *tests.campaign.offsets, *terms}
         places = [int(i) for i in np.flatnonzero(few) if i not in barred]
-        best = _largest(test.gain, [i for i in places if cross_validated(votes, test, i)])
+        best = _largest(test.gain, [i for i in places if cross_validated(estimates, test, i)])
         if best is None:
             break
         suspected = (*suspected, best)
     return suspected
 
 
-def _offsets(court: Court, terms: tuple[int, ...], freed: tuple[int, ...]) -> tuple[int, ...]:
+def _offsets(
+    tests: CrossFlightTests, terms: tuple[int, ...], freed: tuple[int, ...]
+) -> tuple[int, ...]:
     """Constants that return in all flights. They come last: trims are in every model, and every
     lacking term leaves one."""
-    found = court.tested(terms, freed).significant
-    return tuple(place for place in court.campaign.offsets if found[place])
+    found = tests.tested(terms, freed).significant
+    return tuple(place for place in tests.campaign.offsets if found[place])
 
 
-def flight_gains(votes: Votes, test: Tested, place: int) -> Array:
+def flight_gains(estimates: FlightEstimates, test: Tested, place: int) -> Array:
     """Fall of each voting flight's whitened sum of squares (voters,) under one common value, ``2 m
     b - m^2 A``."""
-    on = test.voters[:, place]
-    information = votes.information[on, place]
-    right = information * votes.estimate[on, place]
+    on = test.included[:, place]
+    information = estimates.information[on, place]
+    right = information * estimates.estimate[on, place]
     total = information.sum()
     common = right.sum() / total if total > 0.0 else 0.0
     return np.asarray(2.0 * common * right - common**2 * information)
 
 
-def cross_validated(votes: Votes, test: Tested, place: int) -> bool:
+def cross_validated(estimates: FlightEstimates, test: Tested, place: int) -> bool:
     """Whether the others' value lowers every voting flight's sum of squares."""
-    return bool(np.all(left_out_gains(votes, test, place) > 0.0)) and bool(
-        test.count[place] >= SUSPICION
+    return bool(np.all(left_out_gains(estimates, test, place) > 0.0)) and bool(
+        test.count[place] >= FEWEST_SUSPECTED
     )
 
 
-def cast(court: Court, votes: Votes, test: Tested, place: int) -> tuple[Vote, ...]:
+def reported_votes(
+    tests: CrossFlightTests, estimates: FlightEstimates, test: Tested, place: int
+) -> tuple[Vote, ...]:
     """What each flight that votes on a hypothesis says of it: estimate and standard error, SI units
     of its parameter."""
     return tuple(
         Vote(
-            court.campaign.flights[court.flights[g]],
-            float(votes.estimate[g, place]),
-            float(votes.information[g, place] ** -0.5),
+            tests.campaign.flights[tests.flights[g]],
+            float(estimates.estimate[g, place]),
+            float(estimates.information[g, place] ** -0.5),
         )
-        for g in np.flatnonzero(test.voters[:, place])
+        for g in np.flatnonzero(test.included[:, place])
     )
 
 
-def left_out_gains(votes: Votes, test: Tested, place: int) -> Array:
+def left_out_gains(estimates: FlightEstimates, test: Tested, place: int) -> Array:
     """As `flight_gains`, each flight under the value of the others: what the term is worth on a
     flight that it has not seen."""
-    on = test.voters[:, place]
-    information = votes.information[on, place]
-    right = information * votes.estimate[on, place]
+    on = test.included[:, place]
+    information = estimates.information[on, place]
+    right = information * estimates.estimate[on, place]
     others = information.sum() - information
     common = (right.sum() - right) / np.where(others > 0.0, others, np.inf)
     return np.asarray(2.0 * common * right - common**2 * information)
 
 
-def implausible(court: Court, test: Tested, place: int) -> str:
+def implausible(tests: CrossFlightTests, test: Tested, place: int) -> str:
     """Why the value that a rival would need is not believable; empty if it is, or is not known."""
-    hypothesis = court.campaign.hypotheses[place]
+    hypothesis = tests.campaign.hypotheses[place]
     half = (
         stdtrit(test.dof[place], 0.975) * test.standard_error[place]
         + test.systematic_at([place])[0]

@@ -21,7 +21,7 @@ from aerodb.errors import InputError
 from aerodb.support import Array, in_threads
 from aerodb.tracing.estimates import holm
 from aerodb.tracing.evidence import Evidence, band_limited, stretches
-from aerodb.tracing.settings import Settings
+from aerodb.tracing.settings import TracingSettings
 
 #: Knots of a variable's function: quantiles of its values over all flights.
 _QUANTILES = (0.1, 0.3, 0.5, 0.7, 0.9)
@@ -38,7 +38,7 @@ _MATTERS = 0.2
 
 
 @dataclass(frozen=True)
-class Remainder:
+class UnexplainedResidual:
     """What is left on one axis. skill : fall of the left-out flights' sum of squares (1: all
     explained, 0: nothing).
 
@@ -65,7 +65,7 @@ class Record(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Left:
+class FlightResidual:
     """One flight's remainder: evidence whose residual has the accepted terms taken off, and
     variables name -> (n,).
 
@@ -76,7 +76,9 @@ class Left:
     variables: Mapping[str, Array]
 
 
-def remainders(left: Sequence[Left], settings: Settings) -> tuple[Remainder, ...]:
+def unexplained_by_axis(
+    left: Sequence[FlightResidual], settings: TracingSettings
+) -> tuple[UnexplainedResidual, ...]:
     """What each axis has left, over at least `settings.fewest` flights.
 
     Raises InputError for fewer flights, or when the flights have no variable in common.
@@ -133,8 +135,8 @@ def _judged(
     skills: Array,
     ridges: Array,
     p: float,
-    settings: Settings,
-) -> Remainder:
+    settings: TracingSettings,
+) -> UnexplainedResidual:
     skill = float(skills.mean())
     found = bool(p < settings.level)
     variables: tuple[str, ...] = ()
@@ -153,7 +155,9 @@ def _judged(
             f"{skill:.0%} of what is left on {axis} returns on flights that were left out and rests"
             f" on {on}; no template fits"
         )
-    return Remainder(axis, found, skill, p, variables, tuple(float(s) for s in skills), because)
+    return UnexplainedResidual(
+        axis, found, skill, p, variables, tuple(float(s) for s in skills), because
+    )
 
 
 def _one_sided(skills: Array) -> float:
@@ -165,7 +169,7 @@ def _one_sided(skills: Array) -> float:
 
 
 def _in_band(
-    flight: Left, axes: Sequence[str], names: Sequence[str], settings: Settings
+    flight: FlightResidual, axes: Sequence[str], names: Sequence[str], settings: TracingSettings
 ) -> dict[str, Record]:
     """Axis -> variables (m, v), residual (m,) and an orthonormal basis (m, s) of its level and of
     what the columns of the evidence (sensors) could explain, in the tracing band; the residual

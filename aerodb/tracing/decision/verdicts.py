@@ -11,22 +11,22 @@ from aerodb.tracing.decision.explanation_sets import Explanation, explain
 from aerodb.tracing.decision.findings import Finding, NotFound, Traced, Verdict, with_unit
 from aerodb.tracing.decision.next_flight import next_flights
 from aerodb.tracing.decision.selection import (
-    SUSPICION,
-    Court,
+    FEWEST_SUSPECTED,
+    CrossFlightTests,
     Decision,
-    cast,
     decide,
     left_out_gains,
+    reported_votes,
 )
 from aerodb.tracing.estimates import Tested, campaign
 from aerodb.tracing.evidence import NormalEquations
-from aerodb.tracing.settings import Settings
+from aerodb.tracing.settings import TracingSettings
 
 
 def trace(
     normal_equations: Sequence[NormalEquations],
     hypotheses: Sequence[Hypothesis],
-    settings: Settings,
+    settings: TracingSettings,
     earlier: Mapping[str, float] | None = None,
 ) -> Traced:
     """Which of the hypotheses stand behind the residuals of these flights.
@@ -46,18 +46,18 @@ def trace(
             "give at least one flight's normal equations and one hypothesis",
         )
     normal_equations, notes = _once(normal_equations)
-    court = Court(
+    tests = CrossFlightTests(
         campaign(normal_equations, hypotheses, earlier),
         tuple(range(len(normal_equations))),
         settings,
     )
-    decision = decide(court)
+    decision = decide(tests)
     places = (*decision.terms, *decision.freed)
-    explanations = [explain(court, decision, place) for place in places]
-    repeated = _repeated(court)
-    findings = [_finding(court, decision, explanation, repeated) for explanation in explanations]
+    explanations = [explain(tests, decision, place) for place in places]
+    repeated = _repeated(tests)
+    findings = [_finding(tests, decision, explanation, repeated) for explanation in explanations]
     findings.sort(key=lambda finding: finding.p_adjusted)
-    test = _final(court, decision)
+    test = _final(tests, decision)
     explained = {*places, *(i for e in explanations for i in (*e.rivals, *e.sensors))}
     rest = [i for i in range(len(hypotheses)) if i not in explained]
     if len(normal_equations) < settings.fewest:
@@ -66,10 +66,10 @@ def trace(
             " nothing is confirmed"
         )
     return Traced(
-        flights=court.campaign.flights,
+        flights=tests.campaign.flights,
         findings=tuple(findings),
         not_found=tuple(_not_found(hypotheses[i], test, i, settings) for i in rest),
-        next_flight=next_flights(court, decision, explanations, normal_equations),
+        next_flight=next_flights(tests, decision, explanations, normal_equations),
         notes=tuple(notes),
     )
 
@@ -101,35 +101,35 @@ def _once(normal_equations: Sequence[NormalEquations]) -> tuple[list[NormalEquat
     return kept, notes
 
 
-def _repeated(court: Court) -> list[tuple[tuple[int, ...], Decision]]:
+def _repeated(tests: CrossFlightTests) -> list[tuple[tuple[int, ...], Decision]]:
     """The decision without one fold of the flights after another."""
-    count = min(court.settings.folds, len(court.flights))
+    count = min(tests.settings.folds, len(tests.flights))
     if count < 2:
         return []
-    folds = [tuple(int(i) for i in fold) for fold in np.array_split(np.array(court.flights), count)]
-    return [(fold, decide(court.without(fold))) for fold in folds]
+    folds = [tuple(int(i) for i in fold) for fold in np.array_split(np.array(tests.flights), count)]
+    return [(fold, decide(tests.without(fold))) for fold in folds]
 
 
-def _final(court: Court, decision: Decision) -> Tested:
-    return court.tested(decision.terms, decision.freed)
+def _final(tests: CrossFlightTests, decision: Decision) -> Tested:
+    return tests.tested(decision.terms, decision.freed)
 
 
 def _finding(
-    court: Court,
+    tests: CrossFlightTests,
     decision: Decision,
     explanation: Explanation,
     repeated: list[tuple[tuple[int, ...], Decision]],
 ) -> Finding:
     place = explanation.place
-    hypotheses = court.campaign.hypotheses
+    hypotheses = tests.campaign.hypotheses
     hypothesis = hypotheses[place]
-    fewest = SUSPICION if place in decision.suspected else court.settings.fewest
-    test = court.tested(decision.terms, decision.freed, fewest)
-    votes = court.votes(decision.terms, decision.freed)
+    fewest = FEWEST_SUSPECTED if place in decision.suspected else tests.settings.fewest
+    test = tests.tested(decision.terms, decision.freed, fewest)
+    estimates = tests.flight_estimates(decision.terms, decision.freed)
     verdict = _verdict(decision, explanation)
-    gains = left_out_gains(votes, test, place)
+    gains = left_out_gains(estimates, test, place)
     again = sum(place in (*d.terms, *d.freed) for _, d in repeated)
-    on = np.flatnonzero(test.voters[:, place])
+    on = np.flatnonzero(test.included[:, place])
     names = (place, *explanation.rivals, *explanation.sensors)
     return Finding(
         hypothesis=hypothesis.id,
@@ -142,9 +142,9 @@ def _finding(
         value=float(test.mean[place]),
         ci95=test.interval(place),
         p_adjusted=float(test.adjusted[place]),
-        votes=cast(court, votes, test, place),
+        votes=reported_votes(tests, estimates, test, place),
         explanation_set=tuple(hypotheses[i].id for i in names),
-        because=_because(court, explanation, verdict, test, len(on)),
+        because=_because(tests, explanation, verdict, test, len(on)),
         fallen={hypotheses[i].id: reason for i, reason in explanation.fallen.items()},
         refound=(again, len(repeated)),
         held_out_share=float(np.mean(gains > 0.0)) if len(gains) else 0.0,
@@ -162,17 +162,17 @@ def _verdict(decision: Decision, explanation: Explanation) -> Verdict:
 
 
 def _because(
-    court: Court, explanation: Explanation, verdict: Verdict, test: Tested, votes: int
+    tests: CrossFlightTests, explanation: Explanation, verdict: Verdict, test: Tested, flights: int
 ) -> str:
     """One plain sentence: what, how large, how sure, and what stands beside it."""
-    names = court.campaign.hypotheses
+    names = tests.campaign.hypotheses
     hypothesis = names[explanation.place]
     low, high = test.interval(explanation.place)
     size = (
         f"{with_unit(float(test.mean[explanation.place]), hypothesis.unit)} (95 %: {low:.3g} to"
         f" {high:.3g})"
     )
-    start = f"{hypothesis.because}: {hypothesis.parameter} = {size} over {votes} flights"
+    start = f"{hypothesis.because}: {hypothesis.parameter} = {size} over {flights} flights"
     rivals = ", ".join(names[i].id for i in explanation.rivals)
     sensors = ", ".join(names[i].id for i in explanation.sensors)
     ends: dict[str, str] = {
@@ -193,7 +193,9 @@ def _because(
     return f"{start}; {ends[verdict]}"
 
 
-def _not_found(hypothesis: Hypothesis, test: Tested, place: int, settings: Settings) -> NotFound:
+def _not_found(
+    hypothesis: Hypothesis, test: Tested, place: int, settings: TracingSettings
+) -> NotFound:
     """Verdict and bounds of a hypothesis that is in no explanation set."""
     bound, detectable = float(test.bound[place]), float(test.detectable[place])
     believable = max(abs(hypothesis.plausible[0]), abs(hypothesis.plausible[1]))

@@ -1,6 +1,6 @@
 from .campaigns import OFFSET, campaign
 from .covariance import joint_covariance
-from .per_flight import Campaign, Votes
+from .per_flight import Campaign, FlightEstimates
 from .significance import POWER, Tested, coherent_gain, holm, over_flights, paired_p
 
 __all__ = [
@@ -8,7 +8,7 @@ __all__ = [
     "POWER",
     "Campaign",
     "Tested",
-    "Votes",
+    "FlightEstimates",
     "campaign",
     "coherent_gain",
     "holm",

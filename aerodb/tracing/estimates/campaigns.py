@@ -9,7 +9,7 @@ from aerodb.effects import Hypothesis
 from aerodb.errors import InputError
 from aerodb.tracing.estimates.per_flight import Campaign
 from aerodb.tracing.estimates.products import products_of
-from aerodb.tracing.evidence import NormalEquations, companions, parent
+from aerodb.tracing.evidence import NormalEquations, parent, shape_terms
 
 #: The effect whose column is the axis' own constant.
 OFFSET = "zero_offset"
@@ -35,7 +35,7 @@ def campaign(
     beside = [
         (h.id, name, least)
         for h in hypotheses
-        for name, least in companions(h.id).items()
+        for name, least in shape_terms(h.id).items()
         if name in columns
     ]
     shapes = {len(hypotheses) + n: (known[id], least) for n, (id, _, least) in enumerate(beside)}

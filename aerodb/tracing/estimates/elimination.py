@@ -21,7 +21,7 @@ RIDGE = 1e-11
 PART = 32
 
 
-class Stock:
+class EliminationCache:
     """Columns that votes stand beside, with the sensors taken out of them: each once for a
     campaign, when it is first asked for.
 
@@ -50,9 +50,9 @@ class Stock:
             reach,
         )
         self._across, self._owed = across, across[:, :, sensors]
-        self._slots = {int(sensor): number for number, sensor in enumerate(sensors)}
+        self._indices = {int(sensor): number for number, sensor in enumerate(sensors)}
         (flights, s, core), offsets = reach.shape, across.shape[1]
-        self._onto, self._trims = slice(core, core + s), slice(core + s, None)
+        self._onto, self._intercepts = slice(core, core + s), slice(core + s, None)
         self.pairs, self.beside = (
             np.empty((flights, 2 * s, 2 * s)),
             np.empty((flights, 2 * s, core + s + offsets)),
@@ -60,36 +60,36 @@ class Stock:
         self.pairs[:, :s, :s] = np.diag(prior) - np.outer(prior, prior) * inverse
         self.beside[:, :s, :core] = prior[:, None] * reach
         self.beside[:, :s, self._onto] = np.eye(s) - prior[:, None] * inverse
-        self.beside[:, :s, self._trims] = (prior * (self._owed @ inverse)).transpose(0, 2, 1)
+        self.beside[:, :s, self._intercepts] = (prior * (self._owed @ inverse)).transpose(0, 2, 1)
 
-    def slots(self, members: Places) -> Places:
+    def indices(self, members: Places) -> Places:
         """Where each of the columns stands."""
-        new = [member for member in members.tolist() if member not in self._slots]
+        new = [member for member in members.tolist() if member not in self._indices]
         if new:
             # Who stands beside a term will stand beside its companions as well.
-            companions = np.flatnonzero(np.isin(self._products.base, new)).tolist()
+            shape_terms = np.flatnonzero(np.isin(self._products.base, new)).tolist()
             self._add(
                 np.array(
-                    [m for m in dict.fromkeys([*new, *companions]) if m not in self._slots],
+                    [m for m in dict.fromkeys([*new, *shape_terms]) if m not in self._indices],
                     dtype=np.intp,
                 )
             )
-        return np.array([self._slots[member] for member in members.tolist()], dtype=np.intp)
+        return np.array([self._indices[member] for member in members.tolist()], dtype=np.intp)
 
     def _add(self, new: Places) -> None:
-        first, s, core = len(self._slots), len(self._sensors), self._reach.shape[2]
-        self._slots |= {int(member): first + number for number, member in enumerate(new)}
-        last = len(self._slots)
+        first, s, core = len(self._indices), len(self._sensors), self._reach.shape[2]
+        self._indices |= {int(member): first + number for number, member in enumerate(new)}
+        last = len(self._indices)
         if last > self.pairs.shape[1]:
             self._grow(2 * last)
-        others = np.array(list(self._slots)[s:], dtype=np.intp)
+        others = np.array(list(self._indices)[s:], dtype=np.intp)
         block = self._products.block(new, np.r_[self._products.core, others])
         shared = block[:, :, self._sensors]
         onto = shared @ self._inverse
         self.beside[:, first:last, self._onto] = onto
         self.beside[:, first:last, :core] = block[:, :, :core] - shared @ self._reach
         self.beside[:, first:last, self._sensors] = onto * self._prior
-        self.beside[:, first:last, self._trims] = (
+        self.beside[:, first:last, self._intercepts] = (
             self._across[:, :, new] - self._owed @ onto.transpose(0, 2, 1)
         ).transpose(0, 2, 1)
         pairs = block[:, :, core:] - shared @ self.beside[:, s:last, self._onto].transpose(0, 2, 1)
@@ -104,7 +104,7 @@ class Stock:
         self.pairs[:, :old, :old], self.beside[:, :old] = pairs, beside
 
 
-class Reduced:
+class SensorElimination:
     """Products without the sensors: what votes are without any term, and what they need for some.
 
     sensors (s,) : their places; precision (s,) : scaled, of their priors. inverse (g, s, s) :
@@ -148,13 +148,15 @@ class Reduced:
         self.column = np.arange(len(products.base))
         self.column[self.sensors] = k + 1 + np.arange(s)
         self.column[list(products.offsets)] = k + 1 + s + np.arange(len(products.offsets))
-        self.stock = Stock(products, self.sensors, self.prior, self.inverse, self.reach, across)
+        self.cache = EliminationCache(
+            products, self.sensors, self.prior, self.inverse, self.reach, across
+        )
         self.parts = [slice(first, first + PART) for first in range(0, len(matrix), PART)]
         self.threads = Threads()
 
     def beside(
         self, prior: Mapping[int, float], freed: Sequence[int], fixed: Sequence[int]
-    ) -> "Solved":
+    ) -> "ModelElimination":
         """Votes beside the terms and companions of `prior` (place -> scaled precision), sensors
         `freed` of it, and `fixed` ones.
 
@@ -171,7 +173,7 @@ class Reduced:
         members = np.array(sorted(extra), dtype=np.intp)
         changed = np.zeros(len(self.sensors), dtype=bool)
         changed[self.number[[*freed, *fixed]]] = True
-        return Solved(
+        return ModelElimination(
             self,
             members,
             np.array([extra[member] for member in members.tolist()]),
@@ -181,14 +183,14 @@ class Reduced:
 
 
 @dataclass(frozen=True)
-class Solved:
+class ModelElimination:
     """What is taken out of the products beyond the sensors. members (n,), in order; extra (n,) :
     what they have on the diagonal.
 
     changed (s,) : sensors of another precision than their prior's; freed : those of none.
     """
 
-    base: Reduced
+    base: SensorElimination
     members: Places
     extra: Array
     changed: Mask
@@ -197,14 +199,14 @@ class Solved:
     def at(self, places: Places) -> tuple[Array, Array, Array]:
         """Schur complements (g, places), scaled: own ``H_hh``, left ``A_hh``, right ``A_hy``."""
         base, k, column = self.base, self.base.products.hypotheses, self.base.column[places]
-        slots, among = base.stock.slots(self.members), self._among(places)
+        indices, among = base.cache.indices(self.members), self._among(places)
         own = base.own[:, places]
         left, right = np.empty_like(own), np.empty_like(own)
         which, of = self._sensors(places)
         offsets = np.flatnonzero(column > k + len(base.sensors))
 
         def fill(part: slice) -> None:
-            squares, across = self._contracted(part, slots, np.array([k]), places, among)
+            squares, across = self._contracted(part, indices, np.array([k]), places, among)
             taken, told = squares[:, : len(places)], across[:, 0, : len(places)]
             spread = base.spread[part, column] + np.where(column < k, -taken, taken)
             level = base.level[part, column] - told
@@ -251,14 +253,14 @@ class Solved:
         member[self.members] = True
         return np.flatnonzero(member[places])
 
-    def leak(self, places: Places, left: Array, factor: Array, error: Array) -> Array:
+    def sensor_bias(self, places: Places, left: Array, factor: Array, error: Array) -> Array:
         """(places, g, s): what an `error` (s,) of a sensor, scaled, adds to `right` despite its
         prior; 0 for a changed one.
 
         left (g, places) : as `at` gave it. factor (g, places) : of `right`.
         """
         base, k, column = self.base, self.base.products.hypotheses, self.base.column[places]
-        slots, among = base.stock.slots(self.members), self._among(places)
+        indices, among = base.cache.indices(self.members), self._among(places)
         sensors, prior = (
             base.column[base.sensors],
             np.where(self.changed, 0.0, base.precision * error),
@@ -268,37 +270,41 @@ class Solved:
         offsets = np.flatnonzero(column > k + len(base.sensors))
 
         def fill(part: slice) -> None:
-            squares, across = self._contracted(part, slots, sensors, places, among)
+            squares, across = self._contracted(part, indices, sensors, places, among)
             told, turned = (
                 across[:, :, : len(places)],
                 across[:, :, len(places) :],
             )  # minus what sensors have in common with
-            leak = base.shares[part].take(column, axis=2)
-            leak[:, :, which] *= -1.0
-            leak -= told
+            sensor_bias = base.shares[part].take(column, axis=2)
+            sensor_bias[:, :, which] *= -1.0
+            sensor_bias -= told
             variance = base.spread[part, column[which]] + squares[:, which]
-            covariance = -leak[:, :, which]
-            leak[:, :, which] /= variance[:, None]
-            leak[:, :, offsets] *= left[part, None, offsets]
+            covariance = -sensor_bias[:, :, which]
+            sensor_bias[:, :, which] /= variance[:, None]
+            sensor_bias[:, :, offsets] *= left[part, None, offsets]
             for number, place in enumerate(among):
                 if base.number[places[place]] < 0:
-                    leak[:, :, place] = (
+                    sensor_bias[:, :, place] = (
                         turned[:, :, number] / squares[:, None, len(places) + number]
                     )
                 # a sensor of another precision is the one under its prior and the one beside it
                 # together
                 else:
                     own = covariance[:, :, np.searchsorted(which, place)]
-                    leak[:, :, place] = (turned[:, :, number] - own) * left[part, None, place]
-            leak[:, of, which] = 0.0
-            np.multiply(leak.transpose(2, 0, 1), factor[part].T[:, :, None], out=found[:, part])
+                    sensor_bias[:, :, place] = (turned[:, :, number] - own) * left[
+                        part, None, place
+                    ]
+            sensor_bias[:, of, which] = 0.0
+            np.multiply(
+                sensor_bias.transpose(2, 0, 1), factor[part].T[:, :, None], out=found[:, part]
+            )
             found[:, part] *= prior
 
         base.threads.each(fill, base.parts)
         return found
 
     def _contracted(
-        self, part: slice, slots: Places, left: Places, places: Places, among: Places
+        self, part: slice, indices: Places, left: Places, places: Places, among: Places
     ) -> tuple[Array, Array]:
         """``u' G u`` (g, p + m) and ``v' G u`` (g, l, p + m), G the inverse of the members' pairs:
         v are columns `left` of the stock's `beside`, u those of the p places, then the unit vectors
@@ -308,11 +314,19 @@ class Solved:
             contracted,
         )  # compiled: nothing else should wait for it
 
-        pairs, beside = self.base.stock.pairs[part], self.base.stock.beside[part]
+        pairs, beside = self.base.cache.pairs[part], self.base.cache.beside[part]
         units = np.searchsorted(self.members, places[among])
         squares = np.empty((len(pairs), len(places) + len(units)))
         across = np.empty((len(pairs), len(left), squares.shape[1]))
         contracted(
-            pairs, beside, slots, self.extra, left, self.base.column[places], units, squares, across
+            pairs,
+            beside,
+            indices,
+            self.extra,
+            left,
+            self.base.column[places],
+            units,
+            squares,
+            across,
         )
         return squares, across

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from aerodb.effects import Hypothesis
 from aerodb.support import Array, Mask
-from aerodb.tracing.estimates.elimination import Reduced, Solved
+from aerodb.tracing.estimates.elimination import ModelElimination, SensorElimination
 from aerodb.tracing.estimates.products import Products
 from aerodb.tracing.evidence import TOLERANCE
 
@@ -27,7 +27,7 @@ KNOWN = 1e9
 Model = tuple[tuple[int, ...], tuple[int, ...], tuple[int, ...], tuple[int, ...]]
 
 
-class Errors(Protocol):
+class EstimateBiases(Protocol):
     """What errors that no residual shows add to estimates: computed for the hypotheses that are
     asked for."""
 
@@ -38,7 +38,7 @@ class Errors(Protocol):
 
 
 @dataclass(frozen=True)
-class Votes:
+class FlightEstimates:
     """Estimates (flights, hypotheses) of every hypothesis, each beside the nuisances, in SI units
     of its parameter.
 
@@ -51,7 +51,7 @@ class Votes:
     estimate: Array
     information: Array
     own: Array
-    errors: Errors
+    errors: EstimateBiases
     chosen: NDArray[np.intp] | None = None
 
     @property
@@ -64,31 +64,35 @@ class Votes:
             where=self.information > 0.0,
         )
 
-    def rows(self, chosen: Sequence[int] | NDArray[np.intp]) -> "Votes":
+    def rows(self, chosen: Sequence[int] | NDArray[np.intp]) -> "FlightEstimates":
         """The same for some of all flights."""
         index = np.asarray(chosen, dtype=np.intp)
         if np.array_equal(index, np.arange(len(self.estimate))):
             return self
-        return Votes(
+        return FlightEstimates(
             self.estimate[index], self.information[index], self.own[index], self.errors, index
         )
 
-    def mean_errors(self, places: Sequence[int], voters: Mask) -> tuple[Array, Array]:
+    def mean_errors(self, places: Sequence[int], included: Mask) -> tuple[Array, Array]:
         """Leak (places, sensors) and shift (places,), means over those of these flights that vote,
         for one place at least.
 
         voters : (flights, hypotheses).
         """
-        on = np.ascontiguousarray(voters[:, list(places)].T, dtype=np.float64)
+        on = np.ascontiguousarray(included[:, list(places)].T, dtype=np.float64)
         on /= np.maximum(on.sum(axis=1, keepdims=True), 1.0)
         found = self.errors.at(places)
         weights = on
         if self.chosen is not None:
             weights = np.zeros((len(places), len(found[0][1])))
             weights[:, self.chosen] = on
-        leaks = np.array([weight @ leak for weight, (leak, _) in zip(weights, found, strict=True)])
-        shifts = np.array([shift for _, shift in found])
-        return leaks, np.einsum("pg,pg->p", weights, np.where(weights > 0.0, shifts, 0.0))
+        sensor_biases = np.array(
+            [weight @ sensor_bias for weight, (sensor_bias, _) in zip(weights, found, strict=True)]
+        )
+        simex_biases = np.array([simex_bias for _, simex_bias in found])
+        return sensor_biases, np.einsum(
+            "pg,pg->p", weights, np.where(weights > 0.0, simex_biases, 0.0)
+        )
 
 
 @dataclass(frozen=True)
@@ -115,7 +119,9 @@ class Campaign:
     offsets: tuple[int, ...]
     shapes: Mapping[int, tuple[int, float]] = field(default_factory=dict)
     earlier: Mapping[int, float] = field(default_factory=dict)
-    seen: dict[Model, Votes] = field(default_factory=dict, init=False, repr=False, compare=False)
+    cached: dict[Model, FlightEstimates] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
     single: dict[tuple[int, Model], tuple[Array, Array]] = field(
         default_factory=dict, init=False, repr=False, compare=False
     )
@@ -125,13 +131,13 @@ class Campaign:
         """Whether some flight's angle of attack comes from the motion, not from a sensor."""
         return any(hypothesis.effect == "reconstructed_alpha" for hypothesis in self.hypotheses)
 
-    def votes(
+    def flight_estimates(
         self,
         accepted: Sequence[int],
         freed: Sequence[int],
         fixed: Sequence[int] = (),
         exact: Sequence[int] = (),
-    ) -> Votes:
+    ) -> FlightEstimates:
         """Every hypothesis beside the `accepted` terms, their companions, and all sensors, with
         their priors; `freed` ones without, `fixed` ones as if they were known to be right. exact :
         accepted terms whose shape is taken to be right.
@@ -140,22 +146,22 @@ class Campaign:
         out.
         """
         model = self._model(accepted, freed, fixed, exact)
-        if model not in self.seen:
+        if model not in self.cached:
             prior = self._prior(model)
             solved = self._reduced.beside(prior, *model[1:3])
             estimate, information = in_units(solved, np.arange(len(self.hypotheses)), self.scale)
             noisy = None if self._noisy is None else self._noisy.beside(prior, *model[1:3])
-            added = Added(solved, noisy, estimate, information, self.scale)
-            self.seen[model] = Votes(estimate, information, self._own, added)
-        return self.seen[model]
+            added = ModelBiases(solved, noisy, estimate, information, self.scale)
+            self.cached[model] = FlightEstimates(estimate, information, self._own, added)
+        return self.cached[model]
 
-    def vote(
+    def flight_estimate(
         self, place: int, accepted: Sequence[int], freed: Sequence[int], fixed: Sequence[int] = ()
     ) -> tuple[Array, Array]:
         """Estimate and information (flights,) of one hypothesis alone, as `votes` has them."""
         model = self._model(accepted, freed, fixed, ())
-        if model in self.seen:
-            return self.seen[model].estimate[:, place], self.seen[model].information[:, place]
+        if model in self.cached:
+            return self.cached[model].estimate[:, place], self.cached[model].information[:, place]
         if (place, model) not in self.single:
             solved = self._reduced.beside(self._prior(model), *model[1:3])
             estimate, information = in_units(solved, np.array([place]), self.scale)
@@ -183,7 +189,7 @@ class Campaign:
             value |= dict(zip(loose, self._sizes(rigid, np.array(loose)), strict=True))
         return dict.fromkeys(accepted, 0.0) | self._tolerance(value)
 
-    def _sizes(self, rigid: Solved, places: NDArray[np.intp]) -> list[float]:
+    def _sizes(self, rigid: ModelElimination, places: NDArray[np.intp]) -> list[float]:
         """Common value of each of the accepted terms over the flights, by their information."""
         own, left, right = rigid.at(places)
         said = left > ROUNDING * np.maximum(own, ROUNDING)
@@ -204,12 +210,16 @@ class Campaign:
         return found
 
     @cached_property
-    def _reduced(self) -> Reduced:
-        return Reduced(self.products, self.sensors, self.precision)
+    def _reduced(self) -> SensorElimination:
+        return SensorElimination(self.products, self.sensors, self.precision)
 
     @cached_property
-    def _noisy(self) -> Reduced | None:
-        return None if self.noisy is None else Reduced(self.noisy, self.sensors, self.precision)
+    def _noisy(self) -> SensorElimination | None:
+        return (
+            None
+            if self.noisy is None
+            else SensorElimination(self.noisy, self.sensors, self.precision)
+        )
 
     @cached_property
     def _own(self) -> Array:
@@ -218,7 +228,9 @@ class Campaign:
         return np.asarray(self._reduced.own * self.scale[: len(self.hypotheses)] ** 2)
 
 
-def in_units(solved: Solved, places: NDArray[np.intp], scale: Array) -> tuple[Array, Array]:
+def in_units(
+    solved: ModelElimination, places: NDArray[np.intp], scale: Array
+) -> tuple[Array, Array]:
     """Scaled Schur complements as estimate and information (flights, places) in SI units; what is
     only rounding says nothing."""
     own, left, right = solved.at(places)
@@ -228,39 +240,41 @@ def in_units(solved: Solved, places: NDArray[np.intp], scale: Array) -> tuple[Ar
 
 
 @dataclass(frozen=True)
-class Added:
+class ModelBiases:
     """`Errors` of a model, one place after another as they are asked for.
 
     plain, noisy : how the model is solved, and with the states' noise added once more; estimate,
     information : its votes; scale : as in the campaign. seen : place -> what was answered.
     """
 
-    plain: Solved
-    noisy: Solved | None
+    plain: ModelElimination
+    noisy: ModelElimination | None
     estimate: Array
     information: Array
     scale: Array
-    seen: dict[int, tuple[Array, Array]] = field(default_factory=dict, init=False)
+    cached: dict[int, tuple[Array, Array]] = field(default_factory=dict, init=False)
 
     def at(self, places: Sequence[int]) -> Sequence[tuple[Array, Array]]:
         """Leak (flights, sensors) and shift (flights,) of each place, SI."""
-        new = np.array([place for place in places if place not in self.seen], dtype=np.intp)
+        new = np.array([place for place in places if place not in self.cached], dtype=np.intp)
         if new.size:
-            leak, shift = self._leak(new), self._shift(new)
-            self.seen.update(zip(new.tolist(), zip(leak, shift, strict=True), strict=True))
-        return [self.seen[place] for place in places]
+            sensor_bias, simex_bias = self._sensor_bias(new), self._simex_bias(new)
+            self.cached.update(
+                zip(new.tolist(), zip(sensor_bias, simex_bias, strict=True), strict=True)
+            )
+        return [self.cached[place] for place in places]
 
-    def _leak(self, places: NDArray[np.intp]) -> Array:
+    def _sensor_bias(self, places: NDArray[np.intp]) -> Array:
         """(places, flights, sensors)."""
         scale, information = self.scale[places], self.information[:, places]
         factor = np.divide(
             scale, information, out=np.zeros_like(information), where=information > 0.0
         )
-        return self.plain.leak(
+        return self.plain.sensor_bias(
             places, information / scale**2, factor, self.scale[self.plain.base.sensors]
         )
 
-    def _shift(self, places: NDArray[np.intp]) -> Array:
+    def _simex_bias(self, places: NDArray[np.intp]) -> Array:
         """(places, flights)."""
         if self.noisy is None:
             return np.zeros((len(places), len(self.estimate)))

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from scipy.special import stdtr, stdtrit
 
 from aerodb.support import Array, Mask
-from aerodb.tracing.estimates.per_flight import Votes
-from aerodb.tracing.settings import Settings
+from aerodb.tracing.estimates.per_flight import FlightEstimates
+from aerodb.tracing.settings import TracingSettings
 
 #: Power at which the minimum detectable effect is stated.
 POWER = 0.8
@@ -32,17 +32,17 @@ class Tested:
     mean: Array
     standard_error: Array
     dof: Array
-    voters: Mask
+    included: Mask
     count: NDArray[np.int64]
     gain: Array
     inflation: Array
     excited: Mask
     testable: Mask
-    votes: Votes
+    estimates: FlightEstimates
     sigma: Array
-    settings: Settings
+    settings: TracingSettings
     families: tuple[tuple[int, ...], ...] = ()
-    seen: dict[int, tuple[float, float]] = field(
+    cached: dict[int, tuple[float, float]] = field(
         default_factory=dict, init=False, repr=False, compare=False
     )
 
@@ -77,26 +77,34 @@ class Tested:
 
     def systematic_at(self, places: Sequence[int]) -> Array:
         """(places,) bound from sensors and state noise."""
-        sensors, shift = self._errors_at(places)
-        return np.asarray(sensors + np.abs(shift))
+        sensors, simex_bias = self._errors_at(places)
+        return np.asarray(sensors + np.abs(simex_bias))
 
     def p_at(self, places: Sequence[int]) -> Array:
         """(places,) of `p`. What noise takes off an estimate has not made it: a shift counts on the
         side to which it goes."""
-        sensors, shift = self._errors_at(places)
+        sensors, simex_bias = self._errors_at(places)
         at = np.array(places, dtype=np.intp)
-        return self._p(at, sensors + np.where(self.mean[at] * shift > 0.0, np.abs(shift), 0.0))
+        return self._p(
+            at, sensors + np.where(self.mean[at] * simex_bias > 0.0, np.abs(simex_bias), 0.0)
+        )
 
     def _errors_at(self, places: Sequence[int]) -> tuple[Array, Array]:
         """(places,) bound from sensors, and shift by state noise, with its sign."""
-        new = [place for place in places if place not in self.seen]
+        new = [place for place in places if place not in self.cached]
         if new:
-            leak, shift = self.votes.mean_errors(new, self.voters)
-            sensors = self.settings.kappa * np.sqrt(np.square(leak * self.sigma).sum(axis=-1))
-            self.seen.update(
-                zip(new, zip(sensors, self.settings.shift_factor * shift, strict=True), strict=True)
+            sensor_bias, simex_bias = self.estimates.mean_errors(new, self.included)
+            sensors = self.settings.kappa * np.sqrt(
+                np.square(sensor_bias * self.sigma).sum(axis=-1)
             )
-        found = np.array([self.seen[place] for place in places]).reshape(-1, 2)
+            self.cached.update(
+                zip(
+                    new,
+                    zip(sensors, self.settings.shift_factor * simex_bias, strict=True),
+                    strict=True,
+                )
+            )
+        found = np.array([self.cached[place] for place in places]).reshape(-1, 2)
         return found[:, 0], found[:, 1]
 
     @cached_property
@@ -107,7 +115,7 @@ class Tested:
         floor = holm(self.unmasked, len(self.mean))
         # What is close may be asked for when some flights are left out: the algebra of many places
         # costs as much as that of one.
-        self.votes.errors.at(np.flatnonzero(floor < 1.0).tolist())
+        self.estimates.errors.at(np.flatnonzero(floor < 1.0).tolist())
         return np.asarray(holm(self._where(floor), len(floor)) < self.settings.level)
 
     @cached_property
@@ -180,7 +188,11 @@ def moderated_variance(between: Array, dof: Array, within: Array, prior_dof: flo
 
 
 def over_flights(
-    votes: Votes, sigma: Array, settings: Settings, fewest: int, constants: Sequence[int] = ()
+    estimates: FlightEstimates,
+    sigma: Array,
+    settings: TracingSettings,
+    fewest: int,
+    constants: Sequence[int] = (),
 ) -> Tested:
     """The test of every hypothesis over flights (Ibragimov & Mueller, JBES 28(4), 2010), TRACING
     step 4.
@@ -195,19 +207,21 @@ def over_flights(
     D)/se)``, D with the shift where it goes the way of m (Cook & Stefanski, JASA 89, 1994: without
     the noise the estimate would be m - shift).
     """
-    voters = votes.information > settings.least_share * votes.information.max(axis=0, initial=0.0)
-    count = voters.sum(axis=0)
+    included = estimates.information > settings.least_share * estimates.information.max(
+        axis=0, initial=0.0
+    )
+    count = included.sum(axis=0)
     number = np.maximum(count, 1)
     estimate, information = (
-        np.where(voters, votes.estimate, 0.0),
-        np.where(voters, votes.information, 0.0),
+        np.where(included, estimates.estimate, 0.0),
+        np.where(included, estimates.information, 0.0),
     )
     mean = estimate.sum(axis=0) / number
-    deviation = np.where(voters, estimate - mean, 0.0)
+    deviation = np.where(included, estimate - mean, 0.0)
     dof = np.maximum(count - 1, 0).astype(np.float64)
     between = np.einsum("gk,gk->k", deviation, deviation) / np.maximum(dof, 1.0)
-    within = np.divide(1.0, information, out=deviation, where=voters).sum(axis=0) / number
-    inflation = _median_inflation(votes, voters)
+    within = np.divide(1.0, information, out=deviation, where=included).sum(axis=0) / number
+    inflation = _median_inflation(estimates, included)
     separable = inflation <= settings.inflation_limit
     constant = np.zeros(len(mean), dtype=bool)
     constant[list(constants)] = True
@@ -221,19 +235,19 @@ def over_flights(
         mean=mean,
         standard_error=np.sqrt(variance / number),
         dof=settings.prior_dof + dof,
-        voters=voters,
+        included=included,
         count=count,
         gain=np.square(right) / np.where(total > 0.0, total, 1.0),
         inflation=inflation,
-        excited=np.asarray((votes.own > 0.0).any(axis=0)),
+        excited=np.asarray((estimates.own > 0.0).any(axis=0)),
         testable=separable & (count >= fewest),
-        votes=votes,
+        estimates=estimates,
         sigma=sigma,
         settings=settings,
     )
 
 
-def coherent_gain(estimate: Array, information: Array, settings: Settings) -> float:
+def coherent_gain(estimate: Array, information: Array, settings: TracingSettings) -> float:
     """`gain` of one hypothesis, estimate and information (flights,)."""
     on = information > settings.least_share * information.max(initial=0.0)
     total = float(information[on].sum())
@@ -245,10 +259,10 @@ def _excess(ratio: Array) -> float:
     return max(1.0, float(np.median(ratio))) if ratio.size else 1.0
 
 
-def _median_inflation(votes: Votes, voters: Mask) -> Array:
+def _median_inflation(estimates: FlightEstimates, included: Mask) -> Array:
     """Median VIF over the voters (k,); infinite where nobody votes."""
-    count = voters.sum(axis=0)
-    ordered = np.sort(np.where(voters, votes.inflation, np.inf), axis=0)
+    count = included.sum(axis=0)
+    ordered = np.sort(np.where(included, estimates.inflation, np.inf), axis=0)
     each = np.arange(len(count))
     lower, upper = (
         ordered[np.maximum(count - 1, 0) // 2, each],

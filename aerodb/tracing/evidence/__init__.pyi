@@ -1,7 +1,7 @@
 from .bandwidth import tracing_bandwidth
 from .evidence import Evidence, halves, units
 from .flight_evidence import evidence_of
-from .instrumental_variables import as_commanded, with_instruments
+from .instrumental_variables import with_commanded_rates, with_instruments
 from .low_pass import Band, Records, band_limited, in_band, stretches
 from .noise_limits import bounded_noise
 from .normal_equations import (
@@ -10,10 +10,10 @@ from .normal_equations import (
     normal_equations_of,
     normal_equations_of_band,
 )
-from .shape_misfit import TOLERANCE, companions, parent, with_shapes, without_shapes
+from .sampling_unit import SamplingUnit
+from .shape_misfit import TOLERANCE, parent, shape_terms, with_shape_terms, without_shape_terms
 from .state_errors import noisy_copies
 from .thinning import LONG, thinned
-from .voting_unit import VotingUnit
 
 __all__ = [
     "LONG",
@@ -22,11 +22,11 @@ __all__ = [
     "Evidence",
     "NormalEquations",
     "Records",
-    "VotingUnit",
-    "as_commanded",
+    "SamplingUnit",
+    "with_commanded_rates",
     "band_limited",
     "bounded_noise",
-    "companions",
+    "shape_terms",
     "evidence_of",
     "halves",
     "in_band",
@@ -40,6 +40,6 @@ __all__ = [
     "tracing_bandwidth",
     "units",
     "with_instruments",
-    "with_shapes",
-    "without_shapes",
+    "with_shape_terms",
+    "without_shape_terms",
 ]

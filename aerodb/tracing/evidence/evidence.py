@@ -11,7 +11,7 @@ import numpy as np
 
 from aerodb.errors import InputError
 from aerodb.support import Array, Mask
-from aerodb.tracing.evidence.voting_unit import VotingUnit
+from aerodb.tracing.evidence.sampling_unit import SamplingUnit
 
 Columns = Mapping[str, Mapping[str, Array]]
 
@@ -107,7 +107,7 @@ def units(
     ``flight@start-end``; say in the result that manoeuvres voted, not flights.
     """
     found: list[Evidence] = []
-    whole, free_from = VotingUnit.parse(evidence.flight), -np.inf
+    whole, free_from = SamplingUnit.parse(evidence.flight), -np.inf
     for start, end in windows:
         if start < free_from or end <= start:
             continue

@@ -22,7 +22,7 @@ from aerodb.support import Array
 from aerodb.tracing.evidence.evidence import Evidence
 
 #: Rate -> the commands that ask for it.
-ASKED_BY: Final[Mapping[str, tuple[str, ...]]] = {
+COMMANDS_FOR: Final[Mapping[str, tuple[str, ...]]] = {
     "p": ("command_roll", "command_yaw"),
     "q": ("command_pitch",),
     "r": ("command_roll", "command_yaw"),
@@ -32,14 +32,14 @@ ASKED_BY: Final[Mapping[str, tuple[str, ...]]] = {
 _FILTERS: Final = 4
 
 
-def as_commanded(flight: Flight, bandwidth: float) -> Flight | None:
+def with_commanded_rates(flight: Flight, bandwidth: float) -> Flight | None:
     """The flight with the rates that its commands predict, fitted to its own; None where none was
     logged that moved.
 
     bandwidth : of tracing, Hz; the filters' pole is at half of it.
     """
     made: dict[str, Array] = {}
-    for rate, commands in ASKED_BY.items():
+    for rate, commands in COMMANDS_FOR.items():
         responses = [
             response for name in commands for response in _responses(flight, name, bandwidth)
         ]

@@ -12,7 +12,7 @@ from aerodb.conditioning import PASS_EDGE, RIPPLE_DB, STOP_EDGE, runs
 from aerodb.errors import InputError
 from aerodb.support import Array, Mask
 from aerodb.tracing.evidence.evidence import Columns, Evidence
-from aerodb.tracing.settings import Settings
+from aerodb.tracing.settings import TracingSettings
 
 #: Axis -> one array (m, hypotheses + 2) per stretch: constant, columns, residual.
 Records = Mapping[str, Sequence[Array]]
@@ -176,7 +176,7 @@ class Band:
     instruments: Records
 
 
-def in_band(evidence: Evidence, settings: Settings) -> Band:
+def in_band(evidence: Evidence, settings: TracingSettings) -> Band:
     """The evidence in the band, axis by axis and stretch by stretch; axes without a usable stretch
     stay out."""
     names = tuple(evidence.columns)

@@ -19,14 +19,14 @@ from aerodb.effects import FlightView
 from aerodb.nomenclature import AXES
 from aerodb.support import Array
 from aerodb.tracing.evidence.low_pass import band_limited, stretches
-from aerodb.tracing.settings import Settings
+from aerodb.tracing.settings import TracingSettings
 
 
 def bounded_noise(
     noise: StateNoise,
     view: FlightView,
     comparison: Comparison,
-    settings: Settings,
+    settings: TracingSettings,
     most: float = 1.0,
 ) -> StateNoise:
     """The noise with the density of alpha no larger than the flight's residual allows.
@@ -63,7 +63,9 @@ def _share(power: float, slopes: Mapping[str, Array], residual: Mapping[str, flo
     )
 
 
-def _residual_power(comparison: Comparison, step: float, settings: Settings) -> dict[str, float]:
+def _residual_power(
+    comparison: Comparison, step: float, settings: TracingSettings
+) -> dict[str, float]:
     """Axis -> mean square of the residual about its level in the band of tracing; axes without a
     usable stretch are absent."""
     power = {}

@@ -16,7 +16,7 @@ from aerodb.support import Array
 from aerodb.tracing.evidence.autoregression import correlation_time, fit, whiten
 from aerodb.tracing.evidence.evidence import Evidence
 from aerodb.tracing.evidence.low_pass import Band, Records, centred, in_band
-from aerodb.tracing.settings import Settings
+from aerodb.tracing.settings import TracingSettings
 
 #: Form of stored normal equations.
 NORMAL_EQUATIONS_VERSION = 1
@@ -87,7 +87,7 @@ def normal_equations_from_arrays(arrays: Mapping[str, NDArray[np.generic]]) -> N
     )
 
 
-def normal_equations_of(evidence: Evidence, settings: Settings) -> NormalEquations:
+def normal_equations_of(evidence: Evidence, settings: TracingSettings) -> NormalEquations:
     """The normal equations of one flight. Axes without a usable stretch, or whose residual is exactly constant,
     stay out.
 
@@ -98,7 +98,7 @@ def normal_equations_of(evidence: Evidence, settings: Settings) -> NormalEquatio
     return normal_equations_of_band(in_band(evidence, settings), settings)
 
 
-def normal_equations_of_band(band: Band, settings: Settings) -> NormalEquations:
+def normal_equations_of_band(band: Band, settings: TracingSettings) -> NormalEquations:
     """The normal equations of one flight that is already in the band.
 
     The filter of an axis is fitted once, to its residual without its level, and used for all

@@ -35,12 +35,14 @@ def parent(name: str) -> str:
     return next((name.removesuffix(mark) for mark in LEAST if name.endswith(mark)), "")
 
 
-def companions(id: str) -> dict[str, float]:
+def shape_terms(id: str) -> dict[str, float]:
     """Names of the companions' columns, each with the least sigma of what it varies with."""
     return {id + mark: least for mark, least in LEAST.items()}
 
 
-def with_shapes(evidence: Evidence, flight: Flight, hypotheses: Sequence[Hypothesis]) -> Evidence:
+def with_shape_terms(
+    evidence: Evidence, flight: Flight, hypotheses: Sequence[Hypothesis]
+) -> Evidence:
     """The evidence with the companions that its hypotheses have (`varying`); those over alpha only
     where the flight has it."""
     alpha = (
@@ -48,10 +50,10 @@ def with_shapes(evidence: Evidence, flight: Flight, hypotheses: Sequence[Hypothe
         if "alpha" in flight
         else None
     )
-    return _joined(evidence, alpha, varying(hypotheses))
+    return _joined(evidence, alpha, all_shape_terms(hypotheses))
 
 
-def without_shapes(evidence: Evidence) -> Evidence:
+def without_shape_terms(evidence: Evidence) -> Evidence:
     """The evidence without any companion."""
     return replace(
         evidence,
@@ -78,7 +80,7 @@ def _size(by_axis: Mapping[str, Array]) -> Array | None:
     return np.sqrt(square / mean) if mean > 0.0 else None
 
 
-def varying(hypotheses: Sequence[Hypothesis]) -> frozenset[str]:
+def all_shape_terms(hypotheses: Sequence[Hypothesis]) -> frozenset[str]:
     """Names of all companions: not of what depends on alpha alone, and not where the library holds
     that shape itself."""
     own = [h for h in hypotheses if h.kind == "aerodynamic" and len(h.increment) == 1]
@@ -91,7 +93,7 @@ def varying(hypotheses: Sequence[Hypothesis]) -> frozenset[str]:
         if regressor.names - {"alpha"}:
             found |= {
                 name
-                for name in companions(hypothesis.id)
+                for name in shape_terms(hypothesis.id)
                 if not any(_is(other, regressor, name) for other in beside)
             }
     return frozenset(found)

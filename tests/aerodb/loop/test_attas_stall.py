@@ -32,7 +32,7 @@ from aerodb.tables.increment import Increment
 from aerodb.tracing.decision.verdicts import trace
 from aerodb.tracing.evidence.flight_evidence import evidence_of
 from aerodb.tracing.evidence.normal_equations import normal_equations_of
-from aerodb.tracing.settings import Settings
+from aerodb.tracing.settings import TracingSettings
 from tests.support.attas_stalls import (
     ATTACHED,
     BAND,
@@ -286,7 +286,7 @@ def test_tracing_suspects_the_stall_first_and_no_static_template(stalls, flights
         Increment(axis, tuple(map(parse, names)), pooled[axis], np.zeros((len(names), len(names))))
         for axis, names in ATTACHED.items()
     )
-    current, settings = replace(database, increments=linear), Settings()
+    current, settings = replace(database, increments=linear), TracingSettings()
     laws = {flight: shape.law for flight, shape in cross_fitted(stalls, "kirchhoff").items()}
     scene = Scene(current, attas(), frozenset(flights[0].channels))
     chosen = LibrarySettings(effects=RIVALS)

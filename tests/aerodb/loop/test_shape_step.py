@@ -6,15 +6,15 @@ from dataclasses import replace
 import numpy as np
 
 from aerodb.effects.template import on_axis
-from aerodb.loop.refit import axes_of_wrong_shapes, refit_of, remarks_on_shapes
+from aerodb.loop.refit import axes_of_misfit_shapes, refit_of, remarks_on_shapes
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.expression import parse
 from aerodb.tables.increment import Increment, RefinedShape, Refit
 from aerodb.tables.reference import Reference
-from aerodb.tracing.decision.refinement import Refined, beside_wrong_shapes
+from aerodb.tracing.decision.refinement import Refined, downgraded_on_axes
 from aerodb.tracing.decision.verdicts import trace
 from aerodb.tracing.evidence.normal_equations import normal_equations_of
-from aerodb.tracing.settings import Settings
+from aerodb.tracing.settings import TracingSettings
 from tests.support.tracing_small import LIBRARY, evidence
 
 EMPTY = AeroDatabase("empty", Reference(1.0, 1.0, 1.0, (0.0, 0.0, 0.0)))
@@ -41,8 +41,8 @@ def test_axes_are_those_of_the_refined_terms_alone() -> None:
     two = Refit(
         (RefinedShape("a@Cn", "Cn", ("alpha",), 0.1), RefinedShape("b@CY:p", "CY", ("beta",), 0.1))
     )
-    assert axes_of_wrong_shapes(database(Refit((LIFT,)))) == {"CX", "CZ"}
-    assert axes_of_wrong_shapes(database(Refit(), two)) == {"Cn", "CY"}
+    assert axes_of_misfit_shapes(database(Refit((LIFT,)))) == {"CX", "CZ"}
+    assert axes_of_misfit_shapes(database(Refit(), two)) == {"Cn", "CY"}
     said = remarks_on_shapes(database(Refit((LIFT,))))[0]
     assert (
         "[a@Cn (confirmed); gain fitted once more beside the rest, shape refined of"
@@ -67,21 +67,23 @@ def test_a_refit_names_the_axis_on_which_a_term_is_written() -> None:
 
 
 def test_only_new_gains_cast_no_suspicion() -> None:
-    assert axes_of_wrong_shapes(database(Refit())) == frozenset()
+    assert axes_of_misfit_shapes(database(Refit())) == frozenset()
     assert remarks_on_shapes(database(Refit()))
-    assert axes_of_wrong_shapes(EMPTY) == frozenset()
+    assert axes_of_misfit_shapes(EMPTY) == frozenset()
     assert remarks_on_shapes(EMPTY) == ()
 
 
 def test_a_claim_on_such_an_axis_is_suspected_and_says_why() -> None:
     normal_equations = [
-        normal_equations_of(evidence(seed, {LIBRARY[0].id: 0.4, LIBRARY[2].id: 0.4}), Settings())
+        normal_equations_of(
+            evidence(seed, {LIBRARY[0].id: 0.4, LIBRARY[2].id: 0.4}), TracingSettings()
+        )
         for seed in range(6)
     ]
-    findings = trace(normal_equations, LIBRARY, Settings()).findings
+    findings = trace(normal_equations, LIBRARY, TracingSettings()).findings
     assert {f.verdict for f in findings} == {"confirmed"}
-    verdicts = {f.hypothesis: f for f in beside_wrong_shapes(findings, {"CX"})}
+    verdicts = {f.hypothesis: f for f in downgraded_on_axes(findings, {"CX"})}
     assert verdicts[LIBRARY[0].id].verdict == "suspected"
     assert "earlier term" in verdicts[LIBRARY[0].id].because
     assert verdicts[LIBRARY[2].id].verdict == "confirmed"
-    assert beside_wrong_shapes(findings, ()) == findings
+    assert downgraded_on_axes(findings, ()) == findings

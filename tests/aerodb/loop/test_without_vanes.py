@@ -25,7 +25,7 @@ from aerodb.tasks.steps.compare import load_comparison
 from aerodb.tasks.steps.consistency import applied_errors, noise_of, reconstructed_angles
 from aerodb.tracing.decision.findings import Traced
 from aerodb.tracing.evidence.noise_limits import bounded_noise
-from aerodb.tracing.settings import Settings
+from aerodb.tracing.settings import TracingSettings
 from tests.support.vaneless_flights import NAME, PLANTED, Fleet, fleet, groups
 
 Trials = Callable[[int, int], int]
@@ -55,7 +55,7 @@ def _bounded(of: Fleet, flight: str, wrong: str) -> StateNoise:
     )
     noise = noise_of(of.consistent(flight)[1])
     assert noise is not None
-    return bounded_noise(noise, view, comparison, Settings(bandwidth=1.2))
+    return bounded_noise(noise, view, comparison, TracingSettings(bandwidth=1.2))
 
 
 @pytest.mark.heavy
@@ -103,7 +103,7 @@ def test_nothing_but_alpha_is_bounded(glider: Fleet) -> None:
         glider.access.database(glider.versions["nothing"]),
         glider.access.vehicle(NAME)[0],
     )
-    assert bounded_noise(quiet, view, comparison, Settings(bandwidth=1.2)) == quiet
+    assert bounded_noise(quiet, view, comparison, TracingSettings(bandwidth=1.2)) == quiet
 
 
 @pytest.mark.heavy

@@ -28,7 +28,7 @@ from aerodb.storage.workspace import Workspace
 from aerodb.tasks.steps.compare import compare_with_version
 from aerodb.tasks.workspace_access import access_workspace
 from aerodb.tracing.decision.findings import Finding, NotFound, Traced, Vote
-from aerodb.tracing.decision.unexplained_residual import Remainder
+from aerodb.tracing.decision.unexplained_residual import UnexplainedResidual
 from tests.support.command import asked
 from tests.support.paths import VEHICLES
 from tests.support.small_glider import NAME, write_files
@@ -290,7 +290,7 @@ def loop(
     findings: list[Finding],
     added: list[Finding],
     proofs: list[AxisValidation],
-    left: tuple[Remainder, ...] = (),
+    left: tuple[UnexplainedResidual, ...] = (),
 ) -> dict[str, Any]:
     not_found = (
         NotFound(
@@ -377,7 +377,7 @@ def test_the_page_of_a_finding_says_why_that_and_not_its_rivals() -> None:
 
 
 def test_what_no_template_explains_is_told_with_its_variables() -> None:
-    rest = Remainder(
+    rest = UnexplainedResidual(
         "CX",
         True,
         0.3,

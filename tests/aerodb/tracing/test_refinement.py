@@ -7,8 +7,8 @@ import pytest
 from aerodb.effects.spline import Spline
 from aerodb.tables.expression import parse
 from aerodb.tables.program import evaluate
-from aerodb.tracing.decision.refinement import ShapeProblem, searched
-from aerodb.tracing.settings import Settings
+from aerodb.tracing.decision.refinement import ShapeProblem, search
+from aerodb.tracing.settings import TracingSettings
 
 SPLINE = Spline("alpha", (0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3))
 GROUP = tuple(range(1, 7))
@@ -61,7 +61,7 @@ def test_values_are_those_of_ridge_regression_on_all_samples() -> None:
 
 def test_a_function_comes_back_where_there_is_one() -> None:
     made = problem(2, 1.5)
-    (choice,) = searched(made, [GROUP], 1, Settings())
+    (choice,) = search(made, [GROUP], 1, TracingSettings())
     assert choice.fall > 0.02
     ridge = np.r_[0.0, np.full(6, choice.ridge)]
     values, covariance = made.estimate(range(7), ridge, 4.0)
@@ -74,5 +74,7 @@ def test_a_function_comes_back_where_there_is_one() -> None:
 
 
 def test_where_the_template_is_right_its_shape_stays() -> None:
-    refined = [bool(searched(problem(seed, 0.0), [GROUP], 1, Settings())) for seed in range(100)]
-    assert sum(refined) <= 5
+    refine = [
+        bool(search(problem(seed, 0.0), [GROUP], 1, TracingSettings())) for seed in range(100)
+    ]
+    assert sum(refine) <= 5

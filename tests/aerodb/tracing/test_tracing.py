@@ -11,7 +11,7 @@ import pytest
 from aerodb.effects.hypothesis import Hypothesis
 from aerodb.errors import InputError
 from aerodb.tracing.decision.findings import Finding, Traced
-from aerodb.tracing.decision.unexplained_residual import Left, remainders
+from aerodb.tracing.decision.unexplained_residual import FlightResidual, unexplained_by_axis
 from aerodb.tracing.decision.verdicts import trace
 from aerodb.tracing.evidence import Evidence
 from aerodb.tracing.evidence.normal_equations import (
@@ -208,7 +208,7 @@ def test_nothing_to_trace_is_refused() -> None:
         trace([], LIBRARY, SETTINGS)
 
 
-def left(count: int, shape: float) -> list[Left]:
+def left(count: int, shape: float) -> list[FlightResidual]:
     """Flights whose CX has a product of two variables left that no template has."""
     found = []
     for seed in range(count):
@@ -220,13 +220,15 @@ def left(count: int, shape: float) -> list[Left]:
         }
         usable = {axis: np.ones(1500, dtype=bool) for axis in residual}
         found.append(
-            Left(Evidence(f"f{seed}", STEP, residual, usable, {}), {"u": u, "v": v, "w": w})
+            FlightResidual(
+                Evidence(f"f{seed}", STEP, residual, usable, {}), {"u": u, "v": v, "w": w}
+            )
         )
     return found
 
 
 def test_what_no_template_fits_is_unnamed_with_its_variables() -> None:
-    cx, cz = remainders(left(6, 0.3), SETTINGS)
+    cx, cz = unexplained_by_axis(left(6, 0.3), SETTINGS)
     assert (cx.axis, cx.found, set(cx.variables)) == ("CX", True, {"u", "v"})
     assert cx.skill > 0.2
     assert not cz.found
@@ -237,23 +239,23 @@ def test_of_noise_nothing_is_left() -> None:
     false = sum(
         r.found
         for seed in range(10)
-        for r in remainders([_shuffled(f, seed) for f in left(6, 0.0)], SETTINGS)
+        for r in unexplained_by_axis([_shuffled(f, seed) for f in left(6, 0.0)], SETTINGS)
     )
     assert false <= 2
 
 
-def _shuffled(flight: Left, seed: int) -> Left:
+def _shuffled(flight: FlightResidual, seed: int) -> FlightResidual:
     rng = np.random.default_rng([seed, 3, int(flight.evidence.flight[1:])])
     noise = {axis: coloured(rng, 1500, 0.5) for axis in flight.evidence.residual}
-    return Left(replace(flight.evidence, residual=noise), flight.variables)
+    return FlightResidual(replace(flight.evidence, residual=noise), flight.variables)
 
 
 def test_the_rest_needs_three_flights_and_common_variables() -> None:
     with pytest.raises(InputError, match="too few"):
-        remainders(left(2, 0.3), SETTINGS)
+        unexplained_by_axis(left(2, 0.3), SETTINGS)
     apart = left(3, 0.3)
     with pytest.raises(InputError, match="no variable in common"):
-        remainders(
+        unexplained_by_axis(
             [
                 replace(flight, variables={flight.evidence.flight: flight.variables["u"]})
                 for flight in apart

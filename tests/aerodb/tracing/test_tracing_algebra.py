@@ -13,13 +13,13 @@ from aerodb.errors import InputError
 from aerodb.tracing.decision.next_flight import excitation_needed
 from aerodb.tracing.estimates.campaigns import campaign
 from aerodb.tracing.estimates.kernels import contracted
-from aerodb.tracing.estimates.per_flight import Votes
+from aerodb.tracing.estimates.per_flight import FlightEstimates
 from aerodb.tracing.estimates.significance import holm, moderated_variance, over_flights, paired_p
 from aerodb.tracing.evidence.autoregression import correlation_time, fit, whiten
 from aerodb.tracing.evidence.evidence import Evidence
 from aerodb.tracing.evidence.low_pass import band_limited
 from aerodb.tracing.evidence.normal_equations import first_stage, normal_equations_of
-from aerodb.tracing.settings import Settings
+from aerodb.tracing.settings import TracingSettings
 from tests.support.tracing_flights import coloured
 from tests.support.tracing_small import LIBRARY, SETTINGS, STEP, evidence, term
 
@@ -37,9 +37,9 @@ def whitened(flight: Evidence) -> tuple[Array, Array]:
         limited = band_limited(columns, every, STEP, SETTINGS.bandwidth)
         record = limited[:, -1] - limited[:, -1].mean()
         coefficients, spread = fit([record], SETTINGS.order)
-        trims = np.zeros((len(limited), 2))
-        trims[:, number] = 1.0
-        stacked.append(whiten(np.column_stack([trims, limited]), coefficients) / spread)
+        intercepts = np.zeros((len(limited), 2))
+        intercepts[:, number] = 1.0
+        stacked.append(whiten(np.column_stack([intercepts, limited]), coefficients) / spread)
     rows = np.concatenate(stacked)
     return rows[:, :-1], rows[:, -1]
 
@@ -50,7 +50,9 @@ def test_votes_are_those_of_direct_least_squares_with_the_priors_as_extra_rows(
     accepted: tuple[int, ...], freed: tuple[int, ...]
 ) -> None:
     flight = evidence(3, {LIBRARY[0].id: 0.4})
-    votes = campaign([normal_equations_of(flight, SETTINGS)], LIBRARY).votes(accepted, freed)
+    estimates = campaign([normal_equations_of(flight, SETTINGS)], LIBRARY).flight_estimates(
+        accepted, freed
+    )
     columns, response = whitened(flight)
     for place, _ in enumerate(LIBRARY):
         others = [n for n in (*accepted, 3, 4) if n != place]
@@ -62,27 +64,31 @@ def test_votes_are_those_of_direct_least_squares_with_the_priors_as_extra_rows(
         design = np.vstack([columns[:, chosen], prior])
         solution = np.linalg.lstsq(design, np.r_[response, np.zeros(len(others))], rcond=None)[0]
         variance = np.linalg.inv(design.T @ design)[-1, -1]
-        assert votes.estimate[0, place] == pytest.approx(solution[-1], rel=1e-6)
-        assert votes.information[0, place] == pytest.approx(1.0 / variance, rel=1e-6)
+        assert estimates.estimate[0, place] == pytest.approx(solution[-1], rel=1e-6)
+        assert estimates.information[0, place] == pytest.approx(1.0 / variance, rel=1e-6)
         # What a unit error of each sensor adds: the same fit to the sensor's column in place of the
         # residual.
         for row, s in enumerate((3, 4)):
             if s != place:
-                leak = np.linalg.lstsq(
+                sensor_bias = np.linalg.lstsq(
                     design, np.r_[columns[:, 2 + s], np.zeros(len(others))], rcond=None
                 )[0][-1]
-                assert votes.errors.at([place])[0][0][0, row] == pytest.approx(leak, abs=1e-6)
+                assert estimates.errors.at([place])[0][0][0, row] == pytest.approx(
+                    sensor_bias, abs=1e-6
+                )
 
 
 def test_vif_is_one_over_the_tolerance_of_a_regression_on_the_nuisances() -> None:
     flight = evidence(5)
-    votes = campaign([normal_equations_of(flight, SETTINGS)], LIBRARY).votes((1,), (3, 4))
+    estimates = campaign([normal_equations_of(flight, SETTINGS)], LIBRARY).flight_estimates(
+        (1,), (3, 4)
+    )
     columns, _ = whitened(flight)
-    trims, column = columns[:, :2], columns[:, 2]
-    within = column - trims @ np.linalg.lstsq(trims, column, rcond=None)[0]
+    intercepts, column = columns[:, :2], columns[:, 2]
+    within = column - intercepts @ np.linalg.lstsq(intercepts, column, rcond=None)[0]
     nuisances = columns[:, [0, 1, 3, 5, 6]]
     left = column - nuisances @ np.linalg.lstsq(nuisances, column, rcond=None)[0]
-    assert votes.inflation[0, 0] == pytest.approx((within @ within) / (left @ left), rel=1e-6)
+    assert estimates.inflation[0, 0] == pytest.approx((within @ within) / (left @ left), rel=1e-6)
 
 
 def test_without_noise_every_vote_is_the_planted_value() -> None:
@@ -93,15 +99,15 @@ def test_without_noise_every_vote_is_the_planted_value() -> None:
         "CZ": ~flight.usable["CZ"],
     }  # else its noise would move the sensors
     exact = replace(flight, residual={"CX": truth + 0.02, "CZ": truth}, usable=silent)
-    votes = campaign([normal_equations_of(exact, SETTINGS)], LIBRARY).votes((), ())
-    assert votes.estimate[0, 0] == pytest.approx(0.4, abs=1e-6)
+    estimates = campaign([normal_equations_of(exact, SETTINGS)], LIBRARY).flight_estimates((), ())
+    assert estimates.estimate[0, 0] == pytest.approx(0.4, abs=1e-6)
 
 
 def test_units_of_columns_do_not_matter() -> None:
     flight = evidence(9, {LIBRARY[0].id: 0.4})
     scaled = {**flight.columns, LIBRARY[0].id: {"CX": 1e4 * flight.columns[LIBRARY[0].id]["CX"]}}
     first, second = (
-        campaign([normal_equations_of(e, SETTINGS)], LIBRARY).votes((), ())
+        campaign([normal_equations_of(e, SETTINGS)], LIBRARY).flight_estimates((), ())
         for e in (flight, replace(flight, columns=scaled))
     )
     assert second.estimate[0, 0] * 1e4 == pytest.approx(first.estimate[0, 0], rel=1e-6)
@@ -117,7 +123,8 @@ def test_a_constant_per_flight_changes_no_vote_but_that_of_the_constant() -> Non
     flight = replace(flight, columns={**flight.columns, offset.id: {"CX": np.ones(flight.samples)}})
     moved = replace(flight, residual={**flight.residual, "CX": flight.residual["CX"] + 0.7})
     first, second = (
-        campaign([normal_equations_of(e, SETTINGS)], library).votes((), ()) for e in (flight, moved)
+        campaign([normal_equations_of(e, SETTINGS)], library).flight_estimates((), ())
+        for e in (flight, moved)
     )
     assert np.allclose(first.estimate[0, :5], second.estimate[0, :5], atol=1e-9)
     assert second.estimate[0, 5] - first.estimate[0, 5] == pytest.approx(0.7, rel=1e-9)
@@ -136,10 +143,10 @@ def test_the_compiled_elimination_gives_what_the_inverse_gives(size: int, least:
     """Quasi-definite: a part of the pairs is negative, in any order; the smallest eigenvalue of
     each part is about `least`."""
     rng = np.random.default_rng(size)
-    flights, stock, width, negative = 5, size + 3, 11, size // 4
-    orthogonal = np.linalg.qr(rng.standard_normal((flights, stock, stock)))[0]
-    pairs = (orthogonal * np.geomspace(least, 1.0, stock)) @ orthogonal.transpose(0, 2, 1)
-    members, beside = rng.permutation(stock)[:size], rng.standard_normal((flights, stock, width))
+    flights, cache, width, negative = 5, size + 3, 11, size // 4
+    orthogonal = np.linalg.qr(rng.standard_normal((flights, cache, cache)))[0]
+    pairs = (orthogonal * np.geomspace(least, 1.0, cache)) @ orthogonal.transpose(0, 2, 1)
+    members, beside = rng.permutation(cache)[:size], rng.standard_normal((flights, cache, width))
     down = members[:negative]
     pairs[:, down[:, None], down] *= -1.0
     extra, units = np.where(np.arange(size) < negative, -1e-11, 1e-11), np.arange(0, size, 2)
@@ -185,25 +192,30 @@ def test_a_nuisance_that_is_not_shown_and_one_that_is_another_again_have_no_part
 class Stated:
     """Errors that are given: leak (flights, k, sensors), one shift for all."""
 
-    leak: Array
-    shift: float
+    sensor_bias: Array
+    simex_bias: float
 
     def at(self, places: Sequence[int]) -> list[tuple[Array, Array]]:
-        return [(self.leak[:, place], np.full(len(self.leak), self.shift)) for place in places]
+        return [
+            (self.sensor_bias[:, place], np.full(len(self.sensor_bias), self.simex_bias))
+            for place in places
+        ]
 
 
-def plain_votes(
-    estimate: Array, information: Array, leak: Array | None = None, shift: float = 0.0
-) -> Votes:
-    stated = Stated(np.zeros((*estimate.shape, 1)) if leak is None else leak, shift)
-    return Votes(estimate, information, information, stated)
+def plain_estimates(
+    estimate: Array, information: Array, sensor_bias: Array | None = None, simex_bias: float = 0.0
+) -> FlightEstimates:
+    stated = Stated(
+        np.zeros((*estimate.shape, 1)) if sensor_bias is None else sensor_bias, simex_bias
+    )
+    return FlightEstimates(estimate, information, information, stated)
 
 
 def test_without_borrowing_and_sensors_it_is_students_t_test_over_flights() -> None:
     rng = np.random.default_rng(2)
     estimate = rng.normal(0.3, 1.0, (7, 5))
     test = over_flights(
-        plain_votes(estimate, np.full((7, 5), 2.0)),
+        plain_estimates(estimate, np.full((7, 5), 2.0)),
         np.zeros(1),
         replace(SETTINGS, prior_dof=1e-9),
         3,
@@ -232,25 +244,27 @@ def test_the_moderated_t_has_the_degrees_of_freedom_that_smyth_derives() -> None
 def test_a_sensor_that_may_explain_an_estimate_takes_its_significance() -> None:
     estimate = np.array([[1.0], [1.1], [0.9], [1.05]])
     information = np.full((4, 1), 400.0)
-    free = over_flights(plain_votes(estimate, information), np.array([0.3]), SETTINGS, 3)
-    leak = np.full((4, 1, 1), 2.0)
-    bound = over_flights(plain_votes(estimate, information, leak), np.array([0.3]), SETTINGS, 3)
+    free = over_flights(plain_estimates(estimate, information), np.array([0.3]), SETTINGS, 3)
+    sensor_bias = np.full((4, 1, 1), 2.0)
+    bound = over_flights(
+        plain_estimates(estimate, information, sensor_bias), np.array([0.3]), SETTINGS, 3
+    )
     assert free.p[0] < 1e-4
     assert bound.systematic[0] == pytest.approx(2.0 * 2.0 * 0.3)
     assert bound.p[0] > 0.5
     assert over_flights(
-        plain_votes(estimate, information, shift=-0.7), np.array([0.3]), SETTINGS, 3
+        plain_estimates(estimate, information, simex_bias=-0.7), np.array([0.3]), SETTINGS, 3
     ).systematic[0] == pytest.approx(1.05)
 
 
 def test_a_p_value_with_a_systematic_bound_never_falls_below_that_without() -> None:
     rng = np.random.default_rng(8)
-    votes = plain_votes(
+    estimates = plain_estimates(
         rng.standard_normal((5, 40)), np.ones((5, 40)), rng.standard_normal((5, 40, 1))
     )
     assert np.all(
-        over_flights(votes, np.array([0.4]), SETTINGS, 3).p
-        >= over_flights(votes, np.zeros(1), SETTINGS, 3).p - 1e-12
+        over_flights(estimates, np.array([0.4]), SETTINGS, 3).p
+        >= over_flights(estimates, np.zeros(1), SETTINGS, 3).p - 1e-12
     )
 
 
@@ -280,8 +294,10 @@ def test_noise_that_takes_from_an_estimate_makes_no_doubt_that_it_is_there() -> 
     estimate = np.array([[1.0], [1.1], [0.9], [1.05]])
     information = np.full((4, 1), 100.0)
     plain, taken, given = (
-        over_flights(plain_votes(estimate, information, shift=shift), np.zeros(1), SETTINGS, 3)
-        for shift in (0.0, -0.4, 0.4)
+        over_flights(
+            plain_estimates(estimate, information, simex_bias=simex_bias), np.zeros(1), SETTINGS, 3
+        )
+        for simex_bias in (0.0, -0.4, 0.4)
     )
     assert taken.p[0] == plain.p[0]
     assert given.p[0] > 5.0 * plain.p[0]
@@ -303,14 +319,14 @@ def test_simex_shift_is_the_known_attenuation_of_a_linear_regressor() -> None:
         usable = {"CX": np.ones(4000, dtype=bool)}
         noisy = Evidence("copy", STEP, residual, usable, {column.id: {"CX": twice}})
         flight = Evidence(f"f{seed}", STEP, residual, usable, {column.id: {"CX": once}}, (noisy,))
-        votes = campaign([normal_equations_of(flight, replace(SETTINGS, order=0))], [column]).votes(
-            (), ()
-        )
-        found.append((votes.estimate[0, 0], votes.errors.at([0])[0][1][0]))
-    estimate, shift = np.mean(found, axis=0)
+        estimates = campaign(
+            [normal_equations_of(flight, replace(SETTINGS, order=0))], [column]
+        ).flight_estimates((), ())
+        found.append((estimates.estimate[0, 0], estimates.errors.at([0])[0][1][0]))
+    estimate, simex_bias = np.mean(found, axis=0)
     assert estimate == pytest.approx(2.0 / 1.2, rel=0.03)
-    assert shift == pytest.approx(2.0 / 1.4 - 2.0 / 1.2, rel=0.15)
-    assert 1.5 * abs(shift) > 2.0 - estimate  # the bound of TRACING step 4 covers the bias
+    assert simex_bias == pytest.approx(2.0 / 1.4 - 2.0 / 1.2, rel=0.15)
+    assert 1.5 * abs(simex_bias) > 2.0 - estimate  # the bound of TRACING step 4 covers the bias
 
 
 def test_an_autoregression_is_recovered_and_leaves_white_noise() -> None:
@@ -356,7 +372,7 @@ def test_an_instrument_frees_a_rate_from_what_the_controller_answers_to_the_resi
         )
         for found, given in ((plain, {}), (instrumented, {column.id: {"CX": command}})):
             made = normal_equations_of(replace(flight, instruments=given), SETTINGS)
-            found.append(campaign([made], [column]).votes((), ()).estimate[0, 0])
+            found.append(campaign([made], [column]).flight_estimates((), ()).estimate[0, 0])
     assert np.mean(plain) == pytest.approx(0.5 / 1.25, rel=0.15)  # cov(q, v) / var(q)
     assert abs(np.mean(instrumented)) < 4.0 * np.std(instrumented) / np.sqrt(40)
     assert np.mean(plain) > 5.0 * np.std(plain) / np.sqrt(40)
@@ -374,9 +390,9 @@ def test_the_first_stage_is_the_regression_on_constant_and_instrument() -> None:
 
 
 def test_settings_are_hashed_whole_and_checked() -> None:
-    assert Settings().sha256 == Settings().sha256 != Settings(kappa=3.0).sha256
+    assert TracingSettings().sha256 == TracingSettings().sha256 != TracingSettings(kappa=3.0).sha256
     with pytest.raises(InputError, match="fewest"):
-        Settings(fewest=2)
+        TracingSettings(fewest=2)
 
 
 def test_the_excitation_that_is_asked_for_has_the_power_that_is_promised() -> None:

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from aerodb.tracing.decision.findings import Traced
-from aerodb.tracing.decision.selection import Court
+from aerodb.tracing.decision.selection import CrossFlightTests
 from aerodb.tracing.estimates.campaigns import campaign
 from aerodb.tracing.evidence import thinning
 from tests.support.tracing_cells import (
@@ -99,10 +99,10 @@ def test_nothing_or_only_a_sensor_is_wrong(plain: Bank, trials: Trials, table: l
 
 def excited(bank: Bank) -> dict[str, list[str]]:
     """Effect -> ids of its hypotheses that these flights excite with a VIF below 10."""
-    court = Court(
+    tests = CrossFlightTests(
         campaign(bank.draw(6, np.random.default_rng(0)), bank.hypotheses), tuple(range(6)), SETTINGS
     )
-    inflation = court.tested((), ()).inflation
+    inflation = tests.tested((), ()).inflation
     found = defaultdict(list)
     for place, hypothesis in enumerate(bank.hypotheses):
         if hypothesis.kind == "aerodynamic" and inflation[place] < EXCITED:

@@ -8,9 +8,9 @@ from scipy.signal import lfilter
 from aerodb.flight import Flight
 from aerodb.tracing.decision.verdicts import trace
 from aerodb.tracing.evidence.evidence import Evidence
-from aerodb.tracing.evidence.instrumental_variables import as_commanded, with_instruments
+from aerodb.tracing.evidence.instrumental_variables import with_commanded_rates, with_instruments
 from aerodb.tracing.evidence.normal_equations import normal_equations_of
-from aerodb.tracing.evidence.shape_misfit import with_shapes
+from aerodb.tracing.evidence.shape_misfit import with_shape_terms
 from tests.support.tracing_cells import SETTINGS
 from tests.support.tracing_flights import FLOOR, Cell, coloured, evidence_in, flown, library
 
@@ -51,16 +51,17 @@ def _flight(
     residual = {axis: FLOOR[axis] * values for axis, values in noise.items()}
     if planted:
         residual["Cm"] = residual["Cm"] + planted * seen.columns["pitch_damping@Cm"]["Cm"]
-    return flight, with_shapes(
+    return flight, with_shape_terms(
         Evidence(seen.flight, seen.step, residual, seen.usable, seen.columns), flight, library()
     )
 
 
 def _instrumented(flight: Flight, evidence: Evidence) -> Evidence:
-    commanded = as_commanded(flight, SETTINGS.bandwidth)
+    commanded = with_commanded_rates(flight, SETTINGS.bandwidth)
     assert commanded is not None
     return with_instruments(
-        evidence, with_shapes(evidence_in(NOTHING, commanded, library(), 0), commanded, library())
+        evidence,
+        with_shape_terms(evidence_in(NOTHING, commanded, library(), 0), commanded, library()),
     )
 
 
@@ -103,7 +104,7 @@ def test_a_missing_damping_is_still_found_and_named() -> None:
 def test_without_commands_that_move_there_are_no_instruments() -> None:
     flight, _ = _flight(0, np.random.default_rng(1), 0.0, 0.0)
     assert (
-        as_commanded(
+        with_commanded_rates(
             flight.with_channels({"command_pitch": np.full(len(flight.time), 0.2)}),
             SETTINGS.bandwidth,
         )

@@ -51,11 +51,11 @@ def test_gaps_keep_what_is_linear_linear() -> None:
     x = flight.columns[LIBRARY[0].id]["CX"]
     residual = {"CX": np.where(usable["CX"], 0.4 * x + 0.1, 99.0), "CZ": flight.residual["CZ"]}
     usable["CZ"][:] = False
-    votes = campaign(
+    estimates = campaign(
         [normal_equations_of(replace(flight, residual=residual, usable=usable), SETTINGS)], LIBRARY
-    ).votes((0, 1), ())
-    assert votes.estimate[0, 0] == pytest.approx(0.4, abs=1e-9)
-    assert votes.estimate[0, 1] == pytest.approx(0.0, abs=1e-9)
+    ).flight_estimates((0, 1), ())
+    assert estimates.estimate[0, 0] == pytest.approx(0.4, abs=1e-9)
+    assert estimates.estimate[0, 1] == pytest.approx(0.0, abs=1e-9)
 
 
 def test_a_gram_returns_from_its_arrays() -> None:

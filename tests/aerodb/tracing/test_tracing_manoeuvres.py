@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 from aerodb.effects.hypothesis import Hypothesis
-from aerodb.tracing.decision.few_flights import linear_companions, suspect
+from aerodb.tracing.decision.few_flights import accompanying_linear_terms, few_flight_findings
 from aerodb.tracing.estimates.significance import by_families
 from aerodb.tracing.evidence.evidence import Evidence, halves
-from aerodb.tracing.settings import Settings
+from aerodb.tracing.settings import TracingSettings
 from tests.support.tracing_cells import ONLY_A_SENSOR
 from tests.support.tracing_flights import FLOOR, Cell, coloured, evidence_in, flown, library
 
-SETTINGS = Settings(bandwidth=1.0)
+SETTINGS = TracingSettings(bandwidth=1.0)
 PLANTED = "sideslip_coupling@Cn"
 
 
@@ -53,16 +53,16 @@ def test_a_planted_effect_is_suspected_with_its_size(
 ) -> None:
     """Large for its noise: two units must do."""
     cell = Cell("planted", effects={PLANTED: -4.0})
-    said = suspect(drawn(cell, hypotheses, 1, count), hypotheses, SETTINGS)
+    said = few_flight_findings(drawn(cell, hypotheses, 1, count), hypotheses, SETTINGS)
     found = {finding.hypothesis: finding for finding in said.findings}
     assert PLANTED in found
     finding = found[PLANTED]
     assert finding.verdict in ("suspected", "ambiguous_sensor")
     assert finding.ci95[0] < -4.0 < finding.ci95[1]
     assert -4.6 < finding.value < -3.4
-    beside = {each.hypothesis for each in linear_companions(said.joint, [finding])}
+    beside = {each.hypothesis for each in accompanying_linear_terms(said.joint, [finding])}
     assert "beta_slope@Cn" in beside
-    assert all("Cn" in each.axis for each in linear_companions(said.joint, [finding]))
+    assert all("Cn" in each.axis for each in accompanying_linear_terms(said.joint, [finding]))
 
 
 ALONE = "control_effectiveness@Cn:rudder"
@@ -83,7 +83,8 @@ def test_one_manoeuvre_alone_is_believed_when_the_others_bear_it_out(
         }
         units.append(replace(each, columns={**each.columns, ALONE: column}, residual=residual))
     found = {
-        finding.hypothesis: finding for finding in suspect(units, hypotheses, SETTINGS).findings
+        finding.hypothesis: finding
+        for finding in few_flight_findings(units, hypotheses, SETTINGS).findings
     }
     assert (ALONE in found) == borne_out
     if borne_out:
@@ -111,7 +112,8 @@ def test_where_the_others_say_nothing_the_halves_of_the_one_manoeuvre_must_agree
         }
         units.append(replace(each, columns={**each.columns, ALONE: column}, residual=residual))
     found = {
-        finding.hypothesis: finding for finding in suspect(units, hypotheses, SETTINGS).findings
+        finding.hypothesis: finding
+        for finding in few_flight_findings(units, hypotheses, SETTINGS).findings
     }
     assert (ALONE in found) == (lasts == 1.0)
     if ALONE in found:
@@ -125,8 +127,10 @@ def test_noise_of_the_states_is_no_effect(hypotheses: tuple[Hypothesis, ...]) ->
     (cell,) = (cell for cell in ONLY_A_SENSOR if cell.name == "alpha noise .3 deg, white")
     for seed in (3000, 3001):
         units = drawn(cell, hypotheses, seed, 2)
-        assert suspect([replace(each, noisy=()) for each in units], hypotheses, SETTINGS).findings
-        assert suspect(units, hypotheses, SETTINGS).findings == ()
+        assert few_flight_findings(
+            [replace(each, noisy=()) for each in units], hypotheses, SETTINGS
+        ).findings
+        assert few_flight_findings(units, hypotheses, SETTINGS).findings == ()
 
 
 def test_halves_show_the_same_and_stand_apart() -> None:
@@ -160,7 +164,11 @@ def test_with_nothing_missing_hardly_anything_is_suspected(
 ) -> None:
     """At most one campaign in ten: nothing of this enters a database by itself."""
     wrong = sum(
-        bool(suspect(drawn(Cell("empty"), hypotheses, seed, count), hypotheses, SETTINGS).findings)
+        bool(
+            few_flight_findings(
+                drawn(Cell("empty"), hypotheses, seed, count), hypotheses, SETTINGS
+            ).findings
+        )
         for seed in range(trials(6, 100))
     )
     assert wrong <= max(1, trials(6, 100) // 10)

@@ -15,16 +15,16 @@ from aerodb.tracing.evidence.normal_equations import NormalEquations, normal_equ
 from aerodb.tracing.evidence.shape_misfit import (
     LEAST,
     TOLERANCE,
-    companions,
-    varying,
-    without_shapes,
+    all_shape_terms,
+    shape_terms,
+    without_shape_terms,
 )
-from aerodb.tracing.settings import Settings
+from aerodb.tracing.settings import TracingSettings
 from tests.support.tracing_flights import coloured, library
 from tests.support.tracing_small import LIBRARY, STEP, evidence
 
 #: No filter and no decimation: what the matrix is the product of is then written down in one line.
-PLAIN = Settings(order=0, bandwidth=0.2 / STEP)
+PLAIN = TracingSettings(order=0, bandwidth=0.2 / STEP)
 FIRST, SECOND = LIBRARY[0].id, LIBRARY[1].id
 
 
@@ -54,7 +54,7 @@ def test_votes_beside_a_companion_are_those_of_direct_least_squares_with_its_pri
     None
 ):
     flight = shaped(3, 0.5)
-    votes = campaign([normal_equations_of(flight, PLAIN)], LIBRARY).votes((0,), ())
+    estimates = campaign([normal_equations_of(flight, PLAIN)], LIBRARY).flight_estimates((0,), ())
     rows, names = [], [h.id for h in LIBRARY]
     for number, axis in enumerate(("CX", "CZ")):
         zero, trims = np.zeros(flight.samples), np.zeros((flight.samples, 2))
@@ -83,10 +83,10 @@ def test_votes_beside_a_companion_are_those_of_direct_least_squares_with_its_pri
 
     value = solved([term], [0.0])[0]
     sigma = TOLERANCE * abs(value) / max(np.sqrt((shape @ shape) / (term @ term)), LEAST["~alpha"])
-    assert votes.estimate[0, 1] == pytest.approx(
+    assert estimates.estimate[0, 1] == pytest.approx(
         solved([other, term, shape], [0.0, 0.0, 1.0 / sigma])[0], rel=1e-5
     )
-    assert votes.estimate[0, 0] == pytest.approx(
+    assert estimates.estimate[0, 0] == pytest.approx(
         solved([term, shape], [0.0, 1.0 / sigma])[0], rel=1e-5
     )
 
@@ -96,9 +96,12 @@ def claims(
 ) -> list[str]:
     flights = [shaped(seed, error) for seed in range(6)]
     normal_equations: list[NormalEquations] = [
-        normal_equations_of(f if with_companion else without_shapes(f), Settings()) for f in flights
+        normal_equations_of(f if with_companion else without_shape_terms(f), TracingSettings())
+        for f in flights
     ]
-    return [f.hypothesis for f in trace(normal_equations, LIBRARY, Settings(), earlier).findings]
+    return [
+        f.hypothesis for f in trace(normal_equations, LIBRARY, TracingSettings(), earlier).findings
+    ]
 
 
 def test_what_a_wrong_shape_leaves_over_is_no_second_effect() -> None:
@@ -117,10 +120,13 @@ def test_nor_in_a_later_round() -> None:
             rest = flight.residual["CX"] - 0.4 * flight.columns[FIRST]["CX"]
             normal_equations.append(
                 normal_equations_of(
-                    replace(flight, residual={**flight.residual, "CX": rest}), Settings()
+                    replace(flight, residual={**flight.residual, "CX": rest}), TracingSettings()
                 )
             )
-        return [f.hypothesis for f in trace(normal_equations, LIBRARY, Settings(), known).findings]
+        return [
+            f.hypothesis
+            for f in trace(normal_equations, LIBRARY, TracingSettings(), known).findings
+        ]
 
     assert SECOND in later(None)
     assert SECOND not in later({FIRST: 0.4})
@@ -135,12 +141,14 @@ def test_a_second_effect_of_its_own_is_still_found() -> None:
         )
         for f in flights
     ]
-    found = trace([normal_equations_of(f, Settings()) for f in both], LIBRARY, Settings()).findings
+    found = trace(
+        [normal_equations_of(f, TracingSettings()) for f in both], LIBRARY, TracingSettings()
+    ).findings
     assert {f.hypothesis for f in found} == {FIRST, LIBRARY[2].id}
 
 
 def test_what_the_library_has_a_name_for_has_no_companion() -> None:
-    names = varying(library())
+    names = all_shape_terms(library())
     assert {"speed_brake@CZ~alpha", "pitch_rate_force@CX~alpha", "beta_slope@Cn~size"} <= names
     named = (
         "alpha_slope@CZ~alpha",
@@ -158,5 +166,7 @@ def test_a_shape_is_the_same_whatever_its_factor_and_its_share_of_the_slope() ->
         return replace(LIBRARY[0], effect=name, axes=("Cn",), increment=axis)
 
     slope, coupling = term("slope", "beta"), term("coupling", "3*alpha*beta - 0.2*beta")
-    assert companions(slope.id).keys() - varying([slope, coupling]) == {f"{slope.id}~alpha"}
-    assert companions(slope.id).keys() <= varying([slope])
+    assert shape_terms(slope.id).keys() - all_shape_terms([slope, coupling]) == {
+        f"{slope.id}~alpha"
+    }
+    assert shape_terms(slope.id).keys() <= all_shape_terms([slope])

@@ -18,7 +18,7 @@ from aerodb.tracing.evidence.flight_evidence import evidence_of
 from aerodb.tracing.evidence.normal_equations import normal_equations_of
 from aerodb.tracing.evidence.state_errors import noisy_copies
 from aerodb.tracing.evidence.thinning import thinned
-from aerodb.tracing.settings import Settings
+from aerodb.tracing.settings import TracingSettings
 from tests.support import effect_flights
 from tests.support.effect_flights import database, flown, vehicle
 from tests.support.tracing_flights import FLOOR, LAG, coloured
@@ -83,13 +83,13 @@ def test_noise_above_the_rate_does_not_come_back_as_something_slow(flight: Fligh
 def test_the_votes_are_those_of_all_samples(flight: Flight) -> None:
     """Every estimate differs by a small part of its standard error; the information is the same."""
     hypotheses = hypotheses_for(database(), vehicle(), flight.channels)
-    settings = Settings(bandwidth=BAND, order=1)
+    settings = TracingSettings(bandwidth=BAND, order=1)
     beside = missing_lift(flight, compared(flight, database()), 0.2)
     made = [
         campaign(
             [normal_equations_of(evidence_of(*given, database(), vehicle(), hypotheses), settings)],
             hypotheses,
-        ).votes((), ())
+        ).flight_estimates((), ())
         for given in ((flight, beside), thinned(flight, beside, BAND))
     ]
     whole, thin = made

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from aerodb.effects.hypothesis import Hypothesis
-from aerodb.tracing.decision.selection import Court
+from aerodb.tracing.decision.selection import CrossFlightTests
 from aerodb.tracing.estimates.campaigns import OFFSET, campaign
 from aerodb.tracing.estimates.per_flight import Campaign
 from aerodb.tracing.evidence.normal_equations import NormalEquations
 from aerodb.tracing.evidence.shape_misfit import LEAST, TOLERANCE
-from aerodb.tracing.settings import Settings
+from aerodb.tracing.settings import TracingSettings
 from tests.support.tracing_small import instrument, term
 
 Array = np.ndarray
@@ -33,7 +33,7 @@ class Flown:
     """Whitened columns of one flight and their normal equations. rows (m, columns); trims (m, axes)."""
 
     names: tuple[str, ...]
-    trims: Array
+    intercepts: Array
     columns: dict[str, Array]
     residual: Array
     equations: NormalEquations
@@ -63,10 +63,10 @@ def flown(seed: int) -> Flown:
     if seed == 1:
         del columns[NAMES[1]], columns[NAMES[7]]
     residual = rng.standard_normal(m) + 0.8 * columns[NAMES[0]] + 0.3 * columns[NAMES[6]]
-    trims = np.column_stack([0.9 * on[axis] for axis in axes])
-    stacked = np.column_stack([trims, *columns.values(), residual])
+    intercepts = np.column_stack([0.9 * on[axis] for axis in axes])
+    stacked = np.column_stack([intercepts, *columns.values(), residual])
     again = stacked + 0.05 * rng.standard_normal(stacked.shape) * (stacked != 0.0)
-    again[:, : len(axes)] = trims
+    again[:, : len(axes)] = intercepts
     names, none = tuple(columns), np.zeros(0)
     equations = NormalEquations(
         f"f{seed}",
@@ -79,7 +79,7 @@ def flown(seed: int) -> Flown:
         none.astype(np.int64),
         np.ones(len(names)),
     )
-    return Flown(names, trims, columns, residual, equations)
+    return Flown(names, intercepts, columns, residual, equations)
 
 
 FLIGHTS = [flown(seed) for seed in range(7)]
@@ -94,7 +94,7 @@ def beside(
 ) -> Array:
     """Columns of nuisances, trims first, on top of the rows of their priors; zero where the flight
     lacks one."""
-    found, prior = [*flight.trims.T], [0.0] * flight.trims.shape[1]
+    found, prior = [*flight.intercepts.T], [0.0] * flight.intercepts.shape[1]
     for place in terms:
         found.append(flight.columns.get(NAMES[place], np.zeros(len(flight.residual))))
         prior.append(0.0)
@@ -109,7 +109,9 @@ def beside(
 
 
 def level(flight: Flown, column: Array) -> Array:
-    return np.asarray(column - flight.trims @ np.linalg.lstsq(flight.trims, column, rcond=None)[0])
+    return np.asarray(
+        column - flight.intercepts @ np.linalg.lstsq(flight.intercepts, column, rcond=None)[0]
+    )
 
 
 def apart(flight: Flown, name: str) -> Array:
@@ -187,7 +189,7 @@ def made() -> Campaign:
 def test_a_model_is_solved_as_least_squares_solve_it(
     made: Campaign, terms: tuple[int, ...], freed: tuple[int, ...], fixed: tuple[int, ...]
 ) -> None:
-    votes = made.votes(terms, freed, fixed)
+    estimates = made.flight_estimates(terms, freed, fixed)
     real = [place for place in terms if place not in OFFSET_PLACES]
     shapes = tolerances(sizes(real, freed, fixed))
     for row, flight in enumerate(FLIGHTS):
@@ -196,12 +198,12 @@ def test_a_model_is_solved_as_least_squares_solve_it(
             if (
                 not shown(flight, place) or place in fixed
             ):  # no vote; of sensors there is the trace of ridge
-                assert votes.information[row, place] <= 1e-9 * made.scale[place] ** 2
+                assert estimates.information[row, place] <= 1e-9 * made.scale[place] ** 2
                 continue
             estimate, information = direct(flight, place, design, flight.residual)
-            assert votes.estimate[row, place] == pytest.approx(estimate, rel=1e-6, abs=1e-9)
-            assert votes.information[row, place] == pytest.approx(information, rel=1e-6)
-            leak = votes.errors.at([place])[0][0][row]
+            assert estimates.estimate[row, place] == pytest.approx(estimate, rel=1e-6, abs=1e-9)
+            assert estimates.information[row, place] == pytest.approx(information, rel=1e-6)
+            sensor_bias = estimates.errors.at([place])[0][0][row]
             for number, sensor in enumerate(SENSOR_PLACES):
                 changed = sensor == place or sensor in (*freed, *fixed) or not shown(flight, sensor)
                 error = (
@@ -209,7 +211,7 @@ def test_a_model_is_solved_as_least_squares_solve_it(
                     if changed
                     else direct(flight, place, design, flight.columns[NAMES[sensor]])[0]
                 )
-                assert leak[number] == pytest.approx(error, rel=1e-5, abs=1e-7)
+                assert sensor_bias[number] == pytest.approx(error, rel=1e-5, abs=1e-7)
 
 
 def test_the_shift_is_the_vote_of_the_noisy_copies_less_that_of_the_flights(made: Campaign) -> None:
@@ -217,35 +219,35 @@ def test_the_shift_is_the_vote_of_the_noisy_copies_less_that_of_the_flights(made
     flights' own."""
     alone = campaign(
         [replace(f.equations, noisy=f.equations.matrix) for f in FLIGHTS], LIBRARY
-    ).votes((0, 2), (6,))
+    ).flight_estimates((0, 2), (6,))
     noisy = campaign(
         [replace(f.equations, matrix=f.equations.noisy, noisy=None) for f in FLIGHTS], LIBRARY
-    ).votes((), (6,))
-    plain = made.votes((), (6,))
+    ).flight_estimates((), (6,))
+    plain = made.flight_estimates((), (6,))
     for place in (1, 3, 4, 6, 7):
         assert np.nanmax(np.abs(alone.errors.at([place])[0][1])) == pytest.approx(0.0, abs=1e-12)
-        shift = plain.errors.at([place])[0][1]
+        simex_bias = plain.errors.at([place])[0][1]
         assert np.allclose(
-            shift,
+            simex_bias,
             noisy.estimate[:, place] - plain.estimate[:, place],
             rtol=1e-7,
             atol=1e-9,
             equal_nan=True,
         )
-        assert np.nanmax(np.abs(shift)) > 1e-4
+        assert np.nanmax(np.abs(simex_bias)) > 1e-4
 
 
 def test_what_is_asked_for_late_or_alone_is_what_was_there_at_once(made: Campaign) -> None:
     fresh = campaign([f.equations for f in FLIGHTS], LIBRARY)
-    whole = made.votes((0, 2), (6,)).errors.at(range(len(LIBRARY)))
+    whole = made.flight_estimates((0, 2), (6,)).errors.at(range(len(LIBRARY)))
     for place in reversed(range(len(LIBRARY))):
-        leak, shift = fresh.votes((2, 0), (6,)).errors.at([place])[0]
-        assert np.allclose(leak, whole[place][0], rtol=1e-9, atol=1e-12)
-        assert np.allclose(shift, whole[place][1], rtol=1e-9, atol=1e-12, equal_nan=True)
-    court = Court(made, (0, 1, 3, 4), Settings())
-    test = court.tested((0, 2), (6,), fixed=(8,))
+        sensor_bias, simex_bias = fresh.flight_estimates((2, 0), (6,)).errors.at([place])[0]
+        assert np.allclose(sensor_bias, whole[place][0], rtol=1e-9, atol=1e-12)
+        assert np.allclose(simex_bias, whole[place][1], rtol=1e-9, atol=1e-12, equal_nan=True)
+    tests = CrossFlightTests(made, (0, 1, 3, 4), TracingSettings())
+    test = tests.tested((0, 2), (6,), fixed=(8,))
     for place in (1, 3, 7):
-        assert court.gain(place, (0, 2), (6,), (8,)) == pytest.approx(test.gain[place], rel=1e-9)
+        assert tests.gain(place, (0, 2), (6,), (8,)) == pytest.approx(test.gain[place], rel=1e-9)
 
 
 @pytest.mark.parametrize("flights", [(0, 1, 2, 3, 4, 5, 6), (4, 0, 3, 6, 5)])
@@ -256,9 +258,9 @@ def test_screening_by_p_without_a_systematic_bound_loses_nothing(
     levels = [0.001, 0.05, 0.1, 0.3, 0.49]
     found = set()
     for level in levels:
-        court = Court(made, flights, Settings(level=level))
+        tests = CrossFlightTests(made, flights, TracingSettings(level=level))
         for model in (((), ()), ((0,), ()), ((0,), (6,)), ((0, 2), (6, 7))):
-            test = court.tested(*model)
+            test = tests.tested(*model)
             assert np.array_equal(test.significant, test.adjusted < level)
             assert np.array_equal(test.possible, test.p < level)
             assert np.array_equal(test.p_at([3, 1]), test.p[[3, 1]])

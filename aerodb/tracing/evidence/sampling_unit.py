@@ -10,21 +10,21 @@ _WINDOW: Final = re.compile(rf"(?P<flight>.*)@(?P<start>{_NUMBER})-(?P<end>{_NUM
 
 
 @dataclass(frozen=True)
-class VotingUnit:
+class SamplingUnit:
     """A flight (its id), and of a part of one its window: start and end [s] from the flight's first
     sample.
 
-    >>> str(VotingUnit("abc", (0.0, 5.654912)))
+    >>> str(SamplingUnit("abc", (0.0, 5.654912)))
     'abc@0-5.65491'
-    >>> VotingUnit.parse("abc@0-5.65491"), VotingUnit.parse("abc")
-    (VotingUnit(flight='abc', window=(0.0, 5.65491)), VotingUnit(flight='abc', window=None))
+    >>> SamplingUnit.parse("abc@0-5.65491"), SamplingUnit.parse("abc")
+    (SamplingUnit(flight='abc', window=(0.0, 5.65491)), SamplingUnit(flight='abc', window=None))
     """
 
     flight: str
     window: tuple[float, float] | None = None
 
     @classmethod
-    def parse(cls, name: str) -> "VotingUnit":
+    def parse(cls, name: str) -> "SamplingUnit":
         """The unit of this name; what names no window is a whole flight."""
         found = _WINDOW.fullmatch(name)
         return (
@@ -43,9 +43,9 @@ class VotingUnit:
     @property
     def short(self) -> str:
         """Its name for people, with as much of the flight's id as tells flights apart."""
-        return str(VotingUnit(self.flight[:12], self.window))
+        return str(SamplingUnit(self.flight[:12], self.window))
 
-    def part(self, start: float, end: float) -> "VotingUnit":
+    def part(self, start: float, end: float) -> "SamplingUnit":
         """The stretch of it from `start` to `end` [s], from its own first sample."""
         first = 0.0 if self.window is None else self.window[0]
-        return VotingUnit(self.flight, (first + start, first + end))
+        return SamplingUnit(self.flight, (first + start, first + end))
