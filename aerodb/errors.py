@@ -1,8 +1,8 @@
-"""Errors that say what is wrong, where, and what to do about it.
+"""Exceptions that say what is wrong, where, and what to do about it.
 
-Each subclasses the builtin that it specialises, so that callers who know nothing of this package
-still catch the right thing. The command line maps them to exit codes; nothing here knows about
-that.
+Each derives from the builtin exception that it specialises, so that callers who do not know this
+package still catch the right type. The command line maps them to exit codes; nothing here knows
+about that.
 """
 
 import difflib
@@ -10,13 +10,13 @@ from collections.abc import Iterable
 
 
 class AeroError(Exception):
-    """An error with a place and a remedy.
+    """Base of all errors of the package: a cause, a location and a remedy.
 
     Parameters
     ----------
-    what : one clause, what is wrong.
-    where : file, topic, time, key: where it was seen; may be empty.
-    remedy : what the reader can do about it; may be empty.
+    what : one clause: what is wrong.
+    where : file, topic, time or key where it was found; may be empty.
+    remedy : what the user can do about it; may be empty.
     """
 
     def __init__(self, what: str, where: str = "", remedy: str = "") -> None:
@@ -29,29 +29,27 @@ class AeroError(Exception):
 
 
 class InputError(AeroError, ValueError):
-    """A log, vehicle, database or model file that cannot be used; nothing else has been changed."""
+    """Unusable log, vehicle, database or model file; nothing else has been changed."""
 
 
 class UnknownNameError(AeroError, LookupError):
-    """A name that nothing answers to: vehicle, flight, version, channel."""
+    """Unknown name of a vehicle, flight, version or channel."""
 
 
 class StoreError(AeroError, OSError):
-    """The disk or the catalogue cannot take what is written now: full, read-only, or held by
-    another; nothing is half there."""
+    """Failed write to disk or catalogue: full, read-only or locked; nothing is half written."""
 
 
 class StoreBusyError(StoreError):
-    """The same for a reason that may pass by itself: it is held by another, or out of reach for a
-    moment."""
+    """Failed write that may succeed later: the store is locked or temporarily out of reach."""
 
 
 class GateRefusal(AeroError, RuntimeError):
-    """The promotion gate said no."""
+    """Candidate version refused by the promotion gate."""
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
-    """The remedy line for a mistyped name.
+    """Return the remedy for a mistyped name: the closest known name, or the list of known names.
 
     >>> nearest("alhpa", ["alpha", "beta"])
     "did you mean 'alpha'?"

@@ -1,10 +1,11 @@
-"""Five-hole probes: flow angles from raw pressure differences, with corrections for nonlinearity
-and for the other angle.
+"""Flow angles from the raw pressure differences of a five-hole probe.
 
-The probe shows ``dp / q = K (x + offset + square x^2 + cross y^2 + bend dead_zone(x))`` with x the
-flow angle of that pair of holes, y the other, q the dynamic pressure and ``beyond`` what of x lies
-beyond +-`break`. K = `slope` alone is the usual ``x = dp / (K q)``; 003, III (Phoenix) found it too
-coarse, and alpha to depend on the sideslip.
+The calibration is ``dp / q = K (x + offset + square x^2 + cross y^2 + bend dead_zone(x))`` with x
+the flow angle of that pair of holes, y the other flow angle, q the dynamic pressure and
+``dead_zone(x)`` the part of x beyond +-`break_angle`. K = `slope` alone is the usual
+``x = dp / (K q)``; the Phoenix flight tests found it too coarse, and alpha to depend on the
+sideslip ("Data Analysis of Phoenix Reusable Launch Vehicle Demonstrator Flight Test", section III;
+see docs/method/tracing.md, "References").
 """
 
 import numpy as np
@@ -13,13 +14,16 @@ from pydantic import Field
 from aerodb.quantities import Number, Radians
 from aerodb.support import Array, Signal, Strict, dead_zone
 
-#: Newton steps from the linear answer, and the residual angle (rad) that they must leave.
-_STEPS, _LEFT = 20, 1e-9
+#: Newton steps from the linear solution, and the residual angle [rad] at which it has converged.
+_STEPS, _TOLERANCE = 20, 1e-9
 
 
 class Curve(Strict):
-    """Calibration of one pair of holes: `slope` K per rad, `offset` rad, `square` and `cross` per
-    rad, relative `bend` of the slope beyond +-`break_angle` rad."""
+    """Calibration of one pair of holes.
+
+    slope : K, per rad. offset : rad. square, cross : coefficients of x^2 and y^2, per rad. bend :
+    relative change of the slope beyond +-`break_angle` [rad].
+    """
 
     slope: Number = Field(gt=0)
     offset: Radians = 0.0
@@ -37,10 +41,18 @@ class FiveHole(Strict):
 
 
 def flow_angles(dp_alpha: Array, dp_beta: Array, q: Array, probe: FiveHole) -> tuple[Array, Array]:
-    """Angles of attack and sideslip at the probe [rad], each (n,), from the pressure differences
-    and dynamic pressure [Pa].
+    """Return angles of attack and sideslip at the probe from its pressure differences.
 
-    nan where q is not positive, or where no angle within 90 deg of the axis fits both differences.
+    Parameters
+    ----------
+    dp_alpha, dp_beta : (n,), lower less upper and right less left hole, Pa
+    q : (n,), dynamic pressure, Pa
+    probe : calibrations of both pairs of holes
+
+    Returns
+    -------
+    alpha, beta : (n,) each, rad; nan where q is not positive, or where no angle within 90 deg of
+        the probe's axis fits both differences
     """
     with np.errstate(invalid="ignore", divide="ignore"):
         wanted = [
@@ -58,13 +70,15 @@ def flow_angles(dp_alpha: Array, dp_beta: Array, q: Array, probe: FiveHole) -> t
             angles[0] = angles[0] - (d * off[0] - b * off[1]) / determinant
             angles[1] = angles[1] - (a * off[1] - c * off[0]) / determinant
         found = (
-            (np.abs(off[0]) < _LEFT) & (np.abs(off[1]) < _LEFT) & (np.hypot(*angles) < np.pi / 2)
+            (np.abs(off[0]) < _TOLERANCE)
+            & (np.abs(off[1]) < _TOLERANCE)
+            & (np.hypot(*angles) < np.pi / 2)
         )
     return np.where(found, angles[0], np.nan), np.where(found, angles[1], np.nan)
 
 
 def pressure_ratio(x: Signal, y: Signal, curve: Curve) -> Signal:
-    """``dp / (K q)`` that a pair of holes shows at its own angle x and the other one y."""
+    """Return ``dp / (K q)`` of a pair of holes; x its own flow angle, y the other one [rad]."""
     return (
         x
         + curve.offset

@@ -1,5 +1,4 @@
-"""A Flight: canonical channels (SI, body axes) on one time grid, with flags that say which samples
-not to use."""
+"""One flight: canonical channels (SI, body axes) on one time grid, unusable samples flagged."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
@@ -21,9 +20,9 @@ class Flight:
     """Canonical channels on a uniform time grid.
 
     time : (n,) s. channels : name -> (n,), SI, names as in `aerodb.nomenclature`. flags : channel
-    name (or ``flight`` for all of them) -> (n,) uint8 (uint16 where a flag needs it), bits as in
-    `nomenclature.FLAGS`; a channel without an entry is good everywhere. missing : channels that the
-    mapping knows and the log lacks. notes : what was assumed on the way.
+    name (or ``flight`` for all channels) -> (n,) uint8 (uint16 where a flag needs it), bits as in
+    `nomenclature.FLAGS`; a channel without an entry has no flagged sample. missing : channels that
+    the mapping knows and the log does not have. notes : assumptions made on the way.
     """
 
     id: str
@@ -70,15 +69,14 @@ class Flight:
 
     @property
     def duration(self) -> float:
-        """From the first sample to the last, s."""
+        """Time from the first to the last sample, s."""
         return float(self.time[-1] - self.time[0])
 
     def usable(self, names: Iterable[str] = (), despite: Iterable[str] = ()) -> NDArray[np.bool_]:
-        """(n,) true where neither the flight as a whole nor any of the named channels is flagged or
-        not finite.
+        """Return a mask (n,) of samples that are finite and not flagged in any of the channels.
 
-        despite : flags (keys of FLAGS) that do not matter here, such as ``captive`` where only the
-        motion counts.
+        names : channels to check, beside the flags of the flight as a whole. despite : flags (keys
+        of FLAGS) to ignore, such as ``captive`` where only the motion counts.
         """
         count = ~np.uint16(sum(FLAGS[reason] for reason in despite))
         good = np.ones(len(self.time), dtype=bool)
@@ -90,12 +88,14 @@ class Flight:
         return good
 
     def with_channels(self, channels: Mapping[str, Array]) -> "Flight":
-        """The same flight with these channels added or replaced."""
+        """Return the flight with these channels added or replaced."""
         return replace(self, channels={**self.channels, **channels})
 
     def with_flag(self, name: str, reason: str, where: NDArray[np.bool_]) -> "Flight":
-        """The same flight with `reason` (a key of FLAGS) set for channel `name` where `where` is
-        true."""
+        """Return the flight with flag `reason` (a key of FLAGS) set on channel `name` at `where`.
+
+        where : (n,) mask.
+        """
         flag = np.min_scalar_type(FLAGS[reason]).type(FLAGS[reason])
         bits = self.flags.get(name, np.zeros(len(self.time), dtype=np.uint8)) | np.where(
             where, flag, flag.dtype.type(0)

@@ -1,9 +1,8 @@
-"""The one glossary: every channel, coefficient and flag that is stored, with unit, axis and
-positive direction.
+"""Glossary of every stored channel, coefficient and flag: unit, axis and positive direction.
 
 Axes and signs are those of flight mechanics: body x forward, y right, z down; earth north, east,
-down. Everything is SI and radians. What is not listed here is not stored: `channel` refuses it and
-offers the nearest name.
+down. All values are in SI and radians. A name that is not listed here cannot be stored: `channel`
+refuses it and names the nearest one.
 """
 
 import re
@@ -15,8 +14,7 @@ from aerodb.errors import UnknownNameError, nearest
 
 @dataclass(frozen=True)
 class Channel:
-    """One canonical channel: its name, SI unit, meaning with positive direction, and where the
-    definition is from."""
+    """One canonical channel: name, SI unit, meaning with positive direction, source."""
 
     name: str
     unit: str
@@ -101,7 +99,7 @@ _TABLE: tuple[tuple[str, str, str, str], ...] = (
     ("slant_range", "m", "distance to the ground along a beam fixed in the body, down", ""),
     ("latitude", "rad", "geodetic latitude, north positive", ""),
     ("longitude", "rad", "longitude, east positive", ""),
-    # Mass properties and propulsion at that moment
+    # Mass properties and propulsion at each sample
     ("mass", "kg", "mass", ""),
     ("fuel_mass", "kg", "mass of fuel on board", ""),
     ("cg_x", "m", "CG position along body x from the vehicle's datum", ""),
@@ -114,24 +112,25 @@ _TABLE: tuple[tuple[str, str, str, str], ...] = (
     ("thrust", "N", "total thrust along the thrust line, forward", ""),
     ("thrust_left", "N", "thrust of the left engine", ""),
     ("thrust_right", "N", "thrust of the right engine", ""),
-    # Rates without dimension: CONVENTIONS of this product and of Klein & Morelli (2006), eq. 3.2
+    # Non-dimensional rates: docs/reference/conventions.md, "Axes, signs, units"; Klein & Morelli
+    # (2006), eq. 3.2
     ("p_hat", "1", "p b / (2 V)", "Klein & Morelli 2006"),
     ("q_hat", "1", "q c / (2 V)", "Klein & Morelli 2006"),
     ("r_hat", "1", "r b / (2 V)", "Klein & Morelli 2006"),
     ("alphadot_hat", "1", "alphadot c / (2 V)", "Klein & Morelli 2006"),
-    # What a pilot or a test programme asks for, before any controller adds to it: the whole way is
-    # 1, the sign that of the log
+    # Command of the pilot or test programme, before any controller adds to it: full travel is 1,
+    # the sign is that of the log
     ("command_roll", "1", "command in roll", ""),
     ("command_pitch", "1", "command in pitch", ""),
     ("command_yaw", "1", "command in yaw", ""),
-    # States of the flow, which a state model makes of a flight
+    # Flow states, computed along a flight by a state model
     (
         "flow_attachment",
         "1",
         "how far the flow over the wing is attached, 1 attached, 0 separated",
         "Leishman & Beddoes 1989",
     ),
-    # Positions that are not surfaces but are used like them
+    # Positions that are not surfaces but are used in the same way
     ("captive", "1", "1 while a carrier holds the vehicle, 0 in free flight", ""),
     ("delta_landing_gear", "1", "landing gear position, 0 up to 1 down and locked", ""),
 )
@@ -140,7 +139,7 @@ _SURFACE = re.compile(r"delta_[a-z][a-z0-9_]*")
 
 CHANNELS: Final[dict[str, Channel]] = {row[0]: Channel(*row) for row in _TABLE}
 
-#: The six coefficient axes. They are values in tables and files, never names of columns or files.
+#: The six coefficient axes: values in tables and files, never names of columns or files.
 AXES: Final[tuple[str, ...]] = ("CX", "CY", "CZ", "Cl", "Cm", "Cn")
 FORCE_AXES: Final[tuple[str, ...]] = AXES[:3]
 MOMENT_AXES: Final[tuple[str, ...]] = AXES[3:]
@@ -157,7 +156,7 @@ _AXIS_TEXT: Final[dict[str, str]] = {
     "C_side": "side force over qbar S, positive right, normal to lift and drag",
 }
 
-#: Free inputs of imported databases that a state model makes along a flight, where they then stand
+#: Free inputs of imported databases that a state model computes along a flight; they then stand
 #: beside the channels.
 STATES: Final[dict[str, Channel]] = {
     c.name: c
@@ -171,7 +170,7 @@ STATES: Final[dict[str, Channel]] = {
     )
 }
 
-#: Columns of stored results in long form (one row per time and axis), beside `time` and `axis`.
+#: Columns of stored results in long form: one row per time and axis.
 RESULT_COLUMNS: Final[dict[str, Channel]] = {
     c.name: c
     for c in (
@@ -203,8 +202,7 @@ RESULT_COLUMNS: Final[dict[str, Channel]] = {
 }
 
 #: Bits of a `flags_<channel>` column: why a sample of that channel must not be used. ``captive``:
-#: the carrier flies the vehicle, which says nothing of its aerodynamics; its kinematics are as good
-#: as ever.
+#: a carrier holds the vehicle, so that its motion is valid for kinematics but not for aerodynamics.
 FLAGS: Final[dict[str, int]] = {
     "gap": 1,
     "wild_point": 2,
@@ -219,7 +217,7 @@ FLAGS: Final[dict[str, int]] = {
 
 
 def axis_description(axis: str) -> str:
-    """What a coefficient axis means; raises UnknownNameError with the nearest name."""
+    """Return the meaning of a coefficient axis; raises UnknownNameError with the nearest name."""
     if axis not in _AXIS_TEXT:
         raise UnknownNameError(f"unknown axis '{axis}'", remedy=nearest(axis, _AXIS_TEXT))
     return _AXIS_TEXT[axis]
@@ -231,14 +229,14 @@ def is_surface(name: str) -> bool:
 
 
 def channel(name: str) -> Channel:
-    """The glossary entry of a channel; surfaces follow the one rule of the product.
+    """Return the glossary entry of a channel; surfaces are named ``delta_<name>``, in rad.
 
     >>> channel("alpha").unit
     'rad'
     >>> channel("delta_elevator").unit
     'rad'
 
-    Raises UnknownNameError for a name that is not registered.
+    Raises UnknownNameError, with the nearest name, for a name that is not registered.
     """
     if name in CHANNELS:
         return CHANNELS[name]

@@ -1,5 +1,4 @@
-"""Numbers as people write them in files: SI, or text with a unit that is converted when the file is
-read."""
+"""Field types of hand-written files: a number in SI, or text with a unit, converted on reading."""
 
 from typing import Annotated
 
@@ -9,7 +8,7 @@ from aerodb.units import quantity
 
 
 def in_unit(unit: str) -> BeforeValidator:
-    """A number in SI, or text such as "6.5 ft" that is converted to `unit`."""
+    """Return a validator that accepts a number in SI, or text such as "6.5 ft", as `unit`."""
     return BeforeValidator(
         lambda value: quantity(value, unit) if isinstance(value, (str, int, float)) else value
     )

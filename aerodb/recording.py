@@ -1,5 +1,4 @@
-"""A Recording: a log as it is, topics at their own rates and clocks, before any meaning is given to
-them."""
+"""A log as recorded: topics at their own rates and on their own clocks, not yet interpreted."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -14,12 +13,12 @@ DamageKind = Literal["lost_tail", "framing", "dropout", "time", "values"]
 
 @dataclass(frozen=True)
 class Damage:
-    """One thing that is wrong with a log.
+    """One defect of a log.
 
-    `kind`: ``lost_tail`` (the file ends inside a record), ``framing`` (bytes inside that belong to
-    no record), ``dropout`` (the logger itself reported loss), ``time`` (a clock that runs
+    `kind`: ``lost_tail`` (the file ends inside a record), ``framing`` (bytes that belong to no
+    record), ``dropout`` (loss reported by the logger itself), ``time`` (a clock that runs
     backwards), ``values`` (fields that cannot be decoded). `topic` is empty when the whole file is
-    concerned; `start` and `end` are seconds on the log's clock, None when unknown.
+    affected; `start` and `end` are in seconds on the log's clock, None when unknown.
     """
 
     kind: DamageKind
@@ -32,10 +31,9 @@ class Damage:
 
 @dataclass(frozen=True)
 class Topic:
-    """One topic (or instance of one): time (n,) in s on the log's monotonic clock, fields of shape
-    (n,).
+    """One topic, or one instance of it: time (n,) [s] on the log's monotonic clock, fields (n,).
 
-    `units` holds what the log itself declares; a field without an entry has no declared unit.
+    `units` holds the units that the log itself declares; a field without an entry declares none.
     """
 
     name: str
@@ -46,11 +44,11 @@ class Topic:
 
 @dataclass(frozen=True)
 class Recording:
-    """What a reader gives: topics by name (instance ``i > 0`` as ``name.i``), metadata, damage, and
-    the bytes' hash.
+    """Output of a log reader: topics by name, metadata, damage, and the sha256 of the file.
 
-    `format` is one of ``ulog mcap tabular``; `layout` is what a mapping is chosen by (for example
-    ``px4``, ``ros2``, ``sidpac_fdata``), empty when the reader cannot tell.
+    An instance ``i > 0`` of a topic is named ``name.i``. `format` is one of ``ulog mcap tabular``.
+    `layout` names the mapping that fits (for example ``px4``, ``ros2``, ``sidpac_fdata``); empty
+    when the reader cannot tell.
     """
 
     source: str

@@ -1,5 +1,4 @@
-"""Units at the edges: what a log or a file declares becomes SI; inside the product nothing carries
-a unit."""
+"""Conversion of declared units to SI at the boundary; inside the package all values are SI."""
 
 from functools import lru_cache
 from typing import Any
@@ -12,10 +11,10 @@ from aerodb.errors import InputError
 
 @lru_cache(maxsize=1)
 def _registry() -> Any:
-    import pint  # takes a third of a second: queries that convert nothing should not pay it
+    import pint  # the import takes a third of a second; calls without a unit skip it
 
     registry: Any = pint.UnitRegistry(autoconvert_offset_to_baseunit=True)
-    # Names that flight-test files use and pint does not know.
+    # Units that flight-test files use and pint does not know.
     registry.define("psf = pound_force / foot ** 2")
     return registry
 
@@ -31,16 +30,16 @@ _SPELLINGS = {
 
 @lru_cache(maxsize=256)
 def conversion(unit: str, to: str) -> tuple[float, float]:
-    """Scale and offset that turn a value in `unit` into one in `to`: ``y = scale * x + offset``.
+    """Return scale and offset from `unit` to `to`: ``y = scale * x + offset``.
 
-    `g` means standard gravity (9.80665 m/s2), never gram: logs measure accelerations.
+    ``g`` means standard gravity (9.80665 m/s2), never gram: logs hold accelerations.
 
     >>> conversion("deg", "rad")[0] * 180
     3.141592653589793
     >>> conversion("degC", "K")
     (1.0, 273.15)
 
-    Raises InputError for an unknown unit or one of another dimension.
+    Raises InputError for an unknown unit, or one of another dimension.
     """
     try:
         source = _registry().Unit(_SPELLINGS.get(unit, unit))
@@ -52,26 +51,27 @@ def conversion(unit: str, to: str) -> tuple[float, float]:
         Exception
     ) as error:  # pint's parser raises many types, down to TokenError, on malformed text
         if type(error).__name__ == "DimensionalityError":
-            raise InputError(f"unit '{unit}' cannot become '{to}': {error}") from error
+            raise InputError(f"unit '{unit}' cannot be converted to '{to}': {error}") from error
         raise InputError(
-            f"unknown unit '{unit}'", remedy="use a name that pint knows, such as deg, ft/s, slug"
+            f"unknown unit '{unit}'", remedy="use a unit that pint knows, such as deg, ft/s or slug"
         ) from error
     return one - zero, zero
 
 
 def convert(values: NDArray[np.floating[Any]] | float, unit: str, to: str) -> NDArray[np.float64]:
-    """`values` in `unit` as float64 in `to`."""
+    """Return `values`, given in `unit`, as float64 in `to`."""
     scale, offset = conversion(unit, to)
     result: NDArray[np.float64] = np.asarray(values, dtype=np.float64) * scale
     return result + offset if offset else result
 
 
 def quantity(value: float | int | str, unit: str) -> float:
-    """A number in SI: a bare number is taken as SI, text such as ``"6.5 ft"`` is converted to
-    `unit`.
+    """Return a number in `unit` (SI): a bare number as it is, text such as ``"6.5 ft"`` converted.
 
     >>> quantity("90 deg", "rad") == quantity(1.5707963267948966, "rad")
     True
+
+    Raises InputError for anything else.
     """
     if isinstance(value, bool):
         raise InputError(f"'{value}' is not a quantity")

@@ -1,9 +1,8 @@
-"""The vehicle file: reference geometry, points, mass properties, surfaces, thrust, sensors and
-accuracy limits.
+"""Vehicle file: reference geometry, points, mass properties, surfaces, thrust, sensors, limits.
 
-Positions are metres in body axes (x forward, y right, z down) from the vehicle's datum. Numbers are
-SI; text with a unit ("6.5 ft", "-25 deg") is converted when the file is read. Unknown keys are
-errors with the nearest known key.
+Positions are in metres in body axes (x forward, y right, z down) from the vehicle's datum. Numbers
+are in SI; text with a unit ("6.5 ft", "-25 deg") is converted when the file is read. An unknown key
+is an error that names the nearest known key.
 """
 
 import tomllib
@@ -25,8 +24,7 @@ from aerodb.units import quantity
 
 
 class Reference(Strict):
-    """Reference area [m2], chord [m] (for Cm and q_hat) and full span [m] (for Cl, Cn, p_hat,
-    r_hat)."""
+    """Reference area [m2], chord [m] (Cm, q_hat) and full span [m] (Cl, Cn, p_hat, r_hat)."""
 
     area: Annotated[float, in_unit("m^2"), Field(gt=0)]
     chord: Annotated[float, in_unit("m"), Field(gt=0)]
@@ -34,9 +32,13 @@ class Reference(Strict):
 
 
 class Points(Strict):
-    """Named points in body axes from the datum. `moment_reference` may be ``"cg"``: moments about
-    the moving CG. `gps`: the point whose position and velocity over the earth the log holds: a
-    receiver's antenna, or what a navigation filter refers them to (PX4: the IMU); None: the CG."""
+    """Named points [m] in body axes from the datum.
+
+    moment_reference : ``"cg"`` for moments about the moving CG. imu : position of the
+    accelerometers. air_data : where V, alpha and beta are measured; None: at the CG. gps : the
+    point to which the logged position and ground velocity refer: the receiver's antenna, or the
+    reference point of a navigation filter (PX4: the IMU); None: the CG.
+    """
 
     moment_reference: Point | Literal["cg"]
     datum_note: str = ""
@@ -46,12 +48,12 @@ class Points(Strict):
 
 
 class AirData(Strict):
-    """How the air-data probe is mounted and read.
+    """Installation and calibration of the air-data probe.
 
-    `orientation`: roll, pitch, yaw of the boom against the body axes (3-2-1, pitch nose up).
-    `upwash` (alpha, beta): share by which the flow angle at the probe exceeds that of the free
-    stream. `beta`: ``sideslip`` asin(v/V), or ``flank`` angle atan2(v, u), which a free vane shows.
-    `five_hole`: calibration of a five-hole probe's raw pressures.
+    orientation : roll, pitch and yaw of the boom relative to the body axes [rad] (3-2-1, pitch nose
+    up). upwash : for alpha and beta, the fraction by which the flow angle at the probe exceeds that
+    of the free stream. beta : ``sideslip`` asin(v/V), or ``flank`` angle atan2(v, u) as measured by
+    a free vane. five_hole : calibration of a five-hole probe's raw pressures.
     """
 
     orientation: tuple[Radians, Radians, Radians] = (0.0, 0.0, 0.0)
@@ -61,8 +63,11 @@ class AirData(Strict):
 
 
 class MassProperties(Strict):
-    """Mass, CG and inertia: constant; or over fuel mass (`fuel_mass` increasing, all others lists
-    of that length); or named channels of the log (`source = "channels"`)."""
+    """Mass, CG and inertia: constant, tabulated over fuel mass, or logged.
+
+    ``source = "constant"``: one value each. ``"fuel_table"``: `fuel_mass` increases, all others are
+    lists of the same length. ``"channels"``: the log holds them.
+    """
 
     source: Literal["constant", "fuel_table", "channels"] = "constant"
     fuel_mass: tuple[Annotated[float, in_unit("kg"), Field(ge=0)], ...] = ()
@@ -80,7 +85,7 @@ class MassProperties(Strict):
             return self
         absent = [name for name, value in fields.items() if value is None]
         if absent:
-            raise ValueError(f"mass properties lack {', '.join(absent)}")
+            raise ValueError(f"mass properties are incomplete: {', '.join(absent)} missing")
         if self.source == "fuel_table":
             if len(self.fuel_mass) < 2 or np.any(np.diff(self.fuel_mass) <= 0):
                 raise ValueError("fuel_mass must hold at least two increasing values")
@@ -94,8 +99,7 @@ class MassProperties(Strict):
 
 
 class LogSource(Strict):
-    """Where a surface stands in the log, when the built-in mapping cannot know: topic, field,
-    unit."""
+    """Topic, field and unit of a surface in the log, for surfaces that the mapping cannot know."""
 
     topic: str
     field: str
@@ -103,10 +107,10 @@ class LogSource(Strict):
 
 
 class Surface(Strict):
-    """A control surface: deflection limits, and how a logged command becomes a deflection.
+    """A control surface: its deflection limits and the calibration of logged commands.
 
     ``deflection = offset + scale * command``, then a first-order lag with time constant `lag` [s].
-    `log` names the place in the log; without it the mapping's own channel ``delta_<name>`` is used.
+    `log` names the field in the log; without it, the mapping's channel ``delta_<name>`` is used.
     """
 
     limits: tuple[Radians, Radians]
@@ -124,8 +128,11 @@ class Surface(Strict):
 
 
 class Combination(Strict):
-    """A deflection made of a right and a left surface: symmetric (R + L)/2 or asymmetric (R - L)/2
-    (003, eq. 6)."""
+    """A combined deflection of a right and a left surface.
+
+    Symmetric (R + L)/2 or asymmetric (R - L)/2, as in "Data Analysis of Phoenix Reusable Launch
+    Vehicle Demonstrator Flight Test", eq. 6.
+    """
 
     kind: Literal["symmetric", "asymmetric"]
     right: str
@@ -133,8 +140,10 @@ class Combination(Strict):
 
 
 class Thrust(Strict):
-    """Thrust: none; unknown (flagged); a channel of the log in N along `direction` through
-    `point`."""
+    """Thrust: none, unknown (flagged), or a logged channel [N].
+
+    It acts along `direction` through `point` [m], in body axes from the datum.
+    """
 
     source: Literal["none", "unknown", "channel"] = "none"
     direction: tuple[Number, Number, Number] = (1.0, 0.0, 0.0)
@@ -142,8 +151,10 @@ class Thrust(Strict):
 
 
 class Sensor(Strict):
-    """White noise (one sigma, SI of the channel), and what is known beforehand of bias and delay
-    (one sigma)."""
+    """Standard deviations of a sensor, in the channel's SI unit.
+
+    noise : of its white noise. bias_prior, delay_prior [s] : of the prior of its bias and delay.
+    """
 
     noise: Number = Field(default=0.0, ge=0)
     bias_prior: Number = Field(default=0.0, ge=0)
@@ -151,7 +162,12 @@ class Sensor(Strict):
 
 
 class Accuracy(Strict):
-    """Limits of the consistency verdict; defaults are CONVENTIONS' (003, III)."""
+    """Limits of the consistency verdict.
+
+    Defaults are those of the Phoenix flight tests ("Data Analysis of Phoenix Reusable Launch
+    Vehicle Demonstrator Flight Test", section III): docs/reference/conventions.md, "Consistency
+    verdicts".
+    """
 
     attitude: Radians = float(np.deg2rad(0.3))
     flow_angle: Radians = float(np.deg2rad(0.5))
@@ -161,15 +177,17 @@ class Accuracy(Strict):
 
 
 class Processing(Strict):
-    """Uniform grid rate [Hz] (None: the fastest inertial topic's own) and smoothing bandwidth [Hz]
-    of the rates."""
+    """Rate of the uniform grid and smoothing bandwidth of the rates, both in Hz.
+
+    rate : None for the own rate of the fastest inertial topic.
+    """
 
     rate: Annotated[float, in_unit("Hz"), Field(gt=0)] | None = None
     bandwidth: Annotated[float, in_unit("Hz"), Field(gt=0)] | None = None
 
 
 class Vehicle(Strict):
-    """A vehicle as its file describes it."""
+    """Contents of a vehicle file."""
 
     name: str = Field(pattern=r"^[a-z0-9][a-z0-9_-]{0,62}$")
     description: str = ""
@@ -188,8 +206,7 @@ class Vehicle(Strict):
     @model_validator(mode="before")
     @classmethod
     def _channel_units(cls, data: Any) -> Any:
-        """Noise, priors and fixed channels are stated in units of their channel: here alone it is
-        known which that is."""
+        """Convert noise, priors and fixed channels to the SI unit of the channel they belong to."""
         if not isinstance(data, dict):
             return data
         sensors = data.get("sensors", {})
@@ -209,7 +226,7 @@ class Vehicle(Strict):
             for side in (combination.right, combination.left):
                 if side not in self.surfaces:
                     raise ValueError(
-                        f"combination uses surface '{side}' which is not declared;"
+                        f"combination uses surface '{side}', which is not declared;"
                         f" {nearest(side, self.surfaces)}"
                     )
         for name in (*self.configuration, *self.sensors):
@@ -224,7 +241,7 @@ def _converted(name: str, value: Any) -> Any:
     try:
         return quantity(value, channel(name).unit) if isinstance(value, str) else value
     except UnknownNameError:
-        return value  # the name is refused further on, with the nearest one
+        return value  # `_names` refuses the unknown name later, with the nearest known one
 
 
 def _in_unit_of(name: str, entry: dict[str, Any]) -> dict[str, Any]:
@@ -235,8 +252,10 @@ def _in_unit_of(name: str, entry: dict[str, Any]) -> dict[str, Any]:
 
 
 def parse_vehicle(text: str, where: str = "vehicle file") -> Vehicle:
-    """A Vehicle from the text of its TOML file; InputError names the key, the reason and the
-    nearest known key."""
+    """Return the Vehicle that a TOML text describes.
+
+    Raises InputError with the key, the reason and the nearest known key.
+    """
     try:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
@@ -245,10 +264,10 @@ def parse_vehicle(text: str, where: str = "vehicle file") -> Vehicle:
 
 
 def add_combinations(flight: Flight, vehicle: Vehicle) -> Flight:
-    """Adds ``delta_<combination>`` (003, below eq. 6) for every combination whose two surfaces the
-    flight has.
+    """Return the flight with ``delta_<name>`` of every combination whose two surfaces it has.
 
-    Where either surface is flagged, so is the combination.
+    A sample is flagged where either surface is. Source: "Data Analysis of Phoenix Reusable Launch
+    Vehicle Demonstrator Flight Test", below eq. 6.
     """
     made: dict[str, Array] = {}
     flags: dict[str, NDArray[np.uint8]] = {}
@@ -264,18 +283,20 @@ def add_combinations(flight: Flight, vehicle: Vehicle) -> Flight:
 
 
 def mass_channels(flight: Flight, vehicle: Vehicle) -> Mapping[str, Array]:
-    """Mass [kg], CG [m, from the datum] and inertia [kg m2] at each sample: channels mass, cg_*,
-    I**; each (n,).
+    """Return mass [kg], CG [m, from the datum] and inertia [kg m2] at each sample.
 
-    Raises InputError where the vehicle says that the log holds them and it does not.
+    The keys are the channels mass, cg_x, cg_y, cg_z, Ixx, Iyy, Izz and Ixz; each (n,). Raises
+    InputError when the vehicle file expects logged values that the flight does not have.
     """
     properties, n = vehicle.mass, len(flight.time)
     names = ("mass", "cg_x", "cg_y", "cg_z", "Ixx", "Iyy", "Izz", "Ixz")
     if properties.source == "channels":
         absent = [name for name in names if name not in flight]
         if absent:
-            what = f"mass properties not logged: {', '.join(absent)}"
-            raise InputError(what, f"flight {flight.id}", "give constants in [mass]")
+            what = f"mass properties are not logged: {', '.join(absent)}"
+            raise InputError(
+                what, f"flight {flight.id}", "state constants in [mass] of the vehicle file"
+            )
         return {name: flight[name] for name in names}
     columns = np.column_stack(
         [
@@ -288,9 +309,9 @@ def mass_channels(flight: Flight, vehicle: Vehicle) -> Mapping[str, Array]:
         return {name: np.full(n, columns[0, k]) for k, name in enumerate(names)}
     if "fuel_mass" not in flight:
         raise InputError(
-            "no channel fuel_mass for the fuel table",
+            "the fuel table needs channel fuel_mass, which is not logged",
             f"flight {flight.id}",
-            "log it, or give constants in [mass]",
+            "log fuel_mass, or state constants in [mass] of the vehicle file",
         )
     return {
         name: np.interp(flight["fuel_mass"], properties.fuel_mass, columns[:, k])
@@ -299,14 +320,16 @@ def mass_channels(flight: Flight, vehicle: Vehicle) -> Mapping[str, Array]:
 
 
 def cg_positions(flight: Flight, vehicle: Vehicle) -> Array:
-    """Position of the CG at each sample, (n, 3) m in body axes from the datum; errors as in
-    `mass_channels`."""
+    """Return the CG position at each sample, (n, 3) [m] in body axes from the datum.
+
+    Raises InputError as `mass_channels` does.
+    """
     properties = mass_channels(flight, vehicle)
     return np.column_stack([properties[name] for name in ("cg_x", "cg_y", "cg_z")])
 
 
 def vehicle_template(name: str) -> str:
-    """A commented vehicle file for people to fill in; `name` is the vehicle's.
+    """Return a commented vehicle file to fill in, for a vehicle called `name`.
 
     >>> parse_vehicle(vehicle_template("my-glider")).name
     'my-glider'
@@ -315,7 +338,7 @@ def vehicle_template(name: str) -> str:
 
 
 _TEMPLATE = """\
-# A vehicle of aerodb. Numbers are SI; text with a unit ("6.5 ft", "-25 deg") is converted.
+# Vehicle file of aerodb. Numbers are in SI; text with a unit ("6.5 ft", "-25 deg") is converted.
 # Positions are in body axes (x forward, y right, z down) from a datum of your choice.
 name = "NAME"
 description = ""
@@ -330,7 +353,8 @@ datum_note = "nose"
 moment_reference = [-0.5, 0.0, 0.0]   # or "cg": moments about the moving CG
 imu = [-0.45, 0.0, 0.0]               # where the accelerometers are, or "cg"
 # air_data = [0.3, 0.0, 0.0]          # where V, alpha and beta are measured, when not at the CG
-# gps = [-0.2, 0.0, -0.1]             # whose position and velocity are logged: the antenna, or where a filter moves them to
+# gps = [-0.2, 0.0, -0.1]             # point of the logged position and velocity: GPS antenna, or
+#                                     # the reference point of the navigation filter
 
 [mass]
 source = "constant"    # or "fuel_table" (lists over fuel_mass), or "channels" (logged)
@@ -341,7 +365,7 @@ Iyy = 0.5
 Izz = 0.8
 Ixz = 0.02
 
-# One block per surface. A log that holds commands needs scale, offset and lag:
+# One block per surface. If the log holds commands, state scale, offset and lag:
 # deflection = offset + scale * command, then a first-order lag.
 [surfaces.elevator]
 limits = ["-25 deg", "25 deg"]
@@ -350,19 +374,19 @@ lag = "0.05 s"
 # log = {topic = "actuator_servos", field = "control[1]"}
 
 [thrust]
-source = "unknown"     # "none" for a glider, "channel" when the log has it
+source = "unknown"     # "none" for a glider, "channel" if thrust is logged
 
-# [sensors.p]          # one sigma of the noise; measured from the data where it is not given
+# [sensors.p]          # standard deviation of the noise; estimated from the data if not stated
 # noise = "0.1 deg/s"
 
-# [air_data]           # how the probe is mounted and read
+# [air_data]           # installation of the air-data probe
 # orientation = ["0 deg", "0 deg", "0 deg"]   # roll, pitch, yaw of the boom
-# upwash = [0.0, 0.0]  # share by which alpha and beta at the probe exceed those of the free stream
-# beta = "sideslip"    # or "flank", atan2(v, u), as a free vane shows it
+# upwash = [0.0, 0.0]  # fraction by which alpha and beta at the probe exceed the free stream's
+# beta = "sideslip"    # or "flank", atan2(v, u), as measured by a free vane
 
 # [processing]
 # bandwidth = "5 Hz"   # of differentiated rates: about five times the short-period frequency
 
-# [configuration]      # channels that the log lacks and that were constant
+# [configuration]      # channels that are not logged and were constant
 # delta_flap = 0.0
 """

@@ -1,4 +1,18 @@
-"""TODO aerodb.logs."""
+"""From a recording to a flight: canonical channels in SI on one time grid.
+
+The way through:
+
+1. A reader of `aerodb.storage` gives a `Recording`; `describe` summarises its topics, rates and
+   gaps (`inspection`).
+2. `parse_mapping` reads a mapping file, which says which logged field is which canonical channel
+   (`mapping_file`); `choose_mapping` picks the one that fits, `channels_found` says what it finds.
+3. `map_recording` makes the `Flight` (`mapping`): it cleans clocks, converts units, resamples,
+   derives channels (`derivations`), moves air data from the probe to the CG (`probe`), completes
+   them (`air_data`) and flags captive flight (`captive`).
+4. `consequences_of_missing` says in words what the absent channels rule out (`completeness`).
+
+Next comes `aerodb.conditioning`.
+"""
 
 import lazy_loader as lazy
 

@@ -1,8 +1,7 @@
-"""The atmosphere: ICAO standard atmosphere, and the relations between density, pressure, Mach
-number and airspeeds.
+"""ICAO standard atmosphere, and relations between density, pressure, Mach number and airspeed.
 
-All functions take and give arrays of one shape (or numbers), SI. Which relation fills which missing
-channel of a flight is decided in `air_data`.
+All functions take and return arrays of one shape (or numbers) in SI. Which relation fills which
+missing channel of a flight is decided in `aerodb.logs.air_data`.
 """
 
 from dataclasses import dataclass
@@ -41,11 +40,21 @@ class Air:
 
 
 def standard_atmosphere(altitude: ArrayLike) -> Air:
-    """The ICAO standard atmosphere at geopotential `altitude` [m], any shape, -5 to 71 km; nan
-    outside.
+    """Return the state of the ICAO standard atmosphere at an altitude.
 
-    Below 11 km ``T = 288.15 - 0.0065 h`` and ``p = 101325 (T / 288.15)^5.2559``; ICAO Doc 7488/3
-    (1993).
+    Below 11 km ``T = 288.15 - 0.0065 h`` and ``p = 101325 (T / 288.15)^5.2559``.
+
+    Parameters
+    ----------
+    altitude : any shape, geopotential altitude from -5000 to 71000, m
+
+    Returns
+    -------
+    Air of the same shape; nan outside the altitude range
+
+    References
+    ----------
+    ICAO Doc 7488/3, Manual of the ICAO Standard Atmosphere, 3rd ed. (1993).
 
     >>> round(float(standard_atmosphere(11000.0).temperature), 6)
     216.65
@@ -65,7 +74,10 @@ def standard_atmosphere(altitude: ArrayLike) -> Air:
 
 
 def _pressure_ratio(base_temperature: float, gradient: float, rise: Array) -> Array:
-    """p over p at the layer's base, `rise` [m] above it (hydrostatic equation of a perfect gas)."""
+    """Return pressure over that at the layer's base, `rise` [m] above it.
+
+    Hydrostatic equation of a perfect gas; temperature [K], gradient [K/m].
+    """
     if gradient == 0.0:
         return np.asarray(np.exp(-GRAVITY * rise / (GAS_CONSTANT * base_temperature)))
     return np.asarray(
@@ -74,21 +86,35 @@ def _pressure_ratio(base_temperature: float, gradient: float, rise: Array) -> Ar
 
 
 def density(pressure: Array, temperature: Array) -> Array:
-    """Density [kg/m3] of dry air from static pressure [Pa] and static temperature [K]: ``p / (R
-    T)``."""
+    """Return the density of dry air [kg/m3], ``p / (R T)``.
+
+    Parameters
+    ----------
+    pressure : any shape, static pressure, Pa
+    temperature : same shape, static temperature, K
+    """
     return np.asarray(pressure / (GAS_CONSTANT * temperature))
 
 
 def speed_of_sound(temperature: Array) -> Array:
-    """Speed of sound [m/s] at static `temperature` [K]: ``sqrt(1.4 R T)``."""
+    """Return the speed of sound [m/s] at static `temperature` [K], ``sqrt(1.4 R T)``."""
     return np.asarray(np.sqrt(HEAT_RATIO * GAS_CONSTANT * temperature))
 
 
 def mach_from_calibrated(calibrated_airspeed: Array, static_pressure: Array) -> Array:
-    """Mach number (subsonic) from calibrated airspeed [m/s] and static pressure [Pa].
+    """Return the subsonic Mach number from calibrated airspeed and static pressure.
 
-    The pitot tube's impact pressure ``qc = p0 ((1 + 0.2 (CAS/a0)^2)^3.5 - 1)`` is the same at both
-    ends: ``M^2 = 5 ((qc/p + 1)^(2/7) - 1)``. Anderson, *Fundamentals of Aerodynamics*, sec. 8.7.
+    Calibrated airspeed gives the impact pressure ``qc = p0 ((1 + 0.2 (CAS/a0)^2)^3.5 - 1)``, and
+    this gives ``M^2 = 5 ((qc/p + 1)^(2/7) - 1)``.
+
+    Parameters
+    ----------
+    calibrated_airspeed : any shape, m/s
+    static_pressure : same shape, Pa
+
+    References
+    ----------
+    Anderson, *Fundamentals of Aerodynamics*, sec. 8.7.
     """
     impact = PRESSURE_0 * ((1.0 + 0.2 * (calibrated_airspeed / SOUND_0) ** 2) ** 3.5 - 1.0)
     return np.asarray(np.sqrt(5.0 * ((impact / static_pressure + 1.0) ** (2.0 / 7.0) - 1.0)))

@@ -1,4 +1,4 @@
-"""Frames: attitudes from one description to another. Quaternions are (w, x, y, z)."""
+"""Conversions between attitude representations. Quaternions are (w, x, y, z)."""
 
 import numpy as np
 
@@ -6,10 +6,19 @@ from aerodb.support import Array
 
 
 def euler_321_from_quaternion(w: Array, x: Array, y: Array, z: Array) -> tuple[Array, Array, Array]:
-    """Bank, pitch and heading (phi, theta, psi) [rad], each (n,), of the rotation from earth (NED)
-    to body (FRD) axes.
+    """Return Euler 3-2-1 angles from a quaternion from FRD body to NED earth axes.
 
-    The quaternion rotates body vectors into earth axes (PX4, JSBSim). It is normalised here.
+    Parameters
+    ----------
+    w, x, y, z : (n,) each, quaternion that rotates body vectors into earth axes (PX4, JSBSim);
+        normalised here
+
+    Returns
+    -------
+    phi, theta, psi : (n,) each, bank angle, pitch attitude and heading, rad
+
+    References
+    ----------
     Stevens, Lewis & Johnson, *Aircraft Control and Simulation*, 3rd ed., sec. 1.8.
     """
     norm = np.sqrt(w * w + x * x + y * y + z * z)
@@ -24,12 +33,13 @@ def euler_321_from_quaternion(w: Array, x: Array, y: Array, z: Array) -> tuple[A
 def euler_321_from_enu_quaternion(
     w: Array, x: Array, y: Array, z: Array
 ) -> tuple[Array, Array, Array]:
-    """As `euler_321_from_quaternion`, from an attitude of forward-left-up body axes in
-    east-north-up earth axes.
+    """Return Euler 3-2-1 angles from a quaternion from FLU body to ENU earth axes (ROS, REP 103).
 
-    So ROS states it (REP 103). With R for the rotation there, ``R_ned_frd = P R D``: P swaps east
-    with north and turns up into down, D turns left into right and up into down. As quaternions ``q
-    = q_P q q_D``, ``q_P = (0, 1, 1, 0)/sqrt 2``, ``q_D = (0, 1, 0, 0)``.
+    With R the rotation from forward-left-up body axes to east-north-up earth axes, ``R_ned_frd = P
+    R D``: P exchanges east and north and turns up into down, D turns left into right and up into
+    down. As quaternions ``q_P q q_D`` with ``q_P = (0, 1, 1, 0)/sqrt 2``, ``q_D = (0, 1, 0, 0)``.
+
+    Parameters and returns are those of `euler_321_from_quaternion`.
     """
     half = np.sqrt(0.5)
     w1, x1, y1, z1 = half * (-x - y), half * (w + z), half * (w - z), half * (y - x)

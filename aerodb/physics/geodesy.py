@@ -1,9 +1,8 @@
-"""The WGS-84 earth: radii of curvature, normal gravity, and positions in metres about a local
-origin.
+"""WGS-84 earth: radii of curvature, normal gravity, and positions in metres from a local origin.
 
-Compiled functions take numbers or arrays; latitude is geodetic [rad], height is above the ellipsoid
-[m]. Sources: NIMA TR8350.2 (2000), chapters 3 and 4; Groves, *Principles of GNSS, Inertial, and
-Multisensor Integrated Navigation Systems*, 2nd ed. (2013), sections 2.4.
+The compiled functions take numbers or arrays; latitude is geodetic [rad], height is above the
+ellipsoid [m]. Sources: NIMA TR8350.2 (2000), chapters 3 and 4; Groves, *Principles of GNSS,
+Inertial, and Multisensor Integrated Navigation Systems*, 2nd ed. (2013), section 2.4.
 """
 
 from dataclasses import dataclass
@@ -23,22 +22,28 @@ GRAVITATION: Final = 3.986004418e14  # m3/s2
 _EQUATOR, _SOMIGLIANA = 9.7803253359, 0.00193185265241
 #: m = omega^2 a^2 b / GM, the ratio of centrifugal acceleration to gravitation at the equator.
 _RATIO: Final = EARTH_RATE**2 * SEMI_MAJOR**3 * (1.0 - FLATTENING) / GRAVITATION
-#: The plumb line bends: gravity has a northward part of this times height times sin(2 latitude),
-#: 1/s2 (Groves, eq. 2.140).
+#: Curvature of the plumb line: gravity has a northward component of this times height times
+#: sin(2 latitude), 1/s2 (Groves, eq. 2.140).
 PLUMB_LINE_CURVATURE: Final = -8.08e-9
 
-#: Beyond this latitude north and east lose meaning (rad).
+#: Largest absolute latitude of a local origin [rad]: north and east are undefined at the poles.
 HIGHEST_LATITUDE: Final = float(np.deg2rad(89.0))
 
 
 @dataclass(frozen=True)
 class Earth:
-    """A rotating oblate earth with a local origin: geodetic `latitude` and `longitude` of north =
-    east = 0, rad, and the ellipsoidal `height` of altitude zero there, m (the undulation of the
-    geoid, when altitudes are above sea level).
+    """A rotating oblate earth with a local origin.
 
-    North and east are differences of latitude and longitude in metres at the origin, so that a path
-    that comes back to a place comes back to its numbers. InputError within one degree of a pole.
+    North and east are differences of latitude and longitude, scaled to metres at the origin: a path
+    that returns to a place returns to the same numbers.
+
+    Parameters
+    ----------
+    latitude, longitude : geodetic, of the point where north = east = 0, rad
+    height : above the ellipsoid, of altitude zero there, m: the undulation of the geoid when
+        altitudes are above mean sea level
+
+    Raises InputError within one degree of a pole.
     """
 
     latitude: float
@@ -47,11 +52,10 @@ class Earth:
 
     def __post_init__(self) -> None:
         if not abs(self.latitude) < HIGHEST_LATITUDE:
-            what = f"latitude of {np.rad2deg(self.latitude):.1f} deg"
             raise InputError(
-                what,
+                f"latitude of {np.rad2deg(self.latitude):.1f} deg is too close to a pole",
                 "local origin",
-                "north and east need an origin away from the poles, in radians",
+                "choose an origin at least one degree from the poles; latitude is in radians",
             )
 
     @property
@@ -61,7 +65,7 @@ class Earth:
         return float(meridian + self.height), float((normal + self.height) * np.cos(self.latitude))
 
     def to_local(self, latitude: Array, longitude: Array) -> tuple[Array, Array]:
-        """North and east [m] of positions [rad], each (n,); longitudes may pass 180 deg."""
+        """Return north and east [m] of positions [rad], each (n,); longitudes may pass 180 deg."""
         to_north, to_east = self.metres_per_radian
         turn = np.remainder(longitude - self.longitude + np.pi, 2.0 * np.pi) - np.pi
         return (latitude - self.latitude) * to_north, turn * to_east
@@ -69,8 +73,21 @@ class Earth:
 
 @njit(cache=True)
 def radii_of_curvature(latitude: float) -> tuple[float, float, float, float]:
-    """Radii of curvature [m] in the meridian and across it, and their derivatives by latitude
-    (Groves, eqs. 2.105-2.106)."""
+    """Return the radii of curvature of the ellipsoid and their derivatives by latitude.
+
+    Parameters
+    ----------
+    latitude : geodetic, rad
+
+    Returns
+    -------
+    meridian, normal : radii in the meridian and across it (prime vertical), m
+    meridian_by_latitude, normal_by_latitude : m/rad
+
+    References
+    ----------
+    Groves (2013), eqs. 2.105-2.106.
+    """
     s, c = np.sin(latitude), np.cos(latitude)
     square = 1.0 - ECCENTRICITY_SQUARED * s * s
     normal = SEMI_MAJOR / np.sqrt(square)
@@ -81,11 +98,25 @@ def radii_of_curvature(latitude: float) -> tuple[float, float, float, float]:
 
 @njit(cache=True)
 def normal_gravity(latitude: float, height: float) -> tuple[float, float, float, float]:
-    """Normal gravity along the ellipsoid's normal, down [m/s2], its derivatives by latitude and
-    height, and the derivative by height of its northward part (zero at the ellipsoid) [1/s2].
+    """Return normal gravity and its derivatives by latitude and height.
 
-    Somigliana's formula at the ellipsoid and the second-order expansion in height (TR8350.2, eqs.
-    4-1 and 4-3).
+    Somigliana's formula at the ellipsoid and its second-order expansion in height.
+
+    Parameters
+    ----------
+    latitude : geodetic, rad
+    height : above the ellipsoid, m
+
+    Returns
+    -------
+    gravity : along the ellipsoid's normal, positive down, m/s2
+    by_latitude, by_height : its derivatives, m/s2 per rad and 1/s2
+    north_by_height : derivative by height of the northward component, which is zero at the
+        ellipsoid, 1/s2
+
+    References
+    ----------
+    NIMA TR8350.2 (2000), eqs. 4-1 and 4-3; Groves (2013), eq. 2.140.
     """
     s, c = np.sin(latitude), np.cos(latitude)
     square = 1.0 - ECCENTRICITY_SQUARED * s * s

@@ -1,11 +1,11 @@
-"""Names for the arrays that the whole product passes on; their shapes stand in the docstrings."""
+"""Type names of arrays; shapes are stated in the docstrings of the functions that use them."""
 
 import numpy as np
 from numpy.typing import NDArray
 
-#: Numbers.
+#: Real numbers.
 Array = NDArray[np.float64]
-#: Which samples: True where one is meant.
+#: Selected samples: True where a sample is selected.
 Mask = NDArray[np.bool_]
 #: Whole numbers: times in microseconds, counts, codes.
 Integers = NDArray[np.int64]

@@ -1,4 +1,4 @@
-"""Identities: the same content has the same name on every machine.
+"""Identities of stored content: the same content has the same key on every machine.
 
 A stored result's key is the sha256 of canonical JSON (RFC 8785) of its input hashes, resolved
 settings and the result version of its step. Floats are written by RFC 8785's shortest round-trip
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 
 def canonical_json(value: Any) -> bytes:
-    """`value` as canonical JSON (RFC 8785): sorted keys, shortest floats, UTF-8.
+    """Return `value` as canonical JSON (RFC 8785): sorted keys, shortest floats, UTF-8.
 
     >>> canonical_json({"b": 1.0, "a": [2, None]})
     b'{"a":[2,null],"b":1}'
@@ -24,15 +24,18 @@ def canonical_json(value: Any) -> bytes:
 
 
 def key_of(value: Any) -> str:
-    """sha256 (64 hexadecimal digits) of the canonical JSON of `value`."""
+    """Return the sha256 (64 hexadecimal digits) of the canonical JSON of `value`."""
     return hashlib.sha256(canonical_json(value)).hexdigest()
 
 
 def result_key(
     inputs: Mapping[str, str], settings: Mapping[str, Any], step: str, result_version: int
 ) -> str:
-    """Key of a stored result: what went in, how it was asked for, and which form of the step made
-    it."""
+    """Return the key of a stored result.
+
+    inputs : name -> hash of each input. settings : resolved settings. step, result_version : which
+    step computed it, and the version of that step's result.
+    """
     return key_of(
         {
             "inputs": dict(inputs),
@@ -46,16 +49,20 @@ def result_key(
 def version_id(
     vehicle: str, parent: str | None, inputs: Iterable[str], settings: Mapping[str, Any]
 ) -> str:
-    """A version's identity: the same wherever the same is made from the same (CONVENTIONS, "Names
-    and identities")."""
+    """Return the id of a database version; equal inputs and settings give equal ids everywhere.
+
+    See docs/reference/conventions.md, "Names and identities".
+    """
     return key_of(
         {"vehicle": vehicle, "parent": parent, "inputs": sorted(inputs), "settings": dict(settings)}
     )
 
 
 def content_sha256(arrays: Iterable[NDArray[np.float64]]) -> str:
-    """sha256 over float64 little-endian values, each array preceded by its shape: guards integrity
-    of tables."""
+    """Return the sha256 of arrays, to check the integrity of tables.
+
+    Hashed are the values as little-endian float64, each array preceded by its shape.
+    """
     digest = hashlib.sha256()
     for array in arrays:
         digest.update(repr(tuple(array.shape)).encode())

@@ -1,7 +1,6 @@
-"""The same for many items at once, on all cores: arrays are worked on outside the interpreter's
-lock.
+"""One function over many items in threads on all cores; array code releases the interpreter's lock.
 
-Meanwhile linear algebra has no threads of its own: two on every core would wait for one another.
+BLAS is limited to one thread meanwhile: two threads per core would wait for each other.
 """
 
 import os
@@ -17,8 +16,10 @@ Result = TypeVar("Result")
 
 
 def in_threads(function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
-    """`function` of each item, in their order; the first error is raised once what was begun has
-    ended."""
+    """Return `function` of each item, in order.
+
+    The first error is raised once all calls that have started have ended.
+    """
     todo = list(items)
     workers = min(len(todo), os.cpu_count() or 1)
     if workers < 2:
@@ -28,10 +29,10 @@ def in_threads(function: Callable[[Item], Result], items: Iterable[Item]) -> lis
 
 
 class Threads:
-    """Threads that stay, with the caller's one a core: for many short pieces of compiled work
-    without a library's linear algebra.
+    """Persistent pool of threads, one per core together with the caller's.
 
-    They end when nobody holds this any more.
+    For many short pieces of compiled code that do not call BLAS. The threads end when the pool is
+    garbage-collected.
     """
 
     def __init__(self) -> None:
@@ -39,8 +40,10 @@ class Threads:
         self._pool = ThreadPoolExecutor(max(1, self._helpers))
 
     def each(self, function: Callable[[Item], object], items: Sequence[Item]) -> None:
-        """`function` of each item, which must not come back here; an error is raised once what was
-        begun has ended."""
+        """Call `function` for each item; `function` must not call this method again.
+
+        An error is raised once all calls that have started have ended.
+        """
         todo = deque(items)
 
         def work() -> None:

@@ -1,5 +1,7 @@
-"""Arithmetic that carries exact first derivatives: sensor models are written once, as formulas, and
-differentiate themselves."""
+"""Forward-mode automatic differentiation: arithmetic that carries exact first derivatives.
+
+Sensor models are written once, as formulas; their derivatives follow from the chain rule.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,8 +15,7 @@ Value = Array | float
 
 @dataclass(frozen=True)
 class Signal:
-    """A quantity along a record, `value` (n,) or a number, and its derivatives `by` each named
-    variable that it depends on.
+    """A dual number: `value` (n,) or scalar, and its derivatives `by` each named variable.
 
     >>> x = Signal(3.0, {"x": 1.0})
     >>> (x * x + 1.0).by["x"]
@@ -25,7 +26,7 @@ class Signal:
     by: Mapping[str, Value]
 
     def chain(self, value: Value, slope: Value) -> "Signal":
-        """A function of this signal: its value, and its derivative by this signal."""
+        """Return a function of this signal, given its `value` and its `slope` by this signal."""
         return Signal(value, {name: slope * part for name, part in self.by.items()})
 
     def __add__(self, other: "Signal | Value") -> "Signal":
@@ -55,7 +56,7 @@ class Signal:
             return self * (1.0 / other)
         return self * other.chain(1.0 / other.value, -1.0 / other.value**2)
 
-    # numpy must not spread its own operators over a Signal
+    # Keep numpy from applying its operators element by element to a Signal
     __array_ufunc__ = None
     __radd__ = __add__
     __rmul__ = __mul__
@@ -65,35 +66,35 @@ Triple = tuple[Signal, Signal, Signal]
 
 
 def sine(x: Signal) -> Signal:
-    """``sin(x)``."""
+    """Return ``sin(x)``."""
     return x.chain(np.sin(x.value), np.cos(x.value))
 
 
 def cosine(x: Signal) -> Signal:
-    """``cos(x)``."""
+    """Return ``cos(x)``."""
     return x.chain(np.cos(x.value), -np.sin(x.value))
 
 
 def root(x: Signal) -> Signal:
-    """Square root; x must be positive."""
+    """Return the square root; x must be positive."""
     value = np.sqrt(x.value)
     return x.chain(value, 0.5 / value)
 
 
 def arcsine(x: Signal) -> Signal:
-    """``asin(x)``, between -1 and 1."""
+    """Return ``asin(x)``, x between -1 and 1."""
     return x.chain(np.arcsin(x.value), 1.0 / np.sqrt(1.0 - x.value**2))
 
 
 def angle(y: Signal, x: Signal) -> Signal:
-    """``atan2(y, x)``."""
+    """Return ``atan2(y, x)``."""
     square = x.value**2 + y.value**2
     value = np.arctan2(y.value, x.value)
     return y.chain(value, x.value / square) + x.chain(0.0, -y.value / square)
 
 
 def dead_zone(x: Signal, edge: float) -> Signal:
-    """What of x lies beyond +-`edge`, with its sign; zero inside."""
+    """Return the part of x beyond +-`edge`, with its sign; zero inside."""
     outside = np.abs(x.value) > edge
     return x.chain(
         np.where(outside, x.value - edge * np.sign(x.value), 0.0), np.where(outside, 1.0, 0.0)
@@ -101,13 +102,15 @@ def dead_zone(x: Signal, edge: float) -> Signal:
 
 
 def cross(a: Triple, b: Triple) -> Triple:
-    """Vector product."""
+    """Return the vector product ``a x b``."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 def body_to_earth(phi: Signal, theta: Signal, psi: Signal) -> tuple[Triple, Triple, Triple]:
-    """Rows of the rotation from body to earth (north, east, down) axes, Euler 3-2-1; its transpose
-    turns the other way."""
+    """Return the rows of the rotation from body to earth (north, east, down) axes.
+
+    Euler angles 3-2-1 [rad]; the transpose rotates from earth to body axes.
+    """
     cf, sf, ct, st, cp, sp = (f(x) for x in (phi, theta, psi) for f in (cosine, sine))
     return (
         (ct * cp, sf * st * cp - cf * sp, cf * st * cp + sf * sp),
@@ -117,5 +120,5 @@ def body_to_earth(phi: Signal, theta: Signal, psi: Signal) -> tuple[Triple, Trip
 
 
 def dot(a: Triple, b: Triple) -> Signal:
-    """Scalar product."""
+    """Return the scalar product."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]

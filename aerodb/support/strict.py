@@ -1,8 +1,6 @@
-"""Files that people write, checked against what they may hold: closed to unknown keys, faults told
-in one clause.
+"""Validation of hand-written files: unknown keys are errors, and an error is one clause.
 
-Which keys there are is said by the models that derive from `Strict`: vehicle, mapping, model and
-database file.
+The models that derive from `Strict` define the keys: vehicle, mapping, model and database file.
 """
 
 from collections.abc import Mapping
@@ -16,26 +14,28 @@ Model = TypeVar("Model", bound=BaseModel)
 
 
 class Strict(BaseModel):
-    """Frozen, and closed to keys that it does not know."""
+    """Base of file models: frozen; unknown keys are errors."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
 def validated(model: type[Model], data: Any, where: str) -> Model:
-    """`data` as a `model`; the first fault as an InputError that names the key and the nearest
-    known one."""
+    """Return `data` as a `model`.
+
+    Raises InputError for the first error, with its key and, for an unknown key, the nearest one.
+    """
     try:
         return model.model_validate(data)
     except InputError as error:
         raise InputError(error.what, where, error.remedy) from error
     except ValidationError as error:
-        # A mistyped required key is both unknown and missing: the unknown one can name its
-        # neighbour.
+        # A mistyped required key is both unknown and missing; report it as unknown, because then
+        # the nearest known key can be named.
         fault: Any = next(
             (each for each in error.errors() if each["type"] == "extra_forbidden"),
             error.errors()[0],
         )
-    path = _place(data, fault["loc"], fault["type"])
+    path = _key_of_error(data, fault["loc"], fault["type"])
     if fault["type"] == "extra_forbidden":
         raise InputError(
             f"unknown key '{path}'",
@@ -50,9 +50,8 @@ def validated(model: type[Model], data: Any, where: str) -> Model:
     raise InputError(f"{path}: {what}".lstrip(": "), where, remedy)
 
 
-def _place(data: Any, location: tuple[int | str, ...], kind: str) -> str:
-    """The key at which a fault lies, dotted; without the names of the validators that stand between
-    in `location`."""
+def _key_of_error(data: Any, location: tuple[int | str, ...], kind: str) -> str:
+    """Return the dotted key of an error, without the validator names that `location` contains."""
     kept = []
     for part in location:
         inside = (
@@ -69,7 +68,7 @@ def _place(data: Any, location: tuple[int | str, ...], kind: str) -> str:
 
 
 def _known_keys(model: type[BaseModel], path: tuple[int | str, ...]) -> list[str]:
-    """Keys that the (nested) model at `path` accepts."""
+    """Return the keys that the (nested) model at `path` accepts."""
     current: Any = model
     for part in path:
         found = (

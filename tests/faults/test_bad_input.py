@@ -176,7 +176,7 @@ FAULTY: dict[str, tuple[str, Callable[[Path], Any], str]] = {
     "wrong_dimension": (
         "dimension.csv",
         wrong_dimension,
-        "field table.V: unit 'kg' cannot become 'm/s'",
+        "field table.V: unit 'kg' cannot be converted to 'm/s'",
     ),
     "no_axis": ("no_axis.csv", without_air_data, "no axis can be computed"),
 }
@@ -273,7 +273,7 @@ def test_a_lost_tail_is_stored_as_damaged_and_strict_refuses_it(
         ),
         ("mass = 12.0", "mass = -12.0", "mass.mass", "got -12.0"),
         ("[thrust]", "[thurst]", "unknown key 'thurst'", "did you mean 'thrust'?"),
-        ('"25 deg"', '"25 kg"', "unit 'kg' cannot become 'rad'", ""),
+        ('"25 deg"', '"25 kg"', "unit 'kg' cannot be converted to 'rad'", ""),
         ('name = "small-glider"', 'name = "../small"', "name", "got '../small'"),
         ("[reference]", "[reference", "not valid TOML", ""),
     ],

@@ -263,5 +263,5 @@ def test_what_is_missing_is_said_and_the_rest_is_computed(twin_otter):
         total_coefficients(_bare({"qbar": 2800.0, **properties}), twin_otter)
     with pytest.raises(InputError, match="no dynamic pressure"):
         total_coefficients(_bare({"ax": 0.0, **properties}), twin_otter)
-    with pytest.raises(InputError, match="mass properties not logged"):
+    with pytest.raises(InputError, match="mass properties are not logged"):
         total_coefficients(_bare({"qbar": 2800.0, "ax": 0.0}), twin_otter)
