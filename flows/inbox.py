@@ -13,7 +13,7 @@ from sqlalchemy.exc import OperationalError
 from aerodb.errors import StoreBusyError, StoreError
 from aerodb.flows.flight import flight_flow
 from aerodb.flows.run import Steps
-from aerodb.storage.inbox import Waiting
+from aerodb.storage.inbox import InboxFile
 from aerodb.storage.locks import holding
 from aerodb.storage.workspace_settings import Settings, SettingsError, load_settings
 from aerodb.tasks.steps import (
@@ -81,13 +81,13 @@ def _check_progress(files: Sequence[dict[str, Any]], faults: Sequence[SettingsEr
 
 
 def _batches(
-    access: WorkspaceAccess, settings: Settings, seen: Sequence[Waiting]
-) -> Iterator[list[tuple[Waiting, str]]]:
+    access: WorkspaceAccess, settings: Settings, seen: Sequence[InboxFile]
+) -> Iterator[list[tuple[InboxFile, str]]]:
     """Files to deal with together, each with the reason for which it is set aside, if it is. What
     was tried before goes alone."""
-    attempts = access.catalogue.attempts(entry.relative for entry in seen)
-    fresh: dict[str, list[tuple[Waiting, str]]] = {}
-    alone: list[list[tuple[Waiting, str]]] = []
+    attempts = access.catalogue.inbox_attempts(entry.relative for entry in seen)
+    fresh: dict[str, list[tuple[InboxFile, str]]] = {}
+    alone: list[list[tuple[InboxFile, str]]] = []
     for entry in seen:
         times, error = attempts.get(entry.file, (0, ""))
         if entry.state == "refused":
@@ -119,7 +119,7 @@ def _dealt(
     steps: Steps,
     access: WorkspaceAccess,
     settings: Settings,
-    batch: Sequence[tuple[Waiting, str]],
+    batch: Sequence[tuple[InboxFile, str]],
     run: str,
 ) -> list[dict[str, Any]]:
     where = {"workspace": str(access.workspace.root), "run": run}

@@ -15,7 +15,7 @@ from typing import Final
 from urllib.parse import parse_qsl, urlencode, urlsplit, urlunsplit
 
 from aerodb.errors import InputError
-from aerodb.storage.catalogue import place_of
+from aerodb.storage.catalogue import catalogue_location
 from aerodb.storage.urls import resolved, shown
 from aerodb.storage.workspace import Workspace
 from aerodb.storage.workspace_settings import (
@@ -76,7 +76,7 @@ def database_of(workspace: Workspace) -> str:
     url = resolved(load_settings(workspace.root).serve.database, where)
     if not url:
         return f"sqlite+aiosqlite:///{workspace.prefect / 'prefect.db'}"
-    catalogue = place_of(workspace.catalogue).url
+    catalogue = catalogue_location(workspace.catalogue).url
     if catalogue and shown(catalogue) == shown(url):
         raise InputError(
             "is the catalogue's own", where, "make another database for Prefect: createdb prefect"

@@ -13,7 +13,7 @@ from aerodb.flows.nightly import nightly_flow
 from aerodb.flows.recalibrate import recalibrate_flow
 from aerodb.flows.update import update_flow
 from aerodb.storage.catalogue import RunRow
-from aerodb.storage.inbox import Quarantined, put_back
+from aerodb.storage.inbox import Quarantined, return_to_inbox
 from aerodb.tasks.steps import in_quarantine
 from aerodb.tasks.workspace_access import WorkspaceAccess
 
@@ -84,7 +84,7 @@ def _logs_again(
                     entry.name,
                     f"--vehicle {' or '.join(names[:6])}",
                 )
-            put_back(access.workspace, entry, whose[entry.key])
+            return_to_inbox(access.workspace, entry, whose[entry.key])
         except InputError as error:
             if len(entries) == 1:
                 raise

@@ -19,7 +19,7 @@ from typing import Any, Final
 from aerodb.errors import AeroError, StoreError
 from aerodb.flows.orchestrator import Client, clear_up, emit_arrival, is_awaited
 from aerodb.flows.processes import Child, environment_of, free_port
-from aerodb.storage.inbox import Waiting, look_again
+from aerodb.storage.inbox import InboxFile, rescan_inbox
 from aerodb.storage.locks import Lock, is_held, note_of, take
 from aerodb.storage.workspace import Workspace
 from aerodb.storage.workspace_settings import FILE, checked_token, load_settings
@@ -193,7 +193,7 @@ class Server:
         emit_arrival(self.client, dict(Counter(entry.vehicle for entry in ready)))
         self._told = (time.monotonic(), files)
 
-    def _look(self) -> list[Waiting]:
+    def _look(self) -> list[InboxFile]:
         """What is in the inbox; what has been there unchanged for long enough is ready, whatever
         the clock says of its times."""
         seen, now = files_of_inbox(self._access, self._settings, wait=False), time.monotonic()
@@ -202,7 +202,7 @@ class Server:
         return [
             again
             for entry in seen
-            for again in look_again([entry], now - self._since[entry.file], settle)
+            for again in rescan_inbox([entry], now - self._since[entry.file], settle)
         ]
 
     def _failed_just_now(self, nothing_new: bool) -> bool:

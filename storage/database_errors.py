@@ -96,19 +96,19 @@ _PASSING: Final = (
 
 
 @contextmanager
-def catalogue_faults(where: str) -> Iterator[None]:
+def translated_database_errors(where: str) -> Iterator[None]:
     """Turns what a database says of a disk, a lock or a connection into a StoreError that says what
     to do; anything else passes. `where` holds no password."""
     try:
         yield
     except (DBAPIError, sqlite3.OperationalError) as error:
-        raised = fault_of(error, where)
+        raised = store_error_of(error, where)
         if raised is None:
             raise
         raise raised from error
 
 
-def fault_of(error: Exception, where: str) -> StoreError | None:
+def store_error_of(error: Exception, where: str) -> StoreError | None:
     """What an error of a database means for who uses it; None when it is no fault of disk, lock or
     connection."""
     cause = getattr(error, "orig", None) or error

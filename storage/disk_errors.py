@@ -37,7 +37,7 @@ _ABANDONED: Final = 86_400.0
 
 
 @contextmanager
-def disk_faults(where: Path | str) -> Iterator[None]:
+def translated_disk_errors(where: Path | str) -> Iterator[None]:
     """Turns what the system says of a disk that cannot take what is written into a StoreError that
     says what to do."""
     try:

@@ -13,7 +13,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, Final
 
-from aerodb.storage.disk_errors import disk_faults
+from aerodb.storage.disk_errors import translated_disk_errors
 
 try:
     import fcntl
@@ -55,7 +55,7 @@ def take(path: Path, wait: bool = False) -> Lock | None:
     Who only looks whether it is held (`is_held`) has it for an instant, too: None means that it was
     held for a second.
     """
-    with disk_faults(path):
+    with translated_disk_errors(path):
         descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o600)
     try:
         if not _locked(descriptor, wait):

@@ -16,8 +16,8 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from aerodb.errors import InputError, StoreError
-from aerodb.storage.catalogue import place_of
-from aerodb.storage.disk_errors import disk_faults, remove, temporary_beside
+from aerodb.storage.catalogue import catalogue_location
+from aerodb.storage.disk_errors import remove, temporary_beside, translated_disk_errors
 
 _FOLDERS = (
     "flights",
@@ -45,7 +45,7 @@ def write_atomically(path: Path, write: Callable[[Path], None], keep: bool = Fal
     the next attempt. keep : a folder that stands at `path` by then stays instead: another writer of
     the same was quicker. StoreError when the disk is full, read-only or refuses otherwise.
     """
-    with disk_faults(path):
+    with translated_disk_errors(path):
         temporary = temporary_beside(path)
         try:
             write(temporary)
@@ -57,7 +57,7 @@ def write_atomically(path: Path, write: Callable[[Path], None], keep: bool = Fal
 
 def put_in_place(temporary: Path, path: Path, keep: bool = False) -> None:
     """Gives a finished temporary file or folder its name; `keep` as of `write_atomically`."""
-    with disk_faults(path):
+    with translated_disk_errors(path):
         _flush(temporary)
         if temporary.is_dir() and path.exists():
             if keep:
@@ -117,7 +117,7 @@ class Workspace:
     def open(cls, root: Path, create: bool = True) -> "Workspace":
         """The workspace at `root`; made when absent and `create`, else InputError."""
         workspace = cls(root.absolute())
-        if not create and not place_of(workspace.catalogue).begun:
+        if not create and not catalogue_location(workspace.catalogue).begun:
             remedy = "name an existing one with --workspace or $AERODB_WORKSPACE"
             raise InputError("no workspace here", str(root), remedy)
         try:
@@ -134,7 +134,7 @@ class Workspace:
     @property
     def catalogue(self) -> Path:
         """The SQLite file of the catalogue, unless the settings name a database
-        (`aerodb.storage.catalogue.places`)."""
+        (`aerodb.storage.catalogue.location`)."""
         return self.root / "catalogue.sqlite"
 
     @property
@@ -183,7 +183,7 @@ class Workspace:
     def _place(self, folder: str, key: str, suffix: str) -> Path:
         # Two digits of fan-out keep a folder small when a million flights are stored.
         parent = self.root / folder / checked_sha256(key)[:2]
-        with disk_faults(parent):
+        with translated_disk_errors(parent):
             parent.mkdir(exist_ok=True)
         return parent / f"{key}{suffix}"
 
@@ -209,7 +209,7 @@ class Workspace:
         """
         seen = _identity(path)
         folder = self.root / "quarantine" / checked_sha256(sha256)
-        with disk_faults(folder):
+        with translated_disk_errors(folder):
             folder.mkdir(exist_ok=True)
         suffix = path.suffix.lower() if _SUFFIX.fullmatch(path.suffix.lower()) else ""
         held = next(iter(sorted(folder.glob("log*"))), None)

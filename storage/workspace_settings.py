@@ -79,7 +79,7 @@ DatabaseUrl = Annotated[str, BeforeValidator(checked_url)]
 
 class CatalogueSettings(Strict):
     """Which database holds the catalogue: PostgreSQL at `url`; empty: the file in the workspace.
-    See `aerodb.storage.catalogue.places`."""
+    See `aerodb.storage.catalogue.location`."""
 
     url: DatabaseUrl = ""
 

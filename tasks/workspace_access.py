@@ -9,8 +9,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from aerodb.storage.catalogue import Catalogue, StoredFile, measured, place_of
-from aerodb.storage.files import is_kept, local, local_recording, put
+from aerodb.storage.catalogue import Catalogue, StoredFile, catalogue_location, measured
+from aerodb.storage.files import is_available, local, local_recording, put
 from aerodb.storage.workspace import Workspace
 from aerodb.storage.workspace_settings import load_settings
 from aerodb.vehicle import Vehicle, parse_vehicle
@@ -63,7 +63,7 @@ class WorkspaceAccess:
         """Whether the file of the result stored under `key` is there, wherever: it is not
         fetched."""
         row = self.catalogue.result(key)
-        return row is not None and is_kept(self.workspace, self.catalogue, row.path)
+        return row is not None and is_available(self.workspace, self.catalogue, row.path)
 
     def file_of(self, path: str) -> Path:
         """The file of the store at `path` (relative), from the object store where it is not
@@ -116,7 +116,7 @@ def _database(content: str) -> "AeroDatabase":
 def access_workspace(workspace: str) -> WorkspaceAccess:
     """The stores of the workspace folder `workspace`; a process opens them once."""
     folder = Workspace.open(Path(workspace))
-    place = place_of(folder.catalogue)
+    place = catalogue_location(folder.catalogue)
     if not place.begun:
         Catalogue.open(folder.catalogue).close()
     return WorkspaceAccess(folder, _catalogue(folder.catalogue, place.identity, os.getpid()))

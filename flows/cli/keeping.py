@@ -24,13 +24,13 @@ def verify(
     Example: aerodb verify
     """
     # Imported where it is needed, here and below: a query must not wait for the science.
-    from aerodb.storage.upkeep import verify as store
+    from aerodb.storage import upkeep
 
     session: Session = context.obj
     workspace = session.workspace()
     with session.waiting("verifying"), session.catalogue() as catalogue:
-        report = store.verify(workspace, catalogue, fetch)
-    for line in store.lines(report):
+        report = upkeep.verify(workspace, catalogue, fetch)
+    for line in upkeep.report_lines(report):
         session.say(line)
     session.say("nothing is wrong" if not report.problems else f"{len(report.problems)} problems")
     problems = [asdict(problem) for problem in report.problems]

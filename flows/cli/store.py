@@ -8,7 +8,7 @@ import typer
 from aerodb.flows.cli.output import Session
 
 if TYPE_CHECKING:
-    from aerodb.storage.files import Moved
+    from aerodb.storage.files import TransferReport
 
 app = typer.Typer(
     name="store", no_args_is_help=True, help="The object store, and the folder that is its cache."
@@ -23,12 +23,12 @@ def push(context: typer.Context) -> None:
     Example: aerodb store push
     """
     # Imported where it is needed, here and below: a query must not wait for it.
-    from aerodb.storage.files import transfer
+    from aerodb.storage import files
 
     session: Session = context.obj
     workspace = session.workspace()
     with session.waiting("putting"), session.catalogue() as catalogue:
-        moved = transfer.push(workspace, catalogue)
+        moved = files.push(workspace, catalogue)
     _answer(
         session,
         moved,
@@ -43,12 +43,12 @@ def pull(context: typer.Context) -> None:
 
     Example: aerodb store pull
     """
-    from aerodb.storage.files import transfer
+    from aerodb.storage import files
 
     session: Session = context.obj
     workspace = session.workspace()
     with session.waiting("fetching"), session.catalogue() as catalogue:
-        moved = transfer.pull(workspace, catalogue)
+        moved = files.pull(workspace, catalogue)
     _answer(
         session,
         moved,
@@ -70,12 +70,12 @@ def trim(
 
     Example: aerodb store trim --size 50000000000
     """
-    from aerodb.storage.files import transfer
+    from aerodb.storage import files
 
     session: Session = context.obj
     workspace = session.workspace()
     with session.waiting("making room"), session.catalogue() as catalogue:
-        moved = transfer.trim(workspace, catalogue, size)
+        moved = files.trim(workspace, catalogue, size)
     _answer(
         session,
         moved,
@@ -84,7 +84,7 @@ def trim(
     )
 
 
-def _answer(session: Session, moved: "Moved", done: str, not_done: str) -> None:
+def _answer(session: Session, moved: "TransferReport", done: str, not_done: str) -> None:
     for path in moved.left:
         session.say(f"{path}: {not_done}")
     session.say(f"{moved.files} files {done}, {moved.bytes / 1e6:.1f} MB")

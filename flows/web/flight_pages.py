@@ -27,7 +27,7 @@ from aerodb.flows.web.console import (
     report,
 )
 from aerodb.flows.web.models import answers
-from aerodb.storage.catalogue import RETRACTED, VERDICTS, Asked, FlightRow
+from aerodb.storage.catalogue import RETRACTED, VERDICTS, FlightFilter, FlightRow
 from aerodb.tasks.result_versions import RELEASED
 from aerodb.tasks.view import (
     FEWEST_POINTS,
@@ -69,7 +69,7 @@ def flights_page(
     """The list of flights, narrowed and paged."""
     access = access_of(request)
     asked = {"vehicle": vehicle, "verdict": verdict, "text": text}
-    found = access.catalogue.flight_page(Asked(vehicle, verdict, text), PER_PAGE, after)
+    found = access.catalogue.flight_page(FlightFilter(vehicle, verdict, text), PER_PAGE, after)
     return page_of(
         request,
         "flights.html",
@@ -95,7 +95,7 @@ def flights(
     """The documents of `aerodb flight list`, a page at a time; a search looks through a bounded
     number of flights per page."""
     access = access_of(request)
-    found = access.catalogue.flight_page(Asked(vehicle, verdict, text), limit, after)
+    found = access.catalogue.flight_page(FlightFilter(vehicle, verdict, text), limit, after)
     asked = {
         "vehicle": vehicle,
         "verdict": verdict,

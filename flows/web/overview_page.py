@@ -8,7 +8,7 @@ from starlette.responses import Response
 from aerodb.flows.web.console import access_of, console_of, document, page_of
 from aerodb.flows.web.models import Session, Vehicle, answers
 from aerodb.flows.web.security import keep_session, session_of
-from aerodb.storage.catalogue import Asked
+from aerodb.storage.catalogue import FlightFilter
 from aerodb.tasks.result_versions import CANDIDATE, RELEASED
 from aerodb.tasks.view import findings_page, flights_document
 from aerodb.tasks.workspace_access import WorkspaceAccess
@@ -22,7 +22,7 @@ def overview(request: Request) -> Response:
     """Vehicles with what is released, and the newest findings and flights."""
     access = access_of(request)
     entries, _ = findings_page(access, _NEWEST)
-    rows = access.catalogue.flight_page(Asked(), _NEWEST).rows
+    rows = access.catalogue.flight_page(FlightFilter(), _NEWEST).rows
     flights = flights_document(access.catalogue, rows)
     return page_of(
         request,

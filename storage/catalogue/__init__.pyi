@@ -1,10 +1,10 @@
 from . import schema
 from .catalogue import Catalogue
 from .copying import copy_catalogue
-from .flight_pages import RETRACTED, Asked
+from .flight_pages import RETRACTED, FlightFilter
 from .ledger import Ledger
+from .location import CatalogueLocation, catalogue_location
 from .names import standing_moves
-from .places import Place, place_of
 from .rows import (
     CalibrationRow,
     FlightRole,
@@ -22,7 +22,7 @@ from .rows import (
     VersionDocuments,
     VersionRow,
 )
-from .schema import HEAD, POSTGRESQL_REFUSAL, VERDICTS, guards
+from .schema import HEAD, POSTGRESQL_REFUSAL, VERDICTS, append_only_triggers
 from .stored_files import StoredFile, measured
 
 __all__ = [
@@ -30,9 +30,10 @@ __all__ = [
     "POSTGRESQL_REFUSAL",
     "RETRACTED",
     "VERDICTS",
-    "Asked",
     "CalibrationRow",
     "Catalogue",
+    "CatalogueLocation",
+    "FlightFilter",
     "FlightRole",
     "FlightRow",
     "Impact",
@@ -41,7 +42,6 @@ __all__ = [
     "Ledger",
     "Lineage",
     "NameEvent",
-    "Place",
     "RepeatRow",
     "ResultRow",
     "RunRow",
@@ -50,10 +50,10 @@ __all__ = [
     "Stretch",
     "VersionDocuments",
     "VersionRow",
+    "append_only_triggers",
+    "catalogue_location",
     "copy_catalogue",
-    "guards",
     "measured",
-    "place_of",
     "schema",
     "standing_moves",
 ]

@@ -18,10 +18,10 @@ from aerodb.errors import InputError, UnknownNameError
 from aerodb.recording import Damage
 from aerodb.storage import encoding as enc
 from aerodb.storage.catalogue import schema as s
-from aerodb.storage.catalogue.arrivals import ArrivalLedger
 from aerodb.storage.catalogue.calibrations import CalibrationLedger
 from aerodb.storage.catalogue.flight_rows import FlightLedger
-from aerodb.storage.catalogue.places import place_of
+from aerodb.storage.catalogue.inbox_history import InboxHistory
+from aerodb.storage.catalogue.location import catalogue_location
 from aerodb.storage.catalogue.postgresql import open_postgresql
 from aerodb.storage.catalogue.repeats import RepeatLedger
 from aerodb.storage.catalogue.rows import (
@@ -45,7 +45,7 @@ class Catalogue(
     CalibrationLedger,
     VersionLedger,
     FileLedger,
-    ArrivalLedger,
+    InboxHistory,
     RunQueries,
 ):
     """The catalogue of one workspace. Safe to use from several threads and processes at once."""
@@ -53,9 +53,9 @@ class Catalogue(
     @classmethod
     def open(cls, path: Path, create: bool = True) -> "Catalogue":
         """The catalogue at `path`, or in the PostgreSQL database that the settings beside it name
-        (`aerodb.storage.catalogue.places`), brought to the newest schema; made when absent and
+        (`aerodb.storage.catalogue.location`), brought to the newest schema; made when absent and
         `create`, else InputError."""
-        place = place_of(path)
+        place = catalogue_location(path)
         return cls(open_postgresql(place.url, create) if place.url else open_sqlite(path, create))
 
     @classmethod

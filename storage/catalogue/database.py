@@ -16,7 +16,7 @@ import sqlalchemy as sa
 
 from aerodb.errors import InputError, StoreBusyError
 from aerodb.storage.catalogue.schema import HEAD
-from aerodb.storage.database_errors import catalogue_faults, fault_of
+from aerodb.storage.database_errors import store_error_of, translated_database_errors
 
 #: How long [s] a writer waits for the lock, and everybody for a server that was there before.
 WAIT_SECONDS: Final = 60.0
@@ -48,7 +48,7 @@ class Database:
             yield current
             return
         with (
-            catalogue_faults(self.where),
+            translated_database_errors(self.where),
             self._connected(self._readers) as connection,
             connection.begin(),
         ):
@@ -64,7 +64,7 @@ class Database:
                 yield current
             return
         with (
-            catalogue_faults(self.where),
+            translated_database_errors(self.where),
             self._connected(self._writers) as connection,
             connection.begin(),
         ):
@@ -83,7 +83,7 @@ class Database:
                 return engine.connect()
             except sa.exc.DBAPIError as error:
                 if time.monotonic() > until or not isinstance(
-                    fault_of(error, self.where), StoreBusyError
+                    store_error_of(error, self.where), StoreBusyError
                 ):
                     raise
             time.sleep(pause)

@@ -21,11 +21,11 @@ LOOKED_THROUGH: Final = 4000
 #: What a list of flights can be narrowed to, beside the verdicts.
 RETRACTED: Final = "retracted"
 
-_Place = tuple[str, str]  # when a flight was added, and its id
+_Cursor = tuple[str, str]  # when a flight was added, and its id
 
 
 @dataclass(frozen=True)
-class Asked:
+class FlightFilter:
     """What a list of flights is narrowed to: vehicle, verdict (or ``retracted``), text in its name,
     its log's name or its id."""
 
@@ -49,7 +49,7 @@ class FlightPage:
 
 
 def page_of_ids(
-    connection: sa.Connection, asked: Asked, limit: int, after: str
+    connection: sa.Connection, asked: FlightFilter, limit: int, after: str
 ) -> tuple[list[str], str]:
     """Ids of a page of flights, and where the next one begins (empty at the end)."""
     names = (
@@ -57,10 +57,10 @@ def page_of_ids(
         if asked.vehicle is None
         else [asked.vehicle]
     )
-    start = _place(after) if after else None
+    start = _cursor(after) if after else None
     most = max(limit + 1, LOOKED_THROUGH // max(1, len(names))) if asked.searches else limit + 1
-    found: list[_Place] = []
-    horizons: list[_Place] = []
+    found: list[_Cursor] = []
+    horizons: list[_Cursor] = []
     for name in names:
         window = _window(name, start, most)
         found += _matching(connection, window, asked, limit + 1)
@@ -80,13 +80,13 @@ def page_of_ids(
     return ids, "" if further is None else "~".join(further)
 
 
-def _order(place: _Place) -> tuple[Any, ...]:
+def _order(place: _Cursor) -> tuple[Any, ...]:
     """Sorts newest first, ids within the same moment upwards: a time is text of digits, turned
     round digit by digit."""
     return tuple(-ord(digit) for digit in place[0]), place[1]
 
 
-def _place(text: str) -> _Place:
+def _cursor(text: str) -> _Cursor:
     moment, sign, id = text.partition("~")
     if (
         not sign
@@ -99,7 +99,7 @@ def _place(text: str) -> _Place:
     return moment, id
 
 
-def _window(vehicle: str, start: _Place | None, most: int) -> sa.Select[Any]:
+def _window(vehicle: str, start: _Cursor | None, most: int) -> sa.Select[Any]:
     """The next `most` flights of a vehicle; an index holds them in this order."""
     c = s.flights.c
     query = sa.select(c.id, c.name, c.log_sha256, c.added_utc).where(c.vehicle == vehicle)
@@ -109,16 +109,16 @@ def _window(vehicle: str, start: _Place | None, most: int) -> sa.Select[Any]:
 
 
 def _last(
-    connection: sa.Connection, vehicle: str, start: _Place | None, most: int
-) -> _Place | None:
+    connection: sa.Connection, vehicle: str, start: _Cursor | None, most: int
+) -> _Cursor | None:
     """The last flight of a window, None where the list ends within it."""
     row = connection.execute(_window(vehicle, start, most).offset(most - 1).limit(1)).one_or_none()
     return None if row is None else (row.added_utc, row.id)
 
 
 def _matching(
-    connection: sa.Connection, window: sa.Select[Any], asked: Asked, most: int
-) -> list[_Place]:
+    connection: sa.Connection, window: sa.Select[Any], asked: FlightFilter, most: int
+) -> list[_Cursor]:
     """The first `most` flights of a window that are asked for."""
     w = window.subquery()
     query = sa.select(w.c.added_utc, w.c.id).order_by(w.c.added_utc.desc(), w.c.id).limit(most)
@@ -152,7 +152,7 @@ def _judged(flight: sa.ColumnElement[str], verdict: str) -> sa.ColumnElement[boo
     return sa.func.coalesce(newest.scalar_subquery(), "unchecked") == verdict
 
 
-def _named(connection: sa.Connection, asked: Asked) -> list[str]:
+def _named(connection: sa.Connection, asked: FlightFilter) -> list[str]:
     """Flights whose name is the text or whose id begins with it, wherever they stand in the list:
     indices hold both."""
     c, text = s.flights.c, asked.text

@@ -9,7 +9,7 @@ import sqlalchemy as sa
 from aerodb.errors import InputError, UnknownNameError, nearest
 from aerodb.storage import encoding as enc
 from aerodb.storage.catalogue import schema as s
-from aerodb.storage.catalogue.flight_pages import Asked, FlightPage, page_of_ids
+from aerodb.storage.catalogue.flight_pages import FlightFilter, FlightPage, page_of_ids
 from aerodb.storage.catalogue.ledger import NAMES_COMPARED, Ledger, in_parts
 from aerodb.storage.catalogue.rows import FlightRow, Verdict
 
@@ -203,7 +203,7 @@ class FlightLedger(Ledger):
         rows = self.flights_by_id(ids)
         return tuple(rows[id] for id in ids)
 
-    def flight_page(self, asked: Asked, limit: int, after: str = "") -> FlightPage:
+    def flight_page(self, asked: FlightFilter, limit: int, after: str = "") -> FlightPage:
         """The flights that were added last, newest first, at most `limit` of those that are `asked`
         for.
 

@@ -1,4 +1,4 @@
-"""The catalogue in a PostgreSQL database: the same tables, guards and transactions as in SQLite's
+"""The catalogue in a PostgreSQL database: the same tables, triggers and transactions as in SQLite's
 file.
 
 One catalogue stands in the first schema of the connection's search path, so that a database may

@@ -315,26 +315,26 @@ run_versions = _table(
 )
 
 
-def guards(
+def append_only_triggers(
     dialect: str, table: str, keys: Sequence[Sequence[str]], update_when: str = ""
 ) -> list[str]:
     """Triggers that make `table` append-only, in the words of a `dialect`.
 
-    keys : its primary key and unique constraints, as column names; see `sqlite_guards`. update_when
+    keys : its primary key and unique constraints, as column names; see `sqlite_triggers`. update_when
     : SQL condition on OLD and NEW under which an update is allowed all the same.
     """
     return (
-        sqlite_guards(table, keys, update_when)
+        sqlite_triggers(table, keys, update_when)
         if dialect == "sqlite"
-        else postgresql_guards(table, update_when)
+        else postgresql_triggers(table, update_when)
     )
 
 
 #: Triggers of each table.
-GUARDS: Final = 3
+TRIGGERS_PER_TABLE: Final = 3
 
 
-def sqlite_guards(table: str, keys: Sequence[Sequence[str]], update_when: str = "") -> list[str]:
+def sqlite_triggers(table: str, keys: Sequence[Sequence[str]], update_when: str = "") -> list[str]:
     """The triggers in SQLite: ``INSERT OR REPLACE`` deletes without firing delete triggers, so that
     an insert on a taken key is refused as well."""
     refuse = f"SELECT RAISE(ABORT, '{table}: rows are never changed or deleted')"
@@ -359,7 +359,7 @@ BEGIN
 END $$"""
 
 
-def postgresql_guards(table: str, update_when: str = "") -> list[str]:
+def postgresql_triggers(table: str, update_when: str = "") -> list[str]:
     """The triggers in PostgreSQL, where ``TRUNCATE`` fires no delete trigger, and ``ON CONFLICT``
     updates."""
     condition = f" WHEN (NOT ({update_when}))" if update_when else ""

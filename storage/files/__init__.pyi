@@ -1,6 +1,13 @@
-from . import transfer
 from .aircraft_files import files_beside
-from .cache import is_kept, is_recording_kept, local, local_recording, put, put_recording, together
+from .cache import (
+    concurrently,
+    is_available,
+    is_recording_available,
+    local,
+    local_recording,
+    put,
+    put_recording,
+)
 from .documents import read_document, write_document
 from .flight_windows import StoredSeries
 from .flights import (
@@ -16,26 +23,28 @@ from .flights import (
 )
 from .normal_equations import read_normal_equations, write_normal_equations
 from .objects import DamagedObject, Objects, objects_of
-from .transfer import STORE, Moved, Part, is_sound, parts, push, require_unused, trim
+from .transfer import STORE, Part, TransferReport, is_sound, parts, pull, push, require_unused, trim
 
 __all__ = [
     "INDEX",
     "STORE",
     "DamagedObject",
-    "Moved",
     "Objects",
     "Part",
     "StoredSeries",
+    "TransferReport",
+    "concurrently",
     "files_beside",
     "files_of",
-    "is_kept",
-    "is_recording_kept",
+    "is_available",
+    "is_recording_available",
     "is_sound",
     "local",
     "local_recording",
     "objects_of",
     "open_recording",
     "parts",
+    "pull",
     "push",
     "put",
     "put_recording",
@@ -45,8 +54,6 @@ __all__ = [
     "read_recording",
     "read_results",
     "require_unused",
-    "together",
-    "transfer",
     "trim",
     "write_document",
     "write_flight",

@@ -69,7 +69,7 @@ def local_recording(workspace: Workspace, catalogue: Catalogue, sha256: str) -> 
 def _fetch_recording(objects: Objects, index: StoredFile, folder: Path) -> None:
     folder.mkdir()
     _fetch(objects, index, folder)
-    together(
+    concurrently(
         lambda topic: _fetch(objects, topic, folder),
         topics_of(index, (folder / INDEX).read_bytes()),
     )
@@ -82,7 +82,7 @@ def _fetch(objects: Objects, stored: StoredFile, folder: Path) -> None:
         )
 
 
-def is_kept(workspace: Workspace, catalogue: Catalogue, path: str) -> bool:
+def is_available(workspace: Workspace, catalogue: Catalogue, path: str) -> bool:
     """Whether a file of the store is here, or in the object store."""
     place = workspace.resolve(path)
     here = place.is_file()
@@ -93,7 +93,7 @@ def is_kept(workspace: Workspace, catalogue: Catalogue, path: str) -> bool:
     return stored is not None and objects.has(stored)
 
 
-def is_recording_kept(workspace: Workspace, catalogue: Catalogue, sha256: str) -> bool:
+def is_recording_available(workspace: Workspace, catalogue: Catalogue, sha256: str) -> bool:
     """Whether the topics of a log (its sha256) are here, or in the object store: their index, and
     all that it names."""
     path = workspace.recording_path(sha256) / INDEX
@@ -102,10 +102,10 @@ def is_recording_kept(workspace: Workspace, catalogue: Catalogue, sha256: str) -
     if here or objects is None:
         return here
     index = catalogue.stored_file(workspace.relative(path))
-    return index is not None and is_recording_put(objects, index)
+    return index is not None and is_recording_uploaded(objects, index)
 
 
-def is_recording_put(objects: Objects, index: StoredFile) -> bool:
+def is_recording_uploaded(objects: Objects, index: StoredFile) -> bool:
     """Whether the index of a recording is in the object store, sound, and all topics that it names,
     whole."""
     there = {file for file, _ in objects.below(index.path.removesuffix(f"/{INDEX}")).values()}
@@ -159,7 +159,7 @@ def put_recording(workspace: Workspace, folder: Path) -> StoredFile | None:
             index.path,
             "remove this folder and ingest the log again",
         )
-    together(
+    concurrently(
         lambda file: objects.put(workspace.resolve(file.path), file.path, file.sha256, is_new=True),
         absent,
     )
@@ -190,7 +190,7 @@ def _used(place: Path) -> None:
             os.close(descriptor)
 
 
-def together(work: Callable[[Item], object], items: Iterable[Item]) -> None:
+def concurrently(work: Callable[[Item], object], items: Iterable[Item]) -> None:
     """Does `work` on all items, some at once; raises what the first that failed raised, after those
     under way."""
     with ThreadPoolExecutor(_TOGETHER) as pool:

@@ -1,5 +1,5 @@
-"""Normal equations of flights in the store: one Parquet file each, its matrices flat, everything else
-in the metadata."""
+"""Stored normal equations of flights: one Parquet file each, with the matrices flattened into columns
+and everything else in the metadata."""
 
 from pathlib import Path
 from typing import Any

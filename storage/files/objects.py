@@ -20,7 +20,7 @@ from urllib.parse import urlsplit
 
 from aerodb.errors import AeroError, InputError, StoreBusyError, StoreError
 from aerodb.storage.catalogue import StoredFile
-from aerodb.storage.disk_errors import disk_faults, remove, temporary_beside
+from aerodb.storage.disk_errors import remove, temporary_beside, translated_disk_errors
 from aerodb.storage.workspace import put_in_place
 from aerodb.storage.workspace_settings import FILE, SettingsError, Store
 from aerodb.support import validated
@@ -124,7 +124,7 @@ class Objects:
         blocks = self.blocks(stored)
         if blocks is None:
             return False
-        with disk_faults(place):
+        with translated_disk_errors(place):
             place.parent.mkdir(parents=True, exist_ok=True)
             temporary = temporary_beside(place)
             try:
@@ -232,12 +232,12 @@ class Objects:
     @contextmanager
     def _faults(self, stored: StoredFile | None) -> Iterator[None]:
         where = self.url if stored is None else self.address(stored)
-        with object_faults(where):
+        with translated_object_errors(where):
             yield
 
 
 @contextmanager
-def object_faults(where: str) -> Iterator[None]:
+def translated_object_errors(where: str) -> Iterator[None]:
     """Turns what an S3 service, or the way to it, says into a StoreError that says what to do."""
     try:
         yield
@@ -333,7 +333,7 @@ def _connected(who: tuple[tuple[str, str], ...], _process: int) -> Any:
             "$AWS_ENDPOINT_URL",
             "mend it, or leave it out for AWS itself",
         )
-    with object_faults(address or "AWS"):
+    with translated_object_errors(address or "AWS"):
         return S3FileSystem(
             # named here, as the library reads neither the endpoint nor, in all places, the region
             # from the environment

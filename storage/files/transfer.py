@@ -13,7 +13,13 @@ from typing import Final
 from aerodb.errors import InputError
 from aerodb.storage.catalogue import Catalogue, StoredFile, measured
 from aerodb.storage.disk_errors import is_temporary, remove, temporary_beside
-from aerodb.storage.files.cache import is_recording_put, local, local_recording, together, topics_of
+from aerodb.storage.files.cache import (
+    concurrently,
+    is_recording_uploaded,
+    local,
+    local_recording,
+    topics_of,
+)
 from aerodb.storage.files.flights import INDEX
 from aerodb.storage.files.objects import DamagedObject, Objects, objects_of
 from aerodb.storage.workspace import Workspace
@@ -41,7 +47,7 @@ class Part:
 
 
 @dataclass(frozen=True)
-class Moved:
+class TransferReport:
     """Files and bytes that were put, fetched or removed, and which could not be: they are not as
     they were stored, or nowhere."""
 
@@ -127,7 +133,7 @@ def is_sound(workspace: Workspace, file: StoredFile) -> bool:
         return False
 
 
-def push(workspace: Workspace, catalogue: Catalogue) -> Moved:
+def push(workspace: Workspace, catalogue: Catalogue) -> TransferReport:
     """Puts what is here and not in the object store: all of a workspace that gets one, and objects
     that were lost."""
     objects, moved, left = required_objects(workspace), [], []
@@ -142,17 +148,17 @@ def push(workspace: Workspace, catalogue: Catalogue) -> Moved:
     for part in parts(workspace, catalogue, objects):
         absent = [file for file in part.files if not part.has(objects.address(file), file)]
         # An index comes after its topics, and not without them: who sees it relies on them.
-        together(move, [file for file in absent if not file.path.endswith(f"/{INDEX}")])
+        concurrently(move, [file for file in absent if not file.path.endswith(f"/{INDEX}")])
         lost = {f"{path.rpartition('/')[0]}/{INDEX}" for path in left}
         left.extend(file.path for file in absent if file.path in lost)
-        together(
+        concurrently(
             move,
             [file for file in absent if file.path.endswith(f"/{INDEX}") and file.path not in lost],
         )
-    return Moved(len(moved), sum(moved), tuple(sorted(left)))
+    return TransferReport(len(moved), sum(moved), tuple(sorted(left)))
 
 
-def pull(workspace: Workspace, catalogue: Catalogue) -> Moved:
+def pull(workspace: Workspace, catalogue: Catalogue) -> TransferReport:
     """Fetches what is not here, a recording as a whole: all of a workspace whose object store is to
     be left."""
     required_objects(workspace)
@@ -180,10 +186,10 @@ def pull(workspace: Workspace, catalogue: Catalogue) -> Moved:
         if not workspace.resolve(file.path).exists():
             portion.append(file)
         if len(portion) >= 1000:
-            together(move, portion)
+            concurrently(move, portion)
             portion.clear()
-    together(move, portion)
-    return Moved(len(moved), sum(moved), tuple(sorted(left)))
+    concurrently(move, portion)
+    return TransferReport(len(moved), sum(moved), tuple(sorted(left)))
 
 
 def _recording(workspace: Workspace, catalogue: Catalogue, index: StoredFile) -> Path:
@@ -198,7 +204,7 @@ def _bytes(place: Path) -> int:
     )
 
 
-def trim(workspace: Workspace, catalogue: Catalogue, size: int | None = None) -> Moved:
+def trim(workspace: Workspace, catalogue: Catalogue, size: int | None = None) -> TransferReport:
     """Removes files from the folder, what was not used for longest first, until at most `size`
     bytes are left of the store there; without a `size` as the settings say, and nothing where they
     say nothing.
@@ -227,7 +233,7 @@ def trim(workspace: Workspace, catalogue: Catalogue, size: int | None = None) ->
             over -= held
         else:
             left.append(workspace.relative(place))
-    return Moved(len(gone), sum(gone), tuple(left) if over > 0 else ())
+    return TransferReport(len(gone), sum(gone), tuple(left) if over > 0 else ())
 
 
 def _cached(workspace: Workspace) -> Iterator[tuple[float, int, Path]]:
@@ -253,4 +259,4 @@ def _is_put(workspace: Workspace, catalogue: Catalogue, objects: Objects, place:
     stored = catalogue.stored_file(workspace.relative(place / INDEX if place.is_dir() else place))
     if stored is None:
         return False
-    return is_recording_put(objects, stored) if place.is_dir() else objects.has(stored)
+    return is_recording_uploaded(objects, stored) if place.is_dir() else objects.has(stored)

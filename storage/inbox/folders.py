@@ -47,7 +47,7 @@ _BLOCK: Final = 1 << 20
 
 
 @dataclass(frozen=True)
-class Waiting:
+class InboxFile:
     """A file in the inbox. `relative` is its path there; `size`, `mtime_ns`, `ctime_ns` and `inode`
     tell whether it changed.
 
@@ -80,7 +80,7 @@ class Waiting:
         return now == (self.size, self.mtime_ns, self.ctime_ns, self.inode)
 
 
-def look(inbox: Path, vehicles: Collection[str], settle: float) -> list[Waiting]:
+def scan_inbox(inbox: Path, vehicles: Collection[str], settle: float) -> list[InboxFile]:
     """Everything in the inbox, by path; ready is what stood still for `settle` [s] and nobody has
     open for writing.
 
@@ -94,7 +94,7 @@ def look(inbox: Path, vehicles: Collection[str], settle: float) -> list[Waiting]
     ]
 
 
-def sized(entry: Waiting, limits: Limits) -> Waiting:
+def refuse_oversized(entry: InboxFile, limits: Limits) -> InboxFile:
     """`entry`, refused by its size alone where it is too large: not one byte of it is read."""
     try:
         limits.check_size(entry.size, "")
@@ -131,12 +131,12 @@ def open_log(path: Path, inbox: Path) -> BufferedReader:
         raise
 
 
-def may_settle(entry: Waiting) -> bool:
+def may_settle(entry: InboxFile) -> bool:
     """Whether waiting a moment can make a file ready."""
     return entry.state == "copying" and not _unfinished(entry.path)
 
 
-def look_again(seen: list[Waiting], waited: float, settle: float) -> list[Waiting]:
+def rescan_inbox(seen: list[InboxFile], waited: float, settle: float) -> list[InboxFile]:
     """`seen` after `waited` [s]: what did not change meanwhile is ready, whatever the clock says of
     its times."""
     return [
@@ -147,7 +147,7 @@ def look_again(seen: list[Waiting], waited: float, settle: float) -> list[Waitin
     ]
 
 
-def _files(folder: Path, inbox: Path, depth: int) -> Iterator[Waiting]:
+def _files(folder: Path, inbox: Path, depth: int) -> Iterator[InboxFile]:
     try:
         entries = sorted(os.scandir(folder), key=lambda entry: entry.name)
     except FileNotFoundError:
@@ -175,17 +175,17 @@ def _files(folder: Path, inbox: Path, depth: int) -> Iterator[Waiting]:
         kind = "a symbolic link" if stat.S_ISLNK(found.st_mode) else "no plain file"
         reason = "" if state == "copying" else f"{kind}: copy the log itself into the inbox"
         times = (found.st_size, found.st_mtime_ns, found.st_ctime_ns, found.st_ino)
-        yield Waiting(path, relative.as_posix(), vehicle, *times, state, reason)
+        yield InboxFile(path, relative.as_posix(), vehicle, *times, state, reason)
 
 
-def _blocked_folder(folder: Path, inbox: Path, reason: str) -> Waiting:
+def _blocked_folder(folder: Path, inbox: Path, reason: str) -> InboxFile:
     relative = folder.relative_to(inbox)
-    return Waiting(
+    return InboxFile(
         folder, relative.as_posix(), next(iter(relative.parts), ""), 0, 0, 0, 0, "blocked", reason
     )
 
 
-def _judged(entry: Waiting, vehicles: Collection[str], settle: float, now: int) -> Waiting:
+def _judged(entry: InboxFile, vehicles: Collection[str], settle: float, now: int) -> InboxFile:
     if entry.state in ("refused", "blocked"):
         return entry
     if not entry.vehicle and len(vehicles) == 1:
@@ -205,7 +205,7 @@ def _judged(entry: Waiting, vehicles: Collection[str], settle: float, now: int) 
     if _unfinished(entry.path):
         return replace(entry, reason="its name says that it is not finished")
     age = (now - max(entry.mtime_ns, entry.ctime_ns)) / 1e9
-    # An age below zero: the clock was set back, and only `look_again` can tell.
+    # An age below zero: the clock was set back, and only `rescan_inbox` can tell.
     if not age >= settle:
         return replace(entry, reason="changed a moment ago")
     return (
@@ -241,7 +241,7 @@ def _closed(path: Path) -> bool:
     return True
 
 
-def kept_path(workspace: Workspace, entry: Waiting, sha256: str) -> Path:
+def archived_path(workspace: Workspace, entry: InboxFile, sha256: str) -> Path:
     """Where the bytes of a log are kept, or will be: one that came before under another suffix
     stays where it is."""
     target = workspace.log_path(sha256, entry.path.suffix.lower())
@@ -256,7 +256,7 @@ def kept_path(workspace: Workspace, entry: Waiting, sha256: str) -> Path:
     return held or target
 
 
-def keep_log(entry: Waiting, kept: Path, sha256: str) -> None:
+def archive_log(entry: InboxFile, kept: Path, sha256: str) -> None:
     """Takes a log whose flight is stored out of the inbox to where it is `kept`.
 
     A copy of what is there goes away; what is there and does not have the log's bytes (any more) is
@@ -268,25 +268,25 @@ def keep_log(entry: Waiting, kept: Path, sha256: str) -> None:
         _move(entry.path, kept, sha256)
 
 
-def aside_key(entry: Waiting) -> str:
+def unreadable_key(entry: InboxFile) -> str:
     """The name of the folder in quarantine of what has no content that could name it."""
     return key_of([plain_text(entry.relative), str(entry.inode), str(entry.mtime_ns)])
 
 
-def put_aside(workspace: Workspace, entry: Waiting, reason: str) -> Path:
+def quarantine_unreadable(workspace: Workspace, entry: InboxFile, reason: str) -> Path:
     """Moves what is no plain file (a link, a pipe), or cannot be read at all, into quarantine;
     returns its folder.
 
     The entry itself is moved and never opened: of a link, what it points at stays untouched.
     """
-    folder = workspace.root / "quarantine" / aside_key(entry)
+    folder = workspace.root / "quarantine" / unreadable_key(entry)
     folder.mkdir(exist_ok=True)
     workspace.write_reason(folder, entry.path.name, entry.size, reason, entry.vehicle)
     _move(entry.path, folder / "aside", "")
     return folder
 
 
-def put_in(source: Path, target: Path) -> None:
+def move_into_inbox(source: Path, target: Path) -> None:
     """Moves a plain file into the inbox without ever taking another's place there: FileExistsError
     instead."""
     try:

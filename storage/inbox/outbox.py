@@ -12,7 +12,7 @@ from aerodb.storage.files import write_document
 from aerodb.storage.workspace import Workspace
 
 
-def post(
+def post_notification(
     workspace: Workspace, occasion: str, vehicle: str, text: str, details: Mapping[str, Any]
 ) -> Path:
     """Puts a notification into the outbox; `text` is one sentence, `details` a small document.
@@ -29,7 +29,7 @@ def post(
     return path
 
 
-def waiting(workspace: Workspace) -> Iterator[tuple[Path, dict[str, Any]]]:
+def undelivered_notifications(workspace: Workspace) -> Iterator[tuple[Path, dict[str, Any]]]:
     """What is not delivered yet, oldest first."""
     for path in sorted(workspace.outbox.glob("*.json")):
         try:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Final
 
 from aerodb.errors import InputError
-from aerodb.storage.inbox.folders import put_in
+from aerodb.storage.inbox.folders import move_into_inbox
 from aerodb.storage.workspace import Workspace
 
 REASON: Final = "reason.json"
@@ -39,12 +39,12 @@ class Quarantined:
         return self.file.is_file() and not self.file.is_symlink()
 
 
-def count(workspace: Workspace) -> int:
+def count_quarantined(workspace: Workspace) -> int:
     """How many entries there are."""
     return sum(1 for _ in _folders(workspace))
 
 
-def newest(workspace: Workspace, limit: int | None = None) -> list[Quarantined]:
+def newest_quarantined(workspace: Workspace, limit: int | None = None) -> list[Quarantined]:
     """The entries, newest first, at most `limit`."""
     found = sorted(
         _folders(workspace), key=lambda folder: (-folder.stat().st_mtime_ns, folder.name)
@@ -78,7 +78,7 @@ def _entry(folder: Path) -> Quarantined | None:
     return Quarantined(folder.name, size=int(note.get("size", 0)), file=held, **text)
 
 
-def put_back(workspace: Workspace, entry: Quarantined, vehicle: str) -> Path:
+def return_to_inbox(workspace: Workspace, entry: Quarantined, vehicle: str) -> Path:
     """Moves an entry back into the inbox of a vehicle, where the next sweep tries it again; returns
     its place there.
 
@@ -95,7 +95,7 @@ def put_back(workspace: Workspace, entry: Quarantined, vehicle: str) -> Path:
     target, number = folder / name, 0
     while True:
         try:
-            put_in(entry.file, target)
+            move_into_inbox(entry.file, target)
             break
         except FileExistsError:  # another log came under this name meanwhile
             number += 1

@@ -19,7 +19,7 @@ from typing import Any, Final
 
 from aerodb.errors import InputError, StoreError
 from aerodb.recording import Recording
-from aerodb.storage.disk_errors import disk_faults, remove, temporary_beside
+from aerodb.storage.disk_errors import remove, temporary_beside, translated_disk_errors
 from aerodb.storage.limits import Limits
 
 #: Environment that a reader needs; it has no business with what else is there.
@@ -65,7 +65,7 @@ def parsed_log(path: Path, place: Path, limits: Limits) -> Iterator[Parsed]:
     limits.check_size(path.stat().st_size, str(path))
     folder = temporary_beside(place)
     try:
-        with disk_faults(folder):
+        with translated_disk_errors(folder):
             _ask(path, {"folder": str(folder.absolute()), "limits": limits.model_dump()})
         yield Parsed(folder, replace(open_recording(folder), source=str(path)))
     finally:

@@ -22,7 +22,7 @@ from aerodb.errors import InputError
 from aerodb.logs import missing_by_topic
 from aerodb.recording import Damage, DamageKind, Recording, Topic
 from aerodb.storage.readers.ulog_framing import HEADER_BYTES, Survey, survey
-from aerodb.storage.readers.ulog_topics import LoggedTopics, Place
+from aerodb.storage.readers.ulog_topics import LoggedTopics, TopicRecords
 
 MAGIC = b"ULog\x01\x12\x35"
 #: Places of damage that are listed one by one; the rest is summed up in one entry.
@@ -133,16 +133,18 @@ def _parse_definitions(head: bytes, found: Survey, path: Path) -> ULog:
         ) from error
 
 
-def _places(definitions: ULog, found: Survey, topics: Collection[str] | None) -> dict[str, Place]:
+def _places(
+    definitions: ULog, found: Survey, topics: Collection[str] | None
+) -> dict[str, TopicRecords]:
     """Where the data of each topic are, by the topic's name."""
-    places: dict[str, Place] = {}
+    places: dict[str, TopicRecords] = {}
     for item in definitions.data_list:
         if (topics is None or item.name in topics) and _is_timed(found, item.msg_id):
             record = np.dtype([(f.field_name, _TYPES[f.type_str]) for f in item.field_data])
             instance = item.multi_id
             while (name := f"{item.name}.{instance}" if instance else item.name) in places:
                 instance += 1
-            places[name] = Place(item.msg_id, record, int(found.count[item.msg_id]))
+            places[name] = TopicRecords(item.msg_id, record, int(found.count[item.msg_id]))
     return dict(sorted(places.items()))
 
 
@@ -201,7 +203,7 @@ def _dropouts(found: Survey) -> Iterable[Damage]:
         )
 
 
-def _backwards(found: Survey, places: Mapping[str, Place]) -> Iterable[Damage]:
+def _backwards(found: Survey, places: Mapping[str, TopicRecords]) -> Iterable[Damage]:
     for name, place in places.items():
         n, latest = (int(value) for value in found.back[place.identity])
         if n:

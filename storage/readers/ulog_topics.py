@@ -23,7 +23,7 @@ _TIME_BYTES = 8
 
 
 @dataclass(frozen=True)
-class Place:
+class TopicRecords:
     """Where a topic's data are: message id, type of one record, how many."""
 
     identity: int
@@ -39,7 +39,7 @@ class Place:
 class LoggedTopics(Mapping[str, Topic]):
     """Topics by name, in the order of their names."""
 
-    def __init__(self, path: Path, found: Survey, places: Mapping[str, Place]) -> None:
+    def __init__(self, path: Path, found: Survey, places: Mapping[str, TopicRecords]) -> None:
         self._path, self._found, self._places = path, found, places
         # A group is what one pass gathered into one allocation; the last used stands last.
         self._groups: list[dict[str, Topic]] = []

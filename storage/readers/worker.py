@@ -25,7 +25,7 @@ import numpy as np
 
 from aerodb.errors import InputError, StoreError
 from aerodb.recording import Topic
-from aerodb.storage.disk_errors import disk_faults, remove
+from aerodb.storage.disk_errors import remove, translated_disk_errors
 from aerodb.storage.files import write_topics
 from aerodb.storage.limits import Limits
 from aerodb.storage.readers import mcap, tabular  # noqa: F401 - a child needs them after the fork
@@ -133,7 +133,7 @@ def _read(log: Path, folder: Path, limits: Limits) -> dict[str, str]:
     try:
         # What is stored does not depend on where the log lay.
         recording = replace(read_log(log), source=log.name)
-        with disk_faults(folder):
+        with translated_disk_errors(folder):
             write_topics(folder, recording)
     except StoreError as error:
         return _refusal(error.what, error.where, error.remedy, "store")

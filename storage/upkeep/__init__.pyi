@@ -1,4 +1,5 @@
-from . import verify
 from .backup import back_up, restore
+from .problems import Problem, VerificationReport, report_lines
+from .verification import verify
 
-__all__ = ["back_up", "restore", "verify"]
+__all__ = ["Problem", "VerificationReport", "back_up", "report_lines", "restore", "verify"]

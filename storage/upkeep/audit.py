@@ -1,7 +1,7 @@
-"""The catalogue against itself: its own integrity, identities computed again, edges that lead
-somewhere, histories in one piece.
+"""Internal consistency of the catalogue: database integrity, recomputed identities, references and
+name histories.
 
-Rows are read one after the other: memory does not grow with the catalogue.
+Rows are streamed, so memory use does not grow with the catalogue.
 """
 
 import hashlib
@@ -17,29 +17,33 @@ from aerodb.exchange import database_content_sha256, from_document
 from aerodb.storage import encoding as enc
 from aerodb.storage.catalogue import Ledger
 from aerodb.storage.catalogue import schema as s
+from aerodb.storage.upkeep.problems import Problem
 from aerodb.support import version_id
 from aerodb.tables import CheckCase, failures
 
-#: What is wrong, where, and what to do about it.
-Fault = tuple[str, str, str]
 Count = Callable[[str, int], None]
 
 _RESTORE: Final = "restore the workspace from a backup: aerodb restore"
+#: Step of the stored normal equations of flights.
 _NORMAL_EQUATIONS: Final = "gram"
 
 
+def _catalogue_problem(what: str, where: str, remedy: str = _RESTORE) -> Problem:
+    return Problem("catalogue", what, where, remedy)
+
+
 class Audit(Ledger):
-    """The part of the catalogue that checks the others; apart from them, because it needs the
-    science."""
+    """Consistency checks over all tables of the catalogue. Not a part of `Catalogue`, because the
+    checks import the numerical packages."""
 
     @classmethod
     def of(cls, other: Ledger) -> "Audit":
-        """The audit of an opened catalogue."""
+        """The audit of an open catalogue."""
         return cls(other._database)
 
-    def faults(self, count: Count) -> Iterator[Fault]:
-        """Everything that is wrong in the catalogue; `count` is told what was checked, and how
-        many."""
+    def problems(self, count: Count) -> Iterator[Problem]:
+        """Yield every problem of the catalogue; call `count` with the name and number of the items
+        checked."""
         with self._database.reading() as connection:
             stream = connection.execution_options(yield_per=200)
             yield from _database(stream, count)
@@ -48,10 +52,10 @@ class Audit(Ledger):
             yield from _versions(stream, count)
             yield from _edges(stream, count)
             yield from _names(stream, count)
-            yield from _halves(stream, count)
+            yield from _incomplete(stream, count)
 
     def results_without_file(self) -> tuple[str, ...]:
-        """Paths of results whose file has no hash in the catalogue."""
+        """Paths of results whose file has no recorded hash."""
         known = sa.select(s.stored_files.c.path)
         with self._database.reading() as connection:
             return tuple(
@@ -61,19 +65,21 @@ class Audit(Ledger):
             )
 
 
-def _database(connection: sa.Connection, count: Count) -> Iterator[Fault]:
-    """The database's own checks: pages and indices where it can, foreign keys, and the triggers
-    that guard the rows."""
+def _database(connection: sa.Connection, count: Count) -> Iterator[Problem]:
+    """Integrity checks of the database itself: pages and indices where it supports that, foreign
+    keys, and the append-only triggers."""
     own = _of_sqlite if connection.dialect.name == "sqlite" else _of_postgresql
-    guarded = dict(map(tuple, connection.exec_driver_sql(_GUARDED[connection.dialect.name]).all()))
+    query = _ENABLED_TRIGGERS[connection.dialect.name]
+    triggers = dict(map(tuple, connection.exec_driver_sql(query).all()))
     yield from own(connection)
-    for name in sorted(name for name in s.metadata.tables if guarded.get(name) != s.GUARDS):
-        yield "the triggers that keep its rows as they are are gone", f"table {name}", _RESTORE
+    expected = s.TRIGGERS_PER_TABLE
+    for name in sorted(name for name in s.metadata.tables if triggers.get(name) != expected):
+        yield _catalogue_problem("its append-only triggers are missing", f"table {name}")
     count("tables", len(s.metadata.tables))
 
 
-#: Table -> number of triggers that work.
-_GUARDED: Final = {
+#: Queries: table -> number of enabled triggers.
+_ENABLED_TRIGGERS: Final = {
     "sqlite": "SELECT tbl_name, count(*) FROM sqlite_master WHERE type = 'trigger' GROUP BY 1",
     "postgresql": (
         "SELECT c.relname, count(*) FROM pg_trigger t JOIN pg_class c ON c.oid = t.tgrelid JOIN"
@@ -84,21 +90,19 @@ _GUARDED: Final = {
 }
 
 
-def _of_sqlite(connection: sa.Connection) -> Iterator[Fault]:
+def _of_sqlite(connection: sa.Connection) -> Iterator[Problem]:
     for (text,) in connection.exec_driver_sql("PRAGMA integrity_check").all():
         if text != "ok":
-            yield text, "catalogue.sqlite", _RESTORE
+            yield _catalogue_problem(text, "catalogue.sqlite")
     for row in connection.exec_driver_sql("PRAGMA foreign_key_check").all():
-        yield (
-            f"row {row[1]} refers to a row of {row[2]} that is not there",
-            f"table {row[0]}",
-            _RESTORE,
+        yield _catalogue_problem(
+            f"row {row[1]} refers to a missing row of {row[2]}", f"table {row[0]}"
         )
 
 
-def _of_postgresql(connection: sa.Connection) -> Iterator[Fault]:
-    """Foreign keys, which a superuser can go round; pages have checksums of their own where the
-    server was made with them."""
+def _of_postgresql(connection: sa.Connection) -> Iterator[Problem]:
+    """Foreign keys, which a superuser can bypass. Pages are covered by the server's own checksums
+    where those are enabled."""
     for name, table in sorted(s.metadata.tables.items()):
         for edge in table.foreign_key_constraints:
             child, parent = table.alias(), edge.referred_table.alias()
@@ -108,26 +112,25 @@ def _of_postgresql(connection: sa.Connection) -> Iterator[Fault]:
             there = sa.exists().where(*(one == other for one, other in pairs))
             lost = sa.select(sa.func.count()).where(*(one.is_not(None) for one, _ in pairs), ~there)
             if number := connection.execute(lost).scalar_one():
-                yield (
-                    f"{number} rows refer to rows of {edge.referred_table.name} that are not there",
+                yield _catalogue_problem(
+                    f"{number} rows refer to missing rows of {edge.referred_table.name}",
                     f"table {name}",
-                    _RESTORE,
                 )
 
 
-def _texts(connection: sa.Connection, count: Count) -> Iterator[Fault]:
+def _texts(connection: sa.Connection, count: Count) -> Iterator[Problem]:
     c = s.vehicle_texts.c
     for row in connection.execute(sa.select(c.vehicle, c.text, c.sha256)):
         count("vehicle files", 1)
         if hashlib.sha256(row.text.encode("utf-8")).hexdigest() != row.sha256:
-            yield (
-                "its text is not the one that was stored",
+            yield _catalogue_problem(
+                "its text differs from the text that was stored",
                 f"vehicle {row.vehicle}",
-                "add the vehicle's file again",
+                "add the vehicle file again",
             )
 
 
-def _calibrations(connection: sa.Connection, count: Count) -> Iterator[Fault]:
+def _calibrations(connection: sa.Connection, count: Count) -> Iterator[Problem]:
     c = s.calibrations.c
     for row in connection.execute(sa.select(c.id, c.content)):
         count("calibrations", 1)
@@ -136,11 +139,14 @@ def _calibrations(connection: sa.Connection, count: Count) -> Iterator[Fault]:
         except (AeroError, ValueError, KeyError, TypeError):
             same = False
         if not same:
-            yield "its content does not have its identity", f"calibration {row.id[:12]}", _RESTORE
+            yield _catalogue_problem(
+                "its content does not match its id", f"calibration {row.id[:12]}"
+            )
 
 
-def _versions(connection: sa.Connection, count: Count) -> Iterator[Fault]:
-    """Each version's id from what it was made of, the hash of its numbers, and its check cases."""
+def _versions(connection: sa.Connection, count: Count) -> Iterator[Problem]:
+    """Each version: its id recomputed from its inputs, the hash of its numbers, its check
+    cases."""
     c, e = s.versions.c, s.version_inputs.c
     columns = (
         c.id,
@@ -160,25 +166,25 @@ def _versions(connection: sa.Connection, count: Count) -> Iterator[Fault]:
         except (AeroError, ValueError, KeyError, TypeError) as error:
             wrong = f"cannot be read: {str(error)[:200]}"
         if wrong:
-            yield wrong, f"v{row.number:04d} of {row.vehicle}", _RESTORE
+            yield _catalogue_problem(wrong, f"v{row.number:04d} of {row.vehicle}")
 
 
 def _wrong_with(row: Any, inputs: Sequence[str]) -> str:
     if version_id(row.vehicle, row.parent, inputs, enc.from_json(row.settings)) != row.id:
-        return "what it was made of does not give its identity"
+        return "its inputs and settings do not match its id"
     database = from_document(json.loads(row.content))
     if database_content_sha256(database) != row.content_sha256:
-        return "its numbers are not those that were stored"
+        return "its numbers differ from the numbers that were stored"
     cases = [CheckCase(**case) for case in enc.from_json(row.report).get("check_cases", [])]
     return next(iter(failures(database, cases)), "")
 
 
-def _edges(connection: sa.Connection, count: Count) -> Iterator[Fault]:
-    """Every input leads to a result, a log, a vehicle's text, a version or a calibration.
+def _edges(connection: sa.Connection, count: Count) -> Iterator[Problem]:
+    """Every input refers to a result, a log, a vehicle text, a version or a calibration.
 
-    Two kinds of input are of things that are not kept: the file that a version without parent was
-    imported from, and the database beside which normal equations were made, which may be a candidate between
-    two rounds of the loop.
+    Two kinds of input refer to things that are not stored: the file that a version without parent
+    was imported from, and the database for which normal equations were formed, which may be an
+    intermediate candidate of the loop.
     """
     known = sa.union_all(
         sa.select(s.results.c.key),
@@ -196,25 +202,21 @@ def _edges(connection: sa.Connection, count: Count) -> Iterator[Fault]:
         .where(i.input_key.not_in(known))
     )
     for row in connection.execute(lost.where(r.step != _NORMAL_EQUATIONS)):
-        yield (
-            f"its input {row.input_key[:12]} is not there",
-            f"result {row.key[:12]} ({row.step})",
-            _RESTORE,
+        yield _catalogue_problem(
+            f"its input {row.input_key[:12]} is missing", f"result {row.key[:12]} ({row.step})"
         )
     resolved = sa.select(i.key).where(i.input_key.in_(known))
     for key in connection.scalars(sa.select(r.key).where(r.key.not_in(resolved))):
-        yield "none of its inputs is there", f"result {key[:12]}", _RESTORE
+        yield _catalogue_problem("all of its inputs are missing", f"result {key[:12]}")
     broken = sa.select(w.version, w.input_key).join(s.versions, v.id == w.version)
     for row in connection.execute(broken.where(v.parent.is_not(None), w.input_key.not_in(known))):
-        yield (
-            f"its input {row.input_key[:12]} is not there",
-            f"version {row.version[:12]}",
-            _RESTORE,
+        yield _catalogue_problem(
+            f"its input {row.input_key[:12]} is missing", f"version {row.version[:12]}"
         )
 
 
-def _names(connection: sa.Connection, count: Count) -> Iterator[Fault]:
-    """Every move of a name begins where the one before it ended."""
+def _names(connection: sa.Connection, count: Count) -> Iterator[Problem]:
+    """Every move of a name starts at the version where the previous move ended."""
     c = s.name_events.c
     last: dict[tuple[str, str], tuple[int, Any]] = {}
     for row in connection.execute(
@@ -225,17 +227,16 @@ def _names(connection: sa.Connection, count: Count) -> Iterator[Fault]:
         count("moves of names", 1)
         step, version = last.get((row.vehicle, row.name), (0, None))
         if (row.step, row.previous) != (step + 1, version):
-            yield (
-                f"move {row.step} does not begin where the one before it ended",
+            yield _catalogue_problem(
+                f"move {row.step} does not start where the previous move ended",
                 f"'{row.name}' of {row.vehicle}",
-                _RESTORE,
             )
         last = {(row.vehicle, row.name): (row.step, row.version)}
 
 
-def _halves(connection: sa.Connection, count: Count) -> Iterator[Fault]:
-    """Flights and logs that only half came in: they are added in one transaction, so that there
-    should be none."""
+def _incomplete(connection: sa.Connection, count: Count) -> Iterator[Problem]:
+    """Flights without channels and logs without flights. Both are added in one transaction, so
+    there should be none."""
     f, r = s.flights.c, s.results.c
     count(
         "flights",
@@ -243,11 +244,13 @@ def _halves(connection: sa.Connection, count: Count) -> Iterator[Fault]:
     )
     taken_in = sa.select(r.flight).where(r.step == "ingest", r.flight.is_not(None))
     for id in connection.scalars(sa.select(f.id).where(f.id.not_in(taken_in))):
-        yield "it has no channels", f"flight {id[:12]}", "ingest its log again"
+        yield _catalogue_problem("it has no channels", f"flight {id[:12]}", "ingest its log again")
     g = s.log_files.c
     for sha256 in connection.scalars(
         sa.select(g.sha256).where(
             g.status != "quarantined", g.sha256.not_in(sa.select(f.log_sha256))
         )
     ):
-        yield "it is stored, but no flight was made of it", f"log {sha256[:12]}", "ingest it again"
+        yield _catalogue_problem(
+            "it is stored, but it has no flight", f"log {sha256[:12]}", "ingest it again"
+        )

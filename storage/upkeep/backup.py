@@ -24,13 +24,13 @@ from aerodb.errors import InputError, StoreError
 from aerodb.storage.catalogue import (
     HEAD,
     Catalogue,
-    Place,
+    CatalogueLocation,
     StoredFile,
+    catalogue_location,
     copy_catalogue,
     measured,
-    place_of,
 )
-from aerodb.storage.disk_errors import disk_faults
+from aerodb.storage.disk_errors import translated_disk_errors
 from aerodb.storage.files import (
     INDEX,
     DamagedObject,
@@ -42,8 +42,8 @@ from aerodb.storage.files import (
 )
 from aerodb.storage.inbox import REASON
 from aerodb.storage.upkeep.audit import Audit
-from aerodb.storage.upkeep.verify import Problem, require_clean, verify
-from aerodb.storage.upkeep.verify_objects import ORPHAN
+from aerodb.storage.upkeep.problems import ORPHAN_OBJECT, Problem, require_clean
+from aerodb.storage.upkeep.verification import verify
 from aerodb.storage.workspace import Workspace, has_sha256, write_atomically
 from aerodb.storage.workspace_settings import FILE as SETTINGS
 
@@ -72,9 +72,9 @@ def back_up(workspace: Workspace, target: Path) -> Backup:
     is full.
     """
     _claim(workspace, target)
-    with disk_faults(target):
+    with translated_disk_errors(target):
         partial = target / _PARTIAL
-        _copy_catalogue(place_of(workspace.catalogue), partial)
+        _copy_catalogue(catalogue_location(workspace.catalogue), partial)
         quarantine = list(_in_quarantine(workspace.root))
         with Catalogue.in_file(partial) as snapshot:
             made = _copy_files(
@@ -132,7 +132,7 @@ def restore(source: Path, root: Path, settings: Path | None = None) -> dict[str,
         objects = objects_of(workspace.root)
         if objects is not None and settings is None:
             require_unused(objects)
-        place = place_of(workspace.catalogue)
+        place = catalogue_location(workspace.catalogue)
         file = workspace.root / _PARTIAL if place.url else workspace.catalogue
         _copy(_kept_catalogue(source, manifest), file)
         with Catalogue.in_file(file) as snapshot:
@@ -150,7 +150,7 @@ def restore(source: Path, root: Path, settings: Path | None = None) -> dict[str,
                 found = [
                     problem
                     for problem in verify(workspace, catalogue).problems
-                    if problem.kind != ORPHAN
+                    if problem.kind != ORPHAN_OBJECT
                 ]
                 left.extend(
                     problem
@@ -181,7 +181,7 @@ def _kept_catalogue(source: Path, manifest: dict[str, Any]) -> Path:
 
 
 @contextmanager
-def _moved(snapshot: Catalogue, place: Place) -> Iterator[Catalogue]:
+def _moved(snapshot: Catalogue, place: CatalogueLocation) -> Iterator[Catalogue]:
     """The catalogue of the new workspace: the file itself, or its rows in a database, where they
     stay if all is well."""
     if not place.url:
@@ -270,7 +270,7 @@ def _claim(workspace: Workspace, target: Path) -> None:
             "choose another folder, best on another disk",
         )
     try:
-        with disk_faults(target):
+        with translated_disk_errors(target):
             target.mkdir(parents=True, exist_ok=True)
     except (FileExistsError, NotADirectoryError) as error:
         raise InputError("is no folder", str(target), "choose another one") from error
@@ -282,7 +282,7 @@ def _claim(workspace: Workspace, target: Path) -> None:
         raise InputError("holds something that is no backup", str(target), "choose a new folder")
 
 
-def _copy_catalogue(place: Place, target: Path) -> None:
+def _copy_catalogue(place: CatalogueLocation, target: Path) -> None:
     """One consistent state of a database that others may write to meanwhile, into a file."""
     for left in (
         target,

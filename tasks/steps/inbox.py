@@ -11,18 +11,18 @@ from aerodb.storage.catalogue import InboxEvent, InboxKind
 from aerodb.storage.encoding import plain_text
 from aerodb.storage.files import put
 from aerodb.storage.inbox import (
+    InboxFile,
     Quarantined,
-    Waiting,
-    aside_key,
-    keep_log,
-    kept_path,
-    look,
-    look_again,
+    archive_log,
+    archived_path,
     may_settle,
-    newest,
+    newest_quarantined,
     open_log,
-    put_aside,
-    sized,
+    quarantine_unreadable,
+    refuse_oversized,
+    rescan_inbox,
+    scan_inbox,
+    unreadable_key,
 )
 from aerodb.storage.workspace_settings import Settings
 from aerodb.tasks.steps.counting import WHOLE
@@ -31,22 +31,22 @@ from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 
 def files_of_inbox(
     access: WorkspaceAccess, settings: Settings, vehicle: str | None = None, wait: bool = True
-) -> list[Waiting]:
+) -> list[InboxFile]:
     """What is in the inbox (of one vehicle), judged; `wait` gives what changed a moment ago its
     time to stand still."""
     names = [row.name for row in access.catalogue.vehicles()]
-    seen = look(access.workspace.inbox, names, settings.inbox.settle)
+    seen = scan_inbox(access.workspace.inbox, names, settings.inbox.settle)
     if wait and any(may_settle(entry) for entry in seen):
         time.sleep(settings.inbox.settle)
-        seen = look_again(seen, settings.inbox.settle, settings.inbox.settle)
+        seen = rescan_inbox(seen, settings.inbox.settle, settings.inbox.settle)
     return [
-        sized(entry, settings.limits)
+        refuse_oversized(entry, settings.limits)
         for entry in seen
         if vehicle is None or entry.vehicle == vehicle
     ]
 
 
-def set_aside(entry: Waiting, *, workspace: str, run: str, reason: str) -> dict[str, Any]:
+def set_aside(entry: InboxFile, *, workspace: str, run: str, reason: str) -> dict[str, Any]:
     """Puts what is never to be read as a log again into quarantine: a link or a pipe unopened, a
     log by its bytes alone.
 
@@ -54,8 +54,8 @@ def set_aside(entry: Waiting, *, workspace: str, run: str, reason: str) -> dict[
     """
     access = access_workspace(workspace)
     sha256 = "" if entry.state == "refused" else _sha256(access, entry)
-    access.catalogue.note_arrivals(
-        [_event(entry, "quarantined", run, sha256 or aside_key(entry), reason)]
+    access.catalogue.add_inbox_events(
+        [_event(entry, "quarantined", run, sha256 or unreadable_key(entry), reason)]
     )
     log = access.catalogue.log(sha256) if sha256 else None
     if sha256:
@@ -66,11 +66,11 @@ def set_aside(entry: Waiting, *, workspace: str, run: str, reason: str) -> dict[
             )
         access.workspace.quarantine(entry.path, sha256, reason, entry.vehicle)
     else:
-        put_aside(access.workspace, entry, reason)
+        quarantine_unreadable(access.workspace, entry, reason)
     return _ending(entry, "quarantined", {"what": reason})
 
 
-def _sha256(access: WorkspaceAccess, entry: Waiting) -> str:
+def _sha256(access: WorkspaceAccess, entry: InboxFile) -> str:
     """The hash of a file's bytes, empty where they cannot be read."""
     try:
         with open_log(entry.path, access.workspace.inbox) as file:
@@ -82,7 +82,7 @@ def _sha256(access: WorkspaceAccess, entry: Waiting) -> str:
 def in_quarantine(access: WorkspaceAccess, limit: int | None = None) -> list[Quarantined]:
     """What lies in quarantine, newest first, at most `limit`; without what was stored since, by
     another way."""
-    entries = newest(access.workspace, limit)
+    entries = newest_quarantined(access.workspace, limit)
     return [
         entry
         for entry in entries
@@ -92,26 +92,30 @@ def in_quarantine(access: WorkspaceAccess, limit: int | None = None) -> list[Qua
     ]
 
 
-def note_tries(access: WorkspaceAccess, entries: Sequence[Waiting], run: str) -> None:
+def note_tries(access: WorkspaceAccess, entries: Sequence[InboxFile], run: str) -> None:
     """Notes, before they are read, that files are tried: what ends the process is told by it."""
-    access.catalogue.note_arrivals([_event(entry, "tried", run) for entry in entries])
+    access.catalogue.add_inbox_events([_event(entry, "tried", run) for entry in entries])
 
 
-def note_failure(access: WorkspaceAccess, entry: Waiting, run: str, reason: str) -> dict[str, Any]:
+def note_failure(
+    access: WorkspaceAccess, entry: InboxFile, run: str, reason: str
+) -> dict[str, Any]:
     """Notes that a file could not be dealt with; an empty reason says that it was not its own
     fault. Returns its ending."""
-    access.catalogue.note_arrivals([_event(entry, "failed", run, reason=reason)])
+    access.catalogue.add_inbox_events([_event(entry, "failed", run, reason=reason)])
     return _ending(entry, "failed", {"what": reason})
 
 
-def note_no_room(access: WorkspaceAccess, entry: Waiting, run: str, reason: str) -> dict[str, Any]:
+def note_no_room(
+    access: WorkspaceAccess, entry: InboxFile, run: str, reason: str
+) -> dict[str, Any]:
     """Notes that the disk or the machine could not take a file now, which is not its fault: it
     waits. Returns its ending."""
     return {**note_failure(access, entry, run, ""), "kind": "no_room", "reason": reason}
 
 
 def settle(
-    dealt: Sequence[tuple[Waiting, dict[str, Any]]], *, workspace: str, run: str
+    dealt: Sequence[tuple[InboxFile, dict[str, Any]]], *, workspace: str, run: str
 ) -> list[dict[str, Any]]:
     """Ends files whose per-flight run is over, each with the run's outcome: the row first, then the
     file leaves the inbox.
@@ -125,7 +129,7 @@ def settle(
 
 
 def _settled(
-    access: WorkspaceAccess, entry: Waiting, outcome: dict[str, Any], run: str
+    access: WorkspaceAccess, entry: InboxFile, outcome: dict[str, Any], run: str
 ) -> dict[str, Any]:
     there, sha256 = entry.path.exists() or entry.path.is_symlink(), outcome["sha256"]
     if there and not entry.unchanged():
@@ -136,10 +140,10 @@ def _settled(
     if outcome["status"] == "refused":
         if there:  # refused for another reason than its bytes: it is another vehicle's, say
             access.workspace.quarantine(entry.path, sha256, reason, entry.vehicle)
-        access.catalogue.note_arrivals([_event(entry, "quarantined", run, sha256, reason)])
+        access.catalogue.add_inbox_events([_event(entry, "quarantined", run, sha256, reason)])
         return _ending(entry, "quarantined", outcome)
     kind = _kind(access, entry, outcome)
-    kept = kept_path(access.workspace, entry, sha256)
+    kept = archived_path(access.workspace, entry, sha256)
     try:
         if there:
             put(access.workspace, entry.path, kept, sha256)
@@ -150,20 +154,20 @@ def _settled(
     ) as error:  # its flight is stored; the log itself waits here until it can be put
         return note_no_room(access, entry, run, str(error))
     with access.catalogue.transaction():
-        access.catalogue.note_arrivals([_event(entry, kind, run, sha256)])
+        access.catalogue.add_inbox_events([_event(entry, kind, run, sha256)])
         if there:
             access.catalogue.add_file(access.workspace.relative(kept), sha256, entry.size)
     if there:
-        keep_log(entry, kept, sha256)
+        archive_log(entry, kept, sha256)
     return _ending(entry, kind, outcome)
 
 
-def _kind(access: WorkspaceAccess, entry: Waiting, outcome: dict[str, Any]) -> InboxKind:
+def _kind(access: WorkspaceAccess, entry: InboxFile, outcome: dict[str, Any]) -> InboxKind:
     """Stored or duplicate. A run that ended between storing a log and noting it finds its own
     flight: that is no duplicate."""
     earlier = [
         event
-        for event in access.catalogue.arrivals(sha256=outcome["sha256"])
+        for event in access.catalogue.inbox_events(sha256=outcome["sha256"])
         if event.kind == "stored"
     ]
     if earlier:  # copies that are read side by side do not know of each other
@@ -185,14 +189,14 @@ def _reason(outcome: dict[str, Any]) -> str:
 
 
 def _event(
-    entry: Waiting, kind: InboxKind, run: str, sha256: str = "", reason: str = ""
+    entry: InboxFile, kind: InboxKind, run: str, sha256: str = "", reason: str = ""
 ) -> InboxEvent:
     return InboxEvent(
         entry.relative, entry.vehicle, entry.size, entry.mtime_ns, kind, sha256, reason, run or None
     )
 
 
-def _ending(entry: Waiting, kind: str, outcome: dict[str, Any]) -> dict[str, Any]:
+def _ending(entry: InboxFile, kind: str, outcome: dict[str, Any]) -> dict[str, Any]:
     consistency = outcome.get("consistency") or {}
     return {
         "file": entry.file[0],

@@ -23,7 +23,7 @@ from aerodb.storage.disk_errors import require_space
 from aerodb.storage.encoding import FLIGHT_NAME, checked
 from aerodb.storage.files import (
     INDEX,
-    is_recording_kept,
+    is_recording_available,
     open_recording,
     put,
     put_recording,
@@ -249,7 +249,7 @@ def _known(
 ) -> str | None:
     """The flight of these bytes, when they are stored under the vehicle's present file and this
     mapping, topics and all."""
-    if not is_recording_kept(access.workspace, access.catalogue, sha256):
+    if not is_recording_available(access.workspace, access.catalogue, sha256):
         return None
     for row in access.catalogue.flights(vehicle, log_sha256=sha256):
         mappings = [chosen] if chosen else builtin_mappings().values()

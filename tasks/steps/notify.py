@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Final
 from urllib.error import HTTPError
 
-from aerodb.storage.inbox import post, waiting
+from aerodb.storage.inbox import post_notification, undelivered_notifications
 from aerodb.storage.workspace import Workspace
 from aerodb.storage.workspace_settings import Notification, Occasion, load_settings
 
@@ -25,7 +25,7 @@ def tell(
     asked = load_settings(workspace.root).notification_of(vehicle)
     if occasion not in asked.on or not (asked.webhook or asked.command):
         return False
-    post(workspace, occasion, vehicle, text, details)
+    post_notification(workspace, occasion, vehicle, text, details)
     return True
 
 
@@ -39,7 +39,7 @@ def deliver(root: str, *, workspace: str, run: str) -> list[dict[str, str]]:
     folder = Workspace.open(Path(root))
     settings, failures = load_settings(folder.root), []
     failed: dict[tuple[str, tuple[str, ...]], str] = {}
-    for path, message in waiting(folder):
+    for path, message in undelivered_notifications(folder):
         target = settings.notification_of(message["vehicle"])
         reached = (target.webhook, target.command)
         error = failed.get(reached) or _send(target, message)

@@ -6,7 +6,7 @@ from typing import Any, Final
 
 from aerodb.errors import AeroError
 from aerodb.storage.catalogue import RunRow
-from aerodb.storage.inbox import quarantined, waiting
+from aerodb.storage.inbox import count_quarantined, undelivered_notifications
 from aerodb.storage.locks import is_held, note_of
 from aerodb.storage.workspace_settings import Loop, Schedule, Settings, load_settings
 from aerodb.tasks.result_versions import CANDIDATE, RELEASED
@@ -37,7 +37,7 @@ def status_of(access: WorkspaceAccess) -> dict[str, Any]:
     failed = [_run(run, "its process ended without a word") for run in dead]
     failed += [_run(run, run.error) for run in access.catalogue.unresolved_runs(_LISTED)]
     aside = in_quarantine(access, _LISTED)
-    elsewhere = min(quarantined.count(access.workspace), _LISTED) - len(aside)
+    elsewhere = min(count_quarantined(access.workspace), _LISTED) - len(aside)
     document: dict[str, Any] = {
         "serve": {
             "running": is_held(access.workspace.lock("serve")),
@@ -49,7 +49,7 @@ def status_of(access: WorkspaceAccess) -> dict[str, Any]:
         "running": [_run(run, "") for run in alive],
         "failed": failed,
         "quarantined": {
-            "count": quarantined.count(access.workspace) - elsewhere,
+            "count": count_quarantined(access.workspace) - elsewhere,
             "newest": [
                 {
                     "key": e.key,
@@ -62,7 +62,9 @@ def status_of(access: WorkspaceAccess) -> dict[str, Any]:
             ],
         },
         "vehicles": [_vehicle(access, settings, row.name) for row in access.catalogue.vehicles()],
-        "undelivered": [message["text"] for _, message in waiting(access.workspace)][:_LISTED],
+        "undelivered": [
+            message["text"] for _, message in undelivered_notifications(access.workspace)
+        ][:_LISTED],
         "free_bytes": shutil.disk_usage(access.workspace.root).free,
     }
     return {**document, "todo": _todo(document)}
@@ -91,7 +93,7 @@ def schedule_text(schedule: Schedule) -> str:
 
 def _waiting(access: WorkspaceAccess, settings: Settings) -> list[dict[str, Any]]:
     seen = files_of_inbox(access, settings, wait=False)
-    tries = access.catalogue.attempts(entry.relative for entry in seen)
+    tries = access.catalogue.inbox_attempts(entry.relative for entry in seen)
     return [
         {
             "file": entry.file[0],

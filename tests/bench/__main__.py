@@ -91,8 +91,8 @@ def measure(imports: str, body: str) -> dict[str, Any]:
 def per_flight_run(folder: Path, seconds: float, runs: int) -> None:
     """The whole per-flight run of a generated one-hour log beside pyulog's parsing of the same
     file."""
-    from aerodb.storage.writers.generated import generated_topics
     from aerodb.storage.writers.ulog import write_ulog
+    from tests.bench.generated_log import generated_topics
 
     log = folder / "hour.ulg"
     write_ulog(log, generated_topics(seconds), metadata={"sys_name": "PX4"})
@@ -271,8 +271,8 @@ whole = flight({seconds})
 def consistency_step(folder: Path, seconds: float) -> None:
     """The consistency step of a flight at 100 Hz beside the parsing of a log of that length; and of
     half of it."""
-    from aerodb.storage.writers.generated import generated_topics
     from aerodb.storage.writers.ulog import write_ulog
+    from tests.bench.generated_log import generated_topics
 
     log = folder / "consistency.ulg"
     write_ulog(log, generated_topics(seconds), metadata={"sys_name": "PX4"})

@@ -27,7 +27,7 @@ from aerodb.flows.release import promote_flow
 from aerodb.flows.run import run_flow
 from aerodb.flows.update import update_flow
 from aerodb.storage.catalogue.catalogue import Catalogue
-from aerodb.storage.upkeep.verify import verify
+from aerodb.storage.upkeep.verification import verify
 from aerodb.storage.workspace import Workspace
 from tests.support.glider_runs import prepared, rows, stored
 from tests.support.small_glider import MODEL, NAME, state_of, write_files

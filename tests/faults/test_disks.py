@@ -22,7 +22,7 @@ from aerodb.flows.update import update_flow
 from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.catalogue.sqlite import open_sqlite
 from aerodb.storage.disk_errors import require_space
-from aerodb.storage.upkeep.verify import verify
+from aerodb.storage.upkeep.verification import verify
 from aerodb.storage.workspace import Workspace, write_atomically
 from tests.support.command import aerodb
 from tests.support.glider_runs import prepared, stored

@@ -10,7 +10,7 @@ import pytest
 
 from aerodb.flows.orchestrator import Client
 from aerodb.flows.serve import Server
-from aerodb.storage.inbox.outbox import post
+from aerodb.storage.inbox.outbox import post_notification
 from aerodb.storage.locks import take
 from aerodb.storage.workspace import Workspace
 from aerodb.tasks.steps.notify import deliver
@@ -84,7 +84,7 @@ def test_a_webhook_that_answers_garbage(
     text = f'[notification]\nwebhook = "http://127.0.0.1:{hook.port}/sesame"\n'
     (workspace.root / "settings.toml").write_text(text, encoding="utf-8")
     for k in range(3):
-        post(workspace, "failed", "glider", f"sentence {k}", {})
+        post_notification(workspace, "failed", "glider", f"sentence {k}", {})
     failures = deliver(str(workspace.root), workspace=str(workspace.root), run="")
     assert [failure["text"] for failure in failures] == [f"sentence {k}" for k in range(3)]
     assert all(
@@ -103,7 +103,7 @@ def test_an_address_that_is_none_is_not_said(
     (workspace.root / "settings.toml").write_text(
         '[notification]\nwebhook = "$HOOK"\n', encoding="utf-8"
     )
-    post(workspace, "failed", "glider", "a sentence", {})
+    post_notification(workspace, "failed", "glider", "a sentence", {})
     assert deliver(str(workspace.root), workspace=str(workspace.root), run="") == [
         {"text": "a sentence", "error": "webhook: InvalidURL"}
     ]

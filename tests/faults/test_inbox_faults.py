@@ -18,8 +18,8 @@ from aerodb.flows.nightly import nightly_flow
 from aerodb.flows.run import run_flow
 from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.disk_errors import GROWTH
-from aerodb.storage.inbox.folders import put_in
-from aerodb.storage.inbox.quarantined import newest, put_back
+from aerodb.storage.inbox.folders import move_into_inbox
+from aerodb.storage.inbox.quarantined import newest_quarantined, return_to_inbox
 from aerodb.storage.workspace import Workspace
 from aerodb.tasks.steps.ingest import store_log
 from tests.support.glider_runs import prepared
@@ -121,7 +121,7 @@ def test_a_log_that_is_too_large_is_refused_by_its_size_and_not_read(
     document = swept(workspace)
     assert time.monotonic() - begun < 600.0
     assert kinds(document) == {"sparse.ulg": "quarantined", "flight1.csv": "stored"}
-    (entry,) = newest(workspace)
+    (entry,) = newest_quarantined(workspace)
     assert "8796093 MB, and at most 20000 MB are read" in entry.reason
     assert (entry.can_return, entry.file.stat().st_size) == (True, 8 << 40)
     (workspace.root / "far.ulg").touch()
@@ -273,8 +273,8 @@ def test_an_inbox_on_another_file_system(
     aside = [folder / "aside" for folder in (workspace.root / "quarantine").iterdir()]
     links = [path for path in aside if path.is_symlink()]
     assert sorted(os.readlink(path) for path in links) == sorted(["absent", str(logs[0])])
-    (entry,) = [entry for entry in newest(workspace) if entry.can_return]
-    assert put_back(workspace, entry, NAME).read_text() == "time,nothing\n0,1\n"
+    (entry,) = [entry for entry in newest_quarantined(workspace) if entry.can_return]
+    assert return_to_inbox(workspace, entry, NAME).read_text() == "time,nothing\n0,1\n"
     assert left(workspace) == [f"{NAME}/bad.csv"]
     assert not entry.file.parent.exists()
 
@@ -284,12 +284,12 @@ def test_what_comes_back_takes_nobodys_place(workspace: Workspace) -> None:
     box = workspace.inbox / NAME
     (box / "bad.csv").write_text("time,nothing\n0,1\n")
     swept(workspace)
-    (entry,) = newest(workspace)
+    (entry,) = newest_quarantined(workspace)
     (box / "bad.csv").write_text("another")
     (box / f"{entry.key[:12]}-1-bad.csv").write_text("and another")
     with pytest.raises(FileExistsError):
-        put_in(entry.file, box / "bad.csv")
-    assert put_back(workspace, entry, NAME).read_text() == "time,nothing\n0,1\n"
+        move_into_inbox(entry.file, box / "bad.csv")
+    assert return_to_inbox(workspace, entry, NAME).read_text() == "time,nothing\n0,1\n"
     assert sorted(path.read_text() for path in box.iterdir()) == [
         "and another",
         "another",

@@ -21,7 +21,7 @@ from aerodb.flows.run import run_flow
 from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.limits import Limits
 from aerodb.storage.readers.isolated import parsed_log
-from aerodb.storage.upkeep.verify import verify
+from aerodb.storage.upkeep.verification import verify
 from aerodb.storage.workspace_settings import SettingsError, load_settings
 from aerodb.storage.writers.ulog import write_ulog
 from tests.faults.test_fuzz_readers import flip, scramble

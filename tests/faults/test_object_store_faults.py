@@ -18,7 +18,7 @@ from aerodb.storage.files.cache import local, local_recording
 from aerodb.storage.files.flights import INDEX, files_of
 from aerodb.storage.files.objects import DamagedObject, Objects
 from aerodb.storage.upkeep.backup import back_up, restore
-from aerodb.storage.upkeep.verify import verify
+from aerodb.storage.upkeep.verification import verify
 from aerodb.storage.workspace import Workspace
 from aerodb.tasks.workspace_access import access_workspace
 from tests.support.command import asked
@@ -150,7 +150,7 @@ def test_what_nobody_names_is_told_once_it_is_old(
     service.client.put_object(**service.at(url, "flights/zz/readme"), Body=b"nobody's")
     report = checked(workspace)
     assert (report.problems, report.pending) == ([], 2)
-    monkeypatch.setattr("aerodb.storage.upkeep.verify_objects._SETTLED", -1.0)
+    monkeypatch.setattr("aerodb.storage.upkeep.object_verification._SETTLED", -1.0)
     report = checked(workspace)
     assert kinds(report) == ["orphan object"] * 2
     assert report.problems[0].where == f"{url}/flights/zz/readme"
@@ -275,7 +275,7 @@ def test_below_an_index_that_is_nowhere_no_topic_is_called_an_orphan(
     index = the(workspace, "index")
     getattr(service, fault)(url, name(index))
     empty_cache(workspace)
-    monkeypatch.setattr("aerodb.storage.upkeep.verify_objects._SETTLED", -1.0)
+    monkeypatch.setattr("aerodb.storage.upkeep.object_verification._SETTLED", -1.0)
     (problem,) = checked(workspace, fetch=True).problems
     assert problem.kind == {"spoil": "changed", "delete": "missing"}[fault]
     assert index.path in problem.where
@@ -344,7 +344,7 @@ def test_what_leaves_the_cache_meanwhile_is_fetched_again_and_no_fault(
             ).is_file()
         with monkeypatch.context() as patched:
             patched.setattr(
-                "aerodb.storage.upkeep.verify.files_of",
+                "aerodb.storage.upkeep.verification.files_of",
                 lambda folder: [remove(folder), files_of(folder)][1],
             )
             assert verify(workspace, catalogue).problems == []
@@ -353,7 +353,7 @@ def test_what_leaves_the_cache_meanwhile_is_fetched_again_and_no_fault(
             patched.setattr(
                 "aerodb.storage.files.transfer._is_idle", lambda place: remove(place) is None
             )
-            assert transfer.trim(workspace, catalogue, 0) == transfer.Moved(0, 0, ())
+            assert transfer.trim(workspace, catalogue, 0) == transfer.TransferReport(0, 0, ())
         assert read_all(workspace) > 10
 
 

@@ -18,7 +18,7 @@ from aerodb.flows.nightly import nightly_flow
 from aerodb.flows.run import run_flow
 from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.locks import is_held, note_of
-from aerodb.storage.upkeep.verify import verify
+from aerodb.storage.upkeep.verification import verify
 from aerodb.storage.workspace import Workspace
 from tests.flows.test_serve import TOKEN, Served, _end, _start, _until
 from tests.support.glider_runs import prepared, stored

@@ -16,7 +16,7 @@ from aerodb.flows.executors import RunSite, executor_of, run_on_worker
 from aerodb.flows.flight import flight_flow
 from aerodb.flows.run import Steps, run_flow
 from aerodb.storage.catalogue.catalogue import Catalogue
-from aerodb.storage.upkeep.verify import verify
+from aerodb.storage.upkeep.verification import verify
 from aerodb.storage.workspace import Workspace
 from aerodb.storage.workspace_settings import SettingsError
 from tests.support.clusters import Running, cluster, end, noting, slow

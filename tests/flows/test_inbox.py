@@ -21,8 +21,8 @@ import pytest
 
 from aerodb.errors import StoreError
 from aerodb.storage.catalogue.catalogue import Catalogue
-from aerodb.storage.inbox.folders import look, look_again
-from aerodb.storage.upkeep.verify import verify
+from aerodb.storage.inbox.folders import rescan_inbox, scan_inbox
+from aerodb.storage.upkeep.verification import verify
 from aerodb.storage.workspace import Workspace
 from tests.support.glider_runs import prepared
 from tests.support.paths import ROOT
@@ -207,11 +207,11 @@ def test_a_clock_that_was_set_back_stops_nothing(workspace: Workspace, logs: lis
     log = workspace.inbox / NAME / "a.csv"
     shutil.copy(logs[0], log)
     os.utime(log, (time.time() + 86_400,) * 2)
-    (seen,) = look(workspace.inbox, [NAME], 0.2)
+    (seen,) = scan_inbox(workspace.inbox, [NAME], 0.2)
     assert seen.state == "copying"
-    assert look_again([seen], 0.2, 0.2)[0].state == "ready"
+    assert rescan_inbox([seen], 0.2, 0.2)[0].state == "ready"
     log.write_bytes(b"more")
-    assert look_again([seen], 0.2, 0.2)[0].state == "copying", "it changed meanwhile"
+    assert rescan_inbox([seen], 0.2, 0.2)[0].state == "copying", "it changed meanwhile"
 
 
 def test_what_belongs_to_no_vehicle_waits_and_says_so(
@@ -336,8 +336,8 @@ def test_a_kill_at_any_step_of_the_ending_loses_and_doubles_nothing(
     for owner, name, when in (
         ("Workspace", "quarantine", "before"),
         ("Workspace", "quarantine", "after"),
-        ("aerodb.tasks.steps.inbox", "keep_log", "before"),
-        ("aerodb.tasks.steps.inbox", "keep_log", "after"),
+        ("aerodb.tasks.steps.inbox", "archive_log", "before"),
+        ("aerodb.tasks.steps.inbox", "archive_log", "after"),
     ):
         command = [sys.executable, "-c", KILLED, str(workspace.root), owner, name, when]
         folder = ROOT

@@ -19,7 +19,7 @@ from aerodb.flows.flight import flight_flow
 from aerodb.flows.nightly import night_lock, nightly_flow
 from aerodb.flows.run import run_flow
 from aerodb.storage.catalogue.catalogue import Catalogue
-from aerodb.storage.inbox.outbox import post
+from aerodb.storage.inbox.outbox import post_notification
 from aerodb.storage.locks import holding
 from aerodb.storage.workspace import Workspace
 from aerodb.tasks.steps.notify import deliver
@@ -189,7 +189,7 @@ def test_what_cannot_be_delivered_waits_in_order(
 ) -> None:
     workspace = _made(tmp_path / "w", logs, f'[notification]\nwebhook = "{hook.address}"\n')
     for k in range(3):
-        post(workspace, "failed", NAME, f"sentence {k}", {})
+        post_notification(workspace, "failed", NAME, f"sentence {k}", {})
     where = {"workspace": str(workspace.root), "run": ""}
     hook.status = 503
     failures = deliver(str(workspace.root), **where)

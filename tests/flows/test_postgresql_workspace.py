@@ -21,7 +21,7 @@ from aerodb.flows.flight import flight_flow
 from aerodb.flows.run import run_flow
 from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.upkeep.backup import back_up, restore
-from aerodb.storage.upkeep.verify import verify
+from aerodb.storage.upkeep.verification import verify
 from aerodb.storage.workspace import Workspace
 from aerodb.tasks.workspace_access import access_workspace
 from tests.faults.killing import STAGES, picture

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from aerodb.storage.catalogue.catalogue import Catalogue
-from aerodb.storage.upkeep.verify import verify
+from aerodb.storage.upkeep.verification import verify
 from tests.support.clusters import cluster
 from tests.support.end_to_end import by_commands, same_as_direct
 from tests.support.glider_runs import ingest_and_update, prepared

@@ -157,7 +157,7 @@ def _ended(served: Served) -> dict[str, str]:
         return {
             e.path.removeprefix(f"{NAME}/"): e.kind
             for kind in kinds
-            for e in catalogue.arrivals(kind)
+            for e in catalogue.inbox_events(kind)
         }  # type: ignore[arg-type]
 
 

@@ -10,7 +10,8 @@ from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.catalogue.stored_files import StoredFile, measured
 from aerodb.storage.files.cache import local, local_recording
 from aerodb.storage.files.flights import INDEX, read_recording
-from aerodb.storage.upkeep.verify import Report, verify
+from aerodb.storage.upkeep.problems import VerificationReport
+from aerodb.storage.upkeep.verification import verify
 from aerodb.storage.workspace import Workspace
 from aerodb.tasks.steps.ingest import load_flight
 from aerodb.tasks.workspace_access import access_workspace
@@ -31,12 +32,12 @@ def empty_cache(workspace: Workspace) -> None:
     Workspace.open(workspace.root)
 
 
-def checked(workspace: Workspace, fetch: bool = False) -> Report:
+def checked(workspace: Workspace, fetch: bool = False) -> VerificationReport:
     with Catalogue.open(workspace.catalogue) as catalogue:
         return verify(workspace, catalogue, fetch)
 
 
-def kinds(report: Report) -> list[str]:
+def kinds(report: VerificationReport) -> list[str]:
     return sorted(problem.kind for problem in report.problems)
 
 

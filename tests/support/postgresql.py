@@ -16,7 +16,7 @@ from typing import Any
 import psycopg
 
 from aerodb.storage.catalogue.catalogue import Catalogue
-from aerodb.storage.catalogue.places import place_of
+from aerodb.storage.catalogue.location import catalogue_location
 from tests.support.ports import free_port
 
 USER = "aerodb"
@@ -209,5 +209,5 @@ def name_in_settings(root: Path, url: str, more: str = "") -> None:
 def by_hand(path: Path) -> Any:
     """A connection to the catalogue whose file is, or would be, at `path`, as anybody can have who
     knows where it is."""
-    url = place_of(path).url
+    url = catalogue_location(path).url
     return psycopg.connect(url) if url else sqlite3.connect(path)

@@ -25,7 +25,7 @@ def kinds(document: dict[str, Any]) -> dict[str, str]:
 def events(workspace: Workspace, kind: Any) -> list[str]:
     """Paths of which the catalogue noted `kind`."""
     with Catalogue.open(workspace.catalogue) as catalogue:
-        return sorted(event.path for event in catalogue.arrivals(kind, limit=10_000))
+        return sorted(event.path for event in catalogue.inbox_events(kind, limit=10_000))
 
 
 def left(workspace: Workspace) -> list[str]:

@@ -4,7 +4,7 @@ between them."""
 import sqlalchemy as sa
 from alembic import op
 
-from aerodb.storage.catalogue import POSTGRESQL_REFUSAL, guards
+from aerodb.storage.catalogue import POSTGRESQL_REFUSAL, append_only_triggers
 
 revision = "r0001"
 down_revision = None
@@ -14,7 +14,7 @@ depends_on = None
 _TEXT: sa.types.TypeEngine[str] = sa.Text().with_variant(sa.Text(collation="C"), "postgresql")
 _NUMBER: sa.types.TypeEngine[float] = sa.Double().with_variant(sa.REAL(), "sqlite")
 
-#: Table -> primary key and unique constraints; see `guards`.
+#: Table -> primary key and unique constraints; see `append_only_triggers`.
 _APPEND_ONLY: dict[str, list[tuple[str, ...]]] = {
     "vehicles": [("name",)],
     "vehicle_texts": [("sequence",)],
@@ -50,7 +50,7 @@ def upgrade() -> None:
     if dialect == "postgresql":
         op.execute(POSTGRESQL_REFUSAL)
     for table, keys in _APPEND_ONLY.items():
-        for statement in guards(dialect, table, keys, _UPDATE_WHEN.get(table, "")):
+        for statement in append_only_triggers(dialect, table, keys, _UPDATE_WHEN.get(table, "")):
             op.execute(statement)
 
 

@@ -4,7 +4,7 @@ calibrations and their bindings."""
 import sqlalchemy as sa
 from alembic import op
 
-from aerodb.storage.catalogue import guards
+from aerodb.storage.catalogue import append_only_triggers
 
 revision = "r0003"
 down_revision = "r0002"
@@ -15,7 +15,7 @@ _TEXT: sa.types.TypeEngine[str] = sa.Text().with_variant(sa.Text(collation="C"),
 _NUMBER: sa.types.TypeEngine[float] = sa.Double().with_variant(sa.REAL(), "sqlite")
 _WHOLE: sa.types.TypeEngine[int] = sa.BigInteger().with_variant(sa.Integer(), "sqlite")
 
-#: Table -> primary key and unique constraints; see `guards`.
+#: Table -> primary key and unique constraints; see `append_only_triggers`.
 _APPEND_ONLY: dict[str, list[tuple[str, ...]]] = {
     "flight_fingerprints": [("mark", "flight")],
     "flight_repeats": [("sequence",)],
@@ -29,7 +29,7 @@ def upgrade() -> None:
     _repetitions()
     _calibrations()
     for table, keys in _APPEND_ONLY.items():
-        for statement in guards(op.get_bind().dialect.name, table, keys):
+        for statement in append_only_triggers(op.get_bind().dialect.name, table, keys):
             op.execute(statement)
 
 

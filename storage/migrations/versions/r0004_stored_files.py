@@ -3,7 +3,7 @@
 import sqlalchemy as sa
 from alembic import op
 
-from aerodb.storage.catalogue import guards
+from aerodb.storage.catalogue import append_only_triggers
 
 revision = "r0004"
 down_revision = "r0003"
@@ -27,5 +27,7 @@ def upgrade() -> None:
         sqlite_strict=True,
     )
     op.create_index(op.f("ix_stored_files_path"), "stored_files", ["path"], unique=False)
-    for statement in guards(op.get_bind().dialect.name, "stored_files", [("sequence",)]):
+    for statement in append_only_triggers(
+        op.get_bind().dialect.name, "stored_files", [("sequence",)]
+    ):
         op.execute(statement)

@@ -3,7 +3,7 @@
 import sqlalchemy as sa
 from alembic import op
 
-from aerodb.storage.catalogue import guards
+from aerodb.storage.catalogue import append_only_triggers
 
 revision = "r0005"
 down_revision = "r0004"
@@ -46,5 +46,7 @@ def upgrade() -> None:
     op.create_index(op.f("ix_inbox_events_sha256"), "inbox_events", ["sha256"], unique=False)
     op.create_index("ix_inbox_events_kind", "inbox_events", ["kind", "sequence"], unique=False)
     op.create_index("ix_flights_newest", "flights", ["vehicle", "added_utc"], unique=False)
-    for statement in guards(op.get_bind().dialect.name, "inbox_events", [("sequence",)]):
+    for statement in append_only_triggers(
+        op.get_bind().dialect.name, "inbox_events", [("sequence",)]
+    ):
         op.execute(statement)

@@ -8,7 +8,7 @@ import pytest
 
 from aerodb.errors import InputError, UnknownNameError
 from aerodb.storage.catalogue.catalogue import Catalogue
-from aerodb.storage.catalogue.flight_pages import Asked
+from aerodb.storage.catalogue.flight_pages import FlightFilter
 from tests.support.catalogue_samples import V, add_family, add_flight, add_version, h
 
 
@@ -20,7 +20,7 @@ def catalogue(kept_in: str, tmp_path: Path) -> Any:
         yield opened
 
 
-def _all(catalogue: Catalogue, asked: Asked, limit: int) -> list[str]:
+def _all(catalogue: Catalogue, asked: FlightFilter, limit: int) -> list[str]:
     found, after = [], ""
     while True:
         page = catalogue.flight_page(asked, limit, after)
@@ -42,21 +42,27 @@ def test_flights_are_paged_searched_and_judged_by_their_newest_verdict(
     catalogue.retract_flight(h("f3"), "pitot cover")
     everything = [f"f{k}" for k in reversed(range(7))]
     for limit in (1, 2, 3, 7, 8):
-        assert _all(catalogue, Asked(), limit) == everything
-        assert _all(catalogue, Asked(vehicle=V), limit) == ["f5", "f3", "f1"]
-        assert _all(catalogue, Asked(verdict="rejected"), limit) == ["f1"]
-        assert _all(catalogue, Asked(verdict="retracted"), limit) == ["f3"]
-        assert _all(catalogue, Asked(verdict="unchecked"), limit) == ["f6", "f5", "f4", "f3", "f0"]
-        assert _all(catalogue, Asked(text=".ULG"), limit) == everything
-        assert _all(catalogue, Asked(text="f4"), limit)[0] == "f4"
-        assert _all(catalogue, Asked(text="%"), limit) == []
-    assert catalogue.flight_page(Asked(text=h("f0")[:10]), 5).rows[0].name == "f0"
-    assert catalogue.flight_page(Asked("other", "rejected", "f1"), 5).rows == ()
+        assert _all(catalogue, FlightFilter(), limit) == everything
+        assert _all(catalogue, FlightFilter(vehicle=V), limit) == ["f5", "f3", "f1"]
+        assert _all(catalogue, FlightFilter(verdict="rejected"), limit) == ["f1"]
+        assert _all(catalogue, FlightFilter(verdict="retracted"), limit) == ["f3"]
+        assert _all(catalogue, FlightFilter(verdict="unchecked"), limit) == [
+            "f6",
+            "f5",
+            "f4",
+            "f3",
+            "f0",
+        ]
+        assert _all(catalogue, FlightFilter(text=".ULG"), limit) == everything
+        assert _all(catalogue, FlightFilter(text="f4"), limit)[0] == "f4"
+        assert _all(catalogue, FlightFilter(text="%"), limit) == []
+    assert catalogue.flight_page(FlightFilter(text=h("f0")[:10]), 5).rows[0].name == "f0"
+    assert catalogue.flight_page(FlightFilter("other", "rejected", "f1"), 5).rows == ()
     with pytest.raises(UnknownNameError):
-        catalogue.flight_page(Asked(vehicle="nobody"), 5)
+        catalogue.flight_page(FlightFilter(vehicle="nobody"), 5)
     for nonsense in ("x", "~", "2026~", f"\x00~{h('f1')}", "2026-01-01~a b"):
         with pytest.raises(InputError, match="no place"):
-            catalogue.flight_page(Asked(), 5, nonsense)
+            catalogue.flight_page(FlightFilter(), 5, nonsense)
 
 
 def test_versions_and_moves_are_paged_from_the_newest(catalogue: Catalogue) -> None:

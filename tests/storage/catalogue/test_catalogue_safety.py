@@ -97,7 +97,7 @@ def _filled(family: Catalogue) -> None:
     )
     family.add_marks(h("f1"), [1, 2**63 - 1])
     family.add_file("results/r.parquet", h("bytes"), 10)
-    family.note_arrivals([InboxEvent("glider/a.ulg", V, 10, 5, "stored", h("a"))])
+    family.add_inbox_events([InboxEvent("glider/a.ulg", V, 10, 5, "stored", h("a"))])
     family.add_repeat(RepeatRow(h("f2"), h("f1"), 0.5, (Stretch(1.0, 2.0, 3.0, 4.0, 50, 0.0),)))
 
 
@@ -174,9 +174,9 @@ def test_text_is_in_the_order_of_its_bytes(catalogue: Catalogue) -> None:
 
 
 def _of_the_database(catalogue: Catalogue) -> list[str]:
-    """What the database itself finds wrong: pages, edges and guards, not what the rows mean."""
-    faults = Audit.of(catalogue).faults(lambda *_: None)
-    return [what for what, where, _ in faults if where.startswith(("table", "catalogue.sqlite"))]
+    """What the database itself finds wrong: pages, edges and triggers, not what the rows mean."""
+    found = Audit.of(catalogue).problems(lambda *_: None)
+    return [p.what for p in found if p.where.startswith(("table", "catalogue.sqlite"))]
 
 
 # Schema and opening

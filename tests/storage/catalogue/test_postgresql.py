@@ -251,10 +251,10 @@ def test_names_longer_than_an_index_holds_are_kept(catalogue: Catalogue) -> None
     path = "glider/" + "".join(
         random.Random(1).choices("abcdefghijklmnopqrstuvwxyz0123456789/ä", k=4000)
     )
-    catalogue.note_arrivals(
+    catalogue.add_inbox_events(
         [InboxEvent(path, V, 10, 5, "tried"), InboxEvent(path, V, 10, 5, "failed", reason="r\0")]
     )
-    assert catalogue.attempts([path]) == {(path, 10, 5): (1, "r\\x00")}
+    assert catalogue.inbox_attempts([path]) == {(path, 10, 5): (1, "r\\x00")}
 
 
 # Moving

@@ -16,9 +16,9 @@ from aerodb.recording import Damage, Recording, Topic
 from aerodb.storage.mappings import builtin_mappings
 from aerodb.storage.readers.any_format import read_log
 from aerodb.storage.readers.ulog import read_ulog
-from aerodb.storage.writers.generated import generated_topics
 from aerodb.storage.writers.ulog import write_ulog
 from aerodb.vehicle import parse_vehicle
+from tests.bench.generated_log import generated_topics
 
 SAMPLES = ("sample.ulg", "sample_log_small.ulg", "sample_appended_multiple.ulg")
 

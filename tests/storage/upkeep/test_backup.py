@@ -26,7 +26,7 @@ from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.catalogue.stored_files import measured
 from aerodb.storage.files.flights import INDEX
 from aerodb.storage.upkeep.backup import back_up, manifest_of, restore
-from aerodb.storage.upkeep.verify import verify
+from aerodb.storage.upkeep.verification import verify
 from aerodb.storage.workspace import Workspace
 from tests.support.glider_runs import ingest_and_update, prepared, stored
 from tests.support.paths import ROOT

@@ -3,24 +3,24 @@ else; its bytes if asked."""
 
 import time
 from dataclasses import replace
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from aerodb.storage.catalogue import Catalogue, StoredFile
-from aerodb.storage.files import INDEX, DamagedObject, Objects, Part, is_sound, parts, together
+from aerodb.storage.files import INDEX, DamagedObject, Objects, Part, concurrently, is_sound, parts
+from aerodb.storage.upkeep.problems import ORPHAN_OBJECT, VerificationReport
 from aerodb.storage.workspace import Workspace
-
-if TYPE_CHECKING:
-    from aerodb.storage.upkeep.verify import Report
 
 #: An object younger than this [s] may still get its row.
 _SETTLED: Final = 600.0
-#: What is said of an object that nobody names.
-ORPHAN: Final = "orphan object"
 _LOCAL: Final = ("changed", "unreadable", "missing")
 
 
 def check_objects(
-    workspace: Workspace, catalogue: Catalogue, objects: Objects, report: "Report", fetch: bool
+    workspace: Workspace,
+    catalogue: Catalogue,
+    objects: Objects,
+    report: VerificationReport,
+    fetch: bool,
 ) -> None:
     """Adds to `report`, which has what is wrong in the folder already, what is wrong in the object
     store.
@@ -50,7 +50,7 @@ def _damaged(objects: Objects, files: list[StoredFile]) -> set[str]:
         except DamagedObject:
             found.add(file.path)
 
-    together(read, files)
+    concurrently(read, files)
     return found
 
 
@@ -60,7 +60,7 @@ def _check(
     part: Part,
     file: StoredFile,
     damaged: set[str],
-    report: "Report",
+    report: VerificationReport,
 ) -> None:
     address = objects.address(file)
     if part.has(address, file) and file.path not in damaged:
@@ -99,7 +99,7 @@ def _back(file: StoredFile) -> str:
     return "run what needs it: it is made again"
 
 
-def _heal(whole: set[str], report: "Report") -> None:
+def _heal(whole: set[str], report: VerificationReport) -> None:
     """What is damaged in the folder, but whole in the object store, needs no more than to be
     removed."""
     for number, problem in enumerate(report.problems):
@@ -109,7 +109,7 @@ def _heal(whole: set[str], report: "Report") -> None:
             report.problems[number] = replace(problem, remedy=remedy)
 
 
-def _check_others(objects: Objects, part: Part, report: "Report") -> None:
+def _check_others(objects: Objects, part: Part, report: VerificationReport) -> None:
     """Objects that no row names; whose index cannot be read, of that recording nobody knows
     them."""
     known = {objects.address(file) for file in part.files}
@@ -124,7 +124,7 @@ def _check_others(objects: Objects, part: Part, report: "Report") -> None:
                 " another wrote the same"
             )
             report.add(
-                ORPHAN,
+                ORPHAN_OBJECT,
                 what,
                 address,
                 "remove it, unless another workspace keeps its files below this prefix, too",

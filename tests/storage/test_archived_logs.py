@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from aerodb.errors import InputError
-from aerodb.storage.inbox.folders import Waiting, keep_log, kept_path, look
+from aerodb.storage.inbox.folders import InboxFile, archive_log, archived_path, scan_inbox
 from aerodb.storage.workspace import Workspace
 
 LOG, CORRECTED = b"time,az\n0,x\n", b"time,az\n0,1\n"
@@ -22,9 +22,9 @@ def workspace(tmp_path: Path) -> Workspace:
     return made
 
 
-def waiting(workspace: Workspace, data: bytes = LOG) -> Waiting:
+def waiting(workspace: Workspace, data: bytes = LOG) -> InboxFile:
     (workspace.inbox / "glider" / "a.csv").write_bytes(data)
-    (entry,) = look(workspace.inbox, ["glider"], settle=0.0)
+    (entry,) = scan_inbox(workspace.inbox, ["glider"], settle=0.0)
     return entry
 
 
@@ -85,7 +85,7 @@ def test_a_damaged_copy_gives_way_and_a_sound_one_stays(
     copy = workspace.log_path(SHA256, suffix)
     copy.write_bytes(LOG.upper() if damaged else LOG)
     before, entry = copy.stat().st_ino, waiting(workspace)
-    assert kept_path(workspace, entry, SHA256) == copy
-    keep_log(entry, copy, SHA256)
+    assert archived_path(workspace, entry, SHA256) == copy
+    archive_log(entry, copy, SHA256)
     assert (copy.read_bytes(), entry.path.exists()) == (LOG, False)
     assert (copy.stat().st_ino != before) is damaged

@@ -12,7 +12,7 @@ from aerodb.errors import InputError, StoreBusyError, StoreError
 from aerodb.flows.cli.main import app
 from aerodb.flows.processes import database_of
 from aerodb.storage.catalogue.catalogue import Catalogue
-from aerodb.storage.catalogue.places import place_of
+from aerodb.storage.catalogue.location import catalogue_location
 from aerodb.storage.catalogue.postgresql import open_postgresql
 from aerodb.storage.catalogue.schema import metadata
 from aerodb.storage.urls import checked_url, shown
@@ -52,7 +52,7 @@ def test_no_address_with_a_password_stands_in_the_file_and_none_is_shown(
         assert SECRET not in str(refusal.value)
     (tmp_path / "settings.toml").write_text(f"[catalogue]\nurl = {text!r}\n")
     with pytest.raises(SettingsError) as refusal:
-        place_of(tmp_path / "catalogue.sqlite")
+        catalogue_location(tmp_path / "catalogue.sqlite")
     assert SECRET not in str(refusal.value)
 
 
@@ -95,7 +95,7 @@ def test_the_variable_holds_the_address_and_nobody_tells_it(
             str(absent.value),
             str(away.value),
             catalogue._database.where,
-            repr(place_of(path)),
+            repr(catalogue_location(path)),
             repr(catalogue._database),
         ]
         assert catalogue.vehicles() == ()

@@ -7,8 +7,6 @@ time.
 """
 
 import time
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
@@ -17,7 +15,8 @@ from aerodb.storage.catalogue import Catalogue, StoredFile, measured
 from aerodb.storage.disk_errors import is_abandoned, is_temporary
 from aerodb.storage.files import INDEX, STORE, files_of, objects_of
 from aerodb.storage.upkeep.audit import Audit
-from aerodb.storage.upkeep.verify_objects import check_objects
+from aerodb.storage.upkeep.object_verification import check_objects
+from aerodb.storage.upkeep.problems import VerificationReport
 from aerodb.storage.workspace import Workspace
 
 #: A file younger than this [s] may still get its row.
@@ -29,43 +28,15 @@ _PUT_BACK: Final = (
 _TAKE_IN_AGAIN: Final = "remove this folder and ingest the log again"
 
 
-@dataclass(frozen=True)
-class Problem:
-    """One thing that is not as it should be: its kind, what, where (relative to the workspace), and
-    how to repair it."""
-
-    kind: str
-    what: str
-    where: str
-    remedy: str
-
-
-@dataclass
-class Report:
-    """What was checked (how many files, bytes, edges, versions...), what is wrong, and how many
-    files are being written now."""
-
-    problems: list[Problem] = field(default_factory=list)
-    checked: dict[str, int] = field(default_factory=dict)
-    pending: int = 0
-
-    def count(self, name: str, number: int = 1) -> None:
-        self.checked[name] = self.checked.get(name, 0) + number
-
-    def add(self, kind: str, what: str, where: str, remedy: str) -> None:
-        self.problems.append(Problem(kind, what, where, remedy))
-
-
-def verify(workspace: Workspace, catalogue: Catalogue, fetch: bool = False) -> Report:
-    """Checks everything; see `Report`. Raises InputError for a catalogue that cannot be opened at
+def verify(workspace: Workspace, catalogue: Catalogue, fetch: bool = False) -> VerificationReport:
+    """Checks everything; see `VerificationReport`. Raises InputError for a catalogue that cannot be opened at
     all.
 
     fetch : reads every object of the object store, too; else their existence and size are checked.
     """
-    report, objects = Report(), objects_of(workspace.root)
+    report, objects = VerificationReport(), objects_of(workspace.root)
     audit = Audit.of(catalogue)
-    for what, where, remedy in audit.faults(report.count):
-        report.add("catalogue", what, where, remedy)
+    report.problems.extend(audit.problems(report.count))
     for folder in STORE:
         for place in sorted((workspace.root / folder).iterdir()):
             _check_folder(workspace, catalogue, place, report, is_cache=objects is not None)
@@ -87,7 +58,11 @@ def verify(workspace: Workspace, catalogue: Catalogue, fetch: bool = False) -> R
 
 
 def _check_folder(
-    workspace: Workspace, catalogue: Catalogue, place: Path, report: Report, is_cache: bool
+    workspace: Workspace,
+    catalogue: Catalogue,
+    place: Path,
+    report: VerificationReport,
+    is_cache: bool,
 ) -> None:
     """One folder of the fan-out: each file against its row; what is in a cache may leave it
     meanwhile."""
@@ -114,7 +89,7 @@ def _check_folder(
             _check_recording(workspace, entry, report, is_cache)
 
 
-def _check_temporary(workspace: Workspace, entry: Path, report: Report) -> None:
+def _check_temporary(workspace: Workspace, entry: Path, report: VerificationReport) -> None:
     if is_abandoned(entry):
         report.add(
             "half-written",
@@ -126,7 +101,7 @@ def _check_temporary(workspace: Workspace, entry: Path, report: Report) -> None:
         report.pending += 1
 
 
-def _orphan(workspace: Workspace, entry: Path, report: Report) -> None:
+def _orphan(workspace: Workspace, entry: Path, report: VerificationReport) -> None:
     try:
         age = time.time() - entry.stat().st_mtime
     except FileNotFoundError:
@@ -143,7 +118,7 @@ def _orphan(workspace: Workspace, entry: Path, report: Report) -> None:
     )
 
 
-def _is_sound(path: Path, row: StoredFile, report: Report, remedy: str) -> bool:
+def _is_sound(path: Path, row: StoredFile, report: VerificationReport, remedy: str) -> bool:
     """Whether a file has the bytes that its row says; a missing one is reported with all others."""
     try:
         sha256, size = measured(path)
@@ -166,7 +141,9 @@ def _is_sound(path: Path, row: StoredFile, report: Report, remedy: str) -> bool:
     return False
 
 
-def _check_recording(workspace: Workspace, folder: Path, report: Report, is_cache: bool) -> None:
+def _check_recording(
+    workspace: Workspace, folder: Path, report: VerificationReport, is_cache: bool
+) -> None:
     before = len(report.problems)
     try:
         _check_topics(workspace, folder, report)
@@ -177,7 +154,7 @@ def _check_recording(workspace: Workspace, folder: Path, report: Report, is_cach
         del report.problems[before:]
 
 
-def _check_topics(workspace: Workspace, folder: Path, report: Report) -> None:
+def _check_topics(workspace: Workspace, folder: Path, report: VerificationReport) -> None:
     """The files of a recording against its index, which is sound."""
     known = files_of(folder)
     for name, (sha256, size) in known.items():
@@ -205,7 +182,9 @@ def _check_topics(workspace: Workspace, folder: Path, report: Report) -> None:
             )
 
 
-def _check_quarantine(workspace: Workspace, catalogue: Catalogue, report: Report) -> None:
+def _check_quarantine(
+    workspace: Workspace, catalogue: Catalogue, report: VerificationReport
+) -> None:
     """What lies in quarantine: a log's bytes are its folder's name, and it has its row and its
     reason; a link or a pipe that came through the inbox has its reason."""
     for folder in sorted(
@@ -232,21 +211,3 @@ def _check_quarantine(workspace: Workspace, catalogue: Catalogue, report: Report
                 report,
                 _TAKE_IN_AGAIN,
             )
-
-
-def lines(report: Report) -> Iterator[str]:
-    """The report for people, one line per problem and one for the sum."""
-    for problem in report.problems:
-        yield f"{problem.kind}: {problem.where}: {problem.what}; {problem.remedy}"
-    sums = ", ".join(f"{number} {name}" for name, number in sorted(report.checked.items()))
-    yield f"checked {sums}" + (
-        f"; {report.pending} files are being written" if report.pending else ""
-    )
-
-
-def require_clean(problems: Sequence[Problem], where: str) -> None:
-    """InputError that names the first problem, unless there is none."""
-    if problems:
-        first = problems[0]
-        more = f" and {len(problems) - 1} more" if len(problems) > 1 else ""
-        raise InputError(f"{first.where}: {first.what}{more}", where, first.remedy)

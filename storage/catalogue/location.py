@@ -20,7 +20,7 @@ _OF_WORKSPACES: Final = "locks"
 
 
 @dataclass(frozen=True)
-class Place:
+class CatalogueLocation:
     """The file at `path`, unless there is a `url` of a PostgreSQL database (with its password:
     never shown)."""
 
@@ -39,7 +39,7 @@ class Place:
         return self.url or self.path.stat().st_ino
 
 
-def place_of(path: Path) -> Place:
+def catalogue_location(path: Path) -> CatalogueLocation:
     """Where the catalogue is whose file is, or would be, at `path`.
 
     Raises SettingsError for settings that cannot be read while there is no such file, and for an
@@ -49,7 +49,7 @@ def place_of(path: Path) -> Place:
     try:
         text = settings.read_text(encoding="utf-8")
     except FileNotFoundError:
-        return Place(path)
+        return CatalogueLocation(path)
     except (OSError, UnicodeDecodeError) as error:
         return _file_or_nothing(path, settings, error)
     try:
@@ -63,13 +63,13 @@ def place_of(path: Path) -> Place:
             " away if it was moved, or take the section [catalogue] out"
         )
         raise InputError("here is a catalogue, and the settings name another", str(path), remedy)
-    return Place(path, url)
+    return CatalogueLocation(path, url)
 
 
-def _file_or_nothing(path: Path, settings: Path, error: Exception) -> Place:
+def _file_or_nothing(path: Path, settings: Path, error: Exception) -> CatalogueLocation:
     """With a catalogue in a file nothing else can be meant; without one nobody knows."""
     if path.is_file():
-        return Place(path)
+        return CatalogueLocation(path)
     from aerodb.storage.workspace_settings import SettingsError
 
     raise SettingsError(

@@ -23,7 +23,8 @@ from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.catalogue.stored_files import measured
 from aerodb.storage.files.flights import INDEX
 from aerodb.storage.upkeep.backup import back_up, restore
-from aerodb.storage.upkeep.verify import Report, verify
+from aerodb.storage.upkeep.problems import VerificationReport
+from aerodb.storage.upkeep.verification import verify
 from aerodb.storage.workspace import Workspace
 from tests.support.glider_runs import ingest_and_update, prepared, stored
 from tests.support.paths import ROOT
@@ -51,7 +52,7 @@ def workspace(made: tuple[Path, list[Path]], tmp_path: Path) -> Workspace:
     return Workspace.open(Path(shutil.copytree(made[0], tmp_path / "w")))
 
 
-def report_of(workspace: Workspace) -> Report:
+def report_of(workspace: Workspace) -> VerificationReport:
     with Catalogue.open(workspace.catalogue) as catalogue:
         return verify(workspace, catalogue)
 
@@ -66,13 +67,13 @@ def file_of(workspace: Workspace, step: str) -> Path:
 
 
 def by_hand(workspace: Workspace, statement: str) -> None:
-    """Changes the catalogue as only somebody can who takes its guards away."""
+    """Changes the catalogue as only somebody can who takes its triggers away."""
     raw = sqlite3.connect(workspace.catalogue)
-    guards = raw.execute("SELECT name, sql FROM sqlite_master WHERE type = 'trigger'").fetchall()
-    for name, _ in guards:
+    triggers = raw.execute("SELECT name, sql FROM sqlite_master WHERE type = 'trigger'").fetchall()
+    for name, _ in triggers:
         raw.execute(f"DROP TRIGGER {name}")
     assert raw.execute(statement).rowcount == 1
-    for _, sql in guards:
+    for _, sql in triggers:
         raw.execute(sql)
     raw.commit()
     raw.close()
@@ -157,7 +158,7 @@ write_atomically(pathlib.Path(sys.argv[1]), lambda temporary: (temporary.write_b
 
 def test_what_is_being_written_now_is_no_fault(workspace: Workspace) -> None:
     workspace.result_path("ab" * 32).write_bytes(b"its row comes in a moment")
-    seen: list[Report] = []
+    seen: list[VerificationReport] = []
 
     def write(temporary: Path) -> None:
         temporary.write_bytes(b"half")

@@ -13,10 +13,10 @@ from aerodb.storage.catalogue.rows import InboxEvent, InboxKind
 ENDINGS: tuple[InboxKind, ...] = ("stored", "duplicate", "quarantined")
 
 
-class ArrivalLedger(Ledger):
+class InboxHistory(Ledger):
     """The part of the catalogue about the inbox."""
 
-    def note_arrivals(self, events: Iterable[InboxEvent]) -> None:
+    def add_inbox_events(self, events: Iterable[InboxEvent]) -> None:
         """Adds what happened to files. An ending that a file has already is not noted again."""
         with self._database.writing() as connection:
             for event in events:
@@ -48,7 +48,7 @@ class ArrivalLedger(Ledger):
             sa.select(c.kind).where(ended).order_by(c.sequence.desc()).limit(1)
         ).scalar()
 
-    def attempts(self, paths: Iterable[str]) -> dict[tuple[str, int, int], tuple[int, str]]:
+    def inbox_attempts(self, paths: Iterable[str]) -> dict[tuple[str, int, int], tuple[int, str]]:
         """(path, size, mtime_ns) -> how often it was tried since it last ended, and the error it
         failed with last.
 
@@ -76,7 +76,7 @@ class ArrivalLedger(Ledger):
                         )
         return found
 
-    def arrivals(
+    def inbox_events(
         self, kind: InboxKind | None = None, sha256: str | None = None, limit: int = 100
     ) -> tuple[InboxEvent, ...]:
         """The newest events of the inbox, newest first: of one kind, or of one content."""

@@ -1,0 +1,57 @@
+"""Problems that a verification finds, and the report that collects them."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+from aerodb.errors import InputError
+
+#: Kind of problem: an object of the object store that no row of the catalogue names.
+ORPHAN_OBJECT: Final = "orphan object"
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One inconsistency of a workspace: its kind, what is wrong, where (relative to the workspace),
+    and how to repair it."""
+
+    kind: str
+    what: str
+    where: str
+    remedy: str
+
+
+@dataclass
+class VerificationReport:
+    """Problems found; number of files, bytes, edges, versions, ... checked, by name; and number of
+    files that another process is writing now (`pending`)."""
+
+    problems: list[Problem] = field(default_factory=list)
+    checked: dict[str, int] = field(default_factory=dict)
+    pending: int = 0
+
+    def count(self, name: str, number: int = 1) -> None:
+        """Add `number` to the count of checked items called `name`."""
+        self.checked[name] = self.checked.get(name, 0) + number
+
+    def add(self, kind: str, what: str, where: str, remedy: str) -> None:
+        """Add a problem."""
+        self.problems.append(Problem(kind, what, where, remedy))
+
+
+def report_lines(report: VerificationReport) -> Iterator[str]:
+    """The report as text: one line per problem, then one line with the counts."""
+    for problem in report.problems:
+        yield f"{problem.kind}: {problem.where}: {problem.what}; {problem.remedy}"
+    sums = ", ".join(f"{number} {name}" for name, number in sorted(report.checked.items()))
+    yield f"checked {sums}" + (
+        f"; {report.pending} files are being written" if report.pending else ""
+    )
+
+
+def require_clean(problems: Sequence[Problem], where: str) -> None:
+    """Raise InputError that names the first problem, if there is any."""
+    if problems:
+        first = problems[0]
+        more = f" and {len(problems) - 1} more" if len(problems) > 1 else ""
+        raise InputError(f"{first.where}: {first.what}{more}", where, first.remedy)
