@@ -4,49 +4,57 @@ from .flight_view import FlightView, view_of
 from .hypothesis import Columns, Hypothesis
 from .library import hypotheses_for, library_sha256
 from .measurement import (
-    columns_of,
-    doubts,
-    doubts_of_alpha,
-    of_flow_angles,
-    with_flattening,
-    within_what_is_known,
+    alpha_consider_parameters,
+    hypotheses_for_flight,
+    sensor_consider_parameters,
+    with_attenuation,
+    with_reconstructed_angles,
+    within_reconstruction_accuracy,
 )
 from .spline import ramp_terms, spline_over, variables_of
-from .stall import GAINS, StallFlight, cross_fitted, hypotheses, profiled, regressors, stall_loop
+from .stall import (
+    STALL_GAIN_BOUNDS,
+    StallFlight,
+    cross_fit_shapes,
+    fit_shape,
+    stall_hypotheses,
+    stall_loop,
+    stall_regressors,
+)
 from .surfaces import surfaces_of
-from .template import FELT_ON, Scene
+from .template import WIND_TO_BODY_AXES, LibraryContext
 from .user_effects import parse_effects, registered_templates
 
 __all__ = [
-    "FELT_ON",
-    "GAINS",
+    "STALL_GAIN_BOUNDS",
+    "WIND_TO_BODY_AXES",
     "Columns",
     "FlightView",
     "Hypothesis",
-    "Scene",
+    "LibraryContext",
     "StallFlight",
     "add_effects",
-    "columns_of",
-    "cross_fitted",
-    "doubts",
-    "doubts_of_alpha",
+    "alpha_consider_parameters",
+    "cross_fit_shapes",
     "envelopes_of",
+    "fit_shape",
     "from_zero_lift",
-    "hypotheses",
     "hypotheses_for",
+    "hypotheses_for_flight",
     "library_sha256",
-    "of_flow_angles",
     "parse_effects",
-    "profiled",
     "ramp_terms",
     "registered_templates",
-    "regressors",
+    "sensor_consider_parameters",
     "spline_over",
+    "stall_hypotheses",
     "stall_loop",
+    "stall_regressors",
     "surfaces_of",
     "variables_of",
     "view_of",
-    "with_flattening",
-    "within_what_is_known",
+    "with_attenuation",
+    "with_reconstructed_angles",
+    "within_reconstruction_accuracy",
     "zero_lift_alpha",
 ]

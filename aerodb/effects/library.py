@@ -47,7 +47,7 @@ from aerodb.effects.measurement import (
     surface_calibration,
 )
 from aerodb.effects.stall import stall_hysteresis
-from aerodb.effects.template import LibrarySettings, Scene, Template
+from aerodb.effects.template import LibraryContext, LibrarySettings, Template
 from aerodb.errors import InputError, UnknownNameError, nearest
 from aerodb.support import key_of
 from aerodb.tables import AeroDatabase
@@ -131,13 +131,13 @@ def hypotheses_for(
             raise UnknownNameError(
                 f"no effect '{effect}'", "library settings", nearest(effect, known)
             )
-    scene = Scene(database, vehicle, frozenset(channels), dict(priors or {}), settings)
+    context = LibraryContext(database, vehicle, frozenset(channels), dict(priors or {}), settings)
     possible = [
         replace(item, version=template.version)
         for template in templates
-        for item in template.hypotheses(scene)
+        for item in template.hypotheses(context)
     ]
-    _check_priors(scene.priors, possible)
+    _check_priors(context.priors, possible)
     found: dict[str, Hypothesis] = {}
     for hypothesis in possible:
         if hypothesis.id in found:
@@ -149,7 +149,7 @@ def hypotheses_for(
         found[hypothesis.id] = hypothesis
     wanted = settings.effects or known
     return tuple(
-        item for item in found.values() if item.effect in wanted and scene.knows(item.needs)
+        item for item in found.values() if item.effect in wanted and context.knows(item.needs)
     )
 
 

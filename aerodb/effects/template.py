@@ -30,7 +30,7 @@ AXIS_WORDS: Final[Mapping[str, str]] = {
 #: wind axes.
 _ON_WIND: Final = {"CX": "C_drag", "CY": "C_side", "CZ": "C_lift"}
 #: Body axes on which one parameter along a wind axis is felt.
-FELT_ON: Final = {
+WIND_TO_BODY_AXES: Final = {
     "C_drag": ("CX", "CY", "CZ"),
     "C_side": ("CX", "CY", "CZ"),
     "C_lift": ("CX", "CZ"),
@@ -53,7 +53,7 @@ class LibrarySettings:
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
+class LibraryContext:
     """What templates may know: database, vehicle, names of the channels that flights have, priors,
     settings.
 
@@ -96,19 +96,19 @@ class Scene:
 
 @dataclass(frozen=True)
 class Template:
-    """An effect: `hypotheses` expands it for a scene. formula, source : for people; version :
+    """An effect: `hypotheses` expands it for a context. formula, source : for people; version :
     raised when it changes."""
 
     effect: str
     kind: Kind
     formula: str
     source: str
-    hypotheses: Callable[[Scene], Iterable[Hypothesis]]
+    hypotheses: Callable[[LibraryContext], Iterable[Hypothesis]]
     version: int = 1
 
 
 def additive(
-    scene: Scene,
+    context: LibraryContext,
     effect: str,
     axis: str,
     regressor: str,
@@ -126,7 +126,7 @@ def additive(
     axis : body axis. size : the largest believable correction, of either sign. name : what follows
     the axis in the parameter's name. grows : how the clause for reports goes on after the axis.
     """
-    own = scene.axis(axis)
+    own = context.axis(axis)
     return on_axis(
         effect,
         own,
@@ -156,7 +156,7 @@ def on_axis(
     on_wind = axis in WIND_AXES
     return Hypothesis(
         effect=effect,
-        axes=FELT_ON.get(axis, (axis,)),
+        axes=WIND_TO_BODY_AXES.get(axis, (axis,)),
         subject=subject,
         parameter=parameter,
         kind="aerodynamic",
@@ -184,10 +184,10 @@ def per_axis(
     """The template ``C_axis += k * regressor`` on each axis of `sizes` (body axis -> largest
     believable k)."""
 
-    def hypotheses(scene: Scene) -> list[Hypothesis]:
+    def hypotheses(context: LibraryContext) -> list[Hypothesis]:
         return [
             additive(
-                scene,
+                context,
                 effect,
                 axis,
                 regressor,

@@ -18,7 +18,7 @@ from typing import Final
 from pydantic import Field, model_validator
 
 from aerodb.effects.hypothesis import Hypothesis
-from aerodb.effects.template import Scene, Template, on_axis
+from aerodb.effects.template import LibraryContext, Template, on_axis
 from aerodb.errors import InputError, UnknownNameError, nearest
 from aerodb.increments import INCREMENT_AXES
 from aerodb.nomenclature import channel
@@ -125,7 +125,7 @@ def _parsed(text: str) -> Expression:
 def _template(effect: UserEffect) -> Template:
     expression = _parsed(effect.expression)
 
-    def hypotheses(scene: Scene) -> Iterable[Hypothesis]:
+    def hypotheses(context: LibraryContext) -> Iterable[Hypothesis]:
         return [
             on_axis(
                 effect.name,

@@ -8,7 +8,12 @@ from collections.abc import Mapping, Sequence
 
 from aerodb.coefficients import Comparison
 from aerodb.consistency import StateNoise
-from aerodb.effects import FlightView, doubts, doubts_of_alpha, view_of
+from aerodb.effects import (
+    FlightView,
+    alpha_consider_parameters,
+    sensor_consider_parameters,
+    view_of,
+)
 from aerodb.flight import Flight
 from aerodb.increments import ConsiderParameter
 from aerodb.loop.flights import Reconstruction
@@ -50,9 +55,11 @@ def consider_parameters(
             }
             own = [] if reconstruction.calibrated else list(reconstruction.applied)
             view = view_of(flight, comparison, database, vehicle)
-            found[flight.id] = doubts(view, sigma, own)
+            found[flight.id] = sensor_consider_parameters(view, sigma, own)
             if "alpha" in reconstruction.angles:
-                found[flight.id] += doubts_of_alpha(view, _bounded(noise, view, comparison, flight))
+                found[flight.id] += alpha_consider_parameters(
+                    view, _bounded(noise, view, comparison, flight)
+                )
     return found
 
 

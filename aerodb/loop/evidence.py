@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from aerodb.effects import columns_of, view_of
+from aerodb.effects import hypotheses_for_flight, view_of
 from aerodb.loop.flights import FlightSource
 from aerodb.loop.library import Library
 from aerodb.tables import AeroDatabase
@@ -42,7 +42,7 @@ def evidence_beside(
     if whole.duration >= LONG:
         copies, near = min(copies, 1), comparison
     noisy = [] if noise is None else noisy_copies(channels, noise, database, vehicle, copies, near)
-    hypotheses = columns_of(library.hypotheses, reconstruction.angles)
+    hypotheses = hypotheses_for_flight(library.hypotheses, reconstruction.angles)
     evidence = evidence_of(channels, comparison, database, vehicle, hypotheses, noisy, view)
     evidence = with_shape_terms(evidence, channels, library.hypotheses)
     commanded = with_commanded_rates(channels, library.settings.bandwidth)

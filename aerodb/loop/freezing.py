@@ -10,10 +10,10 @@ from collections.abc import Sequence
 from aerodb.effects import (
     hypotheses_for,
     library_sha256,
-    of_flow_angles,
     parse_effects,
     registered_templates,
-    within_what_is_known,
+    with_reconstructed_angles,
+    within_reconstruction_accuracy,
 )
 from aerodb.errors import InputError
 from aerodb.loop.flights import FlightSource
@@ -45,7 +45,7 @@ def freeze_library(
     made = [each.angles for each in reconstructions]
     reconstructed = frozenset({"alpha", "beta"}).intersection(*made)
     hypotheses = hypotheses_for(database, vehicle, channels, user=user)
-    hypotheses = of_flow_angles(
+    hypotheses = with_reconstructed_angles(
         hypotheses, {"alpha", "beta"} - reconstructed, frozenset[str]().union(*made)
     )
     stalled = stalled_flights(flights, identified)
@@ -70,7 +70,7 @@ def freeze_library(
             with_laws(hypotheses, laws, database, vehicle), loops, database, vehicle
         )
     if "alpha" in reconstructed:
-        hypotheses = within_what_is_known(
+        hypotheses = within_reconstruction_accuracy(
             hypotheses, [each.applied_errors for each in reconstructions]
         )
     return Library(hypotheses, settings, sha256, laws, loops, reconstructed)

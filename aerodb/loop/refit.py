@@ -3,7 +3,7 @@ the envelope."""
 
 from collections.abc import Sequence
 
-from aerodb.effects import FELT_ON, Hypothesis
+from aerodb.effects import WIND_TO_BODY_AXES, Hypothesis
 from aerodb.loop.flights import FlightSource, thinned_comparison
 from aerodb.loop.library import Library
 from aerodb.support import in_threads
@@ -50,7 +50,7 @@ def axes_of_misfit_shapes(database: AeroDatabase) -> frozenset[str]:
         if increment.refit
         for shape in increment.refit.shapes
     }
-    return frozenset(body for axis in axes for body in FELT_ON.get(axis, (axis,)))
+    return frozenset(body for axis in axes for body in WIND_TO_BODY_AXES.get(axis, (axis,)))
 
 
 def remarks_on_shapes(database: AeroDatabase) -> tuple[str, ...]:

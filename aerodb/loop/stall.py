@@ -9,19 +9,19 @@ import numpy as np
 
 from aerodb.conditioning import Segment, bridge
 from aerodb.effects import (
-    GAINS,
+    STALL_GAIN_BOUNDS,
     FlightView,
     Hypothesis,
-    Scene,
+    LibraryContext,
     StallFlight,
-    cross_fitted,
-    profiled,
-    regressors,
+    cross_fit_shapes,
+    fit_shape,
+    stall_hypotheses,
+    stall_regressors,
     surfaces_of,
     view_of,
     zero_lift_alpha,
 )
-from aerodb.effects import hypotheses as stall_hypotheses
 from aerodb.errors import InputError
 from aerodb.estimation import least_squares
 from aerodb.loop.flights import FlightSource
@@ -113,7 +113,10 @@ def with_laws(
 ) -> tuple[Hypothesis, ...]:
     """The library with the columns of each flight's own law; ids, formulas and hence its hash as
     they are."""
-    made = {each.id: each for each in stall_hypotheses(Scene(database, vehicle, frozenset()), laws)}
+    made = {
+        each.id: each
+        for each in stall_hypotheses(LibraryContext(database, vehicle, frozenset()), laws)
+    }
     return tuple(replace(h, tangent=made[h.id].tangent) if h.id in made else h for h in hypotheses)
 
 
@@ -123,7 +126,7 @@ def cross_fitted_laws(
     """Flight -> the law that the others agree with; empty where no shape separates their flow, or
     they lack what it needs."""
     try:
-        shapes = cross_fitted(stall_flights(source, flights, database), FAMILY)
+        shapes = cross_fit_shapes(stall_flights(source, flights, database), FAMILY)
     except InputError:
         return {}
     return {flight: shape.law for flight, shape in shapes.items() if shape.law is not None}
@@ -140,7 +143,7 @@ def added_stall(
     InputError where no shape separates the flow of these flights.
     """
     stalls = stall_flights(source, flights, database)
-    shape = profiled(stalls, FAMILY)
+    shape = fit_shape(stalls, FAMILY)
     law = shape.law
     assert law is not None  # the family has memory
     columns = [shape.columns(each) for each in stalls]
@@ -158,7 +161,7 @@ def added_stall(
     ]
     increments = []
     for axis, gain in shape.gains.items():
-        names = (*(parse(name) for name in _free(views, axis)), regressors(database)[axis])
+        names = (*(parse(name) for name in _free(views, axis)), stall_regressors(database)[axis])
         rows = [
             np.column_stack([f.nuisance[axis], c[axis]])[f.usable]
             for f, c in zip(stalls, columns, strict=True)
@@ -223,7 +226,7 @@ def _stall_flight(
     source: FlightSource, view: FlightView, views: Sequence[FlightView], database: AeroDatabase
 ) -> StallFlight:
     _, comparison = source.comparison(view.flight, database)
-    axes = [axis for axis in GAINS if axis in comparison.usable]
+    axes = [axis for axis in STALL_GAIN_BOUNDS if axis in comparison.usable]
     if not axes or not view.has(["alpha", "V"]):
         raise InputError(
             "no lift, drag or pitching moment beside alpha and V",

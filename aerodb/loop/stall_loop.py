@@ -11,7 +11,14 @@ from typing import Final
 
 import numpy as np
 
-from aerodb.effects import Columns, FlightView, Hypothesis, Scene, from_zero_lift, stall_loop
+from aerodb.effects import (
+    Columns,
+    FlightView,
+    Hypothesis,
+    LibraryContext,
+    from_zero_lift,
+    stall_loop,
+)
 from aerodb.errors import InputError
 from aerodb.loop.flights import FlightSource
 from aerodb.loop.stall import EFFECT, stall_flights
@@ -118,5 +125,7 @@ def one_stall(findings: Sequence[Finding]) -> list[Finding]:
 def _with(
     law: Relay, others: Mapping[str, Relay], database: AeroDatabase, vehicle: Vehicle
 ) -> Hypothesis:
-    (made,) = stall_loop.template(law, others).hypotheses(Scene(database, vehicle, frozenset()))
+    (made,) = stall_loop.template(law, others).hypotheses(
+        LibraryContext(database, vehicle, frozenset())
+    )
     return made

@@ -7,7 +7,7 @@ from pathlib import PurePath
 from typing import Any
 
 from aerodb.coefficients import Comparison
-from aerodb.effects import with_flattening
+from aerodb.effects import with_attenuation
 from aerodb.errors import InputError
 from aerodb.flight import Flight
 from aerodb.increments import (
@@ -148,7 +148,7 @@ def estimate(plan: Plan, *, workspace: str, run: str) -> Update:
         for each in again
     ]
     return keep_slope_signs(
-        with_flattening(update, noisier, TracingSettings().shift_factor), database
+        with_attenuation(update, noisier, TracingSettings().shift_factor), database
     )
 
 

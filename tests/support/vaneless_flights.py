@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from aerodb.effects.measurement.angle_errors import with_flattening
+from aerodb.effects.measurement.angle_errors import with_attenuation
 from aerodb.exchange.native import read_native
 from aerodb.flight import Flight
 from aerodb.flows.flight import flight_flow
@@ -115,7 +115,7 @@ class Fleet:
             update = estimate_increments(*chosen, model, database, doubts)
             others = [([each[i][0] for i in group], [each[i][1] for i in group]) for each in again]
             noisier = [estimate_increments(*other, model, database) for other in others]
-            yield with_flattening(update, noisier, TracingSettings().shift_factor)
+            yield with_attenuation(update, noisier, TracingSettings().shift_factor)
 
     def consistent(self, flight: str) -> tuple[Flight, dict[str, Any]]:
         """A flight after its reconstruction, and the document of that."""

@@ -15,7 +15,7 @@ Data needed: flight on both sides of the break.
 import numpy as np
 
 from aerodb.effects.hypothesis import Hypothesis
-from aerodb.effects.template import Scene, Template, additive
+from aerodb.effects.template import LibraryContext, Template, additive
 from aerodb.support import Array
 from aerodb.tables import WIND_AXES, body_to_wind, breakpoints_over, neutral_point, spread
 
@@ -36,18 +36,18 @@ def regressor(at: float) -> str:
     )
 
 
-def sharpest_kink(scene: Scene, axis: str, widest: float = 0.21) -> float | None:
+def sharpest_kink(context: LibraryContext, axis: str, widest: float = 0.21) -> float | None:
     """Alpha [rad] within +-`widest` at which the database's own curve bends most, if it bends there
     and hardly elsewhere."""
-    points = breakpoints_over("alpha", scene.database)
+    points = breakpoints_over("alpha", context.database)
     if not points:
         return None
     alpha: Array = np.unique(np.round(np.concatenate(points), 9))
     alpha = alpha[np.abs(alpha) <= widest]
     if alpha.size < 4:
         return None
-    curves = scene.database.predict(
-        spread(neutral_point(scene.database), {"alpha": alpha})
+    curves = context.database.predict(
+        spread(neutral_point(context.database), {"alpha": alpha})
     ).coefficients
     if axis in WIND_AXES:
         wind = body_to_wind(curves["CX"], curves["CY"], curves["CZ"], alpha, 0.0)
@@ -59,16 +59,16 @@ def sharpest_kink(scene: Scene, axis: str, widest: float = 0.21) -> float | None
     return float(alpha[sharpest + 1]) + 0.0 if sharp else None
 
 
-def _hypotheses(scene: Scene) -> list[Hypothesis]:
+def _hypotheses(context: LibraryContext) -> list[Hypothesis]:
     found = []
     for axis, size in SIZES.items():
-        kink = sharpest_kink(scene, scene.axis(axis))
-        breaks = {*scene.settings.alpha_breaks, *(() if kink is None else (kink,))}
+        kink = sharpest_kink(context, context.axis(axis))
+        breaks = {*context.settings.alpha_breaks, *(() if kink is None else (kink,))}
         for at in sorted(breaks):
             text = f"{at:.4g}"
             found.append(
                 additive(
-                    scene,
+                    context,
                     "alpha_slope_break",
                     axis,
                     regressor(at),

@@ -11,7 +11,7 @@ Data needed: rolling and yawing that are not both part of one Dutch roll.
 """
 
 from aerodb.effects.hypothesis import Hypothesis
-from aerodb.effects.template import Scene, Template, additive
+from aerodb.effects.template import LibraryContext, Template, additive
 
 #: (axis, rate) -> largest believable correction.
 SIZES = {("CY", "p"): 0.5, ("CY", "r"): 1.5, ("Cl", "r"): 0.6, ("Cn", "p"): 0.4}
@@ -19,10 +19,10 @@ WORDS = {"p": "roll", "r": "yaw"}
 SOURCE = "Klein & Morelli 2006, eq. 3.2"
 
 
-def _hypotheses(scene: Scene) -> list[Hypothesis]:
+def _hypotheses(context: LibraryContext) -> list[Hypothesis]:
     return [
         additive(
-            scene,
+            context,
             "cross_rate",
             axis,
             f"{rate}_hat",

@@ -14,19 +14,19 @@ separated from `mach_effect`.
 
 from aerodb.effects.aerodynamic.lift_like import from_zero_lift
 from aerodb.effects.hypothesis import Hypothesis
-from aerodb.effects.template import Scene, Template, additive
+from aerodb.effects.template import LibraryContext, Template, additive
 
 SIZES = {"CZ": 4e-4, "Cm": 2e-4}
 SOURCE = "Bisplinghoff, Ashley, Halfman, Aeroelasticity, chapter 8"
 
 
-def _hypotheses(scene: Scene) -> list[Hypothesis]:
+def _hypotheses(context: LibraryContext) -> list[Hypothesis]:
     return [
         additive(
-            scene,
+            context,
             "dynamic_pressure_effect",
             axis,
-            f"{from_zero_lift(scene.database)}*qbar",
+            f"{from_zero_lift(context.database)}*qbar",
             size=size,
             unit="1/(rad Pa)",
             grows="due to angle of attack that changes with dynamic pressure",

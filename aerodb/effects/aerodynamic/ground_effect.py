@@ -16,7 +16,7 @@ Data needed: flight within half a span of the ground at several angles of attack
 
 from aerodb.effects.aerodynamic.lift_like import from_zero_lift
 from aerodb.effects.hypothesis import Hypothesis
-from aerodb.effects.template import Scene, Template, additive
+from aerodb.effects.template import LibraryContext, Template, additive
 
 SIZES = {"CX": 5.0, "CZ": 3.0, "Cm": 2.0}
 SOURCE = (
@@ -37,11 +37,11 @@ def influence(span: float) -> str:
     )
 
 
-def _hypotheses(scene: Scene) -> list[Hypothesis]:
-    sigma, lifting = influence(scene.database.reference.span), from_zero_lift(scene.database)
+def _hypotheses(context: LibraryContext) -> list[Hypothesis]:
+    sigma, lifting = influence(context.database.reference.span), from_zero_lift(context.database)
     return [
         additive(
-            scene,
+            context,
             "ground_effect",
             axis,
             f"{sigma}*{lifting}^2" if axis == "CX" else f"{sigma}*{lifting}",

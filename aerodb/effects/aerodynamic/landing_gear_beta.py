@@ -13,7 +13,7 @@ Data needed: sideslip with the gear down and with it up.
 """
 
 from aerodb.effects.hypothesis import Hypothesis
-from aerodb.effects.template import Scene, Template, additive
+from aerodb.effects.template import LibraryContext, Template, additive
 
 SIZES = {"CZ": 0.4, "CY": 0.4, "Cn": 0.1}
 SOURCE = "003, eq. 6"
@@ -24,11 +24,11 @@ def regressor(delta: str, axis: str) -> str:
     return f"{delta}*abs(beta)" if axis == "CZ" else f"{delta}*beta"
 
 
-def _hypotheses(scene: Scene) -> list[Hypothesis]:
-    gears = [surface for surface in scene.surfaces if surface.role == "landing_gear"]
+def _hypotheses(context: LibraryContext) -> list[Hypothesis]:
+    gears = [surface for surface in context.surfaces if surface.role == "landing_gear"]
     return [
         additive(
-            scene,
+            context,
             "landing_gear_beta",
             axis,
             regressor(gear.channel, axis),

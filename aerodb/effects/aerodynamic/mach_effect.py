@@ -14,19 +14,19 @@ separated from `dynamic_pressure_effect`.
 
 from aerodb.effects.aerodynamic.lift_like import from_zero_lift
 from aerodb.effects.hypothesis import Hypothesis
-from aerodb.effects.template import Scene, Template, additive
+from aerodb.effects.template import LibraryContext, Template, additive
 
 SIZES = {"CZ": 4.0, "Cm": 2.0}
 SOURCE = "Prandtl-Glauert rule (Anderson, Fundamentals of Aerodynamics, section 11.4)"
 
 
-def _hypotheses(scene: Scene) -> list[Hypothesis]:
+def _hypotheses(context: LibraryContext) -> list[Hypothesis]:
     return [
         additive(
-            scene,
+            context,
             "mach_effect",
             axis,
-            f"{from_zero_lift(scene.database)}*mach^2",
+            f"{from_zero_lift(context.database)}*mach^2",
             size=size,
             unit="1/rad",
             grows="due to angle of attack that changes with Mach number",

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 
 from aerodb.effects.hypothesis import Hypothesis
 from aerodb.effects.surfaces import Role, Surface
-from aerodb.effects.template import Scene, Template, additive
+from aerodb.effects.template import LibraryContext, Template, additive
 
 #: Kind of surface -> body axis -> largest believable correction.
 Sizes = Mapping[Role, Mapping[str, float]]
@@ -27,17 +27,17 @@ def per_surface(
     whether the surface stands in the hypothesis' id also where it is the only one of its kind.
     """
 
-    def hypotheses(scene: Scene) -> list[Hypothesis]:
+    def hypotheses(context: LibraryContext) -> list[Hypothesis]:
         found = []
-        for surface in scene.surfaces:
+        for surface in context.surfaces:
             for axis, size in sizes.get(surface.role, {}).items():
-                found.append(_one(scene, surface, axis, size))
+                found.append(_one(context, surface, axis, size))
         return found
 
-    def _one(scene: Scene, surface: Surface, axis: str, size: float) -> Hypothesis:
-        alone = sum(other.role == surface.role for other in scene.surfaces) == 1
+    def _one(context: LibraryContext, surface: Surface, axis: str, size: float) -> Hypothesis:
+        alone = sum(other.role == surface.role for other in context.surfaces) == 1
         return additive(
-            scene,
+            context,
             effect,
             axis,
             regressor(surface.channel),

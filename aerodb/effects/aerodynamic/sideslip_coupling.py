@@ -12,7 +12,7 @@ Data needed: sideslip at several angles of attack.
 """
 
 from aerodb.effects.hypothesis import Hypothesis
-from aerodb.effects.template import Scene, Template, additive
+from aerodb.effects.template import LibraryContext, Template, additive
 
 LONGITUDINAL, LATERAL = "abs(beta)", "alpha*beta"
 SIZES = {"CX": 0.3, "CZ": 0.6, "Cm": 0.3, "CY": 5.0, "Cl": 5.0, "Cn": 6.0}
@@ -20,7 +20,7 @@ SOURCE = "003, eq. 6; DHC6.xml against the Twin Otter records"
 EFFECT = "sideslip_coupling"
 
 
-def _hypotheses(scene: Scene) -> list[Hypothesis]:
+def _hypotheses(context: LibraryContext) -> list[Hypothesis]:
     grows = {
         "abs_beta": "that grows with sideslip to either side",
         "alpha_beta": "due to sideslip that changes with angle of attack",
@@ -33,7 +33,7 @@ def _hypotheses(scene: Scene) -> list[Hypothesis]:
         unit = "1/rad" if name == "abs_beta" else "1/rad^2"
         found.append(
             additive(
-                scene,
+                context,
                 EFFECT,
                 axis,
                 regressor,

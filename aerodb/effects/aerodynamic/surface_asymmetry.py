@@ -13,7 +13,7 @@ Data needed: independent motion of both deflections of the pair.
 """
 
 from aerodb.effects.hypothesis import Hypothesis
-from aerodb.effects.template import Scene, Template, additive
+from aerodb.effects.template import LibraryContext, Template, additive
 
 #: Kind of combination -> axis on which symmetry forbids an odd effect, and the largest believable
 #: one.
@@ -21,16 +21,16 @@ FORBIDDEN = {"symmetric": ("Cl", 0.2), "asymmetric": ("Cm", 1.0)}
 SOURCE = "symmetry; 003, below eq. 6, for the combinations"
 
 
-def _hypotheses(scene: Scene) -> list[Hypothesis]:
+def _hypotheses(context: LibraryContext) -> list[Hypothesis]:
     found = []
-    for surface in scene.surfaces:
-        combination = scene.vehicle.combinations.get(surface.name)
+    for surface in context.surfaces:
+        combination = context.vehicle.combinations.get(surface.name)
         if combination is None:
             continue
         axis, size = FORBIDDEN[combination.kind]
         found.append(
             additive(
-                scene,
+                context,
                 "surface_asymmetry",
                 axis,
                 surface.channel,

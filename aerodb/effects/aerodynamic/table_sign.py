@@ -21,7 +21,7 @@ import numpy as np
 
 from aerodb.effects.hypothesis import Hypothesis
 from aerodb.effects.interpolation_terms import as_expression
-from aerodb.effects.template import AXIS_WORDS, Scene, Template, on_axis
+from aerodb.effects.template import AXIS_WORDS, LibraryContext, Template, on_axis
 from aerodb.nomenclature import CHANNELS, is_surface
 from aerodb.support import Array
 from aerodb.tables import MAX_LENGTH, Call, Expression, Name, Site, Table, number, sites, times
@@ -59,13 +59,13 @@ def wrong_part(table: Table, axis: int, odd: bool) -> tuple[Array, Array]:
     return points, values.reshape([len(points) for points in axes])
 
 
-def defects(scene: Scene) -> list[Defect]:
+def defects(context: LibraryContext) -> list[Defect]:
     """Tables with sideslip among their own arguments that enter a coefficient linearly, and what
     may be wrong with them."""
     found = []
-    for site in sites(scene.database):
+    for site in sites(context.database):
         names = [channel.name if channel else None for channel in site.channels]
-        table = scene.database.tables[site.table]
+        table = context.database.tables[site.table]
         if (
             None in names
             or "beta" not in names
@@ -122,8 +122,8 @@ def _regressor(site: Site, table: Table, even: tuple[int, Array, Array] | None) 
     return total if site.constant == 1.0 else times(number(site.constant), total)
 
 
-def _hypotheses(scene: Scene) -> list[Hypothesis]:
-    return [_one(defect) for defect in defects(scene)]
+def _hypotheses(context: LibraryContext) -> list[Hypothesis]:
+    return [_one(defect) for defect in defects(context)]
 
 
 def _one(defect: Defect) -> Hypothesis:

@@ -13,7 +13,7 @@ Data needed: throttle changes at nearly constant speed.
 """
 
 from aerodb.effects.hypothesis import Hypothesis
-from aerodb.effects.template import Scene, Template, additive
+from aerodb.effects.template import LibraryContext, Template, additive
 
 SIZES = {"CZ": 2.0, "Cl": 0.2, "Cm": 1.0, "Cn": 0.2}
 SOURCE = "000; DHC6.xml, term CmT"
@@ -24,15 +24,15 @@ def regressor(area: float) -> str:
     return f"thrust/(qbar*{area!r})"
 
 
-def _hypotheses(scene: Scene) -> list[Hypothesis]:
-    if scene.vehicle.thrust.source != "channel":
+def _hypotheses(context: LibraryContext) -> list[Hypothesis]:
+    if context.vehicle.thrust.source != "channel":
         return []
     return [
         additive(
-            scene,
+            context,
             "thrust_effect",
             axis,
-            regressor(scene.database.reference.area),
+            regressor(context.database.reference.area),
             size=size,
             unit="1",
             grows="that grows with thrust",

@@ -14,7 +14,7 @@ Data needed: none in particular; the effect is present in all flight conditions.
 """
 
 from aerodb.effects.hypothesis import Hypothesis
-from aerodb.effects.template import AXIS_WORDS, Scene, Template, on_axis
+from aerodb.effects.template import AXIS_WORDS, LibraryContext, Template, on_axis
 from aerodb.tables import parse
 
 REGRESSOR = "1"
@@ -22,7 +22,7 @@ SIZES = {"CX": 0.05, "CY": 0.05, "CZ": 0.2, "Cl": 0.02, "Cm": 0.1, "Cn": 0.02}
 SOURCE = "003, eq. 7 and section IV.D"
 
 
-def _hypotheses(scene: Scene) -> list[Hypothesis]:
+def _hypotheses(context: LibraryContext) -> list[Hypothesis]:
     return [
         on_axis(
             "zero_offset",

@@ -6,21 +6,25 @@ from . import (
     sensor_qbar,
     surface_calibration,
 )
-from .angle_errors import doubts_of_alpha, with_flattening
-from .constant_errors import doubts
-from .reconstructed_angles import columns_of, of_flow_angles, within_what_is_known
+from .angle_errors import alpha_consider_parameters, with_attenuation
+from .constant_errors import sensor_consider_parameters
+from .reconstructed_angles import (
+    hypotheses_for_flight,
+    with_reconstructed_angles,
+    within_reconstruction_accuracy,
+)
 
 __all__ = [
-    "columns_of",
-    "doubts",
-    "doubts_of_alpha",
+    "alpha_consider_parameters",
+    "hypotheses_for_flight",
     "mass_properties",
-    "of_flow_angles",
     "sensor_accelerometer",
+    "sensor_consider_parameters",
     "sensor_flow_angles",
     "sensor_gyro",
     "sensor_qbar",
     "surface_calibration",
-    "with_flattening",
-    "within_what_is_known",
+    "with_attenuation",
+    "with_reconstructed_angles",
+    "within_reconstruction_accuracy",
 ]

@@ -26,7 +26,7 @@ from aerodb.support import Array
 _DRAWS: Final = 16
 
 
-def doubts_of_alpha(view: FlightView, noise: StateNoise) -> tuple[ConsiderParameter, ...]:
+def alpha_consider_parameters(view: FlightView, noise: StateNoise) -> tuple[ConsiderParameter, ...]:
     """The doubts in what one flight with a reconstructed alpha gives: in proportion, and in
     `_DRAWS` realisations of e.
 
@@ -54,7 +54,7 @@ def doubts_of_alpha(view: FlightView, noise: StateNoise) -> tuple[ConsiderParame
     )
 
 
-def with_flattening(update: Update, noisier: Sequence[Update], factor: float) -> Update:
+def with_attenuation(update: Update, noisier: Sequence[Update], factor: float) -> Update:
     """The update with the doubt that errors in its regressors have flattened it.
 
     noisier : the same estimated from the same flights with their states' error once more. `factor`

@@ -20,10 +20,10 @@ from aerodb.support import Array
 from aerodb.tables import WIND_AXES, body_to_wind
 
 
-def doubts(
+def sensor_consider_parameters(
     view: FlightView, sigma: Mapping[str, float], own: Collection[str] = ()
 ) -> tuple[ConsiderParameter, ...]:
-    """The doubts in what one flight gives.
+    """The sensor_consider_parameters in what one flight gives.
 
     sigma : ``<channel>_bias`` and ``<angle>_delay`` -> one standard error of what is left of it,
     SI. own : those that this flight alone has; all others are one error in all flights of the

@@ -18,7 +18,7 @@ from aerodb.effects.flight_view import FlightView
 from aerodb.effects.hypothesis import Columns, Hypothesis
 from aerodb.effects.measurement.sensor import added, predicted_change, sensor
 from aerodb.effects.measurement.sensor_flow_angles import moved_probe
-from aerodb.effects.template import Scene, Template
+from aerodb.effects.template import LibraryContext, Template
 
 SOURCE = "003, eqs. 1-4"
 INERTIAS = ("Ixx", "Iyy", "Izz", "Ixz")
@@ -59,10 +59,10 @@ def thrust(view: FlightView) -> Columns:
     return view.as_coefficients(-view.thrust, -view.thrust_moment)
 
 
-def _mass(scene: Scene) -> list[Hypothesis]:
+def _mass(context: LibraryContext) -> list[Hypothesis]:
     return [
         sensor(
-            scene,
+            context,
             "mass_error",
             "mass_share",
             mass,
@@ -77,11 +77,11 @@ def _mass(scene: Scene) -> list[Hypothesis]:
     ]
 
 
-def _centre_of_gravity(scene: Scene) -> list[Hypothesis]:
-    chord = scene.vehicle.reference.chord
+def _centre_of_gravity(context: LibraryContext) -> list[Hypothesis]:
+    chord = context.vehicle.reference.chord
     return [
         sensor(
-            scene,
+            context,
             "cg_offset",
             f"cg_{axis}_offset",
             partial(centre_of_gravity, axis=axis),
@@ -98,10 +98,10 @@ def _centre_of_gravity(scene: Scene) -> list[Hypothesis]:
     ]
 
 
-def _inertia(scene: Scene) -> list[Hypothesis]:
+def _inertia(context: LibraryContext) -> list[Hypothesis]:
     return [
         sensor(
-            scene,
+            context,
             "inertia_error",
             f"{name}_share",
             partial(inertia, name=name),
@@ -118,12 +118,12 @@ def _inertia(scene: Scene) -> list[Hypothesis]:
     ]
 
 
-def _thrust(scene: Scene) -> list[Hypothesis]:
-    if scene.vehicle.thrust.source != "channel":
+def _thrust(context: LibraryContext) -> list[Hypothesis]:
+    if context.vehicle.thrust.source != "channel":
         return []
     return [
         sensor(
-            scene,
+            context,
             "thrust_scale",
             "thrust_scale",
             thrust,

@@ -26,7 +26,7 @@ _OF_PROBE: Final = "air_data_position"
 _INERTIAL: Final = ("accelerometer_bias", "gyro_bias")
 
 
-def of_flow_angles(
+def with_reconstructed_angles(
     hypotheses: Iterable[Hypothesis], shown: Collection[str], reconstructed: Collection[str]
 ) -> tuple[Hypothesis, ...]:
     """The hypotheses about the angles (`alpha`, `beta`) that a sensor showed, and about those that
@@ -35,7 +35,7 @@ def of_flow_angles(
     In a campaign where some flights have a vane, an angle may be both. Where no angle was shown,
     the place of the probe is none.
 
-    >>> of_flow_angles((), (), ("alpha", "beta"))
+    >>> with_reconstructed_angles((), (), ("alpha", "beta"))
     ()
     """
     found: list[Hypothesis] = []
@@ -60,7 +60,7 @@ def _of_reconstructed(hypothesis: Hypothesis, angle: str, kind: str) -> Hypothes
     )
 
 
-def columns_of(
+def hypotheses_for_flight(
     hypotheses: Iterable[Hypothesis], reconstructed: Collection[str]
 ) -> tuple[Hypothesis, ...]:
     """Those of a campaign's hypotheses that make sense for one flight, some of whose angles were
@@ -71,7 +71,7 @@ def columns_of(
     return tuple(hypothesis for hypothesis in hypotheses if hypothesis.effect not in left_out)
 
 
-def within_what_is_known(
+def within_reconstruction_accuracy(
     hypotheses: Iterable[Hypothesis], known: Sequence[Mapping[str, float]]
 ) -> tuple[Hypothesis, ...]:
     """The hypotheses, biases of inertial sensors believed only as far as the reconstruction of

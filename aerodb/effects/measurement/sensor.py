@@ -14,13 +14,13 @@ import numpy as np
 from aerodb.conditioning import smooth
 from aerodb.effects.flight_view import FlightView
 from aerodb.effects.hypothesis import Columns, Hypothesis
-from aerodb.effects.template import Scene
+from aerodb.effects.template import LibraryContext
 from aerodb.nomenclature import AXES
 from aerodb.support import Array
 
 
 def sensor(
-    scene: Scene,
+    context: LibraryContext,
     effect: str,
     parameter: str,
     tangent: Callable[[FlightView], Columns],
@@ -35,7 +35,7 @@ def sensor(
     subject: str = "",
     declared: float = 0.0,
 ) -> Hypothesis:
-    """A sensor hypothesis; its sigma is the scene's prior for `parameter`, else `declared`, else
+    """A sensor hypothesis; its sigma is the context's prior for `parameter`, else `declared`, else
     `natural`."""
     return Hypothesis(
         effect=effect,
@@ -45,7 +45,7 @@ def sensor(
         kind="sensor",
         unit=unit,
         plausible=plausible,
-        prior_sigma=scene.sigma(parameter, declared, natural),
+        prior_sigma=context.sigma(parameter, declared, natural),
         because=because,
         tangent=tangent,
         formula=formula,
@@ -54,17 +54,21 @@ def sensor(
     )
 
 
-def bias_prior(scene: Scene, *channels: str) -> float:
+def bias_prior(context: LibraryContext, *channels: str) -> float:
     """The first bias prior that the vehicle file declares for one of `channels`, else 0."""
     found = (
-        scene.vehicle.sensors[name].bias_prior for name in channels if name in scene.vehicle.sensors
+        context.vehicle.sensors[name].bias_prior
+        for name in channels
+        if name in context.vehicle.sensors
     )
     return next((sigma for sigma in found if sigma > 0), 0.0)
 
 
-def delay_prior(scene: Scene, channel: str) -> float:
+def delay_prior(context: LibraryContext, channel: str) -> float:
     """The delay prior that the vehicle file declares for `channel`, else 0."""
-    return scene.vehicle.sensors[channel].delay_prior if channel in scene.vehicle.sensors else 0.0
+    return (
+        context.vehicle.sensors[channel].delay_prior if channel in context.vehicle.sensors else 0.0
+    )
 
 
 def predicted_change(view: FlightView, **changes: Array | float) -> dict[str, Array]:

@@ -12,7 +12,7 @@ import numpy as np
 from aerodb.effects.flight_view import FlightView
 from aerodb.effects.hypothesis import Columns, Hypothesis
 from aerodb.effects.measurement.sensor import bias_prior, sensor
-from aerodb.effects.template import Scene, Template
+from aerodb.effects.template import LibraryContext, Template
 
 SOURCE = "003, eqs. 1-3"
 WORDS = {"x": "longitudinal", "y": "lateral", "z": "normal"}
@@ -24,16 +24,16 @@ def bias(view: FlightView, axis: str) -> Columns:
     return view.as_coefficients(force, np.zeros_like(force))
 
 
-def _hypotheses(scene: Scene) -> list[Hypothesis]:
+def _hypotheses(context: LibraryContext) -> list[Hypothesis]:
     return [
         sensor(
-            scene,
+            context,
             "accelerometer_bias",
             f"a{axis}_bias",
             partial(bias, axis=axis),
             unit="m/s^2",
             plausible=(-1.0, 1.0),
-            declared=bias_prior(scene, f"a{axis}_imu", f"a{axis}"),
+            declared=bias_prior(context, f"a{axis}_imu", f"a{axis}"),
             natural=0.05,
             because=f"the {words} accelerometer reads too high or too low by a constant",
             formula=f"m/(qbar*S) along {axis}, and its moment about the moment reference",

@@ -24,7 +24,7 @@ from aerodb.conditioning import smooth
 from aerodb.effects.flight_view import FlightView
 from aerodb.effects.hypothesis import Columns, Hypothesis
 from aerodb.effects.measurement.sensor import bias_prior, delay_prior, predicted_change, sensor
-from aerodb.effects.template import Scene, Template
+from aerodb.effects.template import LibraryContext, Template
 from aerodb.support import Array
 from aerodb.tables import Value
 
@@ -116,15 +116,15 @@ def _template(angle: str, kind: str) -> Template:
     }[kind]
     unit, size = {"bias": ("rad", 0.06), "scale": ("1", 0.3), "delay": ("s", 0.2)}[kind]
 
-    def hypotheses(scene: Scene) -> list[Hypothesis]:
+    def hypotheses(context: LibraryContext) -> list[Hypothesis]:
         declared = {
-            "bias": bias_prior(scene, angle),
+            "bias": bias_prior(context, angle),
             "scale": 0.0,
-            "delay": delay_prior(scene, angle),
+            "delay": delay_prior(context, angle),
         }[kind]
         return [
             sensor(
-                scene,
+                context,
                 effect,
                 effect,
                 partial(tangent, angle=angle),
@@ -142,11 +142,11 @@ def _template(angle: str, kind: str) -> Template:
     return Template(effect, "sensor", formula, SOURCE, hypotheses)
 
 
-def _position(scene: Scene) -> list[Hypothesis]:
+def _position(context: LibraryContext) -> list[Hypothesis]:
     words = {"x": "ahead of or behind", "z": "below or above"}
     return [
         sensor(
-            scene,
+            context,
             "air_data_position",
             f"air_data_{axis}",
             partial(position, axis=axis),

@@ -15,7 +15,7 @@ from aerodb.effects.flight_view import FlightView
 from aerodb.effects.hypothesis import Columns, Hypothesis
 from aerodb.effects.measurement.sensor import added, bias_prior, predicted_change, sensor
 from aerodb.effects.measurement.sensor_flow_angles import SLOWEST, flow_changes
-from aerodb.effects.template import Scene, Template
+from aerodb.effects.template import LibraryContext, Template
 from aerodb.support import Array
 
 SOURCE = "003, eqs. 1-4"
@@ -70,16 +70,16 @@ def _template(kind: str) -> Template:
     )
     how = "by a constant" if kind == "bias" else "in proportion"
 
-    def hypotheses(scene: Scene) -> list[Hypothesis]:
+    def hypotheses(context: LibraryContext) -> list[Hypothesis]:
         return [
             sensor(
-                scene,
+                context,
                 effect,
                 f"{rate}_{kind}",
                 partial(tangent, rate=rate),
                 unit=unit,
                 plausible=(-size, size),
-                declared=bias_prior(scene, rate) if kind == "bias" else 0.0,
+                declared=bias_prior(context, rate) if kind == "bias" else 0.0,
                 natural=natural,
                 because=f"the {words} rate reads too high or too low {how}",
                 formula=formula,

@@ -9,7 +9,7 @@ although 003 found 10.19 % on one flight. Source: 003, eq. 5; docs/method/tracin
 from aerodb.effects.flight_view import FlightView
 from aerodb.effects.hypothesis import Columns, Hypothesis
 from aerodb.effects.measurement.sensor import added, bias_prior, predicted_change, sensor
-from aerodb.effects.template import Scene, Template
+from aerodb.effects.template import LibraryContext, Template
 from aerodb.support import Array
 
 SOURCE = "003, eq. 5"
@@ -27,16 +27,16 @@ def offset(view: FlightView) -> Columns:
     return added(direct, predicted_change(view, qbar=1.0))
 
 
-def _scale(scene: Scene) -> list[Hypothesis]:
+def _scale(context: LibraryContext) -> list[Hypothesis]:
     return [
         sensor(
-            scene,
+            context,
             "qbar_scale",
             "qbar_scale",
             scale,
             unit="1",
             plausible=(-0.2, 0.2),
-            natural=scene.vehicle.accuracy.qbar_fraction,
+            natural=context.vehicle.accuracy.qbar_fraction,
             because="dynamic pressure reads in proportion too high or too low",
             formula="-C - qbar*dC/dqbar",
             needs=("qbar",),
@@ -45,16 +45,16 @@ def _scale(scene: Scene) -> list[Hypothesis]:
     ]
 
 
-def _offset(scene: Scene) -> list[Hypothesis]:
+def _offset(context: LibraryContext) -> list[Hypothesis]:
     return [
         sensor(
-            scene,
+            context,
             "qbar_offset",
             "qbar_offset",
             offset,
             unit="Pa",
             plausible=(-300.0, 300.0),
-            declared=bias_prior(scene, "qbar"),
+            declared=bias_prior(context, "qbar"),
             natural=20.0,
             because="dynamic pressure reads too high or too low by a constant",
             formula="-C/qbar - dC/dqbar",

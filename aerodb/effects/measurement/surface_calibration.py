@@ -16,7 +16,7 @@ from aerodb.effects.flight_view import FlightView
 from aerodb.effects.hypothesis import Columns, Hypothesis
 from aerodb.effects.measurement.sensor import predicted_change, sensor
 from aerodb.effects.surfaces import Surface
-from aerodb.effects.template import Scene, Template
+from aerodb.effects.template import LibraryContext, Template
 
 SOURCE = "003, eq. 6"
 
@@ -34,10 +34,10 @@ def fault(view: FlightView, surface: str, symmetric: str, asymmetric: str, side:
     return predicted_change(view, **{name: change for name, change in changes.items() if name})
 
 
-def pairs(scene: Scene) -> dict[tuple[str, str], list[Surface]]:
+def pairs(context: LibraryContext) -> dict[tuple[str, str], list[Surface]]:
     """(right, left) -> the combinations that flights have of these two surfaces."""
     found: dict[tuple[str, str], list[Surface]] = {}
-    for surface in scene.surfaces:
+    for surface in context.surfaces:
         if surface.right:
             found.setdefault((surface.right, surface.left), []).append(surface)
     return found
@@ -55,14 +55,17 @@ def pair_name(right: str, left: str) -> str:
     return "_".join(common) or f"{right}_{left}"
 
 
-def _scale(scene: Scene) -> list[Hypothesis]:
+def _scale(context: LibraryContext) -> list[Hypothesis]:
     groups = {
-        pair_name(*sides): tuple(s.channel for s in found) for sides, found in pairs(scene).items()
+        pair_name(*sides): tuple(s.channel for s in found)
+        for sides, found in pairs(context).items()
     }
-    groups |= {surface.name: (surface.channel,) for surface in scene.surfaces if not surface.right}
+    groups |= {
+        surface.name: (surface.channel,) for surface in context.surfaces if not surface.right
+    }
     return [
         sensor(
-            scene,
+            context,
             "surface_scale",
             f"delta_{name}_scale",
             partial(scale, channels=channels),
@@ -83,18 +86,18 @@ def _scale(scene: Scene) -> list[Hypothesis]:
     ]
 
 
-def _fault(scene: Scene) -> list[Hypothesis]:
+def _fault(context: LibraryContext) -> list[Hypothesis]:
     found = []
-    for sides, combined in pairs(scene).items():
+    for sides, combined in pairs(context).items():
         kinds = {
-            scene.vehicle.combinations[surface.name].kind: surface.channel for surface in combined
+            context.vehicle.combinations[surface.name].kind: surface.channel for surface in combined
         }
         symmetric, asymmetric = kinds.get("symmetric", ""), kinds.get("asymmetric", "")
         for name, side in zip(sides, (1.0, -1.0), strict=True):
             channel = f"delta_{name}"
             found.append(
                 sensor(
-                    scene,
+                    context,
                     "surface_asymmetry",
                     f"{channel}_lost",
                     partial(

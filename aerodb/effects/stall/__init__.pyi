@@ -1,14 +1,14 @@
 from . import stall_hysteresis, stall_loop
-from .stall_hysteresis import hypotheses, regressors
-from .stall_shape import GAINS, StallFlight, cross_fitted, profiled
+from .stall_hysteresis import stall_hypotheses, stall_regressors
+from .stall_shape import STALL_GAIN_BOUNDS, StallFlight, cross_fit_shapes, fit_shape
 
 __all__ = [
-    "GAINS",
+    "STALL_GAIN_BOUNDS",
     "StallFlight",
-    "cross_fitted",
-    "hypotheses",
-    "profiled",
-    "regressors",
+    "cross_fit_shapes",
+    "fit_shape",
+    "stall_hypotheses",
     "stall_hysteresis",
     "stall_loop",
+    "stall_regressors",
 ]

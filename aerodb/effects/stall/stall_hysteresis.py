@@ -9,7 +9,8 @@ Data needed: flight into the stall and back out of it.
 
 The shape of X is nonlinear in its parameters, so it is fixed before any flight is judged: by
 default the start values of Jategaonkar (2015) for a transport aircraft; better, fitted by
-`stall_shape.cross_fitted` on the *other* flights, so that each flight's estimate stays independent.
+`stall_shape.cross_fit_shapes` on the *other* flights, so that each flight's estimate stays
+independent.
 
 >>> from aerodb.effects.template import value
 >>> value(LIFT.format("alpha"), alpha=0.2, flow_attachment=1.0)
@@ -19,7 +20,7 @@ default the start values of Jategaonkar (2015) for a transport aircraft; better,
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Final
 
@@ -28,7 +29,7 @@ import numpy as np
 from aerodb.effects.aerodynamic import from_zero_lift
 from aerodb.effects.flight_view import FlightView
 from aerodb.effects.hypothesis import Columns, Hypothesis
-from aerodb.effects.template import Scene, Template
+from aerodb.effects.template import LibraryContext, Template
 from aerodb.errors import InputError, nearest
 from aerodb.nomenclature import FORCE_AXES
 from aerodb.tables import (
@@ -55,28 +56,40 @@ SOURCE = (
 #: Start values of Jategaonkar (2015), for ATTAS.
 START: Final[Law] = Kirchhoff(sharpness=35.0, alpha_star=0.29, lag=21.0)
 
-#: Axis -> parameter, unit, believable range, and the clause for reports.
-_AXES: Final = {
-    "C_lift": ("C_lift_X", "1/rad", (0.0, 7.0), "lift that is lost in a stall and comes back late"),
-    "C_drag": (
+
+@dataclass(frozen=True)
+class _Gain:
+    """The parameter of one axis: name, unit, plausible range, and the clause for reports."""
+
+    parameter: str
+    unit: str
+    plausible: tuple[float, float]
+    because: str
+
+
+_GAINS: Final = {
+    "C_lift": _Gain(
+        "C_lift_X", "1/rad", (0.0, 7.0), "lift that is lost in a stall and comes back late"
+    ),
+    "C_drag": _Gain(
         "C_drag_X",
         "1",
         (0.0, 2.0),
         "drag of flow that separates in a stall and attaches late",
     ),
-    "Cm": (
+    "Cm": _Gain(
         "Cm_X",
         "1",
         (-2.0, 2.0),
         "pitching moment of flow that separates in a stall and attaches late",
     ),
 }
-#: Body axes on which one parameter is felt.
-_FELT_ON: Final = {"C_lift": ("CX", "CZ"), "C_drag": ("CX", "CY", "CZ"), "Cm": ("Cm",)}
+#: Body axes on which each parameter acts.
+_BODY_AXES: Final = {"C_lift": ("CX", "CZ"), "C_drag": ("CX", "CY", "CZ"), "Cm": ("Cm",)}
 
 
-def regressors(database: AeroDatabase) -> dict[str, Expression]:
-    """Axis -> what its gain multiplies, over `flow_attachment`."""
+def stall_regressors(database: AeroDatabase) -> dict[str, Expression]:
+    """Regressors of the stall gains over `flow_attachment`: axis -> expression."""
     separated = parse(SEPARATED)
     return {
         "C_lift": parse(LIFT.format(from_zero_lift(database))),
@@ -85,12 +98,17 @@ def regressors(database: AeroDatabase) -> dict[str, Expression]:
     }
 
 
-def hypotheses(scene: Scene, laws: Law | Mapping[str, Law], subject: str = "") -> list[Hypothesis]:
-    """The stall on lift, drag and pitching moment, by a law of one shape, or of one per flight
-    (cross-fitted).
+def stall_hypotheses(
+    context: LibraryContext, laws: Law | Mapping[str, Law], subject: str = ""
+) -> list[Hypothesis]:
+    """Hypotheses of stall hysteresis on lift, drag and pitching moment.
 
-    subject : tells several laws in one library apart. Flights that `laws` does not hold cannot show
-    it: their columns are zero.
+    Parameters
+    ----------
+    context : what the library is made for.
+    laws : one law for all flights, or flight id -> law (cross-fitted). A flight without a law
+        cannot show the effect: its columns are zero.
+    subject : distinguishes several laws in one library.
     """
     one = not isinstance(laws, Mapping)
     states = {"": laws} if not isinstance(laws, Mapping) else dict(laws)
@@ -106,19 +124,19 @@ def hypotheses(scene: Scene, laws: Law | Mapping[str, Law], subject: str = "") -
         else "; ".join(f"{flight}: {law}" for flight, law in sorted(states.items()))
     )
     found = []
-    for axis, regressor in regressors(scene.database).items():
-        parameter, unit, plausible, because = _AXES[axis]
+    for axis, regressor in stall_regressors(context.database).items():
+        gain = _GAINS[axis]
         found.append(
             Hypothesis(
                 effect="stall_hysteresis",
-                axes=_FELT_ON[axis],
+                axes=_BODY_AXES[axis],
                 subject=subject,
-                parameter=parameter,
+                parameter=gain.parameter,
                 kind="aerodynamic",
-                unit=unit,
-                plausible=plausible,
+                unit=gain.unit,
+                plausible=gain.plausible,
                 prior_sigma=None,
-                because=because,
+                because=gain.because,
                 increment=((axis, regressor),),
                 tangent=partial(columns, axis=axis, regressor=regressor, laws=states, one=one),
                 formula=f"{axis} += k*({regressor}); {STATE_CHANNEL} of {text}",
@@ -130,14 +148,14 @@ def hypotheses(scene: Scene, laws: Law | Mapping[str, Law], subject: str = "") -
 
 
 def template(laws: Sequence[Law]) -> Template:
-    """The stall with these shapes, in place of the default one."""
+    """Stall-hysteresis template with these laws instead of the default one."""
 
-    def expanded(scene: Scene) -> list[Hypothesis]:
+    def expanded(context: LibraryContext) -> list[Hypothesis]:
         named = [
             ("" if len(laws) == 1 else f"shape {number}", law)
             for number, law in enumerate(laws, start=1)
         ]
-        return [item for subject, law in named for item in hypotheses(scene, law, subject)]
+        return [item for subject, law in named for item in stall_hypotheses(context, law, subject)]
 
     formula = f"C_lift += k*{LIFT.format('(alpha - alpha_0)')}; C_drag, Cm += k*({SEPARATED})"
     return Template("stall_hysteresis", "aerodynamic", formula, SOURCE, expanded)
@@ -149,12 +167,15 @@ TEMPLATE = template((START,))
 def columns(
     view: FlightView, *, axis: str, regressor: Expression, laws: Mapping[str, Law], one: bool
 ) -> Columns:
-    """Body axis -> (n,): `regressor` along a flight, the flow attached by its law; zero for flights
-    without one."""
+    """Evaluate `regressor` along a flight, with the flow attachment given by the flight's law.
+
+    Returns body axis -> (n,); zero for a flight without a law. one : whether `laws` holds one law
+    for all flights, under the key "".
+    """
     law = laws.get("" if one else view.flight)
     zero = np.zeros(len(view.time))
     if law is None:
-        return dict.fromkeys(_FELT_ON[axis], zero)
+        return dict.fromkeys(_BODY_AXES[axis], zero)
     state = StateModel(STATE_CHANNEL, law)
     attached = state.along(
         view.time, {name: view[name] for name in state.needs}, view.reference.chord
@@ -175,23 +196,26 @@ def with_stall(
     flights: Sequence[str],
     description: str = "",
 ) -> AeroDatabase:
-    """`database` with the state model of `law` and an increment per axis of `gains` that uses it: a
-    finding, added.
+    """Add an accepted stall to `database`: the state model of `law` and one increment per gain.
 
-    gains : axis -> value and standard error. envelope, flights : as an `Increment` has them.
+    Parameters
+    ----------
+    gains : axis -> (value, standard error), in the units of the axis.
+    envelope, flights : as for `Increment`.
 
-    Raises InputError where the database has such a state already, and for an axis that a stall does
-    not act on.
+    Raises
+    ------
+    InputError : the database already has such a state model, or a stall does not act on an axis.
     """
     if any(state.name == STATE_CHANNEL for state in database.states):
-        what = f"it has a state model of {STATE_CHANNEL} already"
-        raise InputError(what, f"database {database.name}", "start from the version before it")
-    known = regressors(database)
+        what = f"the database already has a state model of {STATE_CHANNEL}"
+        raise InputError(what, f"database {database.name}", "start from the version without it")
+    known = stall_regressors(database)
     increments = []
     for axis, (value, error) in gains.items():
         if axis not in known:
             raise InputError(
-                f"a stall has no gain on '{axis}'",
+                f"stall hysteresis does not act on axis '{axis}'",
                 f"database {database.name}",
                 nearest(axis, known),
             )
@@ -204,7 +228,7 @@ def with_stall(
                 covariance,
                 envelope,
                 tuple(flights),
-                _AXES[axis][3],
+                _GAINS[axis].because,
             )
         )
     state = StateModel(STATE_CHANNEL, law, description)

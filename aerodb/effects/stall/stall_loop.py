@@ -26,7 +26,7 @@ from aerodb.effects.flight_view import FlightView
 from aerodb.effects.hypothesis import Columns, Hypothesis
 from aerodb.effects.stall import stall_hysteresis
 from aerodb.effects.stall.stall_shape import StallFlight, blocked
-from aerodb.effects.template import Scene, Template
+from aerodb.effects.template import LibraryContext, Template
 from aerodb.errors import InputError
 from aerodb.support import Array
 from aerodb.tables import STATE_CHANNEL, AeroDatabase, Expression, Relay, StateModel, parse
@@ -34,34 +34,38 @@ from aerodb.tables import STATE_CHANNEL, AeroDatabase, Expression, Relay, StateM
 LOOP: Final = f"(1 - {STATE_CHANNEL})*{{}}*max(alpha - {{!r}}, 0)*max({{!r}} - alpha, 0)"
 SOURCE = "Mueller, J. Aircraft 22(9), 1985"
 SUBJECT: Final = "loop"
-#: Believable gain, 1/rad^3: lift is lost.
+#: Plausible gain, 1/rad^3: lift is lost.
 PLAUSIBLE: Final = (-200.0, 0.0)
 
-#: Steps of the search for the two angles [rad], and the narrowest loop.
+#: Grid steps of the search for the two angles [rad], and the narrowest loop [rad].
 _STEPS: Final = (0.02, 0.005)
 _NARROWEST: Final = 0.05
 
 
 def regressor(database: AeroDatabase, law: Relay) -> Expression:
-    """What the gain multiplies, over alpha and `flow_attachment`."""
+    """Regressor of the loop gain over alpha and `flow_attachment`."""
     return parse(LOOP.format(from_zero_lift(database), law.low, law.high))
 
 
 def template(law: Relay, others: Mapping[str, Relay] | None = None) -> Template:
-    """The loop with this law, beside the stalls of the library; others : flight -> the law by which
-    that flight is judged."""
+    """Template of the loop with this law, in addition to the library's stall hysteresis.
+
+    others : flight id -> law on which that flight is judged (cross-fitted); `law` for the rest.
+    """
     by_flight = dict(others or {})
     text = "; ".join([str(law), *(f"{flight}: {one}" for flight, one in sorted(by_flight.items()))])
 
-    def expanded(scene: Scene) -> list[Hypothesis]:
+    def expanded(context: LibraryContext) -> list[Hypothesis]:
         lift = next(
-            h for h in stall_hysteresis.hypotheses(scene, law, SUBJECT) if h.parameter == "C_lift_X"
+            h
+            for h in stall_hysteresis.stall_hypotheses(context, law, SUBJECT)
+            if h.parameter == "C_lift_X"
         )
-        term = regressor(scene.database, law)
+        term = regressor(context.database, law)
 
         def tangent(view: FlightView) -> Columns:
             own = by_flight.get(view.flight, law)
-            column = regressor(scene.database, own)
+            column = regressor(context.database, own)
             return stall_hysteresis.columns(
                 view, axis="C_lift", regressor=column, laws={"": own}, one=True
             )
@@ -90,27 +94,28 @@ def template(law: Relay, others: Mapping[str, Relay] | None = None) -> Template:
 
 
 def with_state(database: AeroDatabase, law: Relay) -> AeroDatabase:
-    """`database` with the state model of `law`, which increments of the loop need.
+    """Add the state model of `law`, which increments of the loop need, to `database`.
 
-    Raises InputError where it has one already.
+    Raises InputError where the database already has one.
     """
     if any(state.name == STATE_CHANNEL for state in database.states):
-        what = f"it has a state model of {STATE_CHANNEL} already"
-        raise InputError(what, f"database {database.name}", "start from the version before it")
+        what = f"the database already has a state model of {STATE_CHANNEL}"
+        raise InputError(what, f"database {database.name}", "start from the version without it")
     return replace(database, states=(*database.states, StateModel(STATE_CHANNEL, law)))
 
 
 def fitted(flights: Sequence[StallFlight]) -> Relay:
-    """The angles between which the flights' lift has its loop: least squares over a grid, then over
-    a finer one.
+    """Fit the two switching angles of the lift loop by least squares, on a coarse then a fine grid.
 
-    Each flight keeps a constant of its own; samples are means over blocks (`stall_shape.blocked`).
+    Each flight has a constant of its own; samples are means over blocks (`stall_shape.blocked`).
 
-    Raises InputError without flights and where no flight goes far enough up and back for a loop to
-    be seen.
+    Raises InputError without flights, and where no flight goes far enough into and out of the stall
+    for a loop to be visible.
     """
     if not flights:
-        raise InputError("no flight", "loop of a stall", "give flights through the stall and back")
+        raise InputError(
+            "no flight", "closed stall loop", "give flights into the stall and back out of it"
+        )
     highest = max(float(np.max(flight.alpha[flight.usable])) for flight in flights)
     best: tuple[float, Relay] | None = None
     for step in _STEPS:
@@ -126,13 +131,15 @@ def fitted(flights: Sequence[StallFlight]) -> Relay:
                     best = explained, law
     if best is None:
         raise InputError(
-            "no flight goes through a stall and back", "loop of a stall", "fly a deeper stall"
+            "no flight goes into a stall and back out of it",
+            "closed stall loop",
+            "fly a deeper stall",
         )
     return best[1]
 
 
 def _explained(flights: Sequence[StallFlight], law: Relay) -> float:
-    """Fall of the sum of squares of the lift that a loop of this law brings."""
+    """Reduction of the lift's sum of squares by a loop of this law."""
     columns, residuals = [], []
     for flight in flights:
         lost = 1.0 - flight.attached(law)

@@ -8,7 +8,7 @@ it, three axes do.
 
 Shapes are bounded to the data: one that leaves more than half of the flow attached in every flight
 has an undetermined gain and is not tried. A shape must not be judged on a flight that helped to
-choose it: `cross_fitted` fits the shape for each flight on the others.
+choose it: `cross_fit_shapes` fits the shape for each flight on the others.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -25,19 +25,19 @@ from aerodb.errors import InputError, UnknownNameError, nearest
 from aerodb.support import Array
 from aerodb.tables import STATE_CHANNEL, Kirchhoff, Law, Relay, StateModel, slow_rate
 
-#: Axis -> believable range of its gain: lift slope that separates [1/rad], drag and pitching moment
-#: of separated flow.
-GAINS: Final[Mapping[str, tuple[float, float]]] = {
+#: Axis -> plausible range of its gain: lift-curve slope that separates [1/rad], drag and pitching
+#: moment of separated flow.
+STALL_GAIN_BOUNDS: Final[Mapping[str, tuple[float, float]]] = {
     "C_lift": (0.0, 7.0),
     "C_drag": (0.0, 2.0),
     "Cm": (-2.0, 2.0),
 }
 
-#: Shapes are compared in means over this time [s], which keeps what is slower than about 2 Hz:
-#: above that a stall is buffet.
+#: Shapes are compared on means over blocks of this length [s], which keep what is slower than about
+#: 2 Hz; above that, a stall is buffet.
 BLOCK: Final = 0.25
 
-#: Least separated flow that some flight must show.
+#: At least one flight must separate this share of the flow.
 _SEPARATED: Final = 0.5
 
 #: Bounds of the shapes: sharpness [1/rad] (beyond 200 the step is narrower than alpha is known),
@@ -51,11 +51,17 @@ _BEYOND: Final = 0.1
 
 @dataclass(frozen=True, eq=False)
 class StallFlight:
-    """One flight as shapes see it.
+    """Data of one flight for fitting stall shapes.
 
-    time (n,) s; alpha, V (n,) SI; chord m; alpha_0 [rad], the database's angle of zero lift.
-    residual : axis of GAINS -> (n,), measured - predicted. nuisance : axis -> (n, k), what may be
-    corrected of the attached flow, constant included. usable (n,).
+    Attributes
+    ----------
+    time : (n,) [s].
+    alpha, V : (n,) [rad], [m/s].
+    chord : [m].
+    residual : axis of STALL_GAIN_BOUNDS -> (n,), measured - predicted.
+    nuisance : axis -> (n, k), regressors of the attached flow's corrections, constant included.
+    usable : (n,) bool.
+    alpha_0 : zero-lift angle of the database [rad].
     """
 
     flight: str
@@ -74,12 +80,14 @@ class StallFlight:
         return float(self.time[-1] - self.time[0]) / (len(self.time) - 1)
 
     def attached(self, law: Law, quickly: bool = False) -> Array:
-        """(n,) how far the flow is attached under a law; `quickly`: alphadot between those of two
-        lags near the law's."""
+        """Flow attachment (n,) under a law, 1 attached and 0 separated.
+
+        quickly : interpolate alphadot between two tabulated lags near the law's.
+        """
         channels = {"alpha": self.alpha, "V": self.V}
         if quickly and not isinstance(law, Relay) and law.lag > 0.0:
-            place = float(np.clip(np.log2(law.lag), 0.0, len(self._rates) - 1.001))
-            below, share = int(place), place % 1.0
+            position = float(np.clip(np.log2(law.lag), 0.0, len(self._rates) - 1.001))
+            below, share = int(position), position % 1.0
             channels["alphadot"] = (1.0 - share) * self._rates[below] + share * self._rates[
                 below + 1
             ]
@@ -87,14 +95,15 @@ class StallFlight:
 
     @cached_property
     def _rates(self) -> tuple[Array, ...]:
-        """alphadot (n,) as laws with a lag of 1, 2, 4 ... chords see it."""
+        """alphadot (n,) filtered for laws with a lag of 1, 2, 4, ... chords."""
         channels = {"alpha": self.alpha, "V": self.V}
         return tuple(slow_rate(self.time, channels, 2.0**power * self.chord) for power in range(7))
 
 
 def lift_factor(attached: Array) -> Array:
-    """What separation takes of the attached lift slope: ``((1 + sqrt X)/2)^2 - 1``, 0 attached,
-    -3/4 separated.
+    """Change of the attached lift-curve slope by separation: ``((1 + sqrt X)/2)^2 - 1``.
+
+    It is 0 for attached and -3/4 for fully separated flow.
 
     >>> lift_factor(np.array([1.0, 0.0])).tolist()
     [0.0, -0.75]
@@ -103,8 +112,7 @@ def lift_factor(attached: Array) -> Array:
 
 
 def blocked(flight: StallFlight, values: Array) -> Array:
-    """Means (m, ...) of `values` (n, ...) over blocks of `BLOCK`, in which all samples are
-    usable."""
+    """Means (m, ...) of `values` (n, ...) over blocks of `BLOCK` seconds, all samples usable."""
     size = max(1, round(BLOCK / flight.step))
     whole = len(flight.time) // size * size
     good = flight.usable[:whole].reshape(-1, size).all(axis=1)
@@ -116,10 +124,15 @@ Parameters = tuple[float, ...]
 
 @dataclass(frozen=True)
 class Family:
-    """Shapes of one kind. law : of its parameters, None for static ones without a state; static :
-    of alpha and the parameters, (n,), what replaces separated flow. names, bounds : of the
-    parameters; those that are called ``alpha_*`` are bounded to the flights. starts : where the
-    search begins, as shares of the bounds."""
+    """A family of stall shapes.
+
+    Attributes
+    ----------
+    names, bounds : of the parameters; those named ``alpha_*`` are bounded by the flights instead.
+    law : parameters -> law of the state model; None for static families.
+    static : (alpha (n,), parameters) -> column (n,) of a static family.
+    starts : starting points of the search, as shares of the bounds.
+    """
 
     name: str
     names: tuple[str, ...]
@@ -131,11 +144,10 @@ class Family:
     def columns(
         self, flight: StallFlight, parameters: Parameters, quickly: bool = False
     ) -> dict[str, Array]:
-        """Axis -> (n,): what a gain of one adds to the residual; `quickly` as
-        `StallFlight.attached`."""
+        """Columns of unit gains, axis -> (n,); `quickly` as for `StallFlight.attached`."""
         if self.law is None:
             assert self.static is not None
-            return dict.fromkeys(GAINS, self.static(flight.alpha, parameters))
+            return dict.fromkeys(STALL_GAIN_BOUNDS, self.static(flight.alpha, parameters))
         attached = flight.attached(self.law(parameters), quickly)
         return {
             "C_lift": (flight.alpha - flight.alpha_0) * lift_factor(attached),
@@ -144,12 +156,11 @@ class Family:
         }
 
     def gains(self, axis: str) -> tuple[float, float]:
-        """Bounds of the gain on an axis: flow that separates is believed, static curves may bend
-        either way."""
-        return GAINS[axis] if self.law is not None else (-np.inf, np.inf)
+        """Bounds of the gain on an axis; none for static families, which may bend either way."""
+        return STALL_GAIN_BOUNDS[axis] if self.law is not None else (-np.inf, np.inf)
 
-    def seen(self, flights: Sequence[StallFlight], parameters: Parameters) -> bool:
-        """Whether some flight shows enough separated flow for a gain to be known."""
+    def observable(self, flights: Sequence[StallFlight], parameters: Parameters) -> bool:
+        """Whether at least one flight separates enough flow to determine a gain."""
         if self.law is None:
             return any(
                 bool(np.any(self.static(f.alpha, parameters) != 0.0))
@@ -163,8 +174,10 @@ class Family:
         )
 
     def refined(self, cost: Callable[[Array], float], share: Array) -> Array:
-        """The best shares of the bounds (k,) near a start. A relay's cost has steps: a finer and
-        finer grid finds them."""
+        """Minimize `cost` near a start; returns shares of the bounds (k,).
+
+        Nelder-Mead, except for a relay: its cost has steps, so the grid is refined instead.
+        """
         if not len(share):
             return share
         if self.name != "relay":
@@ -182,8 +195,10 @@ class Family:
         return share
 
     def limits(self, flights: Sequence[StallFlight]) -> Array:
-        """(k, 2) bounds of the parameters; angles between the usual and the greatest of these
-        flights (a lag: beyond)."""
+        """Bounds of the parameters, (k, 2).
+
+        Angles lie between the flights' median and greatest angle of attack, with a lag beyond it.
+        """
         high = max(float(np.max(flight.alpha[flight.usable])) for flight in flights)
         low = min(float(np.median(flight.alpha[flight.usable])) for flight in flights)
         beyond = _BEYOND if "lag" in self.names else 0.0
@@ -207,7 +222,7 @@ def _grid(*shares: tuple[float, ...]) -> tuple[tuple[float, ...], ...]:
     return tuple(product(*shares))
 
 
-#: The families that compete, by name: three with memory, then what needs none.
+#: The competing families by name: three with hysteresis, then static ones.
 FAMILIES: Final[Mapping[str, Family]] = {
     family.name: family
     for family in (
@@ -260,11 +275,17 @@ FAMILIES: Final[Mapping[str, Family]] = {
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """The shape of a family that flights agree with best, and the linear rest at it.
+    """The best-fitting shape of a family, with its linear parameters.
 
-    parameters : name -> value; at_bound : names at a bound. gains : axis -> gain; nuisance : axis
-    -> (k,). cost : minus the log likelihood but for a constant, samples being block means; they are
-    no independent votes. flights : those that chose it.
+    Attributes
+    ----------
+    parameters : name -> value.
+    at_bound : names of parameters at a bound.
+    gains : axis -> gain.
+    nuisance : axis -> (k,).
+    cost : negative log likelihood up to a constant; samples are block means, which are not
+        independent.
+    flights : ids of the flights it was fitted to.
     """
 
     family: str
@@ -277,17 +298,16 @@ class Shape:
 
     @property
     def law(self) -> Law | None:
-        """The law of its state model; None for a static family."""
+        """Law of the state model; None for a static family."""
         family = FAMILIES[self.family]
         return None if family.law is None else family.law(tuple(self.parameters.values()))
 
     def columns(self, flight: StallFlight) -> dict[str, Array]:
-        """Axis -> (n,): what a gain of one adds to the residual of a flight."""
+        """Columns of unit gains for a flight, axis -> (n,)."""
         return FAMILIES[self.family].columns(flight, tuple(self.parameters.values()))
 
-    def left(self, flight: StallFlight) -> dict[str, Array]:
-        """Axis -> (n,): the residual of a flight without nuisances and stall as they were
-        identified."""
+    def unexplained(self, flight: StallFlight) -> dict[str, Array]:
+        """Residual of a flight less the fitted nuisances and stall, axis -> (n,)."""
         columns = self.columns(flight)
         return {
             axis: flight.residual[axis]
@@ -297,18 +317,26 @@ class Shape:
         }
 
 
-def profiled(
-    flights: Sequence[StallFlight], family: str, *, axes: Sequence[str] = tuple(GAINS)
+def fit_shape(
+    flights: Sequence[StallFlight], family: str, *, axes: Sequence[str] = tuple(STALL_GAIN_BOUNDS)
 ) -> Shape:
-    """The best shape of `family` for all flights together, on the axes of GAINS that all of them
-    give.
+    """Fit the shape of `family` to all flights together, by variable projection.
 
-    Raises InputError when no shape separates the flow in any flight, and without flights;
-    UnknownNameError for a family.
+    Parameters
+    ----------
+    flights : stalled flights.
+    family : a name in `FAMILIES`.
+    axes : axes to use; those that some flight lacks are left out.
+
+    Raises
+    ------
+    InputError : there are no flights or no common axes, or no shape separates the flow in any
+        flight.
+    UnknownNameError : no such family.
     """
     if family not in FAMILIES:
         raise UnknownNameError(
-            f"no family of stall shapes '{family}'", remedy=nearest(family, FAMILIES)
+            f"unknown family of stall shapes '{family}'", remedy=nearest(family, FAMILIES)
         )
     common = [axis for axis in axes if all(axis in flight.residual for flight in flights)]
     if not flights or not common:
@@ -323,12 +351,12 @@ def profiled(
 
     def cost(share: Array) -> float:
         parameters = tuple((limits[:, 0] + np.clip(share, 0.0, 1.0) * wide).tolist())
-        return problem.cost(kind, parameters) if kind.seen(flights, parameters) else np.inf
+        return problem.cost(kind, parameters) if kind.observable(flights, parameters) else np.inf
 
     costs = [cost(np.array(start)) for start in kind.starts]
     if not np.isfinite(min(costs)):
         raise InputError(
-            "no flight separates the flow far enough", f"stall shape {family}", "fly a deeper stall"
+            "no flight separates enough of the flow", f"stall shape {family}", "fly a deeper stall"
         )
     share = kind.refined(cost, np.array(kind.starts[int(np.argmin(costs))]))
     parameters = tuple((limits[:, 0] + np.clip(share, 0.0, 1.0) * wide).tolist())
@@ -348,27 +376,26 @@ def profiled(
     )
 
 
-def cross_fitted(flights: Sequence[StallFlight], family: str) -> dict[str, Shape]:
-    """Flight -> the shape that all *other* flights agree with: on its own flight it is a
-    prediction.
+def cross_fit_shapes(flights: Sequence[StallFlight], family: str) -> dict[str, Shape]:
+    """Fit for each flight the shape to all *other* flights; returns flight id -> shape.
 
-    Raises InputError with fewer than two flights, and as `profiled`.
+    On its own flight such a shape is a prediction. Raises InputError for fewer than two flights,
+    and as `fit_shape`.
     """
     if len(flights) < 2:
         raise InputError(
-            "one flight cannot check a shape that it chose",
+            "a shape fitted to one flight cannot be checked on it",
             f"stall shape {family}",
             "fly a second stall",
         )
     return {
-        flight.flight: profiled([other for other in flights if other is not flight], family)
+        flight.flight: fit_shape([other for other in flights if other is not flight], family)
         for flight in flights
     }
 
 
 class _Problem:
-    """What is compared with shapes: responses of all flights per axis in block means, the nuisances
-    projected out once."""
+    """Least-squares problem: block means of all flights per axis, nuisances projected out once."""
 
     def __init__(self, flights: Sequence[StallFlight], axes: Sequence[str]) -> None:
         self.axes = tuple(axes)
@@ -380,20 +407,21 @@ class _Problem:
             axis: np.concatenate([blocked(f, f.residual[axis]) for f in flights]) for axis in axes
         }
         self._basis = {axis: _basis(self._nuisance[axis]) for axis in axes}
-        self._rest = {axis: self._without_nuisance(axis, self._response[axis]) for axis in axes}
+        self._projected = {
+            axis: self._without_nuisance(axis, self._response[axis]) for axis in axes
+        }
 
     def cost(self, kind: Family, parameters: Parameters) -> float:
-        """Minus the log likelihood but for a constant, the noise of every axis being what is left
-        there."""
+        """Negative log likelihood up to a constant; each axis's noise is its own residual."""
         total = 0.0
         for axis, column in self._columns(kind, parameters, quickly=True).items():
             own = self._without_nuisance(axis, column)
-            left = self._rest[axis] - self._gain(kind, axis, own) * own
-            total += 0.5 * left.size * float(np.log(np.mean(left**2)))
+            unexplained = self._projected[axis] - self._gain(kind, axis, own) * own
+            total += 0.5 * unexplained.size * float(np.log(np.mean(unexplained**2)))
         return total
 
     def solved(self, kind: Family, parameters: Parameters) -> dict[str, tuple[float, Array]]:
-        """Axis -> gain, within its bounds, and nuisances (k,)."""
+        """Axis -> (gain within its bounds, nuisance parameters (k,))."""
         found = {}
         for axis, column in self._columns(kind, parameters).items():
             gain = self._gain(kind, axis, self._without_nuisance(axis, column))
@@ -417,14 +445,16 @@ class _Problem:
         return np.asarray(values - basis @ (basis.T @ values))
 
     def _gain(self, kind: Family, axis: str, own: Array) -> float:
-        """The best gain of a column without its nuisance part; 0 where nothing is left of it."""
+        """Best gain of a column with its nuisance part removed; 0 where the column vanishes."""
         size = float(own @ own)
         return (
-            float(np.clip(own @ self._rest[axis] / size, *kind.gains(axis))) if size > 0.0 else 0.0
+            float(np.clip(own @ self._projected[axis] / size, *kind.gains(axis)))
+            if size > 0.0
+            else 0.0
         )
 
 
 def _basis(matrix: Array) -> Array:
-    """Orthonormal columns (m, r) that span those of `matrix` (m, k); without any there are none."""
+    """Orthonormal basis (m, r) of the column space of `matrix` (m, k); r = 0 for k = 0."""
     left, sizes, _ = np.linalg.svd(matrix, full_matrices=False)
     return np.asarray(left[:, sizes > 1e-10 * max(sizes.max(initial=0.0), 1e-300)])

@@ -7,7 +7,7 @@ import pytest
 from aerodb.coefficients.comparison import band_limited, compare
 from aerodb.coefficients.total import total_coefficients
 from aerodb.effects.flight_view import view_of
-from aerodb.effects.measurement.constant_errors import doubts
+from aerodb.effects.measurement.constant_errors import sensor_consider_parameters
 from aerodb.estimation.statistics import rms
 from aerodb.flight import Flight
 from aerodb.increments.estimate import ConsiderParameter, estimate_increments
@@ -131,9 +131,9 @@ def test_an_airspeed_takes_its_dynamic_pressure_along() -> None:
         base, total_coefficients(base, described), whole_database(False), described.reference
     )
     view = view_of(base, compared, whole_database(False), described)
-    (doubt,) = doubts(view, {"V_bias": shift, "p_bias": 1.0})
+    (doubt,) = sensor_consider_parameters(view, {"V_bias": shift, "p_bias": 1.0})
     assert (doubt.name, doubt.shared) == ("V_bias", True)
-    assert not doubts(view, {"V_bias": shift}, own=("V_bias",))[0].shared
+    assert not sensor_consider_parameters(view, {"V_bias": shift}, own=("V_bias",))[0].shared
     inner = slice(50, -50)
     most = max(rms((after[axis] - before[axis])[inner]) for axis in AXES)
     for axis in AXES:

@@ -9,17 +9,17 @@ import pytest
 from aerodb.coefficients.comparison import Comparison, with_states
 from aerodb.effects.flight_view import view_of
 from aerodb.effects.hypothesis import Hypothesis
-from aerodb.effects.stall.stall_hysteresis import TEMPLATE, hypotheses, with_stall
+from aerodb.effects.stall.stall_hysteresis import TEMPLATE, stall_hypotheses, with_stall
 from aerodb.effects.stall.stall_shape import (
     FAMILIES,
-    GAINS,
+    STALL_GAIN_BOUNDS,
     Shape,
     StallFlight,
-    cross_fitted,
+    cross_fit_shapes,
+    fit_shape,
     lift_factor,
-    profiled,
 )
-from aerodb.effects.template import Scene
+from aerodb.effects.template import LibraryContext
 from aerodb.errors import InputError, UnknownNameError
 from aerodb.flight import Flight
 from aerodb.tables.increment import Interval
@@ -54,7 +54,7 @@ def stall(
     )
     q_hat = np.gradient(alpha, time) * CHORD / (2 * speed)
     residual, nuisance = {}, {}
-    for axis, noise in zip(GAINS, (0.02, 0.006, 0.01), strict=True):
+    for axis, noise in zip(STALL_GAIN_BOUNDS, (0.02, 0.006, 0.01), strict=True):
         coloured = np.convolve(rng.standard_normal(len(time) + 24), np.ones(25) / 5.0, "valid")
         nuisance[axis] = np.column_stack([np.ones(len(time)), alpha, q_hat])
         residual[axis] = nuisance[axis] @ np.array([0.01, -0.1, 1.0]) + noise * coloured
@@ -66,7 +66,7 @@ def stall(
 
 
 def test_planted_shape_and_gains_are_recovered():
-    shape = profiled([stall(seed, TRUTH) for seed in (1, 2, 3)], "kirchhoff")
+    shape = fit_shape([stall(seed, TRUTH) for seed in (1, 2, 3)], "kirchhoff")
     assert shape.parameters["alpha_star"] == pytest.approx(0.28, abs=0.005)
     assert shape.parameters["lag"] == pytest.approx(20.0, abs=4.0)
     assert shape.parameters["sharpness"] == pytest.approx(60.0, rel=0.35)
@@ -78,10 +78,10 @@ def test_planted_shape_and_gains_are_recovered():
 
 def test_planted_relay_is_told_from_smooth_separation():
     flights = [stall(seed, Relay(0.15, 0.265)) for seed in (4, 5)]
-    relay = profiled(flights, "relay")
+    relay = fit_shape(flights, "relay")
     assert relay.parameters["alpha_low"] == pytest.approx(0.15, abs=0.015)
     assert relay.parameters["alpha_high"] == pytest.approx(0.265, abs=0.006)
-    assert relay.cost < min(profiled(flights, family).cost for family in ("kirchhoff", *STATIC))
+    assert relay.cost < min(fit_shape(flights, family).cost for family in ("kirchhoff", *STATIC))
 
 
 def test_memory_is_named_before_every_static_family_and_the_other_way_round():
@@ -91,7 +91,7 @@ def test_memory_is_named_before_every_static_family_and_the_other_way_round():
     prompt = [stall(seed, replace(TRUTH, lag=0.0, alpha_star=0.25)) for seed in (6, 7, 8)]
     assert _predicted(late, "kirchhoff") < 0.9 * min(_predicted(late, family) for family in STATIC)
     assert _predicted(prompt, "static_separation") < 1.01 * _predicted(prompt, "kirchhoff")
-    assert profiled(prompt, "kirchhoff").parameters["lag"] < 5.0
+    assert fit_shape(prompt, "kirchhoff").parameters["lag"] < 5.0
 
 
 def test_without_a_stall_the_gains_are_noise():
@@ -118,8 +118,10 @@ def _rest(flight: StallFlight, values: np.ndarray) -> float:
 
 def _predicted(flights: list[StallFlight], family: str, axis: str = "C_lift") -> float:
     """Sum of squares that is left of every flight when the others chose the shape."""
-    shapes = cross_fitted(flights, family)
-    return sum(float(np.sum(shapes[flight.flight].left(flight)[axis] ** 2)) for flight in flights)
+    shapes = cross_fit_shapes(flights, family)
+    return sum(
+        float(np.sum(shapes[flight.flight].unexplained(flight)[axis] ** 2)) for flight in flights
+    )
 
 
 def test_shapes_stay_where_the_data_are():
@@ -133,7 +135,7 @@ def test_shapes_stay_where_the_data_are():
             for name, (_, high) in zip(FAMILIES[family].names, limits, strict=True)
             if "alpha" in name
         )
-    shape = profiled([calm], "kirchhoff")
+    shape = fit_shape([calm], "kirchhoff")
     assert np.min(calm.attached(shape.law)) < 0.5
     assert 0.0 <= shape.gains["C_lift"] <= 7.0
 
@@ -141,10 +143,10 @@ def test_shapes_stay_where_the_data_are():
 @pytest.mark.parametrize(
     ("call", "error", "named"),
     [
-        (lambda: profiled([], "kirchhoff"), InputError, "no flight"),
-        (lambda: profiled([stall(1, None)], "kirchhof"), UnknownNameError, "kirchhoff"),
-        (lambda: cross_fitted([stall(1, None)], "kirchhoff"), InputError, "second stall"),
-        (lambda: profiled([stall(1, None)], "kirchhoff", axes=("CY",)), InputError, "axes"),
+        (lambda: fit_shape([], "kirchhoff"), InputError, "no flight"),
+        (lambda: fit_shape([stall(1, None)], "kirchhof"), UnknownNameError, "kirchhoff"),
+        (lambda: cross_fit_shapes([stall(1, None)], "kirchhoff"), InputError, "second stall"),
+        (lambda: fit_shape([stall(1, None)], "kirchhoff", axes=("CY",)), InputError, "axes"),
     ],
 )
 def test_what_cannot_be_answered_is_refused(call, error, named):
@@ -184,8 +186,8 @@ def columns_of(flight: Flight, found: list[Hypothesis]) -> dict[str, dict[str, n
     return {hypothesis.id: dict(hypothesis.columns(view)) for hypothesis in found}
 
 
-def scene(flight: Flight) -> Scene:
-    return Scene(empty_database(), attas(), frozenset(flight.channels))
+def context(flight: Flight) -> LibraryContext:
+    return LibraryContext(empty_database(), attas(), frozenset(flight.channels))
 
 
 @pytest.mark.parametrize("law", [TRUTH, Relay(0.15, 0.27)])
@@ -193,7 +195,7 @@ def test_a_column_is_what_the_added_effect_changes(law):
     """The finding added to the database changes the prediction of a flight by its column times its
     value, on every axis."""
     flight = flight_with(law)
-    columns = columns_of(flight, hypotheses(scene(flight), law))
+    columns = columns_of(flight, stall_hypotheses(context(flight), law))
     assert sorted(columns) == [f"stall_hysteresis@{axis}" for axis in ("C_drag", "C_lift", "Cm")]
     envelope = {"alpha": Interval(0.0, 0.35, 0.02)}
     for axis, gain in TRUE_GAINS.items():
@@ -210,15 +212,15 @@ def test_a_column_is_what_the_added_effect_changes(law):
 
 def test_cross_fitted_laws_reach_their_own_flights_only():
     flight, other = flight_with(TRUTH), replace(flight_with(TRUTH), id="another")
-    found = hypotheses(scene(flight), {flight.id: TRUTH})
+    found = stall_hypotheses(context(flight), {flight.id: TRUTH})
     assert all(columns for columns in columns_of(flight, found).values())
     assert not any(
         values.any() for columns in columns_of(other, found).values() for values in columns.values()
     )
     assert (
-        found[0].formula != hypotheses(scene(flight), TRUTH)[0].formula
+        found[0].formula != stall_hypotheses(context(flight), TRUTH)[0].formula
     )  # part of the library's hash
-    assert [h.effect for h in TEMPLATE.hypotheses(scene(flight))] == ["stall_hysteresis"] * 3
+    assert [h.effect for h in TEMPLATE.hypotheses(context(flight))] == ["stall_hysteresis"] * 3
 
 
 def test_a_second_stall_model_is_refused():
@@ -231,7 +233,7 @@ def test_a_second_stall_model_is_refused():
 
 def test_a_shape_without_memory_has_no_law():
     flights = [stall(1, TRUTH)]
-    assert isinstance(profiled(flights, "kirchhoff").law, Kirchhoff)
-    static: Shape = profiled(flights, "slope_break")
+    assert isinstance(fit_shape(flights, "kirchhoff").law, Kirchhoff)
+    static: Shape = fit_shape(flights, "slope_break")
     assert static.law is None
-    assert set(static.left(flights[0])) == set(GAINS)
+    assert set(static.unexplained(flights[0])) == set(STALL_GAIN_BOUNDS)

@@ -15,16 +15,16 @@ import pytest
 
 from aerodb.coefficients.comparison import band_limited
 from aerodb.effects.library import hypotheses_for
-from aerodb.effects.stall.stall_hysteresis import hypotheses, with_stall
+from aerodb.effects.stall.stall_hysteresis import stall_hypotheses, with_stall
 from aerodb.effects.stall.stall_shape import (
     FAMILIES,
     Shape,
     StallFlight,
     blocked,
-    cross_fitted,
-    profiled,
+    cross_fit_shapes,
+    fit_shape,
 )
-from aerodb.effects.template import LibrarySettings, Scene
+from aerodb.effects.template import LibraryContext, LibrarySettings
 from aerodb.flight import Flight
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.expression import parse
@@ -96,7 +96,7 @@ def stalls(flights, database) -> list[StallFlight]:
 
 def both_ways(stalls: list[StallFlight], family: str) -> list[tuple[Shape, StallFlight]]:
     """Shapes and the flights that they are predicted on: 01 to 02, 02 to 01."""
-    shapes = cross_fitted(stalls, family)
+    shapes = cross_fit_shapes(stalls, family)
     return [(shapes[flight.flight], flight) for flight in reversed(stalls)]
 
 
@@ -108,7 +108,8 @@ def window_errors(stalls: list[StallFlight], family: str, axis: str) -> list[flo
             for fitted, predicted in pairs
         ]
     return [
-        window_rms(shape.left(flight)[axis], flight) for shape, flight in both_ways(stalls, family)
+        window_rms(shape.unexplained(flight)[axis], flight)
+        for shape, flight in both_ways(stalls, family)
     ]
 
 
@@ -145,13 +146,14 @@ def test_a_position_explains_the_lift_better_than_any_stall_model(recorded, data
     late = [_lift_only(flight, [np.gradient(flight.alpha, flight.time)]) for flight in untouched]
     for fitted, predicted in ((0, 1), (1, 0)):
         models = [
-            profiled([plain[fitted]], name, axes=("C_lift",)) for name in ("kirchhoff", "relay")
+            fit_shape([plain[fitted]], name, axes=("C_lift",)) for name in ("kirchhoff", "relay")
         ]
         stalled = min(model.cost for model in models)
         assert _cost(arm[fitted]) < stalled - 100
         assert _cost(late[fitted]) > stalled
         errors = [
-            window_rms(model.left(plain[predicted])["C_lift"], plain[predicted]) for model in models
+            window_rms(model.unexplained(plain[predicted])["C_lift"], plain[predicted])
+            for model in models
         ]
         assert window_rms(
             without_stall(arm[fitted], arm[predicted])["C_lift"], arm[predicted]
@@ -212,7 +214,7 @@ def test_both_records_agree_on_the_shape_when_all_axes_share_it(stalls):
     assert [shape.parameters["lag"] for shape in shapes] == pytest.approx([27.0, 27.0], abs=3.0)
     assert all(50.0 < shape.parameters["sharpness"] < 200.0 for shape in shapes)
     assert not any(shape.at_bound for shape in shapes)
-    alone = [profiled([flight], "kirchhoff", axes=("C_lift",)) for flight in stalls]
+    alone = [fit_shape([flight], "kirchhoff", axes=("C_lift",)) for flight in stalls]
     assert abs(alone[0].parameters["lag"] - alone[1].parameters["lag"]) > 8.0
 
 
@@ -250,7 +252,7 @@ def test_the_gain_does_not_hang_on_the_window(stalls, onset):
         )
         before, after = (
             _rms(band_limited(left, flight.step, BAND)[window])
-            for left in (base, shape.left(flight)["C_lift"])
+            for left in (base, shape.unexplained(flight)["C_lift"])
         )
         assert after < 0.9 * before
 
@@ -273,7 +275,9 @@ def test_the_database_with_the_finding_predicts_what_the_study_says(stalls, flig
     candidate = with_stall(database, shape.law, gains, {}, shape.flights)
     comparison = compared(flight, replace(candidate, increments=(*attached, *candidate.increments)))
     error = window_rms(comparison.residual("C_lift"), predicted)
-    assert error == pytest.approx(window_rms(shape.left(predicted)["C_lift"], predicted), rel=1e-6)
+    assert error == pytest.approx(
+        window_rms(shape.unexplained(predicted)["C_lift"], predicted), rel=1e-6
+    )
     assert error <= GOAL[0]
 
 
@@ -287,12 +291,12 @@ def test_tracing_suspects_the_stall_first_and_no_static_template(stalls, flights
         for axis, names in ATTACHED.items()
     )
     current, settings = replace(database, increments=linear), TracingSettings()
-    laws = {flight: shape.law for flight, shape in cross_fitted(stalls, "kirchhoff").items()}
-    scene = Scene(current, attas(), frozenset(flights[0].channels))
+    laws = {flight: shape.law for flight, shape in cross_fit_shapes(stalls, "kirchhoff").items()}
+    context = LibraryContext(current, attas(), frozenset(flights[0].channels))
     chosen = LibrarySettings(effects=RIVALS)
     library = [
         *hypotheses_for(current, attas(), flights[0].channels, settings=chosen),
-        *hypotheses(scene, laws),
+        *stall_hypotheses(context, laws),
     ]
     library = [
         each for each in library if each.kind == "sensor" or not {"Cl", "Cn"} & set(each.axes)

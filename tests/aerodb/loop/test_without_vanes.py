@@ -15,11 +15,11 @@ import pytest
 
 from aerodb.consistency.smoother.state_error_spectrum import StateNoise
 from aerodb.effects.flight_view import view_of
-from aerodb.effects.measurement.angle_errors import with_flattening
+from aerodb.effects.measurement.angle_errors import with_attenuation
 from aerodb.effects.measurement.reconstructed_angles import (
-    columns_of,
-    of_flow_angles,
-    within_what_is_known,
+    hypotheses_for_flight,
+    with_reconstructed_angles,
+    within_reconstruction_accuracy,
 )
 from aerodb.tasks.steps.compare import load_comparison
 from aerodb.tasks.steps.consistency import applied_errors, noise_of, reconstructed_angles
@@ -140,9 +140,9 @@ def test_what_the_reconstruction_knows_of_a_bias_bounds_it(glider: Fleet) -> Non
     assert heave.plausible == (-most, most)
     assert most < 0.02
     wide = replace(heave, plausible=(-1.0, 1.0), known_by="")
-    assert within_what_is_known([wide], []) == (wide,)
-    assert within_what_is_known([wide], [{"az_bias": 0.004}, {"q_bias": 0.1}]) == (wide,)
-    (narrow,) = within_what_is_known([wide], [{"az_bias": 0.004}, {"az_bias": 0.002}])
+    assert within_reconstruction_accuracy([wide], []) == (wide,)
+    assert within_reconstruction_accuracy([wide], [{"az_bias": 0.004}, {"q_bias": 0.1}]) == (wide,)
+    (narrow,) = within_reconstruction_accuracy([wide], [{"az_bias": 0.004}, {"az_bias": 0.002}])
     assert narrow.plausible == pytest.approx((-0.012, 0.012))
 
 
@@ -152,11 +152,11 @@ def test_flights_with_a_vane_keep_its_sensor(glider: Fleet) -> None:
     has."""
     own = [replace(h, effect=f"alpha_{h.subject}", subject="") for h in glider.library("lift").hypotheses
            if h.effect == "reconstructed_alpha"]  # fmt: skip
-    assert of_flow_angles(own, ("alpha", "beta"), ()) == tuple(own)
-    mixed = of_flow_angles(own, ("alpha", "beta"), ("alpha",))
+    assert with_reconstructed_angles(own, ("alpha", "beta"), ()) == tuple(own)
+    mixed = with_reconstructed_angles(own, ("alpha", "beta"), ("alpha",))
     assert len(mixed) == 2 * len(own)
-    assert columns_of(mixed, ()) == tuple(own)
-    assert {h.effect for h in columns_of(mixed, ("alpha",))} == {"reconstructed_alpha"}
+    assert hypotheses_for_flight(mixed, ()) == tuple(own)
+    assert {h.effect for h in hypotheses_for_flight(mixed, ("alpha",))} == {"reconstructed_alpha"}
 
 
 def _counted(found: list[Traced], truth: str) -> Counter[str]:
@@ -267,5 +267,5 @@ def test_declared_intervals_hold_what_alpha_is_uncertain(glider: Fleet, trials: 
         place = axis.names.index("alpha")
         inside += bool(abs(axis.estimates[place] + 1.0) <= 1.96 * axis.standard_errors[place])
     assert inside >= 0.9 * len(chosen)
-    unchanged = with_flattening(update, [], 1.5)
+    unchanged = with_attenuation(update, [], 1.5)
     assert unchanged is update
