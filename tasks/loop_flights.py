@@ -1,5 +1,5 @@
-"""The flights of the stores as the closed loop asks for them: what stands under their ids, made and
-kept where it is not yet."""
+"""Flights of a workspace as a source for the closed loop; missing results are computed and
+stored."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -28,8 +28,8 @@ from aerodb.vehicle import Vehicle
 
 @dataclass(frozen=True)
 class StoredFlights:
-    """The flights of one vehicle (its name) in the stores; what is made for them is noted as made
-    by `run`.
+    """Flights of the vehicle `vehicle_name` in a workspace; new results are stored as made by
+    `run`.
 
     Implements `aerodb.loop.FlightSource`.
     """
@@ -40,15 +40,15 @@ class StoredFlights:
 
     @property
     def vehicle(self) -> Vehicle:
-        """The vehicle as its file and the settings describe it now."""
+        """The vehicle, from its present file and settings."""
         return self.access.vehicle(self.vehicle_name)[0]
 
     def flight(self, flight: str) -> Flight:
-        """The consistent flight that coefficients are computed from."""
+        """Return the consistent flight from which the coefficients are computed."""
         return load_coefficients(self.access, self.access.catalogue.flight(flight), self.run)[0]
 
     def reconstruction(self, flight: str) -> Reconstruction:
-        """From the stored document of the consistent flight."""
+        """Return the reconstruction, from the stored document of the consistent flight."""
         document = load_consistent(self.access, self.access.catalogue.flight(flight), self.run)[1]
         errors = {
             entry["parameter"]: entry["standard_error"] for entry in document.get("estimates", ())
@@ -62,18 +62,19 @@ class StoredFlights:
         )
 
     def segments(self, flight: str) -> tuple[Segment, ...]:
-        """As conditioning found them."""
+        """Return the segments that conditioning found."""
         return segments_of(self.access, flight, self.run)
 
     def comparison(self, flight: str, database: AeroDatabase) -> tuple[Flight, Comparison]:
-        """Kept in memory for a while, not in the store."""
+        """Return a flight and its comparison with a database; cached in memory, not stored."""
         channels, comparison, _ = beside(self.access, flight, database, self.run)
         return channels, comparison
 
     def normal_equations(
         self, flight: str, database: AeroDatabase, library: Library
     ) -> NormalEquations:
-        """Read back when they are stored, else made and stored."""
+        """Return the normal equations of a flight; read back if stored, else computed and
+        stored."""
         row = self.access.catalogue.flight(flight)
         _, _, coefficients_key = load_coefficients(self.access, row, self.run)
         inputs = {"coefficients": coefficients_key, "database": database_document_sha256(database)}
@@ -93,7 +94,8 @@ class StoredFlights:
         return made
 
     def looked_before(self, flights: Sequence[str], library: Library) -> frozenset[str] | None:
-        """By the stored cross-products of these flights."""
+        """Return the hypotheses that earlier libraries tested on all these flights, from stored
+        results."""
         known: frozenset[str] | None = None
         for flight in flights:
             for result in self.access.catalogue.results_of(flight, "gram"):
@@ -106,5 +108,5 @@ class StoredFlights:
 
 
 def flights_of(workspace: str, vehicle: str, run: str) -> StoredFlights:
-    """The flights of a vehicle (its name) in a workspace."""
+    """Return the flights of a vehicle (its name) in a workspace."""
     return StoredFlights(access_workspace(workspace), vehicle, run)

@@ -1,4 +1,4 @@
-"""Which code made a result, and who asked for it: provenance, never part of a key."""
+"""Code version and user of a result: provenance, never part of a key."""
 
 import getpass
 import subprocess
@@ -9,7 +9,7 @@ from pathlib import Path
 
 @lru_cache(maxsize=1)
 def code_version() -> str:
-    """Package version and, where the code stands in a git checkout, its commit:
+    """Return the package version, with the commit if the code is a git checkout:
     ``0.1.0+1a2b3c4``."""
     try:
         number = version("aerodb")
@@ -29,7 +29,7 @@ def code_version() -> str:
 
 
 def user() -> str:
-    """Who runs this, as the system knows them; ``unknown`` where it does not."""
+    """Return the name of the user who runs this process; ``unknown`` if the system has none."""
     try:
         return getpass.getuser()
     except (OSError, KeyError):

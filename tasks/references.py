@@ -1,5 +1,7 @@
-"""What a user means: which vehicle, version, point or table node. The command line and the console
-ask here alike."""
+"""Resolve what a user names: a vehicle, a version, a point or a table node.
+
+The command line and the console both use these functions.
+"""
 
 import math
 import re
@@ -11,15 +13,14 @@ from aerodb.nomenclature import channel
 from aerodb.storage.catalogue import Catalogue, VersionRow
 from aerodb.units import quantity
 
-#: What no unit needs, and what lets a text ask for a number of any length: brackets, and powers of
-#: numbers.
+#: Brackets and powers of numbers: no unit needs them, and they could produce huge numbers.
 _LABORIOUS: Final = re.compile(r"[()\[\]]|\d\s*(\*\*|\^)")
 _LONGEST_VALUE: Final = 60
 _NODE: Final = re.compile(r"\s*([A-Za-z_]\w*)\s*\[\s*(\d{1,9}(?:\s*,\s*\d{1,9})*)\s*\]\s*")
 
 
 def vehicle_of(catalogue: Catalogue, vehicle: str | None) -> str:
-    """The vehicle that is meant: the one named, or the only one; UnknownNameError otherwise."""
+    """Return the vehicle that is named, or the only one; UnknownNameError otherwise."""
     if vehicle is not None:
         return catalogue.vehicle(vehicle).name
     names = [row.name for row in catalogue.vehicles()]
@@ -34,7 +35,7 @@ def vehicle_of(catalogue: Catalogue, vehicle: str | None) -> str:
 def version_of(
     catalogue: Catalogue, reference: str, vehicle: str | None, as_of: str | None = None
 ) -> VersionRow:
-    """The version that is meant, now or as of a date in ISO 8601."""
+    """Return the version that a reference names, now or as of a date (ISO 8601)."""
     when = None
     if as_of is not None:
         try:
@@ -48,20 +49,24 @@ def version_of(
 
 
 def point_of(text: str, inputs: tuple[str, ...]) -> dict[str, float]:
-    """Channel -> value in SI of ``NAME=VALUE,...``; InputError for a name that is none of `inputs`
-    and for no number."""
+    """Parse ``NAME=VALUE,...`` to channel -> value [SI].
+
+    Raises InputError for a name that is not one of `inputs`, and for a value that is not a number.
+    """
     point = {}
     for part in filter(None, (part.strip() for part in text.split(","))):
         name, sign, value = (piece.strip() for piece in part.partition("="))
         if not sign or name not in inputs:
-            raise InputError(f"'{part}' is no input of this version", "--at", nearest(name, inputs))
+            raise InputError(
+                f"'{part}' is not an input of this version", "--at", nearest(name, inputs)
+            )
         point[name] = value_of(name, value)
     return point
 
 
 def value_of(name: str, text: str) -> float:
-    """`text`, with a unit or in SI, as a finite value in SI of an input; InputError where it is
-    none.
+    """Parse the value of an input, with a unit or in SI, to a finite value [SI]; InputError
+    otherwise.
 
     >>> value_of("V", "36 km/h")
     10.0
@@ -85,7 +90,7 @@ def value_of(name: str, text: str) -> float:
 
 
 def node_of(text: str) -> tuple[str, tuple[int, ...]]:
-    """Table and index of ``TABLE[i,j]``; InputError for anything else.
+    """Parse ``TABLE[i,j]`` to the table's name and the index; InputError for anything else.
 
     >>> node_of("CZ0[2, 1]")
     ('CZ0', (2, 1))
@@ -93,6 +98,8 @@ def node_of(text: str) -> tuple[str, tuple[int, ...]]:
     match = _NODE.fullmatch(text)
     if match is None:
         raise InputError(
-            f"'{text}' is no node", "--node", "write TABLE[i,j], counted from 0, for example CZ0[2]"
+            f"'{text}' is not a table node",
+            "--node",
+            "write TABLE[i,j], counted from 0, for example CZ0[2]",
         )
     return match[1], tuple(int(k) for k in match[2].split(","))

@@ -1,6 +1,8 @@
-"""Versions of what each step returns. Bump one when its step returns something else for the same
-input; the golden test in tests/tasks/test_golden_keys.py reminds. The number is part of every key
-that the step makes."""
+"""Version of what each step returns; it is part of every key that the step makes.
+
+Bump a step's number when the step returns something else for the same input. The golden test in
+tests/tasks/test_golden_keys.py fails if this is forgotten.
+"""
 
 from typing import Final
 

@@ -1,5 +1,4 @@
-"""Steps whose result is one file of the store: under which key it stands, and how file and row come
-to be there."""
+"""Results that are one file of the store: their key, their file and their row in the catalogue."""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
@@ -17,11 +16,12 @@ from aerodb.tasks.workspace_access import WorkspaceAccess
 
 @dataclass(frozen=True)
 class StoredResult:
-    """What a step makes of its inputs under settings: one file, found by the hash of all of them.
+    """The result of a step on its inputs under its settings: one file, found by the hash of all
+    three.
 
-    step : name of the step in `RESULT_VERSION`. kind : of what is in the file. inputs : name ->
-    hash or id. flight : id of the flight that it is about, None where it is about several. suffix :
-    of the file. folder : of the store where the file stands.
+    step : name of the step in `RESULT_VERSION`. kind : what the file contains. inputs : name ->
+    hash or id. flight : id of the flight, None if the result is about several. suffix : of the
+    file. folder : folder of the store.
     """
 
     access: WorkspaceAccess
@@ -35,14 +35,14 @@ class StoredResult:
 
     @cached_property
     def key(self) -> str:
-        """The hash under which it is kept."""
+        """Hash of inputs, settings, step and version: the name of the result."""
         return result_key(
             dict(self.inputs), dict(self.settings), self.step, RESULT_VERSION[self.step]
         )
 
     @property
     def path(self) -> Path:
-        """Where its file belongs."""
+        """Path of the file."""
         workspace = self.access.workspace
         return (
             workspace.flight_path(self.key)
@@ -51,17 +51,19 @@ class StoredResult:
         )
 
     def stored(self) -> Path | None:
-        """Its file, fetched from the object store where it is not here; None where there is none,
-        or it was lost."""
+        """Return the file, fetched from the object store if needed; None if there is none or it was
+        lost."""
         return self.access.path_of(self.key)
 
     def is_stored(self) -> bool:
-        """Whether its file is kept, here or in the object store: it is not fetched."""
+        """Return whether the file exists, here or in the object store; does not fetch it."""
         return self.access.has(self.key)
 
     def write(self, write: Callable[[Path], object]) -> StoredFile | None:
-        """Writes the file; returns what is in the object store of it. Nobody can see it until its
-        row is added."""
+        """Write the file, and return its entry in the object store, if any.
+
+        The result is invisible until its row is added.
+        """
         write(self.path)
         return put(self.access.workspace, self.path)
 
@@ -73,8 +75,10 @@ class StoredResult:
         inputs: Iterable[str] | None = None,
         settings: Mapping[str, Any] | None = None,
     ) -> None:
-        """Adds the row of the result whose file was written. inputs, settings : as the row names
-        them, where that differs from what the key is made of."""
+        """Add the row of a result whose file was written.
+
+        inputs, settings : values of the row, if they differ from those of the key.
+        """
         self.access.keep_result(
             self.key,
             self.path,
@@ -90,5 +94,5 @@ class StoredResult:
         )
 
     def keep(self, run: str, write: Callable[[Path], object], **row: Any) -> None:
-        """Writes the file and adds the row; `row` as of `add`."""
+        """Write the file and add the row; `row` as in `add`."""
         self.add(run, self.write(write), **row)

@@ -1,5 +1,5 @@
-"""What every task starts with: the workspace's stores, and the vehicle, flight or database that it
-is about."""
+"""Access to a workspace: the folder, the catalogue, and the vehicles, databases and files in
+them."""
 
 import json
 import os
@@ -27,8 +27,8 @@ class WorkspaceAccess:
     catalogue: Catalogue
 
     def vehicle(self, name: str) -> tuple[Vehicle, str]:
-        """A vehicle, with the accuracy limits that the settings give it, and the sha256 of the text
-        that describes it."""
+        """Return a vehicle, with the accuracy limits of the settings, and the sha256 of its file's
+        text."""
         row = self.catalogue.vehicle(name)
         described, limits = _vehicle(row.text, f"vehicle {name}"), self.accuracy(name)
         if limits:
@@ -38,50 +38,54 @@ class WorkspaceAccess:
         return described, row.sha256
 
     def accuracy(self, name: str) -> dict[str, float]:
-        """The accuracy limits that the settings give a vehicle: part of the key of whatever they
-        decide."""
+        """Return the accuracy limits that the settings give a vehicle.
+
+        They are part of the key of every result that depends on them.
+        """
         return load_settings(self.workspace.root).of(name).accuracy.given
 
     def database(self, version: str) -> "AeroDatabase":
-        """The database of a version, by its full id."""
+        """Return the database of a version (its full id)."""
         return _database(self.catalogue.version_documents(version).content)
 
     def named(self, vehicle: str, name: str) -> str | None:
-        """The id of the version that a name such as ``released`` points at, None while it points
-        nowhere."""
+        """Return the id of the version that a name such as ``released`` points at; None if at
+        none."""
         event = self.catalogue.named(vehicle, name)
         return event.version if event is not None else None
 
     def path_of(self, key: str) -> Path | None:
-        """The file of the result stored under `key`, when it is there: one that was lost is made
-        again by whoever asks."""
+        """Return the file of the result stored under `key`; None if there is none or it was lost.
+
+        The caller computes a lost result again.
+        """
         row = self.catalogue.result(key)
         path = None if row is None else self.file_of(row.path)
         return path if path is not None and path.is_file() else None
 
     def has(self, key: str) -> bool:
-        """Whether the file of the result stored under `key` is there, wherever: it is not
-        fetched."""
+        """Return whether the file of the result under `key` exists, here or remotely; does not
+        fetch it."""
         row = self.catalogue.result(key)
         return row is not None and is_available(self.workspace, self.catalogue, row.path)
 
     def file_of(self, path: str) -> Path:
-        """The file of the store at `path` (relative), from the object store where it is not
-        here."""
+        """Return the file of the store at `path` (relative), fetched from the object store if
+        needed."""
         return local(self.workspace, self.catalogue, path)
 
     def topics_of(self, log_sha256: str) -> Path:
-        """The folder of the topics of a log, from the object store where it is not here."""
+        """Return the folder of a log's topics, fetched from the object store if needed."""
         return local_recording(self.workspace, self.catalogue, log_sha256)
 
     def keep_result(
         self, key: str, path: Path, stored: StoredFile | None = None, **row: Any
     ) -> None:
-        """Adds the result whose file stands at `path`, and the hash of that file; `row` as of
+        """Add the result whose file is at `path`, with the file's hash; `row` as in
         `Catalogue.add_result`.
 
-        stored : that file in the object store, where it was put there already: what takes long has
-        no place in a transaction.
+        stored : the file's entry in the object store, if it was uploaded already: slow work does
+        not belong in a transaction.
         """
         stored = stored or put(self.workspace, path)
         with self.catalogue.transaction():
@@ -89,7 +93,8 @@ class WorkspaceAccess:
             self.catalogue.add_result(key, path=self.workspace.relative(path), **row)
 
     def keep_file(self, path: Path, stored: StoredFile | None) -> None:
-        """Notes the hash of a file of the store, which is in the object store, if there is one."""
+        """Record the hash of a file of the store; the file is in the object store, if there is
+        one."""
         with (
             self.catalogue.transaction()
         ):  # who writes the same file at the same time notes it before or after, not between
@@ -114,7 +119,8 @@ def _database(content: str) -> "AeroDatabase":
 
 
 def access_workspace(workspace: str) -> WorkspaceAccess:
-    """The stores of the workspace folder `workspace`; a process opens them once."""
+    """Return the access to the workspace folder `workspace`; a process opens each catalogue
+    once."""
     folder = Workspace.open(Path(workspace))
     place = catalogue_location(folder.catalogue)
     if not place.begun:
@@ -124,6 +130,9 @@ def access_workspace(workspace: str) -> WorkspaceAccess:
 
 @lru_cache(maxsize=8)
 def _catalogue(path: Path, _identity: Hashable, _process: int) -> Catalogue:
-    """One per database and process: another may stand at its place later, and a connection is not
-    to be shared with a process that was forked from this one."""
+    """Open one connection per database and process.
+
+    Another database may later be at the same path, and a connection must not be shared with a
+    forked process.
+    """
     return Catalogue.open(path)

@@ -1,5 +1,4 @@
-"""When a vehicle's database is taken further by itself: enough flights are new since the last
-time."""
+"""Decide whether a vehicle's database is due for an update: enough flights are new."""
 
 from dataclasses import dataclass
 from typing import Any, Final
@@ -9,16 +8,17 @@ from aerodb.storage.workspace_settings import Loop
 from aerodb.tasks.result_versions import RELEASED
 from aerodb.tasks.workspace_access import WorkspaceAccess
 
-#: What the settings call a way to take a database further, and the flow that does it.
+#: Name of a way to update a database in the settings -> flow that does it.
 FLOWS: Final = {"close-loop": "close_loop_flow", "update": "update_flow"}
 
 
 @dataclass(frozen=True)
 class Due:
-    """How many of the newest flights of a vehicle are `new` since a flow ran last, and on which
-    `flights` (ids) it would run.
+    """How many of a vehicle's newest flights are `new` since the last run of a flow, and its next
+    input.
 
-    baseline : id of the released version, None while there is none.
+    flights : ids of the flights on which the flow would run. baseline : id of the released version,
+    None if there is none.
     """
 
     new: int
@@ -32,9 +32,11 @@ class Due:
 
 
 def due(access: WorkspaceAccess, vehicle: str, loop: Loop, way: str) -> Due:
-    """Whether a vehicle's database is to be taken further in this way. What it costs does not grow
-    with the flights stored: the newest are looked at, and which of them the last run of the flow
-    was given."""
+    """Return whether an update of a vehicle's database is due in this way.
+
+    The cost does not grow with the number of stored flights: only the newest are read, and the
+    flights of the flow's last run.
+    """
     rows = access.catalogue.newest_flights(vehicle, loop.newest)
     usable = [row.id for row in rows if row.retracted_utc is None and row.verdict != "rejected"]
     repeating = {repeat.flight for repeat in access.catalogue.repeats(usable)}
@@ -47,7 +49,7 @@ def due(access: WorkspaceAccess, vehicle: str, loop: Loop, way: str) -> Due:
 def parameters_of(
     access: WorkspaceAccess, vehicle: str, loop: Loop, way: str, asked: Due
 ) -> dict[str, Any]:
-    """The parameters of the flow; InputError where the model file that an update needs cannot be
+    """Return the parameters of the flow; InputError if the model file of an update cannot be
     read."""
     given: dict[str, Any] = {
         "vehicle": vehicle,

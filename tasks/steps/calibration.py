@@ -1,5 +1,4 @@
-"""Joint calibration of a vehicle's sensors from stored flights, and the binding of flights to
-it."""
+"""Joint calibration of a vehicle's sensors from stored flights, and binding flights to it."""
 
 from datetime import datetime
 from typing import Any
@@ -21,8 +20,7 @@ def calibrate(
     valid_from: str | None = None,
     valid_until: str | None = None,
 ) -> dict[str, Any]:
-    """Estimates the sensor parameters that `flights` (ids) share and stores them as a calibration
-    of the vehicle.
+    """Estimate the sensor parameters that `flights` (ids) share, and store them as a calibration.
 
     valid_from, valid_until : ISO 8601, UTC. Returns a document: calibration (id), label,
     parameters, flights, skipped.
@@ -49,7 +47,7 @@ def calibrate(
         loaded.append(flight)
     if not loaded:
         raise InputError(
-            "no flight can be used",
+            "no usable flight",
             f"calibration of {vehicle}",
             "ingest flights that are not rejected",
         )
@@ -75,7 +73,9 @@ def calibrate(
 
 
 def bind(flight: str, *, workspace: str, run: str, calibration: str) -> str:
-    """Binds a flight to a calibration (ids); returns the flight. What hangs on it is recomputed
-    when it is asked for next."""
+    """Bind a flight to a calibration (ids), and return the flight.
+
+    Results that depend on the calibration are recomputed when they are next needed.
+    """
     access_workspace(workspace).catalogue.bind_flight(flight, calibration, run)
     return flight

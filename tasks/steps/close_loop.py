@@ -1,4 +1,4 @@
-"""The closed loop as steps: the rounds, their validation, and what they leave unexplained."""
+"""The closed loop: its rounds, their validation, and the residual that stays unexplained."""
 
 from aerodb.increments import AxisValidation
 from aerodb.loop import Accept, Library, Loop, unexplained_residuals, validate_loop
@@ -10,7 +10,7 @@ from aerodb.tracing import UnexplainedResidual
 
 
 def run_loop(plan: Plan, library: Library, *, workspace: str, run: str, accept: Accept) -> Loop:
-    """The loop on the plan's identification flights."""
+    """Run the closed loop on the plan's identification flights."""
     source, baseline = (
         flights_of(workspace, plan.vehicle, run),
         access_workspace(workspace).database(plan.baseline),
@@ -21,8 +21,10 @@ def run_loop(plan: Plan, library: Library, *, workspace: str, run: str, accept: 
 def prove_loop(
     plan: Plan, library: Library, loop: Loop, *, workspace: str, run: str, accept: Accept
 ) -> tuple[AxisValidation, ...]:
-    """Error before and after on flights that did not identify; below five flights each is predicted
-    from the others."""
+    """Validate the loop: error before and after on flights that were not used for identification.
+
+    Below five flights, each flight is predicted from the others.
+    """
     return validate_loop(
         flights_of(workspace, plan.vehicle, run), plan.hold_out, library, loop, accept
     )
@@ -31,8 +33,10 @@ def prove_loop(
 def what_is_left(
     plan: Plan, library: Library, loop: Loop, *, workspace: str, run: str
 ) -> tuple[UnexplainedResidual, ...]:
-    """What the identification flights still have in common beside the candidate; empty below the
-    fewest flights."""
+    """Return the unexplained residual that the identification flights share beside the candidate.
+
+    Empty if there are fewer flights than the test needs.
+    """
     return unexplained_residuals(
         flights_of(workspace, plan.vehicle, run), plan.hold_out.identified, loop.candidate, library
     )

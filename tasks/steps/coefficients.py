@@ -1,4 +1,4 @@
-"""Total coefficients of a stored flight, kept in long form: one row per time and axis."""
+"""Total coefficients of a stored flight, stored in long form: one row per time and axis."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -19,10 +19,10 @@ from aerodb.vehicle import Vehicle, cg_positions
 
 
 def reconstruct(flight: str, *, workspace: str, run: str) -> dict[str, Any]:
-    """Computes and stores the coefficients of a flight (its id).
+    """Compute and store the total coefficients of a flight (its id).
 
     Returns a document: flight, key, axes, bandwidth [Hz], notes; or flight, key None and the reason
-    why there are none.
+    if there are none.
     """
     access = access_workspace(workspace)
     try:
@@ -42,8 +42,8 @@ def reconstruct(flight: str, *, workspace: str, run: str) -> dict[str, Any]:
 def load_coefficients(
     access: WorkspaceAccess, row: FlightRow, run: str
 ) -> tuple[Flight, Coefficients, str]:
-    """A consistent flight, its coefficients and their key; read back when they are stored, else
-    computed and stored."""
+    """Return a consistent flight, its coefficients and their key; read back if stored, else
+    computed."""
     flight, _, flight_key = load_consistent(access, row, run)
     vehicle, _ = access.vehicle(row.vehicle)
     settings = {
@@ -66,7 +66,7 @@ def load_coefficients(
 
 
 def _stored(path: Path, flight: Flight, vehicle: Vehicle) -> Coefficients:
-    """Coefficients as they were stored; a moment reference that is no fixed point is the CG at each
+    """Read stored coefficients; a moment reference that is not a fixed point is the CG at each
     sample."""
     table, metadata = read_results(path, ("measured", "sigma", "usable"))
     axes, n, point = metadata["axes"], len(flight.time), metadata["moment_reference"]

@@ -1,4 +1,4 @@
-"""A stored flight beside a version of the database."""
+"""Comparison of a stored flight with a database version."""
 
 from typing import Any
 
@@ -19,11 +19,11 @@ from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 
 
 def compare_with_version(flight: str, *, workspace: str, run: str, version: str) -> dict[str, Any]:
-    """Compares a flight (its id) with a version (its id) and stores the result.
+    """Compare a flight (its id) with a version (its id), and store the result.
 
     Returns a document: flight, key, axes (axis -> rms of measured, of residual and of sigma),
-    notes; or, where the comparison is not possible, flight, key None and the reason. That is no
-    failure of the flight: it stays stored.
+    notes; or flight, key None and the reason if no comparison is possible. The flight stays stored
+    in both cases.
     """
     access = access_workspace(workspace)
     try:
@@ -37,8 +37,8 @@ def compare_with_version(flight: str, *, workspace: str, run: str, version: str)
 def load_comparison(
     access: WorkspaceAccess, flight: str, version: str, run: str
 ) -> tuple[Flight, Comparison, str]:
-    """A flight, its comparison with a version (both by id), and the comparison's key; stored when
-    it is not yet."""
+    """Return a flight, its comparison with a version (both by id) and the comparison's key; store
+    it."""
     row = access.catalogue.flight(flight)
     channels, comparison, coefficients_key = beside(access, flight, access.database(version), run)
     inputs = {"coefficients": coefficients_key, "version": version}
@@ -50,14 +50,14 @@ def load_comparison(
 
 
 def compared(access: WorkspaceAccess, flight: str, database: AeroDatabase, run: str) -> Comparison:
-    """A flight (its id) beside a database that need not be stored."""
+    """Return the comparison of a flight (its id) with a database that need not be stored."""
     return beside(access, flight, database, run)[1]
 
 
 def beside(
     access: WorkspaceAccess, flight: str, database: AeroDatabase, run: str
 ) -> tuple[Flight, Comparison, str]:
-    """A flight (its id), its comparison with a database that need not be stored, and the key of its
+    """Return a flight (its id), its comparison with any database, and the key of its
     coefficients."""
     row = access.catalogue.flight(flight)
     channels, coefficients, key = load_coefficients(access, row, run)

@@ -1,4 +1,4 @@
-"""What conditioning found in a stored flight, kept beside it: likely faults, segments, delays."""
+"""Conditioning findings of a stored flight: likely faults, segments and delays."""
 
 from aerodb.conditioning import (
     Conditioning,
@@ -19,7 +19,7 @@ from aerodb.tasks.workspace_access import WorkspaceAccess
 
 
 def mapping_of(access: WorkspaceAccess, row: FlightRow) -> Mapping:
-    """The mapping that a stored flight was made with last."""
+    """Return the mapping that a stored flight was last made with."""
     stated = [
         result.settings["mapping"] for result in access.catalogue.results_of(row.id, "ingest")
     ]
@@ -27,8 +27,8 @@ def mapping_of(access: WorkspaceAccess, row: FlightRow) -> Mapping:
 
 
 def clocks_of(recording: Recording, mapping: Mapping) -> tuple[Suspicion, ...]:
-    """Topics of a recording whose time stamps do not meet those of the others; none where the
-    mapping finds no time."""
+    """Return the topics whose time stamps do not overlap the others'; none if the mapping has no
+    time."""
     try:
         return clock_suspicions(with_mapped_clock(recording, mapping))
     except InputError:
@@ -36,8 +36,7 @@ def clocks_of(recording: Recording, mapping: Mapping) -> tuple[Suspicion, ...]:
 
 
 def examined(access: WorkspaceAccess, flight: Flight, mapping: Mapping) -> Conditioning:
-    """What there is to say of a conditioned flight and of the recording that it was made from,
-    whose topics are stored."""
+    """Return the findings on a conditioned flight and on its recording, whose topics are stored."""
     # Where the mapping takes time from a field, fields are needed; else the stamps will do.
     recording = read_recording(access.topics_of(flight.log_sha256), fields=mapping.time is not None)
     return examine(flight, clocks_of(recording, mapping))
@@ -46,8 +45,10 @@ def examined(access: WorkspaceAccess, flight: Flight, mapping: Mapping) -> Condi
 def load_conditioning(
     access: WorkspaceAccess, row: FlightRow, flight: Flight, flight_key: str, run: str
 ) -> tuple[Conditioning, str]:
-    """The findings on a flight (as `tasks.ingest.load_flight` gives it, with its key), and their
-    key; stored when not yet."""
+    """Return the findings on a flight and their key; compute and store them if needed.
+
+    flight, flight_key : as `aerodb.tasks.steps.ingest.load_flight` returns them.
+    """
     result = _result(access, row.id, flight_key)
     path = result.stored()
     if path is not None:
@@ -61,8 +62,8 @@ def load_conditioning(
 def write_conditioning(
     access: WorkspaceAccess, flight: str, flight_key: str, found: Conditioning
 ) -> StoredFile | None:
-    """Writes the findings on a flight (its id, and the key of its channels); returns what is in the
-    object store of them."""
+    """Write the findings on a flight (its id and key), and return their object-store entry, if
+    any."""
     return _result(access, flight, flight_key).write(
         lambda path: write_results(path, {}, to_document(found))
     )
@@ -71,8 +72,7 @@ def write_conditioning(
 def keep_conditioning(
     access: WorkspaceAccess, flight: str, flight_key: str, stored: StoredFile | None, run: str
 ) -> str:
-    """Adds the findings on a flight (its id, and the key of its channels) that were written;
-    returns their key."""
+    """Add the row of findings that were written (flight by id and key), and return their key."""
     result = _result(access, flight, flight_key)
     result.add(run, stored)
     return result.key

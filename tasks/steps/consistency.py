@@ -1,5 +1,4 @@
-"""The consistency of a stored flight: reconstructed once per calibration that it is bound to, kept,
-and read back."""
+"""Consistency of a stored flight: reconstructed once per calibration, stored and read back."""
 
 import json
 from collections.abc import Mapping
@@ -28,10 +27,10 @@ from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 
 
 def check_consistency(flight: str, *, workspace: str, run: str) -> dict[str, Any]:
-    """Reconstructs a flight (its id) under its calibration and notes the verdict; what is stored is
-    read back.
+    """Reconstruct a flight (its id) under its calibration, and record the verdict.
 
-    Returns the document of `aerodb.consistency.whole_flight` with flight and key.
+    A stored result is read back. Returns the document of `aerodb.consistency.whole_flight` with
+    flight and key.
     """
     access = access_workspace(workspace)
     row = access.catalogue.flight(flight)
@@ -43,11 +42,10 @@ def check_consistency(flight: str, *, workspace: str, run: str) -> dict[str, Any
 def load_consistent(
     access: WorkspaceAccess, row: FlightRow, run: str
 ) -> tuple[Flight, dict[str, Any], str]:
-    """A consistent flight, its document, and the key of both; reconstructed and stored when they
-    are not yet.
+    """Return a consistent flight, its document and their key; reconstruct and store it if needed.
 
     A flight that is processed for the first time is bound to the newest calibration that is valid
-    for it, and stays bound to that one until it is recalibrated.
+    for it, and stays bound to it until it is recalibrated.
     """
     flight, flight_key = load_flight(access, row, run)
     calibration = _bound(access, row, run)
@@ -76,8 +74,8 @@ def load_consistent(
 
 
 def _bound(access: WorkspaceAccess, row: FlightRow, run: str) -> Calibration | None:
-    """The calibration that a flight is bound to; one that was never reconstructed is bound to the
-    newest valid one."""
+    """Return the calibration of a flight; one that was never reconstructed is bound to the newest
+    valid."""
     bound = access.catalogue.calibration_of(row.id)
     if bound is not None:
         return from_document(bound.content)
@@ -92,7 +90,7 @@ def _bound(access: WorkspaceAccess, row: FlightRow, run: str) -> Calibration | N
 
 
 def _table(found: Consistent) -> dict[str, np.ndarray]:
-    """What reconstruction changed, in columns; empty where it changed nothing."""
+    """Return what reconstruction changed, as columns; empty if it changed nothing."""
     flight = found.flight
     flags = {f"flags_{name}": flight.flags[name] for name in found.changed if name in flight.flags}
     sigma = {f"sigma_{name}": values for name, values in found.sigma.items()}
@@ -108,7 +106,7 @@ def _table(found: Consistent) -> dict[str, np.ndarray]:
 def _restored(
     flight: Flight, table: Mapping[str, np.ndarray], document: dict[str, Any]
 ) -> tuple[Flight, dict[str, Any]]:
-    """The flight with its stored corrections, and their document."""
+    """Return the flight with its stored corrections, and their document."""
     changed = document["changed"]
     flags = {name: table[f"flags_{name}"] for name in changed if f"flags_{name}" in table}
     made = flight.with_channels({name: table[name] for name in changed})
@@ -118,7 +116,7 @@ def _restored(
 
 
 def reconstructed_angles(document: Mapping[str, Any]) -> frozenset[str]:
-    """The flow angles of a consistent flight that no sensor showed, from its stored document."""
+    """Return the flow angles that were reconstructed without a sensor, from a stored document."""
     used = {name: ChannelSource.from_text(text) for name, text in document.get("used", {}).items()}
     return frozenset(
         name for name in ("alpha", "beta") if name in used and used[name].origin is Origin.MOTION
@@ -126,14 +124,16 @@ def reconstructed_angles(document: Mapping[str, Any]) -> frozenset[str]:
 
 
 def applied_errors(document: Mapping[str, Any]) -> dict[str, float]:
-    """Parameter -> standard error (SI) of every sensor error that the reconstruction took off, from
-    its stored document."""
+    """Return parameter -> standard error [SI] of every correction applied, from a stored
+    document."""
     return {
         e["parameter"]: e["standard_error"] for e in document.get("estimates", ()) if e["applied"]
     }
 
 
 def noise_of(document: Mapping[str, Any]) -> StateNoise | None:
-    """Spectrum of the errors of a consistent flight's channels, from its stored document; None when
-    it was not reconstructed."""
+    """Return the error spectrum of a consistent flight's channels, from its stored document.
+
+    None if the flight was not reconstructed.
+    """
     return state_noise_from(document["noise"]) if "noise" in document else None

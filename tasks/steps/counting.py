@@ -1,7 +1,7 @@
-"""Records that share samples with a stored flight are that flight once more: kept, said, and never
-counted twice.
+"""Flights that repeat another: a record that shares samples with a stored flight is not counted
+twice.
 
-Looks at the catalogue only: a query must not wait for the science.
+Reads the catalogue only, so that a query need not import the science.
 """
 
 from collections.abc import Iterable, Mapping
@@ -15,19 +15,20 @@ WHOLE = 0.95
 
 
 def counted_out(catalogue: Catalogue, vehicle: str) -> dict[str, tuple[RepeatRow, ...]]:
-    """Id -> what it repeats, for flights of a vehicle that do not count because flights stored
-    before them do.
+    """Return id -> what it repeats, for flights of a vehicle that do not count for that reason.
 
-    A flight that is retracted or rejected does not count, so that what repeats it may. Of a chain,
-    the first counts, the second does not, and the third does again unless it repeats the first as
-    well.
+    A retracted or rejected flight does not count, so a flight that repeats it may. Of a chain of
+    repeats, the first counts, the second does not, and the third does unless it also repeats the
+    first.
     """
     return _decided(catalogue, catalogue.repeats(vehicle=vehicle))
 
 
 def repeating(catalogue: Catalogue, flights: Iterable[str]) -> set[str]:
-    """Those of `flights` (ids) that do not count for that reason. Only what they repeat is looked
-    at, and what that repeats."""
+    """Return those of `flights` (ids) that do not count because they repeat another.
+
+    Only the flights that they repeat are read, and what those repeat.
+    """
     wanted = set(flights)
     found: set[RepeatRow] = set()
     seen, further = set(wanted), wanted
@@ -41,7 +42,7 @@ def repeating(catalogue: Catalogue, flights: Iterable[str]) -> set[str]:
 def _decided(
     catalogue: Catalogue, repeats: tuple[RepeatRow, ...]
 ) -> dict[str, tuple[RepeatRow, ...]]:
-    """`counted_out` among `repeats`, which must hold whatever is behind them."""
+    """Return `counted_out` among `repeats`, which must contain whatever they repeat in turn."""
     rows = catalogue.flights_by_id({id for row in repeats for id in (row.flight, row.original)})
     counting: set[str] = set()
     out: dict[str, tuple[RepeatRow, ...]] = {}
@@ -63,7 +64,7 @@ def _could_count(row: FlightRow) -> bool:
 
 
 def sentence(repeats: tuple[RepeatRow, ...], labels: Mapping[str, str]) -> str:
-    """What a flight repeats, in words: ``repeats flight a from 3 to 20 s, flight b from 30 to 60
+    """Describe what a flight repeats: ``repeats flight a from 3 to 20 s, flight b from 30 to 60
     s``."""
     parts = []
     for row in repeats:
@@ -75,10 +76,9 @@ def sentence(repeats: tuple[RepeatRow, ...], labels: Mapping[str, str]) -> str:
 
 
 def repeat_documents(catalogue: Catalogue, flight: str) -> list[dict[str, Any]]:
-    """What a flight (its id) repeats of flights that are not retracted, as the per-flight run
-    answers it.
+    """Return what a flight (its id) repeats of flights that are not retracted.
 
-    ``counts`` says of each whether it does, so that this flight does not.
+    ``counts`` says of each whether it counts, so that this flight does not.
     """
     rows = sorted(catalogue.repeats([flight]), key=lambda row: row.stretches[0].start)
     if not rows:

@@ -1,5 +1,4 @@
-"""A version into the user's simulator: written, read back, and kept only when its check cases pass
-in the receiving form."""
+"""Export of a version to a simulator: written, read back, and kept only if its check cases pass."""
 
 import json
 from collections.abc import Callable, Sequence
@@ -34,10 +33,13 @@ from aerodb.tables import AeroDatabase, CheckCase, failures, make_check_cases
 
 @dataclass(frozen=True)
 class Form:
-    """A format: the check cases written with it, how it is written (database, name, cases), how it
-    is read back, what the receiving program says of it (one sentence; InputError when it
-    disagrees), where that is at hand, and the database as far as the format can carry it: not its
-    memory."""
+    """An export format.
+
+    cases : check cases to write with it. write : (database, name, cases) -> file. read : (file,
+    name) -> database. receive : runs the receiving program, where it is installed, and returns its
+    verdict in one sentence; InputError if it disagrees. carried : reduces the database to what the
+    format can carry (no states).
+    """
 
     cases: Callable[[AeroDatabase], Sequence[CheckCase]]
     write: Callable[[AeroDatabase, str, Sequence[CheckCase]], bytes]
@@ -99,12 +101,12 @@ FORMS: Final[dict[str, Form]] = {
 def export_version(
     workspace: Workspace, catalogue: Catalogue, version: VersionRow, format: str, output: Path
 ) -> dict[str, Any]:
-    """Writes a version to `output`; document: version, label, format, file, bytes, check_cases,
+    """Write a version to `output`; document: version, label, format, file, bytes, check_cases,
     checked.
 
-    The bytes are read back by the product's own importer first, and must give the check cases;
+    The bytes are first read back by the product's own importer and must reproduce the check cases;
     otherwise nothing is written. Raises InputError for an unknown format (exit 3) and for an export
-    that does not hold its check cases.
+    that does not reproduce its check cases.
     """
     if format not in FORMS:
         raise InputError(f"no exporter for '{format}'", "--format", nearest(format, FORMS))

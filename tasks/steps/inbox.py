@@ -1,5 +1,4 @@
-"""Files of the inbox as steps: which are ready, and how each ends: stored, duplicate or
-quarantined."""
+"""Files of the inbox: which are ready, and how each ends (stored, duplicate or quarantined)."""
 
 import hashlib
 import time
@@ -32,8 +31,10 @@ from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 def files_of_inbox(
     access: WorkspaceAccess, settings: Settings, vehicle: str | None = None, wait: bool = True
 ) -> list[InboxFile]:
-    """What is in the inbox (of one vehicle), judged; `wait` gives what changed a moment ago its
-    time to stand still."""
+    """Return the files in the inbox (of one vehicle) with their states.
+
+    wait : give a file that changed a moment ago time to settle.
+    """
     names = [row.name for row in access.catalogue.vehicles()]
     seen = scan_inbox(access.workspace.inbox, names, settings.inbox.settle)
     if wait and any(may_settle(entry) for entry in seen):
@@ -47,8 +48,8 @@ def files_of_inbox(
 
 
 def set_aside(entry: InboxFile, *, workspace: str, run: str, reason: str) -> dict[str, Any]:
-    """Puts what is never to be read as a log again into quarantine: a link or a pipe unopened, a
-    log by its bytes alone.
+    """Quarantine a file that is never to be read again: a link or pipe unopened, a log by its
+    bytes.
 
     Returns its ending.
     """
@@ -71,7 +72,7 @@ def set_aside(entry: InboxFile, *, workspace: str, run: str, reason: str) -> dic
 
 
 def _sha256(access: WorkspaceAccess, entry: InboxFile) -> str:
-    """The hash of a file's bytes, empty where they cannot be read."""
+    """Return the hash of a file's bytes, empty if they cannot be read."""
     try:
         with open_log(entry.path, access.workspace.inbox) as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
@@ -80,8 +81,7 @@ def _sha256(access: WorkspaceAccess, entry: InboxFile) -> str:
 
 
 def in_quarantine(access: WorkspaceAccess, limit: int | None = None) -> list[Quarantined]:
-    """What lies in quarantine, newest first, at most `limit`; without what was stored since, by
-    another way."""
+    """Return the quarantined files, newest first, at most `limit`, without those stored since."""
     entries = newest_quarantined(access.workspace, limit)
     return [
         entry
@@ -93,15 +93,17 @@ def in_quarantine(access: WorkspaceAccess, limit: int | None = None) -> list[Qua
 
 
 def note_tries(access: WorkspaceAccess, entries: Sequence[InboxFile], run: str) -> None:
-    """Notes, before they are read, that files are tried: what ends the process is told by it."""
+    """Record an attempt before the files are read, so that a crash of the process counts as one."""
     access.catalogue.add_inbox_events([_event(entry, "tried", run) for entry in entries])
 
 
 def note_failure(
     access: WorkspaceAccess, entry: InboxFile, run: str, reason: str
 ) -> dict[str, Any]:
-    """Notes that a file could not be dealt with; an empty reason says that it was not its own
-    fault. Returns its ending."""
+    """Record that a file could not be processed, and return its ending.
+
+    An empty reason means that the file was not at fault.
+    """
     access.catalogue.add_inbox_events([_event(entry, "failed", run, reason=reason)])
     return _ending(entry, "failed", {"what": reason})
 
@@ -109,16 +111,17 @@ def note_failure(
 def note_no_room(
     access: WorkspaceAccess, entry: InboxFile, run: str, reason: str
 ) -> dict[str, Any]:
-    """Notes that the disk or the machine could not take a file now, which is not its fault: it
-    waits. Returns its ending."""
+    """Record that the disk or the machine has no room for a file now, and return its ending.
+
+    The file is not at fault and waits.
+    """
     return {**note_failure(access, entry, run, ""), "kind": "no_room", "reason": reason}
 
 
 def settle(
     dealt: Sequence[tuple[InboxFile, dict[str, Any]]], *, workspace: str, run: str
 ) -> list[dict[str, Any]]:
-    """Ends files whose per-flight run is over, each with the run's outcome: the row first, then the
-    file leaves the inbox.
+    """End files whose per-flight run is over: first the row, then the file leaves the inbox.
 
     Returns one ending per file: file, vehicle, kind (``stored``, ``duplicate``, ``quarantined``,
     ``failed``, or ``left`` for one that changed meanwhile and waits again), flight, reason,
@@ -163,8 +166,10 @@ def _settled(
 
 
 def _kind(access: WorkspaceAccess, entry: InboxFile, outcome: dict[str, Any]) -> InboxKind:
-    """Stored or duplicate. A run that ended between storing a log and noting it finds its own
-    flight: that is no duplicate."""
+    """Return whether a file is stored or a duplicate.
+
+    A run that crashed after storing a log finds its own flight again: that is not a duplicate.
+    """
     earlier = [
         event
         for event in access.catalogue.inbox_events(sha256=outcome["sha256"])

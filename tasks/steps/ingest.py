@@ -1,5 +1,4 @@
-"""One log into the store: read, map, condition, keep. What cannot be used goes to quarantine with
-its reason; nothing else changes."""
+"""Ingest of a log: read, map, condition, store; a log that cannot be used is quarantined."""
 
 import hashlib
 import os
@@ -59,16 +58,16 @@ def store_log(
     name: str | None = None,
     strict: bool = False,
 ) -> dict[str, Any]:
-    """Reads one log and stores its topics and its flight, with what conditioning found in it.
+    """Read one log, and store its topics, its flight and the conditioning findings.
 
     Returns a document: log, sha256, status (``stored``, ``damaged``, ``duplicate``, ``refused``),
     flight (full id or None), what, where, remedy (of a refusal), damage, suspicions (likely
-    faults), repeats (stored flights that it shares samples with, and where). ``duplicate`` is the
-    same bytes, or another file that repeats stored flights in full: that one is stored as well,
-    under its own id, and never counts beside them.
+    faults), repeats (stored flights that it shares samples with, and where). ``duplicate`` means
+    the same bytes, or another file that repeats stored flights in full: that file is stored as
+    well, under its own id, but is never counted beside them.
 
-    Raises SettingsError where settings, vehicle or mapping cannot be used, and StoreError where the
-    disk or the machine cannot take the log now: neither is the log's fault.
+    Raises SettingsError if settings, vehicle or mapping cannot be used, and StoreError if the disk
+    or the machine has no room for the log now: neither is the log's fault.
     """
     access, path = access_workspace(workspace), Path(log)
     outcome: dict[str, Any] = {"log": log, "sha256": "", "status": "refused", "flight": None}
@@ -95,7 +94,7 @@ def store_log(
             if recording.sha256 != sha256:
                 what = "the file changed while it was read"
                 return outcome | _refusal(
-                    InputError(what, log, "wait until it is completely written"), log
+                    InputError(what, log, "ingest it once it is completely written"), log
                 )
             broken = broken_parts(recording)
             if strict and broken:
@@ -106,7 +105,7 @@ def store_log(
                 )
             layout = chosen or choose_mapping(recording, builtin_mappings().values())
             flight = _mapped(access, recording, layout, vehicle, sha256)
-            parsed.keep(topics)  # the same bytes may come under two names at once
+            parsed.keep(topics)  # two files with the same bytes may be ingested at once
     except (StoreError, SettingsError):
         raise
     except OSError as error:
@@ -128,8 +127,7 @@ def store_log(
 
 
 def _usable_mapping(access: WorkspaceAccess, vehicle: str, mapping: str | None) -> Mapping | None:
-    """The mapping that was asked for; SettingsError when it, or the vehicle's file, cannot be
-    used."""
+    """Return the requested mapping; SettingsError if it or the vehicle's file cannot be used."""
     try:
         access.vehicle(vehicle)
         return load_mapping(mapping) if mapping else None
@@ -138,7 +136,7 @@ def _usable_mapping(access: WorkspaceAccess, vehicle: str, mapping: str | None) 
 
 
 def _findings(access: WorkspaceAccess, flight: str, run: str) -> dict[str, Any]:
-    """What is known of a flight (its id) that is stored already."""
+    """Return the findings on a flight (its id) that is already stored."""
     row = access.catalogue.flight(flight)
     found, _ = load_conditioning(access, row, *load_flight(access, row, run), run)
     return {
@@ -148,8 +146,10 @@ def _findings(access: WorkspaceAccess, flight: str, run: str) -> dict[str, Any]:
 
 
 def broken_parts(recording: Recording) -> list[Damage]:
-    """Damage of the file itself. Dropouts are none: the logger could not keep up, said so, and the
-    gaps are flagged."""
+    """Return damage of the file itself.
+
+    A dropout is not damage: the logger reported that it could not keep up, and the gap is flagged.
+    """
     return [entry for entry in recording.damage if entry.kind != "dropout"]
 
 
@@ -157,15 +157,17 @@ def _refusal(error: InputError, log: str) -> dict[str, str]:
     return {
         "what": error.what,
         "where": error.where or log,
-        "remedy": error.remedy or "aerodb log inspect shows what is in it",
+        "remedy": error.remedy or "aerodb log inspect shows its contents",
     }
 
 
 def _inadmissible(
     access: WorkspaceAccess, sha256: str, vehicle: str, name: str | None
 ) -> InputError | None:
-    """Why the catalogue would not take these bytes as a flight of this name. The log is not at
-    fault: no quarantine."""
+    """Return why the catalogue would refuse these bytes as a flight of this name.
+
+    The log is not at fault, so it is not quarantined.
+    """
     for row in access.catalogue.flights(log_sha256=sha256):
         if row.vehicle != vehicle or name not in (None, row.name):
             return InputError(
@@ -186,11 +188,11 @@ def _inadmissible(
 
 
 def load_flight(access: WorkspaceAccess, row: FlightRow, run: str) -> tuple[Flight, str]:
-    """A stored flight under the vehicle's present file, and its key; mapped anew from the stored
-    topics when that changed.
+    """Return a stored flight under the vehicle's present file, and its key.
 
-    What is stored is as it was measured; here, wild points are bridged, so that no later step
-    smears them over others.
+    The flight is mapped again from the stored topics if the vehicle's file changed. Stored values
+    are as measured; wild points are bridged here, so that no later step smears them over other
+    samples.
     """
     mapping = mapping_of(access, row)
     result = _result(access, row.log_sha256, row.vehicle, mapping)
@@ -206,8 +208,8 @@ def load_flight(access: WorkspaceAccess, row: FlightRow, run: str) -> tuple[Flig
 def _mapped(
     access: WorkspaceAccess, recording: Recording, mapping: Mapping, vehicle: str, sha256: str
 ) -> Flight:
-    """The conditioned flight of a recording; InputError when no coefficient could ever be computed
-    from it."""
+    """Return the conditioned flight of a recording; InputError if no coefficient could be
+    computed."""
     described, _ = access.vehicle(vehicle)
     try:
         flight = replace(
@@ -237,8 +239,8 @@ def _result(
     mapping: Mapping,
     flight: str | None = None,
 ) -> StoredResult:
-    """The channels of a log under a vehicle's present file and a mapping; flight : its id, for the
-    row."""
+    """Return the stored result for a log's channels under a vehicle and a mapping; flight : its
+    id."""
     inputs = {"log": log_sha256, "vehicle": access.catalogue.vehicle(vehicle).sha256}
     settings = {"mapping": mapping.model_dump(mode="json")}
     return StoredResult(access, "ingest", "flight", inputs, settings, flight, folder="flights")
@@ -247,8 +249,8 @@ def _result(
 def _known(
     access: WorkspaceAccess, sha256: str, vehicle: str, chosen: Mapping | None
 ) -> str | None:
-    """The flight of these bytes, when they are stored under the vehicle's present file and this
-    mapping, topics and all."""
+    """Return the flight of these bytes if it is stored in full under this vehicle file and
+    mapping."""
     if not is_recording_available(access.workspace, access.catalogue, sha256):
         return None
     for row in access.catalogue.flights(vehicle, log_sha256=sha256):
@@ -290,8 +292,8 @@ def _keep(
     run: str,
     name: str | None,
 ) -> None:
-    """Files first (the topics stand), then all rows in one transaction: a crash between leaves
-    nothing that anyone can see."""
+    """Write all files first, then all rows in one transaction: a crash in between leaves no
+    trace."""
     result = _result(access, recording.sha256, flight.vehicle, mapping, flight.id)
     key, path = result.key, result.path
     write_flight(path, flight)
@@ -328,7 +330,7 @@ def _add_rows(
     mapping: Mapping,
     name: str | None,
 ) -> None:
-    """The rows of a log and its flight, whose files stand."""
+    """Add the rows of a log and its flight, whose files are written."""
     access.catalogue.add_log(
         recording.sha256,
         name=Path(recording.source).name,

@@ -1,5 +1,5 @@
-"""What conditioning says of a log that is only looked at: nothing is stored, and no vehicle needs
-to be described."""
+"""Conditioning findings of a log that is only inspected: nothing is stored, no vehicle is
+needed."""
 
 from typing import Any
 
@@ -25,10 +25,9 @@ source = "channels"
 
 
 def look_over(recording: Recording, mapping: Mapping) -> dict[str, Any]:
-    """Likely faults, segments and delays of a recording as a flight of any vehicle, and notes on
-    its channels.
+    """Return likely faults, segments and delays of a recording, and notes on its channels.
 
-    Where it cannot become a flight, only its time stamps are judged, and ``refused`` says why.
+    If it cannot become a flight, only its time stamps are checked, and ``refused`` says why.
     """
     try:
         flight = flag_unusable(map_recording(recording, mapping, parse_vehicle(_ANY)))

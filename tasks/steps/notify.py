@@ -1,5 +1,4 @@
-"""Telling people: what the settings ask for goes to a webhook or a command. A notification that
-fails makes no run fail."""
+"""Notifications by webhook or command, as the settings ask; a failed notification fails no run."""
 
 import json
 import os
@@ -21,7 +20,7 @@ _SECONDS: Final = 15.0
 def tell(
     workspace: Workspace, occasion: Occasion, vehicle: str, text: str, details: Mapping[str, Any]
 ) -> bool:
-    """Puts a notification into the outbox where the settings ask for it; whether they do."""
+    """Queue a notification if the settings ask for it, and return whether they do."""
     asked = load_settings(workspace.root).notification_of(vehicle)
     if occasion not in asked.on or not (asked.webhook or asked.command):
         return False
@@ -30,11 +29,10 @@ def tell(
 
 
 def deliver(root: str, *, workspace: str, run: str) -> list[dict[str, str]]:
-    """Delivers all that waits in the outbox of the workspace folder `root`; what fails stays there
-    for the next time.
+    """Deliver the queued notifications of the workspace folder `root`; a failed one stays queued.
 
-    Where one could not be reached, it is not tried for the others now. Returns the failures:
-    ``text`` of the notification and ``error``. Addresses, which may hold secrets, are never in it.
+    If a receiver could not be reached, it is not tried again in this call. Returns the failures:
+    ``text`` of the notification and ``error``. Addresses may hold secrets and are never included.
     """
     folder = Workspace.open(Path(root))
     settings, failures = load_settings(folder.root), []
@@ -52,8 +50,7 @@ def deliver(root: str, *, workspace: str, run: str) -> list[dict[str, str]]:
 
 
 def _send(target: Notification, message: Mapping[str, Any]) -> str:
-    """Sends one message; why it could not be, empty when it was. Nobody to be told is no
-    failure."""
+    """Send one message, and return why it failed; empty if it was sent or there is no receiver."""
     data = json.dumps(message).encode("utf-8")
     said = []
     if target.webhook:

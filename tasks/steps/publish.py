@@ -1,5 +1,4 @@
-"""A version into the catalogue: an imported baseline, or the candidate of an update with its
-proof."""
+"""Store versions in the catalogue: an imported baseline, or a validated candidate."""
 
 import hashlib
 from collections.abc import Callable, Mapping
@@ -45,7 +44,7 @@ _BY_MARK: Final[tuple[tuple[int, bytes, Callable[[bytes, str], AeroDatabase]], .
 def import_database(
     file: str, *, workspace: str, run: str, vehicle: str, bindings: Mapping[str, str] | None = None
 ) -> dict[str, Any]:
-    """Imports a database file as a version without parent; the vehicle's first becomes
+    """Import a database file as a version without parent; a vehicle's first one becomes
     ``released``."""
     access, path = access_workspace(workspace), Path(file)
     access.catalogue.vehicle(vehicle)
@@ -85,10 +84,10 @@ def import_database(
 def read_database(
     data: bytes, name: str, bindings: Mapping[str, str], part: Callable[[str], bytes] | None = None
 ) -> AeroDatabase:
-    """A database from the bytes of a file, by its suffix and content; `part` gives the bytes of
-    files that it names.
+    """Parse a database file by its suffix and content.
 
-    Raises InputError for a kind that cannot be read.
+    part : returns the bytes of a file that this one names. Raises InputError for a format that
+    cannot be read.
     """
     suffix = Path(name).suffix.lower()
     if suffix in (".dml", ".xml") and is_daveml(data):
@@ -113,8 +112,8 @@ def read_database(
 def publish_candidate(
     plan: Plan, update: Update, proof: tuple[AxisValidation, ...], *, workspace: str, run: str
 ) -> dict[str, Any]:
-    """Stores the update's candidate with its proof and points ``candidate`` at it; returns the
-    update's document."""
+    """Store an update's candidate with its validation, point ``candidate`` at it, and return the
+    document."""
     access = access_workspace(workspace)
     document = update_document(
         vehicle=plan.vehicle,
@@ -161,8 +160,8 @@ def publish_loop(
     run: str,
     accept: Accept,
 ) -> dict[str, Any]:
-    """Stores what a closed loop found: a candidate with its proof where something was added, else
-    only the report.
+    """Store the result of a closed loop: a validated candidate, or only the report if nothing was
+    added.
 
     Returns the loop's document with ``label`` and ``report``, the key under which it is stored.
     """
@@ -253,8 +252,7 @@ def _keep_report(
     settings: Mapping[str, Any],
     run: str,
 ) -> str:
-    """The loop's document as a stored result, whether or not a version came of it; returns its
-    key."""
+    """Store the loop's document as a result, with or without a new version, and return its key."""
     inputs = [plan.baseline, *plan.keys]
     result = StoredResult(
         access, "close_loop", "findings", {name: name for name in inputs}, settings, suffix=".json"
@@ -271,8 +269,7 @@ def _roles(plan: Plan) -> list[FlightRole]:
 
 
 def move(access: WorkspaceAccess, vehicle: str, name: str, version: str, reason: str) -> None:
-    """Points a name at a version (its id) from wherever it points now; nothing happens when it is
-    there already."""
+    """Point a name at a version (its id); does nothing if it already points there."""
     current = access.named(vehicle, name)
     if current != version:
         access.catalogue.move_name(
@@ -306,7 +303,7 @@ def _add(
 
 
 def _looks(access: WorkspaceAccess, flight: str) -> int:
-    """How many versions of this vehicle a flight has validated already."""
+    """Return how many versions of this vehicle a flight has already validated."""
     return sum(
         1
         for impact in access.catalogue.impact(flight)

@@ -1,5 +1,4 @@
-"""Moving names of versions: ``released`` through the gate, any name by a logged event, back by a
-further one."""
+"""Move names of versions: ``released`` through the gate, other names freely, each move logged."""
 
 import json
 from typing import Any
@@ -17,10 +16,10 @@ from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 
 
 def promote(version: str, *, workspace: str, run: str, name: str, reason: str) -> dict[str, Any]:
-    """Points `name` at a version (its id); ``released`` only through the gate.
+    """Point `name` at a version (its id); ``released`` only through the gate.
 
     Returns a document: vehicle, name, version, label, previous, moved, checks. Raises GateRefusal
-    with every reason, also when another run moved the name meanwhile; nothing is changed then.
+    with every reason, also if another run moved the name meanwhile; nothing is changed then.
     """
     access = access_workspace(workspace)
     catalogue = access.catalogue
@@ -44,11 +43,10 @@ def promote(version: str, *, workspace: str, run: str, name: str, reason: str) -
 
 
 def roll_back(vehicle: str, *, workspace: str, run: str, name: str, reason: str) -> dict[str, Any]:
-    """Takes the last standing move of `name` back, by a new event; twice goes back twice. Document
-    as of `promote`.
+    """Undo the last standing move of `name` by a new event; calling it twice undoes two moves.
 
-    Raises InputError where there is nothing before, GateRefusal where the version before is no
-    longer as it was stored.
+    Returns a document as `promote` does. Raises InputError if there is no earlier version, and
+    GateRefusal if the earlier version has changed since it was stored.
     """
     access = access_workspace(workspace)
     catalogue = access.catalogue
@@ -67,7 +65,7 @@ def roll_back(vehicle: str, *, workspace: str, run: str, name: str, reason: str)
         database_content_sha256(_read(target, catalogue.version_documents(target.id)))
         != target.content_sha256
     ):
-        raise _refusal(target, ("its numbers are not those that were stored: their hash differs",))
+        raise _refusal(target, ("its content has changed since it was stored: the hash differs",))
     event = catalogue.move_name(
         vehicle, name, target.id, user=user(), reason=reason, expected=history[-1].version
     )
@@ -84,7 +82,7 @@ def _gate(access: WorkspaceAccess, row: VersionRow, released: NameEvent | None) 
     catalogue = access.catalogue
     if released is None:
         raise GateRefusal(
-            "nothing is released yet to compare it with",
+            "no version is released yet to compare it with",
             f"vehicle {row.vehicle}",
             "import a database first",
         )
@@ -113,8 +111,10 @@ def _gate(access: WorkspaceAccess, row: VersionRow, released: NameEvent | None) 
 
 
 def _enough_flights(access: WorkspaceAccess, row: VersionRow) -> tuple[Check, ...]:
-    """Whether as many flights identified and validated a version as the settings of its vehicle ask
-    for; none where they ask for none."""
+    """Return whether enough flights identified and validated a version for the vehicle's settings.
+
+    None if the settings set no minimum.
+    """
     asked = load_settings(access.workspace.root).of(row.vehicle).gate
     if not (asked.identified or asked.held_out):
         return ()

@@ -1,5 +1,7 @@
-"""Which stored flights a record shares samples with. What follows from it is for
-`aerodb.tasks.steps.counting`."""
+"""Find stored flights that share samples with a record.
+
+`aerodb.tasks.steps.counting` decides which of them count.
+"""
 
 from aerodb.conditioning import FEWEST_MARKS, Shared, shared_samples
 from aerodb.flight import Flight
@@ -9,7 +11,7 @@ from aerodb.tasks.workspace_access import WorkspaceAccess
 
 
 def suspects_of(access: WorkspaceAccess, flight: Flight, marks: frozenset[int]) -> set[str]:
-    """Ids of stored flights of the vehicle, not retracted, that have enough marks in common to be
+    """Return ids of the vehicle's flights, not retracted, that share enough marks to be
     compared."""
     counts = access.catalogue.flights_with_marks(marks, flight.vehicle)
     found = [id for id, count in counts.items() if count >= FEWEST_MARKS and id != flight.id]
@@ -21,8 +23,8 @@ def suspects_of(access: WorkspaceAccess, flight: Flight, marks: frozenset[int]) 
 
 
 def compare_with_stored(access: WorkspaceAccess, flight: Flight, other: str) -> RepeatRow | None:
-    """What a flight and a stored one (its id) share, None for nothing. The one that was stored
-    later repeats the other."""
+    """Return what a flight shares with a stored one (its id), or None; the later one is the
+    repeat."""
     stored = read_flight(access.file_of(access.catalogue.results_of(other, "ingest")[-1].path))
     rows = access.catalogue.flights_by_id([flight.id, other])
     first = flight.id in rows and (rows[flight.id].added_utc, flight.id) < (

@@ -1,4 +1,4 @@
-"""What people look at: the pages of a flight, of an update or closed loop, and of a version."""
+"""HTML reports of a flight, of an update or closed loop, and of a version."""
 
 import re
 from pathlib import Path
@@ -33,12 +33,12 @@ from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 
 _KEY: Final = re.compile(r"[0-9a-f]{64}")
 
-#: So many ancestors and children of a version are drawn; the lineage query lists all.
+#: Largest number of ancestors and children drawn; the lineage query lists all.
 _ANCESTORS, _CHILDREN = 5, 6
 
 
 def flight_page(flight: str, *, workspace: str, run: str, version: str = "") -> str:
-    """The page of a flight (its id) beside a version (its id; empty: beside none)."""
+    """Return the report of a flight (its id) beside a version (its id; empty: none)."""
     access = access_workspace(workspace)
     row = access.catalogue.flight(flight)
     measured, key = load_flight(access, row, run)
@@ -79,10 +79,9 @@ def flight_page(flight: str, *, workspace: str, run: str, version: str = "") -> 
 
 
 def update_page(reference: str, *, workspace: str, run: str) -> str:
-    """The page of the update or closed loop that made a version (its id), or of a closed loop by
-    the key of its report.
+    """Return the report of an update or closed loop, by its version (id) or the key of its report.
 
-    Raises InputError for a version that no update made, UnknownNameError for what is neither.
+    Raises InputError for a version that no update made, UnknownNameError for an unknown reference.
     """
     access = access_workspace(workspace)
     document = _document(access, reference)
@@ -112,8 +111,8 @@ def update_page(reference: str, *, workspace: str, run: str) -> str:
 
 
 def write_update_page(document: dict[str, Any], *, workspace: str, run: str) -> str:
-    """Writes the page of what an update or a closed loop answered into the workspace's reports;
-    returns the file."""
+    """Write the report of an update or closed loop to the workspace's reports, and return the
+    file."""
     access = access_workspace(workspace)
     reference = document.get("report") or document["candidate"]
     page = update_page(reference, workspace=workspace, run=run)
@@ -130,7 +129,7 @@ def write_update_page(document: dict[str, Any], *, workspace: str, run: str) -> 
 
 
 def version_page(version: str, *, workspace: str, run: str) -> str:
-    """The page of a version (its id)."""
+    """Return the report of a version (its id)."""
     access = access_workspace(workspace)
     catalogue = access.catalogue
     row = catalogue.version_of_id(version)
@@ -175,7 +174,7 @@ def version_page(version: str, *, workspace: str, run: str) -> str:
 
 
 def _family(access: WorkspaceAccess, row: VersionRow, names: dict[str, str]) -> list[Relative]:
-    """The nearest ancestors, the version, and its children, parents first."""
+    """Return the nearest ancestors, the version, and its children, parents first."""
     line = list(reversed(access.catalogue.lineage(row.id).line[: _ANCESTORS + 1]))
     children = [
         entry for entry in access.catalogue.versions(row.vehicle) if entry.parent == row.id
@@ -198,15 +197,17 @@ def _family(access: WorkspaceAccess, row: VersionRow, names: dict[str, str]) -> 
 
 
 def _document(access: WorkspaceAccess, reference: str) -> dict[str, Any]:
-    """The document of an update or a closed loop, by the id of its version or the key of its
-    report."""
+    """Return the document of an update or closed loop, by its version's id or its report's key."""
     result = access.catalogue.result(reference) if _KEY.fullmatch(reference) else None
     if result is not None and result.step == "close_loop":
         found: dict[str, Any] = read_document(access.file_of(result.path))
         return found
     report = dict(access.catalogue.version_documents(reference).report)
     if "axes" not in report:
-        what, remedy = "was imported, no update made it", "its page: aerodb report version"
+        what, remedy = (
+            "was imported, not made by an update",
+            "report: aerodb report version",
+        )
         raise InputError(what, f"version {access.catalogue.version_of_id(reference).label}", remedy)
     return report
 
@@ -216,8 +217,10 @@ def _consistent(access: WorkspaceAccess, flight: str, run: str) -> Flight:
 
 
 def _variables(flight: Flight, database: AeroDatabase) -> dict[str, Array]:
-    """What residuals are shown over: the database's inputs, the surfaces, rates without dimension;
-    unusable samples are nan."""
+    """Return the variables that residuals are plotted over; unusable samples are NaN.
+
+    These are the database's inputs, the flow angles, the surfaces and the non-dimensional rates.
+    """
     names = {
         *database.flight_inputs,
         "alpha",
@@ -241,6 +244,6 @@ def _log_name(access: WorkspaceAccess, sha256: str) -> str:
 
 
 def _label(access: WorkspaceAccess, flight: str) -> str:
-    """The flight's name, else that of its log."""
+    """Return the flight's name, or that of its log."""
     row = access.catalogue.flight(flight)
     return row.name or _log_name(access, row.log_sha256)

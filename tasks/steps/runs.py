@@ -1,4 +1,4 @@
-"""Runs that ended without a word: their process was killed, or the machine went down."""
+"""Runs that did not record their end: their process was killed, or the machine went down."""
 
 from typing import Any
 
@@ -13,8 +13,10 @@ def mark_ended(
     state: RunState = "crashed",
     why: str = "its process ended without a word",
 ) -> list[dict[str, Any]]:
-    """Notes of every run that counts as running, but whose lock nobody holds, that it ended;
-    returns them, newest first."""
+    """Mark every run as ended that counts as running but whose lock is free.
+
+    Returns these runs, newest first.
+    """
     ended = []
     for run in access.catalogue.runs("running", limit=10_000):
         if is_held(access.workspace.lock(f"run-{run.id}")):

@@ -1,4 +1,4 @@
-"""The segments of a stored flight, as conditioning found them."""
+"""Segments of a stored flight, as conditioning found them."""
 
 from dataclasses import replace
 
@@ -9,7 +9,7 @@ from aerodb.tasks.workspace_access import WorkspaceAccess
 
 
 def segments_of(access: WorkspaceAccess, flight: str, run: str) -> tuple[Segment, ...]:
-    """Segments of a flight (its id), start and end in s from its first sample."""
+    """Return the segments of a flight (its id); start and end [s] from its first sample."""
     row = access.catalogue.flight(flight)
     channels, key = load_flight(access, row, run)
     found, _ = load_conditioning(access, row, channels, key, run)

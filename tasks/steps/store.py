@@ -1,4 +1,4 @@
-"""The cache of an object store as a step: it is kept as small as the settings say."""
+"""Trim the cache of an object store to the size that the settings allow."""
 
 from pathlib import Path
 from typing import Any
@@ -10,11 +10,11 @@ from aerodb.tasks.workspace_access import access_workspace
 
 
 def trim_cache(root: str, *, workspace: str, run: str) -> dict[str, Any]:
-    """Removes from the workspace folder `root` what was not used for longest, where the settings
-    limit its cache.
+    """Remove the least recently used files from the workspace folder `root`, if its cache is
+    limited.
 
-    Returns files, bytes, and the error of what could not be done now: it is done the next time,
-    nothing else waits for it.
+    Returns files, bytes, and the error if the cache could not be trimmed now: the next call tries
+    again, and nothing waits for it.
     """
     asked = load_settings(Path(root)).store
     if not (asked.url and asked.cache):

@@ -1,5 +1,4 @@
-"""Tracing as steps: the frozen library of a campaign, and the stored cross-products of each
-flight."""
+"""Tracing: the frozen library of a campaign, and the stored normal equations of each flight."""
 
 from aerodb.loop import Library
 from aerodb.loop import freeze_library as frozen_library
@@ -13,11 +12,10 @@ from aerodb.tracing import NormalEquations
 def freeze_library(
     plan: Plan, *, workspace: str, run: str, effects: str = "", expected: str = ""
 ) -> Library:
-    """The library for the plan's baseline, vehicle and flights' channels; `effects` is the text of
-    a file of user templates.
+    """Return the library for the plan's baseline, vehicle and the flights' channels.
 
-    Only channels' names and flight conditions are looked at. Raises InputError when its hash is not
-    the `expected` one.
+    effects : text of a file of user templates. Only names of channels and flight conditions are
+    read, no residual. Raises InputError if the library's hash is not the `expected` one.
     """
     source, baseline = (
         flights_of(workspace, plan.vehicle, run),
@@ -29,7 +27,6 @@ def freeze_library(
 def trace_flight(
     flight: str, *, workspace: str, run: str, library: Library, database: AeroDatabase
 ) -> NormalEquations:
-    """The normal equations of a flight (its id) beside a database; read back when it is stored, else made and
-    stored."""
+    """Return the normal equations of a flight (its id) beside a database; stored if new."""
     vehicle = access_workspace(workspace).catalogue.flight(flight).vehicle
     return flights_of(workspace, vehicle, run).normal_equations(flight, database, library)

@@ -1,5 +1,4 @@
-"""Declared increments of an update: which flights, what is estimated, what the candidate does on
-flights not used."""
+"""Update by declared increments: choose flights, estimate, validate on flights not used."""
 
 import re
 from dataclasses import dataclass, replace
@@ -34,8 +33,8 @@ from aerodb.tracing import TracingSettings
 
 @dataclass(frozen=True)
 class Plan:
-    """What an update rests on: the baseline's id, the flights and their roles, and the comparisons'
-    keys."""
+    """Inputs of an update: baseline (id), flights with their roles, and the keys of the
+    comparisons."""
 
     vehicle: str
     baseline: str
@@ -59,11 +58,10 @@ def plan_update(
     model: str,
     hold_out: list[str] | None,
 ) -> Plan:
-    """Splits flights into those that identify and those that validate; says which are left out and
-    why.
+    """Split flights into identification and validation flights; list those excluded, with reasons.
 
-    `compared` are the documents of `compare_with_version` on `baseline` (its id); `hold_out` flight
-    references, an empty list for none, None for the rule of CONVENTIONS.
+    compared : documents of `compare_with_version` on `baseline` (its id). hold_out : references of
+    flights, an empty list for none, None for the default rule (docs/method/updates.md, "Hold-out").
     """
     access = access_workspace(workspace)
     catalogue = access.catalogue
@@ -87,7 +85,7 @@ def plan_update(
             "; ".join(f"{flight[:12]}: {reason}" for flight, reason in excluded) or "none is stored"
         )
         raise InputError(
-            f"no flight can be used ({why})",
+            f"no usable flight ({why})",
             f"update of {vehicle}",
             "ingest flights of this vehicle",
         )
@@ -106,7 +104,7 @@ def plan_update(
 
 
 def _repeated(access: WorkspaceAccess, vehicle: str, flights: set[str]) -> list[tuple[str, str]]:
-    """Those of `flights` (ids) that are another one once more, and which: their samples would count
+    """Return those of `flights` (ids) that repeat another, with a reason: samples must not count
     twice."""
     repeats = {
         flight: rows
@@ -120,10 +118,11 @@ def _repeated(access: WorkspaceAccess, vehicle: str, flights: set[str]) -> list[
 
 
 def _age(access: WorkspaceAccess, row: FlightRow) -> tuple[Any, ...]:
-    """Sorts flights as they were flown, the same on every machine: by start; before those, unknown
-    starts by log name.
+    """Return a sort key by start time, equal on every machine; unknown starts come first, by log
+    name.
 
-    When a flight was added says nothing: logs are taken in side by side, and in any order.
+    The time at which a flight was added is not used: logs are ingested in parallel and in any
+    order.
     """
     if row.start_utc is not None:
         return (1, row.start_utc, row.id)
@@ -133,7 +132,7 @@ def _age(access: WorkspaceAccess, row: FlightRow) -> tuple[Any, ...]:
 
 
 def estimate(plan: Plan, *, workspace: str, run: str) -> Update:
-    """Estimates the plan's declared increments on its identification flights."""
+    """Estimate the plan's declared increments on its identification flights."""
     access = access_workspace(workspace)
     flights, comparisons = _loaded(access, plan, plan.hold_out.identified, run)
     database = access.database(plan.baseline)
@@ -153,8 +152,8 @@ def estimate(plan: Plan, *, workspace: str, run: str) -> Update:
 
 
 def validate(plan: Plan, update: Update, *, workspace: str, run: str) -> tuple[AxisValidation, ...]:
-    """Error before and after the update, on flights that did not identify it where there are
-    any."""
+    """Return the error before and after the update, on flights that did not identify it if there
+    are any."""
     access = access_workspace(workspace)
     flights, comparisons = _loaded(access, plan, plan.flights, run)
     before = {c.flight: c for c in comparisons}
@@ -176,8 +175,10 @@ def validate(plan: Plan, update: Update, *, workspace: str, run: str) -> tuple[A
 def _estimated_where_possible(
     flights: list[Flight], comparisons: list[Comparison], model: ModelFile, baseline: AeroDatabase
 ) -> AeroDatabase:
-    """The candidate of the axes that these flights can give; an axis that they cannot stays as in
-    the baseline."""
+    """Return the candidate with increments on the axes that these flights can identify.
+
+    An axis that they cannot identify stays as in the baseline.
+    """
     candidate = baseline
     for declared in model.increment:
         try:

@@ -1,7 +1,6 @@
-"""Channels of a stored flight for a screen: any stretch of time, as many points as it shows, true
-extremes kept.
+"""Channels of a stored flight for plotting: any time window, decimated, with true extremes kept.
 
-Only the columns and row groups of the stretch are read: an hour at 100 Hz opens as quickly as a
+Only the columns and row groups of the window are read: an hour at 100 Hz opens as quickly as a
 minute.
 """
 
@@ -21,21 +20,21 @@ from aerodb.storage.files import StoredSeries
 from aerodb.support import Array
 from aerodb.tasks.workspace_access import WorkspaceAccess
 
-#: What is shown first, in this order, where the flight has it; surfaces follow.
+#: Channels shown first, in this order, if the flight has them; surfaces follow.
 FIRST: Final = ("V", "alpha", "beta", "p", "q", "r", "ax", "ay", "az", "phi", "theta", "altitude")
 PANELS: Final = 12
-#: Bounds of the points of one series, and of the series of one answer.
+#: Bounds of the number of points of one series; most series of one answer.
 FEWEST_POINTS, MOST_POINTS, MOST_SERIES = 10, 20_000, 40
 _STRETCHES: Final = 100
 
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """One line of one panel. source : ``measured``, ``reconstructed``, ``flight`` or ``database``
-    (coefficients).
+    """One line of a plot.
 
-    time (n,) [s], values (n,) in `unit` (SI); `factor` turns them into what `label` says. flagged :
-    stretches [s] not used.
+    source : ``measured``, ``reconstructed``, ``flight`` or ``database`` (coefficients). time : (n,)
+    [s]. values : (n,) in `unit` (SI); `factor` converts them to the unit in `label`. flagged :
+    intervals [s] that are not used.
     """
 
     name: str
@@ -50,7 +49,7 @@ class Series:
 
 @dataclass(frozen=True)
 class Record:
-    """What there is to show of a flight: channels and axes by name, those shown first, and its ends
+    """Available channels and axes of a flight by name, those shown first, and its start and end
     [s]."""
 
     channels: tuple[str, ...]
@@ -63,7 +62,7 @@ class Record:
 
 @dataclass(frozen=True, eq=False)
 class _Stored:
-    """A flight's stored files: as mapped, the channels that consistency changed, and the newest
+    """Stored files of a flight: the mapped channels, those that consistency changed, the last
     comparison."""
 
     flight: StoredSeries
@@ -72,7 +71,7 @@ class _Stored:
 
     @property
     def axes(self) -> tuple[str, ...]:
-        """Axes of the comparison, in stored order: each has as many rows as the flight."""
+        """Axes of the comparison, in stored order; each has as many rows as the flight."""
         if self.comparison is None:
             return ()
         n, count = self.flight.rows, self.comparison.rows // self.flight.rows
@@ -82,7 +81,7 @@ class _Stored:
 
 
 def record_of(access: WorkspaceAccess, row: FlightRow) -> Record:
-    """What there is to show of a flight; InputError when its file is missing or damaged."""
+    """Return what can be plotted of a flight; InputError if its file is missing or damaged."""
     stored = _open(access, row)
     names = tuple(stored.flight.metadata["channels"])
     surfaces = sorted(name for name in names if is_surface(name))
@@ -100,12 +99,13 @@ def series_of(
     end: float,
     points: int,
 ) -> tuple[list[Series], tuple[float, float]]:
-    """The lines of the channels and axes `names` from `start` to `end` [s], at most `points` + 2
-    samples each, and the ends [s].
+    """Return the lines of the channels and axes `names` from `start` to `end` [s], and the flight's
+    ends.
 
-    A channel is as measured and, where consistency moved it, as reconstructed; an axis as flown and
-    as the database has it. Raises UnknownNameError for a name that the flight lacks, InputError for
-    a number of points or names out of bounds.
+    Each line has at most `points` + 2 samples. A channel is given as measured and, if consistency
+    corrected it, as reconstructed; an axis as flown and as the database predicts it. Raises
+    UnknownNameError for a name that the flight lacks, InputError if the number of points or names
+    is out of bounds.
     """
     if not FEWEST_POINTS <= points <= MOST_POINTS:
         raise InputError(f"{points} points", "points", f"from {FEWEST_POINTS} to {MOST_POINTS}")
@@ -113,7 +113,7 @@ def series_of(
         raise InputError(f"{len(names)} names", "names", f"at most {MOST_SERIES} at once")
     if not start <= end:
         raise InputError(
-            f"from {start:g} to {end:g} is no stretch of time",
+            f"from {start:g} to {end:g} is not a time interval",
             "from, to",
             "give the earlier time first",
         )
@@ -134,15 +134,18 @@ def series_of(
     return sorted(lines, key=lambda line: wanted.index(line.name)), stored.flight.ends()
 
 
-#: Channels whose range says where a flight has been.
+#: Channels whose range describes the flight's envelope.
 ENVELOPE: Final = ("V", "alpha", "beta", "altitude")
 
 
 def envelopes_of(
     access: WorkspaceAccess, rows: Sequence[FlightRow]
 ) -> dict[str, dict[str, list[float]]]:
-    """Flight id -> channel -> lowest and highest usable value (SI) of `ENVELOPE`; a flight whose
-    file is lost has none."""
+    """Return flight id -> channel -> lowest and highest usable value [SI] of the `ENVELOPE`
+    channels.
+
+    A flight whose file is lost has none.
+    """
     found: dict[str, dict[str, list[float]]] = {}
     for row in rows:
         found[row.id] = {}
@@ -155,7 +158,8 @@ def envelopes_of(
 
 
 def _whole(stored: _Stored, names: Sequence[str]) -> Iterator[tuple[str, Array]]:
-    """Usable samples of channels as they count: reconstructed where consistency moved them."""
+    """Yield the usable samples of channels; reconstructed values where consistency corrected
+    them."""
     flags = [name for name in stored.flight.metadata["flags"] if name in names or name == "flight"]
     columns = stored.flight.read([*names, *(f"flags_{name}" for name in flags)])
     moved = [
@@ -198,7 +202,7 @@ def _open(access: WorkspaceAccess, row: FlightRow) -> _Stored:
 
 
 def _newest(access: WorkspaceAccess, results: Sequence[Any], rows: int) -> StoredSeries | None:
-    """The newest result that holds series on the flight's own grid."""
+    """Return the newest result with series on the flight's own time grid."""
     for result in reversed(results):
         found = StoredSeries.open(access.file_of(result.path), "result")
         if "time" in found.columns and found.rows == rows:
@@ -207,7 +211,7 @@ def _newest(access: WorkspaceAccess, results: Sequence[Any], rows: int) -> Store
 
 
 def _window(flight: StoredSeries, start: float, end: float) -> tuple[int, int]:
-    """Rows of the stretch and one more on either side: the grid is uniform."""
+    """Return the rows of the time window and one more on either side; the grid is uniform."""
     n, (first, last) = flight.rows, flight.ends()
     step = (last - first) / max(1, n - 1) or 1.0
     low, high = (float(np.clip((t - first) / step, -1.0, n + 1.0)) for t in (start, end))
@@ -244,7 +248,7 @@ def _channels(
 def _flagged(
     time: Array, flags: Sequence[NDArray[np.unsignedinteger[Any]]]
 ) -> tuple[tuple[float, float], ...]:
-    """Stretches of time [s] in which any of `flags` (each (n,)) says that a sample is not used."""
+    """Return the intervals [s] in which any of `flags` (each (n,)) marks a sample as unused."""
     if not flags or not len(time):
         return ()
     return tuple(

@@ -1,5 +1,4 @@
-"""What a version says at a point, and along a line through it: values, standard errors, and where
-flights and tables reach."""
+"""Evaluate a version at a point or along a line: values, standard errors, and coverage."""
 
 import json
 import math
@@ -15,16 +14,17 @@ from aerodb.storage.catalogue import Catalogue, VersionRow
 from aerodb.tables import AeroDatabase, Place, evaluate_database
 from aerodb.tasks.references import point_of
 
-#: A line through a database has at most so many points.
+#: Largest number of points of a line through a database.
 MOST_LINE_POINTS: Final = 2001
 
 
 def evaluate_at(catalogue: Catalogue, version: VersionRow, at: str) -> dict[str, Any]:
-    """A version at the point ``NAME=VALUE,...`` (with units or SI; what is not given is zero).
+    """Evaluate a version at the point ``NAME=VALUE,...`` (with units or in SI; missing inputs are
+    zero).
 
-    Returns a document: version, at, taken_as_zero, coefficients, standard_errors (None where not
-    known), places, outside_tables, outside_of (their names: edge values are held). InputError for a
-    name that is no input, and for no number.
+    Returns a document: version, at, taken_as_zero, coefficients, standard_errors (None if not
+    known), places, outside_tables, outside_of (names of the tables; edge values are held). Raises
+    InputError for a name that is not an input and for a value that is not a number.
     """
     database = database_of(catalogue, version)
     point, assumed, channels = _point(database, at)
@@ -51,24 +51,26 @@ def sweep(
     points: int,
     at: str,
 ) -> dict[str, Any]:
-    """A version along one of its inputs, `reach` from and to [SI], through the point `at` as of
+    """Evaluate a version along one of its inputs.
+
+    over : the input. reach : from and to [SI]. at : the values of the other inputs, as in
     `evaluate_at`.
 
     Returns a document: version, over, at, taken_as_zero, values (points,) [SI], axes (axis ->
-    value, standard_error and place, each (points,); None where not known). InputError where `over`
-    is no input, or the reach or the number of points is none.
+    value, standard_error and place, each (points,); None if not known). Raises InputError if `over`
+    is not an input, or if the range or the number of points is invalid.
     """
     database = database_of(catalogue, version)
     if over not in database.inputs:
         raise InputError(
-            f"'{over}' is no input of {version.label}", "over", nearest(over, database.inputs)
+            f"'{over}' is not an input of {version.label}", "over", nearest(over, database.inputs)
         )
     if not 2 <= points <= MOST_LINE_POINTS:
         raise InputError(f"{points} points", "points", f"from 2 to {MOST_LINE_POINTS}")
     low, high = reach
     if not (math.isfinite(low) and math.isfinite(high) and low < high):
         raise InputError(
-            f"from {low:g} to {high:g} is no line",
+            f"from {low:g} to {high:g} is not an interval",
             "from, to",
             "give two numbers, the lower one first",
         )
@@ -98,14 +100,14 @@ def sweep(
 
 
 def database_of(catalogue: Catalogue, version: VersionRow) -> AeroDatabase:
-    """The database of a version."""
+    """Return the database of a version."""
     return from_document(json.loads(catalogue.version_documents(version.id).content))
 
 
 def _point(
     database: AeroDatabase, at: str
 ) -> tuple[dict[str, float], list[str], Mapping[str, float]]:
-    """The point that is meant, inputs that it leaves out, and the channels that are evaluated."""
+    """Return the point, the inputs that it leaves out, and the channels to evaluate."""
     point = point_of(at, database.inputs)
     settled = {state.name for state in database.states}
     assumed = [name for name in database.inputs if name not in point and name not in settled]
@@ -116,5 +118,5 @@ def _point(
 
 
 def _known(value: float) -> float | None:
-    """A number, or None where there is none: JSON has no NaN."""
+    """Return a number, or None for NaN: JSON has no NaN."""
     return value if math.isfinite(value) else None

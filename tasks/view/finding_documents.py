@@ -1,5 +1,4 @@
-"""What updates and closed loops found, one after another and one by one: their stored documents,
-nothing computed anew."""
+"""Findings of updates and closed loops, from their stored documents; nothing is recomputed."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -15,10 +14,10 @@ from aerodb.tasks.steps import FLOWS
 from aerodb.tasks.workspace_access import WorkspaceAccess
 
 _KEY: Final = re.compile(r"[0-9a-f]{64}")
-#: What a run says that left nothing of its own.
+#: Headline of a run that stored nothing of its own.
 _UNTOLD: Final = {
-    "completed": "The same as a run before it: nothing new was stored.",
-    "running": "Under way.",
+    "completed": "Same result as an earlier run: nothing new was stored.",
+    "running": "Running.",
 }
 _PLACE: Final = re.compile(r"([0-9T:.+-]{19,40})~([A-Za-z0-9-]{1,64})")
 
@@ -26,12 +25,12 @@ _PLACE: Final = re.compile(r"([0-9T:.+-]{19,40})~([A-Za-z0-9-]{1,64})")
 def findings_page(
     access: WorkspaceAccess, limit: int, after: str = ""
 ) -> tuple[list[dict[str, Any]], str]:
-    """The newest `limit` updates and closed loops, newest first, and where the next page begins
-    (empty at the end).
+    """Return the newest `limit` updates and closed loops, and the start of the next page (empty at
+    the end).
 
-    Each is a document: run, flow, vehicle, state, started_utc, reference (what `finding_document`
-    takes, None where nothing was stored), label, headline, verdicts. after : the second answer of
-    the page before; InputError where it is none.
+    Each is a document: run, flow, vehicle, state, started_utc, reference (for `finding_document`;
+    None if nothing was stored), label, headline, verdicts. after : the second value that the
+    previous page returned; InputError if it is invalid.
     """
     rows = access.catalogue.runs_of(FLOWS.values(), limit + 1, _place(after) if after else None)
     shown = rows[:limit]
@@ -54,10 +53,10 @@ def findings_page(
 def finding_document(
     access: WorkspaceAccess, reference: str, vehicle: str | None = None
 ) -> dict[str, Any]:
-    """The document of an update or a closed loop, by the key of its report or by the version that
-    it made.
+    """Return the document of an update or closed loop, by its report's key or by the version it
+    made.
 
-    Raises UnknownNameError for what is neither, InputError for a version that was imported.
+    Raises UnknownNameError for an unknown reference, InputError for an imported version.
     """
     meant = reference_of(access, reference, vehicle)
     reports = access.catalogue.reports_of([meant])
@@ -70,14 +69,14 @@ def finding_document(
     if "axes" not in report:
         label = access.catalogue.version_of_id(meant).label
         raise InputError(
-            "was imported, no update made it", f"version {label}", "see the version itself"
+            "was imported, not made by an update", f"version {label}", "see the version itself"
         )
     return report
 
 
 def reference_of(access: WorkspaceAccess, reference: str, vehicle: str | None = None) -> str:
-    """The key of a closed loop's report, or the id of the version, that is meant; UnknownNameError
-    for what is neither."""
+    """Return the key of a closed loop's report, or the id of a version; UnknownNameError
+    otherwise."""
     result = access.catalogue.result(reference) if _KEY.fullmatch(reference) else None
     if result is not None and result.step == "close_loop":
         return result.key
@@ -87,7 +86,7 @@ def reference_of(access: WorkspaceAccess, reference: str, vehicle: str | None = 
 
 
 def labels_of(access: WorkspaceAccess, document: Mapping[str, Any]) -> dict[str, str]:
-    """Id -> what people call it, for the flights and the versions of an update's document."""
+    """Return id -> label, for the flights and versions of an update's document."""
     roles = document["flights"]
     flights = [
         *roles["identified"],
@@ -121,7 +120,8 @@ def _entry(
 
 
 def _stored(access: WorkspaceAccess, key: str | None) -> Mapping[str, Any]:
-    """The document stored under a key; empty where it is lost: a list goes on without it."""
+    """Return the document stored under a key; empty if it is lost, so that a list stays
+    complete."""
     row = access.catalogue.result(key) if key is not None else None
     try:
         return {} if row is None else read_document(access.file_of(row.path))
@@ -140,5 +140,5 @@ def _place(text: str) -> tuple[datetime, str]:
         return when, match[2]
     except ValueError as error:
         raise InputError(
-            "no place in this list", "after", "leave it out for the first page"
+            "not a position in this list", "after", "leave it out for the first page"
         ) from error

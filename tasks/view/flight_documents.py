@@ -1,5 +1,4 @@
-"""Flights as documents: what `aerodb flight list` and `show` answer, and the console's API with
-them."""
+"""Flights as documents: answers of `aerodb flight list` and `show`, and of the console's API."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -12,7 +11,7 @@ from aerodb.tasks.workspace_access import WorkspaceAccess
 
 
 def flight_document(row: FlightRow) -> dict[str, Any]:
-    """A flight as it stands in the catalogue."""
+    """Return a flight as the catalogue has it."""
     return {
         "flight": row.id,
         "name": row.name,
@@ -28,8 +27,7 @@ def flight_document(row: FlightRow) -> dict[str, Any]:
 
 
 def flights_document(catalogue: Catalogue, rows: Sequence[FlightRow]) -> list[dict[str, Any]]:
-    """Flights, each with whether it counts: it was not retracted, and is no stored one once
-    more."""
+    """Return flights, each with whether it counts: not retracted, and not a repeat of another."""
     again = repeating(catalogue, [row.id for row in rows])
     return [
         {**flight_document(row), "counts": not (row.retracted_utc or row.id in again)}
@@ -38,8 +36,8 @@ def flights_document(catalogue: Catalogue, rows: Sequence[FlightRow]) -> list[di
 
 
 def flight_details(access: WorkspaceAccess, row: FlightRow) -> dict[str, Any]:
-    """A flight with its log, what conditioning and consistency found, its results, and the versions
-    that rest on it."""
+    """Return a flight with its log, findings, consistency, results, and the versions based on
+    it."""
     catalogue = access.catalogue
     log, results = catalogue.log(row.log_sha256), catalogue.results_of(row.id)
     return {
@@ -66,7 +64,7 @@ def flight_details(access: WorkspaceAccess, row: FlightRow) -> dict[str, Any]:
 
 
 def damage_document(entry: Damage) -> dict[str, Any]:
-    """One place of a log that is damaged."""
+    """Return one damaged part of a log."""
     return {
         "kind": entry.kind,
         "what": entry.what,
@@ -78,7 +76,7 @@ def damage_document(entry: Damage) -> dict[str, Any]:
 
 
 def _conditioning(access: WorkspaceAccess, results: Sequence[ResultRow]) -> dict[str, Any]:
-    """What conditioning found when the flight was last processed."""
+    """Return the conditioning findings of the last time the flight was processed."""
     stored = [result for result in results if result.step == "conditioning"]
     found = read_results(access.file_of(stored[-1].path))[1] if stored else {}
     return {name: found.get(name, []) for name in ("suspicions", "segments", "delays")}
@@ -87,8 +85,8 @@ def _conditioning(access: WorkspaceAccess, results: Sequence[ResultRow]) -> dict
 def _consistency(
     access: WorkspaceAccess, row: FlightRow, results: Sequence[ResultRow]
 ) -> Mapping[str, Any] | None:
-    """The stored document of a flight's consistency under the calibration that it is bound to; None
-    while there is none."""
+    """Return the consistency document under the flight's present calibration; None if there is
+    none."""
     bound = access.catalogue.calibration_of(row.id)
     for result in reversed([entry for entry in results if entry.step == "consistency"]):
         document = read_results(access.file_of(result.path), ())[1]

@@ -1,5 +1,4 @@
-"""Documents as JSON that any reader takes: what has no number is null, what is no JSON becomes
-text."""
+"""Documents as strict JSON: a non-finite number becomes null, other objects become text."""
 
 import json
 import math
@@ -7,8 +6,9 @@ from typing import Any
 
 
 def finite(value: Any) -> Any:
-    """`value` with None for numbers that JSON cannot write: the rate of a topic with one sample,
-    say.
+    """Return `value` with None for every number that JSON cannot represent.
+
+    One example is the rate of a topic with a single sample.
 
     >>> finite({"rate": float("inf"), "all": (1.0, float("nan"))})
     {'rate': None, 'all': [1.0, None]}
@@ -21,5 +21,5 @@ def finite(value: Any) -> Any:
 
 
 def as_json(document: Any, indent: int | None = None) -> str:
-    """A document as ASCII JSON."""
+    """Return a document as ASCII JSON."""
     return json.dumps(finite(document), indent=indent, default=str, allow_nan=False)

@@ -1,6 +1,8 @@
-"""Where a number comes from: from a table node or a point of a version to increments, flights,
-logs, settings and runs; and from a flight that was withdrawn to the versions to make again, in
-order."""
+"""Lineage both ways: from a number to its sources, and from a flight to the versions based on it.
+
+A table node or a point of a version leads to increments, flights, logs, settings and runs. A
+retracted flight leads to the versions to rebuild, in order.
+"""
 
 import io
 import json
@@ -21,8 +23,8 @@ FIGURE_KINDS: Final = ("png", "svg", "pdf")
 
 
 def lineage_document(catalogue: Catalogue, version: VersionRow) -> dict[str, Any]:
-    """What a version rests on: its line, why it is stale, flights with the hashes of their logs,
-    inputs, runs."""
+    """Return what a version is based on: ancestors, reasons why it is stale, flights, inputs and
+    runs."""
     found = catalogue.lineage(version.id)
     return {
         "version": found.version.id,
@@ -49,8 +51,10 @@ def lineage_document(catalogue: Catalogue, version: VersionRow) -> dict[str, Any
 def origins_document(
     catalogue: Catalogue, version: VersionRow, node: str | None, at: str
 ) -> dict[str, Any]:
-    """What stands behind a table node ``TABLE[i,j]``, else behind a point ``NAME=VALUE,...``:
-    version, at, increments."""
+    """Return the increments behind a table node ``TABLE[i,j]`` or a point ``NAME=VALUE,...``.
+
+    The document has version, at and increments.
+    """
     if node is not None:
         origins = origin_of_node(catalogue, version, *node_of(node))
     else:
@@ -59,8 +63,8 @@ def origins_document(
 
 
 def impact_document(flight: str, uses: Sequence[Impact]) -> dict[str, Any]:
-    """Versions that rest on a flight (its id): version, role of the flight, and the version through
-    which they do."""
+    """Return the versions based on a flight (its id): version, role of the flight, and through
+    which one."""
     versions = [
         {"version": use.version.id, "role": use.role, "through": use.through} for use in uses
     ]
@@ -68,22 +72,24 @@ def impact_document(flight: str, uses: Sequence[Impact]) -> dict[str, Any]:
 
 
 def inputs_of(catalogue: Catalogue, version: VersionRow) -> tuple[str, ...]:
-    """Channels and free inputs that a version needs."""
+    """Return the channels and free inputs that a version needs."""
     return database_of(catalogue, version).inputs
 
 
 def compare_versions(
     catalogue: Catalogue, before: VersionRow, after: VersionRow, picture: str = ""
 ) -> tuple[dict[str, Any], bytes | None]:
-    """The document of what differs between two versions, and its picture as `picture` (a suffix
-    such as ``.png``) says."""
+    """Return the differences between two versions, and a figure if `picture` (a suffix like
+    ``.png``)."""
     old, new = database_of(catalogue, before), database_of(catalogue, after)
     document = {"before": before.id, "after": after.id, **diff_document(diff(old, new))}
     if not picture:
         return document, None
     kind = picture.lower().removeprefix(".")
     if kind not in FIGURE_KINDS:
-        raise InputError(f"no picture of kind '{picture}'", "--figure", nearest(kind, FIGURE_KINDS))
+        raise InputError(
+            f"unknown figure format '{picture}'", "--figure", nearest(kind, FIGURE_KINDS)
+        )
     from aerodb.report import diff_figure
 
     figure = diff_figure(
@@ -97,7 +103,7 @@ def compare_versions(
 def origin_of_node(
     catalogue: Catalogue, version: VersionRow, table: str, index: tuple[int, ...]
 ) -> list[dict[str, Any]]:
-    """The increments behind a node of a table, each with `_origin`; empty where it is the imported
+    """Return the increments behind a table node, each with `_origin`; empty for an imported
     value."""
     return _origins(catalogue, version, node_lineage(database_of(catalogue, version), table, index))
 
@@ -105,8 +111,10 @@ def origin_of_node(
 def origin_of_point(
     catalogue: Catalogue, version: VersionRow, point: Mapping[str, float]
 ) -> list[dict[str, Any]]:
-    """The increments that act at a point (channel -> value, SI; what is not given is neutral), each
-    with `_origin`."""
+    """Return the increments that act at a point, each with `_origin`.
+
+    point : channel -> value [SI]; missing channels are neutral.
+    """
     database = database_of(catalogue, version)
     return _origins(
         catalogue, version, point_lineage(database, {**neutral_point(database), **point})
@@ -114,18 +122,18 @@ def origin_of_point(
 
 
 def prov_of(catalogue: Catalogue, version: VersionRow) -> bytes:
-    """The lineage of a version as PROV-JSON."""
+    """Return the lineage of a version as PROV-JSON."""
     found = catalogue.lineage(version.id)
     line = [row.id for row in found.line]
     return prov_json(found, catalogue.settings_of(line), catalogue.moves_to(version.vehicle, line))
 
 
 def rebuilds(catalogue: Catalogue, stale: Sequence[Impact]) -> list[dict[str, Any]]:
-    """How to make stale versions again, ancestors first: version, label, and the command; empty
-    where no update made it.
+    """Return how to rebuild stale versions, ancestors first: version, label, and the command.
 
-    The command takes the version's own model and flights, without those that are retracted, on its
-    parent; where the parent is stale too, on what was made of that one a step before.
+    The command is empty if no update made the version. It takes the version's own model and
+    flights, without those retracted, on its parent; if the parent is stale too, on the version that
+    the previous step rebuilds.
     """
     made_again: dict[str, str] = {}
     settings = catalogue.settings_of(entry.version.id for entry in stale)
@@ -165,7 +173,7 @@ def _origins(
 
 
 def _makers(catalogue: Catalogue, version: VersionRow) -> list[VersionRow]:
-    """For each increment of a version the ancestor (or itself) that brought it in."""
+    """Return, for each increment of a version, the ancestor (or itself) that introduced it."""
     line = catalogue.lineage(version.id).line
     wanted = [_identity(entry) for entry in _increments(catalogue, version)]
     makers = [version] * len(wanted)
@@ -188,14 +196,14 @@ def _increments(catalogue: Catalogue, version: VersionRow) -> list[dict[str, Any
 
 
 def _identity(increment: Mapping[str, Any]) -> str:
-    """What stays of an increment when it is folded into a table."""
+    """Return what stays the same of an increment when it is folded into a table."""
     kept = ("axis", "regressors", "estimates", "covariance", "envelope", "flights")
     return json.dumps([increment[key] for key in kept], sort_keys=True)
 
 
 def _origin(catalogue: Catalogue, maker: VersionRow, flights: Sequence[str]) -> dict[str, Any]:
-    """Version that brought an increment in, its settings, step versions and run, and the flights
-    with their logs' hashes."""
+    """Return the version that introduced an increment, with settings, step versions, run and
+    flights."""
     rows = catalogue.flights_by_id(flights)
     roles = {use.flight: use.role for use in catalogue.version_flights(maker.id)}
     run = catalogue.run(maker.run) if maker.run is not None else None

@@ -1,5 +1,4 @@
-"""What waits, what runs, what failed and why, and what to do about it: one document, read from the
-stores and the inbox."""
+"""Status of a workspace: what waits, runs and failed, why, and what to do about it."""
 
 import shutil
 from typing import Any, Final
@@ -13,17 +12,17 @@ from aerodb.tasks.result_versions import CANDIDATE, RELEASED
 from aerodb.tasks.steps import Due, due, files_of_inbox, in_quarantine, parameters_of
 from aerodb.tasks.workspace_access import WorkspaceAccess
 
-#: So many entries of each kind are listed; the counts are of all.
+#: Largest number of entries listed of each kind; the counts include all.
 _LISTED: Final = 50
-#: What of the service's note is for people: its token is not.
+#: Entries of the service's lock note that are shown; its token is not.
 _SHOWN: Final = ("pid", "url", "since_utc")
 
 
 def status_of(access: WorkspaceAccess) -> dict[str, Any]:
-    """The status document: serve, settings, waiting, running, failed, quarantined, vehicles,
-    undelivered, disk, todo.
+    """Return the status document.
 
-    ``todo`` are plain sentences: what a person should do now; empty when nothing is to be done.
+    Keys: serve, settings, waiting, running, failed, quarantined, vehicles, undelivered, free_bytes,
+    todo. ``todo`` lists in plain sentences what a person should do now; empty if nothing.
     """
     settings, fault = _settings(access)
     serving = {
@@ -83,7 +82,7 @@ def _settings(access: WorkspaceAccess) -> tuple[Settings, str]:
 
 
 def schedule_text(schedule: Schedule) -> str:
-    """A schedule in words."""
+    """Return a schedule in words."""
     return (
         f"every {schedule.every:g} s"
         if schedule.every is not None
@@ -139,7 +138,7 @@ def _vehicle(access: WorkspaceAccess, settings: Settings, name: str) -> dict[str
 
 
 def _fault(access: WorkspaceAccess, name: str, loop: Loop, way: str, asked: Due) -> str:
-    """Why a way to take a database further could not even begin; empty when it can."""
+    """Return why an update could not start; empty if it could."""
     try:
         parameters_of(access, name, loop, way, asked)
     except AeroError as error:
@@ -150,15 +149,15 @@ def _fault(access: WorkspaceAccess, name: str, loop: Loop, way: str, asked: Due)
 def _todo(document: dict[str, Any]) -> list[str]:
     said = []
     if document["settings"] != "valid":
-        said.append(f"mend the settings: {document['settings'].splitlines()[0]}")
+        said.append(f"fix the settings: {document['settings'].splitlines()[0]}")
     for entry in document["waiting"]:
         if entry["state"] == "blocked":
             said.append(f"{entry['file']}: {entry['reason']}")
     ready = sum(entry["state"] in ("ready", "refused") for entry in document["waiting"])
     if ready and not document["serve"]["running"]:
         said.append(
-            f"{ready} logs wait and nothing serves this workspace: aerodb nightly takes them in"
-            " now, aerodb serve always"
+            f"{ready} logs wait and no aerodb serve runs on this workspace: aerodb nightly ingests"
+            " them once, aerodb serve continuously"
         )
     for run in document["failed"]:
         said.append(
@@ -173,8 +172,8 @@ def _todo(document: dict[str, Any]) -> list[str]:
         ]
     if document["quarantined"]["count"]:
         said.append(
-            f"{document['quarantined']['count']} logs are in quarantine: see why, mend what is"
-            " wrong (the vehicle file, a mapping), then aerodb retry KEY or aerodb retry all"
+            f"{document['quarantined']['count']} logs are in quarantine: see why, fix the cause"
+            " (vehicle file, mapping), then aerodb retry KEY or aerodb retry all"
         )
     said += [
         f"not delivered: {text}; see the webhook or command in the settings"

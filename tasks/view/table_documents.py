@@ -1,4 +1,4 @@
-"""A table of a version as a document: breakpoints, values, and how its nodes are called."""
+"""A table of a version as a document: breakpoints, values, and what its arguments are."""
 
 from typing import Any, Final
 
@@ -7,16 +7,16 @@ import numpy as np
 from aerodb.errors import UnknownNameError, nearest
 from aerodb.tables import AeroDatabase, table_grids
 
-#: A table of more nodes than this is shown by its breakpoints alone.
+#: A table with more nodes than this is shown without its values.
 MOST_NODES: Final = 100_000
 
 
 def table_document(database: AeroDatabase, name: str) -> dict[str, Any]:
-    """Document of a table: table, arguments, breakpoints, values (nested, last argument fastest;
-    None where it is too large), channels and nodes: what each argument is, and its values [SI] at
-    the breakpoints, None where it is no channel.
+    """Return a table: table, arguments, breakpoints, values, channels and nodes.
 
-    Raises UnknownNameError for a name that no table of the database has.
+    values are nested, last argument fastest; None if the table is too large. channels and nodes say
+    what each argument is and its values [SI] at the breakpoints; None if an argument is not a
+    channel. Raises UnknownNameError for an unknown table.
     """
     if name not in database.tables:
         raise UnknownNameError(

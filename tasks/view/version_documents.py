@@ -1,5 +1,4 @@
-"""Versions as documents: what `aerodb version list`, `show` and `history` answer, and the console's
-API with them."""
+"""Versions as documents: `aerodb version list`, `show` and `history`, and the console's API."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -8,7 +7,7 @@ from aerodb.storage.catalogue import Catalogue, NameEvent, VersionRow
 
 
 def version_document(row: VersionRow) -> dict[str, Any]:
-    """A version without its documents."""
+    """Return a version without its documents."""
     return {
         "version": row.id,
         "label": row.label,
@@ -22,7 +21,7 @@ def version_document(row: VersionRow) -> dict[str, Any]:
 def versions_document(
     catalogue: Catalogue, vehicle: str, rows: Sequence[VersionRow]
 ) -> list[dict[str, Any]]:
-    """Versions of a vehicle, each with the names that point at it now."""
+    """Return versions of a vehicle, each with the names that now point at it."""
     names: dict[str, list[str]] = {}
     for name, version in catalogue.names(vehicle).items():
         names.setdefault(version, []).append(name)
@@ -30,8 +29,7 @@ def versions_document(
 
 
 def version_details(catalogue: Catalogue, row: VersionRow) -> dict[str, Any]:
-    """A version with why it is stale, the report it was made with, and the settings that made
-    it."""
+    """Return a version with the reasons why it is stale, its report and its settings."""
     documents = catalogue.version_documents(row.id)
     stale = list(catalogue.stale(row.id))
     return {
@@ -43,7 +41,7 @@ def version_details(catalogue: Catalogue, row: VersionRow) -> dict[str, Any]:
 
 
 def history_document(events: Sequence[NameEvent]) -> list[dict[str, Any]]:
-    """Moves of names: when, which, where to and from, by whom, why."""
+    """Return moves of names: when, which name, to and from which version, by whom, why."""
     return [
         {
             "at_utc": event.at_utc.isoformat(),

@@ -126,7 +126,7 @@ def test_all_flights_excluded_is_refused(workspace: Path) -> None:
     for flight in flights_of(workspace):
         asked(workspace, "flight", "retract", flight, "--reason", "static ports iced")
     said = refused(workspace, *CLOSE)
-    assert "no flight can be used" in said
+    assert "no usable flight" in said
     assert "static ports iced" in said
 
 

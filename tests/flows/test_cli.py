@@ -310,7 +310,7 @@ def test_retracting_a_flight_makes_versions_stale(
         (
             ["version", "evaluate", "released", "--at", "alhpa=5deg"],
             3,
-            "--at: 'alhpa=5deg' is no input",
+            "--at: 'alhpa=5deg' is not an input",
             "did you mean 'alpha'?",
         ),
         (

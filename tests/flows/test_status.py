@@ -235,7 +235,7 @@ def test_settings_with_a_fault_are_said_and_stop_the_night(workspace: Workspace)
     (workspace.root / "settings.toml").write_text("[inbox]\nsetle = 3\n", encoding="utf-8")
     said = asked(workspace.root, "status")
     assert "unknown key 'inbox.setle'" in said["settings"]
-    assert said["todo"][0].startswith("mend the settings")
+    assert said["todo"][0].startswith("fix the settings")
     done = CliRunner().invoke(app, ["--workspace", str(workspace.root), "nightly", "--direct"])
     assert "did you mean 'settle'?" in str(done.exception)
 

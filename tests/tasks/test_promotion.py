@@ -240,7 +240,7 @@ def test_a_version_whose_content_was_changed_by_hand_is_refused(workspace: Works
     assert "CZ is" in str(refusal.value)
     with pytest.raises(GateRefusal, match="cannot be read"):
         promote(fourth, **place)
-    with pytest.raises(GateRefusal, match="not those that were stored"):
+    with pytest.raises(GateRefusal, match="has changed since it was stored"):
         roll_back(V, **place)
 
 

@@ -331,10 +331,10 @@ def test_errors_say_what_where_and_what_to_do(client: TestClient, made: Made) ->
     expected = {
         "/api/flights/nothing": (404, "no flight"),
         "/api/versions/v0099": (404, "no version"),
-        f"/api/versions/{made.candidate}/evaluate?at=alhpa=3": (422, "is no input"),
+        f"/api/versions/{made.candidate}/evaluate?at=alhpa=3": (422, "is not an input"),
         f"/api/versions/{made.candidate}/evaluate?at=alpha=9**9**9": (422, "not a quantity"),
-        f"/api/versions/{made.candidate}/sweep?over=alpha&from=3&to=1": (422, "is no line"),
-        f"/api/versions/{made.candidate}/lineage?node=CZ0": (422, "is no node"),
+        f"/api/versions/{made.candidate}/sweep?over=alpha&from=3&to=1": (422, "is not an interval"),
+        f"/api/versions/{made.candidate}/lineage?node=CZ0": (422, "is not a table node"),
         f"/api/versions/{made.candidate}/tables/CZ9": (404, "no table"),
         f"/api/versions/{made.candidate}/export?format=doc": (422, ""),
         "/api/flights?limit=0": (422, "greater than"),
