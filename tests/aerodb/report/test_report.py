@@ -223,7 +223,12 @@ def test_what_is_refused(made: tuple[Path, dict[str, Any]], tmp_path: Path) -> N
     output = ("--output", str(tmp_path / "x.html"))
     inside = ("--output", str(workspace / "catalogue.sqlite"))
     for root, arguments, kind, said in (
-        (workspace, ("update", "v0001", *output), InputError, "was imported, not made by an update"),
+        (
+            workspace,
+            ("update", "v0001", *output),
+            InputError,
+            "was imported, not made by an update",
+        ),
         (workspace, ("update", "0" * 64, *output), UnknownNameError, "no version"),
         (workspace, ("flight", "none", *output), UnknownNameError, "no flight 'none'"),
         (workspace, ("version", "candidate", *inside), InputError, "only its own files"),
