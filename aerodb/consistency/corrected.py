@@ -21,14 +21,21 @@ from aerodb.consistency.output_error import Reconstruction
 from aerodb.consistency.pressures import (
     HOLES,
     PORTS,
-    altitude_behind,
-    as_angles,
-    behind_ports,
-    made_by_holes,
+    angles_from_holes,
+    correct_port_errors,
+    correct_pressure_altitude,
     recalibrated,
+    residuals_as_angles,
     static_pressure,
 )
-from aerodb.consistency.records import MOTION, Inertial, at_probe, from_probe, inertial, one_sensor
+from aerodb.consistency.records import (
+    IGNORED_FLAGS,
+    InertialInputs,
+    air_data_at_probe,
+    air_data_from_probe,
+    inertial_inputs,
+    qbar_follows_airspeed,
+)
 from aerodb.consistency.sensors import delayed, delays_of
 from aerodb.consistency.smoother import (
     Gusts,
@@ -99,7 +106,7 @@ class ChannelSource:
 
 
 @dataclass(frozen=True)
-class Corrected:
+class CorrectedFlight:
     """A corrected flight; `sigma`: channel -> (n,) one standard error; `changed`: channels that
     differ from the measured ones; `used`: channel -> where its values come from; `noise`: spectrum
     of what is wrong in these channels, of the source (smoother or sensor) that alpha has; `result`:
@@ -119,16 +126,16 @@ def corrected_flight(
     result: Reconstruction,
     values: Mapping[str, float],
     held: Mapping[str, float],
-) -> Corrected:
+) -> CorrectedFlight:
     """Applies the sensor corrections `values` (name -> value, SI) to every sample of a mapped
     flight, at full rate.
 
     V, alpha, beta and attitude are those of the smoother where this is nearer the truth (see
-    `_choice`), or where no sensor shows them and their standard error is within `LIMITS`; dynamic
+    `_choose_source`), or where no sensor shows them and their standard error is within `LIMITS`; dynamic
     pressure follows the airspeed that it was made with. Velocity over the earth stays that of its
     own point. held : parameters of the reconstruction that were not estimated in it, name -> value.
     """
-    moved = inertial(flight, vehicle)
+    moved = inertial_inputs(flight, vehicle)
     sensors = _sensors(flight, vehicle, moved, values)
     scopes = list(dict.fromkeys(path.record.flight for path in result.paths))
     by = intensities_of(result, scopes, fixed=held)
@@ -142,7 +149,7 @@ def corrected_flight(
             continue
         made, error = _at_full_rate(flight, smoothed, name)
         own = sensors.get(name)
-        choice = _choice(flight, result, vehicle, name, values, made, error, own)
+        choice = _choose_source(flight, result, vehicle, name, values, made, error, own)
         used[name] = choice.source
         if name == "alpha" and own is not None and not choice.source.smoothed:
             source = "sensor"
@@ -156,7 +163,7 @@ def corrected_flight(
             sigma[name] = np.where(np.isfinite(own), choice.sensor, np.nan)
     channels |= _pressure(flight, moved, channels, values)
     changed = tuple(
-        name for name, made in channels.items() if not _same(made, flight.channels.get(name))
+        name for name, made in channels.items() if not _unchanged(made, flight.channels.get(name))
     )
     note = (
         f"{', '.join(changed)} are those of the flight-path reconstruction"
@@ -166,7 +173,7 @@ def corrected_flight(
     made_flight = replace(
         flight, channels={**flight.channels, **channels}, flags=flags, notes=(*flight.notes, note)
     )
-    return Corrected(made_flight, sigma, changed, used, _noise(stretches, source), result)
+    return CorrectedFlight(made_flight, sigma, changed, used, _noise(stretches, source), result)
 
 
 def _smoothed(
@@ -218,44 +225,48 @@ def with_gusty_winds(result: Reconstruction, gusts: Gusts) -> Reconstruction:
 def _noise(stretches: Sequence[Smoothed], source: Source) -> StateNoise:
     drawn = [stretch for stretch in stretches if stretch.drawn]
     paths = tuple(
-        replace(entry, path=as_angles(entry.path)) for stretch in drawn for entry in stretch.paths
+        replace(entry, path=residuals_as_angles(entry.path))
+        for stretch in drawn
+        for entry in stretch.paths
     )
     return state_noise(replace(drawn[0], paths=paths), source)
 
 
 def _sensors(
-    flight: Flight, vehicle: Vehicle, moved: Inertial, values: Mapping[str, float]
+    flight: Flight, vehicle: Vehicle, moved: InertialInputs, values: Mapping[str, float]
 ) -> dict[str, Array]:
     """The measured channels less their errors; V, alpha, beta are corrected at the probe, then
     moved to the CG."""
     made = {
-        raw: _mended(flight[raw], name, values, flight.step)
+        raw: _corrected_sensor(flight[raw], name, values, flight.step)
         for name, raw in zip(INPUTS, moved.names, strict=True)
     }
     for name in (*_ATTITUDE, *_OTHERS):
         if name in flight:
-            made[name] = _mended(flight[name], name, values, flight.step)
+            made[name] = _corrected_sensor(flight[name], name, values, flight.step)
     rates = np.column_stack([bridge(made[name]) for name in moved.names[3:]])
     arm = [
         known + values.get(f"air_data_{axis}", 0.0)
         for known, axis in zip(moved.arm, "xyz", strict=True)
     ]
-    at_point = at_probe(flight, moved)
-    shown = {name: _mended(air, name, values, flight.step) for name, air in at_point.items()}
-    ports = _behind(flight, shown, values)
+    at_point = air_data_at_probe(flight, moved)
+    shown = {
+        name: _corrected_sensor(air, name, values, flight.step) for name, air in at_point.items()
+    }
+    ports = _without_port_errors(flight, shown, values)
     shown |= {name: ports[name] for name in ("V",) if name in ports}
-    if any(values.get(name, 0.0) for name in values if name.startswith("probe_")) and made_by_holes(
-        flight, vehicle, at_point
-    ):
+    if any(
+        values.get(name, 0.0) for name in values if name.startswith("probe_")
+    ) and angles_from_holes(flight, vehicle, at_point):
         shown |= _angles(flight, vehicle, shown["V"], ports.get("rho", flight["rho"]), values)
     if any(arm) or any(
         not np.array_equal(shown[name], air, equal_nan=True) for name, air in at_point.items()
     ):
-        return made | ports | from_probe(shown, rates, arm)
+        return made | ports | air_data_from_probe(shown, rates, arm)
     return made | {name: flight[name] for name in shown}
 
 
-def _behind(
+def _without_port_errors(
     flight: Flight, shown: Mapping[str, Array], values: Mapping[str, float]
 ) -> dict[str, Array]:
     """What rests on ports in error, without that: V at the air-data point, density, static pressure
@@ -263,12 +274,12 @@ def _behind(
     if not any(values.get(name, 0.0) for name in PORTS) or "V" not in shown or "rho" not in flight:
         return {}
     pressure = static_pressure(flight)
-    air = behind_ports(shown["V"], flight["rho"], pressure, values)
+    air = correct_port_errors(shown["V"], flight["rho"], pressure, values)
     found = {"V": air.V} if pressure is None else {"V": air.V, "rho": air.rho}
     if "static_pressure" in flight:
         found["static_pressure"] = flight["static_pressure"] - air.excess
     if "pressure_altitude" in flight:
-        found["pressure_altitude"] = altitude_behind(flight["pressure_altitude"], air)
+        found["pressure_altitude"] = correct_pressure_altitude(flight["pressure_altitude"], air)
     return found
 
 
@@ -277,12 +288,12 @@ def _angles(
 ) -> dict[str, Array]:
     """Alpha and beta at the air-data point from the raw pressures, at the true dynamic pressure and
     with what was estimated of the calibration."""
-    holes = {name: _mended(flight[name], name, values, flight.step) for name in HOLES}
+    holes = {name: _corrected_sensor(flight[name], name, values, flight.step) for name in HOLES}
     raw = flight.with_channels({**holes, "qbar": 0.5 * rho * speed**2})
     return angles_from_pressures(raw, recalibrated(vehicle.air_data, values))
 
 
-def _mended(shown: Array, name: str, values: Mapping[str, float], step: float) -> Array:
+def _corrected_sensor(shown: Array, name: str, values: Mapping[str, float], step: float) -> Array:
     """``(shown(t + delay) - bias) / (1 + scale)``; not finite where the sensor was not."""
     delay = sum(values.get(each, 0.0) for each in delays_of(name))
     if delay and np.isfinite(shown).any():
@@ -293,17 +304,20 @@ def _mended(shown: Array, name: str, values: Mapping[str, float], step: float) -
 
 
 def _pressure(
-    flight: Flight, moved: Inertial, channels: Mapping[str, Array], values: Mapping[str, float]
+    flight: Flight,
+    moved: InertialInputs,
+    channels: Mapping[str, Array],
+    values: Mapping[str, float],
 ) -> dict[str, Array]:
     """Dynamic pressure: with the airspeed that it was made with, or less its own sensor's
     errors."""
     if "qbar" not in flight:
         return {}
-    if not one_sensor(flight, at_probe(flight, moved)):
-        own = _mended(flight["qbar"], "qbar", values, flight.step)
+    if not qbar_follows_airspeed(flight, air_data_at_probe(flight, moved)):
+        own = _corrected_sensor(flight["qbar"], "qbar", values, flight.step)
         gain = 1.0 + values.get("total_port_error", 0.0) - values.get("static_port_error", 0.0)
         return {"qbar": (own + values.get("static_port_offset", 0.0)) / gain}
-    if "V" not in channels or _same(channels["V"], flight["V"]):
+    if "V" not in channels or _unchanged(channels["V"], flight["V"]):
         return {}
     with np.errstate(invalid="ignore", divide="ignore"):
         ratio = np.where(flight["V"] > 0, channels["V"] / flight["V"], 1.0)
@@ -312,7 +326,7 @@ def _pressure(
 
 
 @dataclass(frozen=True)
-class _Choice:
+class _SourceChoice:
     """The `source` of a channel: the smoother or its sensor. `sensor`: the latter's expected error
     (SI; nan: there is none); `beside`: what the former's has beside its own standard error."""
 
@@ -321,7 +335,7 @@ class _Choice:
     beside: float
 
 
-def _choice(
+def _choose_source(
     flight: Flight,
     result: Reconstruction,
     vehicle: Vehicle,
@@ -330,7 +344,7 @@ def _choice(
     made: Array,
     error: Array,
     own: Array | None,
-) -> _Choice:
+) -> _SourceChoice:
     """The source with the smaller expected error, of a channel of which `made` is smoothed with
     standard error `error`.
 
@@ -356,8 +370,8 @@ def _choice(
             if size <= limit
             else ChannelSource(Origin.NOT_GIVEN, known)
         )
-        return _Choice(chosen, float("nan"), 0.0)
-    good = flight.usable((name,), despite=MOTION) & np.isfinite(made)
+        return _SourceChoice(chosen, float("nan"), 0.0)
+    good = flight.usable((name,), despite=IGNORED_FLAGS) & np.isfinite(made)
     white = _white(flight, vehicle, name, good)
     apart = float(np.var((own - made)[good])) if good.any() else np.inf
     beside = float(
@@ -365,8 +379,8 @@ def _choice(
     )  # the sensor's noise is in both: covariance size^2
     sensor = float(np.hypot(white, _uncertain(result, vehicle, name, values)))
     if np.hypot(size, beside) < sensor:
-        return _Choice(ChannelSource(Origin.SENSOR_AND_MOTION), sensor, beside)
-    return _Choice(ChannelSource(Origin.SENSOR), sensor, beside)
+        return _SourceChoice(ChannelSource(Origin.SENSOR_AND_MOTION), sensor, beside)
+    return _SourceChoice(ChannelSource(Origin.SENSOR), sensor, beside)
 
 
 def _white(flight: Flight, vehicle: Vehicle, name: str, good: NDArray[np.bool_]) -> float:
@@ -409,5 +423,5 @@ def _at_full_rate(
     return values, sigma
 
 
-def _same(made: Array, measured: Array | None) -> bool:
+def _unchanged(made: Array, measured: Array | None) -> bool:
     return measured is not None and np.array_equal(made, measured, equal_nan=True)

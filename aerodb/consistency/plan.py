@@ -38,13 +38,13 @@ class Plan:
 
     free: tuple[str, ...]
     initial: tuple[str, ...]
-    stated: Mapping[str, float]
-    left_out: tuple[str, ...]
-    moving: bool = False
-    floor: Mapping[str, float] = field(default_factory=dict)
+    stated_priors: Mapping[str, float]
+    not_estimated: tuple[str, ...]
+    moving_air: bool = False
+    noise_floor: Mapping[str, float] = field(default_factory=dict)
 
     @property
-    def weak(self) -> dict[str, float]:
+    def priors(self) -> dict[str, float]:
         """One sigma about zero that keeps any parameter within reason: several natural sizes of
         first states and winds, one of sensors."""
         sizes = {
@@ -72,9 +72,15 @@ class Plan:
             ),
         )
 
-    def trusting(self, floor: Mapping[str, float], because: Sequence[str] = ()) -> "Plan":
+    def with_noise_floor(
+        self, noise_floor: Mapping[str, float], because: Sequence[str] = ()
+    ) -> "Plan":
         """With channels believed to have at least so much noise, and why."""
-        return replace(self, floor={**self.floor, **floor}, left_out=(*self.left_out, *because))
+        return replace(
+            self,
+            noise_floor={**self.noise_floor, **noise_floor},
+            not_estimated=(*self.not_estimated, *because),
+        )
 
     def in_moving_air(self) -> "Plan":
         """Without delays and scales of the air data. Errors of the ports stay: they are seen in
@@ -94,19 +100,21 @@ class Plan:
         return replace(
             self,
             free=rest,
-            moving=True,
-            left_out=(*self.left_out, sentence) if late else self.left_out,
+            moving_air=True,
+            not_estimated=(*self.not_estimated, sentence) if late else self.not_estimated,
         )
 
-    def knowing(self, names: Sequence[str], logged: Collection[str]) -> "Plan":
+    def with_calibration(self, names: Sequence[str], logged: Collection[str]) -> "Plan":
         """With the parameters that a calibration names, as far as their channels are logged, and
         what the vehicle file states."""
         known = [name for name in names if set(channels_of(name)) & {*INPUTS, *logged}]
         own = [
-            name for name in self.free if parameter(name).kind in PER_FLIGHT or name in self.stated
+            name
+            for name in self.free
+            if parameter(name).kind in PER_FLIGHT or name in self.stated_priors
         ]
         made = replace(self, free=tuple(dict.fromkeys([*known, *own])))
-        return made.in_moving_air() if self.moving else made
+        return made.in_moving_air() if self.moving_air else made
 
 
 def make_plan(records: Sequence[Record], vehicle: Vehicle) -> Plan:
@@ -125,15 +133,15 @@ def make_plan(records: Sequence[Record], vehicle: Vehicle) -> Plan:
         wanted += [*_calibration(HOLES[pair], records), f"{pair}_delay"]
     wanted += _airspeed(logged, turned)
     wanted += _late(logged, vehicle)
-    stated = {}
+    stated_priors = {}
     for name in (*INPUTS, *sorted(logged)):
         sensor = _sensor(vehicle, name)
         if sensor.bias_prior > 0 and not (
             name in ("north", "east", "altitude") or (name == "psi" and not earth)
         ):
-            stated[f"{name}_bias"] = sensor.bias_prior
+            stated_priors[f"{name}_bias"] = sensor.bias_prior
         if sensor.delay_prior > 0 and name in logged:
-            stated[f"{name}_delay"] = sensor.delay_prior
+            stated_priors[f"{name}_delay"] = sensor.delay_prior
     winds = ("wind_north", "wind_east") if earth and "V" in logged else ()
     weather = (
         ("pressure_altitude_bias", "pressure_altitude_scale")
@@ -147,16 +155,24 @@ def make_plan(records: Sequence[Record], vehicle: Vehicle) -> Plan:
         *INPUTS,
         *(angle for angle in ("alpha", "beta") if angle in logged),
     ):  # each of these has a bias
-        stated.setdefault(f"{name}_bias", parameter(f"{name}_bias").size)
+        stated_priors.setdefault(f"{name}_bias", parameter(f"{name}_bias").size)
     for pair, angle in HOLES.items():  # and so has each pair of holes
         if pair in logged:
-            stated[f"probe_{angle}_offset"] = (
+            stated_priors[f"probe_{angle}_offset"] = (
                 _sensor(vehicle, angle).bias_prior or parameter(f"probe_{angle}_offset").size
             )
     least = _least_noise(vehicle.accuracy) | _least_pressures(records, vehicle.accuracy)
-    floor = {name: value for name, value in least.items() if _sensor(vehicle, name).noise == 0.0}
-    free = tuple(dict.fromkeys([*wanted, *stated, *winds, *weather]))
-    return Plan(free, tuple(initial), stated, _left_out(logged, earth, turned), floor=floor)
+    noise_floor = {
+        name: value for name, value in least.items() if _sensor(vehicle, name).noise == 0.0
+    }
+    free = tuple(dict.fromkeys([*wanted, *stated_priors, *winds, *weather]))
+    return Plan(
+        free,
+        tuple(initial),
+        stated_priors,
+        _left_out(logged, earth, turned),
+        noise_floor=noise_floor,
+    )
 
 
 def _calibration(angle: str, records: Sequence[Record]) -> list[str]:

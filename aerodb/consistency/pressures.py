@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from aerodb.consistency.output_error import Path
+from aerodb.consistency.output_error import ReconstructedPath
 from aerodb.five_hole import Curve, FiveHole
 from aerodb.flight import Flight
 from aerodb.logs import angles_from_pressures
@@ -28,8 +28,8 @@ _ALIKE, _ENOUGH = 1e-3, 2000
 _SAME = 1e-6
 
 
-def made_by_holes(flight: Flight, vehicle: Vehicle, shown: Mapping[str, Array]) -> bool:
-    """Whether alpha and beta of a flight, `shown` at the air-data point, follow from the raw
+def angles_from_holes(flight: Flight, vehicle: Vehicle, shown: Mapping[str, Array]) -> bool:
+    """Whether alpha and beta of a flight, `predicted_outputs` at the air-data point, follow from the raw
     pressures of a five-hole probe whose calibration the vehicle file gives."""
     known = all(name in flight for name in (*HOLES, "qbar", "rho", "V"))
     if vehicle.air_data.five_hole is None or not known or not {"alpha", "beta"} <= set(shown):
@@ -83,7 +83,7 @@ def static_pressure(flight: Flight) -> Array | None:
 
 
 @dataclass(frozen=True)
-class BehindPorts:
+class PortCorrected:
     """What ports in error would show without it, each (n,), SI: airspeed `V` at the air-data point,
     `q` dynamic pressure there, `rho`, and the `excess` of the static port over the static pressure,
     Pa."""
@@ -94,9 +94,9 @@ class BehindPorts:
     excess: Array
 
 
-def behind_ports(
+def correct_port_errors(
     speed: Array, rho: Array, pressure: Array | None, values: Mapping[str, float]
-) -> BehindPorts:
+) -> PortCorrected:
     """The air data behind a shown airspeed (n,), 003, eq. 5: ``q = (q_m + o_s) / (1 + e_t - e_s)``,
     ``p = p_m - e_s q - o_s``.
 
@@ -110,16 +110,16 @@ def behind_ports(
     q = (0.5 * rho * speed**2 + offset) / (1.0 + values.get("total_port_error", 0.0) - error)
     excess = error * q + offset
     true = rho if pressure is None else rho * (1.0 - excess / pressure)
-    return BehindPorts(np.sqrt(np.maximum(2.0 * q / true, 0.0)), q, true, excess)
+    return PortCorrected(np.sqrt(np.maximum(2.0 * q / true, 0.0)), q, true, excess)
 
 
-def altitude_behind(shown: Array, air: BehindPorts) -> Array:
+def correct_pressure_altitude(shown: Array, air: PortCorrected) -> Array:
     """(n,) pressure altitude [m] without the error of the static port, which takes ``excess / (rho
     g)`` off it."""
     return np.asarray(shown + air.excess / (air.rho * GRAVITY))
 
 
-def as_angles(path: Path) -> Path:
+def residuals_as_angles(path: ReconstructedPath) -> ReconstructedPath:
     """The path with the residuals of a five-hole probe's pressures as those of alpha and beta,
     rad."""
     record, probe = path.record, path.record.installation.five_hole

@@ -10,8 +10,8 @@ import numpy as np
 
 from aerodb.coefficients import specific_force_at_cg
 from aerodb.conditioning import FEWEST_SAMPLES, bridge, smooth
-from aerodb.consistency.pressures import HOLES, made_by_holes, static_pressure
-from aerodb.consistency.sensors import OUTPUTS, Record, installed
+from aerodb.consistency.pressures import HOLES, angles_from_holes, static_pressure
+from aerodb.consistency.sensors import OUTPUTS, Record, installation_from_vehicle
 from aerodb.errors import InputError
 from aerodb.flight import Flight
 from aerodb.logs import velocity_at_cg
@@ -23,22 +23,23 @@ from aerodb.vehicle import Vehicle, mass_channels
 SHORT_GAP = 0.2
 
 #: Stretches shorter than this (s) say too little for their own first state.
-SHORTEST = 5.0
+SHORTEST_RECORD = 5.0
 
 #: Below this share of the flight's high airspeeds nothing is compared: the aircraft rolls or
 #: stands.
-SLOWEST = 0.25
+LOWEST_AIRSPEED = 0.25
 
-#: The wind is taken as steady over so much time (s) and altitude (m) of one flight.
-STEADY_WIND: Final = (300.0, 300.0)
+#: Duration (s) and altitude range (m) over which the wind of a flight is taken as constant.
+STEADY_WIND_TIME: Final = 300.0
+STEADY_WIND_ALTITUDE: Final = 300.0
 
 #: Flights longer than this (s) are taken over a rotating earth: a bias, constant in body axes,
 #: takes up no more of its 15 deg an hour than the headings flown have in common.
-LONG = 600.0
+ROTATING_EARTH_DURATION = 600.0
 
 #: What the carrier does not take from the motion: held by it, the vehicle moves as consistently as
 #: in free flight.
-MOTION: Final = ("captive",)
+IGNORED_FLAGS: Final = ("captive",)
 
 #: Two altitudes that differ by a constant to this (m) are one sensor.
 _LEVEL = 1e-3
@@ -48,7 +49,7 @@ _SAME = 1e-6
 
 
 @dataclass(frozen=True)
-class Inertial:
+class InertialInputs:
     """What is integrated: `names` of the six channels; `values` (n, 6) at the CG, gaps bridged,
     rates and specific force as measured otherwise; `arm` (3,) of the air-data point from the mean
     CG, m; `cg` (3,) the latter, m from the datum."""
@@ -59,7 +60,7 @@ class Inertial:
     cg: Array
 
 
-def inertial(flight: Flight, vehicle: Vehicle) -> Inertial:
+def inertial_inputs(flight: Flight, vehicle: Vehicle) -> InertialInputs:
     """Specific force, moved to the CG where the accelerometers are off it, and rates of a flight.
 
     Raises InputError when specific force, rates or attitude are not logged.
@@ -78,7 +79,8 @@ def inertial(flight: Flight, vehicle: Vehicle) -> Inertial:
     empty = [name for name in names if np.isfinite(flight[name]).sum() < FEWEST_SAMPLES]
     if empty:
         raise InputError(
-            f"{', '.join(empty)} hold no {SHORTEST:g} s without a gap", f"flight {flight.id[:12]}"
+            f"{', '.join(empty)} hold no {SHORTEST_RECORD:g} s without a gap",
+            f"flight {flight.id[:12]}",
         )
     properties = mass_channels(flight, vehicle)
     cg = np.column_stack([properties[f"cg_{axis}"] for axis in "xyz"])
@@ -94,10 +96,10 @@ def inertial(flight: Flight, vehicle: Vehicle) -> Inertial:
         if vehicle.points.air_data is None
         else np.asarray(vehicle.points.air_data) - cg.mean(0)
     )
-    return Inertial(names, values, (float(arm[0]), float(arm[1]), float(arm[2])), cg.mean(0))
+    return InertialInputs(names, values, (float(arm[0]), float(arm[1]), float(arm[2])), cg.mean(0))
 
 
-def at_probe(flight: Flight, moved: Inertial) -> dict[str, Array]:
+def air_data_at_probe(flight: Flight, moved: InertialInputs) -> dict[str, Array]:
     """V, alpha, beta (those that are logged) as the probe shows them: the mapping moved them to the
     CG by the measured rates.
 
@@ -118,7 +120,9 @@ def at_probe(flight: Flight, moved: Inertial) -> dict[str, Array]:
     return {name: shown[name] for name in logged}
 
 
-def from_probe(shown: dict[str, Array], rates: Array, arm: Sequence[float]) -> dict[str, Array]:
+def air_data_from_probe(
+    shown: dict[str, Array], rates: Array, arm: Sequence[float]
+) -> dict[str, Array]:
     """V, alpha, beta at the CG from those at the probe (beta zero where absent); rates (n, 3)
     rad/s, arm (3,) m from the CG."""
     if not any(arm) or not {"V", "alpha"} <= set(shown):
@@ -135,9 +139,9 @@ def from_probe(shown: dict[str, Array], rates: Array, arm: Sequence[float]) -> d
     return {name: found[name] for name in shown}
 
 
-def one_sensor(flight: Flight, shown: Mapping[str, Array]) -> bool:
+def qbar_follows_airspeed(flight: Flight, shown: Mapping[str, Array]) -> bool:
     """Whether qbar and V of a flight are one measurement: qbar = rho V^2 / 2 to the last digits,
-    with V at the CG or, as `shown`, at the air-data point."""
+    with V at the CG or, as `predicted_outputs`, at the air-data point."""
     if not all(name in flight for name in ("qbar", "V", "rho")):
         return "qbar" not in flight
     apart = []
@@ -169,29 +173,29 @@ def records_from_flight(
     it. Raises InputError when specific force, rates or attitude are not logged, or no stretch is
     long enough.
     """
-    moved = inertial(flight, vehicle)
-    runs = _runs(flight, moved.names)
+    moved = inertial_inputs(flight, vehicle)
+    runs = _gapless_runs(flight, moved.names)
     if not runs:
         raise InputError(
-            f"no {SHORTEST:g} s without a gap",
+            f"no {SHORTEST_RECORD:g} s without a gap",
             f"flight {flight.id[:12]}",
             "see its flags for what was lost",
         )
     outputs, raw = _outputs(flight, vehicle, moved)
-    how, earth = installed(vehicle, moved.cg, raw), _earth(flight)
+    how, earth = installation_from_vehicle(vehicle, moved.cg, raw), _earth(flight)
     noise = _input_noise(moved.values, decimation) if decimation > 1 else None
     records: list[Record] = []
     for start, stop in runs:
         whole = slice(start, stop)
         inputs = np.column_stack(
-            [_slowed(moved.values[whole, k], flight.step, decimation) for k in range(6)]
+            [_decimated(moved.values[whole, k], flight.step, decimation) for k in range(6)]
         )
         shown = {
-            name: _slowed(values[whole], flight.step, decimation)
+            name: _decimated(values[whole], flight.step, decimation)
             for name, values in outputs.items()
         }
         density, pressure = (
-            None if values is None else _slowed(bridge(values)[whole], flight.step, decimation)
+            None if values is None else _decimated(bridge(values)[whole], flight.step, decimation)
             for values in (flight.channels.get("rho"), static_pressure(flight))
         )
         for first, last in _windows(len(inputs), seconds / (flight.step * decimation)):
@@ -225,38 +229,40 @@ def flight_of(record: Record) -> str:
     return record.flight.partition("#")[0]
 
 
-def _outputs(flight: Flight, vehicle: Vehicle, moved: Inertial) -> tuple[dict[str, Array], bool]:
+def _outputs(
+    flight: Flight, vehicle: Vehicle, moved: InertialInputs
+) -> tuple[dict[str, Array], bool]:
     """Measured channels that the reconstruction may compare with, nan where they must not be used;
     and whether the flow angles among them are raw pressures."""
 
     def measured(name: str) -> Array:
-        return np.where(flight.usable((name,), despite=MOTION), flight[name], np.nan)
+        return np.where(flight.usable((name,), despite=IGNORED_FLAGS), flight[name], np.nan)
 
     outputs = {name: measured(name) for name in OUTPUTS if name in flight}
-    shown = at_probe(flight, moved)
+    shown = air_data_at_probe(flight, moved)
     outputs |= {
         name: np.where(np.isfinite(outputs[name]), values, np.nan) for name, values in shown.items()
     }
-    raw = made_by_holes(flight, vehicle, shown)
+    raw = angles_from_holes(flight, vehicle, shown)
     if raw:
         outputs = {name: values for name, values in outputs.items() if name not in HOLES.values()}
         outputs |= {name: measured(name) for name in HOLES}
-    if "rho" not in flight or one_sensor(flight, shown):
+    if "rho" not in flight or qbar_follows_airspeed(flight, shown):
         outputs.pop("qbar", None)
     if "altitude" in flight and "pressure_altitude" in flight and "rho" in flight:
         apart = (flight["pressure_altitude"] - flight["altitude"])[np.isfinite(outputs["altitude"])]
         if np.isfinite(apart).any() and np.nanstd(apart) > _LEVEL:
             outputs["pressure_altitude"] = measured("pressure_altitude")
     if "north" not in outputs and "latitude" in flight and "longitude" in flight:
-        outputs |= _over_ground(flight)
+        outputs |= _local_position(flight)
     return outputs, raw
 
 
-def _middle(flight: Flight) -> Earth | None:
+def _local_earth(flight: Flight) -> Earth | None:
     """The earth with its origin in the middle of the flight; None where it is not logged."""
     if "latitude" not in flight or "longitude" not in flight:
         return None
-    good = flight.usable(("latitude", "longitude"), despite=MOTION)
+    good = flight.usable(("latitude", "longitude"), despite=IGNORED_FLAGS)
     return (
         Earth(*(float(np.median(flight[name][good])) for name in ("latitude", "longitude")))
         if good.any()
@@ -267,20 +273,22 @@ def _middle(flight: Flight) -> Earth | None:
 def _earth(flight: Flight) -> Earth | None:
     """The rotating earth that a long flight is taken over; None: a short one, or one of unknown
     latitude."""
-    return _middle(flight) if flight.time[-1] - flight.time[0] > LONG else None
+    return (
+        _local_earth(flight) if flight.time[-1] - flight.time[0] > ROTATING_EARTH_DURATION else None
+    )
 
 
-def _over_ground(flight: Flight) -> dict[str, Array]:
+def _local_position(flight: Flight) -> dict[str, Array]:
     """Position north and east of the middle of the flight, m."""
-    middle = _middle(flight)
+    middle = _local_earth(flight)
     if middle is None:
         return {}
-    good = flight.usable(("latitude", "longitude"), despite=MOTION)
+    good = flight.usable(("latitude", "longitude"), despite=IGNORED_FLAGS)
     north, east = middle.to_local(flight["latitude"], flight["longitude"])
     return {"north": np.where(good, north, np.nan), "east": np.where(good, east, np.nan)}
 
 
-def _slowed(values: Array, step: float, decimation: int) -> Array:
+def _decimated(values: Array, step: float, decimation: int) -> Array:
     """Every `decimation`-th sample (n,) after a low pass; a sample near one that is not finite is
     nan."""
     if decimation == 1:
@@ -301,14 +309,14 @@ def _input_noise(inputs: Array, decimation: int) -> tuple[float, ...]:
     return tuple(float(value) for value in sigma)
 
 
-def _runs(flight: Flight, names: Sequence[str]) -> list[tuple[int, int]]:
+def _gapless_runs(flight: Flight, names: Sequence[str]) -> list[tuple[int, int]]:
     """(start, stop) of stretches without a long gap and long enough."""
-    good = flight.usable(names, despite=MOTION)
+    good = flight.usable(names, despite=IGNORED_FLAGS)
     if "V" in flight and np.isfinite(flight["V"]).any():
         # at rest there are no flow angles; where the airspeed is lost for a moment the motion goes
         # on
         speed = bridge(flight["V"])
-        good = good & (speed > SLOWEST * np.percentile(speed, 90))
+        good = good & (speed > LOWEST_AIRSPEED * np.percentile(speed, 90))
     edges = np.flatnonzero(np.diff(np.r_[False, good, False].astype(np.int8)))
     merged: list[list[int]] = []
     for start, stop in edges.reshape(-1, 2).tolist():
@@ -316,7 +324,7 @@ def _runs(flight: Flight, names: Sequence[str]) -> list[tuple[int, int]]:
             merged[-1][1] = stop
         else:
             merged.append([start, stop])
-    least = max(SHORTEST / flight.step, FEWEST_SAMPLES)
+    least = max(SHORTEST_RECORD / flight.step, FEWEST_SAMPLES)
     return [(start, stop) for start, stop in merged if stop - start >= least]
 
 
@@ -333,8 +341,8 @@ def _with_winds(records: Sequence[Record], step: float) -> tuple[Record, ...]:
     began, height = records[0].first, _height(records[0])
     for record in records:
         here = _height(record)
-        late = (record.first - began) * step > STEADY_WIND[0]
-        if late or abs(here - height) > STEADY_WIND[1]:
+        late = (record.first - began) * step > STEADY_WIND_TIME
+        if late or abs(here - height) > STEADY_WIND_ALTITUDE:
             number, began, height = number + 1, record.first, here
         found.append(replace(record, flight=f"{record.flight}#{number}") if number else record)
     return tuple(found)

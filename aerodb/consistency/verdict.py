@@ -13,23 +13,23 @@ from typing import Any, Literal
 import numpy as np
 
 from aerodb.consistency.kinematics import INPUTS
-from aerodb.consistency.output_error import Path, Reconstruction
-from aerodb.consistency.pressures import as_angles
+from aerodb.consistency.output_error import ReconstructedPath, Reconstruction
+from aerodb.consistency.pressures import residuals_as_angles
 from aerodb.consistency.records import flight_of
 from aerodb.consistency.sensors import (
     AIR_DATA,
-    CALM,
+    CALM_GUST_SPEED,
     Fault,
     FlowCheck,
     ProcessNoise,
     VelocityCheck,
-    colour,
     process_noise,
+    residual_noise,
 )
 from aerodb.vehicle import Accuracy
 
-Word = Literal["good", "limited", "rejected"]
-_RANK: tuple[Word, ...] = ("good", "limited", "rejected")
+VerdictWord = Literal["good", "limited", "rejected"]
+_RANK: tuple[VerdictWord, ...] = ("good", "limited", "rejected")
 
 #: Velocity over the earth, or two attitude angles, that miss their limits by this factor take
 #: accelerations or rates with them.
@@ -48,7 +48,7 @@ class ChannelCheck:
     before: float
     after: float
     limit: float
-    verdict: Word
+    verdict: VerdictWord
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class Verdict:
     """The word for a flight, with reasons (empty when good), the table per channel, and what is
     known of gusts."""
 
-    word: Word
+    word: VerdictWord
     reasons: tuple[str, ...]
     channels: tuple[ChannelCheck, ...]
     process_noise: ProcessNoise | None = None
@@ -66,12 +66,12 @@ def judge(
     result: Reconstruction, flight: str, accuracy: Accuracy, found: Sequence[Fault] = ()
 ) -> Verdict:
     """The verdict on one flight of a joint reconstruction; `found` are the blunt faults of
-    `expected.faults`.
+    `expected.detect_faults`.
 
     Where the air moved, what gusts make of the residuals of the air data is no fault of a sensor:
     the rest is judged.
     """
-    paths = [as_angles(path) for path in result.paths if flight_of(path.record) == flight]
+    paths = [residuals_as_angles(path) for path in result.paths if flight_of(path.record) == flight]
     speed = float(np.mean(np.concatenate([path.V for path in paths])))
     noise = moving_air(paths)
     checks, words, reasons = [], [], []
@@ -81,7 +81,7 @@ def judge(
             _rms(path.residuals.get(name) for path in paths),
         )
         limit = _limit(name, accuracy, speed, _mean_pressure(paths))
-        rest = [_rest(path, name, noise.matters) for path in _with(name, paths)]
+        rest = [_judged_rms(path, name, noise.matters) for path in _with(name, paths)]
         check = ChannelCheck(name, before, after, limit, _word(name, rest, limit))
         checks.append(check)
         if check.verdict != "good":
@@ -135,25 +135,25 @@ def judge(
     return Verdict(_worst(words), tuple(reasons), tuple(checks), noise)
 
 
-def moving_air(paths: Sequence[Path]) -> ProcessNoise:
+def moving_air(paths: Sequence[ReconstructedPath]) -> ProcessNoise:
     """Whether the air moved in at least a quarter of these stretches; the figures are those of the
     worst of them."""
-    found = [_moving(as_angles(path)) for path in paths]
+    found = [_moving(residuals_as_angles(path)) for path in paths]
     worst = max(found, key=lambda entry: (entry.matters, max(entry.gusts.values(), default=0.0)))
     share = float(np.mean([entry.matters for entry in found]))
     return worst if share >= LEAST_MOVING else replace(worst, matters=False)
 
 
-def _moving(path: Path) -> ProcessNoise:
+def _moving(path: ReconstructedPath) -> ProcessNoise:
     """Whether the air moved along one stretch; where the airspeed is the only air data, the
     velocity over the earth is its witness."""
     noise = process_noise(path.residuals, float(np.mean(path.V)), path.record.step)
     felt = noise.gusts.get("V", 0.0)
-    if noise.matters or set(noise.gusts) != {"V"} or felt <= CALM:
+    if noise.matters or set(noise.gusts) != {"V"} or felt <= CALM_GUST_SPEED:
         return noise
     over_earth = [name for name in ("velocity_north", "velocity_east") if name in path.residuals]
     wobble = [
-        colour(path.residuals[name], path.record.step).gusts
+        residual_noise(path.residuals[name], path.record.step).gusts
         for name in over_earth
         if _with(name, [path])
     ]
@@ -189,11 +189,11 @@ def judge_navigation(
 ) -> Verdict:
     """The verdict where no accelerations are logged and only the navigation solution can be checked
     against itself."""
-    words: list[Word] = []
+    words: list[VerdictWord] = []
     reasons, checks = [], []
     if velocity is not None:
         worst = max(velocity.rms.values())
-        word: Word = "good" if worst <= accuracy.horizontal_velocity else "rejected"
+        word: VerdictWord = "good" if worst <= accuracy.horizontal_velocity else "rejected"
         checks.append(ChannelCheck("position", worst, worst, accuracy.horizontal_velocity, word))
         if word != "good":
             words.append(word)
@@ -222,7 +222,7 @@ def judge_navigation(
     return Verdict(_worst(words), tuple(reasons), tuple(checks))
 
 
-def _worst(words: Iterable[Word]) -> Word:
+def _worst(words: Iterable[VerdictWord]) -> VerdictWord:
     return max(words, key=_RANK.index, default="good")
 
 
@@ -231,12 +231,12 @@ def _rms(pieces: Iterable[np.ndarray | None]) -> float:
     return float(np.sqrt(np.nanmean(values**2))) if np.isfinite(values).any() else float("nan")
 
 
-def _mean_pressure(paths: Sequence[Path]) -> float:
+def _mean_pressure(paths: Sequence[ReconstructedPath]) -> float:
     values = [path.record.outputs["qbar"] for path in paths if "qbar" in path.record.outputs]
     return float(np.nanmean(np.concatenate(values))) if values else float("nan")
 
 
-def _rest(path: Path, name: str, moving: bool) -> float:
+def _judged_rms(path: ReconstructedPath, name: str, moving: bool) -> float:
     """Rms of a channel's residual along one stretch; of air data in moving air only its mean and
     trend, the rest is gusts."""
     residual = path.residuals[name]
@@ -247,7 +247,7 @@ def _rest(path: Path, name: str, moving: bool) -> float:
     return float(np.sqrt(np.mean(slow**2)))
 
 
-def _with(name: str, paths: Sequence[Path]) -> list[Path]:
+def _with(name: str, paths: Sequence[ReconstructedPath]) -> list[ReconstructedPath]:
     return [
         path for path in paths if name in path.residuals and np.isfinite(path.residuals[name]).any()
     ]
@@ -265,7 +265,7 @@ def _limit(name: str, accuracy: Accuracy, speed: float, pressure: float) -> floa
     return limits.get(name, float("nan"))
 
 
-def _word(name: str, rest: Sequence[float], limit: float) -> Word:
+def _word(name: str, rest: Sequence[float], limit: float) -> VerdictWord:
     """The verdict on a channel from its mismatch along each stretch: one that fails in most of them
     takes the flight with it."""
     if not rest or not np.sqrt(np.mean(np.square(rest))) > limit:

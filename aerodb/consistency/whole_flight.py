@@ -9,26 +9,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerodb.consistency.calibration import Calibration, Drift, drift
-from aerodb.consistency.corrected import Corrected, corrected_flight
+from aerodb.consistency.corrected import CorrectedFlight, corrected_flight
 from aerodb.consistency.output_error import (
     Estimate,
-    Knowledge,
     Reconstruction,
-    applied,
-    busiest,
-    estimate,
-    settled,
-    shared,
-    slow_records,
-    with_stated,
+    SensorEstimates,
+    applied_corrections,
+    decimated_records,
+    estimate_sensors,
+    most_active,
+    reconstruct_flight,
+    shared_estimates,
+    with_vehicle_priors,
 )
 from aerodb.consistency.plan import Plan, make_plan
-from aerodb.consistency.records import MOTION
+from aerodb.consistency.records import IGNORED_FLAGS
 from aerodb.consistency.sensors import (
     Fault,
     FlowCheck,
     Record,
-    faults,
+    detect_faults,
     flow_against_velocity,
     position_against_velocity,
 )
@@ -63,33 +63,37 @@ def make_consistent(
     calibration : what is known of the sensors beforehand; None: what the vehicle file states.
     """
     try:
-        records = slow_records(flight, vehicle)
-        own, plan = estimate(busiest(records), make_plan(records, vehicle), vehicle.accuracy)
-        result, found, held = settled(records, own, plan, calibration)
+        records = decimated_records(flight, vehicle)
+        own, plan = estimate_sensors(
+            most_active(records), make_plan(records, vehicle), vehicle.accuracy
+        )
+        known = reconstruct_flight(records, own, plan, calibration)
     except InputError as error:
         return _unchecked(flight, vehicle, str(error))
     drifted = (
-        () if calibration is None else _drifted(with_stated(shared(own), plan.stated), calibration)
+        ()
+        if calibration is None
+        else _drifted(with_vehicle_priors(shared_estimates(own), plan.stated_priors), calibration)
     )
-    verdict = judge(result, flight.id, vehicle.accuracy, blunt(records))
-    values = applied(found, plan, calibration)
-    corrected = corrected_flight(flight, vehicle, result, values, held)
+    verdict = judge(known.reconstruction, flight.id, vehicle.accuracy, common_faults(records))
+    values = applied_corrections(known.sensors, plan, calibration)
+    corrected = corrected_flight(flight, vehicle, known.reconstruction, values, known.held)
     document = _document(verdict, corrected.result, plan, corrected, values, drifted, calibration)
     return Consistent(
         corrected.flight, corrected.sigma, corrected.changed, document, verdict, drifted
     )
 
 
-def blunt(records: Sequence[Record]) -> tuple[Fault, ...]:
+def common_faults(records: Sequence[Record]) -> tuple[Fault, ...]:
     """Blunt faults that most of the records show."""
     found: dict[str, list[Fault]] = {}
     for record in records:
-        for fault in faults(record):
+        for fault in detect_faults(record):
             found.setdefault("/".join(fault.channels), []).append(fault)
     return tuple(entries[0] for entries in found.values() if 2 * len(entries) > len(records))
 
 
-def _drifted(own: Knowledge, calibration: Calibration) -> tuple[Drift, ...]:
+def _drifted(own: SensorEstimates, calibration: Calibration) -> tuple[Drift, ...]:
     return drift(calibration, own.names, own.values, own.standard_errors)
 
 
@@ -107,7 +111,7 @@ def _navigation(flight: Flight, vehicle: Vehicle) -> Verdict | None:
         n in flight for n in names
     ):
         return None
-    good = flight.usable(names, despite=MOTION)
+    good = flight.usable(names, despite=IGNORED_FLAGS)
     if good.sum() < 3:
         return None
     north, east, up, *velocity = (flight[name][good] for name in names)
@@ -143,7 +147,7 @@ def _document(
     verdict: Verdict,
     result: Reconstruction,
     plan: Plan,
-    corrected: Corrected,
+    corrected: CorrectedFlight,
     values: Mapping[str, float],
     drifted: Sequence[Drift],
     calibration: Calibration | None,
@@ -154,7 +158,7 @@ def _document(
         "checked": True,
         "used": {name: source.text for name, source in corrected.used.items()},
         "estimates": [_estimate(entry, values) for entry in shown],
-        "not_estimated": list(plan.left_out),
+        "not_estimated": list(plan.not_estimated),
         "converged": result.converged,
         "iterations": result.iterations,
         "records": len(result.paths),

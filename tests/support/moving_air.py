@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from aerodb.consistency.sensors.prediction import Record, to_body
+from aerodb.consistency.sensors.prediction import Record, earth_to_body
 from aerodb.simulation.turbulence import DrydenGusts
 from tests.support.simulated_path import DENSITY, GRAVITY, INERTIAL_NOISE, NOISE, truth
 
@@ -42,7 +42,7 @@ def moving_air(
     states[3:6] = exact["phi"], exact["theta"], exact["psi"]
     over_ground = np.stack([exact[f"velocity_{axis}"] for axis in ("north", "east", "down")])
     wind = WIND[:, None] + (gusts(seed, n, step, strength) if strength > 0 else 0.0)
-    air = np.einsum("ijn,jn->in", to_body(states), over_ground - wind)
+    air = np.einsum("ijn,jn->in", earth_to_body(states), over_ground - wind)
     speed = np.sqrt(np.sum(air**2, axis=0))
     true = {
         **exact, "V": speed, "alpha": np.arctan2(air[2], air[0]), "beta": np.arcsin(air[1] / speed),

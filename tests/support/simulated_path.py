@@ -5,7 +5,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from aerodb.consistency.sensors.prediction import LONGEST_DELAY, Record
+from aerodb.consistency.sensors.prediction import MAX_DELAY, Record
 
 GRAVITY = 9.80665
 DENSITY = 1.1
@@ -103,7 +103,7 @@ def simulated(
     outputs = {}
     for key in channels:
         delay = planted.get(f"{key}_delay", 0.0)
-        assert abs(delay) < LONGEST_DELAY
+        assert abs(delay) < MAX_DELAY
         outputs[key] = shown(
             key, truth(time - delay, wind, boom)[key] if delay else exact[key], NOISE[key]
         )

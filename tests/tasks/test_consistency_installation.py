@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from aerodb.consistency import records
-from aerodb.consistency.pressures import behind_ports, made_by_holes, recalibrated
-from aerodb.consistency.records import at_probe, inertial, records_from_flight
+from aerodb.consistency.pressures import angles_from_holes, correct_port_errors, recalibrated
+from aerodb.consistency.records import air_data_at_probe, inertial_inputs, records_from_flight
 from aerodb.flight import Flight
 from aerodb.logs.probe import air_data_at_cg
 from aerodb.nomenclature import FLAGS
@@ -154,12 +154,12 @@ def test_recalibrated_angles_are_the_true_ones() -> None:
         {**channels, "phi": shown["phi"], "theta": shown["theta"], "rho": np.full(1500, 1.1)},
     )
     flight = air_data_at_cg(raw, described)
-    seen = at_probe(flight, inertial(flight, described))
+    seen = air_data_at_probe(flight, inertial_inputs(flight, described))
     assert np.abs(seen["alpha"] - shown["alpha"]).max() > 0.01
-    assert made_by_holes(flight, described, seen)
-    assert not made_by_holes(flight, described, {**seen, "alpha": seen["alpha"] + 0.01})
+    assert angles_from_holes(flight, described, seen)
+    assert not angles_from_holes(flight, described, {**seen, "alpha": seen["alpha"] + 0.01})
     cured = described.model_copy(update={"air_data": recalibrated(described.air_data, CALIBRATION)})
-    again = at_probe(air_data_at_cg(raw, cured), inertial(flight, described))
+    again = air_data_at_probe(air_data_at_cg(raw, cured), inertial_inputs(flight, described))
     for name in ("alpha", "beta"):
         np.testing.assert_allclose(again[name], shown[name], atol=1e-9)
 
@@ -170,7 +170,7 @@ def test_what_stands_behind_ports_in_error() -> None:
     time = 0.02 * np.arange(500)
     planted = {"static_port_error": PORT, "static_port_offset": 40.0, "total_port_error": -0.02}
     shown, true = motion(time, planted), motion(time, {})
-    air = behind_ports(shown["V"], np.full(500, 1.1), np.full(500, 9e4), planted)
+    air = correct_port_errors(shown["V"], np.full(500, 1.1), np.full(500, 9e4), planted)
     np.testing.assert_allclose(air.V, true["V"], rtol=1e-9)
     np.testing.assert_allclose(air.q, 0.5 * air.rho * true["V"] ** 2, rtol=1e-12)
 
@@ -264,7 +264,7 @@ def test_a_long_flight_is_taken_over_a_turning_earth(
     text = vehicle(antenna=False).replace(POINTS, 'moment_reference = "cg"\n')
     outcome, _ = _ingested(tmp_path / "turning", text, columns)
     _recovered(outcome, planted)
-    monkeypatch.setattr(records, "LONG", np.inf)
+    monkeypatch.setattr(records, "ROTATING_EARTH_DURATION", np.inf)
     flat, _ = _ingested(tmp_path / "flat", text, columns)
     wrong = max(
         abs(_estimates(flat)[f"{name}_bias"]["value"] - planted[f"{name}_bias"]) for name in "pqr"

@@ -1,20 +1,26 @@
-from .estimation import busiest, estimate, joint_calibration, settled, slow_records
+from .estimation import (
+    decimated_records,
+    estimate_sensors,
+    joint_calibration,
+    most_active,
+    reconstruct_flight,
+)
 from .input_noise import inertial_noise
-from .posterior import Knowledge, applied, shared, with_stated
-from .reconstruction import Estimate, Path, Reconstruction
+from .posterior import SensorEstimates, applied_corrections, shared_estimates, with_vehicle_priors
+from .reconstruction import Estimate, ReconstructedPath, Reconstruction
 
 __all__ = [
     "Estimate",
-    "Knowledge",
-    "Path",
+    "SensorEstimates",
+    "ReconstructedPath",
     "Reconstruction",
-    "applied",
-    "busiest",
-    "estimate",
+    "applied_corrections",
+    "most_active",
+    "estimate_sensors",
     "inertial_noise",
     "joint_calibration",
-    "settled",
-    "shared",
-    "slow_records",
-    "with_stated",
+    "reconstruct_flight",
+    "shared_estimates",
+    "decimated_records",
+    "with_vehicle_priors",
 ]

@@ -2,7 +2,7 @@
 beforehand added to it."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from datetime import datetime
 from itertools import groupby
 
@@ -15,17 +15,28 @@ from aerodb.consistency.calibration import Calibration
 from aerodb.consistency.output_error.initial_states import first_states
 from aerodb.consistency.output_error.normal_equations import residuals
 from aerodb.consistency.output_error.posterior import (
-    Knowledge,
-    replaced_by,
-    shared,
-    significant,
+    SensorEstimates,
+    overridden_by_calibration,
+    shared_estimates,
+    significant_parameters,
     with_calibration,
-    with_stated,
+    with_vehicle_priors,
 )
-from aerodb.consistency.output_error.reconstruction import Path, Reconstruction, reconstruct
+from aerodb.consistency.output_error.reconstruction import (
+    ReconstructedPath,
+    Reconstruction,
+    reconstruct,
+)
 from aerodb.consistency.plan import Plan, make_plan
 from aerodb.consistency.records import flight_of, records_from_flight
-from aerodb.consistency.sensors import AIR_DATA, PER_FLIGHT, Record, channels_of, parameter, respond
+from aerodb.consistency.sensors import (
+    AIR_DATA,
+    PER_FLIGHT,
+    Record,
+    channels_of,
+    parameter,
+    predict_outputs,
+)
 from aerodb.consistency.verdict import moving_air
 from aerodb.errors import InputError
 from aerodb.flight import Flight
@@ -51,7 +62,7 @@ _ROUNDS = 5
 ASTRAY, _NO_WEIGHT = 0.5, 100.0
 
 
-def slow_records(flight: Flight, vehicle: Vehicle) -> tuple[Record, ...]:
+def decimated_records(flight: Flight, vehicle: Vehicle) -> tuple[Record, ...]:
     """The records of a mapped flight at the interval `SLOW`, over the earth that its rates are
     measured against."""
     records = records_from_flight(flight, vehicle, decimation=max(1, round(SLOW / flight.step)))
@@ -59,7 +70,7 @@ def slow_records(flight: Flight, vehicle: Vehicle) -> tuple[Record, ...]:
         return records
     flat = tuple(replace(record, earth=None) for record in records)
     plan = make_plan(records, vehicle)
-    misfit = [_misfit(solved(busiest(each), plan)) for each in (flat, records)]
+    misfit = [_misfit(solve(most_active(each), plan)) for each in (flat, records)]
     return records if misfit[0] - misfit[1] > TURNS else flat
 
 
@@ -81,7 +92,7 @@ def _misfit(result: Reconstruction) -> float:
     return total
 
 
-def estimate(
+def estimate_sensors(
     records: Sequence[Record], plan: Plan, accuracy: Accuracy
 ) -> tuple[Reconstruction, Plan]:
     """The reconstruction with the parameters of `plan` that are worth keeping, and the plan of
@@ -92,73 +103,91 @@ def estimate(
     scales are not sought: the aircraft answers gusts at once, so that the vane's gusts and the
     inertial motion agree for another reason than the vane's delay.
     """
-    result = solved(records, plan)
+    result = solve(records, plan)
     lost = _rms(result.paths, "psi")
     if lost > ASTRAY:
         sentence = (
             f"heading has no weight: it is {np.rad2deg(lost):.0f} deg (rms) from the reconstructed"
             " motion"
         )
-        plan = plan.trusting({"psi": _NO_WEIGHT}, [sentence])
-        result = solved(records, plan)
+        plan = plan.with_noise_floor({"psi": _NO_WEIGHT}, [sentence])
+        result = solve(records, plan)
     if moving_air(result.paths).matters:
-        plan = plan.in_moving_air().trusting(independent_noise(result.paths))
-        result = solved(records, plan)
+        plan = plan.in_moving_air().with_noise_floor(independent_noise(result.paths))
+        result = solve(records, plan)
     for _ in range(_ROUNDS):
-        kept = plan.only(significant(result, plan, accuracy))
+        kept = plan.only(significant_parameters(result, plan, accuracy))
         if kept.free == plan.free:
             break
-        plan, result = kept, solved(records, kept)
+        plan, result = kept, solve(records, kept)
     return result, plan
 
 
-def settled(
-    records: Sequence[Record], own: Reconstruction, plan: Plan, calibration: Calibration | None
-) -> tuple[Reconstruction, Knowledge, dict[str, float]]:
-    """The reconstruction of all `records`, what is known of the sensors once what was known
-    beforehand is added to what the flight says (`own`, from its busiest stretches), and what was
-    held at a calibration's value.
+@dataclass(frozen=True)
+class FlightReconstruction:
+    """A whole flight reconstructed: the `reconstruction` of all its records, the `sensors`'
+    estimates combined with their priors, and the parameters that were `held` at a calibration's
+    value (name -> value, SI)."""
 
-    Under a calibration the parameters are those that it names. In moving air its delays and scales
-    of the air data are taken as they are. Stretches of one wind are solved together, with the
-    sensors as they are known by then.
+    reconstruction: Reconstruction
+    sensors: SensorEstimates
+    held: dict[str, float]
+
+
+def reconstruct_flight(
+    records: Sequence[Record], own: Reconstruction, plan: Plan, calibration: Calibration | None
+) -> FlightReconstruction:
+    """Combine the sensor estimates with their priors, then reconstruct every record with them.
+
+    Under a calibration the parameters are those that it names; in moving air, its delays and scales
+    of the air data are held at the calibration's values. Records with the same wind are solved
+    together, with the sensor errors fixed at the combined estimates.
+
+    Parameters
+    ----------
+    records : all records of one flight.
+    own : reconstruction of the flight's most active records (`estimate_sensors`).
+    plan : what that reconstruction estimates.
+    calibration : prior of the sensors; None: the vehicle file's priors alone.
     """
     held: dict[str, float] = {}
-    stated = plan.stated
+    stated = plan.stated_priors
     if calibration is not None:
         logged = {name for record in records for name in record.outputs}
-        plan = plan.knowing(calibration.names, logged)
+        plan = plan.with_calibration(calibration.names, logged)
         held = {
             n: v
             for n, (v, _) in calibration.by_name.items()
             if n not in plan.free and logged & set(channels_of(n))
         }
-        own = solved(busiest(records), plan, fixed=held)
+        own = solve(most_active(records), plan, fixed=held)
         stated = {name: sigma for name, sigma in stated.items() if name not in calibration.names}
-    found = with_stated(shared(own), stated)
+    found = with_vehicle_priors(shared_estimates(own), stated)
     if calibration is not None:
-        # a flight that the calibration was made from is in it already, and is not counted twice
-        part_of_it = flight_of(records[0]) in calibration.flights
+        # a calibration made from this flight already contains it: do not count the flight twice
+        in_calibration = flight_of(records[0]) in calibration.flights
         found = (
-            replaced_by(found, calibration) if part_of_it else with_calibration(found, calibration)
+            overridden_by_calibration(found, calibration)
+            if in_calibration
+            else with_calibration(found, calibration)
         )
     fixed = {**held, **{name: value for name, (value, _) in found.by_name.items()}}
     winds = [name for name in plan.free if parameter(name).kind in PER_FLIGHT]
     parts = [
-        solved(list(group), plan, winds, fixed)
+        solve(list(group), plan, winds, fixed)
         for _, group in groupby(records, key=lambda record: record.flight)
     ]
-    return _joined(own, parts, found), found, held
+    return FlightReconstruction(_joined(own, parts, found), found, held)
 
 
-def busiest(records: Sequence[Record], most: int = MOST_STRETCHES) -> list[Record]:
+def most_active(records: Sequence[Record], most: int = MOST_STRETCHES) -> list[Record]:
     """The stretches with the most motion, in their order: sensor errors are alike in all of
     them."""
     chosen = sorted(records, key=_motion, reverse=True)[:most]
     return sorted(chosen, key=lambda record: record.first)
 
 
-def solved(
+def solve(
     records: Sequence[Record],
     plan: Plan,
     free: Sequence[str] | None = None,
@@ -174,15 +203,15 @@ def solved(
         records,
         plan.free if free is None else free,
         initial=plan.initial,
-        priors=plan.weak,
+        priors=plan.priors,
         bounds=plan.bounds,
-        noise_floor=plan.floor,
+        noise_floor=plan.noise_floor,
         fixed=fixed,
     )
 
 
 def _joined(
-    own: Reconstruction, parts: Sequence[Reconstruction], found: Knowledge
+    own: Reconstruction, parts: Sequence[Reconstruction], found: SensorEstimates
 ) -> Reconstruction:
     """The stretches solved part by part, with the standard errors of the joint solution where they
     are larger, and the sensor parameters as they are known."""
@@ -197,7 +226,12 @@ def _joined(
         )
         sigma = (np.maximum(path.state_sigma, least[0]), np.maximum(path.air_sigma, least[1]))
         paths.append(
-            replace(path, state_sigma=sigma[0], air_sigma=sigma[1], before=_untouched(path.record))
+            replace(
+                path,
+                state_sigma=sigma[0],
+                air_sigma=sigma[1],
+                before=_uncorrected_residuals(path.record),
+            )
         )
     known = found.by_name
     sensors = [
@@ -217,13 +251,13 @@ def _joined(
     )
 
 
-def _untouched(record: Record) -> dict[str, Array]:
+def _uncorrected_residuals(record: Record) -> dict[str, Array]:
     """Residuals by channel of the motion from the first samples on, with no sensor corrected and no
     wind."""
-    return residuals(record, respond(record, {}, first_states(record), (), slopes=False))
+    return residuals(record, predict_outputs(record, {}, first_states(record), (), slopes=False))
 
 
-def independent_noise(paths: Sequence[Path]) -> dict[str, float]:
+def independent_noise(paths: Sequence[ReconstructedPath]) -> dict[str, float]:
     """Noise (one sigma) of the air data that would say as much as their residuals do: n samples of
     a coloured residual are n / (1 + 2 sum of its autocorrelation) independent ones (Bartlett 1946;
     here up to its first zero)."""
@@ -249,7 +283,7 @@ def _inflation(residual: Array) -> float:
     return float(max(1.0, 2.0 * correlation[:stop].sum() / correlation[0] - 1.0))
 
 
-def _rms(paths: Sequence[Path], name: str) -> float:
+def _rms(paths: Sequence[ReconstructedPath], name: str) -> float:
     values = [path.residuals[name] for path in paths if name in path.residuals]
     return float(np.sqrt(np.nanmean(np.concatenate(values) ** 2))) if values else 0.0
 
@@ -268,14 +302,16 @@ def joint_calibration(
     """
     room = max(1, MOST_STRETCHES_JOINT // max(len(flights), 1))
     records = [
-        record for flight in flights for record in busiest(slow_records(flight, vehicle), room)
+        record
+        for flight in flights
+        for record in most_active(decimated_records(flight, vehicle), room)
     ]
     if not records:
         raise InputError(
             "no flight", f"calibration of {vehicle.name}", "name flights to calibrate from"
         )
-    result, plan = estimate(records, make_plan(records, vehicle), vehicle.accuracy)
-    found = with_stated(shared(result), plan.stated)
+    result, plan = estimate_sensors(records, make_plan(records, vehicle), vehicle.accuracy)
+    found = with_vehicle_priors(shared_estimates(result), plan.stated_priors)
     if not found.names:
         raise InputError(
             "these flights determine no sensor parameter",

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from aerodb.consistency.output_error.initial_states import first_states
-from aerodb.consistency.output_error.normal_equations import Sums, accumulate
-from aerodb.consistency.sensors import LONGEST_DELAY, Parameter, Record, unknowns
+from aerodb.consistency.output_error.normal_equations import NormalEquations, accumulate
+from aerodb.consistency.sensors import MAX_DELAY, Parameter, Record, unknowns
 from aerodb.errors import InputError
 from aerodb.support import Array
 
@@ -42,13 +42,24 @@ class Problem:
     prior: Array
     lower: Array
     upper: Array
-    floor: Mapping[str, float]
+    noise_floor: Mapping[str, float]
 
-    def sums(self, vector: Array) -> Sums:
+    def sums(self, vector: Array) -> NormalEquations:
         return accumulate(self.records, self.starts, self.items, vector, self.fixed)
 
-    def cost(self, vector: Array, sums: Sums) -> float:
-        return sums.cost(self.floor) + 0.5 * float(np.sum((vector / self.prior) ** 2))
+    def cost(self, vector: Array, sums: NormalEquations) -> float:
+        return sums.cost(self.noise_floor) + 0.5 * float(np.sum((vector / self.prior) ** 2))
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Result of the search: the unknowns `vector` (k,), the normal equations there, whether the
+    search converged, and the number of iterations."""
+
+    vector: Array
+    equations: NormalEquations
+    converged: bool
+    iterations: int
 
 
 def make_problem(
@@ -80,7 +91,7 @@ def make_problem(
     ]
     items = unknowns(wanted, [record.flight for record in records], names)
     limit = bounds or {}
-    usual = {"delay": (-LONGEST_DELAY, LONGEST_DELAY), "scale": (-LARGEST_SCALE, LARGEST_SCALE)}
+    usual = {"delay": (-MAX_DELAY, MAX_DELAY), "scale": (-LARGEST_SCALE, LARGEST_SCALE)}
     span = np.array(
         [limit.get(item.name, usual.get(item.kind, (-np.inf, np.inf))) for item in items]
     ).reshape(-1, 2)
@@ -90,28 +101,28 @@ def make_problem(
         if starts is not None
         else tuple(first_states(record, fixed) for record in records)
     )
-    floor = {name: value for name, value in (noise_floor or {}).items() if name in measured}
+    noise_floor = {name: value for name, value in (noise_floor or {}).items() if name in measured}
     return Problem(
-        tuple(records), first, items, dict(fixed or {}), sigma, span[:, 0], span[:, 1], floor
+        tuple(records), first, items, dict(fixed or {}), sigma, span[:, 0], span[:, 1], noise_floor
     )
 
 
-def information(problem: Problem, sums: Sums) -> Array:
+def information(problem: Problem, sums: NormalEquations) -> Array:
     """(k, k) information about the unknowns: measurements and what was known before."""
-    noise = sums.variance(problem.floor)
+    noise = sums.variance(problem.noise_floor)
     total = np.diag(problem.prior**-2.0)
     for name, part in sums.information.items():
         total = total + part / noise[name]
     return total
 
 
-def gauss_newton(problem: Problem, vector: Array, sums: Sums) -> tuple[Array, Sums, bool, int]:
+def gauss_newton(problem: Problem, vector: Array, sums: NormalEquations) -> Solution:
     """Steps until none matters; damping grows when the likelihood does not improve and fades when
     it does."""
     damping, cost, idle = 0.0, problem.cost(vector, sums), 0
     size = np.array([item.size for item in problem.items])
     for iteration in range(1, MOST_ITERATIONS + 1):
-        noise = sums.variance(problem.floor)
+        noise = sums.variance(problem.noise_floor)
         matrix = information(problem, sums)
         slope = (
             sum((sums.gradient[name] / noise[name] for name in noise), np.zeros(len(vector)))
@@ -137,19 +148,15 @@ def gauss_newton(problem: Problem, vector: Array, sums: Sums) -> tuple[Array, Su
             idle = idle + 1 if cost - better < NO_GAIN else 0
             vector, sums, cost = trial, after, better
             if (small and damping < _LIGHT) or idle == _IDLE:
-                return vector, sums, True, iteration
+                return Solution(vector, sums, True, iteration)
             damping = 0.0 if damping < 1e-6 else damping / 3
         else:
             _, sure = _step(matrix[np.ix_(go, go)], slope[go], size[go], 0.0)
             if np.max(np.abs(trial[go] - vector[go]) / sure) < SMALL_STEP:
-                return (
-                    vector,
-                    sums,
-                    True,
-                    iteration,
-                )  # no step of any note helps: a minimum, if a pointed one
+                # no step of a size that matters lowers the cost: a minimum, if a sharp one
+                return Solution(vector, sums, True, iteration)
             damping = max(4 * damping, 1e-4)
-    return vector, sums, False, iteration
+    return Solution(vector, sums, False, iteration)
 
 
 def _step(matrix: Array, slope: Array, size: Array, damping: float) -> tuple[Array, Array]:

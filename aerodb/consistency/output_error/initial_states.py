@@ -6,7 +6,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from aerodb.consistency.kinematics import STATES
-from aerodb.consistency.sensors import Record, to_body
+from aerodb.consistency.sensors import Record, earth_to_body
 from aerodb.errors import InputError
 from aerodb.five_hole import flow_angles
 from aerodb.support import Array
@@ -41,7 +41,7 @@ def first_states(record: Record, wind: Mapping[str, float] | None = None) -> Arr
     north, east = over_earth[:2]
     if _first(record, "psi") is None:
         state[5] = _track(record) if north is None or east is None else np.arctan2(east, north)
-    rotation = to_body(state[:, None])[:, :, 0]
+    rotation = earth_to_body(state[:, None])[:, :, 0]
     turn = record.inputs[0, 3:]
     air = _air_velocity(record)
     if air is not None:
@@ -87,7 +87,7 @@ def _air_velocity(record: Record) -> Array | None:
     air = speed * np.array(
         [np.cos(beta) * np.cos(alpha), np.sin(beta), np.cos(beta) * np.sin(alpha)]
     )
-    boom = to_body(np.r_[np.zeros(3), how.boom, np.zeros(3)][:, None])[:, :, 0]
+    boom = earth_to_body(np.r_[np.zeros(3), how.boom, np.zeros(3)][:, None])[:, :, 0]
     return np.asarray(boom.T @ air)
 
 

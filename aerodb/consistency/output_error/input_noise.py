@@ -6,8 +6,14 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from aerodb.consistency.kinematics import STATES
-from aerodb.consistency.output_error.normal_equations import blocked, usable
-from aerodb.consistency.sensors import Parameter, Record, corrected_inputs, parameter, respond
+from aerodb.consistency.output_error.normal_equations import in_blocks, usable_samples
+from aerodb.consistency.sensors import (
+    Parameter,
+    Record,
+    corrected_inputs,
+    parameter,
+    predict_outputs,
+)
 from aerodb.support import Array
 
 #: A record is taken in so many blocks at least: the effect of a sample's noise changes slowly along
@@ -41,16 +47,16 @@ def drift_information(
     """
     integrated = [name for name in STATES if name not in record.given]
     everything = [parameter(f"initial_{name}", record.name) for name in integrated]
-    swing = respond(record, values, initial, everything)
+    swing = predict_outputs(record, values, initial, everything)
     n, k, m = len(record.inputs), len(unknowns), len(integrated)
     size = max(1, n // BLOCKS)
     blocks = -(-n // size)
     pull = np.zeros((blocks, k, m))
     for name in swing.outputs:
-        good = usable(record, name, unknowns, values)[:, None] / noise[name]
+        good = usable_samples(record, name, unknowns, values)[:, None] / noise[name]
         left, right = (
-            blocked(slopes[name] * good, blocks, size),
-            blocked(swing.slopes[name], blocks, size),
+            in_blocks(slopes[name] * good, blocks, size),
+            in_blocks(swing.slopes[name], blocks, size),
         )
         pull += np.swapaxes(left, 1, 2) @ right
     later = np.cumsum(pull[::-1], axis=0)[::-1]

@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from aerodb.consistency.kinematics import STATES
 from aerodb.consistency.sensors import (
-    LONGEST_DELAY,
+    MAX_DELAY,
     Parameter,
     Record,
     Response,
     delays_of,
-    respond,
+    predict_outputs,
 )
 from aerodb.errors import InputError
 from aerodb.support import Array
@@ -31,7 +31,7 @@ VERTICAL = float(np.deg2rad(80.0))
 
 
 @dataclass(frozen=True)
-class Sums:
+class NormalEquations:
     """Over all records, by channel: samples used, sum of squared residuals, information (k, k) and
     gradient (k,)."""
 
@@ -57,12 +57,12 @@ class Sums:
         )
 
 
-def belongs(item: Parameter, record: Record) -> bool:
+def applies_to(item: Parameter, record: Record) -> bool:
     """Whether a parameter acts on this record."""
     return item.scope in ("", record.name if item.kind == "initial" else record.flight)
 
 
-def usable(
+def usable_samples(
     record: Record, name: str, free: Sequence[Parameter], values: Mapping[str, float]
 ) -> NDArray[np.bool_]:
     """(n,) samples of an output that count: finite, not near the ends when the channel is delayed,
@@ -72,7 +72,7 @@ def usable(
     if any(values.get(each, 0.0) != 0.0 for each in delays) or any(
         item.name in delays for item in free
     ):
-        margin = int(np.ceil(LONGEST_DELAY / record.step)) + 2
+        margin = int(np.ceil(MAX_DELAY / record.step)) + 2
         good[:margin] = False
         good[len(good) - margin :] = False
     if name in ("phi", "theta", "psi") and "theta" in record.outputs:
@@ -89,12 +89,14 @@ def residuals(record: Record, response: Response) -> dict[str, Array]:
     return found
 
 
-def split(
+def record_values(
     items: Sequence[Parameter], vector: Array, record: Record, fixed: Mapping[str, float]
 ) -> dict[str, float]:
     """The parameter values that act on a record: fixed ones and this vector's."""
     own = {
-        item.name: float(v) for item, v in zip(items, vector, strict=True) if belongs(item, record)
+        item.name: float(v)
+        for item, v in zip(items, vector, strict=True)
+        if applies_to(item, record)
     }
     return {**fixed, **own}
 
@@ -110,7 +112,7 @@ def accumulate(
     items: Sequence[Parameter],
     vector: Array,
     fixed: Mapping[str, float],
-) -> Sums:
+) -> NormalEquations:
     """Sums over the records at the unknowns `items` with values `vector` (k,)."""
     k = len(items)
     count: dict[str, int] = {}
@@ -118,42 +120,42 @@ def accumulate(
     information: dict[str, Array] = {}
     gradient: dict[str, Array] = {}
     for record, start in zip(records, starts, strict=True):
-        index = [number for number, item in enumerate(items) if belongs(item, record)]
-        values = split(items, vector, record, fixed)
-        response = respond(
+        index = [number for number, item in enumerate(items) if applies_to(item, record)]
+        values = record_values(items, vector, record, fixed)
+        response = predict_outputs(
             record, values, first_state(start, values), [items[number] for number in index]
         )
         for name, residual in residuals(record, response).items():
-            good = usable(record, name, items, values)
+            good = usable_samples(record, name, items, values)
             slope, error = response.slopes[name][good], residual[good]
             if name not in count:
                 count[name], squares[name] = 0, 0.0
                 information[name], gradient[name] = np.zeros((k, k)), np.zeros(k)
             count[name] += len(error)
             squares[name] += float(error @ error)
-            information[name][np.ix_(index, index)] += squared(slope)
+            information[name][np.ix_(index, index)] += cross_product(slope)
             gradient[name][index] += slope.T @ error
     empty = [name for name, n in count.items() if n == 0]
     if empty:
         raise InputError(
             f"no usable sample of {', '.join(empty)}", records[0].name, "leave the channel out"
         )
-    return Sums(count, squares, information, gradient)
+    return NormalEquations(count, squares, information, gradient)
 
 
-def blocked(values: Array, blocks: int, size: int) -> Array:
+def in_blocks(values: Array, blocks: int, size: int) -> Array:
     """(n, c) as (blocks, size, c), zeros after the end."""
     padded = np.zeros((blocks * size, values.shape[1]))
     padded[: len(values)] = values
     return padded.reshape(blocks, size, values.shape[1])
 
 
-def squared(slope: Array) -> Array:
+def cross_product(slope: Array) -> Array:
     """``slope' slope`` (k, k) of (n, k), block by block: products of this size do not wake BLAS
     threads, whose contention costs more than they gain when several flights are processed at
     once."""
     size = max(8, _SINGLE_THREAD // max(slope.shape[1], 1) ** 2)
     if len(slope) <= size:
         return np.asarray(slope.T @ slope)
-    part = blocked(slope, -(-len(slope) // size), size)
+    part = in_blocks(slope, -(-len(slope) // size), size)
     return np.asarray((np.swapaxes(part, 1, 2) @ part).sum(axis=0))

@@ -31,7 +31,7 @@ MATTERS = 0.03
 
 
 @dataclass(frozen=True)
-class Knowledge:
+class SensorEstimates:
     """Sensor parameters: `names`, `values` (k,) and `covariance` (k, k), SI."""
 
     names: tuple[str, ...]
@@ -49,20 +49,22 @@ class Knowledge:
         pairs = zip(self.values.tolist(), self.standard_errors.tolist(), strict=True)
         return dict(zip(self.names, pairs, strict=True))
 
-    def given(self, names: tuple[str, ...], values: Array, covariance: Array) -> "Knowledge":
+    def updated(
+        self, names: tuple[str, ...], values: Array, covariance: Array
+    ) -> "SensorEstimates":
         """Updated by independent knowledge of some of its parameters (m,), (m, m): the Kalman
         update."""
         index = [self.names.index(name) for name in names]
         across = self.covariance[:, index]
         gain = across @ np.linalg.inv(self.covariance[np.ix_(index, index)] + covariance)
         spread = self.covariance - gain @ across.T
-        return Knowledge(
+        return SensorEstimates(
             self.names,
             self.values + gain @ (values - self.values[index]),
             0.5 * (spread + spread.T),
         )
 
-    def without(self, name: str) -> "Knowledge":
+    def conditioned_on_zero(self, name: str) -> "SensorEstimates":
         """The others, given that this one is zero."""
         gone = self.names.index(name)
         gain = self.covariance[:, gone] / self.covariance[gone, gone]
@@ -71,37 +73,37 @@ class Knowledge:
             self.values - gain * self.values[gone],
             self.covariance - np.outer(gain, self.covariance[gone]),
         )
-        return Knowledge(
+        return SensorEstimates(
             tuple(self.names[number] for number in rest), values[rest], spread[np.ix_(rest, rest)]
         )
 
 
-def shared(result: Reconstruction) -> Knowledge:
+def shared_estimates(result: Reconstruction) -> SensorEstimates:
     """The sensor parameters of a reconstruction, winds and first states integrated out."""
     index = [number for number, entry in enumerate(result.estimates) if not entry.parameter.scope]
     chosen = [result.estimates[number] for number in index]
     values = np.array([entry.value for entry in chosen])
-    return Knowledge(
+    return SensorEstimates(
         tuple(entry.parameter.name for entry in chosen),
         values,
         result.covariance[np.ix_(index, index)],
     )
 
 
-def with_stated(found: Knowledge, stated: Mapping[str, float]) -> Knowledge:
+def with_vehicle_priors(found: SensorEstimates, stated: Mapping[str, float]) -> SensorEstimates:
     """Updated by what the vehicle file states: one sigma about zero."""
     names = tuple(name for name in found.names if name in stated)
     sigma = np.array([stated[name] for name in names])
-    return found.given(names, np.zeros(len(names)), np.diag(sigma**2)) if names else found
+    return found.updated(names, np.zeros(len(names)), np.diag(sigma**2)) if names else found
 
 
-def with_calibration(found: Knowledge, calibration: Calibration) -> Knowledge:
+def with_calibration(found: SensorEstimates, calibration: Calibration) -> SensorEstimates:
     """Updated by a calibration."""
     part = calibration.only(found.names)
-    return found.given(part.names, part.values, part.covariance) if part.names else found
+    return found.updated(part.names, part.values, part.covariance) if part.names else found
 
 
-def replaced_by(found: Knowledge, calibration: Calibration) -> Knowledge:
+def overridden_by_calibration(found: SensorEstimates, calibration: Calibration) -> SensorEstimates:
     """With a calibration in the place of what the flight says of the parameters that it names."""
     part = calibration.only(found.names)
     index = [found.names.index(name) for name in part.names]
@@ -109,10 +111,12 @@ def replaced_by(found: Knowledge, calibration: Calibration) -> Knowledge:
     values[index] = part.values
     spread[index, :] = spread[:, index] = 0.0
     spread[np.ix_(index, index)] = part.covariance
-    return Knowledge(found.names, values, spread)
+    return SensorEstimates(found.names, values, spread)
 
 
-def significant(result: Reconstruction, plan: Plan, accuracy: Accuracy) -> tuple[str, ...]:
+def significant_parameters(
+    result: Reconstruction, plan: Plan, accuracy: Accuracy
+) -> tuple[str, ...]:
     """Names of the sensor parameters worth keeping, in the order of `plan.free`: stated ones, and
     those that matter and stand out by `SIGNIFICANT` standard errors once the others that do not are
     held at zero.
@@ -120,24 +124,24 @@ def significant(result: Reconstruction, plan: Plan, accuracy: Accuracy) -> tuple
     Those at a bound or that do not matter go first, then the least significant, and the rest is
     conditioned on their being zero: of two that trade off one stays.
     """
-    left = with_stated(shared(result), plan.stated)
+    left = with_vehicle_priors(shared_estimates(result), plan.stated_priors)
     for entry in result.estimates:
         name = entry.parameter.name
         if (
             name in left.names
-            and name not in plan.stated
+            and name not in plan.stated_priors
             and (entry.at_bound or not _matters(entry, result, accuracy))
         ):
-            left = left.without(name)
+            left = left.conditioned_on_zero(name)
     while True:
         distance = {
             name: abs(value) / max(error, 1e-300) for name, (value, error) in left.by_name.items()
         }
-        open_to = {name: far for name, far in distance.items() if name not in plan.stated}
+        open_to = {name: far for name, far in distance.items() if name not in plan.stated_priors}
         worst = min(open_to, key=lambda name: open_to[name], default=None)
         if worst is None or open_to[worst] >= SIGNIFICANT:
             return tuple(name for name in plan.free if name in left.names)
-        left = left.without(worst)
+        left = left.conditioned_on_zero(worst)
 
 
 def _matters(entry: Estimate, result: Reconstruction, accuracy: Accuracy) -> bool:
@@ -185,20 +189,24 @@ def _both(angle: str) -> tuple[str, str]:
     return ("alpha", "beta") if angle == "alpha" else ("beta", "alpha")
 
 
-def _worth(name: str, plan: Plan) -> float:
+def _worthwhile_error(name: str, plan: Plan) -> float:
     """Standard error from which on an estimate corrects nothing; half as much where only the
     natural size is known."""
-    stated = plan.stated.get(name, np.inf)
+    stated = plan.stated_priors.get(name, np.inf)
     return WORTH * stated * (1.0 if stated < parameter(name).size else 0.5)
 
 
-def applied(found: Knowledge, plan: Plan, calibration: Calibration | None) -> dict[str, float]:
+def applied_corrections(
+    found: SensorEstimates, plan: Plan, calibration: Calibration | None
+) -> dict[str, float]:
     """Name -> value of what is corrected: what the flight or a calibration says. A parameter of
     which little more is known than what the vehicle file states stays as it is."""
     known = {} if calibration is None else calibration.by_name
     worth = {
         name: value
         for name, (value, error) in found.by_name.items()
-        if name in known or abs(value) > SIGNIFICANT * error or error < _worth(name, plan)
+        if name in known
+        or abs(value) > SIGNIFICANT * error
+        or error < _worthwhile_error(name, plan)
     }
     return {**{name: value for name, (value, _) in known.items()}, **worth}

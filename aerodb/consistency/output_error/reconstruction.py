@@ -20,14 +20,20 @@ from aerodb.consistency.output_error.gauss_newton import (
 )
 from aerodb.consistency.output_error.input_noise import drift_information
 from aerodb.consistency.output_error.normal_equations import (
-    Sums,
-    belongs,
+    NormalEquations,
+    applies_to,
     first_state,
+    record_values,
     residuals,
-    split,
-    usable,
+    usable_samples,
 )
-from aerodb.consistency.sensors import Parameter, Record, Response, corrected_inputs, respond
+from aerodb.consistency.sensors import (
+    Parameter,
+    Record,
+    Response,
+    corrected_inputs,
+    predict_outputs,
+)
 from aerodb.errors import InputError
 from aerodb.estimation import coloured_sum
 from aerodb.support import Array
@@ -46,7 +52,7 @@ class Estimate:
 
 
 @dataclass(frozen=True)
-class Path:
+class ReconstructedPath:
     """One record reconstructed: `states` (9, n) of kinematics.STATES; `air` (3, n) air-relative
     velocity at the CG; `inputs` (n, 6) corrected; `residuals` and `before` (n,) by channel,
     measured minus reconstructed after and before the estimation (nan where not used); `state_sigma`
@@ -86,7 +92,7 @@ class Reconstruction:
     estimates: tuple[Estimate, ...]
     covariance: Array
     noise: Mapping[str, float]
-    paths: tuple[Path, ...]
+    paths: tuple[ReconstructedPath, ...]
     converged: bool
     iterations: int
 
@@ -129,8 +135,9 @@ def reconstruct(
             records[0].name,
             "fly manoeuvres that move more",
         )
-    vector = np.zeros(len(problem.items))
-    vector, sums, converged, iterations = gauss_newton(problem, vector, problem.sums(vector))
+    start = np.zeros(len(problem.items))
+    solution = gauss_newton(problem, start, problem.sums(start))
+    vector, sums = solution.vector, solution.equations
     covariance, white = _covariances(problem, vector, sums)
     estimates = tuple(
         Estimate(
@@ -144,17 +151,20 @@ def reconstruct(
         )
         for number, item in enumerate(problem.items)
     )
-    # responses are made again, one at a time: together they would not fit in memory for a long
-    # flight
+    # recompute the responses one at a time: those of a long flight do not fit in memory together
     paths = tuple(_path(problem, vector, covariance, number) for number in range(len(records)))
-    noise = {name: float(np.sqrt(value)) for name, value in sums.variance(problem.floor).items()}
-    return Reconstruction(estimates, covariance, noise, paths, converged, iterations)
+    noise = {
+        name: float(np.sqrt(value)) for name, value in sums.variance(problem.noise_floor).items()
+    }
+    return Reconstruction(
+        estimates, covariance, noise, paths, solution.converged, solution.iterations
+    )
 
 
-def _covariances(problem: Problem, vector: Array, sums: Sums) -> tuple[Array, Array]:
+def _covariances(problem: Problem, vector: Array, sums: NormalEquations) -> tuple[Array, Array]:
     """Covariance (k, k) of the unknowns for coloured residuals and inertial drift, and that for
     white residuals."""
-    noise = sums.variance(problem.floor)
+    noise = sums.variance(problem.noise_floor)
     size = np.array([item.size for item in problem.items])
     white = np.asarray(
         np.linalg.inv(information(problem, sums) * np.outer(size, size)) * np.outer(size, size),
@@ -163,9 +173,9 @@ def _covariances(problem: Problem, vector: Array, sums: Sums) -> tuple[Array, Ar
     middle = np.diag(problem.prior**-2.0)
     drift = np.zeros_like(middle)
     for record, start in zip(problem.records, problem.starts, strict=True):
-        index, values, response = _along(problem, vector, record, start)
+        index, values, response = _predicted(problem, vector, record, start)
         for name, error in residuals(record, response).items():
-            good = usable(record, name, problem.items, values)
+            good = usable_samples(record, name, problem.items, values)
             block = coloured_sum(response.slopes[name] * good[:, None], np.where(good, error, 0.0))
             middle[np.ix_(index, index)] += (
                 block * len(good) / max(good.sum(), 1) / noise[name] ** 2
@@ -183,29 +193,29 @@ def _covariances(problem: Problem, vector: Array, sums: Sums) -> tuple[Array, Ar
     return np.asarray(covariance * np.outer(grow, grow)), white
 
 
-def _along(
+def _predicted(
     problem: Problem, vector: Array, record: Record, start: Array
 ) -> tuple[list[int], dict[str, float], Response]:
     """Which unknowns act on a record, their values, and its response with derivatives by them."""
-    index = [number for number, item in enumerate(problem.items) if belongs(item, record)]
-    values = split(problem.items, vector, record, problem.fixed)
+    index = [number for number, item in enumerate(problem.items) if applies_to(item, record)]
+    values = record_values(problem.items, vector, record, problem.fixed)
     return (
         index,
         values,
-        respond(
+        predict_outputs(
             record, values, first_state(start, values), [problem.items[number] for number in index]
         ),
     )
 
 
-def _path(problem: Problem, vector: Array, covariance: Array, number: int) -> Path:
+def _path(problem: Problem, vector: Array, covariance: Array, number: int) -> ReconstructedPath:
     record = problem.records[number]
-    index, values, response = _along(problem, vector, record, problem.starts[number])
+    index, values, response = _predicted(problem, vector, record, problem.starts[number])
     after = {
-        name: np.where(usable(record, name, problem.items, values), residual, np.nan)
+        name: np.where(usable_samples(record, name, problem.items, values), residual, np.nan)
         for name, residual in residuals(record, response).items()
     }
-    untouched = respond(record, problem.fixed, problem.starts[number], (), slopes=False)
+    untouched = predict_outputs(record, problem.fixed, problem.starts[number], (), slopes=False)
     own = covariance[np.ix_(index, index)]
     u, v, w = response.air
     speed, square = np.sqrt(u * u + v * v + w * w), u * u + w * w
@@ -226,7 +236,7 @@ def _path(problem: Problem, vector: Array, covariance: Array, number: int) -> Pa
             )
         )
 
-    return Path(
+    return ReconstructedPath(
         record,
         response.states,
         response.air,

@@ -1,5 +1,5 @@
-from .expected import Fault, faults
-from .models import installed
+from .expected import Fault, detect_faults
+from .models import installation_from_vehicle
 from .navigation import FlowCheck, VelocityCheck, flow_against_velocity, position_against_velocity
 from .parameters import (
     AIR_DATA,
@@ -11,13 +11,21 @@ from .parameters import (
     parameter,
     unknowns,
 )
-from .prediction import LONGEST_DELAY, Record, Response, corrected_inputs, delayed, respond, to_body
-from .whiteness import CALM, ProcessNoise, colour, process_noise
+from .prediction import (
+    MAX_DELAY,
+    Record,
+    Response,
+    corrected_inputs,
+    delayed,
+    earth_to_body,
+    predict_outputs,
+)
+from .whiteness import CALM_GUST_SPEED, ProcessNoise, process_noise, residual_noise
 
 __all__ = [
     "AIR_DATA",
-    "CALM",
-    "LONGEST_DELAY",
+    "CALM_GUST_SPEED",
+    "MAX_DELAY",
     "OUTPUTS",
     "PER_FLIGHT",
     "Fault",
@@ -28,17 +36,17 @@ __all__ = [
     "Response",
     "VelocityCheck",
     "channels_of",
-    "colour",
+    "residual_noise",
     "corrected_inputs",
     "delayed",
     "delays_of",
-    "faults",
+    "detect_faults",
     "flow_against_velocity",
-    "installed",
+    "installation_from_vehicle",
     "parameter",
     "position_against_velocity",
     "process_noise",
-    "respond",
-    "to_body",
+    "predict_outputs",
+    "earth_to_body",
     "unknowns",
 ]

@@ -9,7 +9,7 @@ import numpy as np
 
 from aerodb.conditioning import bridge, smooth
 from aerodb.consistency.kinematics import INPUTS
-from aerodb.consistency.sensors.prediction import Record, to_body
+from aerodb.consistency.sensors.prediction import Record, earth_to_body
 from aerodb.support import Array
 
 #: Bandwidth of the differentiation, Hz, at most a quarter of the sampling rate.
@@ -58,7 +58,7 @@ def expected_inputs(record: Record) -> Array:
         found[:, 3] = rate(np.unwrap(phi)) - turn * np.sin(theta)
         found[:, 4] = pitch * np.cos(phi) + turn * np.cos(theta) * np.sin(phi)
         found[:, 5] = -pitch * np.sin(phi) + turn * np.cos(theta) * np.cos(phi)
-    rotation = to_body(states)
+    rotation = earth_to_body(states)
     gravity = rotation[:, 2] * record.gravity
     earth = [f"velocity_{axis}" for axis in ("north", "east", "down")]
     if set(earth) <= set(known) and "psi" in known:
@@ -76,7 +76,7 @@ def expected_inputs(record: Record) -> Array:
     return found
 
 
-def faults(record: Record) -> tuple[Fault, ...]:
+def detect_faults(record: Record) -> tuple[Fault, ...]:
     """Blunt faults of a record's inertial sensors and angles, in order: stuck, units, signs,
     swapped axes, missing gravity."""
     found = [*_stuck(record), *_units(record)]

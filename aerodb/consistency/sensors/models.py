@@ -58,7 +58,7 @@ class Installation:
     beam: tuple[float, float] = (0.0, 0.0)
 
 
-def installed(vehicle: Vehicle, cg: Array, raw: bool) -> Installation:
+def installation_from_vehicle(vehicle: Vehicle, cg: Array, raw: bool) -> Installation:
     """The installation that a vehicle file declares; cg (3,) m, body axes from the datum.
 
     raw : air data are as the probe shows them; otherwise boom, upwash and calibration were taken
@@ -78,7 +78,7 @@ def installed(vehicle: Vehicle, cg: Array, raw: bool) -> Installation:
     )
 
 
-class Sight:
+class SensorModels:
     """One record as its sensors see it: `channel(name)` is the true quantity that a sensor looks
     at.
 
@@ -258,7 +258,7 @@ class Sight:
         return root(self.shown_pressure * (2.0 / self._density()))
 
     def _density(self) -> Array:
-        assert self.density is not None  # `sensors.respond` asks for it first
+        assert self.density is not None  # `sensors.predict_outputs` asks for it first
         return self.density
 
     def _pressure_altitude(self) -> Signal:

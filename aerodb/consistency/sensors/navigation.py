@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aerodb.consistency.sensors.prediction import to_body
+from aerodb.consistency.sensors.prediction import earth_to_body
 from aerodb.support import Array
 
 
@@ -55,6 +55,6 @@ def flow_against_velocity(attitude: Array, velocity: Array, wind: Array, alpha: 
     """
     states = np.zeros((9, len(alpha)))
     states[3:6] = attitude.T
-    air = np.einsum("ijn,nj->in", to_body(states), velocity - wind)
+    air = np.einsum("ijn,nj->in", earth_to_body(states), velocity - wind)
     difference = np.arctan2(air[2], air[0]) - alpha
     return FlowCheck(float(np.nanmean(difference)), float(np.nanstd(difference)))

@@ -12,7 +12,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from aerodb.consistency.kinematics import INPUTS, STATES, integrate
-from aerodb.consistency.sensors.models import Installation, Sight
+from aerodb.consistency.sensors.models import Installation, SensorModels
 from aerodb.consistency.sensors.parameters import FURTHER_OUTPUTS, OUTPUTS, Parameter, delays_of
 from aerodb.errors import InputError, UnknownNameError, nearest
 from aerodb.physics import Earth
@@ -20,7 +20,7 @@ from aerodb.support import Array, Signal
 
 #: Delays are sought within this (s); samples that near to either end of a record are left out for a
 #: delayed channel.
-LONGEST_DELAY = 0.3
+MAX_DELAY = 0.3
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class Record:
     `kinematics.INPUTS`. outputs : measured channels of `OUTPUTS` and `FURTHER_OUTPUTS` -> (n,), nan
     where they must not be used. arm : (3,) air-data point from the CG, m, body axes. installation :
     of the other sensors. given : states -> (n,) taken from measurement instead of integrated.
-    density, pressure : (n,) kg/m3, Pa (`models.Sight`) for qbar, raw pressures and errors of the
+    density, pressure : (n,) kg/m3, Pa (`models.SensorModels`) for qbar, raw pressures and errors of the
     ports. pivot : value of a channel about which its scale acts, zero unless given (a heading's
     scale needs one). held : inputs are taken to hold until the next sample instead of being linear
     between samples. first : number of its first sample in the flight. earth : rotating oblate earth
@@ -114,7 +114,7 @@ def corrected_inputs(record: Record, values: Mapping[str, float]) -> Array:
     return np.asarray((record.inputs - bias) * _gain(values))
 
 
-def respond(
+def predict_outputs(
     record: Record,
     values: Mapping[str, float],
     initial: Array,
@@ -130,7 +130,7 @@ def respond(
     wanted = tuple(unknowns) if slopes else ()
     inputs = corrected_inputs(record, values)
     path = _path(record, values, initial, wanted, inputs)
-    sight = Sight(
+    sight = SensorModels(
         {
             name: Signal(path.states[number], {name: 1.0} if wanted else {})
             for number, name in enumerate(STATES)
@@ -283,7 +283,7 @@ def _path(
     )
 
 
-def to_body(states: Array) -> Array:
+def earth_to_body(states: Array) -> Array:
     """(3, 3, n) rotation from earth (NED) to body axes along states (9, n)."""
     f, t, p = states[3:6]
     cf, sf, ct, st, cp, sp = np.cos(f), np.sin(f), np.cos(t), np.sin(t), np.cos(p), np.sin(p)

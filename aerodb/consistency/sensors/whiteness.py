@@ -14,23 +14,23 @@ from aerodb.conditioning import bridge
 from aerodb.support import Array
 
 #: Band in which gusts act on the rigid-body motion, Hz.
-GUSTS = (0.1, 2.0)
+GUST_BAND = (0.1, 2.0)
 
 #: Gusts below this rms speed (m/s) are calm air for identification.
-CALM = 0.2
+CALM_GUST_SPEED = 0.2
 
 
 @dataclass(frozen=True)
-class Colour:
+class ResidualNoise:
     """A residual's rms, its white part (one sigma, from second differences) and the part within
-    `GUSTS` (rms), all in the channel's unit."""
+    `GUST_BAND` (rms), all in the channel's unit."""
 
     rms: float
     white: float
     gusts: float
 
 
-def colour(residual: Array, step: float) -> Colour:
+def residual_noise(residual: Array, step: float) -> ResidualNoise:
     """Colour of a residual (n,), nan where not used, sampled every `step` s.
 
     White noise of sigma s has second differences of variance 6 s^2 (Morelli 1995 gives the idea;
@@ -46,11 +46,11 @@ def colour(residual: Array, step: float) -> Colour:
     centred = values - values.mean()
     power = np.abs(np.fft.rfft(centred)) ** 2
     frequency = np.fft.rfftfreq(len(values), step)
-    inside = power[(frequency >= GUSTS[0]) & (frequency < GUSTS[1])].sum() / max(
+    inside = power[(frequency >= GUST_BAND[0]) & (frequency < GUST_BAND[1])].sum() / max(
         power.sum(), 1e-300
     )
     square = float(np.mean(centred**2))
-    return Colour(rms, white, float(np.sqrt(square * inside)))
+    return ResidualNoise(rms, white, float(np.sqrt(square * inside)))
 
 
 @dataclass(frozen=True)
@@ -68,11 +68,11 @@ def process_noise(residuals: Mapping[str, Array], speed: float, step: float) -> 
     the attitude's.
 
     residuals : channel -> (n,), SI. speed : mean true airspeed, m/s. Gusts matter when two of the
-    air-data channels exceed `CALM` and exceed what an attitude error of the observed size would
+    air-data channels exceed `CALM_GUST_SPEED` and exceed what an attitude error of the observed size would
     cause.
     """
     present = {
-        name: colour(values, step)
+        name: residual_noise(values, step)
         for name, values in residuals.items()
         if np.isfinite(values).any()
     }
@@ -84,17 +84,19 @@ def process_noise(residuals: Mapping[str, Array], speed: float, step: float) -> 
     }
     wobble = {name: present[name].gusts * speed for name in ("theta", "psi") if name in present}
     rival = {"V": 0.0, "alpha": wobble.get("theta", 0.0), "beta": wobble.get("psi", 0.0)}
-    felt = [name for name, size in gusts.items() if size > CALM and size > 2.0 * rival[name]]
+    felt = [
+        name for name, size in gusts.items() if size > CALM_GUST_SPEED and size > 2.0 * rival[name]
+    ]
     figures = ", ".join(f"{name} {size:.2f}" for name, size in gusts.items())
     if len(felt) >= 2:
         because = (
             f"the air moved: residuals of {' and '.join(felt)} hold gusts (m/s rms at"
-            f" {GUSTS[0]:g}-{GUSTS[1]:g} Hz: {figures}) that the attitude does not share; output"
+            f" {GUST_BAND[0]:g}-{GUST_BAND[1]:g} Hz: {figures}) that the attitude does not share; output"
             " error of the aerodynamics would be biased here"
         )
         return ProcessNoise(gusts, True, because)
     return ProcessNoise(
         gusts,
         False,
-        f"calm air (m/s rms at {GUSTS[0]:g}-{GUSTS[1]:g} Hz: {figures or 'no air data'})",
+        f"calm air (m/s rms at {GUST_BAND[0]:g}-{GUST_BAND[1]:g} Hz: {figures or 'no air data'})",
     )

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import minimize
 
-from aerodb.consistency.smoother.kalman import Pass, Score, Transition, smooth
+from aerodb.consistency.smoother.kalman import Score, SmootherPass, Transition, smooth
 from aerodb.consistency.smoother.path_error import (
     ATTITUDE,
     FORCE,
@@ -83,7 +83,7 @@ class Intensities:
 
 def transition(system: PathError, by: Intensities) -> Transition:
     """The moving system of a record under these intensities."""
-    m = system.seen.shape[2]
+    m = system.observation.shape[2]
     diagonal, noise, first = np.ones(m), np.zeros(m), np.zeros(m)
     for part, sigma in zip((ATTITUDE, VELOCITY, POSITION), _UNKNOWN, strict=True):
         first[part] = sigma**2
@@ -97,7 +97,7 @@ def transition(system: PathError, by: Intensities) -> Transition:
     )
 
 
-def variances(system: PathError, by: Intensities) -> Array:
+def measurement_variances(system: PathError, by: Intensities) -> Array:
     """(g, c) variance of the noise of each block mean, zero where nothing was measured."""
     used = system.count > 0
     return np.where(used, by.of(system.channels) ** 2 / np.where(used, system.count, 1.0), 0.0)
@@ -112,7 +112,9 @@ def _markov(by: Intensities) -> tuple[Array, Array]:
     return np.array(sizes), np.array(times)
 
 
-def estimate(systems: Sequence[PathError], floor: Mapping[str, float] | None = None) -> Intensities:
+def estimate_intensities(
+    systems: Sequence[PathError], floor: Mapping[str, float] | None = None
+) -> Intensities:
     """Intensities of one flight from some of its records; the likelihood's slope is exact.
 
     Channels whose residuals stay coloured show something that is no process here (a scale error, a
@@ -145,7 +147,7 @@ def estimate(systems: Sequence[PathError], floor: Mapping[str, float] | None = N
     return by
 
 
-def complete(by: Intensities, system: PathError) -> Intensities:
+def with_missing_noise(by: Intensities, system: PathError) -> Intensities:
     """With the noise of the channels that count in this record and in none that the intensities
     were estimated from."""
     more = {name: _white([system], name)[0] for name in _counting(system) if name not in by.noise}
@@ -190,19 +192,23 @@ def _slowest(systems: Sequence[PathError], by: Intensities, names: Sequence[str]
         result = smooth(
             transition(system, by),
             system.residual[:, :, None],
-            variances(system, by),
-            system.seen,
+            measurement_variances(system, by),
+            system.observation,
             False,
         )
-        left = left_over(system, system.residual, system.seen, result.states[:, :, 0])
+        left = residual_after_smoothing(
+            system, system.residual, system.observation, result.states[:, :, 0]
+        )
         for name in _counting(system):
             squares[names.index(name)].append(slow_noise(system, left, name) ** 2)
     return np.maximum([np.sqrt(np.mean(each)) for each in squares], _FAINT)
 
 
-def left_over(system: PathError, measured: Array, seen: Array, error: Array) -> Array:
+def residual_after_smoothing(
+    system: PathError, measured: Array, observation: Array, error: Array
+) -> Array:
     """(g, c) residual after smoothing, without meaning where nothing was measured."""
-    return measured - np.asarray(np.einsum("gcm,gm->gc", seen, error))
+    return measured - np.asarray(np.einsum("gcm,gm->gc", observation, error))
 
 
 def _most_likely(
@@ -218,8 +224,8 @@ def _most_likely(
             result = smooth(
                 transition(system, by),
                 system.residual[:, :, None],
-                variances(system, by),
-                system.seen,
+                measurement_variances(system, by),
+                system.observation,
                 False,
             )
             value -= result.log_likelihood
@@ -241,7 +247,7 @@ def _most_likely(
     )  # finer than the data know, coarser than rounding
 
 
-def adapted(by: Intensities, result: Pass) -> Intensities:
+def adapted_gusts(by: Intensities, result: SmootherPass) -> Intensities:
     """The gust intensities of one record: one step of expectation and maximisation from those of
     its flight (Shumway & Stoffer, J. Time Series Anal. 3(4), 1982)."""
     square = np.mean(
@@ -253,7 +259,7 @@ def adapted(by: Intensities, result: Pass) -> Intensities:
     return replace(by, gusts=replace(by.gusts, horizontal=horizontal, vertical=vertical))
 
 
-def between(gusts: Gusts, step: float) -> Array:
+def variance_within_step(gusts: Gusts, step: float) -> Array:
     """(3,) variance of the gusts within a block of length `step` about its mean: ``s^2 step / (3
     tau)``, a random walk's."""
     horizontal, vertical = (

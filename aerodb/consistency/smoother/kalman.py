@@ -45,7 +45,7 @@ class Score:
 
 
 @dataclass(frozen=True)
-class Pass:
+class SmootherPass:
     """A smoother's pass: `states` (n, m, k), `covariance` (n, m, m), `innovations` (n, c) of the
     first right-hand side in units of their own sigma (nan: no measurement), its `log_likelihood`,
     and the `score`."""
@@ -58,8 +58,12 @@ class Pass:
 
 
 def smooth(
-    model: Transition, measured: Array, variance: Array, seen: Array, covariances: bool = True
-) -> Pass:
+    model: Transition,
+    measured: Array,
+    variance: Array,
+    observation: Array,
+    covariances: bool = True,
+) -> SmootherPass:
     """Smooths k right-hand sides that share gains.
 
     measured : (n, c, k) measurements. variance : (n, c) of their noise, zero or less where there is
@@ -72,17 +76,17 @@ def smooth(
     known, error = np.empty((n, m, m)), np.zeros((n, c, k))
     total = _forward(
         model.rows, model.columns, model.values, model.diagonal, model.block, model.diagonal_noise, model.first,
-        measured, variance, seen, filtered, known, gain, spread, error,
+        measured, variance, observation, filtered, known, gain, spread, error,
     )  # fmt: skip
     states, after = np.empty((n, m, k)), np.empty((n if covariances else 0, m, m))
     sums, by_channel = np.zeros((3, m)), np.zeros(c)
     _backward(
         model.rows, model.columns, model.values, model.diagonal,
-        variance, seen, filtered, known, gain, spread, error, states, after, sums, by_channel,
+        variance, observation, filtered, known, gain, spread, error, states, after, sums, by_channel,
     )  # fmt: skip
     with np.errstate(divide="ignore", invalid="ignore"):
         innovations = np.where(spread > 0, error[:, :, 0] / np.sqrt(spread), np.nan)
-    return Pass(
+    return SmootherPass(
         states, after, innovations, float(total), Score(sums[0], sums[1], sums[2], by_channel)
     )
 
@@ -114,7 +118,7 @@ def _predict_covariance(
 @njit(cache=True)
 def _forward(
     rows: NDArray[np.int64], columns: NDArray[np.int64], values: Array, diagonal: Array, block: Array, noise: Array, first: Array,
-    measured: Array, variance: Array, seen: Array, filtered: Array, known: Array, gain: Array, spread: Array, error: Array,
+    measured: Array, variance: Array, observation: Array, filtered: Array, known: Array, gain: Array, spread: Array, error: Array,
 ) -> float:  # fmt: skip
     """Filter; fills filtered states and covariances, gains, innovations and their variances;
     returns the log-likelihood."""
@@ -147,17 +151,17 @@ def _forward(
                 continue
             ph[:] = 0.0
             for b in range(m):
-                if seen[i, j, b] != 0.0:
+                if observation[i, j, b] != 0.0:
                     for a in range(m):
-                        ph[a] += seen[i, j, b] * p[b, a]
+                        ph[a] += observation[i, j, b] * p[b, a]
             s = variance[i, j]
             for a in range(m):
-                s += seen[i, j, a] * ph[a]
+                s += observation[i, j, a] * ph[a]
             spread[i, j] = s
             for q in range(k):
                 e_q = measured[i, j, q]
                 for a in range(m):
-                    e_q -= seen[i, j, a] * x[a, q]
+                    e_q -= observation[i, j, a] * x[a, q]
                 error[i, j, q] = e_q
             for a in range(m):
                 gain[i, j, a] = ph[a] / s
@@ -200,7 +204,7 @@ def _adjoint_step(
 @njit(cache=True)
 def _adjoint_measurements(
     variance: Array,
-    seen: Array,
+    observation: Array,
     gain: Array,
     spread: Array,
     error: Array,
@@ -212,7 +216,7 @@ def _adjoint_measurements(
     `by_channel`."""
     m, k = pull.shape
     tied = np.empty(m)
-    for j in range(seen.shape[0] - 1, -1, -1):
+    for j in range(observation.shape[0] - 1, -1, -1):
         if not spread[j] > 0.0:
             continue
         quadratic = 1.0 / spread[j]
@@ -228,20 +232,20 @@ def _adjoint_measurements(
             if q == 0:
                 by_channel[j] += 0.5 * (push * push - quadratic) * variance[j]
             for a in range(m):
-                pull[a, q] += seen[j, a] * push
+                pull[a, q] += observation[j, a] * push
         for a in range(m):
-            if seen[j, a] != 0.0:
+            if observation[j, a] != 0.0:
                 for b in range(m):
-                    load[a, b] += seen[j, a] * (quadratic * seen[j, b] - tied[b])
+                    load[a, b] += observation[j, a] * (quadratic * observation[j, b] - tied[b])
         for b in range(m):
-            if seen[j, b] != 0.0:
+            if observation[j, b] != 0.0:
                 for a in range(m):
-                    load[a, b] -= tied[a] * seen[j, b]
+                    load[a, b] -= tied[a] * observation[j, b]
 
 
 @njit(cache=True)
 def _backward(
-    rows: NDArray[np.int64], columns: NDArray[np.int64], values: Array, diagonal: Array, variance: Array, seen: Array,
+    rows: NDArray[np.int64], columns: NDArray[np.int64], values: Array, diagonal: Array, variance: Array, observation: Array,
     filtered: Array, known: Array, gain: Array, spread: Array, error: Array, states: Array, after: Array, sums: Array,
     by_channel: Array,
 ) -> None:  # fmt: skip
@@ -265,7 +269,7 @@ def _backward(
                 own -= load[a, b] * known[i, b, a]
             sums[2, a] += own / diagonal[a]
         _adjoint_measurements(
-            variance[i], seen[i], gain[i], spread[i], error[i], pull, load, by_channel
+            variance[i], observation[i], gain[i], spread[i], error[i], pull, load, by_channel
         )
         for a in range(m):
             sums[0 if i > 0 else 1, a] += pull[a, 0] ** 2 - load[a, a]

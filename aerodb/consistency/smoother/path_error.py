@@ -18,8 +18,15 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from aerodb.consistency.kinematics import INPUTS, STATES
-from aerodb.consistency.output_error import Path, inertial_noise
-from aerodb.consistency.sensors import Parameter, Record, delays_of, parameter, respond, to_body
+from aerodb.consistency.output_error import ReconstructedPath, inertial_noise
+from aerodb.consistency.sensors import (
+    Parameter,
+    Record,
+    delays_of,
+    earth_to_body,
+    parameter,
+    predict_outputs,
+)
 from aerodb.errors import InputError
 from aerodb.support import Array
 
@@ -51,7 +58,7 @@ class PathError:
     error states. values_of : parameter name -> value. thin : the record on the grid.
     """
 
-    path: Path
+    path: ReconstructedPath
     at: np.ndarray
     size: int
     channels: tuple[str, ...]
@@ -59,20 +66,20 @@ class PathError:
     residual: Array
     count: Array
     base: Array
-    seen: Array
+    observation: Array
     rows: np.ndarray
     columns: np.ndarray
     values: Array
     block: Array
-    pull: Array
-    push: Array
-    values_of: Mapping[str, float]
-    thin: Record
+    output_sensitivity: Array
+    state_sensitivity: Array
+    prompt_values: Mapping[str, float]
+    grid_record: Record
 
     @property
     def step(self) -> float:
         """Step of the grid, s."""
-        return self.thin.step
+        return self.grid_record.step
 
     @property
     def states(self) -> Array:
@@ -81,7 +88,7 @@ class PathError:
 
 
 def path_error(
-    path: Path,
+    path: ReconstructedPath,
     values: Mapping[str, float],
     free: Sequence[Parameter],
     coarse: float = COARSE,
@@ -106,11 +113,11 @@ def path_error(
     )  # odd, so that a block has a middle sample
     g = len(record.inputs) // size
     at = size * np.arange(g) + size // 2
-    thin = _thinned(record, at, size, np.asarray(path.states[:, at]))
+    grid_record = _thinned(record, at, size, np.asarray(path.states[:, at]))
     prompt = {name: value for name, value in values.items() if not name.endswith("_delay")}
     names = tuple(record.outputs)
     winds = [parameter(f"wind_{axis}", record.flight) for axis in ("north", "east", "down")]
-    by_wind = respond(thin, prompt, path.states[:, at[0]], winds).slopes
+    by_wind = predict_outputs(grid_record, prompt, path.states[:, at[0]], winds).slopes
     air = tuple(bool(np.abs(by_wind[name]).max() > 0) for name in names)
     residual, count = _blocked_residuals(path, names, values, size, g)
     count[:, [name in unused for name in names]] = 0.0
@@ -130,34 +137,36 @@ def path_error(
         none,
         none,
         prompt,
-        thin,
+        grid_record,
     )
-    base, seen = _sensitivity(system, empty)
-    m = 18 if np.any(seen[:, :, POSITION]) else POSITION.start
+    base, observation = _sensitivity(system, empty)
+    m = 18 if np.any(observation[:, :, POSITION]) else POSITION.start
     moved = (system.rows < m) & (system.columns < m)
     system = replace(
         system,
         base=base,
-        seen=np.ascontiguousarray(seen[:, :, :m]),
+        observation=np.ascontiguousarray(observation[:, :, :m]),
         rows=system.rows[moved],
         columns=system.columns[moved],
         values=np.ascontiguousarray(system.values[:, moved]),
     )
-    pull, push = _by_unknowns(system, values, free, m)
-    return replace(system, pull=pull, push=push)
+    output_sensitivity, state_sensitivity = _by_unknowns(system, values, free, m)
+    return replace(
+        system, output_sensitivity=output_sensitivity, state_sensitivity=state_sensitivity
+    )
 
 
-def shown(system: PathError, error: Array) -> Array:
+def predicted_outputs(system: PathError, error: Array) -> Array:
     """(b, g, c) what the sensors, without their delays, show along the path corrected by b sets of
     error states (b, g, m)."""
     sets, g, m = error.shape
     flat = error.reshape(sets * g, m)
-    states = corrected(np.tile(system.states, sets), flat)
-    thin = _with_samples(
-        system.thin, lambda values: np.tile(values, (sets,) + (1,) * (values.ndim - 1))
+    states = apply_error(np.tile(system.states, sets), flat)
+    grid_record = _with_samples(
+        system.grid_record, lambda values: np.tile(values, (sets,) + (1,) * (values.ndim - 1))
     )
     still = dict(zip(STATES, states, strict=True))
-    ridden = np.einsum("ijn,nj->in", to_body(states), flat[:, GUST])
+    ridden = np.einsum("ijn,nj->in", earth_to_body(states), flat[:, GUST])
     moving = {
         **still,
         **{name: still[name] - gust for name, gust in zip("uvw", ridden, strict=True)},
@@ -169,16 +178,20 @@ def shown(system: PathError, error: Array) -> Array:
         ]
         if names:
             record = replace(
-                thin, given=given, outputs={name: thin.outputs[name] for name in names}
+                grid_record,
+                given=given,
+                outputs={name: grid_record.outputs[name] for name in names},
             )
-            outputs = respond(record, system.values_of, states[:, 0], (), slopes=False).outputs
+            outputs = predict_outputs(
+                record, system.prompt_values, states[:, 0], (), slopes=False
+            ).outputs
             for name in names:
                 result[:, system.channels.index(name)] = outputs[name]
     return result.reshape(sets, g, len(system.channels))
 
 
 def _sensitivity(system: PathError, error: Array) -> tuple[Array, Array]:
-    """(g, c) what is `shown` at `error` (g, m), and (g, c, m) its derivative by the error states;
+    """(g, c) what is `predicted_outputs` at `error` (g, m), and (g, c, m) its derivative by the error states;
     drifts are not seen."""
     g, m = error.shape
     nudges = [
@@ -187,42 +200,44 @@ def _sensitivity(system: PathError, error: Array) -> tuple[Array, Array]:
     moved = np.repeat(error[None], len(nudges) + 1, axis=0)
     for number, (state, size) in enumerate(nudges, start=1):
         moved[number, :, state] += size
-    here, *there = shown(system, moved)
-    seen = np.zeros((g, len(system.channels), m))
+    here, *there = predicted_outputs(system, moved)
+    observation = np.zeros((g, len(system.channels), m))
     for (state, size), nudged in zip(nudges, there, strict=True):
-        seen[:, :, state] = _circular(nudged - here, system.channels) / size
-    seen[:, system.air, GUST] = -seen[:, system.air, VELOCITY]
-    return here, seen
+        observation[:, :, state] = _circular(nudged - here, system.channels) / size
+    observation[:, system.air, GUST] = -observation[:, system.air, VELOCITY]
+    return here, observation
 
 
-def late_by(channel: str, values: Mapping[str, float]) -> float:
+def delay_of_channel(channel: str, values: Mapping[str, float]) -> float:
     """Delay of a channel, s."""
     return sum(values.get(name, 0.0) for name in delays_of(channel))
 
 
-def linearised(system: PathError, error: Array, seen: Array, noise: Array) -> tuple[Array, Array]:
+def relinearised(
+    system: PathError, error: Array, observation: Array, noise: Array
+) -> tuple[Array, Array]:
     """Measurements (g, c) and rows (g, c, m) of the system linearised about the error states (g,
     m).
 
     `seen` are the rows so far: kept where what they leave out is small against the `noise` (c,) of
     the channels.
     """
-    here = shown(system, error[None])[0]
+    here = predicted_outputs(system, error[None])[0]
     step = _circular(here - system.base, system.channels)
-    bent = step - np.einsum("gcm,gm->gc", seen, error)
+    bent = step - np.einsum("gcm,gm->gc", observation, error)
     if np.any(np.sqrt(np.mean(bent**2, axis=0)) > _BENT * noise):
-        seen = _sensitivity(system, error)[1]
-        bent = step - np.einsum("gcm,gm->gc", seen, error)
-    return system.residual - bent, seen
+        observation = _sensitivity(system, error)[1]
+        bent = step - np.einsum("gcm,gm->gc", observation, error)
+    return system.residual - bent, observation
 
 
-def corrected(states: Array, error: Array) -> Array:
+def apply_error(states: Array, error: Array) -> Array:
     """(9, n) states corrected by error states (n, m); bank and heading stay on their turn of the
     circle."""
     tilt, velocity = error[:, ATTITUDE].T, error[:, VELOCITY].T
     swing = _rotation(tilt)
-    to_earth = np.einsum("ijn,kjn->ikn", swing, to_body(states))
-    over_earth = np.einsum("jin,jn->in", to_body(states), states[:3])
+    to_earth = np.einsum("ijn,kjn->ikn", swing, earth_to_body(states))
+    over_earth = np.einsum("jin,jn->in", earth_to_body(states), states[:3])
     result = np.array(states)
     result[:3] = np.einsum(
         "jin,jn->in", to_earth, np.einsum("ijn,jn->in", swing, over_earth) + velocity
@@ -246,7 +261,7 @@ def flow_rows(states: Array, air: Array, wind: Array, m: int) -> Array:
     axes. As ``a = R' (v_path + s + e x wind - gust)``, attitude moves the air velocity only as far
     as there is wind.
     """
-    body, g = to_body(states), states.shape[1]
+    body, g = earth_to_body(states), states.shape[1]
     by_air = np.zeros((g, 3, m))
     rotation = np.moveaxis(body, 2, 0)
     by_air[:, :, VELOCITY], by_air[:, :, GUST] = rotation, -rotation
@@ -319,13 +334,13 @@ def _with_samples(record: Record, change: Callable[[Array], Array]) -> Record:
 
 
 def _blocked_residuals(
-    path: Path, names: Sequence[str], values: Mapping[str, float], size: int, g: int
+    path: ReconstructedPath, names: Sequence[str], values: Mapping[str, float], size: int, g: int
 ) -> tuple[Array, Array]:
     """(g, c) mean residual per block and share of its samples; what a late sensor shows belongs to
     an earlier block."""
     residual, count = np.zeros((g, len(names))), np.zeros((g, len(names)))
     for column, name in enumerate(names):
-        late = round(late_by(name, values) / path.record.step)
+        late = round(delay_of_channel(name, values) / path.record.step)
         good = np.flatnonzero(np.isfinite(path.residuals[name]))
         good = good[(good - late >= 0) & (good - late < g * size)]
         block = (good - late) // size
@@ -336,13 +351,15 @@ def _blocked_residuals(
     return residual, count
 
 
-def _dynamics(path: Path, at: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray, Array, Array]:
+def _dynamics(
+    path: ReconstructedPath, at: np.ndarray, size: int
+) -> tuple[np.ndarray, np.ndarray, Array, Array]:
     """Pattern and values (g-1, e) of the transition beside its diagonal, and noise (g-1, 6, 6) of
     the inertial sensors."""
     record = path.record
     step = record.step * size
     middle = path.states[:, at[:-1] + (size + 1) // 2]
-    to_earth = np.moveaxis(to_body(middle), 2, 0).transpose(0, 2, 1)
+    to_earth = np.moveaxis(earth_to_body(middle), 2, 0).transpose(0, 2, 1)
     speed = _skew(np.einsum("nij,jn->in", to_earth, middle[:3]))
     full = np.zeros((len(middle[0]), 18, 18))
     full[:, ATTITUDE, GYRO] = -to_earth
@@ -370,29 +387,35 @@ def _by_unknowns(
     """Derivatives of the channels (g, c, k) and of the error states (g, m, k) by the unknowns, the
     first state held."""
     g, k = len(system.at), len(free)
-    plain = replace(system.thin, given={}, earth=system.path.record.earth)
-    response = respond(plain, system.values_of, system.states[:, 0], free)
-    pull = np.stack([response.slopes[name] for name in system.channels], axis=1).reshape(
-        g, len(system.channels), k
-    )
-    push = np.zeros((g, m, k))
+    plain = replace(system.grid_record, given={}, earth=system.path.record.earth)
+    response = predict_outputs(plain, system.prompt_values, system.states[:, 0], free)
+    output_sensitivity = np.stack(
+        [response.slopes[name] for name in system.channels], axis=1
+    ).reshape(g, len(system.channels), k)
+    state_sensitivity = np.zeros((g, m, k))
     d = response.state_slopes
     f, t = system.states[3][:, None], system.states[4][:, None]
     turn = np.stack([d[3] - d[5] * np.sin(t), d[4] * np.cos(f) + d[5] * np.sin(f) * np.cos(t),
                      -d[4] * np.sin(f) + d[5] * np.cos(f) * np.cos(t)])  # fmt: skip
-    body = to_body(system.states)
-    push[:, ATTITUDE] = np.einsum("jig,jgk->gik", body, turn)
-    push[:, VELOCITY] = np.einsum("jig,jgk->gik", body, d[:3])
+    body = earth_to_body(system.states)
+    state_sensitivity[:, ATTITUDE] = np.einsum("jig,jgk->gik", body, turn)
+    state_sensitivity[:, VELOCITY] = np.einsum("jig,jgk->gik", body, d[:3])
     if m > POSITION.start:
-        push[:, POSITION] = np.moveaxis(d[6:], 0, 1) * np.array([1.0, 1.0, -1.0])[:, None]
+        state_sensitivity[:, POSITION] = (
+            np.moveaxis(d[6:], 0, 1) * np.array([1.0, 1.0, -1.0])[:, None]
+        )
     for number, item in enumerate(free):
         if item.kind == "wind":
-            push[:, GUST.start + ("north", "east", "down").index(item.subject), number] += 1.0
+            state_sensitivity[
+                :, GUST.start + ("north", "east", "down").index(item.subject), number
+            ] += 1.0
         if item.subject in INPUTS:
             index = INPUTS.index(item.subject)
             gain = 1.0 / (1.0 + values.get(f"{item.subject}_scale", 0.0))
-            true = gain * (system.thin.inputs[:, index] - values.get(f"{item.subject}_bias", 0.0))
-            push[:, (FORCE if index < 3 else GYRO).start + index % 3, number] += gain * (
-                true if item.kind == "scale" else 1.0
+            true = gain * (
+                system.grid_record.inputs[:, index] - values.get(f"{item.subject}_bias", 0.0)
             )
-    return pull, push
+            state_sensitivity[:, (FORCE if index < 3 else GYRO).start + index % 3, number] += (
+                gain * (true if item.kind == "scale" else 1.0)
+            )
+    return output_sensitivity, state_sensitivity

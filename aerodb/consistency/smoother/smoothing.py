@@ -15,21 +15,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from aerodb.consistency.kinematics import INPUTS, STATES
-from aerodb.consistency.output_error import Path, Reconstruction, inertial_noise
-from aerodb.consistency.sensors import Parameter, to_body
+from aerodb.consistency.output_error import ReconstructedPath, Reconstruction, inertial_noise
+from aerodb.consistency.sensors import Parameter, earth_to_body
 from aerodb.consistency.smoother.gusts import (
     MOST_RECORDS,
     Intensities,
-    adapted,
-    between,
-    complete,
-    estimate,
-    left_over,
+    adapted_gusts,
+    estimate_intensities,
+    measurement_variances,
+    residual_after_smoothing,
     slow_noise,
     transition,
-    variances,
+    variance_within_step,
+    with_missing_noise,
 )
-from aerodb.consistency.smoother.kalman import Pass, Transition, smooth
+from aerodb.consistency.smoother.kalman import SmootherPass, Transition, smooth
 from aerodb.consistency.smoother.path_error import (
     COARSE,
     FORCE,
@@ -38,12 +38,12 @@ from aerodb.consistency.smoother.path_error import (
     POSITION,
     VELOCITY,
     PathError,
-    corrected,
+    apply_error,
+    delay_of_channel,
     flow_rows,
-    late_by,
-    linearised,
     path_error,
-    shown,
+    predicted_outputs,
+    relinearised,
 )
 from aerodb.errors import UnknownNameError, nearest
 from aerodb.support import Array
@@ -62,7 +62,7 @@ _ONE_SENSOR = 0.7
 
 @dataclass(frozen=True)
 class SmoothedPath:
-    """One record smoothed: `path`, a `reconstruction.Path` whose air moves, and the `steady` one
+    """One record smoothed: `path`, a `reconstruction.ReconstructedPath` whose air moves, and the `steady` one
     that it started from; `wind` (3, n) north, east, down with its gusts, m/s; `sigma` (n,) standard
     errors by `CHANNELS`; on the `grid` (g,) of samples that the smoother works on, `innovations`
     (g,) by channel in units of their sigma (nan: none) and `draws` (d, g) by `CHANNELS`, random
@@ -70,8 +70,8 @@ class SmoothedPath:
     `within`, by `CHANNELS`, one sigma of what gusts do between grid points, which the draws lack;
     `intensities` of this record."""
 
-    path: Path
-    steady: Path
+    path: ReconstructedPath
+    steady: ReconstructedPath
     wind: Array
     sigma: Mapping[str, Array]
     grid: np.ndarray
@@ -136,7 +136,7 @@ def smooth_flight(
     generator = np.random.default_rng(seed)
     paths, total = [], 0.0
     for path in own:  # one system at a time: together they would take more memory than the flight
-        system = path_error(path, values, free, coarse, _twice(path))
+        system = path_error(path, values, free, coarse, _duplicate_channels(path))
         smoothed, likelihood = _smoothed(system, by, spread, values, draws, generator)
         paths.append(smoothed)
         total += likelihood
@@ -158,11 +158,13 @@ def intensities_of(
     systems = []
     for number in np.unique(np.linspace(0, len(own) - 1, MOST_RECORDS).round().astype(int)):
         free, values, _ = _parameters(result, own[number].record.flight, fixed)
-        systems.append(path_error(own[number], values, free, coarse, _twice(own[number])))
-    return estimate(systems, noise_floor)
+        systems.append(
+            path_error(own[number], values, free, coarse, _duplicate_channels(own[number]))
+        )
+    return estimate_intensities(systems, noise_floor)
 
 
-def _paths(result: Reconstruction, flight: str) -> list[Path]:
+def _paths(result: Reconstruction, flight: str) -> list[ReconstructedPath]:
     own = [path for path in result.paths if path.record.flight == flight]
     if not own:
         known = {path.record.flight for path in result.paths}
@@ -186,7 +188,7 @@ def _parameters(
     return [entry.parameter for entry in chosen.values()], values, list(chosen)
 
 
-def _twice(path: Path) -> tuple[str, ...]:
+def _duplicate_channels(path: ReconstructedPath) -> tuple[str, ...]:
     """The dynamic pressure where its residual is the airspeed's over again."""
     if not {"V", "qbar"} <= set(path.residuals):
         return ()
@@ -215,34 +217,41 @@ def _smoothed(
 ) -> tuple[SmoothedPath, float]:
     """One record: passes until linearisation and intensities have settled, the last with the
     unknowns and the draws."""
-    by = complete(flight, system)
-    error, seen = np.zeros((len(system.at), system.seen.shape[2])), system.seen
+    by = with_missing_noise(flight, system)
+    error, observation = np.zeros((len(system.at), system.observation.shape[2])), system.observation
     measured = system.residual
     for _ in range(_PASSES):
-        result = smooth(transition(system, by), measured[:, :, None], variances(system, by), seen)
-        error, by = result.states[:, :, 0], adapted(by, result)
-        measured, seen = linearised(system, error, seen, by.of(system.channels))
-    left = left_over(system, measured, seen, error)
+        result = smooth(
+            transition(system, by),
+            measured[:, :, None],
+            measurement_variances(system, by),
+            observation,
+        )
+        error, by = result.states[:, :, 0], adapted_gusts(by, result)
+        measured, observation = relinearised(system, error, observation, by.of(system.channels))
+    left = residual_after_smoothing(system, measured, observation, error)
     by = replace(
         by,
         noise={name: max(size, slow_noise(system, left, name)) for name, size in by.noise.items()},
     )
-    model, noise = transition(system, by), variances(system, by)
-    drawn, drawn_measured = _drawn(model, noise, seen, draws, generator)
-    sides = np.concatenate([measured[:, :, None], -system.pull @ spread, drawn_measured], axis=2)
-    result = smooth(model, sides, noise, seen)
+    model, noise = transition(system, by), measurement_variances(system, by)
+    drawn, drawn_measured = _drawn(model, noise, observation, draws, generator)
+    sides = np.concatenate(
+        [measured[:, :, None], -system.output_sensitivity @ spread, drawn_measured], axis=2
+    )
+    result = smooth(model, sides, noise, observation)
     k = spread.shape[1]
-    common = system.push @ spread + result.states[:, :, 1 : 1 + k]
+    common = system.state_sensitivity @ spread + result.states[:, :, 1 : 1 + k]
     # true minus smoothed: given the unknowns, and what one draw of the unknowns adds
     lack = drawn - result.states[:, :, 1 + k :] + common @ generator.standard_normal((k, draws))
     return _expanded(system, by, result, common, lack, values), result.log_likelihood
 
 
 def _drawn(
-    model: Transition, noise: Array, seen: Array, draws: int, generator: np.random.Generator
+    model: Transition, noise: Array, observation: Array, draws: int, generator: np.random.Generator
 ) -> tuple[Array, Array]:
     """Random states (g, m, d) of the model and what the sensors would show of them (g, c, d)."""
-    g, c, m = seen.shape
+    g, c, m = observation.shape
     states = np.zeros((g, m, draws))
     size = model.block.shape[1]
     power, direction = np.linalg.eigh(model.block)
@@ -257,7 +266,7 @@ def _drawn(
             np.add.at(moved, model.rows, model.values[i][:, None] * x[model.columns])
             moved[:size] += root[i] @ generator.standard_normal((size, draws))
             x = moved
-    return states, seen @ states + np.sqrt(noise)[:, :, None] * generator.standard_normal(
+    return states, observation @ states + np.sqrt(noise)[:, :, None] * generator.standard_normal(
         (g, c, draws)
     )
 
@@ -265,7 +274,7 @@ def _drawn(
 def _expanded(
     system: PathError,
     by: Intensities,
-    result: Pass,
+    result: SmootherPass,
     common: Array,
     lack: Array,
     values: Mapping[str, float],
@@ -275,11 +284,11 @@ def _expanded(
     error = result.states[:, :, 0]
     fine = _interpolated(error, grid, n)
     mean_wind = np.array([values.get(f"wind_{axis}", 0.0) for axis in ("north", "east", "down")])
-    states, wind = corrected(system.path.states, fine), fine[:, GUST].T + mean_wind[:, None]
-    air = states[:3] - np.einsum("ijn,jn->in", to_body(states), wind)
-    rows = _rows(states[:, grid], air[:, grid], wind[:, grid], error.shape[1])
+    states, wind = apply_error(system.path.states, fine), fine[:, GUST].T + mean_wind[:, None]
+    air = states[:3] - np.einsum("ijn,jn->in", earth_to_body(states), wind)
+    rows = _channel_rows(states[:, grid], air[:, grid], wind[:, grid], error.shape[1])
     inside = rows[:, :, GUST] ** 2 @ (
-        between(by.gusts, system.step) if len(grid) < n else np.zeros(3)
+        variance_within_step(by.gusts, system.step) if len(grid) < n else np.zeros(3)
     )
     variance = (
         np.sum((rows @ result.covariance) * rows, axis=2)
@@ -310,11 +319,11 @@ def _expanded(
     return SmoothedPath(path, system.path, wind, sigma, grid, innovations, draws, within, by)
 
 
-def _rows(states: Array, air: Array, wind: Array, m: int) -> Array:
+def _channel_rows(states: Array, air: Array, wind: Array, m: int) -> Array:
     """(g, CHANNELS, m) derivatives of every channel by the error states."""
     flow = flow_rows(states, air, wind, m)
     rows = np.zeros((len(flow), len(CHANNELS), m))
-    rows[:, :3, VELOCITY] = np.moveaxis(to_body(states), 2, 0)
+    rows[:, :3, VELOCITY] = np.moveaxis(earth_to_body(states), 2, 0)
     rows[:, 3:6], rows[:, 9:12] = flow[:, 3:], flow[:, :3]
     if m > POSITION.start:
         rows[:, 6:9, POSITION] = np.diag([1.0, 1.0, -1.0])
@@ -334,7 +343,7 @@ def _interpolated(values: Array, grid: np.ndarray, n: int, shift: float = 0.0) -
 
 def _residuals(system: PathError, error: Array, values: Mapping[str, float]) -> dict[str, Array]:
     """Measured minus smoothed, (n,) by channel, at the record's own rate; what is late is late."""
-    change = shown(system, error[None])[0] - system.base
+    change = predicted_outputs(system, error[None])[0] - system.base
     found, n = {}, len(system.path.record.inputs)
     for column, name in enumerate(system.channels):
         turned = (
@@ -342,7 +351,7 @@ def _residuals(system: PathError, error: Array, values: Mapping[str, float]) -> 
             if name in ("phi", "psi")
             else change[:, column]
         )
-        late = late_by(name, values) / system.path.record.step
+        late = delay_of_channel(name, values) / system.path.record.step
         found[name] = (
             system.path.residuals[name] - _interpolated(turned[:, None], system.at, n, late)[:, 0]
         )

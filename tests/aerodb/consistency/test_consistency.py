@@ -8,7 +8,7 @@ import pytest
 from scipy.io import loadmat
 
 from aerodb.consistency.output_error.reconstruction import reconstruct
-from aerodb.consistency.sensors.expected import faults
+from aerodb.consistency.sensors.expected import detect_faults
 from aerodb.consistency.sensors.navigation import flow_against_velocity, position_against_velocity
 from aerodb.consistency.sensors.whiteness import process_noise
 from aerodb.consistency.verdict import judge, judge_navigation
@@ -55,7 +55,8 @@ def test_attas_verdicts(three, freed):
     """Good but for the bank angle of the bank-to-bank record, which biases alone leave .35 deg
     apart."""
     words = {
-        record.name: judge(freed, record.flight, Accuracy(), faults(record)) for record in three
+        record.name: judge(freed, record.flight, Accuracy(), detect_faults(record))
+        for record in three
     }
     assert [verdict.word for verdict in words.values()] == ["good", "limited", "good"]
     assert words["fAttasAil1"].reasons == (

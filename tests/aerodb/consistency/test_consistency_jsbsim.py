@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aerodb.consistency.output_error.estimation import solved
+from aerodb.consistency.output_error.estimation import solve
 from aerodb.consistency.output_error.reconstruction import reconstruct
 from aerodb.consistency.plan import Plan
-from aerodb.consistency.sensors.expected import faults
+from aerodb.consistency.sensors.expected import detect_faults
 from aerodb.consistency.verdict import judge
 from aerodb.vehicle import Accuracy
 
@@ -85,7 +85,7 @@ def test_nothing_is_found_where_nothing_is_wrong(flight):
     result = _solve(record)
     for name, entry in _found(result).items():
         assert abs(entry.value - WIND.get(name, 0.0)) < 4 * entry.standard_error, name
-    verdict = judge(result, "jsbsim", Accuracy(), faults(record))
+    verdict = judge(result, "jsbsim", Accuracy(), detect_faults(record))
     assert verdict.word == "good", verdict.reasons
 
 
@@ -156,10 +156,10 @@ def test_what_the_flight_cannot_tell_is_not_told(flight):
     record = _record(flight, {}, channels=channels)
     free = ("ax_bias", "q_bias", "psi_bias", "wind_north", "wind_east", "wind_down")
     plan = Plan(free, STATES, {}, ())
-    result = solved([record], plan)
+    result = solve([record], plan)
     for name in ("wind_north", "wind_east", "psi_bias"):
         label = name if name == "psi_bias" else f"{name}[jsbsim]"
-        assert result[label].standard_error > 0.5 * plan.weak[name], name
+        assert result[label].standard_error > 0.5 * plan.priors[name], name
     for entry in result.estimates:
         name = entry.parameter.name
         if name in PLANTED and name not in WIND:

@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import pytest
 
-from aerodb.consistency.output_error.estimation import estimate
+from aerodb.consistency.output_error.estimation import estimate_sensors
 from aerodb.consistency.output_error.reconstruction import reconstruct
 from aerodb.consistency.plan import make_plan
-from aerodb.consistency.sensors.expected import faults
+from aerodb.consistency.sensors.expected import detect_faults
 from aerodb.consistency.verdict import judge
 from tests.support.consistency_records import (
     ATTAS_BIASES,
@@ -55,7 +55,7 @@ def test_twin_otter_air_data_are_late(measured, name, channel, low, high):
     standard errors. What else is estimated is chosen as for any flight: with the scales of both
     angles free as well, the demo record says .032 +- .006 s."""
     record = twin_otter(measured(f"twin_otter/{name}.mat"))
-    result, _ = estimate([record], make_plan([record], TWIN_OTTER), TWIN_OTTER.accuracy)
+    result, _ = estimate_sensors([record], make_plan([record], TWIN_OTTER), TWIN_OTTER.accuracy)
     delay = result[f"{channel}_delay"]
     assert low < delay.value < high
     assert delay.value > 5 * delay.standard_error
@@ -65,8 +65,8 @@ def test_twin_otter_heading_is_refused_alone(measured):
     """The compass of f1_017 jumps by up to 15 deg; air data, bank and rates agree, so the flight
     stays, limited."""
     record = twin_otter(measured("twin_otter/totter_f1_017_data.mat"))
-    result, _ = estimate([record], make_plan([record], TWIN_OTTER), TWIN_OTTER.accuracy)
-    verdict = judge(result, record.flight, TWIN_OTTER.accuracy, faults(record))
+    result, _ = estimate_sensors([record], make_plan([record], TWIN_OTTER), TWIN_OTTER.accuracy)
+    verdict = judge(result, record.flight, TWIN_OTTER.accuracy, detect_faults(record))
     table = {check.channel: check for check in verdict.channels}
     assert verdict.word == "limited"
     assert table["psi"].verdict == "limited"

@@ -18,7 +18,7 @@ from scipy.signal import savgol_filter
 from aerodb.coefficients.total import total_coefficients
 from aerodb.consistency.output_error.initial_states import first_states
 from aerodb.consistency.output_error.reconstruction import reconstruct
-from aerodb.consistency.records import from_probe
+from aerodb.consistency.records import air_data_from_probe
 from aerodb.estimation.regression import least_squares
 from aerodb.tables.reference import hat_rate
 from aerodb.vehicle import parse_vehicle
@@ -124,7 +124,9 @@ def _consistent(path: Path, freed, differentiate):
     channels = {f"{name}_imu": flight[f"{name}_imu"] - bias[name] for name in ("ax", "ay", "az")}
     channels |= {name: flight[name] - bias[name] for name in "pqr"}
     rates = np.column_stack([channels[name] for name in "pqr"])
-    channels |= from_probe({name: flight[name] for name in ("V", "alpha", "beta")}, rates, BOOM)
+    channels |= air_data_from_probe(
+        {name: flight[name] for name in ("V", "alpha", "beta")}, rates, BOOM
+    )
     channels["qbar"] = 0.5 * flight["rho"] * channels["V"] ** 2
     channels |= {f"{name}dot": differentiate(channels[name], flight.step) for name in "pqr"}
     return flight.with_channels(channels)

@@ -7,11 +7,11 @@ import pytest
 
 from aerodb.consistency.output_error.reconstruction import reconstruct
 from aerodb.consistency.records import (
-    at_probe,
+    air_data_at_probe,
+    air_data_from_probe,
     flight_of,
-    from_probe,
-    inertial,
-    one_sensor,
+    inertial_inputs,
+    qbar_follows_airspeed,
     records_from_flight,
 )
 from aerodb.consistency.sensors.prediction import Record
@@ -61,7 +61,7 @@ def _flight(planted, seconds=60.0):
     moved = record.inputs[:, :3] + np.cross(turning, arm) + np.cross(rates, np.cross(rates, arm))
     channels = {f"a{axis}_imu": moved[:, k] for k, axis in enumerate("xyz")}
     channels |= {name: record.inputs[:, 3 + k] for k, name in enumerate("pqr")}
-    at_cg = from_probe(
+    at_cg = air_data_from_probe(
         {name: record.outputs[name] for name in ("V", "alpha", "beta")},
         record.inputs[:, 3:],
         record.arm,
@@ -103,12 +103,12 @@ def test_air_data_go_back_to_the_probe_and_come_again(vehicle):
     """What the mapping moved to the CG by the measured rates is undone exactly, with and without a
     beta vane."""
     flight = _flight({})
-    moved = inertial(flight, vehicle)
+    moved = inertial_inputs(flight, vehicle)
     for names in (("V", "alpha", "beta"), ("V", "alpha")):
         shown = {name: flight[name] for name in names}
-        at_cg = from_probe(shown, moved.values[:, 3:], moved.arm)
+        at_cg = air_data_from_probe(shown, moved.values[:, 3:], moved.arm)
         assert np.abs(at_cg["alpha"] - shown["alpha"]).max() > 1e-3
-        there = at_probe(
+        there = air_data_at_probe(
             flight.with_channels(at_cg) if len(names) == 3 else _only(flight, at_cg), moved
         )
         for name in names:
@@ -138,9 +138,9 @@ def test_one_pressure_is_one_sensor(vehicle):
     """A dynamic pressure made from the airspeed is no second measurement; an own one is."""
     flight = _flight({})
     made = flight.with_channels({"qbar": 0.5 * DENSITY * flight["V"] ** 2})
-    assert one_sensor(made, made)
+    assert qbar_follows_airspeed(made, made)
     assert "qbar" not in records_from_flight(made, vehicle)[0].outputs
-    assert not one_sensor(flight, flight)
+    assert not qbar_follows_airspeed(flight, flight)
     assert "qbar" in records_from_flight(flight, vehicle)[0].outputs
 
 

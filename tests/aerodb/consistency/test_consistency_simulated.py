@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from aerodb.consistency.kinematics import integrate
-from aerodb.consistency.output_error.estimation import solved
+from aerodb.consistency.output_error.estimation import solve
 from aerodb.consistency.output_error.reconstruction import reconstruct
 from aerodb.consistency.plan import Plan
 from aerodb.consistency.sensors import Record
-from aerodb.consistency.sensors.expected import expected_inputs, faults
+from aerodb.consistency.sensors.expected import detect_faults, expected_inputs
 from aerodb.consistency.verdict import judge
 from aerodb.errors import InputError, UnknownNameError
 from aerodb.vehicle import Accuracy
@@ -156,12 +156,12 @@ def test_what_cannot_be_separated_keeps_the_width_of_its_prior():
     channels = ("V", "alpha", "beta", "phi", "theta", "psi")
     record = simulated(np.random.default_rng(2), {}, channels=channels)
     plan = Plan(("ax_bias", "q_bias", "wind_north", "wind_east", "psi_bias"), STATES, {}, ())
-    result = solved([record], plan)
+    result = solve([record], plan)
     for name in ("wind_north", "wind_east"):
-        assert result[f"{name}[simulated]"].standard_error > 0.5 * plan.weak[name]
-    assert result["psi_bias"].standard_error == pytest.approx(plan.weak["psi_bias"], rel=0.05)
+        assert result[f"{name}[simulated]"].standard_error > 0.5 * plan.priors[name]
+    assert result["psi_bias"].standard_error == pytest.approx(plan.priors["psi_bias"], rel=0.05)
     assert result["initial_psi[simulated]"].standard_error == pytest.approx(
-        plan.weak["psi_bias"], rel=0.05
+        plan.priors["psi_bias"], rel=0.05
     )
     assert abs(result["q_bias"].value) < 3 * result["q_bias"].standard_error
 
@@ -240,14 +240,14 @@ BROKEN = {
 @pytest.mark.parametrize("sentence", BROKEN)
 def test_blunt_faults_are_named(sentence):
     record = simulated(np.random.default_rng(1), {})
-    assert faults(record) == ()
-    found = faults(replace(record, inputs=BROKEN[sentence](record.inputs)))
+    assert detect_faults(record) == ()
+    found = detect_faults(replace(record, inputs=BROKEN[sentence](record.inputs)))
     assert [fault.sentence.startswith(sentence) for fault in found] == [True]
 
 
 def test_degrees_in_an_attitude_are_named():
     record = simulated(np.random.default_rng(1), {})
-    found = faults(
+    found = detect_faults(
         replace(record, outputs={**record.outputs, "phi": np.rad2deg(record.outputs["phi"])})
     )
     assert found[0].sentence.endswith("degrees declared as radians")

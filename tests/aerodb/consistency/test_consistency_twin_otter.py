@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aerodb.consistency.output_error.estimation import estimate, solved
+from aerodb.consistency.output_error.estimation import estimate_sensors, solve
 from aerodb.consistency.output_error.initial_states import first_states
 from aerodb.consistency.output_error.reconstruction import reconstruct
 from aerodb.consistency.plan import make_plan
-from aerodb.consistency.sensors.expected import faults
+from aerodb.consistency.sensors.expected import detect_faults
 from aerodb.consistency.verdict import judge
 from tests.support.consistency_records import ATTAS_BIASES, TWIN_OTTER, twin_otter
 
@@ -45,16 +45,16 @@ def _rms(path):
 def _solved(record, sensors=SENSORS):
     """With these parameters free, under the priors, bounds and least noise that any flight of the
     vehicle gets."""
-    return solved([record], replace(make_plan([record], TWIN_OTTER), free=tuple(sensors)))
+    return solve([record], replace(make_plan([record], TWIN_OTTER), free=tuple(sensors)))
 
 
 def _verdict(result, record):
-    return judge(result, record.flight, TWIN_OTTER.accuracy, faults(record))
+    return judge(result, record.flight, TWIN_OTTER.accuracy, detect_faults(record))
 
 
 def _chosen(record):
     """The reconstruction with what a flight of this vehicle is worth estimating."""
-    return estimate([record], make_plan([record], TWIN_OTTER), TWIN_OTTER.accuracy)[0]
+    return estimate_sensors([record], make_plan([record], TWIN_OTTER), TWIN_OTTER.accuracy)[0]
 
 
 @pytest.mark.parametrize("name", ["demo", "9752ed20"])

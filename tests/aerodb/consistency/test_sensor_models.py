@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from aerodb.consistency.kinematics import INPUTS, STATES
-from aerodb.consistency.output_error.estimation import solved
+from aerodb.consistency.output_error.estimation import solve
 from aerodb.consistency.output_error.reconstruction import reconstruct
 from aerodb.consistency.plan import Plan
-from aerodb.consistency.sensors import Record, respond
+from aerodb.consistency.sensors import Record, predict_outputs
 from aerodb.consistency.sensors.models import Installation
 from aerodb.consistency.sensors.parameters import (
     FURTHER_OUTPUTS,
@@ -64,7 +64,7 @@ def test_derivatives_are_exact(earth):
 
     def shown(values):
         start = first + [values[f"initial_{state}"] for state in STATES]
-        return respond(record, values, start, items)
+        return predict_outputs(record, values, start, items)
 
     response = shown(at)
     for column, item in enumerate(items):
@@ -212,7 +212,7 @@ def test_what_cannot_be_observed_is_never_reported_with_a_small_error(case):
         planted = {name: 0.4 * parameter(name).size * rng.standard_normal() for name in free}
         record = instrumented(rng, planted, channels, step=0.04, seconds=30.0)
         first = [state for state in FIRST if state in channels or state in "uvw"]
-        result = solved([record], Plan(free, tuple(first), {}, ()))
+        result = solve([record], Plan(free, tuple(first), {}, ()))
         for estimate in result.estimates:
             if estimate.parameter.name in planted:
                 distance.append(
@@ -242,9 +242,9 @@ def test_straight_flight_says_nothing_of_arms_delays_and_mounts():
         "beta_delay",
     )
     plan = Plan(free, FIRST, {}, ())
-    result = solved([_straight(rng)], plan)
+    result = solve([_straight(rng)], plan)
     for name in set(free) - {"alpha_bias"}:
-        assert result[name].standard_error > 0.9 * plan.weak[name], name
+        assert result[name].standard_error > 0.9 * plan.priors[name], name
         assert abs(result[name].value) < result[name].standard_error, name
     # a scale of usual size would show as a bias of that share of alpha: so uncertain is the bias
     assert result["alpha_bias"].standard_error == pytest.approx(0.2 * 0.06, rel=0.1)

@@ -46,7 +46,7 @@ def test_the_error_of_a_path_is_linear_as_said():
     system = path_error(
         result.paths[0], {entry.parameter.name: entry.value for entry in result.estimates}, free
     )
-    m = system.seen.shape[2]
+    m = system.observation.shape[2]
     for number, item in enumerate(free):
         if item.subject not in INPUTS or item.kind != "bias":
             continue
@@ -54,16 +54,16 @@ def test_the_error_of_a_path_is_linear_as_said():
         for i in range(len(state) - 1):
             step = np.eye(m)
             step[system.rows, system.columns] += system.values[i]
-            state[i, 9:15] = system.push[i, 9:15, number]
+            state[i, 9:15] = system.state_sensitivity[i, 9:15, number]
             state[i + 1] = step @ state[i]
-        exact = system.push[:, :, number]
+        exact = system.state_sensitivity[:, :, number]
         size = np.abs(exact[:, :6]).max(axis=0)
         moving = size > 1e-2 * size.max()
         assert np.all(np.abs(state - exact)[:, :6].max(axis=0)[moving] < 0.006 * size[moving]), (
             item.name
         )
-        shown = np.einsum("gcm,gm->gc", system.seen, exact)
-        exact_shown = system.pull[:, :, number]
+        shown = np.einsum("gcm,gm->gc", system.observation, exact)
+        exact_shown = system.output_sensitivity[:, :, number]
         assert np.abs(shown - exact_shown).max() < 0.006 * np.abs(exact_shown).max(), item.name
 
 

@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from aerodb.consistency.calibration import Calibration, drift, from_document
-from aerodb.consistency.output_error.posterior import Knowledge
+from aerodb.consistency.output_error.posterior import SensorEstimates
 from aerodb.errors import InputError, UnknownNameError
 from aerodb.flows.cli.main import app
 from aerodb.storage.catalogue.catalogue import Catalogue
@@ -70,9 +70,9 @@ def test_knowledge_combines_as_normal_variables_do() -> None:
     """The Kalman update and conditioning against the information form, written out."""
     rng = np.random.default_rng(4)
     root = rng.standard_normal((3, 3))
-    found = Knowledge(("a", "b", "c"), rng.standard_normal(3), root @ root.T)
+    found = SensorEstimates(("a", "b", "c"), rng.standard_normal(3), root @ root.T)
     prior, spread = np.array([0.3, -0.2]), np.array([[0.5, 0.1], [0.1, 0.4]])
-    combined = found.given(("c", "a"), prior, spread)
+    combined = found.updated(("c", "a"), prior, spread)
     pick = np.array([[0.0, 0, 1], [1, 0, 0]])
     precision = np.linalg.inv(found.covariance) + pick.T @ np.linalg.inv(spread) @ pick
     expected = np.linalg.solve(
@@ -81,8 +81,8 @@ def test_knowledge_combines_as_normal_variables_do() -> None:
     )
     np.testing.assert_allclose(combined.values, expected)
     np.testing.assert_allclose(combined.covariance, np.linalg.inv(precision))
-    exact = found.given(("b",), np.zeros(1), np.array([[1e-12]]))
-    left = found.without("b")
+    exact = found.updated(("b",), np.zeros(1), np.array([[1e-12]]))
+    left = found.conditioned_on_zero("b")
     assert left.names == ("a", "c")
     np.testing.assert_allclose(left.values, exact.values[[0, 2]], atol=1e-9)
     np.testing.assert_allclose(left.covariance, exact.covariance[np.ix_([0, 2], [0, 2])], atol=1e-9)
