@@ -1,7 +1,7 @@
-"""A calibration: sensor parameters with their covariance, from flights, as an immutable version.
+"""Sensor calibration from flights: parameters with their covariance, as an immutable version.
 
-Flights that are processed later take it as what is known of their sensors beforehand. Whether a
-flight's own estimate still agrees with it is `drift`.
+It is the prior of the sensor parameters of flights processed later. `drift` tests whether a
+flight's own estimates still agree with it.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -14,8 +14,8 @@ import numpy as np
 from aerodb.errors import InputError
 from aerodb.support import Array, key_of
 
-#: A flight's own estimate beyond this many standard errors from its calibration is a reason to
-#: calibrate anew.
+#: Distance in standard errors between a flight's own estimate and the calibration from which on
+#: recalibration is due.
 DRIFT = 3.0
 
 
@@ -23,9 +23,16 @@ DRIFT = 3.0
 class Calibration:
     """Sensor parameters of a vehicle.
 
-    names : as in `parameters.known_names`, without scope. values (k,) and covariance (k, k), SI.
-    flights : ids of those that it was estimated from. valid_from, valid_until : UTC of the start of
-    flights that it is for; None: without limit.
+    vehicle : name.
+    names : k parameter names as in `parameters.known_names`, without scope.
+    values : (k,), SI.
+    covariance : (k, k), SI, positive definite.
+    flights : ids of the flights that it was estimated from.
+    valid_from, valid_until : range of start times (UTC) of the flights that it applies to; None: no
+        limit.
+
+    Raises InputError when shapes disagree, values are not finite, or the covariance is not positive
+    definite.
     """
 
     vehicle: str
@@ -46,33 +53,33 @@ class Calibration:
             raise InputError(
                 f"{k} names, values {self.values.shape}, covariance {self.covariance.shape}",
                 "calibration",
+                "give k unique names, k values and a (k, k) covariance",
             )
         if not np.isfinite(self.values).all() or (
             k and np.linalg.eigvalsh(self.covariance)[0] <= 0
         ):
             raise InputError(
-                "values are not finite, or the covariance is not positive", "calibration"
+                "values are not finite, or the covariance is not positive definite", "calibration"
             )
 
     @property
     def id(self) -> str:
-        """sha256 of the canonical JSON of its content: the same calibration has the same id on
-        every machine."""
+        """SHA-256 of the canonical JSON of its content, the same on every machine."""
         return key_of(self.document())
 
     @property
     def standard_errors(self) -> Array:
-        """(k,) one sigma of each value."""
+        """(k,) standard errors, SI."""
         return np.asarray(np.sqrt(np.diag(self.covariance)))
 
     @property
     def by_name(self) -> dict[str, tuple[float, float]]:
-        """Name -> value and its standard error."""
+        """Name -> (value, standard error), SI."""
         pairs = zip(self.values.tolist(), self.standard_errors.tolist(), strict=True)
         return dict(zip(self.names, pairs, strict=True))
 
     def only(self, names: Iterable[str]) -> "Calibration":
-        """What it says of these parameters alone (others integrated out), in its own order."""
+        """The marginal calibration of these parameters, in its own order."""
         wanted = set(names)
         index = [number for number, name in enumerate(self.names) if name in wanted]
         part = tuple(self.names[number] for number in index)
@@ -88,8 +95,8 @@ class Calibration:
         )
 
     def valid_at(self, start: datetime | None) -> bool:
-        """Whether it is for a flight that started at `start`; a flight of unknown start needs one
-        without limits."""
+        """Whether it applies to a flight that started at `start`; an unknown start (None) needs a
+        calibration without limits."""
         if start is None:
             return self.valid_from is None and self.valid_until is None
         return (self.valid_from is None or start >= self.valid_from) and (
@@ -97,7 +104,7 @@ class Calibration:
         )
 
     def document(self) -> dict[str, Any]:
-        """As a JSON document, from which `from_document` makes it again."""
+        """As a JSON document; `from_document` reads it back."""
         return {
             "vehicle": self.vehicle,
             "parameters": {
@@ -112,7 +119,7 @@ class Calibration:
 
 
 def from_document(document: Mapping[str, Any]) -> Calibration:
-    """The calibration of a stored document; InputError when it is none."""
+    """The calibration in a stored document; raises InputError when it is not one."""
     try:
         names = tuple(document["order"])
         return Calibration(
@@ -134,8 +141,10 @@ def from_document(document: Mapping[str, Any]) -> Calibration:
 
 @dataclass(frozen=True)
 class Drift:
-    """A parameter whose estimate from one flight alone is far from its calibration; `distance` in
-    standard errors of both."""
+    """A parameter whose estimate from one flight alone is far from the calibration.
+
+    own, calibrated : both values, SI. distance : in standard errors of their difference.
+    """
 
     name: str
     own: float
@@ -144,7 +153,7 @@ class Drift:
 
     @property
     def because(self) -> str:
-        """One plain sentence."""
+        """The finding as one sentence, which is stored with the flight."""
         figures = f"{self.own:.3g} in this flight, {self.calibrated:.3g} in its calibration"
         return (
             f"recalibrate: {self.name} has drifted by {self.distance:.1f} standard errors"
@@ -155,8 +164,12 @@ class Drift:
 def drift(
     calibration: Calibration, names: Sequence[str], values: Array, standard_errors: Array
 ) -> tuple[Drift, ...]:
-    """Parameters of a flight's own estimate (made without the calibration) that differ by more than
-    `DRIFT` sigma from it."""
+    """Parameters that differ by more than `DRIFT` standard errors from the calibration.
+
+    Parameters
+    ----------
+    names, values, standard_errors : (k,) estimates of one flight, made without the calibration, SI.
+    """
     known, found = calibration.by_name, []
     for name, value, error in zip(names, values, standard_errors, strict=True):
         if name in known:

@@ -1,9 +1,8 @@
-"""What a reconstruction makes of a flight: every sample corrected, and where that is better, taken
-from the smoothed motion.
+"""Correct every sample of a flight with its reconstruction, or replace a channel by the smoother's.
 
-What a channel becomes is decided by the error to expect. A corrected sensor has its own noise and
-what is uncertain of its bias; the smoother (`smoother`) weighs it against the inertial motion and
-the gusts that it finds, and says how sure it is.
+The source with the smaller expected error is used. A corrected sensor has its own noise and the
+uncertainty of its bias; the smoother (`smoother`) weighs it against the inertial motion and the
+gusts that it finds, and gives a standard error.
 """
 
 from collections.abc import Mapping, Sequence
@@ -53,11 +52,11 @@ from aerodb.logs import angles_from_pressures
 from aerodb.support import Array
 from aerodb.vehicle import Vehicle
 
-#: A channel without a sensor is given when its standard error stays within this many limits of the
-#: vehicle's accuracy.
+#: A channel without a sensor is given if its standard error is within this many accuracy limits of
+#: the vehicle.
 LIMITS = 2.0
 
-#: Draws of the smoother's error, and stretches of one wind that they are made of, for the spectrum.
+#: Number of draws of the smoother's error for its spectrum, and of wind stretches to draw from.
 DRAWS, MOST_DRAWN = 8, 3
 
 _AIR: Final = ("V", "alpha", "beta")
@@ -66,9 +65,8 @@ _OTHERS: Final = ("velocity_north", "velocity_east", "velocity_down")
 
 
 class Origin(Enum):
-    """Where the values of a channel come from: its sensor, the smoother (with the sensor beside the
-    motion, or without one), or nowhere. The values are the words that stored documents have for
-    it."""
+    """Where the values of a channel come from: its sensor, the smoother (with or without a sensor),
+    or nowhere. The enumeration's values are the texts of stored documents."""
 
     SENSOR = "corrected sensor"
     SENSOR_AND_MOTION = "smoothed: sensor and motion together"
@@ -78,8 +76,7 @@ class Origin(Enum):
 
 @dataclass(frozen=True)
 class ChannelSource:
-    """The `origin` of a channel's values; `because`: what more there is to say, why a channel is
-    not given."""
+    """The `origin` of a channel's values; `because` says why a channel is not given."""
 
     origin: Origin
     because: str = ""
@@ -91,12 +88,12 @@ class ChannelSource:
 
     @property
     def text(self) -> str:
-        """In plain words, as documents have it."""
+        """As text, as stored in documents."""
         return f"{self.origin.value}, and {self.because}" if self.because else self.origin.value
 
     @classmethod
     def from_text(cls, text: str) -> "ChannelSource":
-        """The source that has this `text`; ValueError for another.
+        """The source with this `text`; raises ValueError for an unknown one.
 
         >>> ChannelSource.from_text("not given: it has no sensor, and nothing determines it").origin
         <Origin.NOT_GIVEN: 'not given: it has no sensor'>
@@ -107,10 +104,15 @@ class ChannelSource:
 
 @dataclass(frozen=True)
 class CorrectedFlight:
-    """A corrected flight; `sigma`: channel -> (n,) one standard error; `changed`: channels that
-    differ from the measured ones; `used`: channel -> where its values come from; `noise`: spectrum
-    of what is wrong in these channels, of the source (smoother or sensor) that alpha has; `result`:
-    the reconstruction, its winds as uncertain as gusts make them."""
+    """A corrected flight.
+
+    flight : with corrected channels.
+    sigma : channel -> (n,), standard errors, SI.
+    changed : channels that differ from the measured ones.
+    used : channel -> where its values come from.
+    noise : error spectrum of the channels, for the source (smoother or sensor) used for alpha.
+    result : the reconstruction, with the standard errors of its winds enlarged for gusts.
+    """
 
     flight: Flight
     sigma: Mapping[str, Array]
@@ -127,13 +129,20 @@ def corrected_flight(
     values: Mapping[str, float],
     held: Mapping[str, float],
 ) -> CorrectedFlight:
-    """Applies the sensor corrections `values` (name -> value, SI) to every sample of a mapped
-    flight, at full rate.
+    """Correct every sample of a mapped flight at its full rate.
 
-    V, alpha, beta and attitude are those of the smoother where this is nearer the truth (see
-    `_choose_source`), or where no sensor shows them and their standard error is within `LIMITS`; dynamic
-    pressure follows the airspeed that it was made with. Velocity over the earth stays that of its
-    own point. held : parameters of the reconstruction that were not estimated in it, name -> value.
+    V, alpha, beta and attitude come from the smoother where its expected error is smaller
+    (`_choose_source`), or where no sensor measures them and the standard error is within `LIMITS`.
+    Dynamic pressure follows the airspeed if both are one measurement. Velocity over the earth stays
+    that of its own point (the antenna).
+
+    Parameters
+    ----------
+    flight : mapped flight, n samples.
+    vehicle : sensor positions, noise, priors and accuracy limits.
+    result : reconstruction of the flight.
+    values : sensor corrections to apply, name -> value, SI.
+    held : parameters that were fixed in the reconstruction, name -> value, SI.
     """
     moved = inertial_inputs(flight, vehicle)
     sensors = _sensors(flight, vehicle, moved, values)
@@ -179,7 +188,7 @@ def corrected_flight(
 def _smoothed(
     result: Reconstruction, scopes: Sequence[str], by: Intensities, held: Mapping[str, float]
 ) -> list[Smoothed]:
-    """Every stretch of one wind smoothed, with intensities in common; some of them, spread over the
+    """Smooth every stretch of constant wind with common intensities; some of them, spread over the
     flight, with draws."""
     drawn = set(np.linspace(0, len(scopes) - 1, MOST_DRAWN).round().astype(int).tolist())
     return [
@@ -191,12 +200,17 @@ def _smoothed(
 
 
 def with_gusty_winds(result: Reconstruction, gusts: Gusts) -> Reconstruction:
-    """The reconstruction with winds as uncertain as the mean of gusts over their stretch makes
-    them.
+    """The reconstruction with the variances of its winds enlarged by the mean of the gusts.
 
-    A process of one sigma s and correlation time tau has a mean over T of variance ``2 s^2 tau /
-    T`` (Bartlett 1946), which white or short residuals do not show: the estimate has taken it.
-    Without beta only the component along the path is seen, each for half of the time.
+    The mean over a time T of a process with standard deviation s and correlation time tau has the
+    variance ``2 s^2 tau / T`` (Bartlett 1946). Residuals do not show it, because the wind estimate
+    has absorbed it. Without beta only the wind component along the path is observed, so each
+    horizontal component is observed for half of the time.
+
+    Parameters
+    ----------
+    result : reconstruction with winds.
+    gusts : standard deviations [m/s] and correlation times [s] of the gusts.
     """
     spread, estimates = result.covariance.copy(), list(result.estimates)
     for number, entry in enumerate(result.estimates):
@@ -235,8 +249,7 @@ def _noise(stretches: Sequence[Smoothed], source: Source) -> StateNoise:
 def _sensors(
     flight: Flight, vehicle: Vehicle, moved: InertialInputs, values: Mapping[str, float]
 ) -> dict[str, Array]:
-    """The measured channels less their errors; V, alpha, beta are corrected at the probe, then
-    moved to the CG."""
+    """The measured channels corrected; V, alpha and beta at the probe, then moved to the CG."""
     made = {
         raw: _corrected_sensor(flight[raw], name, values, flight.step)
         for name, raw in zip(INPUTS, moved.names, strict=True)
@@ -269,8 +282,8 @@ def _sensors(
 def _without_port_errors(
     flight: Flight, shown: Mapping[str, Array], values: Mapping[str, float]
 ) -> dict[str, Array]:
-    """What rests on ports in error, without that: V at the air-data point, density, static pressure
-    and pressure altitude."""
+    """V at the air-data point, density, static pressure and pressure altitude, corrected for errors
+    of the pressure ports."""
     if not any(values.get(name, 0.0) for name in PORTS) or "V" not in shown or "rho" not in flight:
         return {}
     pressure = static_pressure(flight)
@@ -286,15 +299,15 @@ def _without_port_errors(
 def _angles(
     flight: Flight, vehicle: Vehicle, speed: Array, rho: Array, values: Mapping[str, float]
 ) -> dict[str, Array]:
-    """Alpha and beta at the air-data point from the raw pressures, at the true dynamic pressure and
-    with what was estimated of the calibration."""
+    """Alpha and beta at the air-data point from raw pressures, with the corrected dynamic pressure
+    and calibration."""
     holes = {name: _corrected_sensor(flight[name], name, values, flight.step) for name in HOLES}
     raw = flight.with_channels({**holes, "qbar": 0.5 * rho * speed**2})
     return angles_from_pressures(raw, recalibrated(vehicle.air_data, values))
 
 
 def _corrected_sensor(shown: Array, name: str, values: Mapping[str, float], step: float) -> Array:
-    """``(shown(t + delay) - bias) / (1 + scale)``; not finite where the sensor was not."""
+    """``(shown(t + delay) - bias) / (1 + scale)``; non-finite where the sensor was."""
     delay = sum(values.get(each, 0.0) for each in delays_of(name))
     if delay and np.isfinite(shown).any():
         shown = np.where(np.isfinite(shown), delayed(bridge(shown), -delay / step), np.nan)
@@ -309,8 +322,8 @@ def _pressure(
     channels: Mapping[str, Array],
     values: Mapping[str, float],
 ) -> dict[str, Array]:
-    """Dynamic pressure: with the airspeed that it was made with, or less its own sensor's
-    errors."""
+    """Corrected dynamic pressure: from the airspeed if both are one measurement, otherwise from its
+    own sensor."""
     if "qbar" not in flight:
         return {}
     if not qbar_follows_airspeed(flight, air_data_at_probe(flight, moved)):
@@ -327,8 +340,8 @@ def _pressure(
 
 @dataclass(frozen=True)
 class _SourceChoice:
-    """The `source` of a channel: the smoother or its sensor. `sensor`: the latter's expected error
-    (SI; nan: there is none); `beside`: what the former's has beside its own standard error."""
+    """The `source` of a channel. `sensor`: expected error of its sensor (SI; nan: no sensor);
+    `beside`: error of the smoother in addition to its standard error, SI."""
 
     source: ChannelSource
     sensor: float
@@ -345,18 +358,19 @@ def _choose_source(
     error: Array,
     own: Array | None,
 ) -> _SourceChoice:
-    """The source with the smaller expected error, of a channel of which `made` is smoothed with
-    standard error `error`.
+    """The source with the smaller expected error for one channel.
 
-    Sensor: its white noise and what is uncertain of its bias. Smoother: its standard error, and
-    what its difference from the sensor shows beyond the sensor's noise: gusts too quick for it.
+    Expected error of the sensor: white noise and uncertainty of the bias. Of the smoother: its
+    standard error, and whatever its difference from the sensor exceeds the sensor's noise by, which
+    is gusts too fast for the smoother. made, error : (n,) smoothed channel and standard error. own :
+    (n,) corrected sensor; None: no sensor.
     """
     size = float(np.sqrt(np.nanmean(error**2)))
     if own is None:
         if name == "psi" and not any(
             entry.parameter.name == "initial_psi" for entry in result.estimates
         ):
-            size = float("nan")  # its first value was set, not found
+            size = float("nan")  # its initial value was set, not estimated
         limit = LIMITS * (
             vehicle.accuracy.attitude if name in _ATTITUDE else vehicle.accuracy.flow_angle
         )
@@ -376,7 +390,7 @@ def _choose_source(
     apart = float(np.var((own - made)[good])) if good.any() else np.inf
     beside = float(
         np.sqrt(max(apart - white**2 + size**2, 0.0))
-    )  # the sensor's noise is in both: covariance size^2
+    )  # the sensor's noise is in both, with covariance size^2
     sensor = float(np.hypot(white, _uncertain(result, vehicle, name, values)))
     if np.hypot(size, beside) < sensor:
         return _SourceChoice(ChannelSource(Origin.SENSOR_AND_MOTION), sensor, beside)
@@ -384,8 +398,8 @@ def _choose_source(
 
 
 def _white(flight: Flight, vehicle: Vehicle, name: str, good: NDArray[np.bool_]) -> float:
-    """One sigma of a sensor's white noise: declared, else from second differences (variance 6 s^2)
-    of usable samples."""
+    """One sigma of a sensor's white noise: from the vehicle file, otherwise from second differences
+    (variance 6 s^2) of usable samples."""
     declared = vehicle.sensors[name].noise if name in vehicle.sensors else 0.0
     if declared > 0:
         return declared
@@ -396,8 +410,8 @@ def _white(flight: Flight, vehicle: Vehicle, name: str, good: NDArray[np.bool_])
 def _uncertain(
     result: Reconstruction, vehicle: Vehicle, name: str, values: Mapping[str, float]
 ) -> float:
-    """One sigma of what remains of a sensor's bias: the estimate's, or what the vehicle file says
-    of one not applied."""
+    """Standard error of a sensor's bias after correction: that of the estimate, or the vehicle
+    file's prior if none is applied."""
     estimates = {
         entry.parameter.name: entry for entry in result.estimates if not entry.parameter.scope
     }
@@ -410,7 +424,7 @@ def _uncertain(
 def _at_full_rate(
     flight: Flight, smoothed: Sequence[SmoothedPath], name: str
 ) -> tuple[Array, Array]:
-    """A smoothed channel and its standard error at every sample of the stretches; nan elsewhere."""
+    """A smoothed channel and its standard error at every sample of the records, nan elsewhere."""
     values, sigma = np.full(len(flight.time), np.nan), np.full(len(flight.time), np.nan)
     for entry in smoothed:
         record = entry.path.record

@@ -1,13 +1,13 @@
-"""Motion from accelerometers and gyros alone: no aerodynamics, so what disagrees with it is a
-sensor (or the wind).
+"""Integrate the motion from specific force and rates, with its sensitivities.
 
-Flat earth, or a rotating oblate one for long records (`geodesy.Earth`). States, in this order
-(`STATES`): u v w [m/s] velocity over the earth in body axes, phi theta psi [rad], north east
+No aerodynamics enter, so whatever disagrees with this motion is a sensor error or the wind. The
+earth is flat, or rotating and oblate for long records (`aerodb.physics.Earth`). States, in this
+order (`STATES`): u v w [m/s] velocity over the earth in body axes, phi theta psi [rad], north east
 altitude [m]. Inputs (`INPUTS`): specific force ax ay az [m/s2] at the CG and rates p q r [rad/s].
 The fourth-order Runge-Kutta rule takes inputs as linear between samples; the sensitivities are the
-exact derivatives of that discrete rule, integrated in the same pass. Attitude is a quaternion
-inside (`motion`), so that any manoeuvre may be flown; only where states are taken from measurement
-it is Euler angles throughout (here), and pitch attitude must stay away from +-90 deg.
+exact derivatives of that discrete rule, integrated in the same pass. Attitude is integrated as a
+quaternion (`motion`), so that any manoeuvre is possible; only if states are taken from measurement
+are Euler angles used throughout (here), and the pitch attitude must then stay away from +-90 deg.
 """
 
 from typing import Final
@@ -24,10 +24,10 @@ from aerodb.support import Array
 STATES: Final = ("u", "v", "w", "phi", "theta", "psi", "north", "east", "altitude")
 INPUTS: Final = ("ax", "ay", "az", "p", "q", "r")
 
-#: Beyond this pitch attitude Euler angles lose meaning (rad): only where states are given.
+#: Largest pitch attitude (rad) with Euler angles, used only if states are given.
 STEEPEST: Final = float(np.deg2rad(88.0))
 
-#: A velocity beyond this (m/s) is no flight.
+#: Largest plausible velocity, m/s.
 _FASTEST: Final = 1e5
 
 
@@ -120,10 +120,11 @@ def _input_directions(u: Array, kind: NDArray[np.int64], gain: Array, du: Array)
 
 @njit(cache=True)
 def _march(
-    inputs: Array, given: Array, is_given: NDArray[np.bool_], x: Array, dx: Array, kind: NDArray[np.int64], gain: Array,
-    step: float, gravity: float, held: bool, states: Array, sensitivity: Array,
+    inputs: Array, given: Array, is_given: NDArray[np.bool_], x: Array, dx: Array,
+    kind: NDArray[np.int64], gain: Array, step: float, gravity: float, held: bool,
+    states: Array, sensitivity: Array,
 ) -> None:  # fmt: skip
-    """The Runge-Kutta march; fills states (9, n) and sensitivity (9, n, k)."""
+    """Runge-Kutta integration; fills states (9, n) and sensitivity (9, n, k)."""
     n, columns = inputs.shape[0], kind.shape[0]
     slope, stage, total = np.empty(9), np.empty(9), np.empty(9)
     dslope, dstage, dtotal, du = (
@@ -189,21 +190,36 @@ def integrate(
     """States and their sensitivities along a record.
 
     Parameters
-    ---------- inputs : (n, 6) corrected specific force [m/s2] at the CG and rates [rad/s], order of
-    INPUTS. step : s. initial : (9,) first state. gravity : m/s2. given : (n, 9) states taken from
-    measurement instead of integrated, nan columns are integrated; None: none. initial_directions :
-    (9, k) derivative of the first state by each of k parameters; None: no sensitivities. input_kind
-    : (k,) which input each parameter corrects: 0-5 its bias, 6-11 its scale, -1 none. gain : (6,)
-    of ``true = gain (measured - bias)``; None: ones. held : inputs hold until the next sample
-    instead of being linear between samples. earth : rotating oblate earth with its local origin,
-    its own gravity instead of `gravity`, rates those that gyros show (against inertial space);
-    None: flat.
+    ----------
+    inputs : (n, 6), corrected specific force at the CG [m/s2] and rates [rad/s], order of `INPUTS`.
+    step : sampling interval [s].
+    initial : (9,), initial state.
+    gravity : [m/s2].
+    given : (n, 9), states taken from measurement instead of integrated; columns of nan are
+        integrated. None: all are integrated.
+    initial_directions : (9, k), derivatives of the initial state by k parameters; None: no
+        sensitivities.
+    input_kind : (k,), which input each parameter corrects: 0-5 its bias, 6-11 its scale, -1 none.
+    gain : (6,), of ``true = gain (measured - bias)``; None: ones.
+    held : inputs are held until the next sample instead of being linear between samples.
+    earth : rotating oblate earth with its local origin; its own gravity replaces `gravity`, and
+        rates are relative to inertial space, as gyros measure them. None: flat earth.
 
     Returns
-    ------- (9, n) states and (9, n, k) sensitivities; bank and heading are continuous but where the
-    path passes the vertical (there both jump by 180 deg, as Euler angles do). Raises InputError
-    when the states leave all bounds, and where states are given: on a rotating earth, or when the
-    pitch attitude comes too near to +-90 deg.
+    -------
+    states : (9, n). Bank and heading are continuous except where the path passes the vertical;
+        there both jump by 180 deg, as Euler angles do.
+    sensitivities : (9, n, k), derivatives of the states by the parameters.
+
+    Raises
+    ------
+    InputError : when the velocity leaves all bounds; with given states also on a rotating earth or
+        when the pitch attitude comes too close to +-90 deg.
+
+    References
+    ----------
+    Klein & Morelli (2006), Aircraft System Identification, eqs. 10.1-10.3; Groves (2013), sections
+    5.3 and 5.4 (rotating earth).
     """
     n = len(inputs)
     start = (

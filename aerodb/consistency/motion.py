@@ -1,5 +1,5 @@
-"""The compiled march of position, velocity and attitude: quaternions inside, flat or rotating
-oblate earth.
+"""Compiled integration of position, velocity and attitude with quaternions, over a flat or a
+rotating oblate earth.
 
 With v the velocity over the earth in body axes, q the attitude (body to earth axes, R its matrix),
 w and f the measured rates and specific force, W_e the earth's rate and W_t the transport rate, g
@@ -15,16 +15,18 @@ from numpy.typing import NDArray
 from aerodb.physics import EARTH_RATE, PLUMB_LINE_CURVATURE, normal_gravity, radii_of_curvature
 from aerodb.support import Array
 
-#: Nearer to the vertical than this cosine of the pitch attitude, derivatives of Euler angles are
-#: those at this cosine.
+#: Smallest cosine of the pitch attitude in derivatives of Euler angles; closer to the vertical,
+#: those at this cosine are used.
 _LEAST_COSINE = 1e-7
 
 
 @njit(cache=True)
 def _slope(x: Array, u: Array, gravity: float, out: Array, jacobian: Array) -> None:
-    """Over the flat earth: time derivative out (10,) of v, q, north, east, altitude under inputs u
-    (6,), and its Jacobian (10, 16) by states and inputs; what is zero in it is left alone. Written
-    out, for it is what the time goes to."""
+    """Time derivative over the flat earth and its Jacobian.
+
+    out (10,): of v, q, north, east, altitude under inputs u (6,). jacobian (10, 16): by states and
+    inputs; its zeros are not written. Written out in full because most of the time is spent here.
+    """
     v0, v1, v2, p, q, r = x[0], x[1], x[2], u[3], u[4], u[5]
     a, b, c, d = x[3], x[4], x[5], x[6]
     aa, bb, cc, dd = a * a, b * b, c * c, d * d
@@ -99,8 +101,11 @@ def _back(q: Array, y: Array, out: Array, by: Array) -> None:
 
 @njit(cache=True)
 def _slope_rotating(x: Array, u: Array, earth: Array, out: Array, jacobian: Array) -> None:
-    """As `_slope`, over the rotating earth. earth: latitude, height, metres per radian of latitude
-    and longitude, all of the local origin."""
+    """As `_slope`, over the rotating earth.
+
+    earth (4,): latitude [rad], height [m], metres per radian of latitude and of longitude, at the
+    local origin.
+    """
     latitude, height = earth[0] + x[7] / earth[2], earth[1] + x[9]
     down, by_latitude, by_height, bend = normal_gravity(latitude, height)
     jacobian[:, :] = 0.0
@@ -145,10 +150,10 @@ def _velocity_by_earth(
     out: Array,
     jacobian: Array,
 ) -> None:
-    """Adds ``R'g_north - R'W_e x v`` to v' and its derivatives, with those of gravity by place.
+    """Add ``R'g_north - R'W_e x v`` to v', with derivatives (of gravity by position as well).
 
-    north (3,) gravity but for its part along the normal; north_by, dspin: derivatives of gravity
-    and W_e by the state north, rise: of gravity by altitude.
+    north (3,): gravity without its component along the normal. north_by, dspin: derivatives of
+    gravity and W_e by the state north. rise: derivative of gravity by altitude.
     """
     v, q = x[0:3], x[3:7]
     part, around, daround, none = np.empty(3), np.empty(3), np.empty((3, 4)), np.empty((3, 4))
@@ -180,8 +185,8 @@ def _attitude_by_earth(
     out: Array,
     jacobian: Array,
 ) -> None:
-    """Adds ``-(W_e + W_t) q / 2`` to q' and its derivatives; rows 7 and 8 still hold the velocity
-    over the earth."""
+    """Add ``-(W_e + W_t) q / 2`` to q', with derivatives; rows 7 and 8 of out and jacobian must hold
+    the velocity over the earth."""
     q = x[3:7]
     north, east = out[7], out[8]
     meridian, normal, dmeridian, dnormal = radii_of_curvature(latitude)
@@ -229,8 +234,10 @@ def _along(
     u: Array,
     out: Array,
 ) -> None:
-    """out (10, k): the Jacobian applied to dx (10, k) and to the inputs' corrections (kinds as in
-    `kinematics.integrate`)."""
+    """Apply the Jacobian to dx (10, k) and to the corrections of the inputs, into out (10, k).
+
+    kind : as `input_kind` of `kinematics.integrate`.
+    """
     for k in range(kind.shape[0]):
         if rotating:
             for i in range(10):
@@ -262,9 +269,11 @@ def _along(
 
 @njit(cache=True)
 def _keep(x: Array, dx: Array, number: int, states: Array, sensitivity: Array) -> None:
-    """Writes the states with Euler angles, and their sensitivities, at sample `number`; bank and
-    heading are those nearest to the sample before, the first nearest to what `states` holds
-    there."""
+    """Write the states with Euler angles, and their sensitivities, at sample `number`.
+
+    Bank and heading are those closest to the previous sample; at the first sample, those closest to
+    the values already in `states`.
+    """
     q0, q1, q2, q3 = x[3], x[4], x[5], x[6]
     aside, below = 2.0 * (q0 * q1 + q2 * q3), 1.0 - 2.0 * (q1 * q1 + q2 * q2)
     steep = min(1.0, max(-1.0, 2.0 * (q0 * q2 - q3 * q1)))
@@ -299,7 +308,7 @@ def _keep(x: Array, dx: Array, number: int, states: Array, sensitivity: Array) -
 
 @njit(cache=True)
 def _normalise(x: Array, dx: Array) -> None:
-    """The quaternion at unit length, its directions tangent to that."""
+    """Normalise the quaternion and project its derivatives on the tangent space."""
     size = np.sqrt(x[3] * x[3] + x[4] * x[4] + x[5] * x[5] + x[6] * x[6])
     for j in range(3, 7):
         x[j] /= size
@@ -311,14 +320,14 @@ def _normalise(x: Array, dx: Array) -> None:
 
 @njit(cache=True)
 def march(
-    inputs: Array, x: Array, dx: Array, kind: NDArray[np.int64], gain: Array, step: float, gravity: float, earth: Array | None,
-    held: bool, states: Array, sensitivity: Array,
+    inputs: Array, x: Array, dx: Array, kind: NDArray[np.int64], gain: Array, step: float,
+    gravity: float, earth: Array | None, held: bool, states: Array, sensitivity: Array,
 ) -> None:  # fmt: skip
-    """Fourth-order Runge-Kutta from x (10,), dx (10, k); fills states (9, n) and sensitivity (9, n,
-    k), Euler angles outside.
+    """Integrate by fourth-order Runge-Kutta from x (10,) and dx (10, k).
 
-    states[3, 0] and states[5, 0] say in which turn bank and heading are counted. Without an earth
-    its equations are not even compiled: the branch on None is decided by type.
+    Fills states (9, n) and sensitivity (9, n, k), with Euler angles. states[3, 0] and states[5, 0]
+    set the turn in which bank and heading are counted. Without an earth its equations are not
+    compiled: the branch on None is decided by type.
     """
     n, columns = inputs.shape[0], kind.shape[0]
     u, stage, slope, total, jacobian = (
@@ -373,7 +382,7 @@ def march(
 
 
 def quaternion_start(initial: Array, directions: Array) -> tuple[Array, Array]:
-    """States (10,) and their directions (10, k) with a quaternion, from those with Euler angles,
+    """States (10,) and their derivatives (10, k) with a quaternion, from those with Euler angles,
     (9,) and (9, k)."""
     cosine, sine = np.cos(0.5 * initial[3:6]), np.sin(0.5 * initial[3:6])
     attitude = _half_angles(cosine, sine)

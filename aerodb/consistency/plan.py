@@ -1,5 +1,5 @@
-"""Which parameters a flight's reconstruction frees, given what it logs and what the vehicle file
-says."""
+"""Choose the parameters that a reconstruction estimates, from the logged channels and the vehicle
+file."""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -12,16 +12,16 @@ from aerodb.consistency.pressures import HOLES
 from aerodb.consistency.sensors import AIR_DATA, PER_FLIGHT, Record, channels_of, parameter
 from aerodb.vehicle import Accuracy, Sensor, Vehicle
 
-#: First states start from noisy first samples: they are known to this many natural sizes.
+#: Prior of initial states, in natural sizes: they start from noisy first samples.
 _START = 10.0
 
-#: Winds and weather are known to this many natural sizes.
+#: Prior of winds and weather, in natural sizes.
 _WINDY = 5.0
 
-#: Share of the accuracy limits below which a channel's noise is not believed to lie.
+#: Smallest credible noise of a channel, as a fraction of its accuracy limit.
 TRUST: Final = 0.2
 
-#: Change of track (rad) that tells the wind from an error of the airspeed.
+#: Change of track (rad) needed to separate the wind from an airspeed error.
 TURN: Final = 1.0
 
 _EARTH: Final = ("velocity_north", "velocity_east", "velocity_down", "north", "east")
@@ -29,12 +29,17 @@ _EARTH: Final = ("velocity_north", "velocity_east", "velocity_down", "north", "e
 
 @dataclass(frozen=True)
 class Plan:
-    """What is estimated: names of `free` sensor parameters and winds, and `initial` states.
-    `stated`: one sigma about zero of those whose prior the vehicle file states, and of the biases
-    that every inertial sensor and vane has: these are estimated whatever comes out, all others only
-    where they are significant. `left_out` says in plain sentences what could not be estimated here;
-    `moving`: because the air moved. `floor`: channel -> least noise (one sigma) that it is believed
-    to have."""
+    """What a reconstruction estimates.
+
+    free : names of the sensor parameters and winds to estimate.
+    initial : states whose initial value is estimated, per record.
+    stated_priors : name -> standard deviation about zero, SI, from the vehicle file, and for the
+        biases of inertial sensors and vanes in any case. These are always kept; all other
+        parameters only where they are significant.
+    not_estimated : what could not be estimated and why, in sentences.
+    moving_air : whether parameters were left out because the air moved.
+    noise_floor : channel -> smallest credible noise (one sigma), SI.
+    """
 
     free: tuple[str, ...]
     initial: tuple[str, ...]
@@ -45,8 +50,8 @@ class Plan:
 
     @property
     def priors(self) -> dict[str, float]:
-        """One sigma about zero that keeps any parameter within reason: several natural sizes of
-        first states and winds, one of sensors."""
+        """Name -> weak prior (standard deviation about zero, SI) for every estimated parameter:
+        several natural sizes for initial states and winds, one for sensors."""
         sizes = {
             name: parameter(name).size * (_WINDY if parameter(name).kind in PER_FLIGHT else 1.0)
             for name in self.free
@@ -57,14 +62,14 @@ class Plan:
 
     @property
     def bounds(self) -> dict[str, tuple[float, float]]:
-        """Beyond these a scale or a delay explains something else."""
+        """Bounds of scales and delays, SI; a value beyond them stands for some other error."""
         found = [
             parameter(name) for name in self.free if parameter(name).kind in ("scale", "delay")
         ]
         return {item.name: (-item.size, item.size) for item in found}
 
     def only(self, names: Collection[str]) -> "Plan":
-        """With these parameters alone, and those of the air that day."""
+        """The plan with these parameters alone, and with those of the flight (wind, weather)."""
         return replace(
             self,
             free=tuple(
@@ -75,7 +80,7 @@ class Plan:
     def with_noise_floor(
         self, noise_floor: Mapping[str, float], because: Sequence[str] = ()
     ) -> "Plan":
-        """With channels believed to have at least so much noise, and why."""
+        """The plan with a noise floor (channel -> one sigma, SI) added, and the reasons for it."""
         return replace(
             self,
             noise_floor={**self.noise_floor, **noise_floor},
@@ -83,8 +88,8 @@ class Plan:
         )
 
     def in_moving_air(self) -> "Plan":
-        """Without delays and scales of the air data. Errors of the ports stay: they are seen in
-        turns and in the height."""
+        """The plan without delays and scales of the air data. Port errors stay: turns and the
+        altitude show them."""
         shape = ("scale", "delay", "probe")
         late = [
             name
@@ -105,8 +110,8 @@ class Plan:
         )
 
     def with_calibration(self, names: Sequence[str], logged: Collection[str]) -> "Plan":
-        """With the parameters that a calibration names, as far as their channels are logged, and
-        what the vehicle file states."""
+        """The plan with the parameters `names` of a calibration whose channels are logged, and
+        those for which the vehicle file states a prior."""
         known = [name for name in names if set(channels_of(name)) & {*INPUTS, *logged}]
         own = [
             name
@@ -118,7 +123,11 @@ class Plan:
 
 
 def make_plan(records: Sequence[Record], vehicle: Vehicle) -> Plan:
-    """The plan for records of one or several flights of a vehicle."""
+    """The plan for records of one or several flights of a vehicle.
+
+    Which parameters are free follows from the channels that any record has and from whether a
+    record turns; priors and noise come from the vehicle file.
+    """
     logged = {name for record in records for name in record.outputs}
     earth = any(name in logged for name in _EARTH)
     turned = earth and any(_turned(record) for record in records)
@@ -176,8 +185,7 @@ def make_plan(records: Sequence[Record], vehicle: Vehicle) -> Plan:
 
 
 def _calibration(angle: str, records: Sequence[Record]) -> list[str]:
-    """What may be wrong with the calibration of a pair of holes; a bend only where one is
-    declared."""
+    """Calibration parameters of a pair of holes; the bend only where the vehicle file has one."""
     probes = [record.installation.five_hole for record in records]
     bent = any(probe is not None and getattr(probe, angle).break_angle > 0 for probe in probes)
     return [
@@ -187,9 +195,11 @@ def _calibration(angle: str, records: Sequence[Record]) -> list[str]:
 
 
 def _airspeed(logged: Collection[str], turned: bool) -> list[str]:
-    """Errors of airspeed and dynamic pressure: of the ports behind both where a pressure altitude
-    shows the static one beside an altitude of another source, else a scale of each. All need a
-    turn, to be told from the wind."""
+    """Parameters of airspeed and dynamic pressure errors.
+
+    Port errors where the pressure altitude shows the static port and another altitude is logged;
+    otherwise a scale of each channel. All need a turn, to be separated from the wind.
+    """
     if not turned:
         return []
     if "pressure_altitude" in logged and "V" in logged:
@@ -198,15 +208,16 @@ def _airspeed(logged: Collection[str], turned: bool) -> list[str]:
 
 
 def _late(logged: Collection[str], vehicle: Vehicle) -> list[str]:
-    """Delays of velocity over the earth and position: one of all that comes from a declared
-    antenna, where an altitude may be another sensor's; else one of each velocity."""
+    """Delays of velocity over the earth and position: one common delay for a declared antenna, with
+    one more for the altitude, which may be another sensor's; otherwise one per velocity."""
     if vehicle.points.gps is None or not any(name in logged for name in _EARTH):
         return [f"{name}_delay" for name in _EARTH[:3] if name in logged]
     return ["gps_delay", *(["altitude_delay"] if "altitude" in logged else [])]
 
 
 def _least_pressures(records: Sequence[Record], accuracy: Accuracy) -> dict[str, float]:
-    """The same of a five-hole probe's pressures, as these angles at the mean dynamic pressure."""
+    """Smallest credible noise of five-hole probe pressures: that of the flow angles at the mean
+    dynamic pressure."""
     found: dict[str, float] = {}
     for record in records:
         probe, speed = record.installation.five_hole, record.outputs.get("V")
@@ -221,8 +232,8 @@ def _least_pressures(records: Sequence[Record], accuracy: Accuracy) -> dict[str,
 
 
 def _least_noise(accuracy: Accuracy) -> dict[str, float]:
-    """Noise below which no channel is trusted that has not its noise stated: smooth residuals are
-    no proof of accuracy."""
+    """Smallest credible noise of channels whose noise the vehicle file does not state: smooth
+    residuals do not prove accuracy."""
     return {
         **dict.fromkeys(("phi", "theta", "psi"), TRUST * accuracy.attitude),
         **dict.fromkeys(("alpha", "beta"), TRUST * accuracy.flow_angle),
@@ -239,8 +250,7 @@ def _sensor(vehicle: Vehicle, name: str) -> Sensor:
 
 
 def _turned(record: Record) -> bool:
-    """Whether the track turns far enough within a record to tell the wind from an error of the
-    airspeed."""
+    """Whether the track turns far enough within a record to separate wind from airspeed error."""
     if {"velocity_north", "velocity_east"} <= set(record.outputs):
         track = np.arctan2(record.outputs["velocity_east"], record.outputs["velocity_north"])
     elif "psi" in record.outputs:

@@ -1,6 +1,8 @@
-"""Air data that are pressures: which flow angles a five-hole probe's holes made, and what errors of
-its calibration and of the static and total ports leave to correct. The models are those of
-`models`, turned round."""
+"""Correct air data for errors of the static and total ports and of a five-hole probe's calibration.
+
+These are the models of `sensors.models` solved for the true quantities. The module also recognises
+flow angles and densities that were computed from logged pressures.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -16,21 +18,26 @@ from aerodb.physics import GRAVITY, density
 from aerodb.support import Array
 from aerodb.vehicle import AirData, Vehicle
 
-#: Pair of holes -> the angle that it shows.
+#: Pressure difference of a pair of holes -> the flow angle that it measures.
 HOLES: Final = {"probe_dp_alpha": "alpha", "probe_dp_beta": "beta"}
 
+#: Parameters of the pressure ports.
 PORTS: Final = ("static_port_error", "static_port_offset", "total_port_error")
 
-#: Angles that agree so well (rad, median) were made of the same pressures; so many samples tell.
+#: Angles that agree to this median difference (rad) were computed from the same pressures; number
+#: of samples compared.
 _ALIKE, _ENOUGH = 1e-3, 2000
 
-#: Densities that agree to this share were made of the same pressure.
+#: Densities that agree to this relative difference were computed from the same static pressure.
 _SAME = 1e-6
 
 
 def angles_from_holes(flight: Flight, vehicle: Vehicle, shown: Mapping[str, Array]) -> bool:
-    """Whether alpha and beta of a flight, `predicted_outputs` at the air-data point, follow from the raw
-    pressures of a five-hole probe whose calibration the vehicle file gives."""
+    """Whether alpha and beta of a flight were computed from logged five-hole probe pressures.
+
+    shown : channel -> (n,), V, alpha, beta at the air-data point. False when the vehicle file gives
+    no calibration.
+    """
     known = all(name in flight for name in (*HOLES, "qbar", "rho", "V"))
     if vehicle.air_data.five_hole is None or not known or not {"alpha", "beta"} <= set(shown):
         return False
@@ -52,7 +59,7 @@ def angles_from_holes(flight: Flight, vehicle: Vehicle, shown: Mapping[str, Arra
 
 
 def recalibrated(probe: AirData, values: Mapping[str, float]) -> AirData:
-    """The probe with what was estimated of its calibration (parameter name -> value)."""
+    """The probe with its calibration corrected by the estimated `values` (name -> value)."""
     if probe.five_hole is None:
         return probe
     pairs = {
@@ -72,8 +79,7 @@ def _curve(declared: Curve, name: str, values: Mapping[str, float]) -> Curve:
 
 
 def static_pressure(flight: Flight) -> Array | None:
-    """(n,) measured static pressure where the density of the air was computed from it; else
-    None."""
+    """(n,) measured static pressure [Pa] if the density was computed from it; otherwise None."""
     if not all(name in flight for name in ("rho", "static_pressure", "temperature")):
         return None
     made = density(flight["static_pressure"], flight["temperature"])
@@ -84,9 +90,11 @@ def static_pressure(flight: Flight) -> Array | None:
 
 @dataclass(frozen=True)
 class PortCorrected:
-    """What ports in error would show without it, each (n,), SI: airspeed `V` at the air-data point,
-    `q` dynamic pressure there, `rho`, and the `excess` of the static port over the static pressure,
-    Pa."""
+    """Air data corrected for port errors, (n,) each, at the air-data point.
+
+    V : true airspeed [m/s]. q : dynamic pressure [Pa]. rho : density [kg/m3]. excess : pressure at
+    the static port minus static pressure [Pa].
+    """
 
     V: Array
     q: Array
@@ -97,10 +105,17 @@ class PortCorrected:
 def correct_port_errors(
     speed: Array, rho: Array, pressure: Array | None, values: Mapping[str, float]
 ) -> PortCorrected:
-    """The air data behind a shown airspeed (n,), 003, eq. 5: ``q = (q_m + o_s) / (1 + e_t - e_s)``,
-    ``p = p_m - e_s q - o_s``.
+    """Airspeed, dynamic pressure and density corrected for errors of the pressure ports.
 
-    rho : as it is shown. pressure : (n,) that it rests on; None: it is right.
+    ``q = (q_m + o_s) / (1 + e_t - e_s)``, ``p = p_m - e_s q - o_s`` (003, eq. 5).
+
+    Parameters
+    ----------
+    speed : (n,), measured true airspeed at the air-data point [m/s].
+    rho : (n,), density used for it [kg/m3].
+    pressure : (n,), measured static pressure that the density was computed from [Pa]; None: the
+        density is correct.
+    values : port parameters (`PORTS`) -> value, SI; absent ones are zero.
 
     >>> shown = behind_ports(np.array([60.0]), np.array([1.0]), None, {"static_port_error": 0.19})
     >>> round(float(shown.V[0]), 3)
@@ -114,14 +129,13 @@ def correct_port_errors(
 
 
 def correct_pressure_altitude(shown: Array, air: PortCorrected) -> Array:
-    """(n,) pressure altitude [m] without the error of the static port, which takes ``excess / (rho
-    g)`` off it."""
+    """(n,) pressure altitude [m] corrected for the static port, whose excess pressure lowers it by
+    ``excess / (rho g)``."""
     return np.asarray(shown + air.excess / (air.rho * GRAVITY))
 
 
 def residuals_as_angles(path: ReconstructedPath) -> ReconstructedPath:
-    """The path with the residuals of a five-hole probe's pressures as those of alpha and beta,
-    rad."""
+    """The path with residuals of five-hole probe pressures converted to alpha and beta, rad."""
     record, probe = path.record, path.record.installation.five_hole
     if probe is None or record.density is None or not set(HOLES) & set(path.residuals):
         return path

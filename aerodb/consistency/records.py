@@ -1,5 +1,8 @@
-"""From a flight to the records that are reconstructed: stretches without gaps, at the probe, as
-slow as the motion allows."""
+"""Cut a flight into the records that are reconstructed.
+
+A record is a stretch without gaps, with the air data moved back to the probe and the sampling rate
+reduced as far as the motion allows.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -19,40 +22,45 @@ from aerodb.physics import GRAVITY, Earth
 from aerodb.support import Array
 from aerodb.vehicle import Vehicle, mass_channels
 
-#: Inertial gaps up to this (s) are bridged; longer ones end a record.
+#: Gaps in the inertial channels up to this length (s) are bridged; longer ones end a record.
 SHORT_GAP = 0.2
 
-#: Stretches shorter than this (s) say too little for their own first state.
+#: Shortest record, s: a shorter one does not determine its own initial state.
 SHORTEST_RECORD = 5.0
 
-#: Below this share of the flight's high airspeeds nothing is compared: the aircraft rolls or
-#: stands.
+#: Samples below this fraction of the flight's high airspeeds (90th percentile) are not compared:
+#: the aircraft is on the ground.
 LOWEST_AIRSPEED = 0.25
 
 #: Duration (s) and altitude range (m) over which the wind of a flight is taken as constant.
 STEADY_WIND_TIME: Final = 300.0
 STEADY_WIND_ALTITUDE: Final = 300.0
 
-#: Flights longer than this (s) are taken over a rotating earth: a bias, constant in body axes,
-#: takes up no more of its 15 deg an hour than the headings flown have in common.
+#: Flights longer than this (s) are reconstructed over a rotating earth: a gyro bias, constant in
+#: body axes, absorbs the earth's 15 deg/h only on a constant heading.
 ROTATING_EARTH_DURATION = 600.0
 
-#: What the carrier does not take from the motion: held by it, the vehicle moves as consistently as
-#: in free flight.
+#: Flags that do not exclude a sample here: a captive vehicle moves as consistently as a free one.
 IGNORED_FLAGS: Final = ("captive",)
 
-#: Two altitudes that differ by a constant to this (m) are one sensor.
+#: Two altitudes whose difference varies by no more than this (m) come from one sensor.
 _LEVEL = 1e-3
 
-#: Two channels that agree to this share follow from one sensor: the mapping computed one of them.
+#: Two channels that agree to this relative difference come from one sensor: the mapping file
+#: computed one of them from the other.
 _SAME = 1e-6
 
 
 @dataclass(frozen=True)
 class InertialInputs:
-    """What is integrated: `names` of the six channels; `values` (n, 6) at the CG, gaps bridged,
-    rates and specific force as measured otherwise; `arm` (3,) of the air-data point from the mean
-    CG, m; `cg` (3,) the latter, m from the datum."""
+    """The integrated channels of a flight.
+
+    names : of the six channels, specific force first.
+    values : (n, 6), specific force at the CG [m/s2] and rates [rad/s], gaps bridged, otherwise as
+        measured.
+    arm : (3,), air-data point relative to the mean CG, body axes [m].
+    cg : (3,), mean CG relative to the datum, body axes [m].
+    """
 
     names: tuple[str, ...]
     values: Array
@@ -61,9 +69,10 @@ class InertialInputs:
 
 
 def inertial_inputs(flight: Flight, vehicle: Vehicle) -> InertialInputs:
-    """Specific force, moved to the CG where the accelerometers are off it, and rates of a flight.
+    """Specific force at the CG and angular rates of a flight.
 
-    Raises InputError when specific force, rates or attitude are not logged.
+    Specific force measured away from the CG is moved to it with the measured rates and their
+    derivatives. Raises InputError when specific force, rates or attitude are not logged.
     """
     at_cg, at_imu = ("ax", "ay", "az"), ("ax_imu", "ay_imu", "az_imu")
     logged = [sum(name in flight for name in names) for names in (at_cg, at_imu)]
@@ -100,11 +109,11 @@ def inertial_inputs(flight: Flight, vehicle: Vehicle) -> InertialInputs:
 
 
 def air_data_at_probe(flight: Flight, moved: InertialInputs) -> dict[str, Array]:
-    """V, alpha, beta (those that are logged) as the probe shows them: the mapping moved them to the
-    CG by the measured rates.
+    """Logged V [m/s], alpha and beta [rad] at the air-data point, (n,) each.
 
-    The probe is what may be late, biased or scaled; without beta the mapping took the probe's
-    sideslip as zero.
+    The mapping file moved them to the CG with the measured rates; this undoes it, because delay,
+    bias and scale are errors of the probe. Without beta the mapping took the sideslip at the probe
+    as zero.
     """
     logged = {name: flight[name] for name in ("V", "alpha", "beta") if name in flight}
     if not any(moved.arm) or not {"V", "alpha"} <= set(logged):
@@ -123,8 +132,18 @@ def air_data_at_probe(flight: Flight, moved: InertialInputs) -> dict[str, Array]
 def air_data_from_probe(
     shown: dict[str, Array], rates: Array, arm: Sequence[float]
 ) -> dict[str, Array]:
-    """V, alpha, beta at the CG from those at the probe (beta zero where absent); rates (n, 3)
-    rad/s, arm (3,) m from the CG."""
+    """V, alpha and beta at the CG from those at the probe.
+
+    Parameters
+    ----------
+    shown : channel -> (n,), V [m/s], alpha and beta [rad] at the probe; an absent beta is zero.
+    rates : (n, 3), p, q, r [rad/s].
+    arm : (3,), probe relative to the CG, body axes [m].
+
+    Returns
+    -------
+    The same channels at the CG; unchanged when V or alpha is absent.
+    """
     if not any(arm) or not {"V", "alpha"} <= set(shown):
         return shown
     beta = shown.get("beta", np.zeros_like(shown["alpha"]))
@@ -140,8 +159,11 @@ def air_data_from_probe(
 
 
 def qbar_follows_airspeed(flight: Flight, shown: Mapping[str, Array]) -> bool:
-    """Whether qbar and V of a flight are one measurement: qbar = rho V^2 / 2 to the last digits,
-    with V at the CG or, as `predicted_outputs`, at the air-data point."""
+    """Whether qbar and V of a flight are one measurement.
+
+    They are if qbar = rho V^2 / 2 to the last digits, with V at the CG or at the air-data point
+    (`shown`).
+    """
     if not all(name in flight for name in ("qbar", "V", "rho")):
         return "qbar" not in flight
     apart = []
@@ -161,17 +183,24 @@ def records_from_flight(
     seconds: float = 60.0,
     decimation: int = 1,
 ) -> tuple[Record, ...]:
-    """Stretches of usable flight, each at most about `seconds` long, named ``<flight
-    id>/<number>``.
+    """Records of the usable stretches of a flight, named ``<flight id>/<number>``.
 
-    Inertial drift stays small over a minute, so every stretch has its own first state, while sensor
-    errors are shared and the wind is steady over `STEADY_WIND`: stretches of another wind have
-    ``#<number>`` after the flight id. V, alpha, beta were moved to the CG by the mapping; they are
-    moved back, for it is the probe that errs, and where they were made of the raw pressures of a
-    five-hole probe, these take their place. decimation : every so many samples are kept, after a
-    low pass. Long flights whose latitude is logged are taken over a rotating earth, as gyros see
-    it. Raises InputError when specific force, rates or attitude are not logged, or no stretch is
-    long enough.
+    Inertial drift stays small over a minute, so every record has its own initial state; sensor
+    errors are common to all. The wind is constant over `STEADY_WIND_TIME` and
+    `STEADY_WIND_ALTITUDE`: records with another wind have ``#<number>`` after the flight id. V,
+    alpha and beta are moved back from the CG to the probe, whose errors are estimated; if they were
+    computed from the raw pressures of a five-hole probe, these pressures replace them. Long flights
+    with a logged latitude are reconstructed over a rotating earth, because gyros measure its rate.
+
+    Parameters
+    ----------
+    flight : mapped flight.
+    vehicle : sensor positions, mounting and calibration.
+    seconds : longest record, about [s].
+    decimation : decimation factor; a low-pass filter is applied first.
+
+    Raises InputError when specific force, rates or attitude are not logged, or no stretch is long
+    enough.
     """
     moved = inertial_inputs(flight, vehicle)
     runs = _gapless_runs(flight, moved.names)
@@ -225,15 +254,15 @@ def records_from_flight(
 
 
 def flight_of(record: Record) -> str:
-    """The id of the flight that a record is a stretch of."""
+    """The id of the flight that a record belongs to."""
     return record.flight.partition("#")[0]
 
 
 def _outputs(
     flight: Flight, vehicle: Vehicle, moved: InertialInputs
 ) -> tuple[dict[str, Array], bool]:
-    """Measured channels that the reconstruction may compare with, nan where they must not be used;
-    and whether the flow angles among them are raw pressures."""
+    """Measured channels to compare with the reconstruction, nan where they must not be used; and
+    whether raw five-hole pressures replace the flow angles."""
 
     def measured(name: str) -> Array:
         return np.where(flight.usable((name,), despite=IGNORED_FLAGS), flight[name], np.nan)
@@ -259,7 +288,7 @@ def _outputs(
 
 
 def _local_earth(flight: Flight) -> Earth | None:
-    """The earth with its origin in the middle of the flight; None where it is not logged."""
+    """The earth with its local origin at the median position; None when no position is logged."""
     if "latitude" not in flight or "longitude" not in flight:
         return None
     good = flight.usable(("latitude", "longitude"), despite=IGNORED_FLAGS)
@@ -271,15 +300,14 @@ def _local_earth(flight: Flight) -> Earth | None:
 
 
 def _earth(flight: Flight) -> Earth | None:
-    """The rotating earth that a long flight is taken over; None: a short one, or one of unknown
-    latitude."""
+    """The rotating earth for a long flight; None for a short one or an unknown latitude."""
     return (
         _local_earth(flight) if flight.time[-1] - flight.time[0] > ROTATING_EARTH_DURATION else None
     )
 
 
 def _local_position(flight: Flight) -> dict[str, Array]:
-    """Position north and east of the middle of the flight, m."""
+    """Position north and east of the flight's median position, m."""
     middle = _local_earth(flight)
     if middle is None:
         return {}
@@ -289,32 +317,30 @@ def _local_position(flight: Flight) -> dict[str, Array]:
 
 
 def _decimated(values: Array, step: float, decimation: int) -> Array:
-    """Every `decimation`-th sample (n,) after a low pass; a sample near one that is not finite is
-    nan."""
+    """Decimate samples (n,) after a low-pass filter; samples close to a non-finite one are nan."""
     if decimation == 1:
         return values
     good = np.isfinite(values)
     if not good.any():
         return values[::decimation]
-    # half the new sampling rate: what is left of white noise is white again
+    # cut-off at half the new sampling rate: the remaining noise is white at that rate
     slow = smooth(values, step, 0.5 / (step * decimation), noise=0.0).value[::decimation]
     near = np.convolve(~good, np.ones(2 * decimation + 1), mode="same")[::decimation] > 0.5
     return np.where(near, np.nan, slow)
 
 
 def _input_noise(inputs: Array, decimation: int) -> tuple[float, ...]:
-    """One sigma of the white noise that the low pass leaves: at the slower rate, motion would pass
-    for noise."""
+    """One sigma of the white noise after the low-pass filter, from the full rate: at the decimated
+    rate, second differences would mistake motion for noise."""
     sigma = np.sqrt(np.mean(np.diff(inputs, 2, axis=0) ** 2, axis=0) / 6.0 / decimation)
     return tuple(float(value) for value in sigma)
 
 
 def _gapless_runs(flight: Flight, names: Sequence[str]) -> list[tuple[int, int]]:
-    """(start, stop) of stretches without a long gap and long enough."""
+    """(start, stop) of the stretches that are long enough and have no long gap."""
     good = flight.usable(names, despite=IGNORED_FLAGS)
     if "V" in flight and np.isfinite(flight["V"]).any():
-        # at rest there are no flow angles; where the airspeed is lost for a moment the motion goes
-        # on
+        # at rest there are no flow angles; a short loss of airspeed does not end a record
         speed = bridge(flight["V"])
         good = good & (speed > LOWEST_AIRSPEED * np.percentile(speed, 90))
     edges = np.flatnonzero(np.diff(np.r_[False, good, False].astype(np.int8)))
@@ -335,8 +361,7 @@ def _windows(n: int, longest: float) -> list[tuple[int, int]]:
 
 
 def _with_winds(records: Sequence[Record], step: float) -> tuple[Record, ...]:
-    """The records of one flight, those of another wind marked: every so much time or altitude the
-    wind may be another."""
+    """The records of one flight; ``#<number>`` marks each new wind, by time or altitude."""
     found, number = [], 0
     began, height = records[0].first, _height(records[0])
     for record in records:

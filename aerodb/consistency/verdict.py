@@ -1,9 +1,8 @@
-"""Verdict on a flight: how far its channels are from agreement, before and after, and what that
-forbids.
+"""Judge a flight by the residuals of its channels before and after reconstruction.
 
-Limits are the vehicle's (`vehicle.Accuracy`). Rejected: accelerations, rates or qbar fail, so
-nothing may be identified from it. Limited: a channel fails that only some uses need; which, is
-said.
+Limits are the vehicle's (`vehicle.Accuracy`). Rejected: accelerations, rates or qbar fail, so that
+nothing may be identified from the flight. Limited: a channel fails that only some uses need; the
+reasons name it. Limits and words: docs/reference/conventions.md, "Consistency verdicts".
 """
 
 from collections.abc import Iterable, Sequence
@@ -31,18 +30,18 @@ from aerodb.vehicle import Accuracy
 VerdictWord = Literal["good", "limited", "rejected"]
 _RANK: tuple[VerdictWord, ...] = ("good", "limited", "rejected")
 
-#: Velocity over the earth, or two attitude angles, that miss their limits by this factor take
-#: accelerations or rates with them.
+#: A residual of velocity over the earth, or of two attitude angles, beyond its limit by this factor
+#: is an error of the accelerations or rates.
 GROSS = 3.0
 
-#: Air that moves in fewer than this share of a flight's stretches limits them, not the flight.
+#: Smallest fraction of a flight's records with moving air that limits the whole flight.
 LEAST_MOVING = 0.25
 
 
 @dataclass(frozen=True)
 class ChannelCheck:
-    """One channel: rms mismatch before and after the reconstruction, its limit (SI; nan: none), and
-    the verdict."""
+    """One channel: rms residual before and after the reconstruction and its limit (SI; nan: none),
+    and the verdict."""
 
     channel: str
     before: float
@@ -53,8 +52,8 @@ class ChannelCheck:
 
 @dataclass(frozen=True)
 class Verdict:
-    """The word for a flight, with reasons (empty when good), the table per channel, and what is
-    known of gusts."""
+    """The verdict on a flight: `word`, reasons (none when good), one check per channel, and the
+    gusts found."""
 
     word: VerdictWord
     reasons: tuple[str, ...]
@@ -65,11 +64,17 @@ class Verdict:
 def judge(
     result: Reconstruction, flight: str, accuracy: Accuracy, found: Sequence[Fault] = ()
 ) -> Verdict:
-    """The verdict on one flight of a joint reconstruction; `found` are the blunt faults of
-    `expected.detect_faults`.
+    """The verdict on one flight of a joint reconstruction.
 
-    Where the air moved, what gusts make of the residuals of the air data is no fault of a sensor:
-    the rest is judged.
+    In moving air only the mean and trend of the air data's residuals are judged: the rest is gusts,
+    not sensor errors.
+
+    Parameters
+    ----------
+    result : reconstruction of one or several flights.
+    flight : id of the flight to judge.
+    accuracy : limits of the vehicle.
+    found : gross faults (`expected.detect_faults`); each rejects the flight.
     """
     paths = [residuals_as_angles(path) for path in result.paths if flight_of(path.record) == flight]
     speed = float(np.mean(np.concatenate([path.V for path in paths])))
@@ -92,7 +97,7 @@ def judge(
         for check in checks
         if check.channel in ("phi", "theta", "psi") and check.after > GROSS * check.limit
     ]
-    if len(gross) > 1:  # one angle alone is its own sensor: a compass, a vertical gyro
+    if len(gross) > 1:  # one angle alone is an error of its own sensor: a compass, a vertical gyro
         words.append("rejected")
         reasons.append(
             f"the rates do not belong to the attitude: {' and '.join(gross)} disagree with them"
@@ -105,7 +110,7 @@ def judge(
             item.kind in ("bias", "scale", "delay", "port")
             and not (
                 item.scope or estimate.at_bound
-            )  # a value at its bound is the bound's, and its error is not known
+            )  # a value at its bound is not an estimate, and its error is unknown
             and abs(estimate.value) - 2 * estimate.standard_error > item.size
         ):
             gross_bias = (
@@ -113,8 +118,7 @@ def judge(
                 and item.subject in (*INPUTS, "qbar")
                 and abs(estimate.value) > GROSS * item.size
             )
-            # what a value at its bound leaves unexplained, others take up: that is no proof of a
-            # broken sensor
+            # another parameter at its bound distorts this one: that does not prove a broken sensor
             words.append("rejected" if gross_bias and not bound else "limited")
             beside = f", with {' and '.join(bound)} at a bound" if bound else ""
             reasons.append(
@@ -136,8 +140,8 @@ def judge(
 
 
 def moving_air(paths: Sequence[ReconstructedPath]) -> ProcessNoise:
-    """Whether the air moved in at least a quarter of these stretches; the figures are those of the
-    worst of them."""
+    """Whether the air moved in at least a quarter of these records; the figures are those of the
+    worst one."""
     found = [_moving(residuals_as_angles(path)) for path in paths]
     worst = max(found, key=lambda entry: (entry.matters, max(entry.gusts.values(), default=0.0)))
     share = float(np.mean([entry.matters for entry in found]))
@@ -145,8 +149,8 @@ def moving_air(paths: Sequence[ReconstructedPath]) -> ProcessNoise:
 
 
 def _moving(path: ReconstructedPath) -> ProcessNoise:
-    """Whether the air moved along one stretch; where the airspeed is the only air data, the
-    velocity over the earth is its witness."""
+    """Whether the air moved during one record; if the airspeed is the only air data, it is compared
+    with the velocity over the earth."""
     noise = process_noise(path.residuals, float(np.mean(path.V)), path.record.step)
     felt = noise.gusts.get("V", 0.0)
     if noise.matters or set(noise.gusts) != {"V"} or felt <= CALM_GUST_SPEED:
@@ -167,13 +171,12 @@ def _moving(path: ReconstructedPath) -> ProcessNoise:
 
 
 def unchecked(because: str) -> Verdict:
-    """The verdict on a flight whose kinematics cannot be checked: its channels are used as they
-    were measured."""
+    """The verdict on a flight whose kinematics cannot be checked: its channels stay as measured."""
     return Verdict("limited", (f"kinematics not checked: {because}",), ())
 
 
 def as_document(verdict: Verdict) -> dict[str, Any]:
-    """As JSON: verdict, reasons, channels, process_noise."""
+    """As a JSON document: verdict, reasons, channels, process_noise."""
     noise = None if verdict.process_noise is None else asdict(verdict.process_noise)
     channels = [asdict(check) for check in verdict.channels]
     return {
@@ -187,8 +190,7 @@ def as_document(verdict: Verdict) -> dict[str, Any]:
 def judge_navigation(
     velocity: VelocityCheck | None, flow: FlowCheck | None, accuracy: Accuracy
 ) -> Verdict:
-    """The verdict where no accelerations are logged and only the navigation solution can be checked
-    against itself."""
+    """The verdict without logged accelerations, from checks of the navigation solution alone."""
     words: list[VerdictWord] = []
     reasons, checks = [], []
     if velocity is not None:
@@ -237,8 +239,8 @@ def _mean_pressure(paths: Sequence[ReconstructedPath]) -> float:
 
 
 def _judged_rms(path: ReconstructedPath, name: str, moving: bool) -> float:
-    """Rms of a channel's residual along one stretch; of air data in moving air only its mean and
-    trend, the rest is gusts."""
+    """Rms of a channel's residual over one record; of air data in moving air, only the mean and
+    trend: the rest is gusts."""
     residual = path.residuals[name]
     if not (moving and name in AIR_DATA):
         return float(np.sqrt(np.nanmean(residual**2)))
@@ -266,8 +268,8 @@ def _limit(name: str, accuracy: Accuracy, speed: float, pressure: float) -> floa
 
 
 def _word(name: str, rest: Sequence[float], limit: float) -> VerdictWord:
-    """The verdict on a channel from its mismatch along each stretch: one that fails in most of them
-    takes the flight with it."""
+    """The verdict on a channel from its rms residual in each record; failing in most of them can
+    reject the flight."""
     if not rest or not np.sqrt(np.mean(np.square(rest))) > limit:
         return "good"
     worst = GROSS * limit if name.startswith("velocity_") else limit

@@ -1,5 +1,5 @@
-"""The consistency step of one flight: its sensor errors, what is applied of them, the verdict, and
-the consistent flight."""
+"""Run the consistency step for one flight: sensor errors, applied corrections, verdict, corrected
+flight."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -41,10 +41,15 @@ from aerodb.vehicle import Vehicle
 
 @dataclass(frozen=True)
 class Consistent:
-    """A flight after its consistency step: `flight` with the corrected channels, `sigma` channel ->
-    (n,) one standard error of V, alpha, beta and attitude, `changed` names of the channels that
-    differ from the measured ones, the `document` (JSON), and what drifted from the calibration. An
-    unchecked flight is as it was."""
+    """A flight after the consistency step.
+
+    flight : with corrected channels; unchanged when it could not be checked.
+    sigma : channel -> (n,), standard errors of V, alpha, beta and attitude, SI.
+    changed : channels that differ from the measured ones.
+    document : the result as JSON.
+    verdict : good, limited or rejected, with reasons.
+    drifted : parameters that differ from the calibration.
+    """
 
     flight: Flight
     sigma: Mapping[str, Array]
@@ -57,10 +62,15 @@ class Consistent:
 def make_consistent(
     flight: Flight, vehicle: Vehicle, calibration: Calibration | None = None
 ) -> Consistent:
-    """Reconstructs one flight as the mapping gives it, V, alpha and beta at the CG; never raises
-    for what the flight lacks.
+    """Check and correct one mapped flight, with V, alpha and beta at the CG.
 
-    calibration : what is known of the sensors beforehand; None: what the vehicle file states.
+    A flight that lacks the necessary channels gives the verdict "limited"; it raises no error.
+
+    Parameters
+    ----------
+    flight : mapped flight.
+    vehicle : sensor positions, priors and accuracy limits.
+    calibration : prior of the sensor parameters; None: the priors of the vehicle file.
     """
     try:
         records = decimated_records(flight, vehicle)
@@ -85,7 +95,7 @@ def make_consistent(
 
 
 def common_faults(records: Sequence[Record]) -> tuple[Fault, ...]:
-    """Blunt faults that most of the records show."""
+    """Gross faults that more than half of the records show."""
     found: dict[str, list[Fault]] = {}
     for record in records:
         for fault in detect_faults(record):
@@ -98,8 +108,8 @@ def _drifted(own: SensorEstimates, calibration: Calibration) -> tuple[Drift, ...
 
 
 def _unchecked(flight: Flight, vehicle: Vehicle, because: str) -> Consistent:
-    """A flight without the channels that kinematics need: its navigation solution against itself,
-    where it is logged."""
+    """Result for a flight without the channels that kinematics need: its navigation solution is
+    checked against itself, if it is logged."""
     verdict = _navigation(flight, vehicle) or unchecked(because)
     document = {**as_document(verdict), "checked": False, "because": because, "notes": []}
     return Consistent(flight, {}, (), document, verdict)
@@ -122,8 +132,7 @@ def _navigation(flight: Flight, vehicle: Vehicle) -> Verdict | None:
 
 
 def _flow(flight: Flight, good: NDArray[np.bool_]) -> FlowCheck | None:
-    """Angle of attack of the logged velocity less the logged wind beside the probe's; None where
-    one is not logged."""
+    """Compare alpha from logged velocity and wind with the probe's; None if either is missing."""
     names = (
         "phi",
         "theta",

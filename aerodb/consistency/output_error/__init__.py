@@ -1,4 +1,22 @@
-"""TODO aerodb.consistency.output_error."""
+"""Output-error estimation of sensor errors, winds and initial states, with priors.
+
+The way through, for one flight:
+
+1. `decimated_records` gives the flight's records at 25 Hz; `most_active` picks those with the most
+   motion.
+2. `estimate_sensors` estimates the parameters of a plan from these and keeps the significant ones.
+   It calls `reconstruct` (`reconstruction`): maximum likelihood by Gauss-Newton (`gauss_newton`)
+   from first states (`initial_states`), with normal equations per channel (`normal_equations`) and
+   a covariance that includes coloured residuals and inertial noise (`input_noise`).
+3. `reconstruct_flight` combines the estimates with the vehicle file's priors or a calibration
+   (`posterior`) and reconstructs all records with them: a `FlightReconstruction`.
+4. `applied_corrections` says which estimates are used to correct the flight.
+
+For several flights, `joint_calibration` does steps 1 to 3 and returns a `Calibration`.
+
+Main names: `Reconstruction`, `ReconstructedPath` (one per record), `Estimate` (one per parameter),
+`SensorEstimates` (values with covariance). Next: `aerodb.consistency.smoother`.
+"""
 
 import lazy_loader as lazy
 

@@ -1,4 +1,5 @@
 from .estimation import (
+    FlightReconstruction,
     decimated_records,
     estimate_sensors,
     joint_calibration,
@@ -7,20 +8,22 @@ from .estimation import (
 )
 from .input_noise import inertial_noise
 from .posterior import SensorEstimates, applied_corrections, shared_estimates, with_vehicle_priors
-from .reconstruction import Estimate, ReconstructedPath, Reconstruction
+from .reconstruction import Estimate, ReconstructedPath, Reconstruction, reconstruct
 
 __all__ = [
     "Estimate",
-    "SensorEstimates",
+    "FlightReconstruction",
     "ReconstructedPath",
     "Reconstruction",
+    "SensorEstimates",
     "applied_corrections",
-    "most_active",
+    "decimated_records",
     "estimate_sensors",
     "inertial_noise",
     "joint_calibration",
+    "most_active",
+    "reconstruct",
     "reconstruct_flight",
     "shared_estimates",
-    "decimated_records",
     "with_vehicle_priors",
 ]
