@@ -16,7 +16,7 @@ from typing import Any
 
 from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.catalogue.copying import copy_catalogue
-from tests.storage.test_scale import QUERIES, SIZES, _crowd, _family
+from tests.storage.test_scale import QUERIES, SIZES, crowd, family
 from tests.support.catalogue_samples import V, add_flight, add_version, h
 from tests.support.postgresql import Server, binaries, name_in_settings
 
@@ -87,8 +87,8 @@ def prepared(folder: Path, server: Server) -> tuple[dict[str, Path], dict[str, f
     versions, flights = SIZES["large"]
     with Catalogue.open(roots["SQLite"] / "catalogue.sqlite") as one:
         one.add_vehicle(V, "text")
-        _crowd(roots["SQLite"] / "catalogue.sqlite", versions, flights)
-        _family(one)
+        crowd(roots["SQLite"] / "catalogue.sqlite", versions, flights)
+        family(one)
         with (
             Catalogue.open(roots["PostgreSQL"] / "catalogue.sqlite") as other,
             Catalogue.in_file(folder / "back") as back,

@@ -20,7 +20,7 @@ from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.locks import is_held, note_of
 from aerodb.storage.upkeep.verification import verify
 from aerodb.storage.workspace import Workspace
-from tests.flows.test_serve import TOKEN, Served, _end, _start, _until
+from tests.flows.test_serve import TOKEN, Served, end_service, start_service, wait_until
 from tests.support.glider_runs import prepared, stored
 from tests.support.postgresql import Server, name_in_settings
 from tests.support.set_clock import Clock, can_be_set, set_clock
@@ -96,11 +96,11 @@ def served(
         "AERODB_TOKEN": TOKEN,
         "HOME": str(tmp_path),
     }
-    one = Served(workspace, _start(workspace, **given, **clock.environment), undisturbed[0])
+    one = Served(workspace, start_service(workspace, **given, **clock.environment), undisturbed[0])
     try:
         yield one, databases, clock.added
     finally:
-        _end(one.process)
+        end_service(one.process)
         for name in databases:
             postgresql_server.drop(name)
 
@@ -126,8 +126,8 @@ def test_server_database_and_clock_fail_in_one_run(
     for the day that is gone."""
     one, databases, clock = served
     workspace = one.workspace
-    _until(lambda: note_of(workspace.lock("serve")).get("url"), one, "the server came up")
-    _until(lambda: _under_way(workspace), one, "a run is under way")
+    wait_until(lambda: note_of(workspace.lock("serve")).get("url"), one, "the server came up")
+    wait_until(lambda: _under_way(workspace), one, "a run is under way")
     found = subprocess.run(
         ["pgrep", "-P", str(one.process.pid), "-f", "server start"], capture_output=True, text=True
     )
@@ -135,17 +135,17 @@ def test_server_database_and_clock_fail_in_one_run(
     for name in databases:
         postgresql_server.cut(name)
     set_clock(clock, -86_400)
-    _until(lambda: "the clock was set back by 864" in one.said(), one, "the clock is noticed")
-    _until(lambda: _labels(workspace) == ["v0001", "v0002"], one, "what was begun is done")
+    wait_until(lambda: "the clock was set back by 864" in one.said(), one, "the clock is noticed")
+    wait_until(lambda: _labels(workspace) == ["v0001", "v0002"], one, "what was begun is done")
     if nights > 1:
         set_clock(clock, -2 * 86_400)
         _drop(workspace, one.logs[3:])
-        _until(
+        wait_until(
             lambda: _labels(workspace)[2:] == ["v0003"],
             one,
             "a night on the schedule, by the clock as it is now",
         )
-    _until(lambda: not _under_way(workspace), one, "it has ended")
+    wait_until(lambda: not _under_way(workspace), one, "it has ended")
     one.process.send_signal(signal.SIGTERM)
     assert one.process.wait(timeout=300) == 0, one.said()
     assert list((workspace.inbox / NAME).iterdir()) == []

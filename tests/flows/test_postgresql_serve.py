@@ -13,7 +13,7 @@ import pytest
 
 from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.locks import is_held, note_of
-from tests.flows.test_serve import TOKEN, Served, _end, _ended, _start, _until
+from tests.flows.test_serve import TOKEN, Served, end_service, has_ended, start_service, wait_until
 from tests.support.glider_runs import prepared
 from tests.support.postgresql import Server, name_in_settings
 from tests.support.small_glider import NAME, write_files
@@ -55,11 +55,11 @@ def served(
     workspace = prepared(tmp_path / "w", logs[0].parent)
     (workspace.inbox / NAME).mkdir()
     shutil.copy(logs[0], workspace.inbox / NAME / "missed.csv")
-    one = Served(workspace, _start(workspace, **given), logs)
+    one = Served(workspace, start_service(workspace, **given), logs)
     try:
         yield one, databases
     finally:
-        _end(one.process)
+        end_service(one.process)
         for name in databases:
             postgresql_server.drop(name)
 
@@ -69,9 +69,11 @@ def test_logs_are_taken_in_with_everything_in_postgresql_and_through_cuts(
 ) -> None:
     one, databases = served
     workspace = one.workspace
-    _until(lambda: note_of(workspace.lock("serve")).get("url"), one, "the server came up")
-    _until(lambda: _ended(one).get("missed.csv") == "stored", one, "what waited was taken in")
-    _until(
+    wait_until(lambda: note_of(workspace.lock("serve")).get("url"), one, "the server came up")
+    wait_until(
+        lambda: has_ended(one).get("missed.csv") == "stored", one, "what waited was taken in"
+    )
+    wait_until(
         lambda: _completed(postgresql_server.url(databases[1])),
         one,
         "Prefect's database held the run",
@@ -80,8 +82,8 @@ def test_logs_are_taken_in_with_everything_in_postgresql_and_through_cuts(
     for name in databases:
         postgresql_server.cut(name)
     shutil.copy(one.logs[1], workspace.inbox / NAME / "after.csv")
-    _until(
-        lambda: _ended(one).get("after.csv") == "stored",
+    wait_until(
+        lambda: has_ended(one).get("after.csv") == "stored",
         one,
         "a log was taken in after all connections were cut",
     )

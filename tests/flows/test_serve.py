@@ -83,7 +83,7 @@ class Served:
         )
 
 
-def _start(workspace: Workspace, **more: str) -> "subprocess.Popen[bytes]":
+def start_service(workspace: Workspace, **more: str) -> "subprocess.Popen[bytes]":
     kept = {
         name: value
         for name, value in os.environ.items()
@@ -104,7 +104,9 @@ def _start(workspace: Workspace, **more: str) -> "subprocess.Popen[bytes]":
         )
 
 
-def _until(condition: Callable[[], Any], served: Served, what: str, seconds: float = 300.0) -> Any:
+def wait_until(
+    condition: Callable[[], Any], served: Served, what: str, seconds: float = 300.0
+) -> Any:
     until = time.monotonic() + seconds
     while not (found := condition()):
         if served.process.poll() is not None or time.monotonic() > until:
@@ -113,7 +115,7 @@ def _until(condition: Callable[[], Any], served: Served, what: str, seconds: flo
     return found
 
 
-def _end(process: "subprocess.Popen[bytes]") -> None:
+def end_service(process: "subprocess.Popen[bytes]") -> None:
     if process.poll() is None:
         process.terminate()
         try:
@@ -143,15 +145,17 @@ def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
     workspace = _workspace(folder / "w", logs)
     shutil.copy(logs[0], workspace.inbox / NAME / "missed.csv")  # whoever told of it told nobody
     (folder / "home").mkdir()
-    one = Served(workspace, _start(workspace, AERODB_TOKEN=TOKEN, HOME=str(folder / "home")), logs)
+    one = Served(
+        workspace, start_service(workspace, AERODB_TOKEN=TOKEN, HOME=str(folder / "home")), logs
+    )
     try:
-        _until(lambda: note_of(workspace.lock("serve")).get("url"), one, "the server came up")
+        wait_until(lambda: note_of(workspace.lock("serve")).get("url"), one, "the server came up")
         yield one
     finally:
-        _end(one.process)
+        end_service(one.process)
 
 
-def _ended(served: Served) -> dict[str, str]:
+def has_ended(served: Served) -> dict[str, str]:
     with Catalogue.open(served.workspace.catalogue) as catalogue:
         kinds = ("stored", "duplicate", "quarantined")
         return {
@@ -167,8 +171,10 @@ def _runs(served: Served, flow: str, state: Any = "completed") -> list[str]:
 
 
 def test_a_log_that_nobody_told_of_is_taken_in(served: Served) -> None:
-    _until(
-        lambda: _ended(served) == {"missed.csv": "stored"}, served, "the log that waited is stored"
+    wait_until(
+        lambda: has_ended(served) == {"missed.csv": "stored"},
+        served,
+        "the log that waited is stored",
     )
     assert list((served.workspace.inbox / NAME).iterdir()) == []
 
@@ -176,7 +182,7 @@ def test_a_log_that_nobody_told_of_is_taken_in(served: Served) -> None:
 def test_the_schedule_fires(served: Served) -> None:
     """The run in the catalogue is the flow run of the orchestrator, which its own scheduler
     made."""
-    (run, *_) = _until(
+    (run, *_) = wait_until(
         lambda: _runs(served, "nightly_flow"), served, "a nightly run on the schedule"
     )
     found = served.client.post("/flow_runs/filter", {"flow_runs": {"id": {"any_": [run]}}})
@@ -286,15 +292,15 @@ def test_what_is_dropped_while_the_server_is_killed_ends_where_it_belongs(served
     shutil.copy(served.logs[0], box / "copy.csv")
     (box / "damaged.csv").write_bytes(b"\x00\xffnothing")
     (box / "link.csv").symlink_to("/etc/passwd")
-    _until(
+    wait_until(
         lambda: "is started again" in served.said() and served.client.healthy(),
         served,
         "the server is back",
     )
     served.away.append((killed, datetime.now(UTC)))
-    _until(lambda: len(_ended(served)) == 12, served, "all twelve have ended")
-    assert Counter(_ended(served).values()) == {"stored": 9, "duplicate": 1, "quarantined": 2}
-    assert {name for name, kind in _ended(served).items() if kind == "quarantined"} == {
+    wait_until(lambda: len(has_ended(served)) == 12, served, "all twelve have ended")
+    assert Counter(has_ended(served).values()) == {"stored": 9, "duplicate": 1, "quarantined": 2}
+    assert {name for name, kind in has_ended(served).items() if kind == "quarantined"} == {
         "damaged.csv",
         "link.csv",
     }
@@ -304,20 +310,22 @@ def test_what_is_dropped_while_the_server_is_killed_ends_where_it_belongs(served
 def test_settings_are_read_again_and_a_bad_file_ends_nothing(served: Served) -> None:
     path = served.workspace.root / "settings.toml"
     path.write_text(SETTINGS + f"[{BROKEN}]\nstrict = true\n", encoding="utf-8")
-    _until(lambda: "no such vehicle" in served.said(), served, "the fault in the settings is said")
+    wait_until(
+        lambda: "no such vehicle" in served.said(), served, "the fault in the settings is said"
+    )
     assert (
         BROKEN in json.loads(aerodb(served.workspace.root, "--json", "status").stdout)["settings"]
     )
     path.write_text(SETTINGS.replace("* * * * * */30", "0 0 29 2 *"), encoding="utf-8")
-    _until(lambda: "was read again" in served.said(), served, "the new settings are taken")
+    wait_until(lambda: "was read again" in served.said(), served, "the new settings are taken")
 
 
 def test_an_event_starts_the_run_of_a_log_that_appears(served: Served) -> None:
     """The schedule of the test before comes on leap days only: what takes this log in, an event has
     started."""
     write_csv(served.workspace.inbox / NAME / "told.csv", channels(400, seconds=6.0))
-    _until(lambda: _ended(served).get("told.csv") == "stored", served, "the log is stored")
-    runs = _until(lambda: _runs(served, "sweep_flow"), served, "the run has ended")
+    wait_until(lambda: has_ended(served).get("told.csv") == "stored", served, "the log is stored")
+    runs = wait_until(lambda: _runs(served, "sweep_flow"), served, "the run has ended")
     found = served.client.post("/flow_runs/filter", {"flow_runs": {"id": {"any_": runs}}})
     assert {entry["created_by"]["type"] for entry in found} == {"AUTOMATION"}
 
@@ -366,7 +374,7 @@ def test_killed_it_takes_its_processes_along(tmp_path: Path) -> None:
         pytest.skip("only Linux ends a process with its parent")
     logs = write_files(tmp_path / "logs", 1)
     workspace = _workspace(tmp_path / "w", logs)
-    process = _start(workspace)
+    process = start_service(workspace)
 
     def children() -> list[str]:
         return subprocess.run(
@@ -374,7 +382,7 @@ def test_killed_it_takes_its_processes_along(tmp_path: Path) -> None:
         ).stdout.split()
 
     try:
-        begun = _until(children, Served(workspace, process, logs), "the server's process began")
+        begun = wait_until(children, Served(workspace, process, logs), "the server's process began")
         time.sleep(1.0)  # the server's own start, so that the signal meets it there
         process.kill()
         process.wait(timeout=120)
@@ -384,7 +392,7 @@ def test_killed_it_takes_its_processes_along(tmp_path: Path) -> None:
             time.sleep(0.2)
         assert not is_held(workspace.lock("serve"))
     finally:
-        _end(process)
+        end_service(process)
 
 
 def test_without_a_token_of_the_users_it_makes_one_that_only_the_user_can_read(
@@ -393,16 +401,16 @@ def test_without_a_token_of_the_users_it_makes_one_that_only_the_user_can_read(
     """Other users of the machine can reach a loopback port, too: they are not served, and the
     user's own commands are."""
     workspace = _workspace(tmp_path / "w", write_files(tmp_path / "logs", 1))
-    one = Served(workspace, _start(workspace), [])
+    one = Served(workspace, start_service(workspace), [])
     lock = workspace.lock("serve")
     try:
-        _until(lambda: note_of(lock).get("url"), one, "the server came up")
+        wait_until(lambda: note_of(lock).get("url"), one, "the server came up")
         note = note_of(lock)
         assert stat.S_IMODE(lock.stat().st_mode) == 0o600
         with pytest.raises(urllib.error.HTTPError, match="401"):
             Client(note["url"], "").post("/flow_runs/filter", {"limit": 1})
         client = Client(note["url"], note["token"])
-        _until(
+        wait_until(
             lambda: client.post("/deployments/filter", {"limit": 2}),
             one,
             "its own runner is served",
@@ -422,7 +430,7 @@ def test_without_a_token_of_the_users_it_makes_one_that_only_the_user_can_read(
             os.environ.clear()
             os.environ.update(before)
     finally:
-        _end(one.process)
+        end_service(one.process)
 
 
 def test_what_others_could_reach_is_refused_without_a_token(tmp_path: Path) -> None:

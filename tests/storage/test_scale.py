@@ -24,7 +24,7 @@ SIZES = {"small": (100, 1_000), "large": (10_000, 100_000)}
 _AT = "2026-01-01T00:00:00.000000Z"
 
 
-def _crowd(path: Path, versions: int, flights: int) -> None:
+def crowd(path: Path, versions: int, flights: int) -> None:
     """Rows as the catalogue itself would have written them: lines of ten versions, each resting on
     ten flights of its own, and a move of a name to each version. Written in one go: through the
     catalogue it would take minutes."""
@@ -79,7 +79,7 @@ def _crowd(path: Path, versions: int, flights: int) -> None:
     raw.close()
 
 
-def _family(catalogue: Catalogue) -> None:
+def family(catalogue: Catalogue) -> None:
     """base <- one <- two <- three, each on five flights; `released` at one of them."""
     parent = provable(catalogue, "base", None)
     catalogue.move_name(V, "released", parent, user="me", reason="r", expected=None)
@@ -104,9 +104,9 @@ def catalogues(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, C
         path = folder / f"{size}.sqlite"
         with Catalogue.open(path) as catalogue:
             catalogue.add_vehicle(V, "text")
-        _crowd(path, versions, flights)
+        crowd(path, versions, flights)
         opened[size] = Catalogue.open(path)
-        _family(opened[size])
+        family(opened[size])
     yield opened
     for catalogue in opened.values():
         catalogue.close()

@@ -45,7 +45,7 @@ def record(measured, twin_otter):
     return load
 
 
-def _with_nasas_constants(flight, column):
+def with_nasas_constants(flight, column):
     """The flight with the constants removed that NASA removed: from the rates (columns 71-73) and
     accelerations (61-63).
 
@@ -76,7 +76,7 @@ def _with_nasas_constants(flight, column):
 @pytest.mark.parametrize("name", ["totter_f1_017_data.mat", "totter_demo_data.mat"])
 def test_force_coefficients_are_nasas(record, twin_otter, name):
     flight, column = record(name)
-    corrected, constants = _with_nasas_constants(flight, column)
+    corrected, constants = with_nasas_constants(flight, column)
     ours = total_coefficients(corrected, twin_otter)
     for k, axis in enumerate(("CX", "CY", "CZ")):
         np.testing.assert_allclose(ours.values[axis], column(61 + k), rtol=1e-5, atol=1e-6)
@@ -94,7 +94,7 @@ def test_moment_coefficients_are_nasas_with_the_files_angular_accelerations(
     record, twin_otter, name
 ):
     flight, column = record(name)
-    corrected, _ = _with_nasas_constants(flight, column)
+    corrected, _ = with_nasas_constants(flight, column)
     ours = total_coefficients(corrected, twin_otter, angular_acceleration="logged")
     for k, axis in enumerate(("Cl", "Cm", "Cn")):
         theirs = column(64 + k)
@@ -112,7 +112,7 @@ def test_differentiated_moments_within_one_percent_of_their_range(
     record, twin_otter, name, bandwidth, axes
 ):
     flight, column = record(name)
-    corrected, _ = _with_nasas_constants(flight, column)
+    corrected, _ = with_nasas_constants(flight, column)
     ours = total_coefficients(corrected, twin_otter, bandwidth=bandwidth)
     for axis in axes:
         theirs = column(61 + AXES.index(axis))
@@ -147,7 +147,7 @@ def test_slopes_from_our_coefficients_and_rates_within_two_standard_errors(recor
         )
         # The constant differs by what the rate biases make of it (and, in CY, the accelerometer's
         # 0.11342 g).
-    corrected, _ = _with_nasas_constants(flight, column)
+    corrected, _ = with_nasas_constants(flight, column)
     again = total_coefficients(corrected, twin_otter, bandwidth=3.0)
     x |= {name: hat_rate(name, corrected.channels, geometry) for name in ("p_hat", "r_hat")}
     for axis, (estimates, errors, _) in PUBLISHED.items():

@@ -17,7 +17,7 @@ from aerodb.logs.mapping import choose_mapping, map_recording
 from aerodb.storage.mappings import builtin_mappings
 from aerodb.storage.readers.tabular import read_tabular
 from aerodb.vehicle import parse_vehicle
-from tests.aerodb.increments.test_measured_update import _database as twin_otter_database
+from tests.aerodb.increments.test_measured_update import twin_otter_database
 from tests.support.paths import VEHICLES
 
 

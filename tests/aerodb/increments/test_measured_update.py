@@ -20,7 +20,7 @@ from aerodb.increments.estimate import estimate_increments
 from aerodb.increments.model_file import parse_model_file
 from aerodb.increments.validation import HoldOut, validate_on_held_out
 from aerodb.report.document import update_document
-from tests.aerodb.coefficients.test_coefficients import _with_nasas_constants, record, twin_otter  # noqa: F401
+from tests.aerodb.coefficients.test_coefficients import with_nasas_constants, record, twin_otter  # noqa: F401
 from tests.support.paths import VEHICLES
 
 MODEL = VEHICLES / "twin_otter_increments.toml"
@@ -34,7 +34,7 @@ LEFT_OUT = {
 }
 
 
-def _database(**kept):
+def twin_otter_database(**kept):
     path = Path(jsbsim.get_default_root_dir()) / "aircraft" / "DHC6" / "DHC6.xml"
     bindings = {name: value for name, value in LEFT_OUT.items() if name not in kept.get("kept", ())}
     return import_jsbsim(path.read_bytes(), bindings=bindings, name="DHC6")
@@ -47,7 +47,7 @@ def updated(record, twin_otter):  # noqa: F811
 
     def run(name, axes, database):
         flight, column = record(name)
-        flight, _ = _with_nasas_constants(flight, column)
+        flight, _ = with_nasas_constants(flight, column)
         model = parse_model_file(MODEL.read_text())
         model = model.model_copy(
             update={"increment": tuple(entry for entry in model.increment if entry.axis in axes)}
@@ -75,7 +75,9 @@ def updated(record, twin_otter):  # noqa: F811
 
 
 def test_longitudinal_record_at_least_as_good_as_the_first_comparison(updated):
-    errors, document = updated("totter_demo_data.mat", ("C_lift", "C_drag", "Cm"), _database())
+    errors, document = updated(
+        "totter_demo_data.mat", ("C_lift", "C_drag", "Cm"), twin_otter_database()
+    )
     assert errors["C_lift"] == (pytest.approx(0.0253, abs=1e-4), pytest.approx(0.00125, abs=5e-5))
     assert errors["C_drag"][1] <= 0.0007
     assert errors["Cm"][1] <= 0.0023
@@ -84,13 +86,13 @@ def test_longitudinal_record_at_least_as_good_as_the_first_comparison(updated):
 
 
 def test_elevator_drag_of_the_database_makes_drag_worse(updated):
-    with_elevator_drag = _database(kept=("fcs/mag-elevator-pos-rad",))
+    with_elevator_drag = twin_otter_database(kept=("fcs/mag-elevator-pos-rad",))
     errors, _ = updated("totter_demo_data.mat", ("C_drag",), with_elevator_drag)
     assert errors["C_drag"] == (pytest.approx(0.0016, abs=5e-5), pytest.approx(0.0008, abs=5e-5))
 
 
 def test_lateral_record_repaired_in_cy_and_cn_and_reported_as_not_repaired_in_cl(updated):
-    errors, document = updated("totter_f1_017_data.mat", ("CY", "Cl", "Cn"), _database())
+    errors, document = updated("totter_f1_017_data.mat", ("CY", "Cl", "Cn"), twin_otter_database())
     assert errors["CY"][1] == pytest.approx(0.0030, abs=5e-5)
     assert errors["Cn"][1] <= 0.0006
     assert errors["Cl"] == (pytest.approx(0.0165, abs=6e-4), pytest.approx(0.0121, abs=1e-4))

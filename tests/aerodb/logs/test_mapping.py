@@ -45,14 +45,16 @@ delta_flap = "10 deg"
 """
 
 
-def _vehicle(extra: str = "") -> Vehicle:
+def vehicle_with_elevator(extra: str = "") -> Vehicle:
     return parse_vehicle(VEHICLE + extra)
 
 
 def _flight(path: Path, extra: str = "") -> Flight:
     recording = read_tabular(path)
     return map_recording(
-        recording, choose_mapping(recording, builtin_mappings().values()), _vehicle(extra)
+        recording,
+        choose_mapping(recording, builtin_mappings().values()),
+        vehicle_with_elevator(extra),
     )
 
 
@@ -95,7 +97,9 @@ FAST, SLOW = np.arange(0.0, 20.0, 0.004), np.arange(0.0, 20.0, 0.02)
 def test_one_uniform_time_base_passes_bit_for_bit() -> None:
     values = np.random.default_rng(0).normal(size=len(SLOW))
     flight = map_recording(
-        _recording({"imu": (SLOW, {"q": values})}), _mapping(("q", "imu", "q", "rad/s")), _vehicle()
+        _recording({"imu": (SLOW, {"q": values})}),
+        _mapping(("q", "imu", "q", "rad/s")),
+        vehicle_with_elevator(),
     )
     np.testing.assert_array_equal(flight["q"], values)
     np.testing.assert_array_equal(flight.time, SLOW)
@@ -110,7 +114,7 @@ def test_going_down_keeps_the_band_and_removes_what_would_alias() -> None:
         {"imu": (SLOW, {"q": np.zeros_like(SLOW)}), "air": (FAST, {"alpha": slow + fast})}
     )
     mapping = _mapping(("q", "imu", "q", "rad/s"), ("alpha", "air", "alpha", "rad"))
-    flight = map_recording(recording, mapping, _vehicle())
+    flight = map_recording(recording, mapping, vehicle_with_elevator())
     inner = (SLOW > 0.5) & (SLOW < 19.5)
     error = flight["alpha"] - np.sin(2 * np.pi * 1.5 * SLOW)
     assert np.max(np.abs(error[inner])) < 2e-3
@@ -121,7 +125,9 @@ def test_going_up_joins_by_lines_and_flags_silence() -> None:
     time = np.concatenate([np.arange(0.0, 8.0, 0.2), np.arange(12.0, 19.0, 0.2)])
     recording = _recording({"imu": (SLOW, {"q": SLOW}), "gps": (time, {"h": 100.0 + 2.0 * time})})
     flight = map_recording(
-        recording, _mapping(("q", "imu", "q", "rad/s"), ("altitude", "gps", "h", "m")), _vehicle()
+        recording,
+        _mapping(("q", "imu", "q", "rad/s"), ("altitude", "gps", "h", "m")),
+        vehicle_with_elevator(),
     )
     np.testing.assert_allclose(flight["altitude"][:900], 100.0 + 2.0 * SLOW[:900], rtol=1e-12)
     flagged = (flight.flags["altitude"] & FLAGS["gap"]) > 0
@@ -135,7 +141,9 @@ def test_samples_that_are_not_finite_are_bridged_or_flagged() -> None:
     values[100], values[500:600] = np.nan, np.nan
     recording = _recording({"imu": (SLOW, {"q": SLOW, "a": values})})
     flight = map_recording(
-        recording, _mapping(("q", "imu", "q", "rad/s"), ("alpha", "imu", "a", "rad")), _vehicle()
+        recording,
+        _mapping(("q", "imu", "q", "rad/s"), ("alpha", "imu", "a", "rad")),
+        vehicle_with_elevator(),
     )
     np.testing.assert_allclose(flight["alpha"], SLOW, rtol=1e-12)
     assert np.flatnonzero(flight.flags["alpha"]).tolist() == list(range(500, 600))
@@ -144,7 +152,7 @@ def test_samples_that_are_not_finite_are_bridged_or_flagged() -> None:
 def test_grid_is_the_overlap_at_the_vehicles_rate() -> None:
     recording = _recording({"a": (FAST + 1.0, {"x": FAST}), "g": (SLOW, {"q": SLOW})})
     mapping = _mapping(("ax_imu", "a", "x", "m/s^2"), ("q", "g", "q", "rad/s"))
-    flight = map_recording(recording, mapping, _vehicle("[processing]\nrate = 25.0\n"))
+    flight = map_recording(recording, mapping, vehicle_with_elevator("[processing]\nrate = 25.0\n"))
     assert (flight.time[0], flight.step) == (pytest.approx(1.0), pytest.approx(0.04))
     assert flight.time[-1] <= SLOW[-1]
 
@@ -155,7 +163,9 @@ def test_angles_are_unwrapped_before_they_are_joined() -> None:
         {"g": (FAST, {"q": FAST}), "att": (SLOW, {"psi": (heading + np.pi) % (2 * np.pi) - np.pi})}
     )
     flight = map_recording(
-        recording, _mapping(("q", "g", "q", "rad/s"), ("psi", "att", "psi", "rad")), _vehicle()
+        recording,
+        _mapping(("q", "g", "q", "rad/s"), ("psi", "att", "psi", "rad")),
+        vehicle_with_elevator(),
     )
     assert np.max(np.abs(np.diff(flight["psi"]))) < 0.01
 
@@ -173,7 +183,9 @@ def test_quaternion_and_sum_are_derived() -> None:
         f' "euler_321_from_quaternion"\nsources = [{sources}]\n[[derived]]\nchannels ='
         f' ["thrust"]\nmethod = "sum"\nsources = [{engines}]\n'
     )
-    flight = map_recording(recording, _mapping(("q", "att", "q", "rad/s"), more=more), _vehicle())
+    flight = map_recording(
+        recording, _mapping(("q", "att", "q", "rad/s"), more=more), vehicle_with_elevator()
+    )
     for name, value in (("phi", -0.3), ("theta", 0.1), ("psi", 2.0)):
         np.testing.assert_allclose(flight[name], value, atol=1e-12)
     np.testing.assert_allclose(flight["thrust"], 2000.0 * SLOW, rtol=1e-12)
@@ -199,7 +211,7 @@ def test_a_command_becomes_a_deflection_by_scale_offset_and_lag(time: np.ndarray
         ' = "out"}]\n'
     )
     flight = map_recording(
-        recording, _mapping(("q", "imu", "q", "rad/s"), more=more), _vehicle(COMMANDED)
+        recording, _mapping(("q", "imu", "q", "rad/s"), more=more), vehicle_with_elevator(COMMANDED)
     )
     start = time[np.argmax(step)]
     expected = 0.02 + 0.5 * np.where(
@@ -220,7 +232,7 @@ def test_a_command_beyond_the_stops_stays_at_them_and_the_start_of_the_lag_is_no
         ' = "out"}]\n'
     )
     flight = map_recording(
-        recording, _mapping(("q", "imu", "q", "rad/s"), more=more), _vehicle(COMMANDED)
+        recording, _mapping(("q", "imu", "q", "rad/s"), more=more), vehicle_with_elevator(COMMANDED)
     )
     assert np.max(flight["delta_elevator"]) == pytest.approx(np.deg2rad(30.0))
     unknown = SLOW[0] + 5 * 0.1 > SLOW
@@ -233,11 +245,14 @@ def test_the_vehicle_says_where_a_surface_stands() -> None:
     )
     extra = COMMANDED + '[surfaces.elevator.log]\ntopic = "servo"\nfield = "control[1]"\n'
     mapping = _mapping(("q", "imu", "q", "rad/s"))
-    flight = map_recording(recording, mapping, _vehicle(extra))
+    flight = map_recording(recording, mapping, vehicle_with_elevator(extra))
     assert flight["delta_elevator"][-1] == pytest.approx(
         0.02 + 0.5 * (SLOW[-1] - 0.1) / 20.0, abs=1e-3
     )
-    assert "delta_elevator" in map_recording(recording, mapping, _vehicle(COMMANDED)).missing
+    assert (
+        "delta_elevator"
+        in map_recording(recording, mapping, vehicle_with_elevator(COMMANDED)).missing
+    )
 
 
 def test_a_command_without_calibration_is_not_taken_for_a_deflection() -> None:
@@ -246,7 +261,9 @@ def test_a_command_without_calibration_is_not_taken_for_a_deflection() -> None:
         '\n[[channel]]\nname = "delta_elevator"\ncommand = true\nsources = [{topic = "imu", field ='
         ' "out"}]\n'
     )
-    flight = map_recording(recording, _mapping(("q", "imu", "q", "rad/s"), more=more), _vehicle())
+    flight = map_recording(
+        recording, _mapping(("q", "imu", "q", "rad/s"), more=more), vehicle_with_elevator()
+    )
     assert "delta_elevator" in flight.missing
     assert any("surfaces.elevator" in note for note in flight.notes)
 
@@ -254,7 +271,7 @@ def test_a_command_without_calibration_is_not_taken_for_a_deflection() -> None:
 def test_constants_of_the_vehicle_fill_what_the_log_lacks() -> None:
     recording = _recording({"imu": (SLOW, {"q": SLOW})})
     flight = map_recording(
-        recording, _mapping(("q", "imu", "q", "rad/s")), _vehicle(SURFACES), "first"
+        recording, _mapping(("q", "imu", "q", "rad/s")), vehicle_with_elevator(SURFACES), "first"
     )
     np.testing.assert_allclose(flight["delta_flap"], np.deg2rad(10.0))
     assert any("delta_flap" in note for note in flight.notes)
@@ -273,7 +290,9 @@ name = "q"
 sources = [{topic = "new_rates", field = "q"}, {topic = "older|old_*", field = "q"}]
 """
     np.testing.assert_allclose(
-        map_recording(recording, parse_mapping(text), _vehicle())["q"], SLOW, rtol=1e-12
+        map_recording(recording, parse_mapping(text), vehicle_with_elevator())["q"],
+        SLOW,
+        rtol=1e-12,
     )
 
 
@@ -284,7 +303,7 @@ def test_the_stick_of_a_px4_log_is_what_was_commanded(fields: tuple[str, str, st
     recording = _recording(
         {"vehicle_angular_velocity": (SLOW, rates), "manual_control_setpoint": (SLOW, stick)}
     )
-    flight = map_recording(recording, builtin_mappings()["px4"], _vehicle())
+    flight = map_recording(recording, builtin_mappings()["px4"], vehicle_with_elevator())
     for name, field in zip(("command_roll", "command_pitch", "command_yaw"), fields, strict=True):
         np.testing.assert_allclose(flight[name], stick[field])
 
@@ -312,7 +331,7 @@ def test_small_steps_back_are_dropped_and_reported() -> None:
     time, values = SLOW.copy(), SLOW.copy()
     time[300], time[500], time[700] = time[299], time[500] + 5.0, time[690]
     recording = _recording({"imu": (time, {"q": values})})
-    flight = map_recording(recording, _mapping(("q", "imu", "q", "rad/s")), _vehicle())
+    flight = map_recording(recording, _mapping(("q", "imu", "q", "rad/s")), vehicle_with_elevator())
     np.testing.assert_allclose(flight["q"], flight.time, atol=1e-9)
     assert [entry.kind for entry in flight.damage] == ["time"]
     assert flight.damage[0].what.startswith("3 samples")
@@ -323,13 +342,17 @@ def test_a_broken_clock_costs_its_topic_or_the_log() -> None:
     reported."""
     recording = _recording({"imu": (SLOW, {"q": SLOW}), "gps": (SLOW[::-1], {"h": SLOW})})
     flight = map_recording(
-        recording, _mapping(("q", "imu", "q", "rad/s"), ("altitude", "gps", "h", "m")), _vehicle()
+        recording,
+        _mapping(("q", "imu", "q", "rad/s"), ("altitude", "gps", "h", "m")),
+        vehicle_with_elevator(),
     )
     assert "altitude" in flight.missing
     assert [(entry.kind, entry.topic) for entry in flight.damage] == [("time", "gps")]
     with pytest.raises(InputError, match="time does not increase"):
         map_recording(
-            recording, _mapping(("q", "gps", "h", "rad/s"), ("p", "imu", "q", "rad/s")), _vehicle()
+            recording,
+            _mapping(("q", "gps", "h", "rad/s"), ("p", "imu", "q", "rad/s")),
+            vehicle_with_elevator(),
         )
 
 
@@ -339,7 +362,7 @@ def test_a_clock_that_jumps_far_ahead_does_not_make_an_endless_grid() -> None:
         map_recording(
             _recording({"imu": (time, {"q": time})}),
             _mapping(("q", "imu", "q", "rad/s")),
-            _vehicle(),
+            vehicle_with_elevator(),
         )
 
 
@@ -393,9 +416,11 @@ def test_units_must_be_known() -> None:
         ' field = "q"}]\n'
     )
     with pytest.raises(InputError, match="no unit is declared"):
-        map_recording(recording, silent, _vehicle())
+        map_recording(recording, silent, vehicle_with_elevator())
     with pytest.raises(InputError, match="unknown unit 'furlong/week/week2'"):
-        map_recording(recording, _mapping(("q", "imu", "q", "furlong/week/week2")), _vehicle())
+        map_recording(
+            recording, _mapping(("q", "imu", "q", "furlong/week/week2")), vehicle_with_elevator()
+        )
 
 
 def test_logs_that_no_mapping_fits_or_without_motion_are_refused(tmp_path: Path) -> None:
@@ -406,10 +431,12 @@ def test_logs_that_no_mapping_fits_or_without_motion_are_refused(tmp_path: Path)
     assert "sidpac_fdata" in refusal.value.remedy
     (tmp_path / "y.csv").write_text("q [rad/s],b\n1,2\n3,4\n")
     with pytest.raises(InputError, match="no time: field 'time'"):
-        map_recording(read_tabular(tmp_path / "y.csv"), load_mapping("canonical"), _vehicle())
+        map_recording(
+            read_tabular(tmp_path / "y.csv"), load_mapping("canonical"), vehicle_with_elevator()
+        )
     air = _recording({"air": (SLOW, {"alpha": SLOW})})
     with pytest.raises(InputError, match="no accelerations and no rates"):
-        map_recording(air, _mapping(("alpha", "air", "alpha", "rad")), _vehicle())
+        map_recording(air, _mapping(("alpha", "air", "alpha", "rad")), vehicle_with_elevator())
 
 
 def test_two_mappings_that_fit_equally_are_named() -> None:

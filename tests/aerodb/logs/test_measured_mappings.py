@@ -11,13 +11,15 @@ from aerodb.logs.completeness import consequences_of_missing
 from aerodb.logs.mapping import choose_mapping, map_recording
 from aerodb.storage.mappings import builtin_mappings
 from aerodb.storage.readers.tabular import read_tabular
-from tests.aerodb.logs.test_mapping import SURFACES, _vehicle
+from tests.aerodb.logs.test_mapping import SURFACES, vehicle_with_elevator
 
 
 def _flight(path: Path, extra: str = "") -> Flight:
     recording = read_tabular(path)
     return map_recording(
-        recording, choose_mapping(recording, builtin_mappings().values()), _vehicle(extra)
+        recording,
+        choose_mapping(recording, builtin_mappings().values()),
+        vehicle_with_elevator(extra),
     )
 
 

@@ -74,7 +74,7 @@ UNCHANGED = "never changed or deleted"
 BROKEN = (sqlite3.IntegrityError, psycopg.IntegrityError)
 
 
-def _filled(family: Catalogue) -> None:
+def filled(family: Catalogue) -> None:
     """A row in every table but those of calibrations."""
     family.move_name(V, "released", h("a"), user="me", reason="r", expected=None)
     run = family.start_run("update", how="direct")
@@ -104,7 +104,7 @@ def _filled(family: Catalogue) -> None:
 def test_nothing_is_changed_or_deleted_even_by_hand(
     family: Catalogue, kept_in: str, tmp_path: Path
 ) -> None:
-    _filled(family)
+    filled(family)
     family.close()
     raw = by_hand(tmp_path / "catalogue.sqlite")
     raw.execute(

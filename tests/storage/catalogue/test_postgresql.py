@@ -265,12 +265,12 @@ def test_all_rows_go_there_and_back(
 ) -> None:
     """From either kind into a file, from there into the other kind, and into a file again: the same
     rows."""
-    from tests.storage.catalogue.test_catalogue_safety import _filled
+    from tests.storage.catalogue.test_catalogue_safety import filled
 
     with Catalogue.open(tmp_path / "catalogue.sqlite") as first:
         first.add_vehicle(V, "text \N{SNOWMAN} \x7f")
         add_family(first)
-        _filled(first)
+        filled(first)
         with Catalogue.in_file(tmp_path / "between") as between:
             copy_catalogue(first, between)
             other = postgresql_server.catalogue()
