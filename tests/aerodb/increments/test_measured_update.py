@@ -20,7 +20,7 @@ from aerodb.increments.estimate import estimate_increments
 from aerodb.increments.model_file import parse_model_file
 from aerodb.increments.validation import HoldOut, validate_on_held_out
 from aerodb.report.document import update_document
-from tests.aerodb.coefficients.test_coefficients import with_nasas_constants, record, twin_otter  # noqa: F401
+from tests.aerodb.coefficients.test_coefficients import record, twin_otter, with_nasas_constants  # noqa: F401
 from tests.support.paths import VEHICLES
 
 MODEL = VEHICLES / "twin_otter_increments.toml"
