@@ -31,52 +31,52 @@ class Explanation:
     words.
     """
 
-    place: int
+    index: int
     rivals: tuple[int, ...]
     sensors: tuple[int, ...]
     fallen: dict[int, str]
 
 
-def explain(tests: CrossFlightTests, decision: Decision, place: int) -> Explanation:
+def explain(tests: CrossFlightTests, decision: Decision, index: int) -> Explanation:
     """Rivals and sensors of an accepted (or suspected) term, or of a freed sensor."""
     sensors = set(tests.campaign.sensors)
     fewest = (
         tests.settings.fewest
-        if place in decision.accepted or place in decision.freed
+        if index in decision.accepted or index in decision.freed
         else FEWEST_SUSPECTED
     )
-    terms = tuple(i for i in decision.terms if i != place)
-    freed = tuple(i for i in decision.freed if i != place)
+    terms = tuple(i for i in decision.terms if i != index)
+    freed = tuple(i for i in decision.freed if i != index)
     # Trims are in every model: nothing else can take an axis' constant away, and it can take
     # nothing from others.
     fitting, fallen = (
-        _fitting(tests, terms, freed, place, fewest)
-        if place not in tests.campaign.offsets
+        _fitting(tests, terms, freed, index, fewest)
+        if index not in tests.campaign.offsets
         else ([], {})
     )
-    broken = _breaking(tests, terms, freed, place, fewest) if place not in sensors else ()
+    broken = _breaking(tests, terms, freed, index, fewest) if index not in sensors else ()
     rivals = tuple(i for i in fitting if i not in sensors)
     behind = tuple(dict.fromkeys([*broken, *(i for i in fitting if i in sensors)]))
     for i in (*rivals, *behind):
         fallen.pop(i, None)
-    return Explanation(place, rivals, behind, fallen)
+    return Explanation(index, rivals, behind, fallen)
 
 
 def _fitting(
-    tests: CrossFlightTests, terms: tuple[int, ...], freed: tuple[int, ...], place: int, fewest: int
+    tests: CrossFlightTests, terms: tuple[int, ...], freed: tuple[int, ...], index: int, fewest: int
 ) -> tuple[list[int], dict[int, str]]:
     """Hypotheses that would be found in place of it, whose gain it takes away and that are not
     worse over flights."""
     sensors = set(tests.campaign.sensors)
     # The rivals of a sensor are heard as if that sensor were right: beside it they would only get
     # what it leaves.
-    fixed = (place,) if place in sensors else ()
+    fixed = (index,) if index in sensors else ()
     before = tests.tested(terms, freed, fewest, fixed)
     estimates = tests.flight_estimates(terms, freed, fixed)
-    given = (terms, (*freed, place)) if place in sensors else ((*terms, place), freed)
+    given = (terms, (*freed, index)) if index in sensors else ((*terms, index), freed)
     after = tests.tested(*given, fewest)
-    barred = {place, *terms, *freed, *tests.campaign.offsets}
-    own = _gain_by_flight(tests, terms, freed, place, fewest)
+    barred = {index, *terms, *freed, *tests.campaign.offsets}
+    own = _gain_by_flight(tests, terms, freed, index, fewest)
     # What the errors of a reconstructed angle may hide is no finding, but still explains what a
     # stand-in would be blamed for.
     shown = (
@@ -108,17 +108,17 @@ def _fitting(
 
 
 def _gain_by_flight(
-    tests: CrossFlightTests, terms: tuple[int, ...], freed: tuple[int, ...], place: int, fewest: int
+    tests: CrossFlightTests, terms: tuple[int, ...], freed: tuple[int, ...], index: int, fewest: int
 ) -> Array:
     """What the finding is worth in each flight, 0 where it has no vote."""
     test = tests.tested(terms, freed, fewest)
     gains = np.zeros(len(tests.flights))
-    gains[test.included[:, place]] = flight_gains(tests.flight_estimates(terms, freed), test, place)
+    gains[test.included[:, index]] = flight_gains(tests.flight_estimates(terms, freed), test, index)
     return gains
 
 
 def _breaking(
-    tests: CrossFlightTests, terms: tuple[int, ...], freed: tuple[int, ...], place: int, fewest: int
+    tests: CrossFlightTests, terms: tuple[int, ...], freed: tuple[int, ...], index: int, fewest: int
 ) -> tuple[int, ...]:
     """Sensors that, left without a prior, take the finding's separability, sign or significance
     away.
@@ -129,7 +129,7 @@ def _breaking(
     """
     every = (
         *terms,
-        place,
+        index,
     )  # asked for together: a sensor that is freed is the same model for all findings
     absent = tests.tested(terms, freed, fewest)
     full = tests.tested(every, freed, fewest)
@@ -137,14 +137,14 @@ def _breaking(
     for sensor in tests.campaign.sensors:
         if sensor in freed:
             right = tests.gain(
-                place, terms, tuple(i for i in freed if i != sensor), fixed=(sensor,)
+                index, terms, tuple(i for i in freed if i != sensor), fixed=(sensor,)
             )
-            if full.gain[place] < LOST * right:
+            if full.gain[index] < LOST * right:
                 broken.append(sensor)
             continue
         test = tests.tested(every, (*freed, sensor), fewest)
-        same = np.sign(test.mean[place]) == np.sign(full.mean[place])
-        holds = test.testable[place] and same and test.p_at(every)[-1] < tests.settings.level
+        same = np.sign(test.mean[index]) == np.sign(full.mean[index])
+        holds = test.testable[index] and same and test.p_at(every)[-1] < tests.settings.level
         if not holds and not implausible(tests, absent, sensor):
             broken.append(sensor)
     return tuple(broken)

@@ -111,23 +111,23 @@ def few_flight_findings(
     """
     bands, settings = joint_bands(evidence, hypotheses, settings)
     shown = {
-        place
+        index
         for band in bands
         for records in band.records.values()
-        for place in np.flatnonzero(records[0].any(axis=0)) - 1
+        for index in np.flatnonzero(records[0].any(axis=0)) - 1
     }
     able = [i for i, h in enumerate(hypotheses) if _claimable(h) and i in shown]
     linear = tuple(i for i in able if hypotheses[i].effect in LINEAR)
     joint = joint_fit(bands, linear, hypotheses, settings)
     while len(joint.terms) - len(linear) < settings.most_terms:
         best: tuple[float, JointModel] | None = None
-        for place in _promising(joint, able):
-            tried = joint_fit(bands, (*joint.terms, place), hypotheses, settings)
+        for index in _promising(joint, able):
+            tried = joint_fit(bands, (*joint.terms, index), hypotheses, settings)
             test = _tested(tried)
-            if _holds(tried, test, place, evidence) and (
-                best is None or test.gain[place] > best[0]
+            if _holds(tried, test, index, evidence) and (
+                best is None or test.gain[index] > best[0]
             ):
-                best = float(test.gain[place]), tried
+                best = float(test.gain[index]), tried
         if best is None:
             break
         joint = best[1]
@@ -137,7 +137,7 @@ def few_flight_findings(
     ]
     found.sort(key=lambda i: float(test.adjusted[i]))
     sensors = believable_sensors(joint, found)
-    findings = tuple(_finding(joint, test, place, sensors[place]) for place in found)
+    findings = tuple(_finding(joint, test, index, sensors[index]) for index in found)
     return FewFlightFindings(joint, findings, _correlation_times(joint))
 
 
@@ -181,25 +181,25 @@ def _tested(joint: JointModel) -> Tested:
     return replace(test, families=(linear, others))
 
 
-def _holds(joint: JointModel, test: Tested, place: int, evidence: Sequence[Evidence]) -> bool:
+def _holds(joint: JointModel, test: Tested, index: int, evidence: Sequence[Evidence]) -> bool:
     estimates = joint.tests.flight_estimates(joint.terms, ())
-    if not test.adjusted[place] < joint.tests.settings.level:
+    if not test.adjusted[index] < joint.tests.settings.level:
         return False
-    if test.count[place] != 1:
-        return cross_validated(estimates, test, place)
-    silent = _silent(estimates, test, place)
-    if _agree(float(test.mean[place]), *silent):
+    if test.count[index] != 1:
+        return cross_validated(estimates, test, index)
+    silent = _silent(estimates, test, index)
+    if _agree(float(test.mean[index]), *silent):
         return True
-    return not _contradicted(estimates, test, place, silent) and _halves_agree(
-        joint, test, place, evidence
+    return not _contradicted(estimates, test, index, silent) and _halves_agree(
+        joint, test, index, evidence
     )
 
 
-def _silent(estimates: FlightEstimates, test: Tested, place: int) -> tuple[float, float]:
+def _silent(estimates: FlightEstimates, test: Tested, index: int) -> tuple[float, float]:
     """What the units without a vote say all together: sums of ``A_hy`` and of ``A_hh``."""
-    silent = ~test.included[:, place] & (estimates.information[:, place] > 0.0)
-    information = estimates.information[silent, place]
-    return float(information @ estimates.estimate[silent, place]), float(information.sum())
+    silent = ~test.included[:, index] & (estimates.information[:, index] > 0.0)
+    information = estimates.information[silent, index]
+    return float(information @ estimates.estimate[silent, index]), float(information.sum())
 
 
 def _agree(value: float, right: float, total: float) -> bool:
@@ -212,7 +212,7 @@ def _agree(value: float, right: float, total: float) -> bool:
 
 
 def _contradicted(
-    estimates: FlightEstimates, test: Tested, place: int, silent: tuple[float, float]
+    estimates: FlightEstimates, test: Tested, index: int, silent: tuple[float, float]
 ) -> bool:
     """Whether the units without a vote reject that the effect is as large as the lone voter says
     (one-sided, 5 %)."""
@@ -220,8 +220,8 @@ def _contradicted(
     if total <= 0.0:
         return False
     value, own = (
-        float(test.mean[place]),
-        float(estimates.information[test.included[:, place], place].sum()),
+        float(test.mean[index]),
+        float(estimates.information[test.included[:, index], index].sum()),
     )
     return bool(
         np.sign(value) * (value - right / total) > _ONE_SIDED * np.sqrt(1.0 / total + 1.0 / own)
@@ -229,12 +229,12 @@ def _contradicted(
 
 
 def _halves_agree(
-    joint: JointModel, test: Tested, place: int, evidence: Sequence[Evidence]
+    joint: JointModel, test: Tested, index: int, evidence: Sequence[Evidence]
 ) -> bool:
     """Whether the halves of the lone voter bear each other out, as units without a vote would
     (blocks of one record: Ibragimov & Mueller, JBES 28(4), 2010)."""
-    made = joint.normal_equations[int(np.flatnonzero(test.included[:, place])[0])]
-    hypothesis = joint.tests.campaign.hypotheses[place]
+    made = joint.normal_equations[int(np.flatnonzero(test.included[:, index])[0])]
+    hypothesis = joint.tests.campaign.hypotheses[index]
     noise = dict(zip(made.axes, made.spread.tolist(), strict=True))
     times = [
         float(time)
@@ -244,9 +244,9 @@ def _halves_agree(
     unit = next(each for each in evidence if each.flight == made.flight)
     parts = under(joint, halves(unit, hypothesis.id, noise, max(times, default=0.0)))
     estimates = parts.flight_estimates(joint.terms, ())
-    if len(parts.flights) != 2 or not np.all(estimates.information[:, place] > 0.0):
+    if len(parts.flights) != 2 or not np.all(estimates.information[:, index] > 0.0):
         return False
-    value, information = estimates.estimate[:, place], estimates.information[:, place]
+    value, information = estimates.estimate[:, index], estimates.information[:, index]
     return all(
         _agree(
             float(value[1 - half]), float(information[half] * value[half]), float(information[half])
@@ -272,20 +272,20 @@ def accompanying_linear_terms(
         for i in joint.terms
         if hypotheses[i].id not in named and axes & set(hypotheses[i].axes) and test.count[i]
     ]
-    return tuple(_finding(joint, test, place, ()) for place in chosen)
+    return tuple(_finding(joint, test, index, ()) for index in chosen)
 
 
-def _finding(joint: JointModel, test: Tested, place: int, behind: Sequence[int]) -> Finding:
-    tests, hypothesis = joint.tests, joint.tests.campaign.hypotheses[place]
+def _finding(joint: JointModel, test: Tested, index: int, behind: Sequence[int]) -> Finding:
+    tests, hypothesis = joint.tests, joint.tests.campaign.hypotheses[index]
     estimates = tests.flight_estimates(joint.terms, ())
-    explanation = explain(tests, Decision((), joint.terms, ()), place)
+    explanation = explain(tests, Decision((), joint.terms, ()), index)
     names = tests.campaign.hypotheses
     rivals = [names[i].id for i in explanation.rivals if set(names[i].axes) & set(hypothesis.axes)]
     sensors = [names[i].id for i in behind]
     verdict: Verdict = "ambiguous_sensor" if sensors else "suspected"
-    value, half = joint.value(place), 0.5 * float(np.ptp(test.interval(place)))
-    on = np.flatnonzero(test.included[:, place])
-    gains = left_out_gains(estimates, test, place)
+    value, half = joint.value(index), 0.5 * float(np.ptp(test.interval(index)))
+    on = np.flatnonzero(test.included[:, index])
+    gains = left_out_gains(estimates, test, index)
     return Finding(
         hypothesis=hypothesis.id,
         effect=hypothesis.effect,
@@ -296,11 +296,11 @@ def _finding(joint: JointModel, test: Tested, place: int, behind: Sequence[int])
         unit=hypothesis.unit,
         value=value,
         ci95=(value - half, value + half),
-        p_adjusted=float(test.adjusted[place]),
-        votes=reported_votes(tests, estimates, test, place),
+        p_adjusted=float(test.adjusted[index]),
+        votes=reported_votes(tests, estimates, test, index),
         explanation_set=(hypothesis.id, *rivals, *sensors),
         because=_because(hypothesis, value, half, len(on), rivals, sensors)
-        + _twins(joint, place, explanation.rivals, on),
+        + _twins(joint, index, explanation.rivals, on),
         fallen={names[i].id: why for i, why in explanation.fallen.items()},
         held_out_share=float(np.mean(gains > 0.0)) if len(gains) else 0.0,
     )
@@ -329,7 +329,7 @@ def _because(
 
 
 def _twins(
-    joint: JointModel, place: int, rivals: Sequence[int], units: Sequence[int] | NDArray[np.intp]
+    joint: JointModel, index: int, rivals: Sequence[int], units: Sequence[int] | NDArray[np.intp]
 ) -> str:
     """Which rivals are the same column but for a factor, and in which units: there no flight of
     this kind can tell them apart."""
@@ -339,8 +339,8 @@ def _twins(
         alike = [
             g
             for g in units
-            if matrix[g, place, rival] ** 2
-            > _TWIN**2 * matrix[g, place, place] * matrix[g, rival, rival]
+            if matrix[g, index, rival] ** 2
+            > _TWIN**2 * matrix[g, index, index] * matrix[g, rival, rival]
         ]
         if alike:
             where = ", ".join(
@@ -350,7 +350,7 @@ def _twins(
     return said
 
 
-def believable_sensors(joint: JointModel, places: Sequence[int]) -> dict[int, tuple[int, ...]]:
+def believable_sensors(joint: JointModel, indices: Sequence[int]) -> dict[int, tuple[int, ...]]:
     """Place of a finding -> sensors and vehicle data that an error of believable size makes
     responsible for it.
 
@@ -362,7 +362,7 @@ def believable_sensors(joint: JointModel, places: Sequence[int]) -> dict[int, tu
     tests = joint.tests
     hypotheses, settings = tests.campaign.hypotheses, tests.settings
     before = _tested(joint)
-    found: dict[int, list[int]] = {place: [] for place in places}
+    found: dict[int, list[int]] = {index: [] for index in indices}
     for sensor in tests.campaign.sensors:
         limit = max(abs(edge) for edge in hypotheses[sensor].plausible)
         loose = list(hypotheses)
@@ -373,10 +373,10 @@ def believable_sensors(joint: JointModel, places: Sequence[int]) -> dict[int, tu
         test = replace(tests, campaign=campaign(joint.normal_equations, loose)).tested(
             joint.terms, (), 1
         )
-        for place, sensors in found.items():
+        for index, sensors in found.items():
             if not (
-                test.p[place] < settings.level
-                and np.sign(test.mean[place]) == np.sign(before.mean[place])
+                test.p[index] < settings.level
+                and np.sign(test.mean[index]) == np.sign(before.mean[index])
             ):
                 sensors.append(sensor)
-    return {place: tuple(sensors) for place, sensors in found.items()}
+    return {index: tuple(sensors) for index, sensors in found.items()}

@@ -46,9 +46,9 @@ class JointModel:
     normal_equations: tuple[NormalEquations, ...]
     tests: CrossFlightTests
 
-    def value(self, place: int) -> float:
+    def value(self, index: int) -> float:
         """The common value of one of the terms."""
-        return float(self.values[self.terms.index(place)])
+        return float(self.values[self.terms.index(index)])
 
 
 def joint_bands(
@@ -78,7 +78,7 @@ def joint_fit(
     The filters of the normal equations are fitted to what the model leaves; what it takes is put back by
     algebra, ``y = y' + X theta``.
     """
-    columns = [place + 1 for place in terms]
+    columns = [index + 1 for index in terms]
     rows = {
         (u, axis): _level(records, columns)
         for u, band in enumerate(bands)
@@ -117,7 +117,7 @@ def under(joint: JointModel, evidence: Sequence[Evidence]) -> CrossFlightTests:
     bands = [
         _ordered(in_band(without_shape_terms(each), settings), hypotheses) for each in evidence
     ]
-    columns = [place + 1 for place in joint.terms]
+    columns = [index + 1 for index in joint.terms]
     normal_equations = [
         _about(band, columns, joint.values, settings) for band in bands if band.records
     ]
@@ -158,7 +158,7 @@ def _ordered(band: Band, hypotheses: Sequence[Hypothesis]) -> Band:
     """The band with a column for every hypothesis, in the library's order; zero where the unit
     lacks it."""
     names = tuple(hypothesis.id for hypothesis in hypotheses)
-    places = [0, *(names.index(name) + 1 for name in band.names), len(names) + 1]
+    indices = [0, *(names.index(name) + 1 for name in band.names), len(names) + 1]
 
     def wide(records: Records) -> dict[str, list[Array]]:
         found = {
@@ -167,7 +167,7 @@ def _ordered(band: Band, hypotheses: Sequence[Hypothesis]) -> Band:
         }
         for axis, each in records.items():
             for target, record in zip(found[axis], each, strict=True):
-                target[:, places] = record
+                target[:, indices] = record
         return found
 
     noisy = tuple(wide(copy) for copy in band.noisy)

@@ -28,15 +28,15 @@ def next_flights(
     sentences: list[str] = []
     for explanation in explanations:
         rivals = explanation.rivals
-        if explanation.place in decision.suspected:
-            sentences.append(_more_flights(tests, decision, explanation.place))
+        if explanation.index in decision.suspected:
+            sentences.append(_more_flights(tests, decision, explanation.index))
         if rivals:
             sentences.append(
-                _separation(tests, decision, explanation.place, rivals[0], normal_equations)
+                _separation(tests, decision, explanation.index, rivals[0], normal_equations)
             )
         if explanation.sensors:
             sentences.append(
-                _calibration(tests, decision, explanation.place, explanation.sensors[0])
+                _calibration(tests, decision, explanation.index, explanation.sensors[0])
             )
     return tuple(dict.fromkeys([*sentences, *_unseen(tests, decision)]))
 
@@ -59,16 +59,16 @@ def excitation_needed(value: float, known: float, per_flight: float, level: floa
 def _separation(
     tests: CrossFlightTests,
     decision: Decision,
-    place: int,
+    index: int,
     rival: int,
     normal_equations: Sequence[NormalEquations],
 ) -> str:
     """How much the one has to move without the other."""
     names, sensors = tests.campaign.hypotheses, set(tests.campaign.sensors)
     terms, freed = (
-        tuple(i for i in group if i != place) for group in (decision.terms, decision.freed)
+        tuple(i for i in group if i != index) for group in (decision.terms, decision.freed)
     )
-    mover, other = (rival, place) if place in sensors else (place, rival)
+    mover, other = (rival, index) if index in sensors else (index, rival)
     if other in sensors:
         alone, beside = (
             tests.tested(terms, freed, FEWEST_SUSPECTED, fixed=(other,)),
@@ -82,18 +82,18 @@ def _separation(
     start = f"{names[mover].id} or {names[other].id}: "
     free = [name for name in names[mover].drivers if name not in names[other].drivers]
     tied = ", ".join(names[other].drivers)
-    value, own = float(alone.mean[mover]), float(beside.own[:, mover].max())
-    if not free or value == 0.0 or own == 0.0:
+    value, per_flight = float(alone.mean[mover]), float(beside.information_before[:, mover].max())
+    if not free or value == 0.0 or per_flight == 0.0:
         return (
             f"{start}both move with {tied}; a flight over a wider range of it, with fast and slow"
             " inputs, tells them apart"
         )
     factor = excitation_needed(
-        value, float(beside.information[:, mover].sum()), own, tests.settings.level
+        value, float(beside.information[:, mover].sum()), per_flight, tests.settings.level
     )
     held = f"while {tied} stays as it is" if tied else "with nothing else moving"
     return (
-        f"{start}move {', '.join(free)} on its own, {_amount(names[mover], normal_equations, factor)} in one"
+        f"{start}move {', '.join(free)} on its per_flight, {_amount(names[mover], normal_equations, factor)} in one"
         f" flight, {held}"
     )
 
@@ -122,13 +122,13 @@ def _amount(
     return f"about {needed:.2g} times as much as so far"
 
 
-def _calibration(tests: CrossFlightTests, decision: Decision, place: int, sensor: int) -> str:
+def _calibration(tests: CrossFlightTests, decision: Decision, index: int, sensor: int) -> str:
     """How well the sensor must be known by other means: to a third of the error that would take the
     finding's place."""
     names = tests.campaign.hypotheses
-    terms = tuple(i for i in decision.terms if i != place)
+    terms = tuple(i for i in decision.terms if i != index)
     needed = abs(float(tests.tested(terms, decision.freed, FEWEST_SUSPECTED).mean[sensor]))
-    start = f"{names[place].id} or {names[sensor].id}: an independent calibration"
+    start = f"{names[index].id} or {names[sensor].id}: an independent calibration"
     if not np.isfinite(needed) or needed == 0.0:
         return f"{start} of {names[sensor].parameter} decides"
     return (
@@ -137,10 +137,10 @@ def _calibration(tests: CrossFlightTests, decision: Decision, place: int, sensor
     )
 
 
-def _more_flights(tests: CrossFlightTests, decision: Decision, place: int) -> str:
+def _more_flights(tests: CrossFlightTests, decision: Decision, index: int) -> str:
     test = tests.tested(decision.terms, decision.freed, FEWEST_SUSPECTED)
-    lacking = tests.settings.fewest - int(test.count[place])
-    name = tests.campaign.hypotheses[place]
+    lacking = tests.settings.fewest - int(test.count[index])
+    name = tests.campaign.hypotheses[index]
     flights = f"{lacking} more flight{'' if lacking == 1 else 's'}"
     return (
         f"{name.id}: {flights} with {', '.join(name.drivers) or 'it'} excited as so far, at least,"
@@ -154,12 +154,12 @@ def _unseen(tests: CrossFlightTests, decision: Decision) -> list[str]:
     test = tests.tested(decision.terms, decision.freed, FEWEST_SUSPECTED)
     idle: dict[tuple[str, ...], list[str]] = {}
     tied: dict[tuple[str, ...], list[str]] = {}
-    for place, hypothesis in enumerate(tests.campaign.hypotheses):
-        if hypothesis.kind == "sensor" or not hypothesis.drivers or place in decision.terms:
+    for index, hypothesis in enumerate(tests.campaign.hypotheses):
+        if hypothesis.kind == "sensor" or not hypothesis.drivers or index in decision.terms:
             continue
-        if not test.excited[place]:
+        if not test.excited[index]:
             idle.setdefault(hypothesis.drivers, []).append(hypothesis.id)
-        elif test.inflation[place] > tests.settings.inflation_limit:
+        elif test.inflation[index] > tests.settings.inflation_limit:
             tied.setdefault(hypothesis.drivers, []).append(hypothesis.id)
     sentences = [
         f"nothing is known of {', '.join(ids)}: excite {', '.join(drivers)}"
@@ -168,6 +168,6 @@ def _unseen(tests: CrossFlightTests, decision: Decision) -> list[str]:
     for drivers, ids in sorted(tied.items()):
         sentences.append(
             f"{', '.join(ids)} cannot be told from the rest of the motion: move"
-            f" {', '.join(drivers)} on its own"
+            f" {', '.join(drivers)} on its per_flight"
         )
     return sentences[:MOST]

@@ -70,9 +70,9 @@ class Refined:
         count = len(values)
         total, joint = self.values.copy(), self.covariance.copy()
         total[:count] += values
-        for place in range(count):
-            joint[place, place] += max(
-                0.0, float(covariance[place, place] - self.covariance[place, place])
+        for index in range(count):
+            joint[index, index] += max(
+                0.0, float(covariance[index, index] - self.covariance[index, index])
             )
         return total, joint
 
@@ -116,11 +116,11 @@ def refine(
         return None
     views = in_threads(lambda given: view_of(*given, candidate, vehicle), flights)
     options: list[tuple[int, str, tuple[Hypothesis, ...]]] = []
-    for place, hypothesis in enumerate(accepted):
+    for index, hypothesis in enumerate(accepted):
         for variable in variables_of(hypothesis) if len(hypothesis.increment) == 1 else ():
             spline = spline_over(variable, hypothesis, views)
             if spline is not None:
-                options.append((place, variable, ramp_terms(hypothesis, spline)))
+                options.append((index, variable, ramp_terms(hypothesis, spline)))
     columns = [*accepted, *(ramp for _, _, ramps in options for ramp in ramps)]
     library = [*columns, *sensors]
     normal_equations = in_threads(
@@ -129,7 +129,7 @@ def refine(
         ),
         zip(flights, views, strict=True),
     )
-    of = [*range(len(accepted)), *(place for place, _, ramps in options for _ in ramps)]
+    of = [*range(len(accepted)), *(index for index, _, ramps in options for _ in ramps)]
     problem = _problem(campaign(normal_equations, library), of, settings)
     edges = np.cumsum([len(accepted), *(len(ramps) for _, _, ramps in options)]).tolist()
     groups = [tuple(range(start, stop)) for start, stop in pairwise(edges)]
@@ -143,8 +143,8 @@ def refine(
     variables: dict[str, tuple[str, ...]] = {}
     fall: dict[str, float] = {}
     for each in chosen:
-        place, variable, _ = options[each.option]
-        id = accepted[place].id
+        index, variable, _ = options[each.option]
+        id = accepted[index].id
         variables[id] = (*variables.get(id, ()), variable)
         fall[id] = fall.get(id, 0.0) + each.fall
     return Refined(tuple(columns[i] for i in active), values, covariance, variables, fall)

@@ -84,12 +84,12 @@ class CrossFlightTests:
         return self.cached[key]
 
     def gain(
-        self, place: int, accepted: Sequence[int], freed: Sequence[int], fixed: Sequence[int]
+        self, index: int, accepted: Sequence[int], freed: Sequence[int], fixed: Sequence[int]
     ) -> float:
         """Coherent gain of one hypothesis alone, as `tested` has it."""
-        index = list(self.flights)
-        estimate, information = self.campaign.flight_estimate(place, accepted, freed, fixed)
-        return coherent_gain(estimate[index], information[index], self.settings)
+        rows = list(self.flights)
+        estimate, information = self.campaign.flight_estimate(index, accepted, freed, fixed)
+        return coherent_gain(estimate[rows], information[rows], self.settings)
 
     def without(self, flights: Sequence[int]) -> "CrossFlightTests":
         """The same court without some flights."""
@@ -139,13 +139,13 @@ def _candidates(
     return _largest(test.gain, terms), _largest(test.gain, wrong)
 
 
-def _known_better(tests: CrossFlightTests, test: Tested, place: int) -> bool:
+def _known_better(tests: CrossFlightTests, test: Tested, index: int) -> bool:
     """Whether a sensor would have to be wrong by more than these flights themselves leave open."""
-    return bool(tests.campaign.hypotheses[place].known_by and implausible(tests, test, place))
+    return bool(tests.campaign.hypotheses[index].known_by and implausible(tests, test, index))
 
 
-def _largest(gain: Array, places: Sequence[int]) -> int | None:
-    return max(places, key=lambda i: float(gain[i])) if places else None
+def _largest(gain: Array, indices: Sequence[int]) -> int | None:
+    return max(indices, key=lambda i: float(gain[i])) if indices else None
 
 
 def _sensor_wins(
@@ -200,8 +200,8 @@ def _suspicions(
         estimates = tests.flight_estimates(terms, freed)
         few = (test.count < tests.settings.fewest) & test.significant
         barred = {*tests.campaign.sensors, *tests.campaign.offsets, *terms}
-        places = [int(i) for i in np.flatnonzero(few) if i not in barred]
-        best = _largest(test.gain, [i for i in places if cross_validated(estimates, test, i)])
+        indices = [int(i) for i in np.flatnonzero(few) if i not in barred]
+        best = _largest(test.gain, [i for i in indices if cross_validated(estimates, test, i)])
         if best is None:
             break
         suspected = (*suspected, best)
@@ -214,68 +214,68 @@ def _offsets(
     """Constants that return in all flights. They come last: trims are in every model, and every
     lacking term leaves one."""
     found = tests.tested(terms, freed).significant
-    return tuple(place for place in tests.campaign.offsets if found[place])
+    return tuple(index for index in tests.campaign.offsets if found[index])
 
 
-def flight_gains(estimates: FlightEstimates, test: Tested, place: int) -> Array:
+def flight_gains(estimates: FlightEstimates, test: Tested, index: int) -> Array:
     """Fall of each voting flight's whitened sum of squares (voters,) under one common value, ``2 m
     b - m^2 A``."""
-    on = test.included[:, place]
-    information = estimates.information[on, place]
-    right = information * estimates.estimate[on, place]
+    on = test.included[:, index]
+    information = estimates.information[on, index]
+    right = information * estimates.estimate[on, index]
     total = information.sum()
     common = right.sum() / total if total > 0.0 else 0.0
     return np.asarray(2.0 * common * right - common**2 * information)
 
 
-def cross_validated(estimates: FlightEstimates, test: Tested, place: int) -> bool:
+def cross_validated(estimates: FlightEstimates, test: Tested, index: int) -> bool:
     """Whether the others' value lowers every voting flight's sum of squares."""
-    return bool(np.all(left_out_gains(estimates, test, place) > 0.0)) and bool(
-        test.count[place] >= FEWEST_SUSPECTED
+    return bool(np.all(left_out_gains(estimates, test, index) > 0.0)) and bool(
+        test.count[index] >= FEWEST_SUSPECTED
     )
 
 
 def reported_votes(
-    tests: CrossFlightTests, estimates: FlightEstimates, test: Tested, place: int
+    tests: CrossFlightTests, estimates: FlightEstimates, test: Tested, index: int
 ) -> tuple[Vote, ...]:
     """What each flight that votes on a hypothesis says of it: estimate and standard error, SI units
     of its parameter."""
     return tuple(
         Vote(
             tests.campaign.flights[tests.flights[g]],
-            float(estimates.estimate[g, place]),
-            float(estimates.information[g, place] ** -0.5),
+            float(estimates.estimate[g, index]),
+            float(estimates.information[g, index] ** -0.5),
         )
-        for g in np.flatnonzero(test.included[:, place])
+        for g in np.flatnonzero(test.included[:, index])
     )
 
 
-def left_out_gains(estimates: FlightEstimates, test: Tested, place: int) -> Array:
+def left_out_gains(estimates: FlightEstimates, test: Tested, index: int) -> Array:
     """As `flight_gains`, each flight under the value of the others: what the term is worth on a
     flight that it has not seen."""
-    on = test.included[:, place]
-    information = estimates.information[on, place]
-    right = information * estimates.estimate[on, place]
+    on = test.included[:, index]
+    information = estimates.information[on, index]
+    right = information * estimates.estimate[on, index]
     others = information.sum() - information
     common = (right.sum() - right) / np.where(others > 0.0, others, np.inf)
     return np.asarray(2.0 * common * right - common**2 * information)
 
 
-def implausible(tests: CrossFlightTests, test: Tested, place: int) -> str:
+def implausible(tests: CrossFlightTests, test: Tested, index: int) -> str:
     """Why the value that a rival would need is not believable; empty if it is, or is not known."""
-    hypothesis = tests.campaign.hypotheses[place]
+    hypothesis = tests.campaign.hypotheses[index]
     half = (
-        stdtrit(test.dof[place], 0.975) * test.standard_error[place]
-        + test.systematic_at([place])[0]
+        stdtrit(test.dof[index], 0.975) * test.standard_error[index]
+        + test.systematic_at([index])[0]
     )
-    if not np.isfinite(half) or not test.testable[place]:
+    if not np.isfinite(half) or not test.testable[index]:
         return ""
-    low, high = test.mean[place] - half, test.mean[place] + half
+    low, high = test.mean[index] - half, test.mean[index] + half
     least, most = hypothesis.plausible
     if high < least or low > most:
         by = f" by {hypothesis.known_by}" if hypothesis.known_by else ""
         return (
-            f"would need {with_unit(test.mean[place], hypothesis.unit)}, believable{by} is"
+            f"would need {with_unit(test.mean[index], hypothesis.unit)}, believable{by} is"
             f" {least:.3g} to {most:.3g}"
         )
     return ""

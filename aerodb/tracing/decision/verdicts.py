@@ -52,13 +52,13 @@ def trace(
         settings,
     )
     decision = decide(tests)
-    places = (*decision.terms, *decision.freed)
-    explanations = [explain(tests, decision, place) for place in places]
+    indices = (*decision.terms, *decision.freed)
+    explanations = [explain(tests, decision, index) for index in indices]
     repeated = _repeated(tests)
     findings = [_finding(tests, decision, explanation, repeated) for explanation in explanations]
     findings.sort(key=lambda finding: finding.p_adjusted)
     test = _final(tests, decision)
-    explained = {*places, *(i for e in explanations for i in (*e.rivals, *e.sensors))}
+    explained = {*indices, *(i for e in explanations for i in (*e.rivals, *e.sensors))}
     rest = [i for i in range(len(hypotheses)) if i not in explained]
     if len(normal_equations) < settings.fewest:
         notes.append(
@@ -120,17 +120,17 @@ def _finding(
     explanation: Explanation,
     repeated: list[tuple[tuple[int, ...], Decision]],
 ) -> Finding:
-    place = explanation.place
+    index = explanation.index
     hypotheses = tests.campaign.hypotheses
-    hypothesis = hypotheses[place]
-    fewest = FEWEST_SUSPECTED if place in decision.suspected else tests.settings.fewest
+    hypothesis = hypotheses[index]
+    fewest = FEWEST_SUSPECTED if index in decision.suspected else tests.settings.fewest
     test = tests.tested(decision.terms, decision.freed, fewest)
     estimates = tests.flight_estimates(decision.terms, decision.freed)
     verdict = _verdict(decision, explanation)
-    gains = left_out_gains(estimates, test, place)
-    again = sum(place in (*d.terms, *d.freed) for _, d in repeated)
-    on = np.flatnonzero(test.included[:, place])
-    names = (place, *explanation.rivals, *explanation.sensors)
+    gains = left_out_gains(estimates, test, index)
+    again = sum(index in (*d.terms, *d.freed) for _, d in repeated)
+    on = np.flatnonzero(test.included[:, index])
+    names = (index, *explanation.rivals, *explanation.sensors)
     return Finding(
         hypothesis=hypothesis.id,
         effect=hypothesis.effect,
@@ -139,10 +139,10 @@ def _finding(
         verdict=verdict,
         parameter=hypothesis.parameter,
         unit=hypothesis.unit,
-        value=float(test.mean[place]),
-        ci95=test.interval(place),
-        p_adjusted=float(test.adjusted[place]),
-        votes=reported_votes(tests, estimates, test, place),
+        value=float(test.mean[index]),
+        ci95=test.interval(index),
+        p_adjusted=float(test.adjusted[index]),
+        votes=reported_votes(tests, estimates, test, index),
         explanation_set=tuple(hypotheses[i].id for i in names),
         because=_because(tests, explanation, verdict, test, len(on)),
         fallen={hypotheses[i].id: reason for i, reason in explanation.fallen.items()},
@@ -152,11 +152,11 @@ def _finding(
 
 
 def _verdict(decision: Decision, explanation: Explanation) -> Verdict:
-    if explanation.place in decision.freed:
+    if explanation.index in decision.freed:
         return "ambiguous_sensor" if explanation.rivals else "sensor"
     if explanation.sensors:
         return "ambiguous_sensor"
-    if explanation.place in decision.suspected:
+    if explanation.index in decision.suspected:
         return "suspected"
     return "alias_group" if explanation.rivals else "confirmed"
 
@@ -166,10 +166,10 @@ def _because(
 ) -> str:
     """One plain sentence: what, how large, how sure, and what stands beside it."""
     names = tests.campaign.hypotheses
-    hypothesis = names[explanation.place]
-    low, high = test.interval(explanation.place)
+    hypothesis = names[explanation.index]
+    low, high = test.interval(explanation.index)
     size = (
-        f"{with_unit(float(test.mean[explanation.place]), hypothesis.unit)} (95 %: {low:.3g} to"
+        f"{with_unit(float(test.mean[explanation.index]), hypothesis.unit)} (95 %: {low:.3g} to"
         f" {high:.3g})"
     )
     start = f"{hypothesis.because}: {hypothesis.parameter} = {size} over {flights} flights"
@@ -194,17 +194,17 @@ def _because(
 
 
 def _not_found(
-    hypothesis: Hypothesis, test: Tested, place: int, settings: TracingSettings
+    hypothesis: Hypothesis, test: Tested, index: int, settings: TracingSettings
 ) -> NotFound:
     """Verdict and bounds of a hypothesis that is in no explanation set."""
-    bound, detectable = float(test.bound[place]), float(test.detectable[place])
+    bound, detectable = float(test.bound[index]), float(test.detectable[index])
     believable = max(abs(hypothesis.plausible[0]), abs(hypothesis.plausible[1]))
     verdict: Verdict = "not_detected"
-    if not test.excited[place]:
+    if not test.excited[index]:
         verdict = "not_excited"
-    elif test.inflation[place] > settings.inflation_limit:
+    elif test.inflation[index] > settings.inflation_limit:
         verdict = "not_separable"
-    elif test.count[place] < settings.fewest:
+    elif test.count[index] < settings.fewest:
         verdict = "not_testable"
     elif detectable > believable:
         verdict = "not_excited"

@@ -1,4 +1,16 @@
-"""TODO aerodb.tracing.estimates."""
+"""Per-flight estimates of every hypothesis given a model, and their test over flights.
+
+`campaign` puts the normal equations of several flights on one order of columns (`Campaign`).
+`Campaign.flight_estimates(accepted, freed)` gives each flight's estimate and information of every
+hypothesis beside the accepted terms and the sensors (`FlightEstimates`). `over_flights` tests them
+(`Tested`): mean, standard error, systematic bound, p, intervals. `joint_covariance` gives the
+covariance of several findings.
+
+Modules: `campaigns` and `products` (columns aligned, intercepts projected out, scaled),
+`elimination` and `kernels` (nuisance parameters eliminated; compiled), `per_flight` (estimates and
+their biases), `significance` (the test over flights, Holm), `covariance`. The method:
+docs/method/tracing.md, sections 7 and 8.
+"""
 
 import lazy_loader as lazy
 

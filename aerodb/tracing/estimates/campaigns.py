@@ -1,4 +1,4 @@
-"""normal equations of several flights and a library: what votes are taken from."""
+"""Put the normal equations of several flights and the library on one order of columns."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -9,7 +9,7 @@ from aerodb.effects import Hypothesis
 from aerodb.errors import InputError
 from aerodb.tracing.estimates.per_flight import Campaign
 from aerodb.tracing.estimates.products import products_of
-from aerodb.tracing.evidence import NormalEquations, parent, shape_terms
+from aerodb.tracing.evidence import NormalEquations, parent, shape_term_columns
 
 #: The effect whose column is the axis' own constant.
 OFFSET = "zero_offset"
@@ -20,39 +20,43 @@ def campaign(
     hypotheses: Sequence[Hypothesis],
     earlier: Mapping[str, float] | None = None,
 ) -> Campaign:
-    """normal equations of different flights on the order of `hypotheses`; a flight that lacks a column says
-    nothing about it.
+    """Return the campaign of flights on the order of `hypotheses`.
 
-    earlier : id -> value of the terms that earlier rounds have added: their shapes stand beside
-    everything (`shapes`).
+    A flight that lacks a column says nothing about that hypothesis. earlier : id -> value of the
+    terms that earlier rounds added: their shape-misfit terms stand beside everything.
 
-    Raises InputError when a flight has columns that the library has not (it was made with another
+    Raises InputError when a flight has columns that the library lacks (they were made with another
     library), when a flight is given twice under one name, or when a sensor has no prior.
     """
     _check(normal_equations, hypotheses)
-    known = {h.id: place for place, h in enumerate(hypotheses)}
+    known = {h.id: index for index, h in enumerate(hypotheses)}
     columns = frozenset[str]().union(*{g.hypotheses for g in normal_equations})
     beside = [
         (h.id, name, least)
         for h in hypotheses
-        for name, least in shape_terms(h.id).items()
+        for name, least in shape_term_columns(h.id).items()
         if name in columns
     ]
-    shapes = {len(hypotheses) + n: (known[id], least) for n, (id, _, least) in enumerate(beside)}
+    shape_terms = {
+        len(hypotheses) + n: (known[id], least) for n, (id, _, least) in enumerate(beside)
+    }
     known |= {name: len(hypotheses) + n for n, (_, name, _) in enumerate(beside)}
     offsets = {
-        place: h.axes[0]
-        for place, h in enumerate(hypotheses)
+        index: h.axes[0]
+        for index, h in enumerate(hypotheses)
         if h.effect == OFFSET and len(h.axes) == 1
     }
-    sensors = tuple(place for place, h in enumerate(hypotheses) if h.kind == "sensor")
+    sensors = tuple(index for index, h in enumerate(hypotheses) if h.kind == "sensor")
     products, noisy, total = products_of(
-        normal_equations, known, offsets, {shape: place for shape, (place, _) in shapes.items()}
+        normal_equations,
+        known,
+        offsets,
+        {shape: index for shape, (index, _) in shape_terms.items()},
     )
     scale = 1.0 / products.factor[:-1]
     precision = np.zeros(len(known))
-    for place in sensors:
-        precision[place] = (hypotheses[place].prior_sigma or np.inf) ** -2 / scale[place] ** 2
+    for index in sensors:
+        precision[index] = (hypotheses[index].prior_sigma or np.inf) ** -2 / scale[index] ** 2
     return Campaign(
         flights=tuple(g.flight for g in normal_equations),
         hypotheses=tuple(hypotheses),
@@ -63,7 +67,7 @@ def campaign(
         precision=precision,
         sensors=sensors,
         offsets=tuple(offsets),
-        shapes=shapes,
+        shape_terms=shape_terms,
         earlier={known[id]: value for id, value in (earlier or {}).items() if id in known},
     )
 

@@ -1,5 +1,4 @@
-"""How the estimates of several findings hang together, so that what they add together is no surer
-than it is."""
+"""Covariance of the values of several findings, so that their sum is not stated too precisely."""
 
 from collections.abc import Sequence
 
@@ -10,11 +9,11 @@ from aerodb.tracing.decision import Finding
 
 
 def joint_covariance(findings: Sequence[Finding], prior_dof: float) -> Array:
-    """Covariance (k, k) of the findings' values.
+    """Return the covariance (k, k) of the findings' values.
 
     Standard errors are those of the intervals, systematic part included. Correlations are those of
-    the votes over the flights that voted on both, shrunk towards none by ``d / (d + prior_dof)``
-    with d degrees of freedom: few flights say little of them.
+    the per-flight estimates over the flights that took part in both, shrunk towards zero by ``d /
+    (d + prior_dof)`` with d degrees of freedom: few flights say little about them.
     """
     sigma = np.array([(f.ci95[1] - f.ci95[0]) / (2.0 * 1.96) for f in findings])
     correlation = np.eye(len(findings))

@@ -1,10 +1,10 @@
-"""Products of all flights with the sensors taken out under their priors: once for a campaign, every
-vote stands beside them.
+"""Eliminate sensors and accepted terms from the products of all flights.
 
-``A = H - H_s (H_ss + P)^-1 H_s'`` (TRACING, step 3). Terms that are accepted are taken out of what
-is left, a few columns instead of all of them. So is a sensor that gets another precision p' instead
-of its p: with a column of its own once more, of precision ``p p' / (p - p')``: 0 where it is freed,
--p where it is known to be right.
+The sensors are eliminated under their priors once per campaign: ``A = H - H_s (H_ss + P)^-1 H_s'``
+(docs/method/tracing.md, section 7). Accepted terms are then eliminated from the result, a few
+columns instead of all. A sensor that gets another precision p' instead of p is eliminated once more
+by a copy of its column with precision ``p p' / (p - p')``: 0 where it is freed, -p where it is
+taken as right.
 """
 
 from collections.abc import Mapping, Sequence
@@ -13,35 +13,56 @@ from dataclasses import dataclass
 import numpy as np
 
 from aerodb.support import Array, Mask, Threads
-from aerodb.tracing.estimates.products import Places, Products
+from aerodb.tracing.estimates.products import Indices, Products
 
 #: A trace of ridge: a nuisance that a flight does not show must not stop the others.
 RIDGE = 1e-11
+#: Part of a column's own information below which what is left beside the nuisances is rounding.
+ROUNDING = 1e-9
 #: Flights that are worked on at a time: what is made of them stays in a core's cache.
 PART = 32
 
 
-class EliminationCache:
-    """Columns that votes stand beside, with the sensors taken out of them: each once for a
-    campaign, when it is first asked for.
+@dataclass(frozen=True)
+class SchurComplements:
+    """Products of some hypotheses (g, m) in scaled units, before and after the elimination.
 
-    pairs (g, n, n) : with one another. beside (g, n, w) : with the k hypotheses and the residual;
-    then what the s sensors say of them, ``(H_ss + P)^-1 H_s``; then with the trims of the o
-    offsets. The sensors come first: ``H_ss (H_ss + P)^-1 = 1 - P (H_ss + P)^-1`` says without a
-    difference of near numbers what is left of them. Longer than what is filled.
+    before : ``H_hh``, the information before the nuisance parameters (after the intercepts).
+    after : ``A_hh``, the information after them. cross : ``A_hy``, with the residual.
+    """
+
+    before: Array
+    after: Array
+    cross: Array
+
+    @property
+    def informative(self) -> Mask:
+        """(g, m) where what is left of the column is more than rounding."""
+        return np.asarray(self.after > ROUNDING * np.maximum(self.before, ROUNDING))
+
+
+class EliminationCache:
+    """Nuisance columns with the sensors eliminated, each computed once per campaign, on first use.
+
+    pairs (g, n, n) : products with one another. beside (g, n, w) : products with the k hypotheses
+    and the residual; then what the s sensors say of them, ``(H_ss + P)^-1 H_s``; then with the
+    intercepts of the o offsets. The sensors come first: ``H_ss (H_ss + P)^-1 = 1 - P (H_ss +
+    P)^-1`` gives what remains of them without a difference of nearly equal numbers. Both arrays may
+    be longer than what is filled.
     """
 
     def __init__(
         self,
         products: Products,
-        sensors: Places,
+        sensors: Indices,
         prior: Array,
         inverse: Array,
         reach: Array,
         across: Array,
     ) -> None:
         """sensors : their columns; prior (s,) : P; inverse (g, s, s), reach (g, s, k + 1); across
-        (g, o, c) : trims with all."""
+        (g, o, c) : products of the intercepts with all columns.
+        """
         self._products, self._sensors, self._prior, self._inverse, self._reach = (
             products,
             sensors,
@@ -50,7 +71,7 @@ class EliminationCache:
             reach,
         )
         self._across, self._owed = across, across[:, :, sensors]
-        self._indices = {int(sensor): number for number, sensor in enumerate(sensors)}
+        self._position = {int(sensor): number for number, sensor in enumerate(sensors)}
         (flights, s, core), offsets = reach.shape, across.shape[1]
         self._onto, self._intercepts = slice(core, core + s), slice(core + s, None)
         self.pairs, self.beside = (
@@ -62,27 +83,27 @@ class EliminationCache:
         self.beside[:, :s, self._onto] = np.eye(s) - prior[:, None] * inverse
         self.beside[:, :s, self._intercepts] = (prior * (self._owed @ inverse)).transpose(0, 2, 1)
 
-    def indices(self, members: Places) -> Places:
-        """Where each of the columns stands."""
-        new = [member for member in members.tolist() if member not in self._indices]
+    def positions(self, members: Indices) -> Indices:
+        """Return the row of each column in the cache; compute the columns that are new."""
+        new = [member for member in members.tolist() if member not in self._position]
         if new:
             # Who stands beside a term will stand beside its companions as well.
             shape_terms = np.flatnonzero(np.isin(self._products.base, new)).tolist()
             self._add(
                 np.array(
-                    [m for m in dict.fromkeys([*new, *shape_terms]) if m not in self._indices],
+                    [m for m in dict.fromkeys([*new, *shape_terms]) if m not in self._position],
                     dtype=np.intp,
                 )
             )
-        return np.array([self._indices[member] for member in members.tolist()], dtype=np.intp)
+        return np.array([self._position[member] for member in members.tolist()], dtype=np.intp)
 
-    def _add(self, new: Places) -> None:
-        first, s, core = len(self._indices), len(self._sensors), self._reach.shape[2]
-        self._indices |= {int(member): first + number for number, member in enumerate(new)}
-        last = len(self._indices)
+    def _add(self, new: Indices) -> None:
+        first, s, core = len(self._position), len(self._sensors), self._reach.shape[2]
+        self._position |= {int(member): first + number for number, member in enumerate(new)}
+        last = len(self._position)
         if last > self.pairs.shape[1]:
             self._grow(2 * last)
-        others = np.array(list(self._indices)[s:], dtype=np.intp)
+        others = np.array(list(self._position)[s:], dtype=np.intp)
         block = self._products.block(new, np.r_[self._products.core, others])
         shared = block[:, :, self._sensors]
         onto = shared @ self._inverse
@@ -98,26 +119,26 @@ class EliminationCache:
         self.pairs[:, :last, first:last] = pairs.transpose(0, 2, 1)
 
     def _grow(self, size: int) -> None:
-        """Room for `size` columns."""
+        """Make room for `size` columns."""
         (flights, old, width), pairs, beside = self.beside.shape, self.pairs, self.beside
         self.pairs, self.beside = np.empty((flights, size, size)), np.empty((flights, size, width))
         self.pairs[:, :old, :old], self.beside[:, :old] = pairs, beside
 
 
 class SensorElimination:
-    """Products without the sensors: what votes are without any term, and what they need for some.
+    """Products with the sensors eliminated: estimates without any term, and what terms need.
 
-    sensors (s,) : their places; precision (s,) : scaled, of their priors. inverse (g, s, s) :
-    ``(H_ss + P)^-1``; reach (g, s, k + 1) : that times ``H_s``. own (g, k) : ``H_hh`` of the
-    hypotheses, of offsets that of their trims. column (columns,) : where a hypothesis, a sensor or
-    an offset stands in the stock's `beside`, w columns; of these spread, level (g, w) beside the
-    sensors alone: ``A_hh`` and ``A_hy`` of a hypothesis; variance and mean of a sensor; of an
-    offset the level of its trim, and the spread that the sensors add to it. shares (g, s, w) : what
-    the sensors say of each.
+    sensors (s,) : their columns; precision (s,) : scaled, of their priors. inverse (g, s, s) :
+    ``(H_ss + P)^-1``; reach (g, s, k + 1) : that times ``H_s``. information_before (g, k) :
+    ``H_hh`` of the hypotheses, for offsets that of their intercepts. column (columns,) : where a
+    hypothesis, a sensor or an offset stands in the cache's `beside`, w columns. quadratic, linear
+    (g, w), given the sensors alone: ``A_hh`` and ``A_hy`` of a hypothesis; posterior variance and
+    mean of a sensor; of an offset the variance that the sensors add to its intercept, and the
+    intercept. shares (g, s, w) : what the sensors say of each.
     """
 
     def __init__(self, products: Products, sensors: Sequence[int], precision: Array) -> None:
-        """precision (columns,) : scaled, 0 for what is no sensor."""
+        """precision (columns,) : scaled, 0 for columns that are no sensor."""
         self.products, self.sensors = products, np.array(sensors, dtype=np.intp)
         self.number = np.full(len(products.base), -1)  # column -> which sensor it is
         self.number[self.sensors] = np.arange(len(self.sensors))
@@ -132,15 +153,15 @@ class SensorElimination:
         weight, across = products.constants()
         on = across[:, :, self.sensors]
         owed = on @ self.inverse
-        self.own = np.diagonal(matrix, axis1=1, axis2=2)[:, :k].copy()
-        self.own[:, list(products.offsets)] = weight
+        self.information_before = np.diagonal(matrix, axis1=1, axis2=2)[:, :k].copy()
+        self.information_before[:, list(products.offsets)] = weight
         known = self.reach[:, :, -1]
-        left = np.diagonal(matrix, axis1=1, axis2=2) - np.einsum("gsk,gsk->gk", shared, self.reach)
-        right = matrix[:, :, -1] - np.einsum("gsk,gs->gk", shared, known)
+        after = np.diagonal(matrix, axis1=1, axis2=2) - np.einsum("gsk,gsk->gk", shared, self.reach)
+        cross = matrix[:, :, -1] - np.einsum("gsk,gs->gk", shared, known)
         of_sensors = np.diagonal(self.inverse, axis1=1, axis2=2)
-        self.spread: Array = np.concatenate([left, of_sensors, (owed * on).sum(axis=2)], axis=1)
-        self.level: Array = np.concatenate(
-            [right, known, across[:, :, -1] - np.einsum("gos,gs->go", on, known)], axis=1
+        self.quadratic: Array = np.concatenate([after, of_sensors, (owed * on).sum(axis=2)], axis=1)
+        self.linear: Array = np.concatenate(
+            [cross, known, across[:, :, -1] - np.einsum("gos,gs->go", on, known)], axis=1
         )
         self.shares: Array = np.concatenate(
             [self.reach, self.inverse, owed.transpose(0, 2, 1)], axis=2
@@ -157,15 +178,16 @@ class SensorElimination:
     def beside(
         self, prior: Mapping[int, float], freed: Sequence[int], fixed: Sequence[int]
     ) -> "ModelElimination":
-        """Votes beside the terms and companions of `prior` (place -> scaled precision), sensors
-        `freed` of it, and `fixed` ones.
+        """Return the model with the terms and shape-misfit terms of `prior` (index -> scaled
+        precision).
 
-        A hypothesis that is itself a nuisance is estimated beside the others, its own prior left
-        out; a sensor that is known to be right has no vote.
+        freed : sensors without a prior; fixed : sensors taken as right. A hypothesis that is itself
+        a nuisance parameter is estimated with all the others present and its own prior left out; a
+        sensor taken as right has no estimate.
         """
         of = dict(zip(self.sensors.tolist(), self.prior.tolist(), strict=True))
         extra = {
-            place: each + RIDGE for place, each in (dict(prior) | dict.fromkeys(freed, 0.0)).items()
+            index: each + RIDGE for index, each in (dict(prior) | dict.fromkeys(freed, 0.0)).items()
         }
         extra |= {
             sensor: -of[sensor] for sensor in fixed
@@ -184,115 +206,124 @@ class SensorElimination:
 
 @dataclass(frozen=True)
 class ModelElimination:
-    """What is taken out of the products beyond the sensors. members (n,), in order; extra (n,) :
-    what they have on the diagonal.
+    """One model: what is eliminated from the products beyond the sensors.
 
-    changed (s,) : sensors of another precision than their prior's; freed : those of none.
+    members (n,) : columns, in order; extra (n,) : what is added to their diagonal. changed (s,) :
+    sensors whose precision is not that of their prior; freed : those without a prior.
     """
 
     base: SensorElimination
-    members: Places
+    members: Indices
     extra: Array
     changed: Mask
     freed: frozenset[int]
 
-    def at(self, places: Places) -> tuple[Array, Array, Array]:
-        """Schur complements (g, places), scaled: own ``H_hh``, left ``A_hh``, right ``A_hy``."""
-        base, k, column = self.base, self.base.products.hypotheses, self.base.column[places]
-        indices, among = base.cache.indices(self.members), self._among(places)
-        own = base.own[:, places]
-        left, right = np.empty_like(own), np.empty_like(own)
-        which, of = self._sensors(places)
+    def at(self, indices: Indices) -> SchurComplements:
+        """Return the Schur complements of hypotheses, scaled, of all flights."""
+        base, k, column = self.base, self.base.products.hypotheses, self.base.column[indices]
+        positions, among = base.cache.positions(self.members), self._among(indices)
+        before = base.information_before[:, indices]
+        after, cross = np.empty_like(before), np.empty_like(before)
+        which, of = self._sensors(indices)
         offsets = np.flatnonzero(column > k + len(base.sensors))
 
         def fill(part: slice) -> None:
-            squares, across = self._contracted(part, indices, np.array([k]), places, among)
-            taken, told = squares[:, : len(places)], across[:, 0, : len(places)]
-            spread = base.spread[part, column] + np.where(column < k, -taken, taken)
-            level = base.level[part, column] - told
-            left[part], right[part] = spread, level
+            squares, across = self._contracted(part, positions, np.array([k]), indices, among)
+            reduction, cross_reduction = squares[:, : len(indices)], across[:, 0, : len(indices)]
+            quadratic = base.quadratic[part, column] + np.where(column < k, -reduction, reduction)
+            linear = base.linear[part, column] - cross_reduction
+            after[part], cross[part] = quadratic, linear
             # A nuisance's posterior mean and variance, with its own prior taken out again.
-            left[part, which] = 1.0 / spread[:, which] - base.precision[of]
-            right[part, which] = level[:, which] / spread[:, which]
-            weight = own[part, offsets]
-            shown = 1.0 / (1.0 / np.where(weight > 0.0, weight, 1.0) + spread[:, offsets])
-            left[part, offsets] = np.where(weight > 0.0, shown, 0.0)
-            right[part, offsets] = left[part, offsets] * level[:, offsets]
-            for place, variance, value in zip(
-                among, squares[:, len(places) :].T, across[:, 0, len(places) :].T, strict=True
+            after[part, which] = 1.0 / quadratic[:, which] - base.precision[of]
+            cross[part, which] = linear[:, which] / quadratic[:, which]
+            weight = before[part, offsets]
+            shown = 1.0 / (1.0 / np.where(weight > 0.0, weight, 1.0) + quadratic[:, offsets])
+            after[part, offsets] = np.where(weight > 0.0, shown, 0.0)
+            cross[part, offsets] = after[part, offsets] * linear[:, offsets]
+            for index, variance, value in zip(
+                among, squares[:, len(indices) :].T, across[:, 0, len(indices) :].T, strict=True
             ):
-                left[part, place], right[part, place] = self._member(
-                    int(places[place]), variance, value
+                after[part, index], cross[part, index] = self._member(
+                    int(indices[index]), variance, value
                 )
 
         base.threads.each(fill, base.parts)
-        return own, left, right
+        return SchurComplements(before, after, cross)
 
-    def _member(self, member: int, spread: Array, value: Array) -> tuple[Array, Array]:
+    def _member(self, member: int, quadratic: Array, value: Array) -> tuple[Array, Array]:
         """``A_hh`` and ``A_hy`` (g,) of one of the members, from its variance and value."""
         if self.base.number[member] < 0:
-            return 1.0 / spread, value / spread
+            return 1.0 / quadratic, value / quadratic
         if member not in self.freed:
-            return np.zeros_like(spread), np.zeros_like(spread)
+            return np.zeros_like(quadratic), np.zeros_like(quadratic)
         # Its column is taken out under its prior already; what is left of it is less by what that
         # prior is worth.
         prior = self.base.prior[self.base.number[member]]
-        rest = np.maximum(1.0 / spread - RIDGE, np.finfo(np.float64).tiny)
-        left = 1.0 / (1.0 / rest - 1.0 / prior)
-        return left, left * value / (spread * rest)
+        rest = np.maximum(1.0 / quadratic - RIDGE, np.finfo(np.float64).tiny)
+        after = 1.0 / (1.0 / rest - 1.0 / prior)
+        return after, after * value / (quadratic * rest)
 
-    def _sensors(self, places: Places) -> tuple[Places, Places]:
-        """Which of the places are sensors, and which sensors these are."""
-        number = self.base.number[places]
+    def _sensors(self, indices: Indices) -> tuple[Indices, Indices]:
+        """Which of the indices are sensors, and which sensors these are."""
+        number = self.base.number[indices]
         which = np.flatnonzero(number >= 0)
         return which, number[which]
 
-    def _among(self, places: Places) -> Places:
-        """Which of the places are members."""
+    def _among(self, indices: Indices) -> Indices:
+        """Which of the indices are members."""
         member = np.zeros(len(self.base.column), dtype=bool)
         member[self.members] = True
-        return np.flatnonzero(member[places])
+        return np.flatnonzero(member[indices])
 
-    def sensor_bias(self, places: Places, left: Array, factor: Array, error: Array) -> Array:
-        """(places, g, s): what an `error` (s,) of a sensor, scaled, adds to `right` despite its
-        prior; 0 for a changed one.
+    def sensor_bias(self, indices: Indices, after: Array, factor: Array, error: Array) -> Array:
+        """Return what an `error` (s,) of each sensor, scaled, adds to estimates in spite of its
+        prior.
 
-        left (g, places) : as `at` gave it. factor (g, places) : of `right`.
+        Parameters
+        ----------
+        indices : (m,) hypotheses
+        after : (g, m) ``A_hh`` as `at` gives it
+        factor : (g, m) multiplies ``A_hy``
+        error : (s,) scaled
+
+        Returns
+        -------
+        (m, g, s) : 0 for a sensor whose precision was changed
         """
-        base, k, column = self.base, self.base.products.hypotheses, self.base.column[places]
-        indices, among = base.cache.indices(self.members), self._among(places)
+        base, k, column = self.base, self.base.products.hypotheses, self.base.column[indices]
+        positions, among = base.cache.positions(self.members), self._among(indices)
         sensors, prior = (
             base.column[base.sensors],
             np.where(self.changed, 0.0, base.precision * error),
         )
-        found = np.empty((len(places), len(left), len(sensors)))
-        which, of = self._sensors(places)
+        found = np.empty((len(indices), len(after), len(sensors)))
+        which, of = self._sensors(indices)
         offsets = np.flatnonzero(column > k + len(base.sensors))
 
         def fill(part: slice) -> None:
-            squares, across = self._contracted(part, indices, sensors, places, among)
-            told, turned = (
-                across[:, :, : len(places)],
-                across[:, :, len(places) :],
+            squares, across = self._contracted(part, positions, sensors, indices, among)
+            cross_reduction, turned = (
+                across[:, :, : len(indices)],
+                across[:, :, len(indices) :],
             )  # minus what sensors have in common with
             sensor_bias = base.shares[part].take(column, axis=2)
             sensor_bias[:, :, which] *= -1.0
-            sensor_bias -= told
-            variance = base.spread[part, column[which]] + squares[:, which]
+            sensor_bias -= cross_reduction
+            variance = base.quadratic[part, column[which]] + squares[:, which]
             covariance = -sensor_bias[:, :, which]
             sensor_bias[:, :, which] /= variance[:, None]
-            sensor_bias[:, :, offsets] *= left[part, None, offsets]
-            for number, place in enumerate(among):
-                if base.number[places[place]] < 0:
-                    sensor_bias[:, :, place] = (
-                        turned[:, :, number] / squares[:, None, len(places) + number]
+            sensor_bias[:, :, offsets] *= after[part, None, offsets]
+            for number, index in enumerate(among):
+                if base.number[indices[index]] < 0:
+                    sensor_bias[:, :, index] = (
+                        turned[:, :, number] / squares[:, None, len(indices) + number]
                     )
                 # a sensor of another precision is the one under its prior and the one beside it
                 # together
                 else:
-                    own = covariance[:, :, np.searchsorted(which, place)]
-                    sensor_bias[:, :, place] = (turned[:, :, number] - own) * left[
-                        part, None, place
+                    before = covariance[:, :, np.searchsorted(which, index)]
+                    sensor_bias[:, :, index] = (turned[:, :, number] - before) * after[
+                        part, None, index
                     ]
             sensor_bias[:, of, which] = 0.0
             np.multiply(
@@ -304,27 +335,27 @@ class ModelElimination:
         return found
 
     def _contracted(
-        self, part: slice, indices: Places, left: Places, places: Places, among: Places
+        self, part: slice, positions: Indices, after: Indices, indices: Indices, among: Indices
     ) -> tuple[Array, Array]:
-        """``u' G u`` (g, p + m) and ``v' G u`` (g, l, p + m), G the inverse of the members' pairs:
-        v are columns `left` of the stock's `beside`, u those of the p places, then the unit vectors
-        of the m members `among` them. Of some flights.
+        """``u' G u`` (g, p + m) and ``v' G u`` (g, l, p + m) of some flights, G the inverse of the
+        members' pairs: v are the columns `after` of the cache's `beside`, u those of the p indices,
+        then the unit vectors of the m members `among` them.
         """
         from aerodb.tracing.estimates.kernels import (
             contracted,
         )  # compiled: nothing else should wait for it
 
         pairs, beside = self.base.cache.pairs[part], self.base.cache.beside[part]
-        units = np.searchsorted(self.members, places[among])
-        squares = np.empty((len(pairs), len(places) + len(units)))
-        across = np.empty((len(pairs), len(left), squares.shape[1]))
+        units = np.searchsorted(self.members, indices[among])
+        squares = np.empty((len(pairs), len(indices) + len(units)))
+        across = np.empty((len(pairs), len(after), squares.shape[1]))
         contracted(
             pairs,
             beside,
-            indices,
+            positions,
             self.extra,
-            left,
-            self.base.column[places],
+            after,
+            self.base.column[indices],
             units,
             squares,
             across,

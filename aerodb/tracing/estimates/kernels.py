@@ -1,5 +1,4 @@
-"""Compiled: a batch of small symmetric systems, each solved as far as products of its solution are
-asked for."""
+"""Compiled: small symmetric systems in a batch, solved only as far as products need it."""
 
 import numba
 import numpy as np
@@ -36,10 +35,10 @@ def _add_squares(target: Array, values: Array, weight: float) -> None:
 
 
 @numba.njit(cache=True, nogil=True)
-def _gather(target: Array, values: Array, places: Integers) -> None:
+def _gather(target: Array, values: Array, indices: Integers) -> None:
     """``target = values[places]``, both (m,)."""
     for m in range(len(target)):
-        target[m] = values[places[m]]
+        target[m] = values[indices[m]]
 
 
 @numba.njit(cache=True, nogil=True)
@@ -48,23 +47,23 @@ def contracted(
     beside: Array,
     members: Integers,
     extra: Array,
-    left: Integers,
-    right: Integers,
+    v_columns: Integers,
+    u_columns: Integers,
     units: Integers,
     squares: Array,
     across: Array,
 ) -> None:
-    """``U' M^-1 U`` (its diagonal) and ``V' M^-1 U`` of g systems ``M = pairs[members, members] +
-    diag(extra)``.
+    """Compute ``U' M^-1 U`` (its diagonal) and ``V' M^-1 U`` of g systems.
 
-    pairs (g, N, N); beside (g, N, w); members, extra (n,) : which of the N. V : columns `left` (v,)
-    of the members' `beside`; U : columns `right` (r,) of it, and the unit vectors of the members
-    with numbers `units` (u,). squares (g, r + u), across (g, v, r + u) : written.
+    ``M = pairs[members, members] + diag(extra)``. pairs (g, N, N); beside (g, N, w); members, extra
+    (n,) : which of the N. V : columns `v_columns` (v,) of the members' `beside`; U : columns
+    `u_columns` (r,) of it, and the unit vectors of the members with numbers `units` (u,). squares
+    (g, r + u), across (g, v, r + u) : written.
 
-    By Gauss elimination without pivoting: for a quasi-definite M in any order (Vanderbei, SIAM J.
-    Optim. 5(1), 1995).
+    Gaussian elimination without pivoting, which is stable for a quasi-definite M in any order
+    (Vanderbei, SIAM J. Optim. 5(1), 1995).
     """
-    n, v, r, u = len(members), len(left), len(right), len(units)
+    n, v, r, u = len(members), len(v_columns), len(u_columns), len(units)
     behind, end = n + r, n + r + u
     rows, over = np.zeros((n, end + v)), np.empty((v, n))
     factors, weights = np.empty(n), np.empty(n)
@@ -73,10 +72,10 @@ def contracted(
         for i in range(n):
             row, side = rows[i], beside[flight, members[i]]
             _gather(row[i:n], pairs[flight, members[i]], members[i:])
-            _gather(row[n:behind], side, right)
+            _gather(row[n:behind], side, u_columns)
             for c in range(u):
                 row[behind + c] = 1.0 if units[c] == i else 0.0
-            _gather(row[end:], side, left)
+            _gather(row[end:], side, v_columns)
             row[i] += extra[i]
             for j in range(i):
                 factors[j] = rows[j, i] * weights[j]

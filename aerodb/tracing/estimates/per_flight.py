@@ -1,6 +1,6 @@
-"""From normal equations to votes: each flight's own estimate of each hypothesis, given what is nuisance.
+"""Each flight's own estimate of each hypothesis, given a model.
 
-How normal equations of several flights come onto one order of columns is `campaign`'s.
+`aerodb.tracing.estimates.campaigns` puts the flights on one order of columns.
 """
 
 from collections.abc import Mapping, Sequence
@@ -17,8 +17,6 @@ from aerodb.tracing.estimates.elimination import ModelElimination, SensorElimina
 from aerodb.tracing.estimates.products import Products
 from aerodb.tracing.evidence import TOLERANCE
 
-#: Part of a column's own information below which what is left beside the nuisances is rounding.
-ROUNDING = 1e-9
 #: Largest scaled precision of a companion.
 KNOWN = 1e9
 
@@ -27,40 +25,49 @@ KNOWN = 1e9
 Model = tuple[tuple[int, ...], tuple[int, ...], tuple[int, ...], tuple[int, ...]]
 
 
-class EstimateBiases(Protocol):
-    """What errors that no residual shows add to estimates: computed for the hypotheses that are
-    asked for."""
+@dataclass(frozen=True)
+class HypothesisBias:
+    """Biases of one hypothesis' per-flight estimates, SI units.
 
-    def at(self, places: Sequence[int]) -> Sequence[tuple[Array, Array]]:
-        """Of each place: leak (flights, sensors), what a unit error of the sensor adds to the
-        estimate in spite of its prior; and shift (flights,), what one more helping of state noise
-        adds (SIMEX), 0 without."""
+    sensor_bias (flights, sensors) : what a unit error of the sensor adds in spite of its prior.
+    simex_bias (flights,) : what the flight's state noise, added once more, adds; 0 without.
+    """
+
+    sensor_bias: Array
+    simex_bias: Array
+
+
+class EstimateBiases(Protocol):
+    """Biases of estimates that no residual shows; computed for hypotheses on request."""
+
+    def at(self, indices: Sequence[int]) -> Sequence[HypothesisBias]:
+        """Return the biases of each hypothesis."""
 
 
 @dataclass(frozen=True)
 class FlightEstimates:
-    """Estimates (flights, hypotheses) of every hypothesis, each beside the nuisances, in SI units
-    of its parameter.
+    """Estimates (flights, hypotheses) of every hypothesis beside the nuisance parameters, SI units.
 
-    estimate : gamma = A_hy / A_hh; nan where the flight says nothing. information : A_hh, one over
-    the variance that whitened noise would give, 0 where it says nothing; own : H_hh, the same if
-    nothing stood beside it. errors : of all flights; chosen : which of them these are, in order,
-    where they are not all.
+    estimate : ``gamma = A_hy / A_hh``; nan where the flight says nothing. information : ``A_hh``
+    after the nuisance parameters, one over the variance that whitened noise gives, 0 where the
+    flight says nothing. information_before : ``H_hh``, the same with nothing beside the hypothesis
+    but the intercepts. biases : of all flights; chosen : which of them these are, in order, where
+    they are not all.
     """
 
     estimate: Array
     information: Array
-    own: Array
-    errors: EstimateBiases
+    information_before: Array
+    biases: EstimateBiases
     chosen: NDArray[np.intp] | None = None
 
     @property
     def inflation(self) -> Array:
-        """(flights, hypotheses) VIF, H_hh / A_hh after the trims."""
+        """(flights, hypotheses) VIF, ``H_hh / A_hh`` after the intercepts."""
         return np.divide(
-            self.own,
+            self.information_before,
             self.information,
-            out=np.full_like(self.own, np.inf),
+            out=np.full_like(self.information_before, np.inf),
             where=self.information > 0.0,
         )
 
@@ -70,26 +77,31 @@ class FlightEstimates:
         if np.array_equal(index, np.arange(len(self.estimate))):
             return self
         return FlightEstimates(
-            self.estimate[index], self.information[index], self.own[index], self.errors, index
+            self.estimate[index],
+            self.information[index],
+            self.information_before[index],
+            self.biases,
+            index,
         )
 
-    def mean_errors(self, places: Sequence[int], included: Mask) -> tuple[Array, Array]:
-        """Leak (places, sensors) and shift (places,), means over those of these flights that vote,
-        for one place at least.
+    def mean_biases(self, indices: Sequence[int], included: Mask) -> tuple[Array, Array]:
+        """Return sensor biases (m, sensors) and SIMEX biases (m,) of m hypotheses, means over
+        flights.
 
-        voters : (flights, hypotheses).
+        included : (flights, hypotheses) the flights over which each mean is taken. At least one
+        hypothesis.
         """
-        on = np.ascontiguousarray(included[:, list(places)].T, dtype=np.float64)
+        on = np.ascontiguousarray(included[:, list(indices)].T, dtype=np.float64)
         on /= np.maximum(on.sum(axis=1, keepdims=True), 1.0)
-        found = self.errors.at(places)
+        found = self.biases.at(indices)
         weights = on
         if self.chosen is not None:
-            weights = np.zeros((len(places), len(found[0][1])))
+            weights = np.zeros((len(indices), len(found[0].simex_bias)))
             weights[:, self.chosen] = on
         sensor_biases = np.array(
-            [weight @ sensor_bias for weight, (sensor_bias, _) in zip(weights, found, strict=True)]
+            [weight @ each.sensor_bias for weight, each in zip(weights, found, strict=True)]
         )
-        simex_biases = np.array([simex_bias for _, simex_bias in found])
+        simex_biases = np.array([each.simex_bias for each in found])
         return sensor_biases, np.einsum(
             "pg,pg->p", weights, np.where(weights > 0.0, simex_biases, 0.0)
         )
@@ -97,15 +109,15 @@ class FlightEstimates:
 
 @dataclass(frozen=True)
 class Campaign:
-    """All flights' products on one order of hypotheses.
+    """The products of all flights on one order of hypotheses.
 
-    products, noisy : scaled; total (k,): of each column with itself, over all flights, SI. scale
-    (k,): scaled parameter = parameter * scale; precision (k,): scaled prior precision of the
-    sensors, 0 elsewhere. offsets : places of hypotheses that are an axis' own constant: their votes
-    are the trims. shapes : column of a companion, behind the hypotheses -> place of its term, and
-    the least sigma of what it varies with; earlier : place -> value of a term that the database
-    holds already, whose shape may be wrong too. `votes` and `vote` remember what they were asked,
-    so that repetitions without some flights cost no algebra.
+    products, noisy : scaled; total (k,) : of each column with itself, over all flights, SI. scale
+    (k,) : scaled parameter = parameter * scale; precision (k,) : scaled prior precision of the
+    sensors, 0 elsewhere. offsets : hypotheses that are an axis' own constant; their estimates are
+    the intercepts. shape_terms : column of a shape-misfit term -> index of its base, and the least
+    sigma of what it varies with; earlier : index -> value of a term that the database holds
+    already, whose shape may be wrong too. Results are cached, so that repetitions without some
+    flights cost no algebra.
     """
 
     flights: tuple[str, ...]
@@ -117,7 +129,7 @@ class Campaign:
     precision: Array
     sensors: tuple[int, ...]
     offsets: tuple[int, ...]
-    shapes: Mapping[int, tuple[int, float]] = field(default_factory=dict)
+    shape_terms: Mapping[int, tuple[int, float]] = field(default_factory=dict)
     earlier: Mapping[int, float] = field(default_factory=dict)
     cached: dict[Model, FlightEstimates] = field(
         default_factory=dict, init=False, repr=False, compare=False
@@ -138,12 +150,12 @@ class Campaign:
         fixed: Sequence[int] = (),
         exact: Sequence[int] = (),
     ) -> FlightEstimates:
-        """Every hypothesis beside the `accepted` terms, their companions, and all sensors, with
-        their priors; `freed` ones without, `fixed` ones as if they were known to be right. exact :
-        accepted terms whose shape is taken to be right.
+        """Return the estimates of every hypothesis beside a model.
 
-        A hypothesis that is itself a nuisance is estimated beside the others, its own prior left
-        out.
+        The model holds the `accepted` terms, their shape-misfit terms and all sensors with their
+        priors; `freed` sensors have no prior, `fixed` ones are taken as right. exact : accepted
+        terms whose shape is taken as right. A hypothesis that is itself a nuisance parameter is
+        estimated beside the others, with its own prior left out.
         """
         model = self._model(accepted, freed, fixed, exact)
         if model not in self.cached:
@@ -152,21 +164,23 @@ class Campaign:
             estimate, information = in_units(solved, np.arange(len(self.hypotheses)), self.scale)
             noisy = None if self._noisy is None else self._noisy.beside(prior, *model[1:3])
             added = ModelBiases(solved, noisy, estimate, information, self.scale)
-            self.cached[model] = FlightEstimates(estimate, information, self._own, added)
+            self.cached[model] = FlightEstimates(
+                estimate, information, self._information_before, added
+            )
         return self.cached[model]
 
     def flight_estimate(
-        self, place: int, accepted: Sequence[int], freed: Sequence[int], fixed: Sequence[int] = ()
+        self, index: int, accepted: Sequence[int], freed: Sequence[int], fixed: Sequence[int] = ()
     ) -> tuple[Array, Array]:
-        """Estimate and information (flights,) of one hypothesis alone, as `votes` has them."""
+        """Return estimate and information (flights,) of one hypothesis alone."""
         model = self._model(accepted, freed, fixed, ())
         if model in self.cached:
-            return self.cached[model].estimate[:, place], self.cached[model].information[:, place]
-        if (place, model) not in self.single:
+            return self.cached[model].estimate[:, index], self.cached[model].information[:, index]
+        if (index, model) not in self.single:
             solved = self._reduced.beside(self._prior(model), *model[1:3])
-            estimate, information = in_units(solved, np.array([place]), self.scale)
-            self.single[place, model] = estimate[:, 0], information[:, 0]
-        return self.single[place, model]
+            estimate, information = in_units(solved, np.array([index]), self.scale)
+            self.single[index, model] = estimate[:, 0], information[:, 0]
+        return self.single[index, model]
 
     def _model(
         self,
@@ -176,36 +190,39 @@ class Campaign:
         exact: Sequence[int],
     ) -> Model:
         terms = tuple(sorted(set(accepted) - set(self.offsets)))
-        shaped = {place for place, _ in self.shapes.values()}
-        loose = tuple(place for place in terms if place in shaped and place not in exact)
+        shaped = {index for index, _ in self.shape_terms.values()}
+        loose = tuple(index for index in terms if index in shaped and index not in exact)
         return terms, tuple(sorted(freed)), tuple(sorted(fixed)), loose
 
     def _prior(self, model: Model) -> dict[int, float]:
-        """Scaled prior precision of each accepted term and companion."""
+        """Scaled prior precision of each accepted term and shape-misfit term."""
         accepted, freed, fixed, loose = model
-        value = {place: size for place, size in self.earlier.items() if place not in loose}
+        value = {index: size for index, size in self.earlier.items() if index not in loose}
         if loose:
             rigid = self._reduced.beside(self._prior((accepted, freed, fixed, ())), freed, fixed)
             value |= dict(zip(loose, self._sizes(rigid, np.array(loose)), strict=True))
         return dict.fromkeys(accepted, 0.0) | self._tolerance(value)
 
-    def _sizes(self, rigid: ModelElimination, places: NDArray[np.intp]) -> list[float]:
+    def _sizes(self, rigid: ModelElimination, indices: NDArray[np.intp]) -> list[float]:
         """Common value of each of the accepted terms over the flights, by their information."""
-        own, left, right = rigid.at(places)
-        said = left > ROUNDING * np.maximum(own, ROUNDING)
-        total, sums = (np.where(said, each, 0.0).sum(axis=0) for each in (left, right))
-        return (sums / np.maximum(total * self.scale[places], 1e-300)).tolist()
+        products = rigid.at(indices)
+        total, sums = (
+            np.where(products.informative, each, 0.0).sum(axis=0)
+            for each in (products.after, products.cross)
+        )
+        return (sums / np.maximum(total * self.scale[indices], 1e-300)).tolist()
 
     def _tolerance(self, value: Mapping[int, float]) -> dict[int, float]:
-        """Column of a companion -> its scaled prior precision, from the size of the effect whose
-        shape it is (`value`)."""
+        """Column of a shape-misfit term -> its scaled prior precision, from the size of the effect
+        (`value`).
+        """
         found = {}
-        for shape, (place, least) in self.shapes.items():
-            if place not in value:
+        for shape, (index, least) in self.shape_terms.items():
+            if index not in value:
                 continue
-            own, apart = self.total[place], self.total[shape]
-            spread = np.sqrt(apart / own) if own > 0.0 else 0.0
-            sigma = TOLERANCE * abs(value[place]) / max(float(spread), least) * self.scale[shape]
+            information_before, apart = self.total[index], self.total[shape]
+            spread = np.sqrt(apart / information_before) if information_before > 0.0 else 0.0
+            sigma = TOLERANCE * abs(value[index]) / max(float(spread), least) * self.scale[shape]
             found[shape] = min(KNOWN, sigma**-2) if sigma > 0.0 else KNOWN
         return found
 
@@ -222,29 +239,36 @@ class Campaign:
         )
 
     @cached_property
-    def _own(self) -> Array:
-        """(flights, hypotheses) products of the columns with themselves, SI; of offsets that of
-        their trims."""
-        return np.asarray(self._reduced.own * self.scale[: len(self.hypotheses)] ** 2)
+    def _information_before(self) -> Array:
+        """(flights, hypotheses) ``H_hh``, SI; for offsets that of their intercepts."""
+        return np.asarray(
+            self._reduced.information_before * self.scale[: len(self.hypotheses)] ** 2
+        )
 
 
 def in_units(
-    solved: ModelElimination, places: NDArray[np.intp], scale: Array
+    solved: ModelElimination, indices: NDArray[np.intp], scale: Array
 ) -> tuple[Array, Array]:
-    """Scaled Schur complements as estimate and information (flights, places) in SI units; what is
-    only rounding says nothing."""
-    own, left, right = solved.at(places)
-    said = left > ROUNDING * np.maximum(own, ROUNDING)
-    estimate = np.divide(right, left * scale[places], out=np.full_like(left, np.nan), where=said)
-    return estimate, np.where(said, left, 0.0) * scale[places] ** 2
+    """Schur complements as estimate and information (flights, hypotheses), SI; rounding says
+    nothing.
+    """
+    products = solved.at(indices)
+    informative, after = products.informative, products.after
+    estimate = np.divide(
+        products.cross,
+        after * scale[indices],
+        out=np.full_like(after, np.nan),
+        where=informative,
+    )
+    return estimate, np.where(informative, after, 0.0) * scale[indices] ** 2
 
 
 @dataclass(frozen=True)
 class ModelBiases:
-    """`Errors` of a model, one place after another as they are asked for.
+    """`EstimateBiases` of a model, computed and cached hypothesis by hypothesis.
 
-    plain, noisy : how the model is solved, and with the states' noise added once more; estimate,
-    information : its votes; scale : as in the campaign. seen : place -> what was answered.
+    plain, noisy : the model, and the model with the state noise added once more; estimate,
+    information : as in `FlightEstimates`; scale : as in the campaign.
     """
 
     plain: ModelElimination
@@ -252,31 +276,31 @@ class ModelBiases:
     estimate: Array
     information: Array
     scale: Array
-    cached: dict[int, tuple[Array, Array]] = field(default_factory=dict, init=False)
+    cached: dict[int, HypothesisBias] = field(default_factory=dict, init=False)
 
-    def at(self, places: Sequence[int]) -> Sequence[tuple[Array, Array]]:
-        """Leak (flights, sensors) and shift (flights,) of each place, SI."""
-        new = np.array([place for place in places if place not in self.cached], dtype=np.intp)
+    def at(self, indices: Sequence[int]) -> Sequence[HypothesisBias]:
+        """Return the biases of each hypothesis, SI units."""
+        new = np.array([index for index in indices if index not in self.cached], dtype=np.intp)
         if new.size:
-            sensor_bias, simex_bias = self._sensor_bias(new), self._simex_bias(new)
+            pairs = zip(self._sensor_bias(new), self._simex_bias(new), strict=True)
             self.cached.update(
-                zip(new.tolist(), zip(sensor_bias, simex_bias, strict=True), strict=True)
+                zip(new.tolist(), (HypothesisBias(*pair) for pair in pairs), strict=True)
             )
-        return [self.cached[place] for place in places]
+        return [self.cached[index] for index in indices]
 
-    def _sensor_bias(self, places: NDArray[np.intp]) -> Array:
-        """(places, flights, sensors)."""
-        scale, information = self.scale[places], self.information[:, places]
+    def _sensor_bias(self, indices: NDArray[np.intp]) -> Array:
+        """(hypotheses, flights, sensors)."""
+        scale, information = self.scale[indices], self.information[:, indices]
         factor = np.divide(
             scale, information, out=np.zeros_like(information), where=information > 0.0
         )
         return self.plain.sensor_bias(
-            places, information / scale**2, factor, self.scale[self.plain.base.sensors]
+            indices, information / scale**2, factor, self.scale[self.plain.base.sensors]
         )
 
-    def _simex_bias(self, places: NDArray[np.intp]) -> Array:
-        """(places, flights)."""
+    def _simex_bias(self, indices: NDArray[np.intp]) -> Array:
+        """(hypotheses, flights)."""
         if self.noisy is None:
-            return np.zeros((len(places), len(self.estimate)))
-        again, _ = in_units(self.noisy, places, self.scale)
-        return (again - self.estimate[:, places]).T
+            return np.zeros((len(indices), len(self.estimate)))
+        again, _ = in_units(self.noisy, indices, self.scale)
+        return (again - self.estimate[:, indices]).T

@@ -1,5 +1,7 @@
-"""The test over flights: one flight, one vote; few flights borrow from the noise inside them;
-sensors get their share first."""
+"""The test over flights: one flight, one estimate.
+
+Few flights borrow from the noise inside them; what sensors and state noise may add is subtracted.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -19,14 +21,14 @@ POWER = 0.8
 
 @dataclass(frozen=True)
 class Tested:
-    """Each hypothesis (k,) over the flights that voted on it.
+    """Each hypothesis (k,) over the flights that take part in its test.
 
-    mean, standard_error (of the mean), dof, voters (flights, k), count, gain (coherent: fall of the
-    whitened sum of squares under one common value), inflation (median VIF), excited (some flight
-    shows it at all), testable (separable and enough votes). sigma (s,) : prior sigma of each
-    sensor, 0 for those that are freed. families : what can be claimed, see `by_families`; empty:
-    all of it, in one. What follows from the errors of `votes` is computed when it is asked for, and
-    remembered as `seen`.
+    mean, standard_error (of the mean), dof, included (flights, k) : which flights take part, count
+    : how many. gain : coherent, the fall of the whitened sum of squares under one common value.
+    inflation : median VIF. excited : some flight shows it at all. testable : separable, and enough
+    flights. sigma (s,) : prior sigma of each sensor, 0 for those that are freed. families : what
+    can be claimed, see `by_families`; empty: all of it, in one. What follows from the biases of
+    `estimates` is computed on request and cached.
     """
 
     mean: Array
@@ -48,52 +50,55 @@ class Tested:
 
     @cached_property
     def systematic(self) -> Array:
-        """(k,) bound from sensors and state noise."""
+        """(k,) systematic bound, from sensors and state noise."""
         return self.systematic_at(range(len(self.mean)))
 
     @cached_property
     def p(self) -> Array:
-        """(k,) of "there is no more than the systematic bound"; 1 where nothing is tested."""
+        """(k,) p of "no more than the systematic bound"; 1 where nothing is tested."""
         return self.p_at(range(len(self.mean)))
 
     @cached_property
     def adjusted(self) -> Array:
-        """(k,) after Holm, over the whole library or by families."""
+        """(k,) p adjusted after Holm, over the whole library or by families."""
         return by_families(self.p, self.families) if self.families else holm(self.p, len(self.p))
 
     @cached_property
     def bound(self) -> Array:
-        """(k,) size beyond which a value is excluded (95 %)."""
+        """(k,) upper bound: larger values are excluded (95 %)."""
         half = stdtrit(self.dof, 0.975) * self.standard_error + self.systematic
         return np.where(self.count > 0, np.abs(self.mean) + half, np.inf)
 
     @cached_property
     def detectable(self) -> Array:
-        """(k,) size that is found with power .8."""
+        """(k,) minimum detectable effect, power .8."""
         hurdle = stdtrit(self.dof, 1.0 - 0.5 * self.settings.level / len(self.mean)) + stdtrit(
             self.dof, POWER
         )
         return np.where(self.count > 0, self.systematic + hurdle * self.standard_error, np.inf)
 
-    def systematic_at(self, places: Sequence[int]) -> Array:
-        """(places,) bound from sensors and state noise."""
-        sensors, simex_bias = self._errors_at(places)
+    def systematic_at(self, indices: Sequence[int]) -> Array:
+        """Systematic bound (m,) of some hypotheses, from sensors and state noise."""
+        sensors, simex_bias = self._biases_at(indices)
         return np.asarray(sensors + np.abs(simex_bias))
 
-    def p_at(self, places: Sequence[int]) -> Array:
-        """(places,) of `p`. What noise takes off an estimate has not made it: a shift counts on the
-        side to which it goes."""
-        sensors, simex_bias = self._errors_at(places)
-        at = np.array(places, dtype=np.intp)
+    def p_at(self, indices: Sequence[int]) -> Array:
+        """`p` (m,) of some hypotheses.
+
+        A SIMEX bias counts only where it has the sign of the estimate: noise that makes an estimate
+        smaller has not made it.
+        """
+        sensors, simex_bias = self._biases_at(indices)
+        at = np.array(indices, dtype=np.intp)
         return self._p(
             at, sensors + np.where(self.mean[at] * simex_bias > 0.0, np.abs(simex_bias), 0.0)
         )
 
-    def _errors_at(self, places: Sequence[int]) -> tuple[Array, Array]:
-        """(places,) bound from sensors, and shift by state noise, with its sign."""
-        new = [place for place in places if place not in self.cached]
+    def _biases_at(self, indices: Sequence[int]) -> tuple[Array, Array]:
+        """Bound from sensors (m,), and SIMEX bias (m,) with its sign."""
+        new = [index for index in indices if index not in self.cached]
         if new:
-            sensor_bias, simex_bias = self.estimates.mean_errors(new, self.included)
+            sensor_bias, simex_bias = self.estimates.mean_biases(new, self.included)
             sensors = self.settings.kappa * np.sqrt(
                 np.square(sensor_bias * self.sigma).sum(axis=-1)
             )
@@ -104,7 +109,7 @@ class Tested:
                     strict=True,
                 )
             )
-        found = np.array([self.cached[place] for place in places]).reshape(-1, 2)
+        found = np.array([self.cached[index] for index in indices]).reshape(-1, 2)
         return found[:, 0], found[:, 1]
 
     @cached_property
@@ -115,7 +120,7 @@ class Tested:
         floor = holm(self.unmasked, len(self.mean))
         # What is close may be asked for when some flights are left out: the algebra of many places
         # costs as much as that of one.
-        self.estimates.errors.at(np.flatnonzero(floor < 1.0).tolist())
+        self.estimates.biases.at(np.flatnonzero(floor < 1.0).tolist())
         return np.asarray(holm(self._where(floor), len(floor)) < self.settings.level)
 
     @cached_property
@@ -124,8 +129,9 @@ class Tested:
         return np.asarray(self._where(self.unmasked) < self.settings.level)
 
     def _where(self, floor: Array) -> Array:
-        """(k,) `p` where `floor` is below the level, 1 elsewhere: systematic bounds make every p
-        larger."""
+        """`p` (k,) where `floor` is below the level, 1 elsewhere: the systematic bound only raises
+        p.
+        """
         near = np.flatnonzero(floor < self.settings.level)
         p = np.ones(len(floor))
         p[near] = self.p_at(near.tolist())
@@ -133,23 +139,28 @@ class Tested:
 
     @cached_property
     def unmasked(self) -> Array:
-        """(k,) p as if sensors and states had no error: what these may hide, and no claim."""
+        """(k,) p as if sensors and states had no error; no claim rests on it."""
         return self._p(slice(None), np.zeros(len(self.mean)))
 
-    def _p(self, places: "slice | NDArray[np.intp]", systematic: Array) -> Array:
-        size, error, dof = np.abs(self.mean[places]), self.standard_error[places], self.dof[places]
+    def _p(self, indices: "slice | NDArray[np.intp]", systematic: Array) -> Array:
+        size, error, dof = (
+            np.abs(self.mean[indices]),
+            self.standard_error[indices],
+            self.dof[indices],
+        )
         safe = np.where(error > 0.0, error, 1.0)
         p = stdtr(dof, -(size - systematic) / safe) + stdtr(dof, -(size + systematic) / safe)
-        return np.asarray(np.where(self.testable[places] & (error > 0.0), np.minimum(p, 1.0), 1.0))
+        return np.asarray(np.where(self.testable[indices] & (error > 0.0), np.minimum(p, 1.0), 1.0))
 
-    def interval(self, place: int) -> tuple[float, float]:
-        """95 % interval of one hypothesis: random and systematic parts joined as a root of
-        squares."""
-        systematic = float(self.systematic_at([place])[0])
+    def interval(self, index: int) -> tuple[float, float]:
+        """Return the 95 % interval of one hypothesis; random and systematic parts add in
+        quadrature.
+        """
+        systematic = float(self.systematic_at([index])[0])
         half = float(
-            np.hypot(stdtrit(self.dof[place], 0.975) * self.standard_error[place], systematic)
+            np.hypot(stdtrit(self.dof[index], 0.975) * self.standard_error[index], systematic)
         )
-        return float(self.mean[place]) - half, float(self.mean[place]) + half
+        return float(self.mean[index]) - half, float(self.mean[index]) + half
 
 
 def holm(p: Array, size: int) -> Array:
@@ -176,14 +187,17 @@ def by_families(p: Array, families: Sequence[Sequence[int]]) -> Array:
     """
     adjusted = np.ones_like(p)
     for family in families:
-        places = np.asarray(family, dtype=np.intp)
-        adjusted[places] = np.minimum(1.0, len(families) * holm(p[places], len(places)))
+        indices = np.asarray(family, dtype=np.intp)
+        adjusted[indices] = np.minimum(1.0, len(families) * holm(p[indices], len(indices)))
     return adjusted
 
 
 def moderated_variance(between: Array, dof: Array, within: Array, prior_dof: float) -> Array:
-    """``(d0 v0 + d v) / (d0 + d)``: the posterior variance of Smyth (Stat. Appl. Genet. Mol. Biol.
-    3(1), 2004), d0 + d > 0."""
+    """Posterior variance ``(d0 v0 + d v) / (d0 + d)``, d0 + d > 0.
+
+    between (k,), dof (k,) : v and d, over flights; within (k,), prior_dof : v0 and d0. Source:
+    Smyth, Stat. Appl. Genet. Mol. Biol. 3(1), 2004.
+    """
     return np.asarray((prior_dof * within + dof * between) / (prior_dof + dof))
 
 
@@ -194,18 +208,29 @@ def over_flights(
     fewest: int,
     constants: Sequence[int] = (),
 ) -> Tested:
-    """The test of every hypothesis over flights (Ibragimov & Mueller, JBES 28(4), 2010), TRACING
-    step 4.
+    """Test every hypothesis over flights.
 
-    votes : of the flights (g, k). sigma : prior sigma of each sensor (s,), 0 for those that are
-    freed. fewest : votes that a hypothesis needs to be tested here. constants : hypotheses that are
-    an axis' constant. They vary from flight to flight by more than the noise inside them: they have
-    an s0 of their own, and their variance is never below that over flights.
+    Parameters
+    ----------
+    estimates : per-flight estimates (g, k)
+    sigma : (s,) prior sigma of each sensor, 0 for those that are freed
+    fewest : flights that a hypothesis needs to be tested
+    constants : hypotheses that are an axis' own constant. They vary from flight to flight by more
+        than the noise inside them: they have an s0 of their own, and their variance is never below
+        that over flights.
 
-    ``se^2 = (d0 s0 v0 + d v) / ((d0 + d) G)`` with v the variance over flights, d = G - 1, v0 =
-    mean 1/I and s0 = max(1, median v/v0 over the hypotheses); ``p = T(-(|m| - D)/se) + T(-(|m| +
-    D)/se)``, D with the shift where it goes the way of m (Cook & Stefanski, JASA 89, 1994: without
-    the noise the estimate would be m - shift).
+    Returns
+    -------
+    Tested : with ``se^2 = (d0 s0 v0 + d v) / ((d0 + d) G)``, v the variance over flights, d = G -
+        1, v0 = mean 1/I and s0 = max(1, median v/v0 over the hypotheses); ``p = T(-(|m| - D)/se) +
+        T(-(|m| + D)/se)``, D with the SIMEX bias where it has the sign of m (without the noise the
+        estimate would be m - bias).
+
+    References
+    ----------
+    docs/method/tracing.md, section 8; Ibragimov & Mueller, JBES 28(4), 2010; Cook & Stefanski, JASA
+        89,
+    1994.
     """
     included = estimates.information > settings.least_share * estimates.information.max(
         axis=0, initial=0.0
@@ -239,7 +264,7 @@ def over_flights(
         count=count,
         gain=np.square(right) / np.where(total > 0.0, total, 1.0),
         inflation=inflation,
-        excited=np.asarray((estimates.own > 0.0).any(axis=0)),
+        excited=np.asarray((estimates.information_before > 0.0).any(axis=0)),
         testable=separable & (count >= fewest),
         estimates=estimates,
         sigma=sigma,
@@ -260,7 +285,7 @@ def _excess(ratio: Array) -> float:
 
 
 def _median_inflation(estimates: FlightEstimates, included: Mask) -> Array:
-    """Median VIF over the voters (k,); infinite where nobody votes."""
+    """Median VIF (k,) over the flights that take part; infinite where none does."""
     count = included.sum(axis=0)
     ordered = np.sort(np.where(included, estimates.inflation, np.inf), axis=0)
     each = np.arange(len(count))

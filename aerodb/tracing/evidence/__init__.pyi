@@ -11,7 +11,13 @@ from .normal_equations import (
     normal_equations_of_band,
 )
 from .sampling_unit import SamplingUnit
-from .shape_misfit import TOLERANCE, parent, shape_terms, with_shape_terms, without_shape_terms
+from .shape_misfit import (
+    TOLERANCE,
+    parent,
+    shape_term_columns,
+    with_shape_terms,
+    without_shape_terms,
+)
 from .state_errors import noisy_copies
 from .thinning import LONG, thinned
 
@@ -26,7 +32,7 @@ __all__ = [
     "with_commanded_rates",
     "band_limited",
     "bounded_noise",
-    "shape_terms",
+    "shape_term_columns",
     "evidence_of",
     "halves",
     "in_band",

@@ -84,9 +84,9 @@ def _decimated(columns: Sequence[Array], usable: Mask, ratio: int, left_out: int
             _padded(columns[first : first + together], usable, half),
             result[first : first + together],
         )
-        for place in range(0, out.shape[1], BLOCK):
-            part = out[:, place : place + BLOCK]
-            start, width = (place + left_out) * ratio, len(taps) + (part.shape[1] - 1) * ratio
+        for index in range(0, out.shape[1], BLOCK):
+            part = out[:, index : index + BLOCK]
+            start, width = (index + left_out) * ratio, len(taps) + (part.shape[1] - 1) * ratio
             np.matmul(
                 padded[:, start : start + width], _band(ratio)[:width, : part.shape[1]], out=part
             )
@@ -128,10 +128,10 @@ def ends_left_out(ratio: int) -> int:
     number, gain = -1, np.inf
     while gain > NOISIER * float(taps @ taps):
         number += 1
-        places = np.arange(-half, half + 1) + number * ratio
-        beyond = places < 0
-        weights = np.bincount(places[~beyond], taps[~beyond], minlength=half + 1)
-        weights -= np.bincount(-places[beyond], taps[beyond], minlength=len(weights))
+        indices = np.arange(-half, half + 1) + number * ratio
+        beyond = indices < 0
+        weights = np.bincount(indices[~beyond], taps[~beyond], minlength=half + 1)
+        weights -= np.bincount(-indices[beyond], taps[beyond], minlength=len(weights))
         weights[0] += 2.0 * taps[beyond].sum()
         gain = float(weights @ weights)
     return number
@@ -225,11 +225,11 @@ def _limited(
     axes : usable at the same samples, so that all their columns are filtered at once.
     """
     acting = {
-        axis: [place for place, name in enumerate(names) if axis in columns.get(name, {})]
+        axis: [index for index, name in enumerate(names) if axis in columns.get(name, {})]
         for axis in axes
     }
     rows = [
-        [*(columns[names[place]][axis][part] for place in acting[axis]), residual[axis][part]]
+        [*(columns[names[index]][axis][part] for index in acting[axis]), residual[axis][part]]
         for axis in axes
     ]
     limited = band_limited(
@@ -242,7 +242,7 @@ def _limited(
     for axis, each in zip(axes, rows, strict=True):
         result = np.zeros((len(limited), len(names) + 2))
         result[:, 0] = 1.0
-        result[:, [*(place + 1 for place in acting[axis]), len(names) + 1]] = limited[
+        result[:, [*(index + 1 for index in acting[axis]), len(names) + 1]] = limited[
             :, first : first + len(each)
         ]
         found[axis], first = result, first + len(each)
@@ -251,5 +251,5 @@ def _limited(
 
 def centred(records: Sequence[Array]) -> list[Array]:
     """The records with their common mean removed."""
-    level = float(np.mean(np.concatenate(records)))
-    return [record - level for record in records]
+    mean = float(np.mean(np.concatenate(records)))
+    return [record - mean for record in records]

@@ -145,9 +145,9 @@ def _products(band: Band, source: Records, fitted: Mapping[str, tuple[Array, flo
         white = _white([record[:, acting] for record in source[axis]], coefficients, spread)
         if axis in band.instruments:
             inner = acting[1:-1] if acting[-1] == len(band.names) + 1 else acting[1:]
-            places = np.r_[0, inner]
+            indices = np.r_[0, inner]
             drivers = _white(
-                [record[:, places] for record in band.instruments[axis]], coefficients, spread
+                [record[:, indices] for record in band.instruments[axis]], coefficients, spread
             )
             last = len(inner) + 1
             white[:, 1:last] = first_stage(white[:, 0], white[:, 1:last], drivers[:, 1:])
@@ -181,10 +181,10 @@ def first_stage(constant: Array, columns: Array, instruments: Array) -> Array:
     """
     found = columns.copy()
     weight = float(constant @ constant)
-    for place in np.flatnonzero(instruments.any(axis=0)):
-        level = (constant @ columns[:, place]) / weight
-        x = columns[:, place] - constant * level
-        z = instruments[:, place] - constant * ((constant @ instruments[:, place]) / weight)
+    for index in np.flatnonzero(instruments.any(axis=0)):
+        intercept = (constant @ columns[:, index]) / weight
+        x = columns[:, index] - constant * intercept
+        z = instruments[:, index] - constant * ((constant @ instruments[:, index]) / weight)
         power = float(z @ z)
-        found[:, place] = constant * level + (z * ((z @ x) / power) if power > 0.0 else 0.0)
+        found[:, index] = constant * intercept + (z * ((z @ x) / power) if power > 0.0 else 0.0)
     return found

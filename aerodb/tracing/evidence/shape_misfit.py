@@ -35,7 +35,7 @@ def parent(name: str) -> str:
     return next((name.removesuffix(mark) for mark in LEAST if name.endswith(mark)), "")
 
 
-def shape_terms(id: str) -> dict[str, float]:
+def shape_term_columns(id: str) -> dict[str, float]:
     """Names of the companions' columns, each with the least sigma of what it varies with."""
     return {id + mark: least for mark, least in LEAST.items()}
 
@@ -93,7 +93,7 @@ def all_shape_terms(hypotheses: Sequence[Hypothesis]) -> frozenset[str]:
         if regressor.names - {"alpha"}:
             found |= {
                 name
-                for name in shape_terms(hypothesis.id)
+                for name in shape_term_columns(hypothesis.id)
                 if not any(_is(other, regressor, name) for other in beside)
             }
     return frozenset(found)

@@ -13,7 +13,7 @@ from aerodb.errors import InputError
 from aerodb.tracing.decision.next_flight import excitation_needed
 from aerodb.tracing.estimates.campaigns import campaign
 from aerodb.tracing.estimates.kernels import contracted
-from aerodb.tracing.estimates.per_flight import FlightEstimates
+from aerodb.tracing.estimates.per_flight import FlightEstimates, HypothesisBias
 from aerodb.tracing.estimates.significance import holm, moderated_variance, over_flights, paired_p
 from aerodb.tracing.evidence.autoregression import correlation_time, fit, whiten
 from aerodb.tracing.evidence.evidence import Evidence
@@ -73,7 +73,7 @@ def test_votes_are_those_of_direct_least_squares_with_the_priors_as_extra_rows(
                 sensor_bias = np.linalg.lstsq(
                     design, np.r_[columns[:, 2 + s], np.zeros(len(others))], rcond=None
                 )[0][-1]
-                assert estimates.errors.at([place])[0][0][0, row] == pytest.approx(
+                assert estimates.biases.at([place])[0].sensor_bias[0, row] == pytest.approx(
                     sensor_bias, abs=1e-6
                 )
 
@@ -195,9 +195,11 @@ class Stated:
     sensor_bias: Array
     simex_bias: float
 
-    def at(self, places: Sequence[int]) -> list[tuple[Array, Array]]:
+    def at(self, places: Sequence[int]) -> list[HypothesisBias]:
         return [
-            (self.sensor_bias[:, place], np.full(len(self.sensor_bias), self.simex_bias))
+            HypothesisBias(
+                self.sensor_bias[:, place], np.full(len(self.sensor_bias), self.simex_bias)
+            )
             for place in places
         ]
 
@@ -322,7 +324,7 @@ def test_simex_shift_is_the_known_attenuation_of_a_linear_regressor() -> None:
         estimates = campaign(
             [normal_equations_of(flight, replace(SETTINGS, order=0))], [column]
         ).flight_estimates((), ())
-        found.append((estimates.estimate[0, 0], estimates.errors.at([0])[0][1][0]))
+        found.append((estimates.estimate[0, 0], estimates.biases.at([0])[0].simex_bias[0]))
     estimate, simex_bias = np.mean(found, axis=0)
     assert estimate == pytest.approx(2.0 / 1.2, rel=0.03)
     assert simex_bias == pytest.approx(2.0 / 1.4 - 2.0 / 1.2, rel=0.15)

@@ -16,7 +16,7 @@ from aerodb.tracing.evidence.shape_misfit import (
     LEAST,
     TOLERANCE,
     all_shape_terms,
-    shape_terms,
+    shape_term_columns,
     without_shape_terms,
 )
 from aerodb.tracing.settings import TracingSettings
@@ -166,7 +166,7 @@ def test_a_shape_is_the_same_whatever_its_factor_and_its_share_of_the_slope() ->
         return replace(LIBRARY[0], effect=name, axes=("Cn",), increment=axis)
 
     slope, coupling = term("slope", "beta"), term("coupling", "3*alpha*beta - 0.2*beta")
-    assert shape_terms(slope.id).keys() - all_shape_terms([slope, coupling]) == {
+    assert shape_term_columns(slope.id).keys() - all_shape_terms([slope, coupling]) == {
         f"{slope.id}~alpha"
     }
-    assert shape_terms(slope.id).keys() <= all_shape_terms([slope])
+    assert shape_term_columns(slope.id).keys() <= all_shape_terms([slope])

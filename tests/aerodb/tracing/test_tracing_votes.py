@@ -87,7 +87,7 @@ FLIGHTS = [flown(seed) for seed in range(7)]
 
 def beside(
     flight: Flown,
-    shapes: dict[str, float],
+    shape_terms: dict[str, float],
     terms: Sequence[int],
     freed: Sequence[int],
     fixed: Sequence[int],
@@ -98,7 +98,7 @@ def beside(
     for place in terms:
         found.append(flight.columns.get(NAMES[place], np.zeros(len(flight.residual))))
         prior.append(0.0)
-    for name, sigma in shapes.items():
+    for name, sigma in shape_terms.items():
         found.append(apart(flight, name))
         prior.append(1.0 / sigma)
     for place in SENSOR_PLACES:
@@ -191,9 +191,9 @@ def test_a_model_is_solved_as_least_squares_solve_it(
 ) -> None:
     estimates = made.flight_estimates(terms, freed, fixed)
     real = [place for place in terms if place not in OFFSET_PLACES]
-    shapes = tolerances(sizes(real, freed, fixed))
+    shape_terms = tolerances(sizes(real, freed, fixed))
     for row, flight in enumerate(FLIGHTS):
-        design = beside(flight, shapes, real, freed, fixed)
+        design = beside(flight, shape_terms, real, freed, fixed)
         for place in range(len(LIBRARY)):
             if (
                 not shown(flight, place) or place in fixed
@@ -203,7 +203,7 @@ def test_a_model_is_solved_as_least_squares_solve_it(
             estimate, information = direct(flight, place, design, flight.residual)
             assert estimates.estimate[row, place] == pytest.approx(estimate, rel=1e-6, abs=1e-9)
             assert estimates.information[row, place] == pytest.approx(information, rel=1e-6)
-            sensor_bias = estimates.errors.at([place])[0][0][row]
+            sensor_bias = estimates.biases.at([place])[0].sensor_bias[row]
             for number, sensor in enumerate(SENSOR_PLACES):
                 changed = sensor == place or sensor in (*freed, *fixed) or not shown(flight, sensor)
                 error = (
@@ -225,8 +225,10 @@ def test_the_shift_is_the_vote_of_the_noisy_copies_less_that_of_the_flights(made
     ).flight_estimates((), (6,))
     plain = made.flight_estimates((), (6,))
     for place in (1, 3, 4, 6, 7):
-        assert np.nanmax(np.abs(alone.errors.at([place])[0][1])) == pytest.approx(0.0, abs=1e-12)
-        simex_bias = plain.errors.at([place])[0][1]
+        assert np.nanmax(np.abs(alone.biases.at([place])[0].simex_bias)) == pytest.approx(
+            0.0, abs=1e-12
+        )
+        simex_bias = plain.biases.at([place])[0].simex_bias
         assert np.allclose(
             simex_bias,
             noisy.estimate[:, place] - plain.estimate[:, place],
@@ -239,11 +241,13 @@ def test_the_shift_is_the_vote_of_the_noisy_copies_less_that_of_the_flights(made
 
 def test_what_is_asked_for_late_or_alone_is_what_was_there_at_once(made: Campaign) -> None:
     fresh = campaign([f.equations for f in FLIGHTS], LIBRARY)
-    whole = made.flight_estimates((0, 2), (6,)).errors.at(range(len(LIBRARY)))
+    whole = made.flight_estimates((0, 2), (6,)).biases.at(range(len(LIBRARY)))
     for place in reversed(range(len(LIBRARY))):
-        sensor_bias, simex_bias = fresh.flight_estimates((2, 0), (6,)).errors.at([place])[0]
-        assert np.allclose(sensor_bias, whole[place][0], rtol=1e-9, atol=1e-12)
-        assert np.allclose(simex_bias, whole[place][1], rtol=1e-9, atol=1e-12, equal_nan=True)
+        found = fresh.flight_estimates((2, 0), (6,)).biases.at([place])[0]
+        assert np.allclose(found.sensor_bias, whole[place].sensor_bias, rtol=1e-9, atol=1e-12)
+        assert np.allclose(
+            found.simex_bias, whole[place].simex_bias, rtol=1e-9, atol=1e-12, equal_nan=True
+        )
     tests = CrossFlightTests(made, (0, 1, 3, 4), TracingSettings())
     test = tests.tested((0, 2), (6,), fixed=(8,))
     for place in (1, 3, 7):
@@ -255,9 +259,9 @@ def test_screening_by_p_without_a_systematic_bound_loses_nothing(
     made: Campaign, flights: tuple[int, ...]
 ) -> None:
     """At every level between the p of the hypotheses."""
-    levels = [0.001, 0.05, 0.1, 0.3, 0.49]
+    intercepts = [0.001, 0.05, 0.1, 0.3, 0.49]
     found = set()
-    for level in levels:
+    for level in intercepts:
         tests = CrossFlightTests(made, flights, TracingSettings(level=level))
         for model in (((), ()), ((0,), ()), ((0,), (6,)), ((0, 2), (6, 7))):
             test = tests.tested(*model)
