@@ -98,4 +98,4 @@ def _check(normal_equations: Sequence[NormalEquations], hypotheses: Sequence[Hyp
             )
     for flight, times in flights.items():
         if times > 1:
-            raise InputError("the same flight twice", flight, "a flight has one vote: give it once")
+            raise InputError("the same flight twice", flight, "give each flight once")

@@ -17,11 +17,11 @@ def joint_covariance(findings: Sequence[Finding], prior_dof: float) -> Array:
     """
     sigma = np.array([(f.ci95[1] - f.ci95[0]) / (2.0 * 1.96) for f in findings])
     correlation = np.eye(len(findings))
-    votes = [{vote.flight: vote.value for vote in f.votes} for f in findings]
-    for i, one in enumerate(votes):
+    values = [{vote.flight: vote.value for vote in f.votes} for f in findings]
+    for i, one in enumerate(values):
         for j in range(i):
-            shared = sorted(one.keys() & votes[j].keys())
-            pairs = np.array([[one[flight], votes[j][flight]] for flight in shared]).reshape(-1, 2)
+            shared = sorted(one.keys() & values[j].keys())
+            pairs = np.array([[one[flight], values[j][flight]] for flight in shared]).reshape(-1, 2)
             if len(shared) > 2 and np.all(np.ptp(pairs, axis=0) > 0.0):
                 freedom = len(shared) - 1
                 correlation[i, j] = correlation[j, i] = (

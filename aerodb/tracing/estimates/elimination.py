@@ -87,7 +87,7 @@ class EliminationCache:
         """Return the row of each column in the cache; compute the columns that are new."""
         new = [member for member in members.tolist() if member not in self._position]
         if new:
-            # Who stands beside a term will stand beside its companions as well.
+            # A model that needs a term needs its shape-misfit terms as well.
             shape_terms = np.flatnonzero(np.isin(self._products.base, new)).tolist()
             self._add(
                 np.array(

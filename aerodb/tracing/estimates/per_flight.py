@@ -17,7 +17,7 @@ from aerodb.tracing.estimates.elimination import ModelElimination, SensorElimina
 from aerodb.tracing.estimates.products import Products
 from aerodb.tracing.evidence import TOLERANCE
 
-#: Largest scaled precision of a companion.
+#: Largest scaled precision of a shape-misfit term.
 KNOWN = 1e9
 
 #: Places of accepted terms, of freed and of fixed sensors, and of the terms whose shape may be
