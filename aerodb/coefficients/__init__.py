@@ -1,4 +1,17 @@
-"""TODO aerodb.coefficients."""
+"""Total aerodynamic coefficients of a flight, and their comparison with a database.
+
+The way through:
+
+1. `total_coefficients` solves Newton and Euler for the aerodynamic part and gives `Coefficients`:
+   CX CY CZ Cl Cm Cn with standard deviations and usable samples. Its building blocks are
+   `specific_force_at_cg`, `inertial_moment` and `thrust_loads`; `bandwidth_of` chooses the
+   bandwidth of differentiated rates (`DEFAULT_BANDWIDTH`).
+2. `compare` puts them beside a database's prediction in the database's reference geometry and gives
+   a `Comparison`, whose `residual` is measured - predicted. `with_states` integrates the database's
+   state models along the flight; `band_limited` limits whatever is compared with moments.
+
+`total` holds the coefficients, `comparison` the comparison.
+"""
 
 import lazy_loader as lazy
 

@@ -1,5 +1,5 @@
-"""One flight beside one database: measured and predicted coefficients on the same axes about the
-same point."""
+"""Compare a flight with a database: measured and predicted coefficients on the same axes, about the
+same moment reference."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -19,15 +19,22 @@ from aerodb.vehicle import Reference
 
 @dataclass(frozen=True)
 class Comparison:
-    """Measured against predicted, axis by axis, in the database's reference geometry and moment
-    reference.
+    """Measured and predicted coefficients, in the database's reference geometry and about its
+    moment reference.
 
-    time (n,) s; measured, sigma, predicted and usable: axis -> (n,); axes are the body axes that
-    the flight gives, and C_lift, C_drag, C_side where all three forces are there. Moments are
-    band-limited on both sides to `bandwidth` [Hz] (None: not limited): a differentiated rate is,
-    and beside an unlimited prediction every slope would come out too small (f1_017, Cl_p: -.49 at 2
-    Hz and -.57 at 8 Hz one-sided; -.571 and -.572 two-sided). `outside` (n,): some table argument
-    lies outside its breakpoints, where the table's edge value is held.
+    Parameters
+    ----------
+    time : (n,) s.
+    measured, sigma, predicted, usable : axis -> (n,). The axes are the body axes that the flight
+        gives, and C_lift, C_drag, C_side where all three forces are available.
+    outside : (n,) true where a table argument lies outside its breakpoints and the table's edge
+        value is held.
+    bandwidth : Hz, to which moments are band-limited on both sides; None: not limited.
+    notes : what was assumed or is missing.
+
+    Differentiated rates are band-limited, and so are moments from them. Against a prediction that
+    is not limited every slope would be estimated too small (f1_017, Cl_p: -.49 at 2 Hz and -.57 at
+    8 Hz one-sided; -.571 and -.572 two-sided).
     """
 
     flight: str
@@ -48,11 +55,14 @@ class Comparison:
 def compare(
     flight: Flight, coefficients: Coefficients, database: AeroDatabase, reference: Reference
 ) -> Comparison:
-    """The flight's total coefficients beside the database's prediction for the same condition.
+    """Compare a flight's total coefficients with the database's prediction for the same inputs.
 
-    `reference` is the geometry that `coefficients` were made with. Measured values are rescaled to
-    the database's reference geometry and their moments moved to its moment reference; the database
-    is never changed to suit a flight.
+    Parameters
+    ----------
+    reference : the geometry that `coefficients` refer to.
+
+    Measured values are rescaled to the database's reference geometry, and their moments moved to
+    its moment reference; the database itself is never changed.
 
     Raises InputError naming the inputs of the database that the flight lacks.
     """
@@ -66,7 +76,7 @@ def compare(
             f"database {database.name} needs {', '.join(lacking)}, which the flight does not have"
         )
         remedy = (
-            f"{nearest(lacking[0], flight.channels)} Or fix it in the vehicle's [configuration], or"
+            f"{nearest(lacking[0], flight.channels)} Or set it in the vehicle's [configuration], or"
             " bind it at import"
         )
         raise InputError(what, f"flight {flight.id}", remedy)
@@ -115,11 +125,11 @@ def compare(
 
 
 def with_states(flight: Flight, database: AeroDatabase) -> Flight:
-    """The flight with the channels that the database's state models make of it (`flow_attachment`),
-    where it lacks them.
+    """Add the channels that the database's state models compute (`flow_attachment`), where the
+    flight lacks them.
 
-    Samples that may not be used are bridged for the memory; what they would give is not a number.
-    Raises InputError naming channels that the flight lacks.
+    Unusable samples are bridged in the integration, and are NaN in the result. Raises InputError
+    naming channels that the flight lacks.
     """
     if not database.states:
         return flight
@@ -131,8 +141,10 @@ def with_states(flight: Flight, database: AeroDatabase) -> Flight:
 
 
 def band_limited(values: Array, step: float, bandwidth: float) -> Array:
-    """`values` (n,) low-passed with zero phase; unchanged where there is nothing finite to
-    limit."""
+    """Low-pass `values` (n,) with zero phase; unchanged where no value is finite.
+
+    step : s, between samples. bandwidth : Hz.
+    """
     return low_passed(values, step, bandwidth) if np.isfinite(values).any() else values
 
 
@@ -140,7 +152,7 @@ def _with_flow_rates(
     flight: Flight, database: AeroDatabase, bandwidth: float
 ) -> tuple[Flight, list[str]]:
     """The flight with alphadot and betadot from alpha and beta, where the database needs them and
-    the log lacks them."""
+    the log lacks them; and a note for each."""
     wanted = [
         (f"{angle}dot", angle)
         for angle in ("alpha", "beta")
@@ -159,8 +171,8 @@ def _with_flow_rates(
 def _in_geometry_of(
     database: AeroDatabase, coefficients: Coefficients, reference: Reference
 ) -> tuple[dict[str, Array], dict[str, Array]]:
-    """Measured values and sigmas over the database's area and lengths, moments about its reference
-    point."""
+    """Measured values and standard deviations referred to the database's area and lengths, moments
+    about its moment reference."""
     ratio = reference.area / database.reference.area
     span = ratio * reference.span / database.reference.span
     chord = ratio * reference.chord / database.reference.chord

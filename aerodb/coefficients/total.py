@@ -1,9 +1,9 @@
-"""Total aerodynamic force and moment coefficients from a flight, with their uncertainty (003, eqs.
+"""Total aerodynamic force and moment coefficients of a flight, with their uncertainty (003, eqs.
 1-4).
 
-Newton and Euler for a rigid body, solved for the aerodynamic part. 003's printed equations carry
-two faults (a square on z in eq. 1, a missing division in eq. 4); those below are derived anew from
-``a_P = a_CG + wdot x r + w x (w x r)``.
+Newton's and Euler's equations for a rigid body, solved for the aerodynamic part. Two equations are
+misprinted in 003 (a square on z in eq. 1, a missing division in eq. 4); those below are derived
+from ``a_P = a_CG + wdot x r + w x (w x r)``.
 """
 
 from collections.abc import Mapping
@@ -21,12 +21,12 @@ from aerodb.support import Array
 from aerodb.tables import Reference, transfer_moments
 from aerodb.vehicle import Thrust, Vehicle, cg_positions, mass_channels
 
-#: Bandwidth of the differentiated rates, Hz, when the vehicle file states none: above the
-#: rigid-body modes of manned and larger unmanned aircraft. It is capped at a quarter of the
-#: sampling rate.
+#: Bandwidth of the differentiated rates [Hz] when the vehicle file states none: above the
+#: rigid-body modes of manned and larger unmanned aircraft. Limited to a quarter of the sampling
+#: rate.
 DEFAULT_BANDWIDTH = 5.0
 
-#: A dynamic pressure below this (Pa) is none: the aircraft stands.
+#: Dynamic pressure [Pa] below which the aircraft is at rest and the value counts as zero.
 STILL = 1e-6
 
 RateSource = Literal["differentiated", "logged"]
@@ -34,14 +34,19 @@ RateSource = Literal["differentiated", "logged"]
 
 @dataclass(frozen=True)
 class Coefficients:
-    """Total coefficients of one flight, positive along the body axes, moments about
-    `moment_reference`.
+    """Total coefficients of one flight, positive along the body axes.
 
-    time (n,) s; `values`, `sigma` (one standard deviation from sensor noise) and `usable`: axis ->
-    (n,). An axis that the flight cannot give is absent, with the reason in `notes`.
-    `moment_reference` (n, 3) m in body axes from the datum. `bandwidth` of the moments, Hz, when
-    their angular accelerations were differentiated from rates; None when they were logged. What is
-    set beside band-limited moments must be limited alike, or slopes come out too small.
+    Parameters
+    ----------
+    time : (n,) s.
+    values : axis -> (n,). An axis that the flight cannot give is absent; the reason is in `notes`.
+    sigma : axis -> (n,), one standard deviation due to sensor noise.
+    usable : axis -> (n,).
+    moment_reference : (n, 3) m, body axes from the datum; the point that moments refer to.
+    bandwidth : Hz, of the moments when their angular accelerations were differentiated from rates;
+        None when they were logged. Whatever is compared with band-limited moments must be limited
+        alike, or slopes are estimated too small.
+    notes : what was assumed or is missing.
     """
 
     flight: str
@@ -57,15 +62,29 @@ class Coefficients:
 def specific_force_at_cg(
     force: Array, rates: Array, angular_acceleration: Array, arm: Array
 ) -> Array:
-    """Specific force at the CG from that at a sensor: ``a_CG = a_P - wdot x r - w x (w x r)`` (003,
-    eq. 1, re-derived).
+    """Specific force at the CG from that at a sensor: ``a_CG = a_P - wdot x r - w x (w x r)``.
 
-    All (n, 3): force m/s2, rates rad/s, angular acceleration rad/s2, arm r from the CG to the
-    sensor, m, body axes.
+    Parameters
+    ----------
+    force : a_P (n, 3) [m/s2], at the sensor.
+    rates : w (n, 3) [rad/s].
+    angular_acceleration : wdot (n, 3) [rad/s2].
+    arm : r (n, 3) [m], from the CG to the sensor.
+
+    All in body axes.
+
+    Returns
+    -------
+    (n, 3) [m/s2].
+
+    References
+    ----------
+    003, eq. 1, derived again.
 
     >>> import numpy as np
-    >>> spin = np.array([[0.0, 0.0, 2.0]])  # 2 rad/s of yaw, sensor 1 m ahead: it shows -4 m/s2 that the CG does not
-    >>> specific_force_at_cg(np.array([[-4.0, 0, 0]]), spin, np.zeros((1, 3)), np.array([[1.0, 0, 0]])).tolist()
+    >>> yaw = np.array([[0.0, 0.0, 2.0]])  # rad/s; a sensor 1 m ahead measures -4 m/s2 from it
+    >>> ahead, still = np.array([[1.0, 0.0, 0.0]]), np.zeros((1, 3))
+    >>> specific_force_at_cg(np.array([[-4.0, 0, 0]]), yaw, still, ahead).tolist()
     [[0.0, 0.0, 0.0]]
     """
     return force - np.cross(angular_acceleration, arm) - np.cross(rates, np.cross(rates, arm))
@@ -74,11 +93,22 @@ def specific_force_at_cg(
 def inertial_moment(
     rates: Array, angular_acceleration: Array, inertia: Mapping[str, Array]
 ) -> Array:
-    """Moment about the CG that the motion shows, ``I wdot + w x (I w)`` with the xz plane of
-    symmetry; (n, 3) N m.
+    """Total moment about the CG from the motion, ``I wdot + w x (I w)``, with the xz plane as plane
+    of symmetry.
 
-    `inertia` holds Ixx Iyy Izz Ixz [kg m2], Ixz the integral of x z dm (Klein & Morelli 2006, eqs.
-    3.22-3.24).
+    Parameters
+    ----------
+    rates : w (n, 3) [rad/s], body axes.
+    angular_acceleration : wdot (n, 3) [rad/s2].
+    inertia : Ixx Iyy Izz Ixz [kg m2], each (n,) or a number; Ixz is the integral of x z dm.
+
+    Returns
+    -------
+    (n, 3) [N m].
+
+    References
+    ----------
+    Klein & Morelli, Aircraft System Identification, 2006, eqs. 3.22-3.24.
     """
     p, q, r = rates.T
     pdot, qdot, rdot = angular_acceleration.T
@@ -92,10 +122,10 @@ def inertial_moment(
     )
 
 
-def bandwidth_of(flight: Flight, vehicle: Vehicle, asked: float | None = None) -> float:
-    """Bandwidth [Hz] of a flight's differentiated rates: `asked`, else the vehicle's, else
+def bandwidth_of(flight: Flight, vehicle: Vehicle, requested: float | None = None) -> float:
+    """Bandwidth [Hz] of a flight's differentiated rates: `requested`, else the vehicle's, else
     DEFAULT_BANDWIDTH; at most a quarter of the sampling rate."""
-    return min(asked or vehicle.processing.bandwidth or DEFAULT_BANDWIDTH, 0.25 / flight.step)
+    return min(requested or vehicle.processing.bandwidth or DEFAULT_BANDWIDTH, 0.25 / flight.step)
 
 
 def total_coefficients(
@@ -105,14 +135,18 @@ def total_coefficients(
     bandwidth: float | None = None,
     angular_acceleration: RateSource = "differentiated",
 ) -> Coefficients:
-    """CX CY CZ Cl Cm Cn of a flight about the vehicle's moment reference.
+    """Total coefficients CX CY CZ Cl Cm Cn of a flight, about the vehicle's moment reference.
 
     Parameters
     ----------
     bandwidth : Hz, of the differentiated rates; None: the vehicle's, else DEFAULT_BANDWIDTH.
-    angular_acceleration : differentiate p q r, or take pdot qdot rdot from the log.
+    angular_acceleration : ``differentiated`` from p q r, or ``logged`` as pdot qdot rdot.
 
-    Raises InputError when no axis can be computed.
+    Raises InputError where no axis can be computed, and where logged accelerations are missing.
+
+    References
+    ----------
+    003, eqs. 1-4, with the two corrections of the module docstring.
     """
     notes: list[str] = []
     if len(flight.time) < FEWEST_SAMPLES:
@@ -130,13 +164,11 @@ def total_coefficients(
         raise InputError(
             "dynamic pressure is not positive", f"flight {flight.id}", "check the mapping of qbar"
         )
-    qbar = np.where(
-        np.abs(qbar) > STILL, qbar, 0.0
-    )  # coefficients of next to nothing would overflow
+    # Division by a dynamic pressure near zero would overflow.
+    qbar = np.where(np.abs(qbar) > STILL, qbar, 0.0)
     area, chord, span = vehicle.reference.area, vehicle.reference.chord, vehicle.reference.span
-    geometry = Reference(
-        area, chord, span, (0.0, 0.0, 0.0)
-    )  # lengths only: the point moves with the CG
+    # Only the lengths are used: the moment reference moves with the CG.
+    geometry = Reference(area, chord, span, (0.0, 0.0, 0.0))
     properties = mass_channels(flight, vehicle)
     cg = cg_positions(flight, vehicle)
     reference = (
@@ -193,6 +225,9 @@ def total_coefficients(
 
 @dataclass(frozen=True)
 class _Rates:
+    """Body rates (n, 3) [rad/s], angular accelerations (n, 3) [rad/s2] and the standard deviation
+    of the latter (3,)."""
+
     omega: Array
     acceleration: Array
     acceleration_sigma: Array
@@ -201,8 +236,8 @@ class _Rates:
 def _rates(
     flight: Flight, vehicle: Vehicle, band: float, source: RateSource, notes: list[str]
 ) -> _Rates | None:
-    """Body rates and angular accelerations (n, 3) with the latter's one sigma; None when a rate is
-    not logged."""
+    """Body rates and angular accelerations, with the standard deviation of the latter; None where a
+    rate is not logged."""
     absent = [name for name in "pqr" if name not in flight]
     if absent:
         notes.append(f"no moments: {', '.join(absent)} not logged")
@@ -234,7 +269,8 @@ def _rates(
 def _force_at_cg(
     flight: Flight, vehicle: Vehicle, rates: _Rates | None, cg: Array, notes: list[str]
 ) -> tuple[Array, Array] | None:
-    """Specific force at the CG (n, 3) and its one sigma per axis; None when it is not logged."""
+    """Specific force at the CG (n, 3) [m/s2] and its standard deviation (3,); None where it is not
+    logged."""
     band = 0.25 / flight.step
     if all(name in flight for name in ("ax", "ay", "az")):
         names = ("ax", "ay", "az")
@@ -267,10 +303,17 @@ def _force_at_cg(
 def thrust_loads(
     flight: Flight, thrust: Thrust, cg: Array, notes: list[str]
 ) -> tuple[Array, Array]:
-    """Thrust force (n, 3) N and its moment about the CG (n, 3) N m; zero where it is not known,
-    which is added to `notes`.
+    """Thrust force and its moment about the CG, in body axes.
 
-    cg : (n, 3) m in body axes from the datum.
+    Parameters
+    ----------
+    thrust : source, direction and point of the thrust line.
+    cg : (n, 3) [m], body axes from the datum.
+    notes : what is unknown is appended.
+
+    Returns
+    -------
+    Force (n, 3) [N] and moment (n, 3) [N m]; zero where not known.
     """
     none = np.zeros_like(cg)
     if thrust.source == "none":
@@ -287,7 +330,7 @@ def thrust_loads(
 
 
 def _usable(flight: Flight, axis: str) -> NDArray[np.bool_]:
-    """Samples at which all that an axis is made of is good."""
+    """(n,) where all channels that an axis is computed from are usable."""
     wanted = ["qbar", "p", "q", "r"]
     if axis in FORCE_AXES:
         letter = axis[1].lower()
@@ -301,7 +344,7 @@ def _declared_noise(vehicle: Vehicle, name: str) -> float | None:
 
 
 def _noise(flight: Flight, vehicle: Vehicle, name: str, band: float) -> float:
-    """One sigma of a channel's noise: declared in the vehicle file, else measured above the
-    bandwidth."""
+    """Standard deviation of a channel's noise: declared in the vehicle file, else measured above
+    the bandwidth."""
     declared = _declared_noise(vehicle, name)
     return declared if declared is not None else smooth(flight[name], flight.step, band).noise

@@ -1,4 +1,4 @@
-"""Least squares on stacked records, with standard errors that stay true when residuals are
+"""Least squares on stacked records, with standard errors that remain valid when residuals are
 correlated in time."""
 
 from collections.abc import Sequence
@@ -9,7 +9,7 @@ from scipy.fft import next_fast_len, rfft
 
 from aerodb.support import Array
 
-#: Products of this size (multiplications) and below are not worth a BLAS thread.
+#: Matrix products of at most so many multiplications run on one BLAS thread.
 _SINGLE_THREAD = 200_000
 
 
@@ -17,10 +17,15 @@ _SINGLE_THREAD = 200_000
 class Regression:
     """A least-squares fit.
 
-    estimates (k,); `covariance` (k, k) corrected for coloured residuals; `white_covariance` (k, k)
-    as if they were white; residual (n,); r_squared; `vif` (k,) variance inflation of each regressor
-    by the others (1 for a constant alone); `names` of the regressors; `excited` (k,) false where
-    the regressor does not vary enough to be estimated.
+    Parameters
+    ----------
+    names : of the k regressors.
+    estimates : (k,).
+    covariance : (k, k), corrected for coloured residuals.
+    white_covariance : (k, k), as if the residuals were white.
+    residual : (n,), response minus prediction.
+    r_squared : coefficient of determination, about the mean of the response.
+    vif : (k,) variance inflation factor of each regressor by the others; 1 for a constant.
     """
 
     names: tuple[str, ...]
@@ -33,12 +38,12 @@ class Regression:
 
     @property
     def standard_errors(self) -> Array:
-        """Coloured-residual standard errors (k,)."""
+        """Standard errors (k,), from the covariance for coloured residuals."""
         return np.sqrt(np.diag(self.covariance))
 
     @property
     def correlation(self) -> Array:
-        """Correlation (k, k) among the estimates, from the coloured covariance."""
+        """Correlation (k, k) of the estimates, from the covariance for coloured residuals."""
         deviation = self.standard_errors
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = self.covariance / np.outer(deviation, deviation)
@@ -48,19 +53,24 @@ class Regression:
 def least_squares(
     regressors: Array, response: Array, names: Sequence[str], lengths: Sequence[int] | None = None
 ) -> Regression:
-    """Ordinary least squares; covariance for coloured residuals after Morelli & Klein, JGCD 20(1),
-    1997, eq. 31.
+    """Ordinary least squares with a covariance for coloured residuals.
 
-    ``cov = (X'X)^-1 [sum_ij x_i R(i-j) x_j'] (X'X)^-1`` with ``R(k) = (1/N) sum v_i v_(i+k)``, the
-    double sum within each record only: records are independent.
+    ``cov = (X'X)^-1 [sum_ij x_i R(i-j) x_j'] (X'X)^-1`` with ``R(k) = (1/N) sum v_i v_(i+k)``. The
+    double sum runs within each record only: records are independent.
 
     Parameters
     ----------
-    regressors : (n, k), with a column of ones if a constant is wanted. response : (n,).
-    names : k names. lengths : samples of each record in order, summing to n; None: one record.
+    regressors : (n, k), with a column of ones if a constant is wanted.
+    response : (n,).
+    names : k names.
+    lengths : samples of each record in order, summing to n; None: one record.
 
-    Raises ValueError when regressors are linearly dependent (which ones is said) or samples are too
-    few.
+    Raises ValueError naming the regressors that are linearly dependent or never excited, and for
+    too few samples.
+
+    References
+    ----------
+    Morelli & Klein, Journal of Guidance, Control, and Dynamics 20(1), 1997, eq. 31.
     """
     n, k = regressors.shape
     if n <= k:
@@ -104,9 +114,17 @@ def least_squares(
 
 
 def own_constants(regressors: Array, lengths: Sequence[int], constant: int) -> tuple[Array, Array]:
-    """A constant of each of the g records in place of the one in column `constant`: regressors (n,
-    k - 1 + g), those constants last, and the mix (k, k - 1 + g) that makes of their estimates those
-    of the k columns: the constant is the mean of the g.
+    """Replace the constant in column `constant` by one constant per record.
+
+    Parameters
+    ----------
+    regressors : (n, k).
+    lengths : samples of each of the g records, in order.
+
+    Returns
+    -------
+    Regressors (n, k - 1 + g), the constants last; and the matrix (k, k - 1 + g) that turns their
+    estimates into those of the k columns, where the constant is the mean of the g constants.
 
     >>> own_constants(np.array([[1.0, 2.0], [1.0, 3.0]]), [1, 1], 0)[0].tolist()
     [[2.0, 1.0, 0.0], [3.0, 0.0, 1.0]]
@@ -124,14 +142,16 @@ def own_constants(regressors: Array, lengths: Sequence[int], constant: int) -> t
 def with_mean_constant(
     fit: Regression, mix: Array, names: Sequence[str], constant: int
 ) -> Regression:
-    """A fit with `own_constants` as one of the k columns `names`. The variance of the mean constant
-    holds their scatter as well; residual and r_squared stay those beside each record's own.
+    """Turn a fit with `own_constants` back into one of the k columns `names`.
+
+    The variance of the mean constant includes the scatter of the constants between records.
+    `residual` and `r_squared` remain those of the fit with one constant per record.
     """
     k = len(mix)
-    levels = fit.estimates[k - 1 :]
+    intercepts = fit.estimates[k - 1 :]
     covariance = mix @ fit.covariance @ mix.T
-    if len(levels) > 1:
-        covariance[constant, constant] += float(levels.var(ddof=1)) / len(levels)
+    if len(intercepts) > 1:
+        covariance[constant, constant] += float(intercepts.var(ddof=1)) / len(intercepts)
     return Regression(
         names=tuple(names),
         estimates=mix @ fit.estimates,
@@ -144,12 +164,16 @@ def with_mean_constant(
 
 
 def coloured_sum(regressors: Array, residual: Array) -> Array:
-    """sum_ij x_i R(i-j) x_j' for one record, by FFT: R is even, so its transform weights the cross
-    spectra of x.
+    """``sum_ij x_i R(i-j) x_j'`` (k, k) of one record, computed by FFT.
 
-    The residual is padded to twice its length, so the transform of R is that of the residual,
-    squared. Block by block: products of this size do not wake BLAS threads, whose contention costs
-    more than the product.
+    Parameters
+    ----------
+    regressors : x (n, k).
+    residual : v (n,), with the autocorrelation ``R(k) = (1/n) sum v_i v_(i+k)``.
+
+    R is even, so that its transform weights the cross spectra of x. The residual is padded to twice
+    its length, so that the transform of R is the squared transform of the residual. The product is
+    computed in blocks too small for BLAS threads, whose contention costs more than the product.
     """
     n, k = regressors.shape
     size = next_fast_len(2 * n)
@@ -166,8 +190,8 @@ def coloured_sum(regressors: Array, residual: Array) -> Array:
 
 
 def _variance_inflation(regressors: Array) -> Array:
-    """VIF (k,): how much the other regressors and the constant inflate each estimate's variance; 1
-    for a constant."""
+    """Variance inflation factors (k,) due to the other regressors and the constant; 1 for a
+    constant."""
     spread = regressors.std(axis=0)
     varying = spread > 1e-12 * np.abs(regressors).max(axis=0)
     vif = np.ones(regressors.shape[1])

@@ -1,4 +1,4 @@
-"""Measures of how well a prediction follows a measurement."""
+"""Measures of agreement between prediction and measurement: rms and Theil statistics."""
 
 from dataclasses import dataclass
 
@@ -9,8 +9,8 @@ from aerodb.support import Array
 
 @dataclass(frozen=True)
 class Theil:
-    """Theil's inequality statistics: fit in percent, and the error's parts from bias, variance and
-    covariance (sum 1)."""
+    """Theil's inequality statistics: fit in percent, and the fractions of the mean square error due
+    to bias, variance and covariance, which sum to 1."""
 
     fit_percent: float
     bias: float
@@ -19,16 +19,23 @@ class Theil:
 
 
 def rms(values: Array) -> float:
-    """Root mean square of the values; 0 for none."""
+    """Root mean square of `values` (n,); 0 where there are none."""
     return float(np.sqrt(np.mean(np.square(values)))) if len(values) else 0.0
 
 
 def theil(predicted: Array, measured: Array) -> Theil:
-    """Theil's statistics of a prediction (n,) against a measurement (n,) (Jategaonkar 2015, section
-    11.2).
+    """Theil statistics of a prediction against a measurement.
 
-    ``U = rms(yhat - y) / (rms(yhat) + rms(y))``, fit ``100 (1 - U)``; parts ``(mean yhat - mean
-    y)^2 / MSE``, ``(s_yhat - s_y)^2 / MSE``, ``2 (1 - rho) s_yhat s_y / MSE``.
+    ``U = rms(yhat - y) / (rms(yhat) + rms(y))``, fit ``100 (1 - U)``. Bias ``(mean yhat - mean y)^2
+    / MSE``, variance ``(s_yhat - s_y)^2 / MSE``, covariance ``2 (1 - rho) s_yhat s_y / MSE``.
+
+    Parameters
+    ----------
+    predicted, measured : (n,), in the same unit.
+
+    References
+    ----------
+    Jategaonkar, Flight Vehicle System Identification, 2015, section 11.2.
 
     >>> import numpy as np
     >>> theil(np.array([1.0, 2.0, 3.0]), np.array([0.0, 1.0, 2.0])).bias

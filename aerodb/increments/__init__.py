@@ -1,4 +1,20 @@
-"""TODO aerodb.increments."""
+"""Declared updates: estimate increments from flights, validate them, and judge their release.
+
+The way through:
+
+1. `parse_model_file` reads which increments are declared, axis by axis (`ModelFile`).
+2. `choose_hold_out` splits the flights into identification and validation (`HoldOut`).
+3. `estimate_increments` fits the declared terms to the residuals of the identifying flights and
+   gives an `Update`: the candidate database, and per axis an `AxisUpdate`. `ConsiderParameter`
+   carries sensor errors that widen its standard errors.
+4. `keep_slope_signs` lengthens fades that would change the sign of a slope outside the data.
+5. `validate_on_held_out`, or `validate_by_leaving_one_out` with few flights, gives the error per
+   axis before and after (`AxisValidation`); `worse_axes` names axes that became worse.
+6. `judge` decides whether a version may be released (`Verdict`).
+
+`model_file` holds the file format, `estimate` the regression, `validation` hold-out and errors,
+`gate` the release checks.
+"""
 
 import lazy_loader as lazy
 

@@ -1,5 +1,5 @@
-"""Declared increments from the residuals of several flights (003, eq. 7): estimate, doubt, and
-fence them in."""
+"""Estimate declared increments from the residuals of several flights (003, eq. 7), with coloured
+standard errors, consider parameters and a flown envelope."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -40,25 +40,45 @@ from aerodb.tables import (
     new_sign_changes,
 )
 
-#: Two estimates correlated beyond this cannot be told apart by these flights: reported as an alias
-#: group.
+#: Two estimates correlated beyond this cannot be separated by these flights; they are reported as
+#: an alias group.
 ALIAS_CORRELATION = 0.95
 
-#: What one flight gives to an axis: its channels, its samples that are used, its comparison.
-_Used = tuple[Mapping[str, Array], np.ndarray, Comparison]
-
-#: How often a fade is made twice as long to keep the sign of a slope.
+#: How often a fade may be doubled in length to keep the sign of a slope.
 LENGTHENINGS = 4
+
+
+@dataclass(frozen=True, eq=False)
+class _Samples:
+    """One flight's contribution to the fit on one axis.
+
+    channels : name -> (n,). good : (n,) samples that are used. comparison : measured and
+    predicted coefficients.
+    """
+
+    channels: Mapping[str, Array]
+    good: np.ndarray
+    comparison: Comparison
+
+    @property
+    def count(self) -> int:
+        """Number of samples that are used."""
+        return int(self.good.sum())
 
 
 @dataclass(frozen=True)
 class AxisUpdate:
-    """What was estimated on one axis.
+    """Estimates on one axis.
 
-    names, estimates, standard_errors, vif: (k,); covariance (k, k), coloured. `at_bound` names
-    estimates that ended on a bound; `not_excited` names declared terms that these flights do not
-    move, which were left out; `aliases` are groups of estimates that these flights cannot separate.
-    theil compares database + increment with measurement.
+    Parameters
+    ----------
+    names, estimates, standard_errors, vif : (k,), per term that was estimated.
+    covariance : (k, k), corrected for coloured residuals; correlation : (k, k) from it.
+    r_squared : of the fit to the residuals.
+    theil : of database + increment against measurement.
+    at_bound : names of estimates that ended on a bound.
+    not_excited : declared terms that these flights do not excite; they were left out.
+    aliases : groups of estimates that these flights cannot separate.
     """
 
     axis: str
@@ -77,9 +97,16 @@ class AxisUpdate:
 
 @dataclass(frozen=True)
 class ConsiderParameter:
-    """A constant error that one flight's channels may still have, invisible in its residual:
-    `sigma`, one standard error; axis -> (n,) `columns`, by how much it moves the residual per unit;
-    `shared`: the same error, by `name`, in all flights."""
+    """A constant sensor error that one flight's residual cannot reveal: considered in the
+    covariance, not estimated.
+
+    Parameters
+    ----------
+    name : of the error, such as ``alpha_bias``.
+    sigma : one standard error, in the unit of the error.
+    shared : true where it is the same error, by `name`, in all flights.
+    columns : axis -> (n,), change of the residual per unit of the error.
+    """
 
     name: str
     sigma: float
@@ -89,7 +116,7 @@ class ConsiderParameter:
 
 @dataclass(frozen=True)
 class Update:
-    """The candidate database and what was estimated for it, axis by axis."""
+    """The candidate database, the estimates per axis, and the ids of the identifying flights."""
 
     candidate: AeroDatabase
     axes: tuple[AxisUpdate, ...]
@@ -101,20 +128,28 @@ def estimate_increments(
     comparisons: Sequence[Comparison],
     model: ModelFile,
     database: AeroDatabase,
-    doubts: Mapping[str, Sequence[ConsiderParameter]] | None = None,
+    consider: Mapping[str, Sequence[ConsiderParameter]] | None = None,
 ) -> Update:
-    """Estimates the declared increments on top of `database` from flights and their comparisons
-    (same order).
+    """Estimate the declared increments on top of `database`.
 
-    doubts : flight -> what its sensors may have left wrong, which the standard errors then hold as
-    well. Raises InputError for a term that names an unknown channel, and where a declared axis
-    cannot be estimated at all.
+    Parameters
+    ----------
+    flights, comparisons : in the same order; every comparison is with `database`.
+    model : the declared increments.
+    consider : flight id -> sensor errors that the standard errors then include; None: none.
+
+    Returns
+    -------
+    The candidate: `database` with one increment more per declared axis; and the estimates.
+
+    Raises InputError for a term that names an unknown channel, and where a declared axis cannot be
+    estimated at all.
     """
     channels = [_with_hat_rates(flight.channels, database) for flight in flights]
     shared = set.intersection(*(set(c) for c in channels)) if channels else set()
     check_channels(model, shared)
     results = [
-        _axis(declared, flights, channels, comparisons, database, doubts or {})
+        _axis(declared, flights, channels, comparisons, database, consider or {})
         for declared in model.increment
     ]
     increments = tuple(increment for _, increment in results)
@@ -125,13 +160,12 @@ def estimate_increments(
 
 
 def keep_slope_signs(update: Update, database: AeroDatabase) -> Update:
-    """The update with fades lengthened where, over one table cell, dC_lift/dalpha or dCm/dalpha
-    would change sign outside the data.
+    """Lengthen fades until dC_lift/dalpha and dCm/dalpha have no new sign change outside the data.
 
-    An increment of either sign fades to the baseline somewhere, and where the baseline's slope is
-    small its own fade can outweigh it. The cell of alpha of the increments concerned is doubled
-    until no new sign change is left; where LENGTHENINGS doublings do not reach that, the update is
-    returned as it came, and the gate will say so.
+    An increment fades to the baseline beyond its envelope. Where the baseline's slope is small, the
+    slope of the fade can outweigh it. The alpha cell of the increments concerned is doubled until
+    no new sign change is left. If LENGTHENINGS doublings do not achieve that, the update is
+    returned unchanged, and the gate will refuse it.
     """
     candidate, first = update.candidate, len(database.increments)
     for doublings in range(LENGTHENINGS + 1):
@@ -139,16 +173,16 @@ def keep_slope_signs(update: Update, database: AeroDatabase) -> Update:
         if not changes:
             return replace(update, candidate=candidate)
         axes = frozenset[str]().union(*(QUANTITIES[change.quantity] for change in changes))
-        kept, added = candidate.increments[:first], candidate.increments[first:]
+        earlier, added = candidate.increments[:first], candidate.increments[first:]
         longer = tuple(
             _fading_slowly(i, 2 ** (doublings + 1)) if i.axis in axes else i for i in added
         )
-        candidate = replace(candidate, increments=(*kept, *longer))
+        candidate = replace(candidate, increments=(*earlier, *longer))
     return update
 
 
 def _fading_slowly(increment: Increment, cells: int) -> Increment:
-    """The increment with its alpha cell doubled; `cells` says how many table cells long that is."""
+    """The increment with its alpha cell doubled; `cells` is its new length in table cells."""
     if "alpha" not in increment.envelope:
         return increment
     interval = increment.envelope["alpha"]
@@ -164,43 +198,47 @@ def _axis(
     channels: Sequence[Mapping[str, Array]],
     comparisons: Sequence[Comparison],
     database: AeroDatabase,
-    doubts: Mapping[str, Sequence[ConsiderParameter]],
+    consider: Mapping[str, Sequence[ConsiderParameter]],
 ) -> tuple[AxisUpdate, Increment]:
     axis, regressors = declared.axis, expand(declared)
     records = zip(flights, channels, comparisons, strict=True)
     used = [
-        (c, k.usable[axis] & _clean(f, regressors), k) for f, c, k in records if axis in k.usable
+        _Samples(c, k.usable[axis] & _clean(f, regressors), k)
+        for f, c, k in records
+        if axis in k.usable
     ]
-    used = [entry for entry in used if entry[1].any()]
+    used = [samples for samples in used if samples.good.any()]
     if not used:
         raise InputError(
             f"no flight gives a usable sample on {axis}",
             "update",
             "remove the axis from the model file",
         )
-    matrix = np.concatenate([_columns(axis, regressors, c, k)[good] for c, good, k in used])
-    response = np.concatenate([k.residual(axis)[good] for _, good, k in used])
-    moving = _excited(matrix, regressors)
-    kept = [regressor for regressor, moves in zip(regressors, moving, strict=True) if moves]
-    names = [regressor.name for regressor in kept]
-    if not kept:
+    matrix = np.concatenate(
+        [_columns(axis, regressors, s.channels, s.comparison)[s.good] for s in used]
+    )
+    response = np.concatenate([s.comparison.residual(axis)[s.good] for s in used])
+    excited = _excited(matrix, regressors)
+    chosen = [regressor for regressor, moves in zip(regressors, excited, strict=True) if moves]
+    names = [regressor.name for regressor in chosen]
+    if not chosen:
         raise InputError(
             f"no declared term on {axis} is excited by these flights",
             "update",
-            "fly a manoeuvre that moves one",
+            "fly a manoeuvre that excites one",
         )
-    fit = _fitted(declared, matrix[:, moving], response, names, used, doubts)
+    fit = _fitted(declared, matrix[:, excited], response, names, used, consider)
     estimates, covariance, at_bound = _constrained(fit, declared)
-    measured = np.concatenate([k.measured[axis][good] for _, good, k in used])
-    predicted = measured - response + matrix[:, moving] @ estimates
-    ids = tuple(k.flight for _, _, k in used)
-    names_used = frozenset[str]().union(*(regressor.expression.names for regressor in kept))
+    measured = np.concatenate([s.comparison.measured[axis][s.good] for s in used])
+    predicted = measured - response + matrix[:, excited] @ estimates
+    ids = tuple(s.comparison.flight for s in used)
+    names_used = frozenset[str]().union(*(regressor.expression.names for regressor in chosen))
     increment = Increment(
         axis=axis,
-        regressors=tuple(regressor.expression for regressor in kept),
+        regressors=tuple(regressor.expression for regressor in chosen),
         estimates=estimates,
         covariance=covariance,
-        envelope=flown_envelope(names_used, [(c, good) for c, good, _ in used], database),
+        envelope=flown_envelope(names_used, [(s.channels, s.good) for s in used], database),
         flights=ids,
     )
     deviation = np.sqrt(np.diag(covariance))
@@ -216,7 +254,9 @@ def _axis(
         r_squared=fit.r_squared,
         theil=theil(predicted, measured),
         at_bound=at_bound,
-        not_excited=tuple(r.name for r, moves in zip(regressors, moving, strict=True) if not moves),
+        not_excited=tuple(
+            r.name for r, moves in zip(regressors, excited, strict=True) if not moves
+        ),
         aliases=_aliases(names, correlation),
     )
     return result, increment
@@ -227,60 +267,59 @@ def _fitted(
     matrix: Array,
     response: Array,
     names: Sequence[str],
-    used: Sequence[_Used],
-    doubts: Mapping[str, Sequence[ConsiderParameter]],
+    used: Sequence[_Samples],
+    consider: Mapping[str, Sequence[ConsiderParameter]],
 ) -> Regression:
-    """Least squares on the samples of the flights `used`, in order, with one constant or one for
-    each of them."""
-    axis, lengths, columns, named = (
-        declared.axis,
-        [int(good.sum()) for _, good, _ in used],
-        matrix,
-        list(names),
-    )
+    """Least squares on the samples `used`, in order, with one constant for all flights or one
+    each."""
+    axis, columns, named = declared.axis, matrix, list(names)
+    lengths = [samples.count for samples in used]
     constant = names.index(CONSTANT) if declared.own_constants else None
     if constant is not None:
         columns, mix = own_constants(matrix, lengths, constant)
         named = [name for name in names if name != CONSTANT] + [
-            f"{CONSTANT} of {k.flight}" for _, _, k in used
+            f"{CONSTANT} of {samples.comparison.flight}" for samples in used
         ]
     try:
         fit = least_squares(columns, response, named, lengths)
     except ValueError as error:
-        remedy = "declare one of them only, or fly them apart"
+        remedy = "declare only one of them, or fly manoeuvres that separate them"
         raise InputError(f"increment on {axis}: {error}", "update", remedy) from error
-    fit = replace(fit, covariance=fit.covariance + _doubted(axis, columns, used, doubts))
+    fit = replace(
+        fit, covariance=fit.covariance + _consider_covariance(axis, columns, used, consider)
+    )
     return fit if constant is None else with_mean_constant(fit, mix, names, constant)
 
 
-def _doubted(
+def _consider_covariance(
     axis: str,
     matrix: Array,
-    used: Sequence[_Used],
-    doubts: Mapping[str, Sequence[ConsiderParameter]],
+    used: Sequence[_Samples],
+    consider: Mapping[str, Sequence[ConsiderParameter]],
 ) -> Array:
-    """Covariance (k, k) of least-squares estimates that constant errors of the sensors cause;
-    matrix (n, k), samples of the flights `used` in order.
+    """Covariance (k, k) of least-squares estimates due to constant sensor errors.
 
-    Estimates move by ``(X'X)^-1 X' d`` with what an error of one sigma adds to the residual, d:
-    consider covariance (Bierman, *Factorization Methods*, 1977, chapter VIII). One error in all
-    flights moves them together, others each on its own.
+    matrix : X (n, k), samples of the flights `used` in order. An error of one sigma that adds d to
+    the residual moves the estimates by ``(X'X)^-1 X' d``: consider covariance (Bierman,
+    *Factorization Methods*, 1977, chapter VIII). For an error that all flights share these changes
+    add before they are squared; other errors are independent.
     """
     gain, start = np.linalg.pinv(matrix), 0
     total = np.zeros((matrix.shape[1], matrix.shape[1]))
     together: dict[str, Array] = {}
-    for _, good, comparison in used:
-        part, start = slice(start, start + int(good.sum())), start + int(good.sum())
-        for doubt in doubts.get(comparison.flight, ()):
-            if axis not in doubt.columns:
+    for samples in used:
+        comparison = samples.comparison
+        part, start = slice(start, start + samples.count), start + samples.count
+        for parameter in consider.get(comparison.flight, ()):
+            if axis not in parameter.columns:
                 continue
-            column = doubt.sigma * doubt.columns[axis]
+            column = parameter.sigma * parameter.columns[axis]
             if axis in MOMENT_AXES and comparison.bandwidth is not None:
                 step = float(comparison.time[-1] - comparison.time[0]) / (len(comparison.time) - 1)
                 column = band_limited(column, step, comparison.bandwidth)
-            moved = gain[:, part] @ column[good]
-            if doubt.shared:
-                together[doubt.name] = together.get(doubt.name, 0.0) + moved
+            moved = gain[:, part] @ column[samples.good]
+            if parameter.shared:
+                together[parameter.name] = together.get(parameter.name, 0.0) + moved
             else:
                 total += np.outer(moved, moved)
     return total + sum(
@@ -289,7 +328,7 @@ def _doubted(
 
 
 def _correlation(covariance: Array) -> Array:
-    """Correlation (k, k); an estimate that was fixed has none with the others."""
+    """Correlation matrix (k, k); a fixed estimate is uncorrelated with the others."""
     deviation = np.sqrt(np.diag(covariance))
     scale = np.where(deviation > 0, deviation, 1.0)
     return np.asarray(
@@ -298,8 +337,7 @@ def _correlation(covariance: Array) -> Array:
 
 
 def _with_hat_rates(channels: Mapping[str, Array], database: AeroDatabase) -> dict[str, Array]:
-    """The channels and the rates without dimension that can be made of them, over the database's
-    own lengths."""
+    """The channels, and the dimensionless rates computed from them with the database's lengths."""
     hats = {
         name: hat_rate(name, channels, database.reference)
         for name, (rate, _) in HAT_RATES.items()
@@ -309,8 +347,8 @@ def _with_hat_rates(channels: Mapping[str, Array], database: AeroDatabase) -> di
 
 
 def _clean(flight: Flight, regressors: Sequence[Regressor]) -> np.ndarray:
-    """Where all channels of the declared terms are good: a comparison knows only those that the
-    database needs."""
+    """(n,) where all channels of the declared terms are usable; a comparison covers only the
+    channels that the database needs."""
     names = {name for regressor in regressors for name in regressor.expression.names}
     logged = {
         part
@@ -326,7 +364,7 @@ def _columns(
     channels: Mapping[str, Array],
     comparison: Comparison,
 ) -> Array:
-    """Regressors (n, k) of one flight, band-limited like the residual that they are to explain."""
+    """Regressors (n, k) of one flight, band-limited like the residual that they explain."""
     n = len(comparison.time)
     columns = [
         np.broadcast_to(evaluate(regressor.expression, channels), (n,)) for regressor in regressors
@@ -338,8 +376,8 @@ def _columns(
 
 
 def _excited(matrix: Array, regressors: Sequence[Regressor]) -> np.ndarray:
-    """Which columns move: a constant always does; others must vary beyond rounding about their
-    mean."""
+    """(k,) which columns are excited: a constant always is; others must vary about their mean by
+    more than rounding."""
     constant = np.array([not regressor.expression.names for regressor in regressors])
     spread = matrix.std(axis=0)
     return constant | (spread > 1e-9 * np.maximum(np.abs(matrix).max(axis=0), 1e-12))
@@ -348,8 +386,10 @@ def _excited(matrix: Array, regressors: Sequence[Regressor]) -> np.ndarray:
 def _constrained(
     fit: Regression, declared: DeclaredIncrement
 ) -> tuple[Array, Array, tuple[str, ...]]:
-    """Estimates and covariance with priors combined, bounds and fixed values kept, all in the
-    metric of the coloured covariance: minimise ``(x - x0)' C^-1 (x - x0)`` over what is allowed."""
+    """Estimates, covariance and names at a bound, with priors, bounds and fixed values applied.
+
+    Minimises ``(x - x0)' C^-1 (x - x0)`` over the allowed x, with C the coloured covariance.
+    """
     names, estimates, covariance = fit.names, fit.estimates, fit.covariance
     information = np.linalg.inv(covariance)
     right = information @ estimates
@@ -369,9 +409,9 @@ def _constrained(
     free = [k for k in range(len(names)) if k not in held]
     if held:
         index = list(held)
-        shift = np.array([held[k] for k in index]) - estimates[index]
+        change = np.array([held[k] for k in index]) - estimates[index]
         gain = covariance[:, index] @ np.linalg.inv(covariance[np.ix_(index, index)])
-        estimates = estimates + gain @ shift
+        estimates = estimates + gain @ change
         covariance = covariance - gain @ covariance[index, :]
         covariance[index, :] = covariance[:, index] = 0.0
         estimates[index] = [held[k] for k in index]
@@ -390,8 +430,7 @@ def _constrained(
 
 
 def _aliases(names: Sequence[str], correlation: Array) -> tuple[tuple[str, ...], ...]:
-    """Groups of estimates linked by correlations beyond ALIAS_CORRELATION; the constant is nobody's
-    rival."""
+    """Groups of estimates linked by correlations beyond ALIAS_CORRELATION, without the constant."""
     groups: list[set[str]] = []
     for i, one in enumerate(names):
         for j in range(i + 1, len(names)):

@@ -1,8 +1,7 @@
-"""The gate: whether a version may become ``released``. Pure judgement on what it is handed; who
-moves names asks it first.
+"""The promotion gate: decide whether a version may become ``released``.
 
-Every check is made, so that a refusal says all that is wrong at once. What is read from stores, and
-how the verdict is recorded, does not belong here.
+All checks are always made, so that a refusal lists everything that is wrong. The gate only judges
+what it is given: reading from stores and recording the verdict belong to its callers.
 """
 
 from collections.abc import Mapping, Sequence
@@ -14,20 +13,23 @@ import numpy as np
 from aerodb.nomenclature import AXES
 from aerodb.tables import AeroDatabase, CheckCase, failures, new_sign_changes
 
-#: An error must fall by more than this share to count as fallen.
+#: An error must fall by more than this fraction to count as fallen.
 _ROUNDING: Final = 1e-9
-#: No more check values, or angles, than this are listed one by one.
+#: At most so many check values, or angles, are listed individually.
 _LISTED: Final = 4
 
 
 @dataclass(frozen=True)
 class Standing:
-    """A version as the gate meets it, and where it stands in its line.
+    """A version, and where it stands in its line of versions.
 
-    label, parent : labels of the version and of its parent (empty: none). released : label of the
-    released version, empty while there is none. below_released : whether the released version is
-    among the ancestors. stale : why it no longer stands. stored_sha256, content_sha256 : hash
-    stored with it, and that of the content as it is read now.
+    Parameters
+    ----------
+    label, parent : labels of the version and of its parent (empty: none).
+    released : label of the released version, empty while there is none.
+    below_released : whether the released version is among the ancestors.
+    stale : reasons why the version is out of date; empty where it is not.
+    stored_sha256, content_sha256 : hash stored with it, and hash of the content as read now.
     """
 
     label: str
@@ -41,7 +43,7 @@ class Standing:
 
 @dataclass(frozen=True)
 class Check:
-    """One check: its name, and why it failed; no reason means that it passed."""
+    """One check: its name, and the reasons why it failed; passed where there are none."""
 
     name: str
     reasons: tuple[str, ...]
@@ -53,7 +55,7 @@ class Check:
 
 @dataclass(frozen=True)
 class Verdict:
-    """All checks of the gate."""
+    """The results of all checks; passed where every check passed."""
 
     checks: tuple[Check, ...]
 
@@ -73,9 +75,13 @@ def judge(
     check_cases: Sequence[CheckCase],
     axes: Mapping[str, Mapping[str, Any]],
 ) -> Verdict:
-    """Whether `candidate` may be released over `baseline`, the database that is released now.
+    """Judge whether `candidate` may replace `baseline`, the database that is released now.
 
-    axes : the version's own report, axis -> errors before and after (`aerodb.report.document`).
+    Parameters
+    ----------
+    standing : the version and its place in the line.
+    check_cases : those stored with the candidate.
+    axes : from the version's report, axis -> errors before and after (`aerodb.report.document`).
     """
     return Verdict(
         (
@@ -97,14 +103,14 @@ def _parent(standing: Standing) -> tuple[str, ...]:
         first = standing.parent
         return (
             (
-                f"its parent {first} is not released: nothing proves it against"
+                f"its parent {first} is not released, so it was not validated against"
                 f" {standing.released}; promote {first} first"
             ),
         )
     made_on = f"was made on {standing.parent}" if standing.parent else "has no parent"
     return (
         (
-            f"{standing.label} {made_on}, released is {standing.released}: promoting it would"
+            f"{standing.label} {made_on}, but {standing.released} is released: promoting it would"
             " silently undo that release"
         ),
     )
@@ -115,7 +121,7 @@ def _content(standing: Standing) -> tuple[str, ...]:
         return ()
     return (
         (
-            f"its numbers have the hash {standing.content_sha256[:12]}, stored with it is"
+            f"its numbers have the hash {standing.content_sha256[:12]}, but the stored hash is"
             f" {standing.stored_sha256[:12]}"
         ),
     )
@@ -123,7 +129,7 @@ def _content(standing: Standing) -> tuple[str, ...]:
 
 def _check_cases(candidate: AeroDatabase, cases: Sequence[CheckCase]) -> tuple[str, ...]:
     if not cases:
-        return ("it carries no check cases: make it again, they are written with it",)
+        return ("it has no check cases: create the version again, they are written with it",)
     failed = failures(candidate, cases)
     more = (
         (f"and {len(failed) - _LISTED} more check values differ",) if len(failed) > _LISTED else ()
@@ -132,22 +138,22 @@ def _check_cases(candidate: AeroDatabase, cases: Sequence[CheckCase]) -> tuple[s
 
 
 def _excess(axes: Mapping[str, Mapping[str, Any]]) -> tuple[str, ...]:
-    """The error beyond the noise floor, pooled over the body axes in units of each axis' floor,
-    must fall."""
-    proved = {
+    """Whether the error beyond the noise floor falls, pooled over the body axes in units of each
+    axis's floor."""
+    validated = {
         axis: axes[axis]
         for axis in AXES
         if axis in axes and axes[axis].get("excess_before") is not None
     }
-    if not proved:
-        return ("no flight was held out: nothing proves that the error falls",)
-    before = _pooled(proved, "excess_before")
-    after = _pooled(proved, "excess_after")
+    if not validated:
+        return ("no flight was held out: nothing shows that the error falls",)
+    before = _pooled(validated, "excess_before")
+    after = _pooled(validated, "excess_after")
     if after < before * (1.0 - _ROUNDING):
         return ()
     grown = ", ".join(
         f"{axis} {entry['excess_before']:.3g} to {entry['excess_after']:.3g}"
-        for axis, entry in proved.items()
+        for axis, entry in validated.items()
         if entry["excess_after"] >= entry["excess_before"]
     )
     return (
@@ -159,8 +165,8 @@ def _excess(axes: Mapping[str, Mapping[str, Any]]) -> tuple[str, ...]:
 
 
 def _pooled(axes: Mapping[str, Mapping[str, Any]], key: str) -> float:
-    """Root mean square over axes, each in units of its noise floor (of its error before, where no
-    floor is known)."""
+    """Root mean square over axes, each in units of its noise floor, or of its error before where
+    no floor is known."""
     units = [entry["noise_floor"] or entry["held_out_rms_before"] or 1.0 for entry in axes.values()]
     return float(
         np.sqrt(
@@ -172,31 +178,31 @@ def _pooled(axes: Mapping[str, Mapping[str, Any]], key: str) -> float:
 
 
 def _repeatability(axes: Mapping[str, Mapping[str, Any]]) -> tuple[str, ...]:
-    """An axis may become worse on held-out flights by no more than flights differ among themselves
+    """Axes that became worse on held-out flights by more than flights differ among themselves
     (`aerodb.increments.validation.repeatability`)."""
-    said = []
+    found = []
     for axis, entry in axes.items():
         before, after = entry["held_out_rms_before"], entry["held_out_rms_after"]
         if before is None or after is None:
             continue
         if "repeatability" not in entry:
-            said.append(
-                f"{axis}: its report does not say how flights differ among themselves: make the"
-                " version again"
+            found.append(
+                f"{axis}: its report does not state how much flights differ among themselves:"
+                " create the version again"
             )
         elif after - before > max(entry["repeatability"], _ROUNDING * before):
             allowed = f"flights differ by {entry['repeatability']:.3g} among themselves"
-            said.append(
+            found.append(
                 f"{axis} is worse on held-out flights: {before:.4g} to {after:.4g} rms, {allowed}"
             )
-    return tuple(said)
+    return tuple(found)
 
 
 def sign_reasons(baseline: AeroDatabase, candidate: AeroDatabase) -> tuple[str, ...]:
-    """Per quantity whose slope changes sign anew outside the data, one sentence that says where;
-    empty where none does."""
+    """New sign changes of dC_lift/dalpha and dCm/dalpha outside the data: one sentence per
+    quantity; empty where there are none."""
     changes = new_sign_changes(baseline, candidate)
-    said = []
+    sentences = []
     for quantity in dict.fromkeys(change.quantity for change in changes):
         found = [change for change in changes if change.quantity == quantity]
         alphas = sorted({round(float(np.rad2deg(change.alpha)), 1) for change in found})
@@ -204,7 +210,7 @@ def sign_reasons(baseline: AeroDatabase, candidate: AeroDatabase) -> tuple[str, 
             ", ..." if len(alphas) > _LISTED else ""
         )
         first = "".join(f", {name} = {value:.4g}" for name, value in found[0].at.items())
-        said.append(
+        sentences.append(
             f"new sign change of d{quantity}/dalpha outside the data at alpha = {shown} deg{first}"
         )
-    return tuple(said)
+    return tuple(sentences)

@@ -1,4 +1,4 @@
-"""The model file: which increments are declared for estimation (Phoenix, 003 eq. 7, as data).
+"""The model file: the increments declared for estimation (Phoenix, 003 eq. 7, as data).
 
 ```toml
 [[increment]]
@@ -8,12 +8,12 @@ breaks = {alpha = [0.175]}          # one slope per interval, continuous unless 
 prior = {q_hat = [-5.0, 2.0]}       # value, one sigma
 bounds = {alpha = [-1.0, 1.0]}
 fixed = {delta_body_flap = 0.0}
-own_constants = true                # every flight has its own; the 1 that enters is their mean
+own_constants = true                # one constant per flight; the estimate of "1" is their mean
 ```
 
 A term is any expression over canonical channels. Slopes after a break are named ``alpha > 0.175``.
-With one constant for all flights, what differs between them from flight to flight (trim, CG,
-loading) pulls at the slopes; `own_constants` keeps it out.
+With one constant for all flights, differences between flights (trim, CG, loading) bias the slopes;
+`own_constants` prevents that.
 """
 
 import tomllib
@@ -28,7 +28,7 @@ from aerodb.nomenclature import AXES
 from aerodb.support import Strict, validated
 from aerodb.tables import Expression, parse
 
-#: Axes on which an increment may stand: the body axes and the wind axes of the same forces.
+#: Axes of an increment: the body axes, and the wind axes for the forces.
 INCREMENT_AXES = (*AXES, "C_lift", "C_drag", "C_side")
 
 #: The term that is a constant.
@@ -36,7 +36,7 @@ CONSTANT = "1"
 
 
 class DeclaredIncrement(Strict):
-    """One axis of the model file; see the module's text."""
+    """One axis of the model file; the keys are described in the module docstring."""
 
     axis: str
     terms: tuple[str, ...] = Field(min_length=1)
@@ -52,13 +52,13 @@ class DeclaredIncrement(Strict):
         if self.axis not in INCREMENT_AXES:
             raise ValueError(f"unknown axis '{self.axis}'; {nearest(self.axis, INCREMENT_AXES)}")
         if len(set(self.terms)) != len(self.terms):
-            raise ValueError("a term stands twice")
+            raise ValueError("a term is listed twice")
         if self.own_constants and CONSTANT not in self.terms:
-            raise ValueError("own_constants without the term '1', whose value they are")
+            raise ValueError("own_constants without the term '1'")
         for name, points in self.breaks.items():
             if name not in self.terms:
                 raise ValueError(
-                    f"breaks of '{name}', which is no term; {nearest(name, self.terms)}"
+                    f"breaks of '{name}', which is not a term; {nearest(name, self.terms)}"
                 )
             if any(b <= a for a, b in pairwise(points)):
                 raise ValueError(f"breaks of '{name}' must increase")
@@ -71,7 +71,7 @@ class DeclaredIncrement(Strict):
             for name in entries:
                 if name not in names:
                     raise ValueError(
-                        f"{label} of '{name}', which is no term; {nearest(name, names)}"
+                        f"{label} of '{name}', which is not a term; {nearest(name, names)}"
                     )
         for name, (low, high) in self.bounds.items():
             if low >= high:
@@ -97,7 +97,7 @@ class ModelFile(Strict):
 
 @dataclass(frozen=True)
 class Regressor:
-    """A column of the regression: the name people read and the expression that gives it."""
+    """A column of the regression: its name in reports, and its expression."""
 
     name: str
     expression: Expression
@@ -107,7 +107,8 @@ def expand(declared: DeclaredIncrement) -> tuple[Regressor, ...]:
     """Regressors of a declared increment: each term, split into one slope per interval where breaks
     are given.
 
-    >>> [str(r.name) for r in expand(DeclaredIncrement(axis="CZ", terms=("1", "alpha"), breaks={"alpha": (0.175,)}))]
+    >>> lift = DeclaredIncrement(axis="CZ", terms=("1", "alpha"), breaks={"alpha": (0.175,)})
+    >>> [regressor.name for regressor in expand(lift)]
     ['1', 'alpha', 'alpha > 0.175']
     """
     regressors: list[Regressor] = []
@@ -132,8 +133,10 @@ def expand(declared: DeclaredIncrement) -> tuple[Regressor, ...]:
 
 
 def parse_model_file(text: str, where: str = "model file") -> ModelFile:
-    """A ModelFile from TOML text; InputError says which key is wrong and offers the nearest known
-    one."""
+    """Parse a model file from TOML text.
+
+    Raises InputError naming the wrong key, with the nearest known one.
+    """
     try:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
@@ -142,8 +145,8 @@ def parse_model_file(text: str, where: str = "model file") -> ModelFile:
 
 
 def check_channels(model: ModelFile, known: Iterable[str], where: str = "model file") -> None:
-    """Raises InputError, with the nearest known name, for a term that uses a channel the flights do
-    not have."""
+    """Raise InputError, with the nearest known name, for a term that uses a channel that the
+    flights lack."""
     names = set(known)
     for declared in model.increment:
         for regressor in expand(declared):

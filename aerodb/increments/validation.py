@@ -1,5 +1,7 @@
-"""Before and after, on flights that were not used: which flights those are, and what the candidate
-does on them."""
+"""Validation of an update: choose the held-out flights, and compare errors before and after.
+
+The rule is described in docs/method/updates.md, "Hold-out".
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -16,22 +18,23 @@ from aerodb.support import Array
 Kind = Literal["held-out", "cross-validated", "not validated"]
 Outcome = Literal["at noise floor", "improved", "unchanged", "worse", "not repaired"]
 
-#: CONVENTIONS, "Hold-out": the newest fifth, at least two; below five flights leave-one-out.
+#: Held out are the newest fifth, at least two; below five flights leave-one-out
+#: (docs/method/updates.md, "Hold-out").
 HOLD_OUT_SHARE = 0.2
 FEWEST_FOR_HOLD_OUT = 5
 
-#: An error within this factor of the noise floor is as small as these sensors can show.
+#: An error within this factor of the noise floor is at the noise floor.
 NEAR_FLOOR = 1.1
-#: An error that changed by less than this share was not touched.
+#: An error that changed by less than this fraction counts as unchanged.
 UNCHANGED = 0.01
-#: Below this share of the measured variance explained, a structure has not described the axis,
-#: whatever it removed.
+#: A declared structure that explains less than this fraction of the measured variance does not
+#: describe the axis, however much it reduced the error.
 EXPLAINED = 0.5
 
 
 @dataclass(frozen=True)
 class HoldOut:
-    """Which flights identify and which validate. `kind` says what the proof is worth."""
+    """Which flights identify and which validate; `kind` is how the update is validated."""
 
     identified: tuple[str, ...]
     held_out: tuple[str, ...]
@@ -40,15 +43,24 @@ class HoldOut:
 
 @dataclass(frozen=True)
 class AxisValidation:
-    """Error of one axis before and after; rms over all usable samples of the flights concerned.
+    """Error of one axis before and after an update.
 
-    `*_shape` are the same without each flight's own constant. `noise_floor` is the sensor noise
-    propagated into the measured coefficient; `excess_*` the error beyond it, sqrt(rms^2 - floor^2).
-    None: no such flight has the axis. `repeatability` is how far flights differ among themselves:
-    see the function of that name. `explained` is the share of the measured variance that the
-    candidate explains. `outcome` judges the error after, on held-out flights where there are any:
-    ``not repaired`` means that the declared structure does not describe the axis, ``unchanged``
-    that it does not touch it.
+    Errors are rms over all usable samples of the flights concerned; None where no such flight has
+    the axis.
+
+    Parameters
+    ----------
+    rms_before, rms_after : on the identifying flights.
+    held_out_rms_before, held_out_rms_after : on the held-out flights.
+    held_out_shape_before, held_out_shape_after : the same without each flight's own mean.
+    excess_before, excess_after : held-out error beyond the noise floor, sqrt(rms^2 - floor^2).
+    noise_floor : sensor noise propagated into the measured coefficient.
+    repeatability : how much flights differ among themselves; see `repeatability`.
+    theil : Theil statistics of the prediction after the update.
+    explained : fraction of the measured variance that the candidate explains.
+    outcome : judgement of the error after, on held-out flights where there are any. ``not
+        repaired``: the declared structure does not describe the axis. ``unchanged``: the update
+        does not affect it.
     """
 
     axis: str
@@ -70,15 +82,19 @@ class AxisValidation:
 def choose_hold_out(
     flights: Sequence[str], roles: Mapping[str, str], requested: Sequence[str] | None = None
 ) -> HoldOut:
-    """Splits flights (oldest first) into identification and validation.
+    """Split flights into identification and validation.
 
     Parameters
-    ---------- flights : ids, oldest first. roles : what each was in this line of versions before
-    (``identified``, ``held_out``). requested : flights to hold out; empty: none; None: by rule.
+    ----------
+    flights : ids, oldest first.
+    roles : flight -> its role in this line of versions so far, ``identified`` or ``held_out``.
+    requested : flights to hold out; empty: none; None: by rule.
 
-    A flight that identified an ancestor never validates, and one that was held out stays so. Raises
-    UnknownNameError for a requested flight that is not among `flights`, InputError for one that
-    identified before.
+    A flight that identified an ancestor never validates, and a flight that was held out stays held
+    out.
+
+    Raises UnknownNameError for a requested flight that is not among `flights`, InputError for one
+    that identified before.
     """
     held = {name for name in flights if roles.get(name) == "held_out"}
     if requested is not None:
@@ -105,7 +121,7 @@ def choose_hold_out(
         held |= set(fresh[len(fresh) - min(len(fresh), max(0, wanted - len(held))) :])
     if held:
         return _split(flights, held)
-    # To leave a flight out that made the baseline what it is would prove nothing.
+    # Leaving out a flight that the baseline was identified from would validate nothing.
     unseen = not any(roles.get(name) == "identified" for name in flights)
     return HoldOut(
         tuple(flights),
@@ -118,9 +134,9 @@ def _split(flights: Sequence[str], held: set[str]) -> HoldOut:
     identified = tuple(name for name in flights if name not in held)
     if not identified:
         raise InputError(
-            "every flight is held out; none is left to identify",
+            "every flight is held out; none is left for identification",
             "hold-out",
-            "add flights or hold out fewer",
+            "add flights, or hold out fewer",
         )
     return HoldOut(identified, tuple(name for name in flights if name in held), "held-out")
 
@@ -128,8 +144,10 @@ def _split(flights: Sequence[str], held: set[str]) -> HoldOut:
 def validate_on_held_out(
     before: Mapping[str, Comparison], after: Mapping[str, Comparison], hold_out: HoldOut
 ) -> tuple[AxisValidation, ...]:
-    """Error per axis before and after, on identification and on held-out flights (mappings from
-    flight id)."""
+    """Error per axis before and after, on the identifying and on the held-out flights.
+
+    before, after : flight id -> comparison with the baseline and with the candidate.
+    """
     axes = sorted(
         {axis for comparison in before.values() for axis in comparison.usable}, key=_order
     )
@@ -144,11 +162,13 @@ def validate_by_leaving_one_out(
     after: Mapping[str, Comparison],
     without: Callable[[str], Comparison],
 ) -> tuple[AxisValidation, ...]:
-    """The same where flights are too few to hold any out: each is predicted by what the others
-    give.
+    """Error per axis before and after by leave-one-out cross-validation, for few flights.
 
-    `after` is with all flights; `without(flight)` the comparison of that flight with a candidate
-    made without it.
+    Parameters
+    ----------
+    before : flight id -> comparison with the baseline.
+    after : flight id -> comparison with the candidate from all flights.
+    without : flight id -> its comparison with a candidate estimated without it.
     """
     left_out = {flight: without(flight) for flight in before}
     flights = tuple(before)
@@ -160,10 +180,10 @@ def validate_by_leaving_one_out(
 
 def worse_axes(before: Mapping[str, Comparison], after: Mapping[str, Comparison]) -> frozenset[str]:
     """Body axes on which the rms error over the usable samples of all flights grew by more than
-    what counts as unchanged.
+    the fraction `UNCHANGED`.
 
-    A force along the wind stands on two body axes, and on the lesser of them it is small beside
-    each flight's constant: a change within `UNCHANGED` there is chance, not harm.
+    The margin is needed because a force along a wind axis acts on two body axes. On the smaller of
+    its components it is small beside each flight's constant, and a small growth there is chance.
     """
     grown = []
     for axis in AXES:
@@ -218,9 +238,10 @@ def _axis_validation(
 
 
 def repeatability(residuals: Sequence[float]) -> float:
-    """How far one axis differs between flights of one and the same database: the sample standard
-    deviation of each flight's residual rms before the update. Zero below two flights, which tell
-    nothing about it.
+    """How much one axis differs between flights under the same database.
+
+    The sample standard deviation of each flight's residual rms before the update; zero for fewer
+    than two flights, where it is not known.
 
     >>> round(repeatability([0.010, 0.012, 0.014]), 6)
     0.002

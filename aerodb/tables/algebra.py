@@ -1,4 +1,4 @@
-"""Exact rearrangement of expressions."""
+"""Algebra on expressions: sums, products, and exact division by a factor."""
 
 from aerodb.tables.expression import Expression, Name, Negation, Number, Operation
 
@@ -14,8 +14,7 @@ def plus(left: Expression, right: Expression) -> Expression:
 
 
 def cancel(expression: Expression, factor: Name) -> Expression | None:
-    """`expression` with one `factor` taken out of it exactly, or None where it is not a multiple of
-    it.
+    """Divide `expression` by `factor` exactly; None where it is not a multiple of it.
 
     >>> from aerodb.tables.expression import parse
     >>> str(cancel(parse("qbar*(2*S) - CL(alpha)*S/4*qbar"), Name("S")))

@@ -1,4 +1,4 @@
-"""Where the tables of a database are called, and which channels stand behind their arguments."""
+"""Table calls of a database: where tables are called, and over which channels."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
@@ -16,27 +16,26 @@ from aerodb.tables.functions import Value
 
 @dataclass(frozen=True)
 class ScaledChannel:
-    """A table argument that is ``scale * channel + offset``: a channel, perhaps in the unit of the
-    source."""
+    """A table argument of the form ``scale * channel + offset``, such as an angle in degrees."""
 
     name: str
     scale: float = 1.0
     offset: float = 0.0
 
     def argument(self, x: Array) -> Array:
-        """The argument at channel values `x`."""
+        """Argument values at the channel values `x` (n,)."""
         return x if self == ScaledChannel(self.name) else self.scale * x + self.offset
 
     def channel(self, argument: Array) -> Array:
-        """Channel values at which the argument has these values."""
+        """Channel values (n,) at which the argument has the given values."""
         return (
             argument if self == ScaledChannel(self.name) else (argument - self.offset) / self.scale
         )
 
 
 def scaled_channel(argument: Expression, database: AeroDatabase) -> ScaledChannel | None:
-    """The channel or free input behind an argument, directly or through variables; None for any
-    other formula."""
+    """The channel or free input that an argument depends on linearly, directly or through
+    variables; None for any other formula."""
     name, scale, offset = _linear(argument, database, {}) or ("", 0.0, 0.0)
     return (
         ScaledChannel(name, scale, offset)
@@ -46,8 +45,8 @@ def scaled_channel(argument: Expression, database: AeroDatabase) -> ScaledChanne
 
 
 def channel_of(argument: Expression, database: AeroDatabase) -> str | None:
-    """The channel or free input that an argument is, directly or through variables that rename it;
-    None for a formula."""
+    """Name of the channel or free input that an argument is, directly or through variables that
+    rename it; None for any other formula."""
     found = scaled_channel(argument, database)
     return found.name if found is not None and found == ScaledChannel(found.name) else None
 
@@ -56,15 +55,13 @@ _Linear = tuple[str, float, float] | None
 
 
 def _linear(node: Expression, database: AeroDatabase, known: dict[str, _Linear]) -> _Linear:
-    """Name, scale and offset of an expression that is linear in one channel; without name, a
-    constant in `offset`."""
+    """Name, scale and offset of an expression that is linear in one channel; a constant has no name
+    and only an offset; None for any other expression."""
     if isinstance(node, Number):
         return "", 0.0, node.value
     if isinstance(node, Name):
         if node.name in database.variables:
-            if (
-                node.name not in known
-            ):  # once each: variables may build on each other many times over
+            if node.name not in known:  # once each: variables may use each other many times
                 known[node.name] = _linear(
                     database.variables[node.name].expression, database, known
                 )
@@ -94,7 +91,7 @@ def _linear(node: Expression, database: AeroDatabase, known: dict[str, _Linear])
 
 
 def calls(database: AeroDatabase) -> list[TableCall]:
-    """Every place in terms and variables where a table is called, in their order."""
+    """All table calls in terms and variables, in their order."""
     found: list[TableCall] = []
     pending = [term.expression for term in database.terms] + [
         v.expression for v in database.variables.values()
@@ -110,28 +107,29 @@ def calls(database: AeroDatabase) -> list[TableCall]:
 
 
 def breakpoints_over(name: str, database: AeroDatabase) -> list[Array]:
-    """Breakpoints, in the channel's own unit, of every table that is looked up at channel
-    `name`."""
+    """Breakpoints of every table that is called with channel `name`, in the channel's own unit."""
     found = []
     for call in calls(database):
         if call.table in database.tables:
             axes = zip(call.arguments, database.tables[call.table].breakpoints, strict=True)
             for argument, points in axes:
-                behind = scaled_channel(argument, database)
-                if behind is not None and behind.name == name:
-                    found.append(np.sort(behind.channel(points)))
+                scaled = scaled_channel(argument, database)
+                if scaled is not None and scaled.name == name:
+                    found.append(np.sort(scaled.channel(points)))
     return found
 
 
 def coverage(database: AeroDatabase, table: str, channels: Mapping[str, Value]) -> Array:
-    """Where flights speak: the sum of the hat basis of `table` over the samples of `channels`, in
-    its shape.
+    """Sum of the interpolation weights of each node of `table` over samples, in the table's shape.
 
-    channels : each (n,) or a number. A node with 0 is touched by no sample, and an update must
-    leave it alone. Where a table is called in several places, all of them count. Samples that are
-    not finite are left out.
+    Parameters
+    ----------
+    channels : each (n,) or a number. Samples that are not finite are left out.
 
-    Raises UnknownNameError for an unknown table and InputError for channels that are missing.
+    A node with 0 is touched by no sample: flights say nothing about it. Where a table is called in
+    several places, the weights of all calls are added.
+
+    Raises UnknownNameError for an unknown table and InputError for missing channels.
     """
     if table not in database.tables:
         raise UnknownNameError(
@@ -155,7 +153,7 @@ def coverage(database: AeroDatabase, table: str, channels: Mapping[str, Value]) 
 
 
 def rebuilt(expression: Expression, change: Callable[[Expression], Expression]) -> Expression:
-    """`expression` with `change` applied to every node, from the leaves up."""
+    """Apply `change` to every node of `expression`, from the leaves up."""
     parts: dict[str, Any] = {}
     for item in fields(expression):
         value = getattr(expression, item.name)

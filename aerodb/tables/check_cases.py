@@ -1,8 +1,7 @@
-"""Check cases: points with the coefficients that a database gives there, written down when it is
-made.
+"""Check cases: points with the coefficients of a database there, stored with it.
 
-They are what a stored version, or a file in another format, is tested against later: whoever reads
-it must get the same numbers (AIAA S-119 calls them static shots).
+A stored version, or an exported file, is tested against them when it is read: the numbers must be
+the same. AIAA S-119 calls them static shots.
 """
 
 from collections.abc import Mapping, Sequence
@@ -15,10 +14,9 @@ from aerodb.support import Array
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.nodes import table_grids
 
-#: Half the range of an input that neither a table nor an envelope bounds: angles and rates are SI,
-#: so this is 11 deg.
+#: Half the range of an input that neither a table nor an envelope bounds, SI: for angles, 11 deg.
 _RANGE = 0.2
-#: Ranges of inputs that must not be near zero, or whose size is nothing like an angle: SI.
+#: Ranges of inputs that must not be near zero, or whose magnitude is unlike that of an angle; SI.
 _KNOWN_RANGES = {
     "V": (20.0, 100.0),
     "qbar": (500.0, 5000.0),
@@ -41,10 +39,10 @@ class CheckCase:
 
 
 def make_check_cases(database: AeroDatabase, count: int = 25) -> tuple[CheckCase, ...]:
-    """`count` check cases of `database`, the same on every machine, spread over its tables and
-    envelopes (Halton points).
+    """Make check cases of `database` at Halton points over its tables and envelopes.
 
-    A point where a coefficient is not finite is left out, so that there may be fewer.
+    The points are the same on every machine. Points where a coefficient is not finite are left out,
+    so that there may be fewer than `count`.
     """
     points = _points(database, count)
     values = database.predict(points).coefficients
@@ -61,19 +59,21 @@ def make_check_cases(database: AeroDatabase, count: int = 25) -> tuple[CheckCase
 def failures(
     database: AeroDatabase, cases: Sequence[CheckCase], tolerance: float = 1e-9
 ) -> tuple[str, ...]:
-    """What differs from the check cases by more than `tolerance` times max(|C|, 1e-3): one sentence
+    """Deviations from the check cases by more than `tolerance` times max(|C|, 1e-3): one sentence
     each; empty when all pass."""
     if not cases:
         return ()
     points = {name: np.array([case.inputs[name] for case in cases]) for name in cases[0].inputs}
     values = database.predict(points).coefficients
-    said = []
+    deviations = []
     for k, case in enumerate(cases):
-        for axis, wanted in case.coefficients.items():
-            given = float(values[axis][k])
-            if not abs(given - wanted) <= tolerance * max(abs(wanted), 1e-3):
-                said.append(f"check case {k + 1}: {axis} is {given:.9g}, it was {wanted:.9g}")
-    return tuple(said)
+        for axis, expected in case.coefficients.items():
+            value = float(values[axis][k])
+            if not abs(value - expected) <= tolerance * max(abs(expected), 1e-3):
+                deviations.append(
+                    f"check case {k + 1}: {axis} is {value:.9g}, it was {expected:.9g}"
+                )
+    return tuple(deviations)
 
 
 def _points(database: AeroDatabase, count: int) -> dict[str, Array]:
@@ -87,7 +87,7 @@ def _points(database: AeroDatabase, count: int) -> dict[str, Array]:
             if name in ranges and interval.high > interval.low:
                 ranges[name] = (interval.low - interval.cell, interval.high + interval.cell)
     if "V" in ranges and ranges["V"][0] <= 0.0:
-        ranges["V"] = _KNOWN_RANGES["V"]  # rates without dimension divide by it
+        ranges["V"] = _KNOWN_RANGES["V"]  # dimensionless rates divide by it
     return {
         name: low + (high - low) * _halton(count, _PRIMES[k % len(_PRIMES)], k // len(_PRIMES))
         for k, (name, (low, high)) in enumerate(ranges.items())
@@ -95,8 +95,8 @@ def _points(database: AeroDatabase, count: int) -> dict[str, Array]:
 
 
 def _halton(count: int, base: int, skipped: int) -> Array:
-    """(count,) points of van der Corput's sequence in (0, 1); rounded to 6 digits, so that files
-    show short numbers.
+    """(count,) points of van der Corput's sequence in (0, 1), rounded to 6 digits to keep files
+    short.
 
     >>> _halton(3, 2, 0).tolist()
     [0.5, 0.25, 0.75]

@@ -1,10 +1,11 @@
-"""Consolidation: increments folded into the tables of a database, and the way back from a table
-node to its flights.
+"""Consolidation: fold increments into the tables of a database, and trace a table node back to its
+flights.
 
-A regressor's share can be folded exactly where a table on its axis enters linearly: the term is the
-table's value times a constant, or times factors that the regressor has too, and the share is
-multilinear on the union of the breakpoints. Where it cannot, it stays a layer, and `plan` says why.
-Values, standard errors and places are the same either way.
+A regressor can be folded in exactly where a table on its axis enters linearly: the term is the
+table's value times a constant, or times factors that the regressor has too, and the regressor's
+contribution is multilinear on the union of the breakpoints. Otherwise it remains a layer added to
+the coefficient, and `plan` gives the reason. Values, standard errors and places are the same either
+way.
 """
 
 import math
@@ -30,8 +31,14 @@ from aerodb.tables.uncertainty import Bound, Uncertainty
 
 @dataclass(frozen=True)
 class Fold:
-    """Where a regressor goes: increment and regressor by number, the table, or "" and the reason
-    why it stays a layer."""
+    """Where a regressor is folded in.
+
+    Parameters
+    ----------
+    increment, regressor : indices.
+    table : name; empty where the regressor remains a layer.
+    reason : why it remains a layer; empty where it is folded.
+    """
 
     increment: int
     regressor: int
@@ -41,8 +48,8 @@ class Fold:
 
 @dataclass(frozen=True)
 class NodeShare:
-    """What one increment adds at a table node: value and standard error in the table's unit, and
-    the flights behind it."""
+    """Contribution of one increment at a table node: value and standard error in the table's unit,
+    and the flights that it was identified from."""
 
     increment: int
     axis: str
@@ -54,8 +61,8 @@ class NodeShare:
 
 @dataclass
 class _Grid:
-    """The axes that a table will have: channels (None: a formula) and breakpoints in the unit of
-    the argument."""
+    """The axes that a table will have: channels (None: a formula), breakpoints in the unit of the
+    argument, and contributions as (increment, regressor, expression within the table)."""
 
     site: Site
     channels: list[ScaledChannel | None]
@@ -63,7 +70,7 @@ class _Grid:
     shares: list[tuple[int, int, Expression]] = field(default_factory=list)
 
     def grown(self, found: Mapping[str, set[float]]) -> "_Grid":
-        """With the breakpoints of one more share; axes that the table lacks come last."""
+        """The grid with the breakpoints of one more contribution; new axes come last."""
         extra = sorted(found.keys() - {channel.name for channel in self.channels if channel})
         channels = [*self.channels, *map(ScaledChannel, extra)]
         axes = []
@@ -79,7 +86,7 @@ class _Grid:
         return _Grid(self.site, channels, axes, list(self.shares))
 
     def mesh(self, nodes: list[Array]) -> dict[str, Array]:
-        """Channel values at nodes, given in the unit of each argument."""
+        """Channel values at `nodes`, which are in the unit of each argument."""
         return {
             channel.name: channel.channel(x)
             for channel, x in zip(self.channels, nodes, strict=True)
@@ -92,29 +99,28 @@ class _Grid:
 
 
 def plan(database: AeroDatabase) -> tuple[Fold, ...]:
-    """For every regressor that acts as a layer: the table into which `consolidate` folds it, or why
-    it stays."""
+    """For every regressor that acts as a layer: the table that `consolidate` folds it into, or the
+    reason why it remains a layer."""
     return _planned(database)[0]
 
 
 def consolidate(database: AeroDatabase) -> AeroDatabase:
-    """`database` with its increments folded into tables where these enter linearly (`plan`), on the
-    union of breakpoints.
+    """Fold increments into tables that enter linearly (`plan`), on the union of breakpoints.
 
-    Numbers agree with the layered database to rounding. A table over which an increment fades in a
-    further variable (the envelope in beta, say) gets that variable as an axis. Increments stay
-    listed with estimates, covariance, envelope and flights; what is folded is marked in
-    `Increment.folded`, so that standard errors and lineage remain.
+    Results agree with the layered database to rounding. Where an increment fades in a variable that
+    the table lacks (the envelope in beta, say), the table gets that variable as an axis. Increments
+    remain listed with estimates, covariance, envelope and flights; `Increment.folded` marks what is
+    folded, so that standard errors and lineage are kept.
     """
     folds, grids = _planned(database)
     tables = dict(database.tables)
     for name, grid in grids.items():
         tables[name] = _folded(tables[name], grid, database.increments)
-    goes = {(fold.increment, fold.regressor): fold.table for fold in folds}
+    tables_of = {(fold.increment, fold.regressor): fold.table for fold in folds}
     increments = tuple(
         replace(
             increment,
-            folded=tuple(goes.get((i, k), table) for k, table in enumerate(increment.folded)),
+            folded=tuple(tables_of.get((i, k), table) for k, table in enumerate(increment.folded)),
         )
         for i, increment in enumerate(database.increments)
     )
@@ -144,12 +150,14 @@ def consolidate(database: AeroDatabase) -> AeroDatabase:
 def node_lineage(
     database: AeroDatabase, table: str, node: tuple[int, ...]
 ) -> tuple[NodeShare, ...]:
-    """Which increments, and so which flights, stand behind the node of a table; empty where it is
-    the source's own value.
+    """The increments, and so the flights, behind a table node; empty where the node has the
+    source's own value.
 
-    database : layered or consolidated; in a layered one, the shares that belong to the node
-    although they act beside the table, where the variables that the table lacks lie inside the
-    envelope. node : one index per axis of the table.
+    Parameters
+    ----------
+    database : layered or consolidated. In a layered one, the contributions that would be folded
+        into the node, with the variables that the table lacks inside the envelope.
+    node : one index per axis of the table, from 0.
 
     Raises UnknownNameError for an unknown table and InputError for an index beyond its axes.
     """
@@ -181,8 +189,8 @@ def node_lineage(
 
 
 def point_lineage(database: AeroDatabase, channels: Mapping[str, Value]) -> tuple[NodeShare, ...]:
-    """Which increments act at one point (channels: numbers), with value and standard error on their
-    axis."""
+    """The increments that act at one point (channels: numbers), with value and standard error on
+    their axis."""
     found = []
     names = set[str]().union(*(increment.names for increment in database.increments))
     values = database.resolved(sorted(names), channels)
@@ -218,7 +226,7 @@ def _share_at(
 
 
 def _planned(database: AeroDatabase) -> tuple[tuple[Fold, ...], dict[str, _Grid]]:
-    """Where every regressor goes, and the grids that the tables concerned get."""
+    """Where every regressor is folded in, and the new grids of the tables concerned."""
     open_sites, grids, folds = sites(database), dict[str, _Grid](), []
     for i, increment in enumerate(database.increments):
         for k, table in enumerate(increment.folded):
@@ -260,8 +268,8 @@ def _grown(
     increment: Increment,
     k: int,
 ) -> _Grid:
-    """The grid of the site's table with one more share on it; NotMultilinearError where it cannot
-    carry that exactly."""
+    """The grid of the site's table with one more contribution; NotMultilinearError where the table
+    cannot represent it exactly."""
     outside = increment.regressors[k].names - part.names
     fenced = sorted(outside & increment.envelope.keys())
     if fenced:
@@ -278,8 +286,8 @@ def _grown(
 
 
 def _within_table(regressor: Expression, site: Site) -> Expression | None:
-    """What is left of `regressor` when the factors of the site's term are taken out; None where it
-    is no function of the table's own channels."""
+    """`regressor` divided by the factors of the site's term; None where the quotient is not a
+    function of the table's own channels."""
     constant, left = factors_of(regressor)
     for factor in site.factors:
         if factor not in left:
@@ -296,7 +304,7 @@ def _within_table(regressor: Expression, site: Site) -> Expression | None:
 def _restricted(
     increment: Increment, parts: list[Expression], mesh: Mapping[str, Array], site: Site
 ) -> Array:
-    """What each of `parts` is at the nodes of `mesh`, (m, len(parts)), in the table's unit, fading
+    """Values of `parts` at the nodes of `mesh`, (m, len(parts)), in the table's unit, fading
     included."""
     k = len(parts)
     alone = Increment(
@@ -306,7 +314,7 @@ def _restricted(
 
 
 def _folded(table: Table, grid: _Grid, increments: tuple[Increment, ...]) -> Table:
-    """`table` on its grid with all shares added."""
+    """`table` on its new grid, with all contributions added."""
     mesh = [x.ravel() for x in np.meshgrid(*grid.axes, indexing="ij")]
     channels = grid.mesh(mesh)
     dimensions = len(table.breakpoints)
@@ -327,7 +335,7 @@ def _folded(table: Table, grid: _Grid, increments: tuple[Increment, ...]) -> Tab
 
 
 def _on_grid(table: Table, mesh: list[Array]) -> Uncertainty | None:
-    """The table's declared uncertainty with bounds per node taken along to new nodes."""
+    """The table's declared uncertainty, with bounds per node interpolated to the new nodes."""
     if table.uncertainty is None:
         return None
 

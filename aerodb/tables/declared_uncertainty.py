@@ -1,5 +1,4 @@
-"""What a source declares of its tables and variables, propagated to the coefficients to first
-order."""
+"""First-order propagation of declared uncertainties from tables and variables to coefficients."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -23,14 +22,24 @@ from aerodb.tables.uncertainty import Bound, Uncertainty
 def deviation(
     nominal: Expression, uncertainty: Uncertainty, bounds: Sequence[Expression]
 ) -> Expression:
-    """One standard deviation of a value with a declared uncertainty, as an expression over the
-    value and its bounds.
+    """Standard deviation of a value with a declared uncertainty, as an expression.
 
-    Bounds are: additive, distances from the value; percentage, distances in percent of it;
-    multiplicative, factors on it; absolute, values themselves. A normal distribution has its bound
-    at so many sigmas; a uniform one between low and high has (high - low)/sqrt(12). Source: AIAA
-    S-119 (DAVE-ML 2.0), "Statistical information encoding"; it leaves open what one multiplicative
-    or absolute bound means for a distribution, taken here as the distance from the value to it.
+    Parameters
+    ----------
+    nominal : the value.
+    uncertainty : its declaration.
+    bounds : one expression per declared bound. By effect, a bound is a distance from the value
+        (additive), a distance in percent of it (percentage), a factor on it (multiplicative), or a
+        value itself (absolute).
+
+    The bound of a normal distribution lies `sigmas` standard deviations from the value; a uniform
+    distribution between low and high has (high - low)/sqrt(12).
+
+    References
+    ----------
+    AIAA S-119 (DAVE-ML 2.0), "Statistical information encoding". It leaves open what one
+    multiplicative or absolute bound means for a distribution; taken here as the distance from the
+    value to the bound.
     """
     scale: Expression = (
         nominal if uncertainty.effect in ("multiplicative", "percentage") else number(1.0)
@@ -55,7 +64,7 @@ def deviation(
 
 @dataclass(frozen=True)
 class _Shifted:
-    """A database's definitions with one uncertain value moved by a standard deviation."""
+    """Definitions of a database with one uncertain value shifted by a standard deviation."""
 
     terms: tuple[Expression, ...]
     variables: Mapping[str, Expression]
@@ -68,11 +77,17 @@ def declared_variance(
     rotation: Mapping[str, Mapping[str, Array]],
     n: int,
 ) -> tuple[dict[str, Array], frozenset[str]]:
-    """Variance (n,) per body axis of what the source declares uncertain, and the axes of terms on
-    which any of it acts.
+    """Variance per body axis due to the declared uncertainties, and the axes of terms that any of
+    them affects.
 
-    Every uncertain table or variable is moved by one standard deviation; the changes of the
-    coefficients add in squares. Declared correlations between sources are not used.
+    Parameters
+    ----------
+    values : resolved inputs, each (n,) or a number.
+    rotation : ``rotation[wind axis][force axis]``, each (n,); empty without wind axes.
+    n : number of points.
+
+    Every uncertain table or variable is shifted by one standard deviation, and the squared changes
+    of the coefficients are summed. Declared correlations between sources are not used.
     """
     variance = {axis: np.zeros(n) for axis in AXES}
     shifts = _shifts(database)
@@ -101,7 +116,7 @@ def _definitions(database: AeroDatabase) -> _Shifted:
 
 
 def _shifts(database: AeroDatabase) -> dict[str, _Shifted]:
-    """By the name of every uncertain variable or table."""
+    """Shifted definitions, by the name of every uncertain variable or table."""
     plain, shifts = _definitions(database), dict[str, _Shifted]()
     for name, variable in database.variables.items():
         if variable.uncertainty is not None:
@@ -118,8 +133,8 @@ def _shifts(database: AeroDatabase) -> dict[str, _Shifted]:
 
 
 def _table_shifted(database: AeroDatabase, plain: _Shifted, name: str) -> _Shifted:
-    """Every call of a table with one standard deviation added; bounds per node become tables of
-    their own."""
+    """Definitions with one standard deviation added to every call of a table; bounds per node
+    become tables of their own."""
     table: Any = {**database.tables, **database.scattered}[name]
     uncertainty: Uncertainty = table.uncertainty
     tables = dict(plain.tables)
@@ -157,7 +172,7 @@ def _expression(bound: Bound) -> Expression:
 def _totals(
     database: AeroDatabase, definitions: _Shifted, values: Mapping[str, Any], n: int
 ) -> dict[str, Array]:
-    """Sum of the terms on every body and wind axis, (n,) each, without increments."""
+    """Sum of the terms on every body and wind axis, each (n,), without increments."""
     program = database.compiled(definitions.terms, definitions.variables, definitions.tables)
     totals = {axis: np.zeros(n) for axis in (*AXES, *WIND_AXES)}
     for term, value in zip(database.terms, program.run(values).values, strict=True):
@@ -168,7 +183,7 @@ def _totals(
 def _rotated(
     change: Mapping[str, Array], rotation: Mapping[str, Mapping[str, Array]]
 ) -> dict[str, Array]:
-    """Changes on body and wind axes as changes on the body axes."""
+    """Rotate changes on body and wind axes to changes on the body axes."""
     total = {axis: change[axis] for axis in AXES}
     for axis in FORCE_AXES:
         for wind, parts in rotation.items():

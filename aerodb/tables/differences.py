@@ -1,9 +1,8 @@
-"""What differs between two databases: per term, and per table node the change, its standard error,
+"""Differences between two databases: per term, and per table node the change, its standard error,
 coverage and flights.
 
-The nodes are compared by what the whole database gives there, so that it does not matter whether an
-update stands as an increment beside a table or folded into it. How a diff is drawn belongs in
-`aerodb.report`.
+Nodes are compared by the coefficients of the whole database there, so that it does not matter
+whether an update is a layer beside a table or folded into it. Figures are in `aerodb.report`.
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,15 +19,20 @@ from aerodb.tables.nodes import TableGrid, neutral_point, spread, table_axes, ta
 from aerodb.tables.reference import WIND_AXES, Reference, wind_to_body
 from aerodb.tables.slopes import new_increments
 
-#: Changes below this share of the largest coefficient at the nodes are rounding.
+#: Changes below this fraction of the largest coefficient at the nodes are rounding.
 _ROUNDING = 1e-12
 
 
 @dataclass(frozen=True)
 class TermChange:
-    """A term, variable, reference value or regressor of an increment that differs. `before`,
-    `after`: its text, empty where it does not stand. change, sigma : of a regressor, its
-    coefficient and standard error; None for the others."""
+    """A term, variable, reference value or regressor of an increment that differs.
+
+    Parameters
+    ----------
+    kind : ``term``, ``variable``, ``reference`` or ``increment``.
+    before, after : its text; empty where it does not exist.
+    change, sigma : coefficient of a regressor and its standard error; None for other kinds.
+    """
 
     kind: str
     name: str
@@ -42,12 +46,14 @@ class TermChange:
 
 @dataclass(frozen=True, eq=False)
 class NodeChanges:
-    """What a database's coefficient on `axis` changes by at the nodes of a table, all other inputs
-    neutral.
+    """Change of the coefficient on `axis` at the nodes of a table, all other inputs neutral.
 
-    change, sigma (standard error of the change; 0 where no increment acts), inside (flights behind
-    the change have been there): in the shape of the table. acting : (number of sources, nodes)
-    whether each source's flights act at a node; sources : the flights of each.
+    Parameters
+    ----------
+    change, sigma, inside : in the shape of the table. sigma is the standard error of the change, 0
+        where no increment acts; inside is true where the flights behind the change have been.
+    acting : (sources, nodes) whether each source's increment acts at a node.
+    sources : the flights of each source.
     """
 
     axis: str
@@ -59,7 +65,7 @@ class NodeChanges:
     sources: tuple[tuple[str, ...], ...]
 
     def flights(self, node: int) -> tuple[str, ...]:
-        """Flights behind the change at a node, by its position in the flattened table."""
+        """Flights behind the change at a node, given by its index in the flattened table."""
         acting = [
             flights
             for flights, acts in zip(self.sources, self.acting[:, node], strict=True)
@@ -70,10 +76,16 @@ class NodeChanges:
 
 @dataclass(frozen=True)
 class DatabaseDiff:
-    """All differences. nodes : tables whose nodes change, an entry per table and axis. tables :
-    those that are new, gone, or of another shape, as name -> what. not_addressable : tables whose
-    nodes are no points over channels (see `nodes`) and whose own values differ, with the largest
-    difference."""
+    """All differences between two databases.
+
+    Parameters
+    ----------
+    terms : terms, variables, reference values and regressors that differ.
+    nodes : one entry per table and axis whose nodes change.
+    tables : table name -> what differs, for tables that are new, gone or of another shape.
+    not_addressable : table name -> largest difference of its values, for tables whose nodes are not
+        points over channels (see `aerodb.tables.nodes`).
+    """
 
     terms: tuple[TermChange, ...]
     nodes: tuple[NodeChanges, ...]
@@ -86,11 +98,11 @@ class DatabaseDiff:
 
 
 def diff(before: AeroDatabase, after: AeroDatabase) -> DatabaseDiff:
-    """Differences from `before` to `after`: changes are after - before.
+    """Differences from `before` to `after`; changes are after - before.
 
     A table's nodes are those of `after` (of `before` where it is gone). The standard error is that
-    of the increments that stand in one only, independent of each other; a change of the tables
-    themselves carries none.
+    of the increments that only one of the databases has, taken as independent; a change of the
+    tables themselves has none.
     """
     terms = (
         *_reference(before.reference, after.reference),
@@ -122,8 +134,10 @@ def _nodes(
     after: tuple[AeroDatabase, Sequence[Increment]],
     point: Mapping[str, float],
 ) -> list[NodeChanges]:
-    """The changes at one table's nodes, on each body axis that changes. before, after : a database,
-    and its increments that the other has not."""
+    """Changes at one table's nodes, on each body axis that changes.
+
+    before, after : a database, and those of its increments that the other lacks.
+    """
     channels = spread(point, grid.points())
     old, new = before[0].predict(channels).coefficients, after[0].predict(channels).coefficients
     body = {axis for axis in axes if axis in AXES} | (
@@ -172,8 +186,8 @@ def _nodes(
 def _effect(
     increment: Increment, axis: str, channels: Mapping[str, Array]
 ) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """An increment's share on a body axis, its standard error, and where its flights have been,
-    each (n,)."""
+    """An increment's contribution on a body axis, its standard error, and where its flights have
+    been, each (n,)."""
     own = increment.evaluate(channels)
     if increment.axis not in WIND_AXES:
         share = 1.0 if increment.axis == axis else 0.0
@@ -217,8 +231,8 @@ def _expressions(before: AeroDatabase, after: AeroDatabase) -> list[TermChange]:
 
 
 def _regressors(before: AeroDatabase, after: AeroDatabase) -> list[TermChange]:
-    """Coefficients of increments that stand in one only. An update may add to what an earlier one
-    has found: each counts."""
+    """Coefficients of increments that only one of the databases has. Increments of several updates
+    on the same regressor are listed separately."""
     found = []
     for increments, side in (
         (new_increments(after, before), -1.0),
@@ -248,24 +262,24 @@ def _regressors(before: AeroDatabase, after: AeroDatabase) -> list[TermChange]:
 
 
 def _table_forms(before: AeroDatabase, after: AeroDatabase) -> dict[str, str]:
-    said = {}
+    found = {}
     for name in sorted({*before.tables, *after.tables}):
         old, new = before.tables.get(name), after.tables.get(name)
         if old is None or new is None:
-            said[name] = "new" if old is None else "gone"
+            found[name] = "new" if old is None else "gone"
         elif old.values.shape != new.values.shape:
-            said[name] = f"{list(old.values.shape)} nodes before, {list(new.values.shape)} after"
+            found[name] = f"{list(old.values.shape)} nodes before, {list(new.values.shape)} after"
         elif any(
             not np.array_equal(a, b) for a, b in zip(old.breakpoints, new.breakpoints, strict=True)
         ):
-            said[name] = "breakpoints moved"
+            found[name] = "breakpoints moved"
     for name in sorted({*before.scattered, *after.scattered}):
         one, other = before.scattered.get(name), after.scattered.get(name)
         if one is None or other is None:
-            said[name] = "new" if one is None else "gone"
+            found[name] = "new" if one is None else "gone"
         elif not np.array_equal(one.points, other.points):
-            said[name] = f"{len(one.points)} scattered points before, {len(other.points)} after"
-    return said
+            found[name] = f"{len(one.points)} scattered points before, {len(other.points)} after"
+    return found
 
 
 def _values_only(

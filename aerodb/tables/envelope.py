@@ -1,4 +1,4 @@
-"""Where flights have been, variable by variable: the envelope of the increments that they give."""
+"""The flown envelope of an increment: an interval per variable."""
 
 from collections.abc import Iterable, Mapping, Sequence
 
@@ -15,10 +15,10 @@ def flown_envelope(
     flown: Sequence[tuple[Mapping[str, Array], np.ndarray]],
     database: AeroDatabase,
 ) -> dict[str, Interval]:
-    """The envelope of an increment over the variables `names`, and over alpha, beta, mach that
-    every one rests on.
+    """The flown interval of each variable in `names`, and of alpha, beta and mach where the
+    database uses them.
 
-    flown : per flight its channels (each (n,) or a number) and which samples count (n,).
+    flown : per flight its channels (each (n,) or a number), and which samples are used (n,).
     """
     variables = {*names, *(name for name in BASE_VARIABLES if name in database.inputs)}
     envelope = {}
@@ -32,7 +32,7 @@ def flown_envelope(
 
 
 def table_cell(name: str, low: float, high: float, database: AeroDatabase) -> float:
-    """One table cell of a variable: the median spacing of the database's breakpoints in it, else
+    """Width of a table cell of a variable: the median spacing of the database's breakpoints, else
     the range `low` to `high`."""
     spacing = np.concatenate(
         [np.empty(0), *(np.diff(points) for points in breakpoints_over(name, database))]

@@ -1,12 +1,11 @@
-"""A small expression language for scales, arguments and factors of a database: parsed to a tree,
-printed back, never run.
+"""The expression language of databases: text to a tree, and back to text.
 
-Numbers, names, ``+ - * /``, ``^`` (or ``**``, right associative, above unary minus), parentheses,
-comparisons (``<`` and alike, true is 1), the functions of `FUNCTIONS` such as ``piecewise(value,
-condition, ..., otherwise)``, and table calls ``TABLE(expression, ...)``: every called name that is
-not a function is a table. There is no attribute, no string and no assignment, so that text from a
-file can do nothing but arithmetic. How a tree is evaluated belongs in `program`; what a name means
-belongs in `database`.
+It has numbers, names, ``+ - * /``, ``^`` (or ``**``, right associative, binding more tightly than
+unary minus), parentheses, comparisons (``<`` and so on; true is 1), the functions of `FUNCTIONS`
+such as ``piecewise(value, condition, ..., otherwise)``, and table calls ``TABLE(expression, ...)``:
+every called name that is not a function is a table. There are no attributes, strings or
+assignments, so that text from a file can do nothing but arithmetic. Evaluation is in `program`; the
+meaning of names is in `database`.
 """
 
 import math
@@ -20,10 +19,8 @@ from aerodb.errors import InputError, nearest
 from aerodb.tables.functions import COMPARISONS, FUNCTIONS
 
 MAX_LENGTH: Final = 20_000  # characters of one expression
-MAX_NESTING: Final = (
-    50  # parentheses, signs and powers inside each other: the parser recurses on them
-)
-MAX_DEPTH: Final = 200  # levels of the tree, which also grows with every term of a sum
+MAX_NESTING: Final = 50  # nested parentheses, signs and powers; the parser is recursive
+MAX_DEPTH: Final = 200  # levels of the tree; every term of a sum adds one
 
 _PRECEDENCE: Final = {"+": 1, "-": 1, "*": 2, "/": 2, "^": 4}
 _COMPARISON: Final = 0
@@ -32,13 +29,15 @@ _ATOM: Final = 5
 _COMPARED: Final = {symbol: name for name, symbol in COMPARISONS.items()}
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 _TOKEN = re.compile(
-    r"\s*(?:(?P<number>(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?)|(?P<name>[A-Za-z_][A-Za-z0-9_]*)|(?P<symbol>\*\*|[<>=!]=|[-+*/^(),<>]))"
+    r"\s*(?:(?P<number>(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?)"
+    r"|(?P<name>[A-Za-z_][A-Za-z0-9_]*)"
+    r"|(?P<symbol>\*\*|[<>=!]=|[-+*/^(),<>]))"
 )
 
 
 @dataclass(frozen=True)
 class Expression:
-    """A node of the tree; equal trees are equal expressions, and ``parse(str(e)) == e``."""
+    """A node of an expression tree. Equal trees are equal, and ``parse(str(e)) == e``."""
 
     @property
     def children(self) -> tuple["Expression", ...]:
@@ -75,19 +74,19 @@ class Expression:
         return _ATOM
 
     def within(self, precedence: int) -> str:
-        """The text, in parentheses when it binds less tightly than `precedence`."""
+        """The text, in parentheses where it binds less tightly than `precedence`."""
         return f"({self})" if self.precedence < precedence else str(self)
 
 
 @dataclass(frozen=True)
 class Number(Expression):
-    """A number, not negative: ``-2`` is the negation of 2, as it is read. `number` makes either."""
+    """A number that is not negative: ``-2`` is the negation of 2. `number` makes either."""
 
     value: float
 
     def __post_init__(self) -> None:
         if not math.isfinite(self.value) or math.copysign(1.0, self.value) < 0:
-            raise InputError(f"{self.value!r} cannot stand in an expression as a number")
+            raise InputError(f"{self.value!r} is not a number that an expression can contain")
         object.__setattr__(self, "value", float(self.value))
 
     def __str__(self) -> str:
@@ -149,7 +148,7 @@ class Operation(Expression):
         own = self.precedence
         if (
             self.operator == "^"
-        ):  # right associative; its base must be an atom, its exponent may carry a sign
+        ):  # right associative: an atom as base, an exponent with or without sign
             return f"{self.left.within(_ATOM)}^{self.right.within(_NEGATION)}"
         text = f" {self.operator} " if own == 1 else self.operator
         return f"{self.left.within(own)}{text}{self.right.within(own + 1)}"
@@ -200,26 +199,26 @@ def check_identifier(name: str) -> None:
     """InputError unless `name` can be a variable or a table."""
     if _NAME.fullmatch(name) is None:
         raise InputError(
-            f"'{name}' is not a name",
-            remedy="letters, digits and underscores, not starting with a digit",
+            f"'{name}' is not a valid name",
+            remedy="use letters, digits and underscores, not starting with a digit",
         )
     if name in FUNCTIONS:
         raise InputError(f"'{name}' is the name of a function", remedy="choose another name")
 
 
 def number(value: float) -> Expression:
-    """`value`, negative or not, as an expression."""
+    """`value` as an expression; negative values as a `Negation`."""
     return Negation(Number(-value)) if value < 0 else Number(abs(value))
 
 
 def parse(text: str) -> Expression:
-    """The tree of an expression.
+    """Parse the text of an expression.
 
     >>> str(parse("q*c_ref/(2*V) + -CZ_0(alpha)**2"))
     'q*c_ref/(2*V) + -CZ_0(alpha)^2'
 
-    Raises InputError with the position for anything outside the language, and for text beyond the
-    limits above.
+    Raises InputError with the position for anything outside the language, and for text beyond
+    MAX_LENGTH, MAX_NESTING or MAX_DEPTH.
     """
     if len(text) > MAX_LENGTH:
         raise InputError(
@@ -352,5 +351,5 @@ class _Parser:
 
 
 def unknown_table(name: str, tables: Iterable[str]) -> InputError:
-    """The error for a called name that is neither a function nor one of `tables`."""
+    """The InputError for a called name that is neither a function nor one of `tables`."""
     return InputError(f"no table or function '{name}'", remedy=nearest(name, [*FUNCTIONS, *tables]))

@@ -1,5 +1,4 @@
-"""The functions and operators of expressions: what each computes and how many arguments it
-takes."""
+"""Functions and operators of expressions: their evaluation and number of arguments."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -34,7 +33,7 @@ def _clip(x: Value, low: Value, high: Value) -> Any:
 
 
 def _truth(test: Callable[[Any, Any], Any]) -> Callable[[Value, Value], Array]:
-    """A comparison: 1 where it holds, 0 where not, and not a number where either side is none."""
+    """A comparison: 1 where it holds, 0 where it does not, NaN where either side is NaN."""
 
     def compare(left: Value, right: Value) -> Array:
         return np.where(np.isnan(left) | np.isnan(right), np.nan, test(left, right))
@@ -43,7 +42,7 @@ def _truth(test: Callable[[Any, Any], Any]) -> Callable[[Value, Value], Array]:
 
 
 def _all(first: Value, *others: Value) -> Any:
-    """1 where every condition holds; a condition that is not a number stays one."""
+    """1 where every condition holds, 0 elsewhere; NaN where a condition is NaN."""
     return np.sign(reduce(np.multiply, others, np.abs(first)))
 
 
@@ -58,7 +57,7 @@ def _not(condition: Value) -> Any:
 def _piecewise(*pieces: Value) -> Any:
     """The first value whose condition holds, of value, condition, value, condition, ..., otherwise.
 
-    Without a last value, and where a condition is not a number, the result is not a number.
+    NaN where no condition holds and the last value is missing, and where a condition is NaN.
     """
     result: Any = pieces[-1] if len(pieces) % 2 else np.nan
     for value, condition in reversed(list(zip(pieces[:-1:2], pieces[1::2], strict=True))):
@@ -69,7 +68,7 @@ def _piecewise(*pieces: Value) -> Any:
 
 
 def _root(x: Value, degree: Value) -> Any:
-    """The real root: of negative numbers where the degree is odd."""
+    """The real root; of negative numbers only where the degree is odd, else NaN."""
     size = np.power(np.abs(x), np.divide(1.0, degree))
     real = np.where(np.fmod(np.abs(degree), 2.0) == 1.0, np.copysign(size, x), np.nan)
     return np.where(np.less(x, 0.0), real, size)
@@ -77,8 +76,8 @@ def _root(x: Value, degree: Value) -> Any:
 
 @dataclass(frozen=True)
 class Function:
-    """What a function name stands for: vectorised evaluation and how many arguments it takes
-    (`most` None: any)."""
+    """A function of expressions: vectorised evaluation, and the least and most arguments it takes
+    (`most` None: any number)."""
 
     evaluate: Callable[..., Any]
     least: int = 1
@@ -125,7 +124,7 @@ FUNCTIONS: Final[dict[str, Function]] = {
     "piecewise": Function(_piecewise, 2, None),
 }
 
-#: Comparisons and how they are written between their two sides; true is 1, false is 0.
+#: Name of a comparison -> its symbol; true is 1, false is 0.
 COMPARISONS: Final[dict[str, str]] = {
     "lt": "<",
     "le": "<=",

@@ -1,5 +1,4 @@
-"""An increment: a correction identified from flights, with its covariance and the envelope in which
-it may act."""
+"""An increment: a correction identified from flights, with covariance and flown envelope."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -15,13 +14,13 @@ from aerodb.tables.expression import Expression
 from aerodb.tables.functions import Value
 from aerodb.tables.program import Program, compile_program
 
-#: Variables whose envelope bounds every regressor, whether or not it depends on them.
+#: Variables whose envelope limits every regressor, even one that does not depend on them.
 BASE_VARIABLES: Final[tuple[str, ...]] = ("alpha", "beta", "mach")
 
 
 @dataclass(frozen=True)
 class Interval:
-    """Where flights have been along one variable: `low` to `high`, and the width of a table cell,
+    """The flown interval of one variable, `low` to `high`, and the width `cell` of a table cell,
     all in its SI unit."""
 
     low: float
@@ -41,12 +40,12 @@ class Interval:
             object.__setattr__(self, name, float(getattr(self, name)) + 0.0)
 
     def contains(self, x: Value) -> NDArray[np.bool_]:
-        """Whether flights have been at x."""
+        """Whether x lies inside the interval."""
         return np.asarray((np.asarray(x) >= self.low) & (np.asarray(x) <= self.high))
 
     def weight(self, x: Value) -> Array:
-        """1 inside and one cell beyond, then linearly to 0 over one further cell (CONVENTIONS,
-        Envelope)."""
+        """Weight of an increment at x: 1 inside and up to one cell beyond, then linearly to 0 over
+        one further cell (docs/method/updates.md, "Envelope")."""
         if self.cell == 0.0:
             return self.contains(x).astype(np.float64)
         beyond = np.maximum(self.low - np.asarray(x), np.asarray(x) - self.high)
@@ -55,7 +54,8 @@ class Interval:
 
 
 class IncrementValue(NamedTuple):
-    """Value and standard error (n,), and where all variables lie inside the envelope (n,)."""
+    """Value and standard error of an increment, and where all variables lie inside its envelope;
+    each (n,)."""
 
     value: Array
     standard_error: Array
@@ -64,11 +64,13 @@ class IncrementValue(NamedTuple):
 
 @dataclass(frozen=True)
 class RefinedShape:
-    """A term whose shape is finer than its template's: the gain changes from node to node of
-    `variables`.
+    """A term with a finer shape than its template: its gain varies over nodes of `variables`.
 
-    hypothesis : its id. axis : the one on which it is written, along the body or the wind. fall :
-    part by which the error that the best gains leave falls on flights that were left out.
+    Parameters
+    ----------
+    hypothesis : its id.
+    axis : body or wind axis of the term.
+    fall : fraction by which the residual error falls on flights that were left out.
     """
 
     hypothesis: str
@@ -79,13 +81,13 @@ class RefinedShape:
 
 @dataclass(frozen=True)
 class Refit:
-    """The gains were fitted once more beside the candidate that has them; and the terms whose
-    shapes were made finer then."""
+    """Record of a refit: the gains were fitted again together with the rest of the candidate, and
+    `shapes` are the terms whose shapes were refined."""
 
     shapes: tuple[RefinedShape, ...] = ()
 
     def __str__(self) -> str:
-        """What a note says of it."""
+        """The text for notes and reports."""
         finer = [
             f"{shape.hypothesis} over {', '.join(shape.variables)} (left-out flights:"
             f" {shape.fall:.1%} less error)"
@@ -98,18 +100,24 @@ class Refit:
 
 @dataclass(frozen=True, eq=False)
 class Increment:
-    """``sum of estimates x regressors`` on one coefficient axis.
+    """A correction of one coefficient, ``sum of estimates x regressors``.
 
-    estimates : (k,), covariance : (k, k) of them. envelope : per variable, where the flights behind
-    it have been. flights : their ids. folded : (k,) names of the tables that contain a regressor's
-    share already, empty where it acts as a layer (`consolidate`); covariance, envelope and flights
-    stay with the increment in either form.
+    Parameters
+    ----------
+    axis : of the coefficient, body or wind.
+    regressors : k expressions over channels.
+    estimates, covariance : (k,) and (k, k).
+    envelope : variable -> flown interval.
+    flights : ids of the flights that it was identified from.
+    note : its origin.
+    folded : (k,) name of the table that already contains the regressor's contribution; empty where
+        it acts as a layer (`consolidate`). Covariance, envelope and flights remain with the
+        increment in either form.
+    refit : record of a refit; None where there was none.
+    lengthened_cells : number of table cells of alpha over which it is held and faded; 0 for the one
+        cell of the envelope rule.
 
-    note : where it comes from. refit : how it was fitted once more, None where it was not.
-    lengthened_cells : table cells of alpha over which it is held and faded, 0 for the one of the
-    envelope rule. `full_note` says all three.
-
-    Raises InputError when shapes do not fit or a regressor calls a table.
+    Raises InputError where shapes do not match or a regressor calls a table.
     """
 
     axis: str
@@ -147,42 +155,43 @@ class Increment:
 
     @property
     def full_note(self) -> str:
-        """The note with what was done to the increment since, for people: what reports and exported
-        files say of it."""
-        said = [self.note, "" if self.refit is None else str(self.refit)]
+        """The note, the refit and the lengthened fade as text, for reports and exported files."""
+        parts = [self.note, "" if self.refit is None else str(self.refit)]
         if self.lengthened_cells:
             cells = f"held and faded over {self.lengthened_cells} table cells of alpha each"
-            said.append(f"{cells}: over one, a slope would change sign outside the data")
-        return "; ".join(filter(None, said))
+            parts.append(f"{cells}: over one, a slope would change sign outside the data")
+        return "; ".join(filter(None, parts))
 
     @cached_property
     def names(self) -> frozenset[str]:
-        """Channels that it needs: those of its regressors and of its envelope."""
+        """Channels of its regressors and of its envelope."""
         return frozenset(self._program.inputs) | frozenset(self.envelope)
 
     @cached_property
     def layered(self) -> Array:
-        """(k,) the estimates that act as a layer: zero where a regressor's share is folded into a
-        table."""
+        """(k,) estimates that act as a layer: zero where a regressor is folded into a table."""
         return np.where([bool(table) for table in self.folded], 0.0, self.estimates)
 
     @cached_property
     def acts_as_layer(self) -> bool:
-        """Whether anything is left beside the tables."""
+        """Whether any regressor acts as a layer."""
         return bool(np.any(self.layered))
 
     def fading(self, regressor: int) -> frozenset[str]:
-        """Variables whose envelope takes weight from a regressor: its own and `BASE_VARIABLES`."""
+        """Variables over whose envelope a regressor fades: its own and `BASE_VARIABLES`."""
         return self.regressors[regressor].names.union(BASE_VARIABLES) & self.envelope.keys()
 
     def evaluate(self, channels: Mapping[str, Value]) -> IncrementValue:
-        """The increment, folded or not, at `channels` (each (n,) or a number), by the envelope
-        rule.
+        """Value and standard error under the envelope rule, whether folded or not.
 
-        Beyond the envelope a regressor's variables are held at its edge; its weight is the product
-        over `fading`. What the weight takes away was a correction of the baseline, so its size is
-        added (in squares) to the standard error: fully faded, the error is the baseline's as far as
-        the flights tell.
+        channels : `names`, each (n,) or a number.
+
+        Beyond the envelope a regressor's variables are held at its edge, and its weight is the
+        product over `fading`. The part of the correction that has faded is an error of the baseline
+        there, so that its square is added to the variance: fully faded, the standard error is the
+        baseline's error as far as the flights show it.
+
+        Raises InputError naming missing channels.
         """
         absent = sorted(self.names - set(channels))
         if absent:
@@ -194,22 +203,22 @@ class Increment:
         return self.combined(columns * weights, columns, inside)
 
     def weight(self, channels: Mapping[str, Value]) -> Array:
-        """(n,) what the envelope leaves of the flights' evidence: 1 inside and one cell beyond, 0
-        where it has faded."""
-        left = np.ones(max((np.size(channels[name]) for name in self.names), default=1))
+        """(n,) weight of the flights' evidence: 1 inside the envelope and one cell beyond, 0 where
+        it has faded."""
+        weight = np.ones(max((np.size(channels[name]) for name in self.names), default=1))
         for name, interval in self.envelope.items():
-            left *= interval.weight(channels[name])
-        return left
+            weight *= interval.weight(channels[name])
+        return weight
 
     def combined(self, acting: Array, held: Array, inside: NDArray[np.bool_]) -> IncrementValue:
-        """Value and error of regressors as they act (n, k) and as they would without fading (n,
-        k)."""
+        """Value and standard error from the faded regressors `acting` (n, k) and the regressors
+        without fading, `held` (n, k)."""
         faded = (held - acting) @ self.estimates
         variance = np.einsum("nk,kl,nl->n", acting, self.covariance, acting) + faded**2
         return IncrementValue(acting @ self.estimates, np.sqrt(np.maximum(variance, 0.0)), inside)
 
     def value(self, channels: Mapping[str, Value]) -> Array:
-        """(n,) what acts as a layer: `evaluate` without standard error and without folded
+        """(n,) value of the layer: `evaluate` without standard error and without folded
         regressors."""
         columns, weights = self.columns(channels)
         return np.asarray((columns * weights) @ self.layered, dtype=np.float64)

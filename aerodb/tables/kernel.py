@@ -1,5 +1,5 @@
-"""The compiled loop of table look-up. Kept apart so that nothing loads the compiler before a table
-is evaluated."""
+"""Compiled loops of table interpolation; a module of their own, so that the compiler is loaded only
+when a table is evaluated."""
 
 import numba
 import numpy as np
@@ -10,8 +10,8 @@ from aerodb.support import Array, Integers
 
 @numba.njit(cache=True, nogil=True)
 def _weight(breaks: Array, first: int, last: int, mode: int, x: float) -> tuple[int, float]:
-    """Lower node of the cell of x in ``breaks[first:last + 1]`` and the weight of its upper node;
-    mode as `Table.modes`."""
+    """Lower node of the cell of x in ``breaks[first:last + 1]``, and the weight of its upper node;
+    mode as in `Table.modes`."""
     if first == last:
         return 0, x if np.isnan(x) else 0.0
     if x <= breaks[first]:
@@ -22,10 +22,8 @@ def _weight(breaks: Array, first: int, last: int, mode: int, x: float) -> tuple[
         weight = (x - breaks[below]) / (breaks[last] - breaks[below]) if mode & 8 else 1.0
     else:
         below, length = first, last - first
-        while (
-            length > 1
-            # halving without a branch on the data, which a processor would mispredict half of the time
-        ):
+        # Bisection without a branch on the data, which a processor would mispredict half the time.
+        while length > 1:
             half = length // 2
             below += half if breaks[below + half] <= x else 0
             length -= half
@@ -48,11 +46,16 @@ def interpolate(
     out: Array,
     outside: NDArray[np.bool_],
 ) -> int:
-    """Multilinear interpolation; returns how many points lie outside the breakpoints.
+    """Multilinear interpolation of one table; returns the number of points outside the breakpoints.
 
-    breaks : all breakpoints one after another, those of dimension k in ``starts[k]:starts[k + 1]``.
-    strides : step of `values` (flat) along each dimension. modes : (N,), see `Table.modes`. points
-    : (N, n). out, outside : (n,), written. NaN gives NaN and is outside.
+    Parameters
+    ----------
+    breaks, starts : all breakpoints one after another; those of dimension k are
+        ``breaks[starts[k]:starts[k + 1]]``.
+    strides : (N,) step of `values` (flat) along each dimension.
+    modes : (N,), see `Table.modes`.
+    points : (N, n).
+    out, outside : (n,), written. NaN gives NaN and is outside.
     """
     dimensions, n = points.shape
     step, weight = np.empty(dimensions, np.int64), np.empty(dimensions, np.float64)
@@ -92,9 +95,11 @@ def interpolate_together(
     out: Array,
     outside: NDArray[np.bool_],
 ) -> int:
-    """`interpolate` of several tables with the same axes: values (nodes, tables), so that what is
-    looked up at one node lies side by side in memory; out (tables, n). Its loops are written out
-    again, as one function for both is slower for one table.
+    """Multilinear interpolation of several tables with the same axes.
+
+    As `interpolate`, with values (nodes, tables), so that the values at one node are adjacent in
+    memory, and out (tables, n). The loops are written out again because one function for both cases
+    is slower for a single table.
     """
     dimensions, n = points.shape
     tables = values.shape[1]

@@ -1,5 +1,4 @@
-"""Where tables enter a coefficient linearly: a term read as a sum of products with one table
-each."""
+"""Tables that enter a coefficient linearly: a term as a sum of products with one table each."""
 
 from collections import Counter
 from collections.abc import Iterable, Iterator
@@ -15,11 +14,15 @@ from aerodb.tables.uncertainty import Uncertainty
 
 @dataclass(frozen=True)
 class Site:
-    """A coefficient on `axis` contains ``constant * factors * table(channels)``, and nothing else
-    uses the table.
+    """A table that enters one coefficient linearly, as ``constant * factors * table(channels)``,
+    and is used nowhere else.
 
-    channels : the channel behind every argument, None where the argument is another formula. own :
-    those over which the source's table goes; the others are axes along which folded shares fade.
+    Parameters
+    ----------
+    axis : of the coefficient.
+    channels : one per argument; None where the argument is another formula.
+    own : names of the channels of the source's table; the other channels are axes that were added
+        when increments were folded in, along which these fade.
     """
 
     axis: str
@@ -31,8 +34,7 @@ class Site:
 
 
 def sites(database: AeroDatabase) -> list[Site]:
-    """Tables that enter exactly one coefficient, once and linearly, and into which values can be
-    folded."""
+    """Tables into which increments can be folded: they enter one coefficient, once and linearly."""
     reached = table_uses([term.expression for term in database.terms], database)
     written = Counter(call.table for call in calls(database))
     once = {
@@ -58,7 +60,7 @@ def sites(database: AeroDatabase) -> list[Site]:
 
 
 def factors_of(expression: Expression) -> tuple[float, list[Expression]]:
-    """`expression` as a number times factors that are no numbers.
+    """Split `expression` into a number and the other factors.
 
     >>> from aerodb.tables.expression import parse
     >>> constant, factors = factors_of(parse("-2*alpha*abs(beta)/4"))
@@ -80,9 +82,11 @@ def factors_of(expression: Expression) -> tuple[float, list[Expression]]:
 
 
 def _foldable(database: AeroDatabase, name: str) -> bool:
-    """Whether the table is linear between breakpoints, held outside them, and its declared
-    uncertainty, if any, is added to the value: one in proportion to it would change its meaning
-    with a share folded in."""
+    """Whether increments can be folded into a table.
+
+    It must be linear between breakpoints and held outside them, and its declared uncertainty, if
+    any, must be additive: an uncertainty in proportion to the value would change its meaning.
+    """
     table = database.tables[name]
     return not table.interpolation and not table.extrapolation and _added(table.uncertainty)
 
@@ -92,7 +96,7 @@ def _added(uncertainty: Uncertainty | None) -> bool:
 
 
 def table_uses(expressions: Iterable[Expression], database: AeroDatabase) -> Counter[str]:
-    """How often each table is called in `expressions`, through variables too."""
+    """Number of calls of each table in `expressions`, including calls through variables."""
     known: dict[str, Counter[str]] = {}
 
     def count(expression: Expression) -> Counter[str]:
@@ -116,8 +120,8 @@ def table_uses(expressions: Iterable[Expression], database: AeroDatabase) -> Cou
 
 
 def depends_on(expression: Expression, database: AeroDatabase) -> frozenset[str]:
-    """Names of all tables and variables of the database that `expression` uses, through variables
-    too."""
+    """Names of all tables and variables of the database that `expression` uses, directly or through
+    variables."""
     found: set[str] = set()
     pending = [expression]
     while pending:
@@ -136,11 +140,11 @@ def _products(
     constant: float,
     factors: tuple[Expression, ...],
 ) -> Iterator[tuple[float, tuple[Expression, ...], TableCall]]:
-    """The calls of `wanted` tables on which `node` depends linearly, each with the number and the
-    factors in front of it.
+    """Yield the calls of `wanted` tables on which `node` depends linearly, each with the number and
+    the factors before it.
 
-    Only variables that lead to such a table are followed, and each of them only once: there is one
-    way to every call.
+    Only variables that lead to such a table are followed. Each is visited once, because there is
+    only one path to every call.
     """
     if isinstance(node, TableCall):
         yield constant, factors, node
@@ -178,10 +182,10 @@ def _products(
 
 
 def _fixed(expression: Expression, database: AeroDatabase) -> float | None:
-    """The value of an expression of numbers and reference lengths only.
+    """The value of an expression of numbers and reference lengths; None for any other expression.
 
-    A variable that happens to be constant is none: it may be an uncertainty factor, which scales
-    the table and not the share.
+    A variable is never treated as a number, even if it is constant: it may be an uncertainty
+    factor, which scales the table but not an increment.
     """
     if expression.tables or not expression.names <= CONSTANTS.keys():
         return None
@@ -192,6 +196,6 @@ def _fixed(expression: Expression, database: AeroDatabase) -> float | None:
 
 
 def _renamed(factor: Expression, database: AeroDatabase) -> Expression:
-    """A factor by the name of its channel, where it is one."""
+    """A factor, replaced by the name of its channel where it is a channel."""
     name = channel_of(factor, database)
     return Name(name) if name else factor

@@ -1,10 +1,8 @@
-"""Where an expression is linear in each of its variables: the breakpoints between which a table can
-carry it exactly.
+"""Breakpoints between which an expression is multilinear, so that a table represents it exactly.
 
 A sum or product of functions of one variable each, every one of them continuous and piecewise
 linear (``alpha``, ``max(alpha - 0.175, 0)*beta``, ``abs(beta)``), is multilinear between its
-breakpoints. Anything else is refused with the reason, so that who keeps it outside a table can say
-why.
+breakpoints. Anything else is refused with the reason, which `aerodb.tables.consolidation` reports.
 """
 
 from collections.abc import Mapping
@@ -15,12 +13,12 @@ from aerodb.support import Array
 from aerodb.tables.expression import Call, Expression, Name, Negation, Number, Operation, number
 from aerodb.tables.program import evaluate
 
-#: Breakpoints closer than this, relative to the axis, are one: they differ by rounding only.
+#: Breakpoints closer than this, relative to the axis, differ only by rounding and are merged.
 MERGED = 1e-14
 
 
 class NotMultilinearError(ValueError):
-    """An expression that no table can carry exactly; the message says why."""
+    """An expression that no table can represent exactly; the message gives the reason."""
 
 
 def breaks(
@@ -33,7 +31,7 @@ def breaks(
     >>> breaks(parse("max(alpha - 0.25, 0)*abs(beta)"), {"alpha": (0.0, 1.0), "beta": (-1.0, 1.0)})
     {'alpha': {0.25}, 'beta': {0.0}}
 
-    Raises NotMultilinearError that names the part of the expression which is not.
+    Raises NotMultilinearError naming the part of the expression that is not multilinear.
     """
     if isinstance(expression, Number):
         return {}
@@ -65,8 +63,8 @@ def _operation(
 
 
 def _call(expression: Call, ranges: Mapping[str, tuple[float, float]]) -> dict[str, set[float]]:
-    """Of abs, min, max and clip of functions of one variable: their own breakpoints, and where
-    their pieces meet."""
+    """Breakpoints of abs, min, max and clip of functions of one variable: those of the arguments,
+    and where the pieces intersect."""
     pieces = expression.arguments
     if expression.function == "abs":
         pieces = (*pieces, number(0.0))
@@ -99,20 +97,20 @@ def _crossings(difference: Expression, name: str, grid: Array) -> set[float]:
 
 
 def merged(points: Array, others: set[float]) -> Array:
-    """`points` (increasing) and `others` as one increasing axis; what rounding alone separates is
-    one breakpoint."""
+    """Merge `points` (increasing) and `others` into one increasing axis; values that differ only by
+    rounding become one breakpoint, that of `points`."""
     axis = np.array(sorted({float(x) for x in points} | others))
     if axis.size < 2:
         return axis
     apart = MERGED * max(float(np.max(np.abs(axis))), float(axis[-1] - axis[0]))
-    kept: list[float] = []
-    given = {float(x) for x in points}
+    result: list[float] = []
+    originals = {float(x) for x in points}
     for x in axis.tolist():
-        if kept and x - kept[-1] <= apart:
-            if x in given and kept[-1] not in given:
-                kept[-1] = x
-            elif x in given:
-                kept.append(x)
+        if result and x - result[-1] <= apart:
+            if x in originals and result[-1] not in originals:
+                result[-1] = x
+            elif x in originals:
+                result.append(x)
             continue
-        kept.append(x)
-    return np.array(kept)
+        result.append(x)
+    return np.array(result)

@@ -1,9 +1,9 @@
-"""An increment on table nodes: where a grid needs nodes to carry it exactly, and what its
-regressors are there.
+"""An increment on table nodes: the nodes that a grid needs to represent it exactly, and its
+regressors there.
 
-Within a cell of the grid every regressor, its hold at the envelope's edge and its fading are linear
-in each variable, so that the table carries them exactly: evaluation through the nodes and through
-the expressions agree to rounding.
+Within a cell of such a grid every regressor, its hold at the edge of the envelope and its fading
+are linear in each variable. Evaluation through the nodes and through the expressions therefore
+agree to rounding.
 """
 
 from collections.abc import Mapping
@@ -16,17 +16,18 @@ from aerodb.tables.expression import Expression
 from aerodb.tables.increment import Increment
 from aerodb.tables.multilinear import NotMultilinearError, breaks
 
-#: Nodes of one grid: more would cost more memory than an exact table is worth.
+#: Most nodes of one grid; a larger table would cost too much memory.
 MAX_NODES: Final = 500_000
 
 
 def knots(
     regressor: Expression, increment: Increment, fading: frozenset[str]
 ) -> dict[str, set[float]]:
-    """Per variable, where `regressor` under the envelope rule bends; `fading`: whose envelopes take
-    weight from it.
+    """Per variable, the breakpoints of `regressor` under the envelope rule.
 
-    Raises NotMultilinearError with the reason where it is not multilinear between such points.
+    fading : variables over whose envelope it fades.
+
+    Raises NotMultilinearError with the reason where it is not multilinear between breakpoints.
     """
     free = sorted(regressor.names - increment.envelope.keys())
     if free:
@@ -49,8 +50,8 @@ def knots(
 
 
 def columns_at(increment: Increment, mesh: Mapping[str, Array]) -> tuple[Array, Array]:
-    """Regressors at nodes as they act and without fading, (m, k) each; variables that `mesh` lacks
-    lie inside the envelope."""
+    """Regressors at nodes with and without fading, each (m, k); variables that `mesh` lacks are
+    taken inside the envelope."""
     m = len(next(iter(mesh.values())))
     middle = {name: np.full(m, (i.low + i.high) / 2) for name, i in increment.envelope.items()}
     columns, weights = increment.columns({**middle, **mesh})

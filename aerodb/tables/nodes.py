@@ -1,8 +1,8 @@
-"""Where table nodes lie in terms of channels, and a neutral point to look at a database from.
+"""Table nodes as points over channels, and the neutral point of a database.
 
-A table's breakpoints are in the unit of its argument, an expression; a node can be asked for
-lineage or compared between versions only where that expression is one channel, scaled and shifted
-(``alpha``, ``57.3*alpha``).
+A table's breakpoints are in the unit of its argument, which is an expression. Lineage and
+comparison between versions need nodes over channels; these exist only where the expression is one
+channel, scaled and offset (``alpha``, ``57.3*alpha``).
 """
 
 from collections.abc import Iterable, Mapping
@@ -17,14 +17,14 @@ from aerodb.tables.database import AeroDatabase
 from aerodb.tables.expression import Expression, Name, TableCall
 from aerodb.tables.increment import Increment
 
-#: An argument counts as a scaled channel when the inverse reproduces every breakpoint to this share
-#: of their range.
+#: An argument counts as a scaled channel where the inverse reproduces every breakpoint to this
+#: fraction of the largest one.
 _EXACT = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class TableGrid:
-    """A table's nodes as points over channels: per argument the channel, and its values (m,) at the
+    """Nodes of a table over channels: per argument the channel and its values (m,) at the
     breakpoints."""
 
     table: str
@@ -41,8 +41,7 @@ class TableGrid:
         return {name: grid.ravel() for name, grid in zip(self.channels, mesh, strict=True)}
 
     def node(self, index: tuple[int, ...]) -> dict[str, float]:
-        """Channel -> value at a node. Raises InputError for an index that the table does not
-        have."""
+        """Channel -> value at a node. Raises InputError for an index outside the table."""
         if len(index) != len(self.shape) or any(
             not 0 <= k < n for k, n in zip(index, self.shape, strict=True)
         ):
@@ -57,8 +56,8 @@ class TableGrid:
 
 
 def table_grids(database: AeroDatabase) -> dict[str, TableGrid]:
-    """Table name -> its nodes over channels, for tables whose every argument is a channel of its
-    own, scaled and shifted."""
+    """Table name -> nodes over channels, for tables whose arguments are different channels, scaled
+    and offset."""
     grids: dict[str, TableGrid] = {}
     for call in calls(database):
         if call.table not in grids:
@@ -69,7 +68,7 @@ def table_grids(database: AeroDatabase) -> dict[str, TableGrid]:
 
 
 def table_axes(database: AeroDatabase) -> dict[str, frozenset[str]]:
-    """Table name -> axes of the terms that it enters, directly or through variables."""
+    """Table name -> axes of the terms that use it, directly or through variables."""
     axes: dict[str, set[str]] = {name: set() for name in (*database.tables, *database.scattered)}
     for term in database.terms:
         pending, seen = [term.expression], set[str]()
@@ -85,22 +84,22 @@ def table_axes(database: AeroDatabase) -> dict[str, frozenset[str]]:
 
 
 def neutral_point(database: AeroDatabase, increments: Iterable[Increment] = ()) -> dict[str, float]:
-    """Inputs of `database` at zero (V at 1 m/s), moved as little as it takes to lie inside the
-    envelopes of `increments`.
+    """Inputs of `database` at zero (V at 1 m/s), moved to the nearest point inside the envelopes of
+    `increments`.
 
-    States are left out: they settle at whatever is asked.
+    States are left out, so that they have their steady value.
     """
-    made = {state.name for state in database.states}
-    point = {name: 1.0 if name == "V" else 0.0 for name in database.inputs if name not in made}
+    states = {state.name for state in database.states}
+    point = {name: 1.0 if name == "V" else 0.0 for name in database.inputs if name not in states}
     for increment in increments:
         for name, interval in increment.envelope.items():
-            if name not in made:
+            if name not in states:
                 point[name] = float(np.clip(point.get(name, 0.0), interval.low, interval.high))
     return point
 
 
 def spread(point: Mapping[str, float], over: Mapping[str, Array]) -> dict[str, Array]:
-    """Channels of `point` held while those of `over` (each (n,)) vary: all (n,)."""
+    """Channels (n,): those of `over` (each (n,)) as given, those of `point` constant."""
     n = max((len(values) for values in over.values()), default=1)
     return {**{name: np.full(n, value) for name, value in point.items()}, **over}
 
@@ -124,8 +123,8 @@ def _grid(call: TableCall, database: AeroDatabase) -> TableGrid | None:
 def _inverse(
     argument: Expression, breakpoints: Array, database: AeroDatabase
 ) -> tuple[str, Array] | None:
-    """The one channel that an argument depends on and its values at the breakpoints; None where
-    there is no such thing."""
+    """The only channel that an argument depends on, and its values at the breakpoints; None where
+    the argument is not one channel, scaled and offset."""
     definitions = {name: variable.expression for name, variable in database.variables.items()}
     program = database.compiled([argument], definitions, {**database.tables, **database.scattered})
     if len(program.inputs) != 1:

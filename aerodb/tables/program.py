@@ -1,10 +1,9 @@
-"""Expressions compiled into one straight line of steps: each distinct sub-expression is computed
+"""Compile expressions into one sequence of steps, in which each distinct sub-expression is computed
 once per call.
 
-A database has some hundred small operations that a simulation asks for thousands of times on a few
-points; what costs is the overhead per operation, so that names, constants and order are settled
-here, once. Tables with the same breakpoints that are looked up at the same arguments are looked up
-together.
+A database has some hundred small operations, which a simulation evaluates thousands of times at a
+few points. The cost is the overhead per operation, so that names, constants and order are resolved
+once, here. Tables with the same breakpoints and arguments are interpolated together.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -35,31 +34,33 @@ AnyTable = Table | ScatteredTable
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """What one run gives: a value per output (a number where nothing varies), and points outside
-    tables by table name."""
+    """Result of one run: a value per output (a number where nothing varies), and by table name the
+    points outside its breakpoints."""
 
     values: list[Any]
     outside: dict[str, NDArray[np.bool_]]
 
 
 class _Step(NamedTuple):
-    """One operation into one slot; or, with names of tables, their look-up into one slot each."""
+    """One operation that writes one slot; or, with table names, an interpolation that writes one
+    slot per table.
+
+    spent : slots that no later step needs, so that their memory is reused while it is in the cache.
+    """
 
     slots: tuple[int, ...]
     function: Callable[..., Any]
     arguments: tuple[int, ...]
     tables: tuple[str, ...] = ()
-    spent: tuple[
-        int,
-        ...,
-        # slots that nothing needs afterwards: their memory is used again while it is in the cache
-    ] = ()
+    spent: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
 class Program:
-    """Steps in order of evaluation. `inputs` are the names that `run` needs; `outputs` the slots of
-    the results."""
+    """Compiled expressions: steps in order of evaluation.
+
+    inputs : names that `run` needs -> their slots. outputs : slots of the results.
+    """
 
     inputs: dict[str, int]
     outputs: tuple[int, ...]
@@ -67,8 +68,8 @@ class Program:
     _steps: tuple[_Step, ...]
 
     def run(self, values: Mapping[str, Value]) -> Run:
-        """Evaluates at `values`: each (n,) or a number. Division by zero and the like give inf or
-        NaN, no error."""
+        """Evaluate at `values`, each (n,) or a number. Division by zero and similar give inf or
+        NaN, not an error."""
         slots: list[Any] = list(self._slots)
         outside: dict[str, NDArray[np.bool_]] = {}
         for name, slot in self.inputs.items():
@@ -96,6 +97,8 @@ class Program:
 
 @dataclass
 class _Builder:
+    """Collects slots and steps while expressions are compiled."""
+
     tables: Mapping[str, AnyTable]
     variables: Mapping[str, Expression]
     constants: Mapping[str, float]
@@ -111,7 +114,7 @@ class _Builder:
         return len(self.slots) - 1
 
     def add(self, node: Expression) -> int:
-        """Slot of the value of `node`."""
+        """Slot of the value of `node`, with its steps added."""
         if isinstance(node, Number):
             return self.once((Number, node.value), lambda: self.slot(node.value))
         if isinstance(node, Name):
@@ -174,8 +177,8 @@ class _Builder:
 
 
 def _together(steps: list[_Step], tables: Mapping[str, AnyTable]) -> tuple[_Step, ...]:
-    """The same steps with look-ups that share breakpoints and arguments made one, where the first
-    of them stands."""
+    """The same steps, with interpolations that share breakpoints and arguments combined into the
+    first of them."""
     groups: dict[Any, list[_Step]] = {}
     keys: dict[int, Any] = {}
     for k, step in enumerate(steps):
@@ -207,7 +210,7 @@ def _together(steps: list[_Step], tables: Mapping[str, AnyTable]) -> tuple[_Step
 
 
 def _spending(steps: Iterable[_Step], outputs: Iterable[int]) -> tuple[_Step, ...]:
-    """The same steps, each with the slots for which it is the last to ask."""
+    """The same steps, each with the slots that no later step uses."""
     later, done = set(outputs), []
     for step in reversed(tuple(steps)):
         done.append(step._replace(spent=tuple(set(step.arguments) - later)))
@@ -231,18 +234,20 @@ def compile_program(
     variables: Mapping[str, Expression] | None = None,
     constants: Mapping[str, float] | None = None,
 ) -> Program:
-    """One program whose outputs are the values of `expressions`, in their order.
+    """Compile `expressions` into one program with one output each, in their order.
 
-    A name is looked for in `variables` (expressions in turn), then in `constants`; what is left is
-    an input. Raises InputError for an unknown table, a wrong number of arguments, and variables
-    that are defined by each other.
+    A name is looked up in `variables` (which are expressions too), then in `constants`; any other
+    name is an input.
+
+    Raises InputError for an unknown table, a wrong number of arguments, and variables that are
+    defined by each other.
     """
     builder = _Builder(tables, variables or {}, constants or {})
     try:
         outputs = tuple([builder.add(expression) for expression in expressions])
     except RecursionError:
         raise InputError(
-            "variables build on each other through too many levels",
+            "variables use each other through too many levels",
             remedy="define them more directly",
         ) from None
     steps = _spending(_together(builder.steps, tables), outputs)
@@ -254,8 +259,8 @@ def evaluate(
     values: Mapping[str, Value],
     tables: Mapping[str, AnyTable] | None = None,
 ) -> Array:
-    """The value of one expression, vectorised over `values` (each (n,) or a number): (n,), or ()
-    when nothing varies.
+    """Evaluate one expression over `values` (each (n,) or a number): (n,), or () where nothing
+    varies.
 
     Raises InputError for a name without a value and for an unknown table.
     """

@@ -1,5 +1,5 @@
-"""Reference geometry, and what follows from it alone: hat rates, moments moved between points, wind
-to body axes."""
+"""Reference geometry; dimensionless rates, moment transfer, and rotation between wind and body
+axes."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from aerodb.support import Array
 
 Point = tuple[float, float, float]
 
-#: Rate without dimension -> the rate it is made of and the attribute of `Reference` that scales it.
+#: Dimensionless rate -> the rate, and the length of `Reference` that scales it.
 HAT_RATES: Final[dict[str, tuple[str, str]]] = {
     "p_hat": ("p", "span"),
     "q_hat": ("q", "chord"),
@@ -27,9 +27,17 @@ WIND_AXES: Final[tuple[str, ...]] = ("C_drag", "C_side", "C_lift")
 
 @dataclass(frozen=True)
 class Reference:
-    """Reference area [m2], chord [m] (for Cm) and span [m] (for Cl, Cn); moment reference [m] in
-    body axes (x forward, y right, z down) from the vehicle's datum. Raises InputError unless the
-    first three are positive."""
+    """Reference geometry of a database.
+
+    Parameters
+    ----------
+    area : [m2].
+    chord : [m], for Cm.
+    span : [m], for Cl and Cn.
+    moment_reference : (3,) [m], body axes (x forward, y right, z down) from the vehicle's datum.
+
+    Raises InputError unless the first three are positive and the point is finite.
+    """
 
     area: float
     chord: float
@@ -54,10 +62,20 @@ class Reference:
 
 
 def hat_rate(name: str, channels: Mapping[str, Any], reference: Reference) -> Array:
-    """A rate without dimension, ``p b/(2V)`` and alike, from its rate [rad/s] and V [m/s]; name as
-    in `HAT_RATES`.
+    """Dimensionless rate, such as ``p b/(2V)``.
 
-    Source: Klein & Morelli (2006), eq. 3.2. Division by V = 0 gives inf or NaN.
+    Parameters
+    ----------
+    name : key of `HAT_RATES`.
+    channels : the rate [rad/s] and V [m/s], each (n,) or a number.
+
+    Returns
+    -------
+    (n,) or a scalar array; V = 0 gives inf or NaN.
+
+    References
+    ----------
+    Klein & Morelli, Aircraft System Identification, 2006, eq. 3.2.
     """
     rate, length = HAT_RATES[name]
     with np.errstate(all="ignore"):
@@ -72,11 +90,17 @@ def transfer_moments(
     to_point: ArrayLike,
     reference: Reference,
 ) -> dict[str, Array]:
-    """The same forces with moments about another point: ``M_to = M_from + (r_from - r_to) x F``.
+    """Transfer moment coefficients to another point: ``M_to = M_from + (r_from - r_to) x F``.
 
-    coefficients : the six axes CX .. Cn, each (n,), moments about `from_point`. from_point,
-    to_point : (3,) or (n, 3) for a point that moves (a CG), in m, body axes. Lengths of `reference`
-    turn moments into coefficients.
+    Parameters
+    ----------
+    coefficients : CX CY CZ Cl Cm Cn, each (n,), moments about `from_point`.
+    from_point, to_point : (3,), or (n, 3) for a moving point such as the CG, [m], body axes.
+    reference : its chord and span make the moments dimensionless.
+
+    Returns
+    -------
+    The six coefficients, each (n,), moments about `to_point`; forces unchanged.
     """
     arm = np.asarray(from_point, dtype=np.float64) - np.asarray(to_point, dtype=np.float64)
     x, y, z = arm[..., 0], arm[..., 1], arm[..., 2]
@@ -92,25 +116,43 @@ def transfer_moments(
 def wind_to_body(
     drag: Any, side: Any, lift: Any, alpha: Any, beta: Any
 ) -> tuple[Array, Array, Array]:
-    """CX, CY, CZ of drag, side force and lift coefficients at `alpha`, `beta` [rad]; all (n,) or
-    numbers.
+    """Rotate force coefficients from wind to body axes.
 
-    Source: Stevens & Lewis, Aircraft Control and Simulation, transposed body-to-wind matrix with
+    Parameters
+    ----------
+    drag, side, lift : C_drag, C_side, C_lift, each (n,) or a number.
+    alpha, beta : [rad], each (n,) or a number.
+
+    Returns
+    -------
+    CX, CY, CZ.
+
+    References
+    ----------
+    Stevens & Lewis, Aircraft Control and Simulation: transposed body-to-wind matrix, applied to
     (-drag, side, -lift).
     """
     ca, sa, cb, sb = np.cos(alpha), np.sin(alpha), np.cos(beta), np.sin(beta)
-    along = (
-        drag * cb + side * sb
-    )  # force against the projection of the velocity on the plane of symmetry
+    # Force opposite to the projection of the velocity on the plane of symmetry.
+    along = drag * cb + side * sb
     return lift * sa - along * ca, side * cb - drag * sb, -along * sa - lift * ca
 
 
 def body_to_wind(cx: Any, cy: Any, cz: Any, alpha: Any, beta: Any) -> tuple[Array, Array, Array]:
-    """Drag, side force and lift coefficients of CX, CY, CZ at `alpha`, `beta` [rad]: the inverse of
-    `wind_to_body`.
+    """Rotate force coefficients from body to wind axes: the inverse of `wind_to_body`.
+
+    Parameters
+    ----------
+    cx, cy, cz : each (n,) or a number.
+    alpha, beta : [rad], each (n,) or a number.
+
+    Returns
+    -------
+    C_drag, C_side, C_lift.
 
     >>> import numpy as np
-    >>> np.allclose(body_to_wind(*wind_to_body(0.1, 0.2, 0.7, 0.3, -0.2), 0.3, -0.2), (0.1, 0.2, 0.7))
+    >>> body = wind_to_body(0.1, 0.2, 0.7, 0.3, -0.2)
+    >>> np.allclose(body_to_wind(*body, 0.3, -0.2), (0.1, 0.2, 0.7))
     True
     """
     ca, sa, cb, sb = np.cos(alpha), np.sin(alpha), np.cos(beta), np.sin(beta)

@@ -1,9 +1,9 @@
-"""A table on scattered points: linear inside the simplices of their Delaunay triangulation, held
-outside their hull.
+"""A table on scattered points: linear interpolation in the simplices of a Delaunay triangulation.
 
-The standard for such tables (DAVE-ML's ungridded ones) asks for a triangulation and leaves open
-what happens outside. Here a point outside takes the value where the line to it from the mean of all
-points leaves the hull: continuous, and with one argument the same as holding the end value.
+The standard for such tables (ungridded tables of DAVE-ML) requires a triangulation and does not
+define values outside. Here a point outside takes the value where the line to it from the mean of
+all points leaves the hull: this is continuous, and with one argument the same as holding the end
+value.
 """
 
 from dataclasses import dataclass
@@ -19,16 +19,22 @@ from aerodb.tables.expression import check_identifier
 from aerodb.tables.table import Lookup, stacked_arguments
 from aerodb.tables.uncertainty import Uncertainty, check_bounds
 
-MAX_DIMENSIONS = (
-    6  # simplices grow as m^(N/2): beyond, a triangulation of measured points is not practical
-)
-_INSIDE = 1e-12  # relative to the extent of the points: rounding, not extrapolation
+#: The number of simplices grows as m^(N/2): with more arguments a triangulation is not practical.
+MAX_DIMENSIONS = 6
+#: A point outside the hull by less than this fraction counts as inside: rounding.
+_INSIDE = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
 class ScatteredTable:
-    """Values (m,) at points (m, N), 2 <= N <= 6, in the units of the arguments; arguments are
-    scaled by their extent before they are triangulated.
+    """A table on scattered points.
+
+    Parameters
+    ----------
+    arguments : N labels, 2 <= N <= 6.
+    points : (m, N), in the units of the arguments, which are scaled by their extent before the
+        triangulation.
+    values : (m,).
 
     Raises InputError for points that span no volume, repeated points and numbers that are not
     finite.
@@ -63,13 +69,13 @@ class ScatteredTable:
         if not (np.all(np.isfinite(points)) and np.all(np.isfinite(values))):
             raise InputError("numbers that are not finite", where)
         if len(np.unique(points, axis=0)) != len(points):
-            raise InputError("a point stands twice", where)
+            raise InputError("a point is listed twice", where)
         check_bounds(self.uncertainty, len(values))
         points.flags.writeable = values.flags.writeable = False
         object.__setattr__(self, "arguments", tuple(self.arguments))
         object.__setattr__(self, "points", points)
         object.__setattr__(self, "values", values)
-        _ = self._triangulation  # refuses points without volume now, not at the first look-up
+        _ = self._triangulation  # raises for points without volume now, not at the first lookup
 
     @cached_property
     def _extent(self) -> Array:
@@ -78,10 +84,8 @@ class ScatteredTable:
 
     @cached_property
     def _triangulation(self) -> Any:
-        from scipy.spatial import (
-            Delaunay,
-            QhullError,
-        )  # loads slowly: only who has such a table waits
+        # Imported here because it loads slowly and few databases have such a table.
+        from scipy.spatial import Delaunay, QhullError
 
         try:
             return Delaunay(self.points / self._extent)
@@ -94,30 +98,28 @@ class ScatteredTable:
 
     @cached_property
     def _hull(self) -> tuple[Array, Array]:
-        """Outward normals (f, N) and offsets (f,) of the hull's facets: inside where ``normals @ x
-        + offsets <= 0``."""
+        """Outward normals (f, N) and offsets (f,) of the facets of the hull; x is inside where
+        ``normals @ x + offsets <= 0``."""
         from scipy.spatial import ConvexHull
 
         equations = ConvexHull(self.points / self._extent).equations
         return equations[:, :-1], equations[:, -1]
 
     def lookup(self, *arguments: Array | float) -> Lookup:
-        """Values and which points lie outside the hull; NaN gives NaN and is outside."""
+        """Values, and which points lie outside the hull; NaN gives NaN and is outside."""
         x = stacked_arguments(self.name, len(self.arguments), arguments).T / self._extent
         unknown = ~np.isfinite(x).all(axis=1)
         centre = self.points.mean(axis=0) / self._extent
         x[unknown] = centre
         normals, offsets = self._hull
         beyond = np.empty(len(x), dtype=np.bool_)
-        for part in np.array_split(
-            np.arange(len(x)), 1 + len(x) // 65_536
-        ):  # bounds the memory of points times facets
+        # Blocks limit the memory for points times facets.
+        for part in np.array_split(np.arange(len(x)), 1 + len(x) // 65_536):
             toward = (x[part] - centre) @ normals.T
             with np.errstate(all="ignore"):
                 leaves = np.where(toward > 0, -(normals @ centre + offsets) / toward, np.inf)
-            reach = np.minimum(
-                np.min(leaves, axis=1), 1.0
-            )  # share of the way from the centre that lies in the hull
+            # Fraction of the way from the centre that lies in the hull.
+            reach = np.minimum(np.min(leaves, axis=1), 1.0)
             beyond[part] = reach < 1.0 - _INSIDE
             x[part] = np.where(
                 (reach < 1.0)[:, None], centre + reach[:, None] * (x[part] - centre), x[part]
@@ -128,11 +130,11 @@ class ScatteredTable:
         return Lookup(values, outside, bool(outside.any()))
 
     def evaluate(self, *arguments: Array | float) -> Array:
-        """(n,) values at arguments, each (n,) or a number."""
+        """Values (n,) at arguments, each (n,) or a number."""
         return self.lookup(*arguments).values
 
     def outside(self, *arguments: Array | float) -> NDArray[np.bool_]:
-        """(n,) true where a point lies outside the hull of the points (or is NaN)."""
+        """(n,) true where the arguments lie outside the hull of the points, or are NaN."""
         return self.lookup(*arguments).outside
 
     def _inside(self, x: Array, centre: Array) -> Array:
@@ -140,7 +142,7 @@ class ScatteredTable:
         triangulation = self._triangulation
         simplex = triangulation.find_simplex(x)
         lost = np.flatnonzero(simplex < 0)
-        if lost.size:  # on the hull's surface, beside it by rounding
+        if lost.size:  # on the surface of the hull, outside by rounding
             simplex[lost] = triangulation.find_simplex(
                 centre + (x[lost] - centre) * (1.0 - 1e-10), bruteforce=True
             )

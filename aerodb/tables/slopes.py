@@ -1,9 +1,8 @@
-"""Signs of dC_lift/dalpha and dCm/dalpha over the whole range of the tables, and where an update
-brings new ones.
+"""New sign changes of dC_lift/dalpha and dCm/dalpha, over the whole range of the tables.
 
-Where flights have been, a sign may change: they measured it. Where they have not, a new sign change
-is made by the way in which an increment fades, and a control law built on it would meet an aircraft
-that nobody has seen (CONVENTIONS, Envelope).
+Inside the data a sign may change: the flights measured it. Outside the data a new sign change comes
+only from the way an increment fades. A control law designed on it would be designed for an aircraft
+that does not exist (docs/method/updates.md, "Envelope").
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -25,19 +24,26 @@ QUANTITIES: dict[str, frozenset[str]] = {
     "Cm": frozenset(("Cm",)),
 }
 
-#: Points along alpha, beside all breakpoints and envelope edges.
+#: Points along alpha, in addition to all breakpoints and envelope edges.
 _POINTS = 241
-#: A slope below this share of the baseline's largest is none: rounding, or a table held at its
-#: edge.
+#: A slope below this fraction of the baseline's largest counts as zero: rounding, or a table held
+#: at its edge.
 _FLAT = 1e-6
-#: How many cells beyond the envelope are looked at: an increment has faded after two.
+#: Number of cells beyond the envelope that are examined; an increment has faded after two.
 _CELLS_BEYOND = 3.0
 
 
 @dataclass(frozen=True)
 class SignChange:
-    """A slope that changes its sign at `alpha` [rad]; `rising`: from negative to positive. `at`:
-    the inputs that are not neutral there, in SI."""
+    """A sign change of the slope of a quantity.
+
+    Parameters
+    ----------
+    quantity : key of `QUANTITIES`.
+    alpha : where the sign changes [rad].
+    rising : whether it changes from negative to positive.
+    at : inputs that are not neutral there, SI.
+    """
 
     quantity: str
     alpha: float
@@ -46,8 +52,8 @@ class SignChange:
 
 
 def new_increments(baseline: AeroDatabase, candidate: AeroDatabase) -> tuple[Increment, ...]:
-    """Increments that `candidate` has and `baseline` has not; folding one into a table does not
-    make it new."""
+    """Increments of `candidate` that `baseline` lacks; an increment that was only folded into a
+    table is not new."""
     known = [_identity(increment) for increment in baseline.increments]
     return tuple(
         increment for increment in candidate.increments if _identity(increment) not in known
@@ -56,21 +62,21 @@ def new_increments(baseline: AeroDatabase, candidate: AeroDatabase) -> tuple[Inc
 
 def new_sign_changes(baseline: AeroDatabase, candidate: AeroDatabase) -> tuple[SignChange, ...]:
     """Sign changes of dC_lift/dalpha and dCm/dalpha along alpha that `candidate` has outside the
-    data and `baseline` not.
+    data and `baseline` lacks.
 
-    Alpha runs over all tables' breakpoints and three cells beyond the envelope; every other input
-    is varied one at a time over its tables' ends and middle, its envelope's edges and the middle of
-    its fade. Outside the data is where any variable lies beyond the envelope of an increment that
-    the candidate adds. A change within one cell of a change of the baseline in the same direction
-    is the same one, shifted; so is one that the flights have seen, where the increment is held or
-    fades in another variable. Empty where nothing depends on alpha.
+    Alpha covers the breakpoints of all tables and three cells beyond the envelope. Every other
+    input is varied alone: over the ends and the middle of its tables, the edges of its envelope and
+    the middle of its fade. Outside the data is where any variable lies beyond the envelope of an
+    increment that the candidate adds. A change within one cell of a baseline change in the same
+    direction is not new, only shifted. Neither is a change that the flights have measured, where
+    the increment is held or fades in another variable. Empty where nothing depends on alpha.
     """
     added = new_increments(baseline, candidate)
     if "alpha" not in {*baseline.inputs, *candidate.inputs}:
         return ()
     alpha, tolerance = _alphas((baseline, candidate), added)
     found, flown = [], dict[str, list[tuple[float, bool]]]()
-    for at in _conditions((baseline, candidate), added):  # the flown condition comes first
+    for at in _conditions((baseline, candidate), added):  # the neutral condition comes first
         point = {**neutral_point(baseline, added), **neutral_point(candidate, added), **at}
         channels = {
             **{name: np.full(alpha.size, value) for name, value in point.items()},
@@ -81,8 +87,8 @@ def new_sign_changes(baseline: AeroDatabase, candidate: AeroDatabase) -> tuple[S
             inside = _inside([i for i in added if i.axis in axes], channels, candidate)
             flat = _FLAT * _largest_slope(alpha, before[quantity])
             nowhere = np.zeros_like(inside)
-            # Where the baseline is flat (beyond its tables edge values are held) there is no sign
-            # to lose, and any fade is all slope.
+            # Where the baseline is flat (beyond its tables edge values are held) its slope has no
+            # sign to change, and the slope of any fade dominates.
             silent = np.abs(np.diff(before[quantity]) / np.diff(alpha)) <= flat
             outside = _changes(alpha, after[quantity], inside, flat, silent)
             seen = [
@@ -113,8 +119,8 @@ def _identity(increment: Increment) -> tuple[object, ...]:
 
 
 def _alphas(databases: Sequence[AeroDatabase], added: Iterable[Increment]) -> tuple[Array, float]:
-    """Alphas to look at, increasing [rad], and how far apart two sign changes may be that are
-    one."""
+    """Values of alpha to examine, increasing [rad], and the distance within which two sign changes
+    count as one."""
     marks, cells = _breakpoints(databases).get("alpha", []), []
     for increment in added:
         if "alpha" in increment.envelope:
@@ -126,13 +132,13 @@ def _alphas(databases: Sequence[AeroDatabase], added: Iterable[Increment]) -> tu
     if high == low:
         low, high = low - np.pi / 18, high + np.pi / 18
     grid = np.unique(np.concatenate([np.linspace(low, high, _POINTS), marks]))
-    # Rounding sets marks apart that are one, and a slope over such a gap is noise.
+    # Equal marks can differ by rounding, and a slope over such a gap is noise.
     apart = np.concatenate([[True], np.diff(grid) > 1e-9 * (high - low)])
     return grid[apart], max([*cells, 2.0 * (high - low) / _POINTS])
 
 
 def _breakpoints(databases: Sequence[AeroDatabase]) -> dict[str, list[float]]:
-    """Channel -> breakpoints of all tables over it, in the channel's unit."""
+    """Channel -> breakpoints of all tables over it, in the unit of the channel."""
     found: dict[str, list[float]] = {}
     for database in databases:
         for grid in table_grids(database).values():
@@ -144,7 +150,7 @@ def _breakpoints(databases: Sequence[AeroDatabase]) -> dict[str, list[float]]:
 def _conditions(
     databases: Sequence[AeroDatabase], added: Iterable[Increment]
 ) -> list[dict[str, float]]:
-    """What differs from the neutral point: nothing, then one input at a time at each of its
+    """Inputs that differ from the neutral point: none, then one input at a time at each of its
     marks."""
     marks = {
         name: {min(v), float(np.median(v)), max(v)} for name, v in _breakpoints(databases).items()
@@ -182,8 +188,8 @@ def _quantities(database: AeroDatabase, channels: Mapping[str, Array]) -> dict[s
 def _inside(
     increments: Sequence[Increment], channels: Mapping[str, Array], candidate: AeroDatabase
 ) -> NDArray[np.bool_]:
-    """(n,) where every increment's flights have been, states settled; nowhere without
-    increments."""
+    """(n,) where the flights of every increment have been, with states at their steady value; false
+    everywhere without increments."""
     alpha = channels["alpha"]
     inside = np.full(alpha.size, bool(increments))
     for increment in increments:
@@ -205,10 +211,11 @@ def _changes(
     flat: float,
     silent: NDArray[np.bool_] | None = None,
 ) -> list[tuple[float, bool]]:
-    """Where the slope changes sign, and whether upwards, between stretches that are not `silent`.
+    """Alphas where the slope changes sign, and whether it rises, between intervals that are not
+    `silent`.
 
-    A change between two stretches of which one is inside is the data's own: at the edge of the
-    envelope the slope goes back to the baseline's.
+    A change between two intervals of which one is inside the data is not counted: at the edge of
+    the envelope the slope returns to that of the baseline.
     """
     slopes = np.diff(values) / np.diff(alpha)
     data = inside[:-1] & inside[1:]

@@ -1,5 +1,5 @@
-"""The compiled loops of states with memory. Kept apart so that nothing loads the compiler before a
-flight is predicted."""
+"""Compiled loops of state models; a module of their own, so that the compiler is loaded only when a
+state is integrated."""
 
 import numba
 import numpy as np
@@ -9,8 +9,17 @@ from aerodb.support import Array
 
 @numba.njit(cache=True)
 def relaxed(time: Array, target: Array, tau: Array) -> Array:
-    """``tau dx/dt + x = target`` from a settled start, all (n,); exact for a target that is linear,
-    and a tau that is the mean of both ends, between samples."""
+    """Integrate ``tau dx/dt + x = target`` from steady state.
+
+    Parameters
+    ----------
+    time : (n,) [s]. target : (n,). tau : (n,) [s].
+
+    Returns
+    -------
+    x (n,). Exact for a target that is linear between samples and a tau that is constant there, the
+    mean of both ends.
+    """
     x = np.empty_like(target)
     x[0] = target[0]
     for k in range(1, len(target)):
@@ -23,8 +32,10 @@ def relaxed(time: Array, target: Array, tau: Array) -> Array:
 
 @numba.njit(cache=True)
 def relay(alpha: Array, low: float, high: float) -> Array:
-    """1 once alpha exceeded `high`, until it falls below `low`; 0 at first. NaN where alpha is,
-    which changes nothing."""
+    """Hysteresis relay: 1 once alpha (n,) exceeds `high`, until it falls below `low`; 0 at first.
+
+    NaN where alpha is NaN, which does not change the state.
+    """
     x = np.empty_like(alpha)
     state = 0.0
     for k in range(len(alpha)):

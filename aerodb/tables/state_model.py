@@ -1,9 +1,9 @@
-"""Effects with memory: a state model turns a flight into a channel, here how far the flow is
-attached, which terms then use.
+"""State models for effects with memory: a channel, the degree of flow attachment, is integrated
+along a flight and used by terms.
 
-`predict` stays stateless. Along a flight the channel is integrated from its first sample on
-(`StateModel.along`); where nobody gives it, it has the value at which it would settle
-(`StateModel.settled`). One is attached flow, zero separated.
+`AeroDatabase.predict` is stateless. Along a flight the channel is integrated from the first sample
+on (`StateModel.along`); where it is not given, it has its steady value (`StateModel.settled`). One
+is attached flow, zero separated flow.
 """
 
 from collections.abc import Mapping
@@ -35,15 +35,25 @@ def _not_negative(where: str, **values: float) -> None:
 
 @dataclass(frozen=True)
 class Kirchhoff:
-    """Attached flow falls over a smooth step, late in angle of attack, and if asked relaxes to it:
+    """Kirchhoff flow: attachment falls with angle of attack over a smooth step, with lag and
+    relaxation.
 
     ``tau1 dX/dt + X = (1 - tanh(sharpness (alpha - tau2 alphadot - alpha_star)))/2`` with ``tau1 =
-    relaxation c/V``, ``tau2 = lag c/V``. sharpness [1/rad]; alpha_star [rad], where half is
-    separated; lag, relaxation [chords travelled].
+    relaxation c/V``, ``tau2 = lag c/V``. Without relaxation there is no memory: the lag acts
+    through alphadot.
 
-    Source: Kirchhoff's flow as in Leishman & Beddoes, J. AHS 34(3), 1989; Fischenberg &
-    Jategaonkar, RTO MP-35 paper 19, 1999; Jategaonkar, Flight Vehicle System Identification, 2015,
-    chapter 12. Without relaxation there is no memory: the lag acts through alphadot.
+    Parameters
+    ----------
+    sharpness : [1/rad], positive.
+    alpha_star : [rad], where half of the flow is separated.
+    lag, relaxation : [chords travelled].
+
+    Raises InputError for values that are not finite, negative values and a sharpness of zero.
+
+    References
+    ----------
+    Kirchhoff's flow as in Leishman & Beddoes, J. AHS 34(3), 1989; Fischenberg & Jategaonkar, RTO
+    MP-35 paper 19, 1999; Jategaonkar, Flight Vehicle System Identification, 2015, chapter 12.
 
     >>> float(Kirchhoff(35.0, 0.29).steady(0.29))
     0.5
@@ -63,11 +73,11 @@ class Kirchhoff:
             raise InputError("sharpness is 0", "Kirchhoff flow", "it must be positive")
 
     def steady(self, angle: Value) -> Value:
-        """Attached flow in steady state at an angle of attack [rad], (n,) or a number."""
+        """Steady flow attachment at an angle of attack [rad], (n,) or a number."""
         return 0.5 * (1.0 - np.tanh(self.sharpness * (angle - self.alpha_star)))
 
     def expression(self, angle: str) -> Expression:
-        """`steady` as an expression; `angle` is that of the effective angle of attack."""
+        """`steady` as an expression; `angle` is the expression of the effective angle of attack."""
         return parse(
             f"0.5*(1 - tanh({number(self.sharpness)}*({angle} - ({number(self.alpha_star)}))))"
         )
@@ -75,11 +85,21 @@ class Kirchhoff:
 
 @dataclass(frozen=True)
 class GomanKhrabrov:
-    """``tau1 dX/dt + X = X0(alpha - tau2 alphadot)`` with X0 as static tests give it, linear
-    between breakpoints, held beyond.
+    """Goman-Khrabrov flow: ``tau1 dX/dt + X = X0(alpha - tau2 alphadot)``.
 
-    breakpoints [rad], increasing; attached, X0 there, 0 to 1; lag, relaxation as in `Kirchhoff`.
-    Source: Goman & Khrabrov, J. Aircraft 31(5), 1994, eqs. 1 and 2.
+    X0 comes from static tests; it is linear between breakpoints and held beyond.
+
+    Parameters
+    ----------
+    breakpoints : [rad], at least two, increasing.
+    attached : X0 at the breakpoints, 0 to 1.
+    lag, relaxation : [chords travelled], as in `Kirchhoff`.
+
+    Raises InputError for anything else.
+
+    References
+    ----------
+    Goman & Khrabrov, J. Aircraft 31(5), 1994, eqs. 1 and 2.
     """
 
     breakpoints: tuple[float, ...]
@@ -93,22 +113,22 @@ class GomanKhrabrov:
         object.__setattr__(self, "attached", tuple(map(float, self.attached)))
         if len(self.breakpoints) < 2 or len(self.attached) != len(self.breakpoints):
             what = f"{len(self.breakpoints)} breakpoints, {len(self.attached)} values"
-            raise InputError(what, where, "give as many, two at least")
+            raise InputError(what, where, "give as many values as breakpoints, at least two")
         if not (np.all(np.diff(self.breakpoints) > 0) and np.all(np.isfinite(self.breakpoints))):
             raise InputError(
-                "breakpoints do not increase", where, "sort them and leave doubles out"
+                "breakpoints do not increase", where, "sort them and remove repetitions"
             )
         if not all(0.0 <= value <= 1.0 for value in self.attached):
             raise InputError("attached flow outside 0 to 1", where, "1 is attached, 0 separated")
         _not_negative(where, lag=self.lag, relaxation=self.relaxation)
 
     def steady(self, angle: Value) -> Value:
-        """Attached flow in steady state at an angle of attack [rad], (n,) or a number."""
+        """Steady flow attachment at an angle of attack [rad], (n,) or a number."""
         return np.interp(angle, self.breakpoints, self.attached)
 
     def expression(self, angle: str) -> Expression:
-        """`steady` as an expression: the first value, and per interval its rise over the angle
-        clipped to it."""
+        """`steady` as an expression: the first value, plus the slope of each interval times the
+        angle clipped to it."""
         parts = [str(number(self.attached[0]))]
         nodes = list(zip(self.breakpoints, self.attached, strict=True))
         for (low, first), (high, last) in pairwise(nodes):
@@ -122,10 +142,10 @@ class GomanKhrabrov:
 
 @dataclass(frozen=True)
 class Relay:
-    """Separated above `high` [rad], attached below `low`, in between as it was. JSBSim's
-    ``hysteresis_limits``.
+    """Hysteresis relay: separated above `high` [rad], attached below `low`, unchanged in between.
+    JSBSim's ``hysteresis_limits``.
 
-    separated : what the channel shows then; 0 as everywhere here, 1 for JSBSim's
+    separated : value of the channel in separated flow; 0 as everywhere here, 1 for JSBSim's
     ``aero/stall-hyst-norm``.
     """
 
@@ -145,7 +165,7 @@ class Relay:
 
 Law = Kirchhoff | GomanKhrabrov | Relay
 
-#: Name of a law in stored databases and files.
+#: Name in stored databases and files -> law.
 LAWS: Final[dict[str, type[Law]]] = {
     "kirchhoff": Kirchhoff,
     "goman_khrabrov": GomanKhrabrov,
@@ -155,8 +175,10 @@ LAWS: Final[dict[str, type[Law]]] = {
 
 @dataclass(frozen=True)
 class StateModel:
-    """A channel that a law makes of a flight. name : ``flow_attachment``, or a free input of the
-    database that it is in."""
+    """A channel that a law computes along a flight.
+
+    name : ``flow_attachment``, or a free input of its database.
+    """
 
     name: str
     law: Law
@@ -167,7 +189,7 @@ class StateModel:
 
     @property
     def needs(self) -> tuple[str, ...]:
-        """Channels of a flight that it is made of."""
+        """Channels of a flight that it is computed from."""
         moving = not isinstance(self.law, Relay) and (
             self.law.lag > 0.0 or self.law.relaxation > 0.0
         )
@@ -175,16 +197,20 @@ class StateModel:
 
     @property
     def exact_steady(self) -> bool:
-        """Whether it has no memory: `settled` then is `along`, as far as alphadot and V are
+        """Whether it has no memory, so that `settled` equals `along` where alphadot and V are
         given."""
         return not isinstance(self.law, Relay) and self.law.relaxation == 0.0
 
     def settled(self, channels: Mapping[str, Value], chord: float) -> Value:
-        """What it would settle at if alpha and ``tau2 alphadot`` stayed: (n,) or a number.
+        """Steady value at constant alpha and ``tau2 alphadot``: (n,) or a number.
 
-        channels : alpha [rad]; alphadot [rad/s] and V [m/s] count where the law has a lag and both
-        are given. A relay between its limits counts as attached: a flight begins so. chord :
-        reference chord, m.
+        Parameters
+        ----------
+        channels : alpha [rad]; also alphadot [rad/s] and V [m/s], which are used where the law has
+            a lag and both are given.
+        chord : reference chord [m].
+
+        A relay between its limits counts as attached, as at the beginning of a flight.
         """
         if isinstance(self.law, Relay):
             alpha = channels["alpha"]
@@ -193,16 +219,23 @@ class StateModel:
         return self.law.steady(self._angle(channels, chord))
 
     def along(self, time: Array, channels: Mapping[str, Array], chord: float) -> Array:
-        """The channel along a flight, (n,): integrated, from a settled start.
+        """Integrate the channel along a flight, (n,), from steady state at its first sample.
 
-        time : (n,) s, uniform. channels : `needs`, each (n,), SI, and alphadot where it is better
-        known than from alpha: without it, it is that of alpha, slower than one over the lag.
-        ``alpha - tau2 alphadot`` stands for alpha a while ago, which it is for slow motion only,
-        and a faster rate would be the noise of alpha. Between samples the steady value is taken as
-        linear, for which the relaxation is exact. Samples that are not finite are bridged for the
-        memory and stay not finite.
+        Parameters
+        ----------
+        time : (n,) [s], uniform.
+        channels : those of `needs`, each (n,), SI; and alphadot where a better estimate than the
+            derivative of alpha is available.
+        chord : reference chord [m].
 
-        Raises InputError naming absent channels, and for a lag over too few samples to have a rate.
+        Without alphadot, the rate of alpha is used, band-limited to one over the lag (`slow_rate`).
+        ``alpha - tau2 alphadot`` approximates a delayed alpha only for slow motion, and a faster
+        rate would be the noise of alpha. The steady value is taken as linear between samples, for
+        which the integration is exact. Samples that are not finite are bridged in the integration,
+        and are NaN in the result.
+
+        Raises InputError naming missing channels, and where a lag is given for too few samples to
+        compute a rate.
         """
         absent = [name for name in self.needs if name not in channels]
         if absent:
@@ -211,10 +244,8 @@ class StateModel:
                 f"state {self.name}",
                 "it is integrated along a flight",
             )
-        from aerodb.tables.state_kernel import (
-            relaxed,
-            relay,
-        )  # compiled: nothing else should wait for it
+        # Imported here because it loads the compiler.
+        from aerodb.tables.state_kernel import relaxed, relay
 
         if isinstance(self.law, Relay):
             stalled = relay(
@@ -237,11 +268,11 @@ class StateModel:
         return np.where(good, result, np.nan)
 
     def expression(self) -> Expression:
-        """What a format without memory can carry: the value that it settles at, over alpha, and
-        alphadot and V for a lag.
+        """The steady value as an expression over alpha, and over alphadot and V for a lag: for
+        formats without state models.
 
-        Exact where `exact_steady`. Raises InputError for a relay, which between its limits has no
-        value without its past.
+        Exact where `exact_steady`. Raises InputError for a relay, which has no steady value between
+        its limits.
         """
         if isinstance(self.law, Relay):
             raise InputError(
@@ -254,7 +285,7 @@ class StateModel:
         return self.law.expression(angle)
 
     def _angle(self, channels: Mapping[str, Value], chord: float) -> Value:
-        """alpha as it was a while ago, to first order [rad]."""
+        """Effective angle of attack, alpha delayed by the lag to first order [rad]."""
         lag = 0.0 if isinstance(self.law, Relay) else self.law.lag
         if lag == 0.0 or "alphadot" not in channels or "V" not in channels:
             return channels["alpha"]
@@ -263,16 +294,22 @@ class StateModel:
 
 
 def slow_rate(time: Array, channels: Mapping[str, Array], distance: float) -> Array:
-    """alphadot (n,) [rad/s] of alpha, band-limited to one over the time in which a `distance` [m]
-    is flown.
+    """Derivative of alpha (n,) [rad/s], band-limited to one over the time to fly `distance`.
 
-    time : (n,) s, uniform. channels : alpha [rad], V [m/s]. Raises InputError for too few samples
-    to have a rate.
+    Parameters
+    ----------
+    time : (n,) [s], uniform.
+    channels : alpha [rad] and V [m/s], each (n,).
+    distance : [m].
+
+    Raises InputError for too few samples to compute a rate.
     """
     alpha, speed = channels["alpha"], channels["V"]
     if len(time) < FEWEST_SAMPLES:
         raise InputError(
-            f"{len(time)} samples have no rate", "alphadot", f"{FEWEST_SAMPLES} are needed"
+            f"{len(time)} samples are too few for a rate",
+            "alphadot",
+            f"{FEWEST_SAMPLES} are needed",
         )
     moving = np.isfinite(speed) & (speed > 0)
     if not (moving.any() and np.isfinite(alpha).any()):

@@ -1,9 +1,9 @@
-"""A table: values on a rectangular grid, linear between breakpoints along each axis and held
-outside them, unless it says otherwise of an axis.
+"""Tables on rectangular grids: linear between breakpoints and held outside them, unless another
+interpolation or extrapolation is given for an axis.
 
-Multilinear interpolation is linear in the node values, ``C = A @ values`` with the sparse hat basis
-A: `basis` is the regressor for increments on the table's own breakpoints, and its column sums
-(`coverage`) say where a flight speaks.
+Multilinear interpolation is linear in the node values, ``C = A @ values``, with the sparse matrix A
+of interpolation weights (`basis`). A is the regressor matrix for increments on the table's own
+breakpoints, and its column sums (`coverage`) show which nodes the samples touch.
 """
 
 import itertools
@@ -25,16 +25,16 @@ if TYPE_CHECKING:
 
 MAX_DIMENSIONS = 12
 
-#: Between two breakpoints: linear, the value of the nearer one (midway: of the upper), of the
-#: lower, of the upper.
+#: Between two breakpoints: linear; or the value at the nearer one (midway: the upper), at the
+#: lower, at the upper.
 INTERPOLATIONS: Final = ("linear", "discrete", "floor", "ceiling")
-#: On which sides an argument is extrapolated linearly from the last cell instead of held.
+#: The ends of an axis where it is extrapolated linearly from the last cell instead of held.
 EXTRAPOLATIONS: Final = ("neither", "min", "max", "both")
 
 
 class Lookup(NamedTuple):
     """Interpolated values (n,), which points lie outside the breakpoints (n,), and whether any
-    does."""
+    lies outside."""
 
     values: Array
     outside: Mask
@@ -42,8 +42,8 @@ class Lookup(NamedTuple):
 
 
 class _Cell(NamedTuple):
-    """Where points lie along one axis: lower node, upper node, weight of the upper, and its slope
-    in 1/argument."""
+    """Cells of points along one axis: lower node, upper node, weight of the upper node, and its
+    derivative [1/argument]; each (n,)."""
 
     low: NDArray[np.int64]
     high: NDArray[np.int64]
@@ -53,18 +53,23 @@ class _Cell(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """An N-D table, 1 <= N <= 12.
+    """An N-dimensional table on a rectangular grid, 1 <= N <= 12.
 
-    arguments : labels of the axes. breakpoints : one strictly increasing array per axis, in the
-    unit of that argument. values : as many axes as `breakpoints`, the last varying fastest. An axis
-    of one breakpoint is constant. extent : per axis (low, high) beyond which a point is outside,
-    None for an axis that has no outside; empty where that is the range of the breakpoints. A table
-    into which increments were folded has breakpoints beyond its own data. interpolation,
-    extrapolation : one word per axis from `INTERPOLATIONS` and `EXTRAPOLATIONS`; empty: linear and
-    held, all.
+    Parameters
+    ----------
+    arguments : labels of the axes.
+    breakpoints : one strictly increasing array per axis, in the unit of that argument. An axis of
+        one breakpoint is constant.
+    values : as many axes as `breakpoints`, the last varying fastest.
+    interpolation, extrapolation : one word per axis from `INTERPOLATIONS` and `EXTRAPOLATIONS`;
+        empty: all linear, all held.
+    uncertainty : declared by the source; None where there is none.
+    extent : per axis (low, high) beyond which a point is outside, None for an axis without limits;
+        empty where that is the range of the breakpoints. A table into which increments were folded
+        has breakpoints beyond its own data.
 
-    Raises InputError for breakpoints that do not increase, shapes that do not fit, and numbers that
-    are not finite.
+    Raises InputError for breakpoints that do not increase, shapes that do not match, and numbers
+    that are not finite.
     """
 
     name: str
@@ -79,8 +84,8 @@ class Table:
     def __post_init__(self) -> None:
         check_identifier(self.name)
         where = f"table {self.name}"
-        # Adding zero turns -0 into 0, which canonical JSON cannot tell apart: hashes would differ
-        # after storing.
+        # Adding zero turns -0 into 0. Canonical JSON does not distinguish them, so that hashes
+        # would differ after storing.
         axes = tuple(np.array(axis, dtype=np.float64) + 0.0 for axis in self.breakpoints)
         values = np.array(self.values, dtype=np.float64, order="C") + 0.0
         if not 1 <= len(axes) <= MAX_DIMENSIONS or len(axes) != len(self.arguments):
@@ -102,7 +107,7 @@ class Table:
         if values.shape != shape:
             raise InputError(f"values have shape {values.shape}, the breakpoints {shape}", where)
         if not np.all(np.isfinite(values)):
-            raise InputError("values that are not finite", where)
+            raise InputError("values are not finite", where)
         for array in (*axes, values):
             array.flags.writeable = False
         object.__setattr__(self, "arguments", tuple(self.arguments))
@@ -133,7 +138,7 @@ class Table:
 
     @cached_property
     def axes_packed(self) -> tuple[Array, NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-        """The axes as the compiled loop takes them: breakpoints, their starts, strides in nodes,
+        """The axes in the form of the compiled loop: breakpoints, their starts, strides in nodes,
         modes."""
         starts = np.cumsum([0, *self.values.shape], dtype=np.int64)
         strides = np.array(self.values.strides, dtype=np.int64) // self.values.itemsize
@@ -141,8 +146,8 @@ class Table:
 
     @cached_property
     def modes(self) -> NDArray[np.int64]:
-        """(N,) what the compiled loop needs to know of an axis: its interpolation plus 4 times its
-        extrapolation."""
+        """(N,) code of each axis for the compiled loop: index of its interpolation plus 4 times the
+        index of its extrapolation."""
         modes = np.zeros(len(self.breakpoints), dtype=np.int64)
         for words, known, factor in (
             (self.interpolation, INTERPOLATIONS, 1),
@@ -157,8 +162,8 @@ class Table:
         return stacked_arguments(self.name, len(self.breakpoints), arguments)
 
     def lookup(self, *arguments: Array | float) -> Lookup:
-        """Values and which points lie outside the breakpoints; arguments as in `evaluate`."""
-        from aerodb.tables import kernel  # loads the compiler: not before a table is needed
+        """Values, and which points lie outside the breakpoints; arguments as in `evaluate`."""
+        from aerodb.tables import kernel  # imported here because it loads the compiler
 
         interpolate: Any = kernel.interpolate
         points = self.stacked(arguments)
@@ -182,29 +187,36 @@ class Table:
         return outside
 
     def evaluate(self, *arguments: Array | float) -> Array:
-        """(n,) values at arguments, each (n,) or a number, in the units of the breakpoints; held
-        outside them."""
+        """Interpolated values (n,).
+
+        arguments : one per axis, each (n,) or a number, in the unit of the breakpoints.
+        """
         return self.lookup(*arguments).values
 
     def outside(self, *arguments: Array | float) -> Mask:
-        """(n,) true where any argument lies outside its breakpoints (or is NaN)."""
+        """(n,) true where any argument lies outside its breakpoints or is NaN."""
         return self.lookup(*arguments).outside
 
     def basis(self, *arguments: Array | float) -> "csr_array[Any]":
-        """(n, values.size) hat basis A: ``evaluate(...) == A @ values.ravel()``. Arguments must be
-        finite."""
+        """Sparse interpolation weights A (n, values.size): ``evaluate(...) == A @ values.ravel()``.
+
+        Raises InputError for arguments that are not finite.
+        """
         return self._combine(self._cells(self.stacked(arguments)), None)
 
     def coverage(self, *arguments: Array | float) -> Array:
-        """Sum of the hat basis over the points, in the shape of `values`: zero where no point
-        touches a node."""
+        """Sum of the interpolation weights over the points, in the shape of `values`; zero at nodes
+        that no point touches."""
         return np.asarray(self.basis(*arguments).sum(axis=0), dtype=np.float64).reshape(
             self.values.shape
         )
 
     def slope(self, argument: str, *arguments: Array | float) -> Array:
-        """(n,) exact derivative along the axis labelled `argument`: of the cell to the right of a
-        breakpoint, 0 outside."""
+        """Exact derivative (n,) along the axis labelled `argument`; at a breakpoint that of the
+        cell above, 0 outside.
+
+        Raises UnknownNameError for an unknown label.
+        """
         if argument not in self.arguments:
             raise UnknownNameError(
                 f"no argument '{argument}'", f"table {self.name}", nearest(argument, self.arguments)
@@ -216,7 +228,7 @@ class Table:
     def _cells(self, points: Array) -> list[_Cell]:
         if not np.all(np.isfinite(points)):
             raise InputError(
-                "arguments that are not finite", f"table {self.name}", "leave flagged samples out"
+                "arguments are not finite", f"table {self.name}", "leave out flagged samples"
             )
         return [
             _cell(axis, x, mode)
@@ -224,10 +236,9 @@ class Table:
         ]
 
     def _combine(self, cells: list[_Cell], derivative: int | None) -> "csr_array[Any]":
-        """Products of the hats along every axis; along `derivative` their slopes instead."""
-        from scipy.sparse import (
-            csr_array,
-        )  # takes longer to load than a query may: only regression needs it
+        """Products of the weights along every axis; along axis `derivative`, their derivatives."""
+        # Imported here because it loads slowly and only regression needs it.
+        from scipy.sparse import csr_array
 
         n = cells[0].low.size
         columns, data = [], []
@@ -268,10 +279,10 @@ def _cell(axis: Array, x: Array, mode: int) -> _Cell:
 
 
 def _words(
-    given: tuple[str, ...], known: tuple[str, ...], axes: int, where: str
+    words: tuple[str, ...], known: tuple[str, ...], axes: int, where: str
 ) -> tuple[str, ...]:
-    """One known word per axis; empty when all are the first of `known`, the usual one."""
-    words = tuple(given)
+    """Check one known word per axis; empty where all are the first of `known`, the default."""
+    words = tuple(words)
     for word in words:
         if word not in known:
             raise InputError(f"'{word}'", where, nearest(word, known))
@@ -282,8 +293,8 @@ def _words(
 
 @dataclass(frozen=True, eq=False)
 class TableGroup:
-    """Tables with the same breakpoints and modes, looked up together: each point is located
-    once."""
+    """Tables with the same breakpoints and modes, interpolated together, so that each point is
+    located once."""
 
     tables: tuple[Table, ...]
 
@@ -294,7 +305,7 @@ class TableGroup:
         )
 
     def lookup(self, *arguments: Array | float) -> Lookup:
-        """As `Table.lookup`, with values (tables, n)."""
+        """Values and outside points as `Table.lookup`, with values (tables, n)."""
         from aerodb.tables import kernel
 
         interpolate: Any = kernel.interpolate_together
@@ -310,8 +321,8 @@ class TableGroup:
 
 
 def stacked_arguments(name: str, wanted: int, arguments: tuple[Any, ...]) -> Array:
-    """Arguments, each (n,) or a number, as (N, n); InputError unless there are as many as
-    `wanted`."""
+    """Stack arguments, each (n,) or a number, as (N, n); InputError unless there are `wanted` of
+    them."""
     if len(arguments) != wanted:
         raise InputError(f"{len(arguments)} arguments, the table has {wanted}", f"table {name}")
     n = max(

@@ -1,5 +1,5 @@
-"""Uncertainty that a source declares for a variable or a table: carried as data, drawn from by
-whoever simulates with it.
+"""Uncertainty that a source declares for a variable or a table, for error propagation and Monte
+Carlo simulation.
 
 Source: AIAA S-119 (DAVE-ML 2.0), "Statistical information encoding".
 """
@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from aerodb.errors import InputError, nearest
 from aerodb.tables.expression import check_identifier
 
-#: A bound: a number, the name of a variable that gives it, or one number per node of the table
-#: (flat, last axis fastest).
+#: A bound: a number, the name of a variable, or one number per table node (flat, last axis
+#: fastest).
 Bound = float | str | tuple[float, ...]
 
 EFFECTS: Final = ("additive", "multiplicative", "percentage", "absolute")
@@ -23,13 +23,15 @@ DISTRIBUTIONS: Final = ("normal", "uniform")
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """How far a nominal value may be off.
+    """Declared uncertainty of a nominal value.
 
-    effect : how bounds act on the value; with `additive`, value +- bound. distribution : `normal`,
-    with one bound at `sigmas` standard deviations; or `uniform`, with one bound that holds both
-    ways (symmetric), or two: below and above. correlates_with : variables or tables whose
-    uncertainty depends on this one. correlations : (name, coefficient) of what this one depends on;
-    only for `normal`.
+    Parameters
+    ----------
+    effect : one of `EFFECTS`, how bounds act on the value; ``additive`` is value +- bound.
+    distribution : ``normal``, with one bound at `sigmas` standard deviations; or ``uniform``, with
+        one symmetric bound, or two, below and above.
+    correlates_with : variables or tables whose uncertainty depends on this one.
+    correlations : (name, coefficient) of those that this one depends on; only for ``normal``.
 
     Raises InputError for anything else.
     """
@@ -52,7 +54,7 @@ class Uncertainty:
         if self.distribution == "uniform" and (self.correlates_with or self.correlations):
             raise InputError(
                 "a uniform uncertainty with correlations",
-                remedy="the standard has them for normal ones",
+                remedy="the standard allows them only for normal uncertainties",
             )
         if not (np.isfinite(self.sigmas) and self.sigmas > 0):
             raise InputError(f"uncertainty bound at {self.sigmas:g} sigma")
@@ -66,19 +68,19 @@ class Uncertainty:
 
     @property
     def names(self) -> frozenset[str]:
-        """Variables that give bounds."""
+        """Names of the variables that are bounds."""
         return frozenset(bound for bound in self.bounds if isinstance(bound, str))
 
 
 def check_bounds(uncertainty: Uncertainty | None, nodes: int) -> None:
-    """InputError unless bounds per node fit a table of `nodes` (0: a variable, which has none)."""
+    """Raise InputError unless bounds per node match a table of `nodes` (0: a variable)."""
     for bound in uncertainty.bounds if uncertainty else ():
         if isinstance(bound, tuple) and len(bound) != nodes:
             raise InputError(f"{len(bound)} uncertainty bounds for {nodes} nodes")
 
 
 def bound_arrays(uncertainty: Uncertainty | None) -> list[NDArray[np.float64]]:
-    """The numbers of the bounds, for hashes."""
+    """Numeric bounds as arrays, for hashes."""
     bounds = uncertainty.bounds if uncertainty else ()
     return [
         np.atleast_1d(np.array(bound, dtype=np.float64))

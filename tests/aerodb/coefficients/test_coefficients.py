@@ -1,4 +1,4 @@
-"""Coefficients from flight: NASA's own columns first, then a planted motion, then what cannot be
+"""Total coefficients against NASA's own columns and a planted motion, and what cannot be
 computed."""
 
 import numpy as np

@@ -1,5 +1,5 @@
-"""Least squares: published Twin Otter answers first, then coverage of planted truth, then what must
-be refused."""
+"""Least squares against published Twin Otter results, coverage of planted truth, and rejected
+input."""
 
 import numpy as np
 import pytest

@@ -1,5 +1,5 @@
-"""The gate: every check refuses for its own reason, in numbers that are known beforehand, and only
-then."""
+"""The promotion gate: every check refuses for its own reason, with numbers known beforehand, and
+only then."""
 
 from dataclasses import replace
 from typing import Any
@@ -101,14 +101,14 @@ def test_a_proved_version_passes_every_check(baseline: AeroDatabase) -> None:
         (
             {"parent": "", "below_released": False},
             "parent is the released",
-            "v0002 has no parent, released is v0001",
+            "v0002 has no parent, but v0001 is released",
         ),
         ({"parent": "v0004", "released": "v0001"}, "parent is the released", "promote v0004 first"),
         ({"stale": ("flight f1 was retracted",)}, "not stale", "flight f1 was retracted"),
         (
             {"content_sha256": "abd"},
             "content as stored",
-            "its numbers have the hash abd, stored with it is abc",
+            "its numbers have the hash abd, but the stored hash is abc",
         ),
     ],
 )
@@ -137,7 +137,7 @@ def test_the_excess_error_must_fall_over_all_axes_in_units_of_their_noise(
         for axis, entry in axes().items()
     }
     assert judged(baseline, report=unproved).reasons == (
-        "no flight was held out: nothing proves that the error falls",
+        "no flight was held out: nothing shows that the error falls",
     )
     assert not judged(baseline, report={}).passed
 
@@ -154,7 +154,7 @@ def test_an_axis_may_be_worse_by_what_flights_differ_among_themselves(
         axis: {k: v for k, v in entry.items() if k != "repeatability"}
         for axis, entry in axes().items()
     }
-    assert "make the version again" in judged(baseline, report=old).reasons[0]
+    assert "create the version again" in judged(baseline, report=old).reasons[0]
 
 
 def test_check_cases_are_evaluated_again(baseline: AeroDatabase) -> None:
@@ -172,9 +172,7 @@ def test_check_cases_are_evaluated_again(baseline: AeroDatabase) -> None:
         "and 21 more check values differ"
         in judge(STANDING, baseline, baseline, cases, axes()).reasons
     )
-    assert (
-        "it carries no check cases" in judge(STANDING, baseline, candidate, (), axes()).reasons[0]
-    )
+    assert "it has no check cases" in judge(STANDING, baseline, candidate, (), axes()).reasons[0]
 
 
 # Sign changes

@@ -1,5 +1,5 @@
-"""Declared increments: planted ones come back with honest intervals, constraints do what algebra
-says, envelopes hold."""
+"""Declared increments: planted ones are recovered with correct confidence intervals; constraints
+and envelopes have the effect that algebra predicts."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -142,12 +142,12 @@ def test_nothing_planted_is_nothing_found() -> None:
         t_values.append(axis.estimates / axis.standard_errors)
         before = {c.flight: c for c in compared}
         after = {f.id: _with(update, f, c) for f, c in zip(flown, compared, strict=True)}
-        proof = validate_on_held_out(
+        validation = validate_on_held_out(
             before, after, HoldOut(("f0", "f1", "f2"), ("f3",), "held-out")
         )[0]
-        assert proof.held_out_rms_before is not None
-        assert proof.held_out_rms_after is not None
-        excess.append(proof.held_out_rms_after / proof.held_out_rms_before - 1.0)
+        assert validation.held_out_rms_before is not None
+        assert validation.held_out_rms_after is not None
+        excess.append(validation.held_out_rms_after / validation.held_out_rms_before - 1.0)
     t = np.array(t_values)
     assert 0.9 < np.sqrt(np.mean(t**2)) < 1.15
     assert 0.025 < np.mean(np.abs(t) > 1.96) < 0.085

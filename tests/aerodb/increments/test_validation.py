@@ -1,4 +1,4 @@
-"""The proof: which flights may validate, and errors before and after, worked out by hand."""
+"""Validation: which flights may validate, and errors before and after, worked by hand."""
 
 from dataclasses import replace
 
@@ -141,34 +141,34 @@ def test_numbers_by_hand() -> None:
         "a": compared("a", [1, 2], [0, 1], 0.1),
         "b": compared("b", [10, -10, 0], [1, 2, 1e6], 0.6, bad=2),
     }
-    (proof,) = validate_on_held_out(before, after, SPLIT)
-    assert proof.axis == "CZ"
-    assert proof.rms_before == pytest.approx(np.sqrt(12.5))
-    assert proof.rms_after == pytest.approx(np.sqrt(0.5))
-    assert proof.held_out_rms_before == pytest.approx(np.sqrt(17.0))
-    assert proof.held_out_rms_after == pytest.approx(np.sqrt(2.5))
-    assert proof.held_out_shape_before == pytest.approx(1.0)
-    assert proof.held_out_shape_after == pytest.approx(0.5)
-    assert proof.noise_floor == pytest.approx(0.6)
-    assert proof.excess_before == pytest.approx(np.sqrt(17.0 - 0.36))
-    assert proof.excess_after == pytest.approx(np.sqrt(2.5 - 0.36))
-    assert proof.explained == pytest.approx(1.0 - 2.5 / 100.0)
-    assert proof.outcome == "improved"
+    (validation,) = validate_on_held_out(before, after, SPLIT)
+    assert validation.axis == "CZ"
+    assert validation.rms_before == pytest.approx(np.sqrt(12.5))
+    assert validation.rms_after == pytest.approx(np.sqrt(0.5))
+    assert validation.held_out_rms_before == pytest.approx(np.sqrt(17.0))
+    assert validation.held_out_rms_after == pytest.approx(np.sqrt(2.5))
+    assert validation.held_out_shape_before == pytest.approx(1.0)
+    assert validation.held_out_shape_after == pytest.approx(0.5)
+    assert validation.noise_floor == pytest.approx(0.6)
+    assert validation.excess_before == pytest.approx(np.sqrt(17.0 - 0.36))
+    assert validation.excess_after == pytest.approx(np.sqrt(2.5 - 0.36))
+    assert validation.explained == pytest.approx(1.0 - 2.5 / 100.0)
+    assert validation.outcome == "improved"
     # Theil: predicted (9, -12) against (10, -10): errors (-1, -2), mean -1.5; spreads 10.5 and 10.
-    assert proof.theil is not None
+    assert validation.theil is not None
     size = np.sqrt((81 + 144) / 2) + 10.0
-    assert proof.theil.fit_percent == pytest.approx(100 * (1 - np.sqrt(2.5) / size))
-    assert proof.theil.bias == pytest.approx(2.25 / 2.5)
-    assert proof.theil.variance == pytest.approx(0.25 / 2.5)
-    assert proof.theil.covariance == pytest.approx(0.0, abs=1e-12)
+    assert validation.theil.fit_percent == pytest.approx(100 * (1 - np.sqrt(2.5) / size))
+    assert validation.theil.bias == pytest.approx(2.25 / 2.5)
+    assert validation.theil.variance == pytest.approx(0.25 / 2.5)
+    assert validation.theil.covariance == pytest.approx(0.0, abs=1e-12)
 
 
 def test_the_error_cannot_fall_below_nothing() -> None:
     before = {"a": compared("a", [1, 2], [3, 4], 0.1), "b": compared("b", [10, -10], [3, 5], 2.0)}
     after = {"a": compared("a", [1, 2], [0, 1], 0.1), "b": compared("b", [10, -10], [1, 2], 2.0)}
-    (proof,) = validate_on_held_out(before, after, SPLIT)
-    assert proof.excess_after == 0.0
-    assert proof.outcome == "at noise floor"
+    (validation,) = validate_on_held_out(before, after, SPLIT)
+    assert validation.excess_after == 0.0
+    assert validation.outcome == "at noise floor"
 
 
 @pytest.mark.parametrize(
@@ -202,13 +202,17 @@ def test_without_held_out_flights_the_numbers_are_those_that_identified() -> Non
         {"a": compared("a", [1, 2], [3, 4], 0.1)},
         {"a": compared("a", [1, 2], [0, 1], 0.1)},
     )
-    (proof,) = validate_on_held_out(before, after, HoldOut(("a",), (), "not validated"))
-    assert (proof.held_out_rms_before, proof.held_out_rms_after, proof.excess_after) == (
+    (validation,) = validate_on_held_out(before, after, HoldOut(("a",), (), "not validated"))
+    assert (
+        validation.held_out_rms_before,
+        validation.held_out_rms_after,
+        validation.excess_after,
+    ) == (
         None,
         None,
         None,
     )
-    assert proof.rms_after == pytest.approx(np.sqrt(0.5))
+    assert validation.rms_after == pytest.approx(np.sqrt(0.5))
 
 
 def test_leaving_one_out_scores_each_flight_by_the_others() -> None:
@@ -220,10 +224,10 @@ def test_leaving_one_out_scores_each_flight_by_the_others() -> None:
         asked.append(flight)
         return compared(flight, [10, -10], [2, -2], 0.1)
 
-    (proof,) = validate_by_leaving_one_out(before, after, without)
+    (validation,) = validate_by_leaving_one_out(before, after, without)
     assert asked == ["a", "b", "c"]
-    assert (proof.rms_before, proof.rms_after) == (pytest.approx(4.0), pytest.approx(1.0))
-    assert (proof.held_out_rms_before, proof.held_out_rms_after) == (
+    assert (validation.rms_before, validation.rms_after) == (pytest.approx(4.0), pytest.approx(1.0))
+    assert (validation.held_out_rms_before, validation.held_out_rms_after) == (
         pytest.approx(4.0),
         pytest.approx(2.0),
     )
@@ -234,10 +238,10 @@ def test_an_axis_that_a_held_out_flight_lacks_is_judged_on_the_others() -> None:
         compared("b", [10, -10], [3, 5], 0.1), usable={}, measured={}, predicted={}, sigma={}
     )
     sides = [{"a": compared("a", [10, -10], [k, -k], 0.1), "b": lacking} for k in (4, 1)]
-    (proof,) = validate_on_held_out(*sides, SPLIT)
-    assert proof.held_out_rms_after is None
-    assert proof.rms_after == pytest.approx(1.0)
-    assert proof.outcome == "improved"
+    (validation,) = validate_on_held_out(*sides, SPLIT)
+    assert validation.held_out_rms_after is None
+    assert validation.rms_after == pytest.approx(1.0)
+    assert validation.outcome == "improved"
     nothing = [
         {"a": compared("a", [10, -10], [k, -k], 0.1), "b": compared("b", [1], [k], 0.1, bad=0)}
         for k in (4, 1)

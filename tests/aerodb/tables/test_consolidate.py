@@ -1,5 +1,5 @@
-"""Increments on table nodes and folded into tables: the same numbers as the layer, and the way back
-to the flights."""
+"""Consolidation: increments folded into tables give the same results as layers, and every node can
+be traced back to its flights."""
 
 import json
 import re
@@ -95,7 +95,7 @@ def test_layered_and_consolidated_give_the_same(seed: int, increments: int) -> N
 
 
 def test_generated_databases_fold_something_and_keep_something() -> None:
-    """Otherwise the property above would hold for nothing."""
+    """The property above is tested on databases where something is folded."""
     folds = [fold for seed in range(40) for fold in plan(generated(seed))]
     folded = sum(bool(fold.table) for fold in folds)
     assert 0.1 < folded / len(folds) < 0.9

@@ -1,5 +1,5 @@
-"""Differences of two databases: planted ones come back, node by node, with their error, coverage
-and flights."""
+"""Differences between databases: planted differences are found node by node, with standard error,
+coverage and flights."""
 
 from dataclasses import replace
 

@@ -1,5 +1,5 @@
-"""Value, standard error and place: against drawn estimates, drawn uncertainty, and formulas worked
-by hand."""
+"""Value, standard error and place, against Monte Carlo draws of estimates and uncertainties, and
+against formulas worked by hand."""
 
 from collections.abc import Mapping
 from dataclasses import replace

@@ -1,5 +1,5 @@
-"""State models: closed forms, an independent integrator, JSBSim's own relay; stored, predicted
-along a flight, exported."""
+"""State models against closed forms, an independent integrator and JSBSim's own relay; stored,
+predicted along a flight, exported."""
 
 import json
 from dataclasses import replace

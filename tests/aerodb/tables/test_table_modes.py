@@ -1,5 +1,5 @@
-"""Tables beyond linear and held: other interpolations, extrapolation, scattered points; and
-look-ups made together."""
+"""Tables with other interpolation and extrapolation, scattered points, and tables interpolated
+together."""
 
 import numpy as np
 import pytest
@@ -113,7 +113,7 @@ def test_scattered_points_equal_scipy_inside_and_are_held_outside(dimensions: in
     ("points", "message"),
     [
         ([[0, 0], [1, 1], [2, 2], [3, 3]], "no volume"),
-        ([[0, 0], [1, 0], [0, 1], [0, 0]], "a point stands twice"),
+        ([[0, 0], [1, 0], [0, 1], [0, 0]], "a point is listed twice"),
         ([[0, 0], [1, 0], [0, np.inf], [1, 1]], "not finite"),
     ],
 )
@@ -146,7 +146,7 @@ def test_tables_on_the_same_breakpoints_are_looked_up_together() -> None:
 
 
 def test_blocks_of_points_are_the_same_points() -> None:
-    """A prediction of many points is put together from blocks: values, and where which table is
+    """A prediction of many points is joined from blocks: values, and where which table is
     left."""
     table = Table("T", ("alpha",), (X / 10,), Y)
     database = AeroDatabase(

@@ -1,5 +1,5 @@
-"""Tables, increments and the database: against scipy, against formulas worked by hand, and in their
-own algebra."""
+"""Tables, increments and databases against scipy, against formulas worked by hand, and by their own
+algebra."""
 
 import pickle
 from dataclasses import replace
