@@ -1,5 +1,4 @@
-"""The closed loop as a flow: residuals traced to the effects that the database lacks, those added,
-and the candidate proved."""
+"""Closed-loop flow: trace residuals to missing effects, add these, and validate the candidate."""
 
 from typing import Any
 
@@ -33,13 +32,13 @@ def close_loop_flow(
     effects: str = "",
     library: str = "",
 ) -> dict[str, Any]:
-    """Traces the residuals of `flights` beside version `baseline` (full ids) and adds what is
-    proved.
+    """Trace the residuals of `flights` beside version `baseline` (full ids), and add confirmed
+    effects.
 
-    hold_out : as in the update. accept_* : effects that enter although their verdict alone would
-    not let them. effects : the text of a file of user templates. library : the hash that the
-    library must have, or its beginning. Returns the loop's document with ``label`` and ``page``,
-    the file of its report; ``candidate`` is None where nothing was added.
+    hold_out : as in the update. accept_* : effects to add although their verdict alone does not
+    admit them. effects : the text of a file of user templates. library : the hash that the library
+    must have, or its beginning. Returns the loop's document with ``label`` and ``page``, the file
+    of its report; ``candidate`` is None if nothing was added.
     """
     where = {"workspace": workspace, "run": run}
     accept = Accept(tuple(accept_lumped or ()), tuple(accept_suspected or ()))

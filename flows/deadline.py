@@ -1,4 +1,4 @@
-"""The longest that a whole run may take: what hangs must not keep the next night from its work."""
+"""Time limit of a whole run, so that a run that hangs does not block the next one."""
 
 import signal
 import threading
@@ -10,21 +10,23 @@ from aerodb.errors import AeroError
 
 
 class OutOfTimeError(AeroError, TimeoutError):
-    """A run has taken longer than it may. What it stored stays, and the same run again goes on from
-    there."""
+    """A run exceeded its time limit.
+
+    Its results stay stored, and the same run continues from them when it is started again.
+    """
 
 
 class _TimeUp(BaseException):
-    """Ends a run from within: nothing that deals with the errors of a log or of a step may take it
-    for one."""
+    """Ends a run from within; not an Exception, so that no error handling of a log or step catches
+    it."""
 
 
 @contextmanager
 def at_most(seconds: float, where: str) -> Iterator[None]:
-    """Ends what is done within, once it has lasted for so many `seconds`; OutOfTimeError then.
+    """End the enclosed code after `seconds` with OutOfTimeError.
 
-    Only the main thread of a process can be interrupted so, and only where the system has a timer
-    for it; elsewhere nothing is limited. Compiled code comes to its end first.
+    Works only in the main thread of a process, and only if the system has an interval timer; there
+    is no limit otherwise. Compiled code runs to its end first.
     """
     if (
         not hasattr(signal, "setitimer")

@@ -1,9 +1,8 @@
-"""The demo: the built-in example through the whole product, from real log files to a proof on
-flights not used.
+"""The demo: the built-in example from log files to a validated candidate.
 
-The flights are simulated on a sealed truth; what they leave are ``.ulg`` files and a closed
-envelope. The flows that run are the product's own and see nothing but the logs. Only when all
-results are stored is the envelope opened.
+The flights are simulated with a sealed truth, and leave ``.ulg`` files and a closed envelope with
+the true effects. The product's own flows run on the logs alone; the envelope is opened only after
+all results are stored.
 """
 
 import json
@@ -38,10 +37,10 @@ Agreement = Literal["named", "in_set", "missed"]
 
 @dataclass(frozen=True)
 class Demo:
-    """What the demo shows: the closed loop's document, and the opened envelope beside it.
+    """Result of the demo: the closed loop's document, and the truth from the envelope.
 
-    floors : axis -> rms on the held-out flights ``before``, ``after`` and ``floor``, the last that
-    of the true model. truth : the effects that flew, each with ``agreement``.
+    floors : axis -> rms on the held-out flights ``before``, ``after`` and ``floor`` (of the true
+    model). truth : the effects that flew, each with ``agreement``.
     """
 
     document: dict[str, Any]
@@ -50,7 +49,7 @@ class Demo:
 
 
 def run_demo(workspace: Workspace, logs: list[Path], run: Run, say: Say) -> Demo:
-    """Takes the logs of `write_logs` in, closes the loop on them, and then opens the envelope."""
+    """Ingest the logs of `write_logs`, close the loop on them, then open the envelope."""
     database = logs[0].parent / "preflight.toml"
     database.write_text(read_example("preflight.toml"), encoding="utf-8")
     access = access_workspace(str(workspace.root))
@@ -73,10 +72,10 @@ def run_demo(workspace: Workspace, logs: list[Path], run: Run, say: Say) -> Demo
 
 
 def write_logs(folder: Path, flights: int, seed: int | None) -> list[Path]:
-    """Flies the campaign, writes one ``.ulg`` file per flight and closes the truth in an envelope;
-    returns the logs as flown.
+    """Fly the campaign, write one ``.ulg`` file per flight, seal the truth, and return the logs.
 
-    seed : draws the undeclared effects and all else that is random; None: the Phoenix case of 003.
+    seed : draws the undeclared effects and everything else that is random; None: the Phoenix case
+    (docs/method/tracing.md, "References").
     """
     folder.mkdir(parents=True, exist_ok=True)
     effects = EFFECTS if seed is None else draw_effects(seed)
@@ -97,15 +96,14 @@ def write_logs(folder: Path, flights: int, seed: int | None) -> list[Path]:
 
 
 def open_envelope(folder: Path) -> tuple[Effect, ...]:
-    """The effects that flew."""
+    """Return the effects that flew."""
     return tuple(
         Effect(**entry) for entry in json.loads((folder / ENVELOPE).read_text(encoding="utf-8"))
     )
 
 
 def agreement(effect: Effect, findings: list[dict[str, Any]]) -> Agreement:
-    """Whether a true effect was named, stands in the explanation set of a finding, or was
-    missed."""
+    """Return whether a true effect was named, is in a finding's explanation set, or was missed."""
     heads = {
         f["parameter"]
         for f in findings
@@ -125,8 +123,10 @@ def agreement(effect: Effect, findings: list[dict[str, Any]]) -> Agreement:
 def floors(
     workspace: Workspace, document: dict[str, Any], effects: tuple[Effect, ...]
 ) -> dict[str, dict[str, float]]:
-    """Residual of the baseline, the candidate and the true model on the same reconstructed held-out
-    coefficients."""
+    """Return the residual rms of baseline, candidate and true model on the held-out flights.
+
+    All three are compared with the same reconstructed coefficients.
+    """
     access = access_workspace(str(workspace.root))
     baseline = access.database(document["baseline"])
     models = {

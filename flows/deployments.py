@@ -1,7 +1,7 @@
-"""What runs when, as Prefect deployments, and the runner that starts their runs: a process of
-`aerodb serve`.
+"""Prefect deployments of a workspace, and the runner that starts their runs (for `aerodb serve`).
 
-Beside `flows/run.py` the only module that imports Prefect. Each run is a process of its own.
+This module and `aerodb.flows.run` are the only ones that import Prefect. Each run is a process of
+its own.
 """
 
 import os
@@ -31,7 +31,7 @@ _THREADS: Any = ThreadPoolTaskRunner(max_workers=os.cpu_count() or 1)
 
 @flow(name="nightly", persist_result=False, validate_parameters=False, task_runner=_THREADS)
 def nightly(workspace: str, vehicle: str | None = None) -> None:
-    """One night; where the night before it still lasts, that one does it all."""
+    """Run the nightly flow; does nothing while an earlier night is still running."""
     from aerodb.flows.nightly import (
         night_lock,
         nightly_flow,
@@ -49,14 +49,14 @@ def nightly(workspace: str, vehicle: str | None = None) -> None:
 
 @flow(name="arrival", persist_result=False, validate_parameters=False, task_runner=_THREADS)
 def arrival(workspace: str) -> None:
-    """The per-flight run of every log that waits in the inbox."""
+    """Run the per-flight flow on every log that waits in the inbox."""
     from aerodb.flows.inbox import sweep_flow
 
     run_flow(sweep_flow, {}, Workspace.open(Path(workspace), create=False))
 
 
 def schedules(settings: Settings, workspace: str) -> list[PrefectSchedule]:
-    """The workspace's own schedule, and one for each vehicle that has its own."""
+    """Return the workspace's schedule, and one for each vehicle that has its own."""
     made = [_schedule(settings.nightly, {"workspace": workspace})]
     for name, own in settings.vehicles.items():
         if own.schedule is not None:
@@ -73,8 +73,8 @@ def _schedule(asked: Schedule, parameters: dict[str, Any]) -> PrefectSchedule:
 
 
 def main() -> None:
-    """Registers the deployments of the workspace that the first argument names, and starts their
-    runs until it is stopped."""
+    """Register the deployments of the workspace in the first argument, and start their runs until
+    stopped."""
     workspace = sys.argv[1]
     settings = load_settings(Path(workspace))
     kind: dict[str, Any] = {

@@ -1,9 +1,9 @@
-"""Where the steps of flights are done: here, or by the workers of a Dask cluster (section
-``[work]`` of the settings).
+"""Executors of per-flight steps: this machine, or the workers of a Dask cluster (settings
+``[work]``).
 
-A worker gets a step and its arguments, and nothing of the orchestrator: the run, its record, its
-retries and its time limits stay in the run's own process. Steps are keyed by what goes into them,
-so that one done twice, because a worker was lost, is done once.
+A worker gets a step and its arguments and nothing of the orchestrator: the run, its record, its
+retries and its time limits stay in the run's own process. Results have keys that follow from their
+inputs, so a step that runs twice because a worker was lost gives one result.
 """
 
 import json
@@ -37,12 +37,12 @@ _GUIDE: Final = "see flows/deploy/many-machines.md"
 
 
 class Executor(Protocol):
-    """Where steps are done."""
+    """Turns a step into calls, and releases its resources on exit."""
 
     def calls(
         self, step: Step, items: Iterable[Any], *args: Any, **keywords: Any
     ) -> Sequence[Call]:
-        """One call for each item, the step's first argument."""
+        """Return one call for each item, which is the step's first argument."""
 
     def __enter__(self) -> Self: ...
 
@@ -55,7 +55,7 @@ class Executor(Protocol):
 
 
 class LocalExecutor:
-    """Steps done by whoever calls them."""
+    """Runs steps in the calling process."""
 
     def calls(
         self, step: Step, items: Iterable[Any], *args: Any, **keywords: Any
@@ -71,14 +71,13 @@ class LocalExecutor:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Nothing to give back."""
+        """Release nothing."""
 
 
 class DaskExecutor:
-    """Steps done by the workers of the Dask cluster at `address`; connected to when the first of
-    them comes.
+    """Runs steps on the Dask cluster at `address`; connects when the first step is submitted.
 
-    remote : whether workers may be on other machines, because those share the catalogue.
+    remote : whether workers may be on other machines, because they share the catalogue.
     """
 
     def __init__(self, address: str, remote: bool) -> None:
@@ -97,7 +96,7 @@ class DaskExecutor:
         return [_RemoteCall(self, partial(job, item, args, keywords), item) for item in todo]
 
     def submit(self, job: Call) -> Any:
-        """The future of a job. StoreBusyError where no scheduler, or no worker, can be had."""
+        """Return the future of a job; StoreBusyError if no scheduler or no worker is available."""
         with self._connecting:
             if self._client is None or self._client.status not in ("running", "connecting"):
                 self._client = self._connected()
@@ -148,7 +147,7 @@ class DaskExecutor:
 
 
 class _RemoteCall:
-    """A step that a worker does; `job` is what it calls, for `item`."""
+    """A step that a worker runs: `job` is the call, `item` the step's first argument."""
 
     def __init__(self, cluster: DaskExecutor, job: Call, item: Any) -> None:
         self._cluster, self._job, self._item = cluster, job, item
@@ -179,9 +178,11 @@ class _RemoteCall:
 
 @dataclass(frozen=True)
 class RunSite:
-    """What a worker must have in common with the run: its machine (unless `remote`), the
-    versions of the steps, and the workspace folder, in which the file of the run's lock stands
-    while it lasts."""
+    """What a worker must have in common with the run.
+
+    machine : of the run; ignored if `remote`. code : version of the package and of the steps. lock
+    : file of the run's lock in the workspace folder; it exists as long as the run lasts.
+    """
 
     machine: str
     code: str
@@ -190,8 +191,8 @@ class RunSite:
 
     @classmethod
     def of(cls, keywords: Mapping[str, Any], remote: bool) -> Self:
-        """Where a step is asked for: `keywords` are what it is given, its ``workspace`` and ``run``
-        among them."""
+        """Return the site of this process for a step with these keywords (``workspace`` and
+        ``run``)."""
         lock = Workspace(Path(keywords["workspace"])).lock(f"run-{keywords['run']}")
         return cls(_machine(), _code(), str(lock), remote)
 
@@ -199,8 +200,7 @@ class RunSite:
 def run_on_worker(
     site: RunSite, step: Step, item: Any, args: tuple[Any, ...], keywords: dict[str, Any]
 ) -> Any:
-    """What a worker does: the step, and whatever that raises; SettingsError where this is not the
-    place for it."""
+    """Run a step on a worker; SettingsError if the worker does not match the run's site."""
     here = socket.gethostname()
     if site.machine != _machine() and not site.remote:
         what = (
@@ -227,7 +227,7 @@ def run_on_worker(
 
 
 def _machine() -> str:
-    """This machine since it was started; another container is another one."""
+    """Return an id of this machine since its boot; a container has its own."""
     try:
         booted = Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii").strip()
     except OSError:
@@ -236,13 +236,13 @@ def _machine() -> str:
 
 
 def _code() -> str:
-    """What decides which results a step makes."""
+    """Return what determines the results of a step: the package version and the step versions."""
     return f"{code_version().partition('+')[0]} {json.dumps(RESULT_VERSION, sort_keys=True)}"
 
 
 def executor_of(root: Path) -> Executor:
-    """Where the workspace's settings want the steps of flights done. SettingsError where they
-    cannot be used."""
+    """Return the executor that the workspace's settings name; SettingsError if it cannot be
+    used."""
     settings = load_settings(root)
     if settings.work.engine == "threads":
         return LocalExecutor()

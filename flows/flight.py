@@ -1,5 +1,5 @@
-"""The per-flight flow: read, store, make consistent, compute coefficients, compare with the
-released database."""
+"""Per-flight flow: ingest, reconstruct, compute coefficients, compare with the released
+database."""
 
 from typing import Any
 
@@ -19,12 +19,12 @@ def flight_flow(
     name: str | None = None,
     strict: bool = False,
 ) -> list[dict[str, Any]]:
-    """Each log into the store, and each new flight beside the released database. One bad log stops
-    no other.
+    """Ingest logs and compare each new flight with the released database; one bad log stops no
+    other.
 
-    Returns one document per log: that of `aerodb.tasks.steps.ingest.store_log` and, where it became
-    a flight, ``consistency``, ``coefficients`` and ``comparison``, the documents of these steps. A
-    rejected flight is compared all the same: it says why.
+    Returns one document per log: that of `aerodb.tasks.steps.ingest.store_log` and, if it became a
+    flight, ``consistency``, ``coefficients`` and ``comparison``, the documents of these steps. A
+    rejected flight is compared too: the comparison shows why.
     """
     where = {"workspace": workspace, "run": run}
     outcomes = steps.map(
@@ -39,8 +39,8 @@ def flight_flow(
 
 
 def again_flow(steps: Steps, *, workspace: str, run: str, flight: str) -> dict[str, Any]:
-    """The steps of the per-flight run once more on a stored flight (its id): what is missing of it
-    is made, all else is read."""
+    """Repeat the per-flight steps on a stored flight (its id); only missing results are
+    computed."""
     vehicle = access_workspace(workspace).catalogue.flight(flight).vehicle
     made = _beside_released(steps, [flight], vehicle, workspace, run)
     return {"flight": flight, **{name: step.get(flight) for name, step in made.items()}}
@@ -49,8 +49,8 @@ def again_flow(steps: Steps, *, workspace: str, run: str, flight: str) -> dict[s
 def _beside_released(
     steps: Steps, flights: list[str], vehicle: str, workspace: str, run: str
 ) -> dict[str, dict[str, Any]]:
-    """Consistency, coefficients and comparison with the released database of stored flights (ids),
-    each by flight."""
+    """Return consistency, coefficients and comparison with the released database, by flight
+    (ids)."""
     where = {"workspace": workspace, "run": run}
     consistency = {
         entry["flight"]: entry for entry in steps.map(check_consistency, flights, **where)

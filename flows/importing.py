@@ -1,4 +1,4 @@
-"""The import flow: a database file becomes a version."""
+"""Import flow: a database file becomes a version."""
 
 from typing import Any
 
@@ -9,7 +9,7 @@ from aerodb.tasks.steps import import_database
 def import_flow(
     steps: Steps, *, workspace: str, run: str, file: str, vehicle: str, bindings: dict[str, str]
 ) -> dict[str, Any]:
-    """Imports a database file; see `aerodb.tasks.steps.publish.import_database`."""
+    """Import a database file; see `aerodb.tasks.steps.publish.import_database`."""
     result: dict[str, Any] = steps(
         import_database, file, workspace=workspace, run=run, vehicle=vehicle, bindings=bindings
     )

@@ -1,8 +1,7 @@
-"""The sweep of the inbox: each file that is wholly there ends as stored, duplicate or quarantined;
-one stops no other.
+"""Sweep of the inbox: each complete file ends as stored, duplicate or quarantined.
 
-It looks at what is in the inbox and never at what told it to: a trigger that was lost costs nothing
-but time.
+One bad file stops no other. The sweep looks at the inbox itself, not at the event that triggered
+it: a lost trigger costs nothing but time.
 """
 
 from collections.abc import Iterator, Sequence
@@ -38,14 +37,14 @@ _NAMED: Final = 20
 def sweep_flow(
     steps: Steps, *, workspace: str, run: str, vehicle: str | None = None
 ) -> dict[str, Any]:
-    """Takes in what waits in the inbox, of one `vehicle` or of all. One sweep at a time; a second
-    one waits for the first.
+    """Ingest what waits in the inbox, of one `vehicle` or of all; a second sweep waits for the
+    first.
 
     Returns a document: ``files``, one ending each (`aerodb.tasks.steps.inbox.settle`, or
     ``no_room``), ``waiting``, what stays and why, and ``undelivered`` notifications.
 
-    Raises StoreError when there was no room for any of the files, and, once all else is done,
-    SettingsError when settings or what they name cannot be used: no try counts then.
+    Raises StoreError if there was no room for any file and, after everything else is done,
+    SettingsError if settings or what they name cannot be used: no attempt counts then.
     """
     access = access_workspace(workspace)
     settings = load_settings(access.workspace.root)
@@ -72,7 +71,7 @@ def sweep_flow(
 
 
 def _check_progress(files: Sequence[dict[str, Any]], faults: Sequence[SettingsError]) -> None:
-    """Raises what kept the sweep from doing anything at all, or what somebody must mend."""
+    """Raise the error that kept the sweep from doing anything, or that somebody must fix."""
     if faults:
         raise faults[0]
     if files and all(ending["kind"] == "no_room" for ending in files):
@@ -83,8 +82,10 @@ def _check_progress(files: Sequence[dict[str, Any]], faults: Sequence[SettingsEr
 def _batches(
     access: WorkspaceAccess, settings: Settings, seen: Sequence[InboxFile]
 ) -> Iterator[list[tuple[InboxFile, str]]]:
-    """Files to deal with together, each with the reason for which it is set aside, if it is. What
-    was tried before goes alone."""
+    """Yield the files to process together, each with the reason to quarantine it, if any.
+
+    A file that was tried before is processed alone.
+    """
     attempts = access.catalogue.inbox_attempts(entry.relative for entry in seen)
     fresh: dict[str, list[tuple[InboxFile, str]]] = {}
     alone: list[list[tuple[InboxFile, str]]] = []
@@ -159,8 +160,10 @@ def _dealt(
 
 
 def _is_its_fault(error: BaseException) -> bool:
-    """Whether what was read may have caused an error; else it was who stopped the run, the disk,
-    the settings, or the orchestrator."""
+    """Return whether the file may have caused an error.
+
+    Otherwise it was an interrupt, the disk, the settings, or the orchestrator.
+    """
     if (
         type(error).__name__ == "TaskRunTimeoutError"
     ):  # the orchestrator's: the file took longer than a step may
@@ -179,13 +182,12 @@ def _is_its_fault(error: BaseException) -> bool:
 
 
 def _is_no_room(error: BaseException) -> bool:
-    """Whether the machine could not take one log: it is too large for the disk, say, and the next
-    one may not be."""
+    """Return whether there was no room for one log; a smaller one may still fit."""
     return isinstance(error, StoreError) and not isinstance(error, StoreBusyError)
 
 
 def _tell(access: WorkspaceAccess, files: Sequence[dict[str, Any]]) -> None:
-    """One notification per vehicle for what was refused, and one for what failed."""
+    """Queue one notification per vehicle for refused files, and one for failed files."""
     for vehicle in sorted({ending["vehicle"] for ending in files}):
         mine = [ending for ending in files if ending["vehicle"] == vehicle]
         refused = [e for e in mine if e["kind"] == "quarantined" or e["verdict"] == "rejected"]

@@ -1,7 +1,6 @@
-"""The nightly flow: what crashed is noted, the inbox swept, and databases taken further where
-enough flights are new.
+"""Nightly flow: mark crashed runs, sweep the inbox, update databases with enough new flights.
 
-What a night costs depends on what is new, not on what is stored.
+The cost of a night depends on what is new, not on what is stored.
 """
 
 from collections.abc import Callable
@@ -25,21 +24,20 @@ _BODIES: Final[dict[str, Callable[..., Any]]] = {
 
 
 def night_lock(workspace: Workspace, vehicle: str | None) -> Path:
-    """The lock that a night holds, of one vehicle or of all: who cannot have it leaves the work to
-    that one."""
+    """Return the lock of a night, for one vehicle or for all; without it, a night does not
+    start."""
     return workspace.lock(f"nightly-{vehicle}" if vehicle else "nightly")
 
 
 def nightly_flow(
     steps: Steps, *, workspace: str, run: str, vehicle: str | None = None, scheduled: bool = False
 ) -> dict[str, Any]:
-    """One night, for one `vehicle` or for all; `scheduled` leaves databases alone that have a
-    schedule of their own.
+    """Run one night, for one `vehicle` or for all.
 
-    Returns the sweep's document with ``crashed`` runs and ``loops``: per vehicle and way, whether
-    it was due, how many flights were new, the candidate (None where nothing was added) and the
-    error of one that failed. One stops no other. ``trimmed`` says what left the cache of an object
-    store.
+    scheduled : leave out vehicles that have a schedule of their own. Returns the sweep's document
+    with ``crashed`` runs and ``loops``: per vehicle and way, whether it was due, how many flights
+    were new, the candidate (None if nothing was added) and the error of one that failed; one
+    failure stops no other. ``trimmed`` says what was removed from the cache of an object store.
     """
     access = access_workspace(workspace)
     names = [row.name for row in access.catalogue.vehicles()]
@@ -70,7 +68,7 @@ def nightly_flow(
 def _swept(
     steps: Steps, workspace: str, run: str, vehicle: str | None
 ) -> tuple[dict[str, Any], AeroError | None]:
-    """The sweep's document, or what kept it from its end."""
+    """Return the sweep's document, or the error that ended it."""
     try:
         return sweep_flow(steps, workspace=workspace, run=run, vehicle=vehicle), None
     except (StoreError, SettingsError) as error:
@@ -80,7 +78,7 @@ def _swept(
 def _advanced(
     steps: Steps, access: WorkspaceAccess, vehicle: str, way: str, run: str
 ) -> dict[str, Any]:
-    """Takes one database further in one way, where that is due; says what came of it."""
+    """Update one database in one way if it is due, and return the outcome."""
     loop = load_settings(access.workspace.root).loop_of(vehicle)
     asked = due(access, vehicle, loop, way)
     said: dict[str, Any] = {

@@ -1,7 +1,6 @@
-"""What `aerodb serve` asks of the Prefect server, over HTTP: whether it is there, an event, and the
-states of runs.
+"""Requests of `aerodb serve` to the Prefect server: health, events, and states of runs.
 
-Prefect itself is not imported: these are four requests.
+Uses HTTP; Prefect itself is not imported.
 """
 
 import base64
@@ -28,8 +27,8 @@ _MOST: Final = 200
 
 
 class Client:
-    """Requests to the server at `url`; every method raises OSError (of which an HTTP error is one)
-    when it cannot be had."""
+    """HTTP client of the server at `url`; requests raise OSError (HTTP errors included) on
+    failure."""
 
     def __init__(self, url: str, token: str) -> None:
         self.url = url
@@ -40,7 +39,7 @@ class Client:
             ).decode("ascii")
 
     def healthy(self) -> bool:
-        """Whether it answers."""
+        """Return whether the server answers."""
         try:
             with urllib.request.urlopen(f"{self.url}/health", timeout=_SECONDS) as response:
                 return bool(response.status == 200)
@@ -48,7 +47,7 @@ class Client:
             return False
 
     def post(self, path: str, document: Any) -> Any:
-        """The answer to a document."""
+        """Post a document and return the answer."""
         data = json.dumps(document).encode("utf-8")
         request = urllib.request.Request(f"{self.url}{path}", data, self._headers, method="POST")
         try:
@@ -62,7 +61,7 @@ class Client:
 
 
 def emit_arrival(client: Client, vehicles: dict[str, int]) -> None:
-    """Tells the server that logs wait: how many, by vehicle."""
+    """Tell the server that logs wait; vehicles : number of logs by vehicle."""
     document = {
         "id": str(uuid.uuid4()),
         "occurred": datetime.now(UTC).isoformat(),
@@ -74,7 +73,7 @@ def emit_arrival(client: Client, vehicles: dict[str, int]) -> None:
 
 
 def is_awaited(client: Client) -> bool:
-    """Whether a run that will look at the inbox is about to begin."""
+    """Return whether a run that will read the inbox is scheduled, pending or running."""
     waiting = {"state": {"type": {"any_": ["SCHEDULED", "PENDING", "RUNNING"]}}}
     return bool(
         client.post(
@@ -84,11 +83,10 @@ def is_awaited(client: Client) -> bool:
 
 
 def clear_up(client: Client, workspace: Workspace, at_start: bool) -> int:
-    """Marks runs as crashed whose process is gone, and at the start those as cancelled that were
-    missed; how many.
+    """Mark runs as crashed whose process is gone, and return the number of changed runs.
 
-    A run that lives holds its lock (`aerodb.storage.locks`). Missed ones need no run: the next one
-    does what they would have done.
+    at_start : also cancel scheduled runs that were missed; the next run does their work. A live run
+    holds its lock (`aerodb.storage.locks`).
     """
     wanted = {"state": {"type": {"any_": ["RUNNING", "PENDING", "CANCELLING"]}}}
     count = 0
@@ -120,8 +118,7 @@ def clear_up(client: Client, workspace: Workspace, at_start: bool) -> int:
 
 
 def _catalogue_id(run: dict[str, Any]) -> str:
-    """The id under which the catalogue knows a flow run: its own for a deployment's, else it is its
-    name."""
+    """Return the id of a flow run in the catalogue: a deployment's own id, otherwise its name."""
     return str(run["id"] if run["deployment_id"] else run["name"])
 
 

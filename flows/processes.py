@@ -1,5 +1,4 @@
-"""Processes that `aerodb serve` keeps going: their environment, their port, and how they start, end
-and start again."""
+"""Child processes of `aerodb serve`: environment, port, start, stop and restart."""
 
 import ctypes
 import os
@@ -36,8 +35,8 @@ _PR_SET_PDEATHSIG: Final = 1
 
 
 def environment_of(workspace: Workspace, url: str, token: str) -> dict[str, str]:
-    """Environment of the server and the runner: everything of Prefect in the workspace, nothing of
-    the user's own profile."""
+    """Return the environment of server and runner: Prefect's files in the workspace, no user
+    profile."""
     kept = {name: value for name, value in os.environ.items() if not name.startswith("PREFECT_")}
     settings = {
         "PREFECT_HOME": str(workspace.prefect),
@@ -66,11 +65,9 @@ def environment_of(workspace: Workspace, url: str, token: str) -> dict[str, str]
 
 
 def database_of(workspace: Workspace) -> str:
-    """Address of Prefect's own database as Prefect wants it: a file in the workspace, or what
-    ``serve.database`` names.
+    """Return the URL of Prefect's own database: a file in the workspace, or ``serve.database``.
 
-    Raises InputError, without the address, for one that Prefect cannot use or that is the
-    catalogue's.
+    Raises InputError, without the URL, if Prefect cannot use it or if it is the catalogue's.
     """
     where = f"{workspace.root / FILE}: serve.database"
     url = resolved(load_settings(workspace.root).serve.database, where)
@@ -98,8 +95,7 @@ _OPTIONS: Final = {"host": "host", "port": "port", "sslmode": "ssl"}
 
 
 def free_port(serve: Serve) -> int:
-    """The port that the settings ask for, or a free one where they leave it open; InputError when
-    it is taken."""
+    """Return the port of the settings, or a free one; InputError if it is taken."""
     family = socket.AF_INET6 if ":" in serve.host else socket.AF_INET
     with socket.socket(family) as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -114,8 +110,8 @@ def free_port(serve: Serve) -> int:
 
 
 class Child:
-    """A process that is started again, after a growing wait, whenever it ends. What it says goes to
-    a file of its own."""
+    """A process that is restarted with growing delays when it ends; its output goes to a log
+    file."""
 
     def __init__(
         self, name: str, command: Sequence[str], environment: Mapping[str, str], folder: Path
@@ -130,7 +126,7 @@ class Child:
         return self._process is not None and self._process.poll() is None
 
     def start(self) -> None:
-        """Starts it in a session of its own: what it starts can be ended with it."""
+        """Start the process in its own session, so that its children can be ended with it."""
         if self._log.exists() and self._log.stat().st_size > _LOG_BYTES:
             self._log.replace(self._log.with_suffix(".log.1"))
         with self._log.open("ab") as log:
@@ -146,7 +142,7 @@ class Child:
         self._started = time.monotonic()
 
     def keep_going(self, say: Callable[[str], None]) -> None:
-        """Starts it again when it has ended and waited long enough."""
+        """Restart the process if it has ended and the delay is over."""
         if self.alive or self._process is None:
             return
         lived = time.monotonic() - self._started
@@ -162,8 +158,7 @@ class Child:
         self.start()
 
     def stop(self, seconds: float) -> None:
-        """Asks it to end, and ends it with all that it started when it does not within
-        `seconds`."""
+        """Terminate the process; kill it and its children if it has not ended within `seconds`."""
         if self._process is None:
             return
         if self.alive:
@@ -176,6 +171,6 @@ class Child:
 
 
 def end_with_parent() -> None:
-    """In a new process: the system ends it when the one that started it was killed, so that none is
-    left behind."""
+    """In a new process: let the system end it when its parent is killed, so that none is
+    orphaned."""
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)

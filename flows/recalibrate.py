@@ -1,5 +1,5 @@
-"""The recalibration flow, an explicit event: sensors calibrated from flights jointly, and what
-hangs on them computed anew."""
+"""Recalibration flow: calibrate sensors jointly from flights, and recompute what depends on
+them."""
 
 from typing import Any
 
@@ -19,11 +19,11 @@ def recalibrate_flow(
     valid_from: str | None = None,
     valid_until: str | None = None,
 ) -> dict[str, Any]:
-    """Calibrates a vehicle from `flights` (ids), binds them to the result, and recomputes their
-    consistency, coefficients and comparison with the released database. Flights processed
-    afterwards are bound to it as well; versions stay as they are.
+    """Calibrate a vehicle's sensors from `flights` (ids), and bind these flights to the result.
 
-    Returns the document of `aerodb.tasks.steps.calibration.calibrate` with ``consistency`` and
+    Their consistency, coefficients and comparison with the released database are recomputed.
+    Flights that are processed later are bound to the calibration as well; versions stay as they
+    are. Returns the document of `aerodb.tasks.steps.calibration.calibrate` with ``consistency`` and
     ``comparison`` by flight.
     """
     where = {"workspace": workspace, "run": run}

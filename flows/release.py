@@ -1,5 +1,4 @@
-"""The flows that move names of versions. Each attempt, also a refused one, is a run in the
-catalogue with its reasons."""
+"""Flows that move names of versions; each attempt is recorded as a run with its reasons."""
 
 from typing import Any
 
@@ -10,7 +9,7 @@ from aerodb.tasks.steps import promote, roll_back
 def promote_flow(
     steps: Steps, *, workspace: str, run: str, version: str, name: str, reason: str
 ) -> dict[str, Any]:
-    """Points a name at a version (its id); see `aerodb.tasks.steps.release.promote`."""
+    """Point a name at a version (its id); see `aerodb.tasks.steps.release.promote`."""
     result: dict[str, Any] = steps(
         promote, version, workspace=workspace, run=run, name=name, reason=reason
     )
@@ -20,7 +19,7 @@ def promote_flow(
 def roll_back_flow(
     steps: Steps, *, workspace: str, run: str, vehicle: str, name: str, reason: str
 ) -> dict[str, Any]:
-    """Takes the last standing move of a name back; see `aerodb.tasks.steps.release.roll_back`."""
+    """Undo the last standing move of a name; see `aerodb.tasks.steps.release.roll_back`."""
     result: dict[str, Any] = steps(
         roll_back, vehicle, workspace=workspace, run=run, name=name, reason=reason
     )

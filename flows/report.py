@@ -1,4 +1,4 @@
-"""Pages for people as a flow: of a flight, of an update or closed loop, of a version."""
+"""Report flow: HTML pages of a flight, of an update or closed loop, and of a version."""
 
 from collections.abc import Callable
 from typing import Any, Final
@@ -16,7 +16,9 @@ _PAGES: Final[dict[str, Callable[..., str]]] = {
 def report_flow(
     steps: Steps, *, workspace: str, run: str, kind: str, about: str, **options: Any
 ) -> str:
-    """The page of `kind` (``flight``, ``update``, ``version``) about a full id, as HTML; `options`
-    are those of its step."""
+    """Return the HTML page of `kind` (``flight``, ``update``, ``version``) about a full id.
+
+    options : those of the page's step.
+    """
     page: str = steps(_PAGES[kind], about, workspace=workspace, run=run, **options)
     return page

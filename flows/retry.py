@@ -1,5 +1,4 @@
-"""Doing again what did not work: a log in quarantine, a run that failed, the steps of a flight.
-Again costs nothing twice."""
+"""Retry a quarantined log, a failed run, or the steps of a flight; stored results are reused."""
 
 from collections.abc import Callable
 from typing import Any, Final
@@ -40,11 +39,11 @@ _SHORTEST: Final = 4
 def retry(
     access: WorkspaceAccess, reference: str, vehicle: str | None, run: Run
 ) -> list[dict[str, Any]]:
-    """Does again what `reference` means: ``all``, a log in quarantine (key or name), a failed run,
-    or a flight.
+    """Retry what `reference` names: ``all``, a log in quarantine (key or name), a failed run, a
+    flight.
 
-    vehicle : for whom a log came, where it is not known. Returns what was done: ``what``, ``kind``,
-    ``outcome``, ``reason``. Raises UnknownNameError where nothing answers.
+    vehicle : of a log whose vehicle is unknown. Returns what was done: ``what``, ``kind``,
+    ``outcome``, ``reason``. Raises UnknownNameError for an unknown reference.
     """
     entries = in_quarantine(access)
     failed = access.catalogue.unresolved_runs()
@@ -68,8 +67,8 @@ def _means(reference: str, id: str) -> bool:
 def _logs_again(
     access: WorkspaceAccess, entries: list[Quarantined], vehicle: str | None, run: Run
 ) -> list[dict[str, Any]]:
-    """Back into the inbox, and the inbox swept. Of several, what cannot go back yet keeps none of
-    the others."""
+    """Put logs back into the inbox and sweep it; one that cannot go back does not stop the
+    others."""
     names = [row.name for row in access.catalogue.vehicles()]
     whose = {
         entry.key: entry.vehicle or vehicle or (names[0] if len(names) == 1 else "")

@@ -1,10 +1,9 @@
-"""How a flow runs: under Prefect (a server, or Prefect's own ephemeral mode) or directly. Decided
-here and nowhere else.
+"""Run a flow under Prefect (a server, or its ephemeral mode) or directly; decided here only.
 
-A flow is a plain function ``body(steps, **parameters)``; a step is a plain function of ``tasks/``.
-Under Prefect each becomes a flow or a task; directly the same bodies are called. So every way
-stores the same keys, and Prefect, which takes seconds to import, is imported only where it runs
-something.
+A flow is a plain function ``body(steps, **parameters)``; a step is a plain function of
+`aerodb.tasks.steps`. Under Prefect they become a flow and tasks; directly, the same functions are
+called. Both ways store the same keys, and Prefect, which takes seconds to import, is imported only
+if it is used.
 """
 
 import gc
@@ -36,16 +35,16 @@ Way = Literal["server", "ephemeral", "direct"]
 
 
 class Steps(Protocol):
-    """What a flow body calls its steps through."""
+    """How a flow body calls its steps."""
 
     def __call__(self, step: Callable[..., Any], *args: Any, **keywords: Any) -> Any:
-        """Runs one step and returns its result; its exception is raised here."""
+        """Run one step and return its result, or raise its exception."""
 
     def map(
         self, step: Callable[..., Any], items: Iterable[Any], *args: Any, **keywords: Any
     ) -> list[Any]:
-        """Runs a step for each item (its first argument), in parallel where the runner can; results
-        in order."""
+        """Run a step for each item (its first argument), in parallel if possible; results in
+        order."""
 
 
 #: Told of progress: which step, how many items are done, of how many.
@@ -53,11 +52,11 @@ Progress = Callable[[str, int, int], None]
 
 
 def silent(_step: str, _done: int, _total: int) -> None:
-    """The progress report of callers who want none."""
+    """Ignore a progress report."""
 
 
 class DirectSteps:
-    """Steps as plain calls; those that are mapped are done where `work` says, on all cores."""
+    """Steps as plain calls; mapped steps run on the executor, on all cores."""
 
     def __init__(self, progress: Progress = silent, executor: Executor | None = None) -> None:
         self._progress, self._executor = progress, executor or LocalExecutor()
@@ -89,8 +88,7 @@ class DirectSteps:
 
 
 class PrefectSteps:
-    """Steps as Prefect tasks of the flow run that is under way; what they do is done where `work`
-    says."""
+    """Steps as Prefect tasks of the current flow run; their work is done by the executor."""
 
     def __init__(self, progress: Progress = silent, executor: Executor | None = None) -> None:
         self._progress, self._executor = progress, executor or LocalExecutor()
@@ -136,7 +134,7 @@ class PrefectSteps:
 
 
 class _Opaque:
-    """A call that nobody looks into."""
+    """A call that Prefect does not look into."""
 
     __slots__ = ("call",)
 
@@ -153,13 +151,13 @@ _AGAIN_AFTER: Final = (2.0, 15.0, 60.0)
 
 
 def _may_pass(_task: Any, _run: Any, state: Any) -> bool:
-    """Whether a failure may pass by itself: a lock, a disk out of reach. What is wrong with a log
-    stays wrong."""
+    """Return whether a failure may be temporary (a lock, an unreachable disk); a bad log stays
+    bad."""
     return isinstance(state.result(raise_on_failure=False), StoreBusyError)
 
 
 def name_of(step: Callable[..., Any]) -> str:
-    """A step's name as people see it: module and function, ``ingest.store_log``."""
+    """Return a step's name for people, module and function: ``ingest.store_log``."""
     return f"{step.__module__.rpartition('.')[2]}.{step.__name__}"
 
 
@@ -170,8 +168,7 @@ def run_flow(
     how: How = "auto",
     progress: Progress = silent,
 ) -> Any:
-    """Runs a flow body with `parameters`, records the run in the catalogue, and returns the body's
-    result.
+    """Run a flow body with `parameters`, record the run in the catalogue, and return the result.
 
     The body is called as ``body(steps, workspace=<folder as text>, run=<run id>, **parameters)``.
     """
@@ -201,8 +198,7 @@ def run_flow(
 
 @lru_cache(maxsize=1)
 def _freeze_imports() -> None:
-    """Once in a process: no collection of garbage looks again at what was imported; that costs a
-    long run a tenth of its time."""
+    """Exclude imported objects from garbage collection; that saves a tenth of a long run's time."""
     gc.collect()
     gc.freeze()
 
@@ -210,8 +206,8 @@ def _freeze_imports() -> None:
 def run_part(
     steps: Steps, body: Callable[..., Any], parameters: dict[str, Any], workspace: str, within: str
 ) -> Any:
-    """Runs a flow body through the steps of the run `within` (its id) that is under way, with a
-    record of its own."""
+    """Run a flow body with the steps of the current run `within` (its id), with a record of its
+    own."""
     folder = Workspace.open(Path(workspace))
     way: Way = Catalogue.open(folder.catalogue).run(within).how
     given = {"workspace": workspace, **parameters}
@@ -226,8 +222,8 @@ def _recorded(
     way: Way,
     id: str = "",
 ) -> Any:
-    """Notes in the catalogue that a run begins and how it ends; its lock says for as long as it
-    lasts that it lives."""
+    """Record the start and the end of a run in the catalogue; the run holds its lock while it
+    lasts."""
     run = id or secrets.token_hex(16)
     with (
         Catalogue.open(workspace.catalogue) as catalogue,
@@ -251,7 +247,7 @@ def _recorded(
 
 
 def _present_flow_run() -> str:
-    """The id of the orchestrator's flow run that this process is in, empty outside of one."""
+    """Return the id of Prefect's current flow run; empty outside of one."""
     if "prefect" not in sys.modules:
         return ""
     from prefect.context import FlowRunContext
@@ -261,7 +257,7 @@ def _present_flow_run() -> str:
 
 
 def _check_text(parameters: dict[str, Any]) -> None:
-    """Refuses names of files that are no text: neither the record of runs nor Prefect could hold
+    """Refuse file names that are not valid text: neither the catalogue nor Prefect could store
     them."""
     for value in parameters.values():
         for text in value if isinstance(value, list) else [value]:
@@ -298,11 +294,11 @@ def _under_prefect(body: Callable[..., Any], given: dict[str, Any], steps: Steps
 
 
 def configure_prefect(root: Path) -> Literal["server", "ephemeral"]:
-    """Sets Prefect's environment before its first import: quiet, no telemetry, its database in the
+    """Set Prefect's environment before its first import: quiet, no telemetry, database in the
     workspace.
 
-    Returns ``server`` when PREFECT_API_URL, or the note of the workspace's own ``aerodb serve``,
-    names one that answers, else ``ephemeral``.
+    Returns ``server`` if PREFECT_API_URL, or the lock note of the workspace's ``aerodb serve``,
+    names a server that answers, else ``ephemeral``.
     """
     home = root / "prefect"
     home.mkdir(parents=True, exist_ok=True)

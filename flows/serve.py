@@ -1,8 +1,7 @@
-"""``aerodb serve``: keeps a Prefect server and a runner going, tells the server of logs that wait,
-and clears up after crashes.
+"""``aerodb serve``: run a Prefect server and a runner, announce new logs, clean up after crashes.
 
-It imports no Prefect: what fails in there fails in processes that are started again. Only one runs
-on a workspace.
+Only one serves a workspace. Prefect is not imported here: a failure inside Prefect ends a child
+process, which is restarted.
 """
 
 import os
@@ -43,7 +42,7 @@ Say = Callable[[str], None]
 
 
 class Server:
-    """One ``aerodb serve``: the server, the runner, and the beat in which they are looked after."""
+    """One ``aerodb serve``: the server, the runner, and the loop that supervises them."""
 
     def __init__(self, workspace: Workspace, lock: Lock, say: Say) -> None:
         self._workspace, self._lock, self._say = workspace, lock, say
@@ -87,7 +86,7 @@ class Server:
             return 0
 
     def run(self, stopping: threading.Event) -> None:
-        """Runs until `stopping` is set; StoreError when the server does not come up."""
+        """Run until `stopping` is set; StoreError if the server does not start."""
         for ended in mark_ended(self._access):
             self._say(f"run {ended['run'][:12]} of {ended['flow']} had crashed")
         try:
@@ -122,8 +121,8 @@ class Server:
         )
 
     def _beat(self, stopping: threading.Event) -> None:
-        """Once a second: dead processes are started again, settings read again, the inbox looked
-        at, crashes cleared up."""
+        """Once a second: restart dead processes, reload settings, look at the inbox, clean up
+        crashes."""
         try:
             self._follow_clock(stopping)
             for child in (self._server, self._runner):
@@ -143,8 +142,11 @@ class Server:
             self._say(f"not now: {type(error).__name__}: {error}")
 
     def _follow_clock(self, stopping: threading.Event) -> None:
-        """Starts all again when the clock was set back: the services of Prefect's server would
-        sleep until it is where it was, and no run of the schedule be made for the time between."""
+        """Restart everything if the system clock was set back.
+
+        The services of Prefect's server would otherwise sleep until the clock has caught up, and no
+        scheduled run would start in the meantime.
+        """
         before, self._clock = self._clock, _clock()
         if self._clock > before - _SET_BACK:
             return
@@ -157,7 +159,7 @@ class Server:
         self._start(stopping)
 
     def _deliver(self) -> None:
-        """Delivers what waits, beside the beat: who is told may take his time to answer."""
+        """Deliver queued notifications in a thread: a receiver may take its time to answer."""
         if not self._delivering.is_alive():
             root = str(self._workspace.root)
             self._delivering = threading.Thread(
@@ -166,8 +168,7 @@ class Server:
             self._delivering.start()
 
     def _read_settings(self) -> None:
-        """Takes settings that were written meanwhile, when they are valid: the runner is started
-        again with them."""
+        """Reload changed settings if they are valid, and restart the runner with them."""
         written = self._settings_written()
         if written == self._written:
             return
@@ -178,7 +179,7 @@ class Server:
         self._runner.start()
 
     def _watch(self) -> None:
-        """Tells the server of logs that are wholly there, unless a sweep is at them already."""
+        """Announce complete logs to the server, unless a sweep is already running."""
         ready = [entry for entry in self._look() if entry.state in ("ready", "refused")]
         files = frozenset(entry.file for entry in ready)
         if not ready or is_held(self._workspace.lock("inbox")):
@@ -194,8 +195,8 @@ class Server:
         self._told = (time.monotonic(), files)
 
     def _look(self) -> list[InboxFile]:
-        """What is in the inbox; what has been there unchanged for long enough is ready, whatever
-        the clock says of its times."""
+        """Return the files in the inbox; one unchanged for long enough is ready, whatever its time
+        stamps."""
         seen, now = files_of_inbox(self._access, self._settings, wait=False), time.monotonic()
         self._since = {entry.file: self._since.get(entry.file, now) for entry in seen}
         settle = self._settings.inbox.settle
@@ -206,8 +207,10 @@ class Server:
         ]
 
     def _failed_just_now(self, nothing_new: bool) -> bool:
-        """Whether the last sweep failed (for want of room, say) and the next one is to wait: twice
-        as long after each failure, but not so long where something has come since."""
+        """Return whether the last sweep failed (no room, for example) and the next one must wait.
+
+        The delay doubles with each failure, but not if new files have arrived.
+        """
         last = self._access.catalogue.newest_run(["sweep_flow", "nightly_flow"])
         if last is None or last.state != "failed" or last.ended_utc is None:
             self._failures = []
@@ -222,8 +225,7 @@ class Server:
         return 0.0 <= (datetime.now(UTC) - last.ended_utc).total_seconds() < wait
 
     def _stop(self) -> None:
-        """Ends the runner and its runs, says of these that they were stopped, and ends the
-        server."""
+        """Stop the runner, mark its runs as cancelled, and stop the server."""
         self._runner.stop(4.0)
         mark_ended(self._access, "cancelled", "aerodb serve was stopped")
         if self.client.healthy():
@@ -235,8 +237,7 @@ class Server:
 
 
 def _clock() -> float:
-    """The time of day less what has passed since the machine began: steady until somebody sets the
-    clock."""
+    """Return the time of day minus the time since boot: constant until the clock is set."""
     return time.time() - time.monotonic()
 
 
@@ -248,7 +249,7 @@ def _delivered(root: str, say: Say) -> None:
 
 
 def serve(workspace: Workspace, say: Say) -> None:
-    """Serves a workspace until SIGTERM or SIGINT. StoreError when another ``aerodb serve`` does so
+    """Serve a workspace until SIGTERM or SIGINT; StoreError if another ``aerodb serve`` does
     already."""
     lock = take(workspace.lock("serve"))
     if lock is None:

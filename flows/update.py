@@ -1,4 +1,4 @@
-"""The update flow: declared increments from flights, a candidate version, and its error before and
+"""Update flow: declared increments from flights, a candidate version, its error before and
 after."""
 
 from typing import Any
@@ -25,12 +25,12 @@ def update_flow(
     model: str,
     hold_out: list[str] | None = None,
 ) -> dict[str, Any]:
-    """Estimates the increments that `model` (the text of a model file) declares, on top of version
-    `baseline` (its id).
+    """Estimate the increments declared in `model` (text of a model file) on version `baseline` (its
+    id).
 
     flights : their full ids. hold_out : references of flights to hold out, an empty list for none,
-    None for the rule. Returns the update's document with ``label`` and ``page``, the file of its
-    report.
+    None for the default rule. Returns the update's document with ``label`` and ``page``, the file
+    of its report.
     """
     where = {"workspace": workspace, "run": run}
     compared = steps.map(compare_with_version, flights, **where, version=baseline)

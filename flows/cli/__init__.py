@@ -1,8 +1,7 @@
-"""The command line ``aerodb``: a door, no more. What a command does stands in the flows, tasks and
-stores below it.
+"""The command line ``aerodb``: parses options and prints; the work is done in flows and tasks.
 
-Queries read the catalogue and never import Prefect. With ``--json`` exactly one JSON document goes
-to standard output and everything meant for people to standard error.
+Queries read the catalogue and never import Prefect. With ``--json``, exactly one JSON document goes
+to standard output, and all other text to standard error.
 """
 
 from aerodb.flows.cli.main import main

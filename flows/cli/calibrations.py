@@ -1,5 +1,5 @@
-"""``aerodb calibration`` and ``aerodb recalibrate``: sensor parameters of a vehicle as versions,
-and the event that makes one."""
+"""``aerodb calibration`` and ``aerodb recalibrate``: sensor calibrations of a vehicle,
+versioned."""
 
 from datetime import UTC, datetime
 from typing import Annotated, Any
@@ -59,7 +59,7 @@ def list_calibrations(context: typer.Context, vehicle: Vehicle = None) -> None:
 
 @app.command()
 def show(context: typer.Context, calibration: str, vehicle: Vehicle = None) -> None:
-    """Show a calibration: each parameter with its standard error, and what it was made from.
+    """Show a calibration: each parameter with its standard error, and the flights it was made from.
 
     Example: aerodb calibration show c0001
     """
@@ -94,7 +94,7 @@ def recalibrate(
         bool, typer.Option(help="Without Prefect: the same steps, the same keys.")
     ] = False,
 ) -> None:
-    """Calibrate sensors from several flights jointly, and compute anew what hangs on these flights.
+    """Calibrate sensors jointly from several flights, and recompute what depends on these flights.
 
     Example: aerodb recalibrate --vehicle my-glider --reason "new boom"
     """

@@ -1,5 +1,4 @@
-"""``aerodb close-loop``: trace the residual to what the database lacks, add it, and report the
-error before and after."""
+"""``aerodb close-loop``: trace residuals to missing effects, add these, report the error."""
 
 from pathlib import Path
 from typing import Annotated, Any
@@ -42,8 +41,10 @@ def close_loop(
         bool, typer.Option(help="Without Prefect: the same steps, the same keys.")
     ] = False,
 ) -> None:
-    """Trace the residual to the effects that the database lacks, add what is proved, and report the
-    error before and after.
+    """Trace residuals to effects that the database lacks, add those confirmed, and report the
+    error.
+
+    The error is given before and after, on flights that were not used.
 
     Example: aerodb close-loop --vehicle my-glider
     """
@@ -86,8 +87,8 @@ def close_loop(
 
 
 def say_loop(session: Session, document: dict[str, Any]) -> None:
-    """The loop for people: what was found and why, what it is worth, what could not be decided,
-    what to fly next."""
+    """Print a closed loop: findings with reasons, error before and after, open questions, next
+    flight."""
     if document["candidate"]:
         session.say(
             f"candidate {document['label']} ({document['candidate'][:12]}) on baseline"
@@ -122,8 +123,7 @@ def say_loop(session: Session, document: dict[str, Any]) -> None:
 
 
 def _say_not_found(session: Session, entries: list[dict[str, Any]]) -> None:
-    """What was looked for and not found, never without its bound; what could not be decided
-    first."""
+    """Print hypotheses that were not found, each with its bound; undecidable ones first."""
     if not entries:
         return
     open_ones = [entry for entry in entries if entry["verdict"] != "not_detected"]

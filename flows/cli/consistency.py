@@ -1,5 +1,4 @@
-"""The consistency of a flight, for people: the verdict, a table per channel, and the sensor errors
-that were found."""
+"""Print the consistency of a flight: the verdict, a table per channel, and the corrections."""
 
 import math
 from collections.abc import Mapping
@@ -12,8 +11,8 @@ from aerodb.nomenclature import CHANNELS
 
 
 def say_consistency(session: Session, document: Mapping[str, Any], indent: str = "") -> None:
-    """Verdict with reasons; per channel the mismatch before and after, its limit, and what is used;
-    the corrections."""
+    """Print verdict and reasons, the mismatch of each channel before and after, and the
+    corrections."""
     session.say(f"{indent}consistency: {document['verdict']}")
     for reason in document["reasons"]:
         session.say(f"{indent}  {reason}")
@@ -37,8 +36,7 @@ def say_consistency(session: Session, document: Mapping[str, Any], indent: str =
 
 
 def angular(name: str) -> tuple[float, str]:
-    """Factor and unit in which people read a parameter or channel: degrees for angles and their
-    rates."""
+    """Return factor and unit to show a parameter or channel: degrees for angles and their rates."""
     subject, _, kind = name.rpartition("_")
     if kind == "scale":
         return 1.0, ""

@@ -1,4 +1,4 @@
-"""``aerodb database``: a baseline from a file."""
+"""``aerodb database``: import a baseline from a file."""
 
 from pathlib import Path
 from typing import Annotated
@@ -21,7 +21,7 @@ def import_file(
         typer.Option(help="What an unknown input of the file is: NAME=EXPRESSION over channels."),
     ] = None,
 ) -> None:
-    """Make a version from a database file; a vehicle's first becomes `released`.
+    """Import a database file as a version; a vehicle's first one becomes `released`.
 
     Example: aerodb database import DHC6.xml --vehicle twin-otter --bind
     systems/propulsion/thrust-coefficient=0

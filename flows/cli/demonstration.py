@@ -1,4 +1,4 @@
-"""``aerodb demo``: the built-in example, from logs to a proof, and then the envelope with the
+"""``aerodb demo``: the built-in example, from logs to a validated candidate and the sealed
 truth."""
 
 from typing import Annotated
@@ -20,8 +20,7 @@ def demo(
         bool, typer.Option(help="Without Prefect: the same steps, the same keys.")
     ] = False,
 ) -> None:
-    """Fly the built-in example, take its logs in, find what its database lacks, add it, and prove
-    it on flights not used.
+    """Fly the built-in example, ingest its logs, close the loop, and compare with the sealed truth.
 
     Example: aerodb demo --seed 3
     """

@@ -1,4 +1,4 @@
-"""What conditioning found in a flight, for people: likely faults, repetitions, segments, delays."""
+"""Print conditioning findings of a flight: likely faults, repeats, segments, delays."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -12,13 +12,13 @@ _LISTED = 60
 def say_suspicions(
     session: Session, suspicions: Sequence[Mapping[str, Any]], indent: str = ""
 ) -> None:
-    """One line per likely fault."""
+    """Print one line per likely fault."""
     for entry in suspicions:
         session.say(f"{indent}suspicion: {entry['sentence']}")
 
 
 def say_repeats(session: Session, repeats: Sequence[Mapping[str, Any]], indent: str = "") -> None:
-    """Which flights this one repeats, from when to when, and what follows from it."""
+    """Print which flights this one repeats, in which intervals, and the consequence."""
     for entry in repeats:
         for s in entry["stretches"]:
             place = (
@@ -37,7 +37,7 @@ def say_repeats(session: Session, repeats: Sequence[Mapping[str, Any]], indent: 
 
 
 def say_segments(session: Session, segments: Sequence[Mapping[str, Any]]) -> None:
-    """A table of what the flight does when."""
+    """Print a table of the flight's segments."""
     rows = [
         [f"{s['start']:.2f}", f"{s['end']:.2f}", s["kind"].replace("_", " "), s["reason"]]
         for s in segments[:_LISTED]
@@ -49,7 +49,7 @@ def say_segments(session: Session, segments: Sequence[Mapping[str, Any]]) -> Non
 
 
 def say_delays(session: Session, delays: Sequence[Mapping[str, Any]]) -> None:
-    """How late each channel is, where its kinematics tell."""
+    """Print the delay of each channel, as far as the kinematics determine it."""
     known = [d for d in delays if d["observable"]]
     for d in known:
         session.say(

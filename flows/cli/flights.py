@@ -1,5 +1,4 @@
-"""``aerodb log`` and ``aerodb flight``: look into a log, take it in, list, show and retract
-flights."""
+"""``aerodb log`` and ``aerodb flight``: inspect logs, ingest, list, show and retract flights."""
 
 import tempfile
 from collections.abc import Sequence
@@ -30,8 +29,8 @@ def inspect(
         str | None, typer.Option(help="Name or file of a mapping; chosen by content without it.")
     ] = None,
 ) -> None:
-    """Say what is in a log, what is damaged, which channels map, what is missing and what looks
-    wrong; stores nothing.
+    """Show contents, damage, mapped and missing channels and likely faults of a log; stores
+    nothing.
 
     Example: aerodb log inspect flight.ulg
     """
@@ -93,8 +92,7 @@ def _look_into(session: Session, recording: Recording, mapping: str | None) -> N
 
 
 def _contents(session: Session, recording: Recording) -> dict[str, Any]:
-    """Says what is in a recording, topic by topic, and what is damaged; returns the same as a
-    document."""
+    """Print the topics and the damage of a recording, and return them as a document."""
     summary = describe(recording)
     session.say(
         f"{visible(recording.source)}: {recording.format}, {recording.size / 1e6:.1f} MB, sha256"
@@ -161,8 +159,7 @@ def ingest(
         bool, typer.Option(help="Without Prefect: the same steps, the same keys.")
     ] = False,
 ) -> None:
-    """Take logs in: read, store, make consistent, compute coefficients, compare with the released
-    database.
+    """Ingest logs: store, reconstruct, compute coefficients, compare with the released database.
 
     Example: aerodb flight ingest *.ulg --vehicle my-glider
     """
@@ -261,7 +258,7 @@ def list_flights(
 
 
 def _standing(document: dict[str, Any]) -> str:
-    """Why a flight does not count, if so: it was retracted, or it is a stored one once more."""
+    """Return why a flight does not count: it was retracted, or it repeats another; else empty."""
     return "retracted" if document["retracted"] else "" if document["counts"] else "repeats another"
 
 
@@ -271,8 +268,7 @@ def show(
     flight: str,
     vehicle: Annotated[str | None, typer.Option(help="Where names repeat.")] = None,
 ) -> None:
-    """Show a flight: its log, what conditioning found in it, results, and the versions that rest on
-    it.
+    """Show a flight: its log, its findings, its results, and the versions based on it.
 
     Example: aerodb flight show 1a2b3c
     """
@@ -313,7 +309,7 @@ def retract(
     reason: Annotated[str, typer.Option(help="Why it must not be used.")],
     vehicle: Annotated[str | None, typer.Option(help="Where names repeat.")] = None,
 ) -> None:
-    """Withdraw a flight; every version that rests on it is stale from now on. Nothing is deleted.
+    """Withdraw a flight; every version based on it becomes stale. Nothing is deleted.
 
     Example: aerodb flight retract 1a2b3c --reason "pitot cover left on"
     """

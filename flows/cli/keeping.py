@@ -1,5 +1,4 @@
-"""``aerodb verify``, ``backup`` and ``restore``: is everything as it was stored, and copies of it,
-while others run."""
+"""``aerodb verify``, ``backup`` and ``restore``: integrity checks and copies, while others work."""
 
 from dataclasses import asdict
 from pathlib import Path
@@ -18,8 +17,8 @@ def verify(
         typer.Option("--fetch", help="Read every object of the object store, too; else its size."),
     ] = False,
 ) -> None:
-    """Check every file, every edge and every identity of the workspace; ends with 1 when something
-    is wrong.
+    """Verify every file, reference and identity of the workspace; exits with 1 if there is a
+    problem.
 
     Example: aerodb verify
     """
@@ -55,8 +54,8 @@ def backup(
         ),
     ],
 ) -> None:
-    """Copy catalogue and store, consistent with each other, while others may write; ends with 1
-    when a file is not as stored.
+    """Copy catalogue and store consistently while others may write; exits with 1 if a file is
+    damaged.
 
     Example: aerodb backup /mnt/backup/aerodb
     """
@@ -88,8 +87,8 @@ def restore(
         typer.Option(help="Settings in place of the backup's: they may name a database."),
     ] = None,
 ) -> None:
-    """Make a workspace from a backup; it is verified before it is there. Ends with 1 when a file
-    was not as stored at the backup.
+    """Restore a workspace from a backup, and verify it; exits with 1 if a file was damaged in the
+    backup.
 
     Example: aerodb restore /mnt/backup/aerodb --workspace restored
     """

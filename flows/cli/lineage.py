@@ -1,5 +1,5 @@
-"""``aerodb version lineage``, ``impact`` and ``diff``: where a number comes from, what rests on a
-flight, what differs."""
+"""``aerodb version lineage``, ``impact`` and ``diff``: sources of a number, uses of a flight,
+changes."""
 
 from pathlib import Path
 from typing import Annotated, Any
@@ -32,8 +32,8 @@ def lineage(
         Path | None, typer.Option(help="Also write it as W3C PROV-JSON to this file.")
     ] = None,
 ) -> None:
-    """Show what a version, or one number of it, rests on: ancestors, flights, log hashes, settings,
-    inputs, runs.
+    """Show what a version or one of its numbers is based on: ancestors, flights, logs, settings,
+    runs.
 
     Example: aerodb version lineage candidate --node CZ0[2]
     """
@@ -125,7 +125,7 @@ def _steps(versions: dict[str, list[int]]) -> str:
 
 
 def impact(context: typer.Context, flight: str, vehicle: Vehicle = None) -> None:
-    """Show which versions rest on a flight.
+    """Show which versions are based on a flight.
 
     Example: aerodb version impact 1a2b3c
     """
@@ -155,7 +155,7 @@ def diff(
         Path | None, typer.Option(help="Also draw slices to this file (.png, .svg, .pdf).")
     ] = None,
 ) -> None:
-    """Show what differs between two versions: per term and table node change, sigma, coverage,
+    """Show the differences of two versions, per term and table node, with sigma, coverage and
     flights.
 
     Example: aerodb version diff v0001 candidate --figure diff.png

@@ -1,4 +1,4 @@
-"""The application: global options, the commands, and how an error becomes an exit code."""
+"""The application: global options, commands, and exit codes of errors."""
 
 import os
 import sys
@@ -81,13 +81,16 @@ def session(
     ] = False,
     debug: Annotated[bool, typer.Option(help="Show tracebacks.")] = False,
 ) -> None:
-    """Keeps the options that every command shares."""
+    """Keep the options that all commands share."""
     root = workspace or Path(os.environ.get("AERODB_WORKSPACE") or "aerodb-workspace")
     context.obj = Session(root, json, debug)
 
 
 def main() -> None:
-    """Runs the command line and ends the process with the exit code of CONTRACT.md."""
+    """Run the command line, and end the process with its exit code.
+
+    Exit codes: docs/reference/contract.md, "Exit codes".
+    """
     debug = "--debug" in sys.argv
     try:
         # Outside of its standalone mode the library returns the code of an Exit instead of raising

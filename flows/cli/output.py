@@ -1,5 +1,5 @@
-"""What a command says: text and tables for people, one JSON document for programs, a progress bar
-for the patient."""
+"""Output of the commands: text and tables for people, one JSON document for programs, progress
+bars."""
 
 import sys
 import time
@@ -43,14 +43,14 @@ def visible(text: str, keep: str = "") -> str:
 
 
 def complaint(what: str, where: str, remedy: str) -> str:
-    """A refusal in two lines: where and what, then what to do; one line when nothing can be
-    done."""
+    """Return an error message in two lines, where and what, then the remedy; one line without
+    remedy."""
     lines = (f"aerodb: {where}: {what}" if where else f"aerodb: {what}", remedy)
     return "\n".join(visible(line) for line in lines if line)
 
 
 class Session:
-    """One call of the command line: where the workspace is, and how to answer."""
+    """One call of the command line: its workspace, and how it prints."""
 
     def __init__(self, root: Path, as_json: bool, debug: bool) -> None:
         self.root = root
@@ -63,21 +63,21 @@ class Session:
             )
 
     def workspace(self, create: bool = False) -> Workspace:
-        """The workspace; InputError when there is none and it is not to be made."""
+        """Return the workspace; InputError if there is none and `create` is false."""
         return Workspace.open(self.root, create)
 
     def catalogue(self, create: bool = False) -> Catalogue:
-        """The workspace's catalogue."""
+        """Return the workspace's catalogue."""
         return Catalogue.open(self.workspace(create).catalogue, create)
 
     def say(self, text: str = "") -> None:
-        """A line for people. Text is never markup: names in logs are not ours."""
+        """Print a line for people; text is never parsed as markup, because names come from logs."""
         self.people.print(visible(text, keep="\n\t"), markup=False)
 
     def table(
         self, columns: Sequence[str], rows: Sequence[Sequence[str]], numbers: Sequence[int] = ()
     ) -> None:
-        """A table for people; columns whose positions are in `numbers` are set right."""
+        """Print a table for people; columns whose indices are in `numbers` are right-aligned."""
         made = Table(box=None, header_style="bold", pad_edge=False)
         for k, column in enumerate(columns):
             made.add_column(
@@ -89,17 +89,17 @@ class Session:
 
     @contextmanager
     def waiting(self, what: str) -> Iterator[None]:
-        """Says what takes long while it lasts, where somebody watches."""
+        """Show what is being done while it takes long, if standard error is a terminal."""
         with Console(stderr=True).status(what):
             yield
 
     def answer(self, document: Any) -> None:
-        """The one JSON document, when that is what was asked for."""
+        """Print the JSON document if ``--json`` was given."""
         if self.as_json:
             sys.stdout.write(as_json(document, indent=1) + "\n")
 
     def run(self, body: Any, parameters: dict[str, Any], direct: bool) -> Any:
-        """Runs a flow, with a progress bar for whatever takes longer than two seconds."""
+        """Run a flow, with a progress bar for steps that take longer than two seconds."""
         how: How = "direct" if direct else "auto"
         with _progress(self.as_json) as report:
             return run_flow(body, parameters, self.workspace(create=True), how, report)
@@ -107,8 +107,7 @@ class Session:
 
 @contextmanager
 def _progress(as_json: bool) -> Iterator[Any]:
-    """A bar on standard error that appears two seconds after the start; nothing where nobody
-    watches."""
+    """A progress bar on standard error that appears after two seconds; none without a terminal."""
     console = Console(stderr=True)
     columns = (
         SpinnerColumn(),

@@ -1,5 +1,4 @@
-"""Options that commands about versions have in common; what they mean is said in
-`aerodb.tasks.references`."""
+"""Options that commands about versions share; see `aerodb.tasks.references` for their meaning."""
 
 from typing import Annotated
 

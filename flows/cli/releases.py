@@ -1,5 +1,4 @@
-"""``aerodb version promote``, ``rollback`` and ``export``: names move by logged events, and
-versions go out to simulators."""
+"""``aerodb version promote``, ``rollback`` and ``export``: release versions, and hand them out."""
 
 from pathlib import Path
 from typing import Annotated, Any
@@ -25,7 +24,7 @@ def promote(
 ) -> None:
     """Point a name at a version; `released` moves only through the gate.
 
-    Example: aerodb version promote candidate --reason "lift slope proved on two flights"
+    Example: aerodb version promote candidate --reason "lift slope validated on two flights"
     """
     from aerodb.flows.release import promote_flow
 
@@ -46,7 +45,7 @@ def promote(
 def rollback(
     context: typer.Context, reason: Reason, name: Name = "released", vehicle: Vehicle = None
 ) -> None:
-    """Take the last move of a name back, by a new event; nothing is deleted.
+    """Undo the last move of a name by a new event; nothing is deleted.
 
     Example: aerodb version rollback --vehicle my-glider --reason "simulator diverges above 10 deg"
     """
@@ -73,7 +72,8 @@ def export(
     vehicle: Vehicle = None,
     as_of: AsOf = None,
 ) -> None:
-    """Write a version for a simulator; it is read back, and kept only when its check cases pass.
+    """Export a version to a simulator; the file is kept only if its check cases pass when read
+    back.
 
     Example: aerodb version export released --format jsbsim --output my-glider.xml
     """

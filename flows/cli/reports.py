@@ -1,4 +1,4 @@
-"""``aerodb report``: pages that people look at, mail and print."""
+"""``aerodb report``: reports as HTML or PDF."""
 
 import re
 from pathlib import Path
@@ -51,8 +51,8 @@ def update(
     vehicle: Vehicle = None,
     pdf: Pdf = False,
 ) -> None:
-    """Write the report of an update or a closed loop: the finding first, then what it is worth,
-    why, and what stays open.
+    """Write the report of an update or closed loop: findings, error before and after, open
+    questions.
 
     Example: aerodb report update candidate --output update.html
     """
@@ -71,7 +71,7 @@ def version(
     vehicle: Vehicle = None,
     pdf: Pdf = False,
 ) -> None:
-    """Write the report of a version: lineage, and what differs from its parent.
+    """Write the report of a version: its lineage, and the differences from its parent.
 
     Example: aerodb report version released --output version.html
     """

@@ -1,5 +1,4 @@
-"""``aerodb serve``, ``nightly``, ``status`` and ``retry``: the product left to run by itself, and
-what it says of itself."""
+"""``aerodb serve``, ``nightly``, ``status`` and ``retry``: unattended operation, and its status."""
 
 from typing import Annotated, Any
 
@@ -27,10 +26,9 @@ def _access(session: Session) -> WorkspaceAccess:
 
 
 def serve(context: typer.Context) -> None:
-    """Serve the workspace until stopped: Prefect server, schedules, and the inbox; one per
-    workspace.
+    """Serve the workspace until stopped: Prefect server, schedules and inbox; one per workspace.
 
-    Settings stand in settings.toml of the workspace.
+    The settings are in settings.toml of the workspace.
 
     Example: aerodb serve
     """
@@ -47,8 +45,7 @@ def nightly(
     vehicle: Annotated[str | None, typer.Option(help="Only this vehicle.")] = None,
     direct: _Direct = False,
 ) -> None:
-    """Run the nightly flow once: sweep the inbox, take databases further where enough flights are
-    new, tell people.
+    """Run the nightly flow once: sweep the inbox, update databases that are due, notify.
 
     Example: aerodb nightly
     """
@@ -112,7 +109,7 @@ def _loop_text(loop: dict[str, Any]) -> str:
 
 
 def status(context: typer.Context) -> None:
-    """Say what waits, what runs, what failed and why, and what to do about it.
+    """Show what waits, runs and failed, why, and what to do about it.
 
     Example: aerodb status
     """
@@ -180,8 +177,7 @@ def retry(
     ] = None,
     direct: _Direct = False,
 ) -> None:
-    """Try again what did not work: after the cause is mended, or to see whether it was the moment's
-    fault.
+    """Retry what failed: a quarantined log, a run, or the steps of a flight.
 
     Example: aerodb retry all
     """

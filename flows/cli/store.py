@@ -1,4 +1,4 @@
-"""``aerodb store``: the files of the store between the workspace's folder and its object store."""
+"""``aerodb store``: move files between the workspace's folder and its object store."""
 
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated
@@ -17,8 +17,7 @@ app = typer.Typer(
 
 @app.command()
 def push(context: typer.Context) -> None:
-    """Put what is here and not in the object store: once when the settings get one, or when objects
-    were lost.
+    """Upload files that the object store lacks: after setting one up, or after objects were lost.
 
     Example: aerodb store push
     """
@@ -39,7 +38,7 @@ def push(context: typer.Context) -> None:
 
 @app.command()
 def pull(context: typer.Context) -> None:
-    """Fetch what is not here: before the object store is taken out of the settings.
+    """Download files that the folder lacks: before removing the object store from the settings.
 
     Example: aerodb store pull
     """
@@ -65,8 +64,7 @@ def trim(
         typer.Option(min=0, help="Bytes that may stay; else [store] cache of the settings."),
     ] = None,
 ) -> None:
-    """Remove files from the folder, what was not used for longest first; only what is in the object
-    store.
+    """Remove the least recently used files from the folder, if the object store has them.
 
     Example: aerodb store trim --size 50000000000
     """

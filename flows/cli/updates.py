@@ -1,5 +1,4 @@
-"""``aerodb update``: declared increments from flights to a candidate version, with its error before
-and after."""
+"""``aerodb update``: estimate declared increments, store a candidate, report the error."""
 
 from pathlib import Path
 from typing import Annotated, Any
@@ -84,8 +83,10 @@ def update(
 def _as_before(
     catalogue: Catalogue, version: VersionRow
 ) -> tuple[str, list[str], list[str] | None]:
-    """Text of the model file, flights, and those held out, of the update that made a version, less
-    retracted flights."""
+    """Return model file, flights and held-out flights of the update that made a version.
+
+    Retracted flights are left out.
+    """
     settings = catalogue.settings_of([version.id])[version.id]
     if "model" not in settings:
         raise InputError(
@@ -101,8 +102,7 @@ def _as_before(
 
 
 def print_update(session: Session, document: dict[str, Any]) -> None:
-    """The update for people: increments, the table before and after, and what to know before
-    trusting it."""
+    """Print an update: increments, the error before and after, and remarks."""
     session.say(
         f"candidate {document['label']} ({document['candidate'][:12]}) on baseline"
         f" {document['baseline'][:12]}"
@@ -127,8 +127,8 @@ def print_update(session: Session, document: dict[str, Any]) -> None:
 
 
 def say_flights(session: Session, document: dict[str, Any]) -> None:
-    """Which flights identified, which validated and how often those were looked at, which were left
-    out and why."""
+    """Print the roles of the flights: identified, validated (and how often before), excluded and
+    why."""
     used, held = document["flights"]["identified"], document["flights"]["held_out"]
     session.say(
         f"identified on {len(used)} flights, validated on {len(held) or 'none'}"
@@ -149,7 +149,7 @@ def say_flights(session: Session, document: dict[str, Any]) -> None:
 
 
 def say_axes(session: Session, document: dict[str, Any]) -> None:
-    """The table before and after, per axis."""
+    """Print the error before and after, per axis."""
     session.table(
         [
             "axis",

@@ -1,4 +1,4 @@
-"""``aerodb vehicle``: describe an aircraft once."""
+"""``aerodb vehicle``: describe vehicles."""
 
 from pathlib import Path
 from typing import Annotated
@@ -37,7 +37,7 @@ def init(context: typer.Context, name: str) -> None:
 def add(
     context: typer.Context, file: Annotated[Path, typer.Argument(help="Vehicle file (TOML).")]
 ) -> None:
-    """Check a vehicle file and keep it; the same name again keeps the earlier text too.
+    """Check a vehicle file and store it; an earlier text of the same name is kept as well.
 
     Example: aerodb vehicle add my-glider.toml
     """
@@ -82,7 +82,7 @@ def show(context: typer.Context, name: str) -> None:
 
 
 def read_text(file: Path) -> str:
-    """The text of a file that people write; InputError when it cannot be read as UTF-8."""
+    """Return the text of a file; InputError if it cannot be read as UTF-8."""
     try:
         return file.read_text(encoding="utf-8")
     except OSError as error:

@@ -1,4 +1,4 @@
-"""``aerodb version``: ask the database versions. Answers at once, without the orchestrator."""
+"""``aerodb version``: list, show and evaluate versions; answers without the orchestrator."""
 
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -113,8 +113,7 @@ def history(
     everything: All = False,
     name: OneName = None,
 ) -> None:
-    """Show the moves of every name: what was released when, by whom, why. The newest 50, more with
-    --limit or --all.
+    """Show the moves of names: when, what, by whom, why. The newest 50; more with --limit or --all.
 
     Example: aerodb version history --name released
     """
@@ -153,8 +152,8 @@ def evaluate(
     vehicle: Vehicle = None,
     as_of: AsOf = None,
 ) -> None:
-    """Evaluate a version at a point: value, standard error (where known) and whether flights or
-    tables reach there.
+    """Evaluate a version at a point: value, standard error if known, and coverage by flights and
+    tables.
 
     Example: aerodb version evaluate released --at alpha=5deg,V=70,mach=0.2
     """
@@ -183,8 +182,8 @@ def evaluate(
 def _consolidated(
     session: Session, database: "AeroDatabase"
 ) -> tuple["AeroDatabase", dict[str, Any]]:
-    """The database with its increments folded into tables, said regressor by regressor, and as a
-    document."""
+    """Return the database with increments folded into its tables, and print and document each
+    fold."""
     from aerodb.exchange import to_document
     from aerodb.tables import consolidate, plan
 

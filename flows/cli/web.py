@@ -1,4 +1,4 @@
-"""``aerodb web``: the console, until stopped."""
+"""``aerodb web``: serve the console until stopped."""
 
 from typing import Annotated
 
@@ -24,8 +24,8 @@ def web(
         ),
     ] = None,
 ) -> None:
-    """Serve the console until stopped: flights, versions, lineage, findings and work, with a JSON
-    API beside each page.
+    """Serve the console until stopped: flights, versions, lineage, findings and status, with a JSON
+    API.
 
     Example: aerodb web --port 8050
     """

@@ -1,6 +1,9 @@
-"""The console ``aerodb web``: pages for people and a JSON API beside each, both from the documents
-that commands answer.
+"""The console ``aerodb web``: HTML pages, and a JSON API with the documents of the commands.
 
-A module per group of pages; what is true stands in `tasks` and below. Nothing here is loaded from
+`server` listens and serves the application of `app`; `security` decides who may read and who may
+change. `console` has what every page needs; `models` describes the API's answers.
+
+Pages: `overview_page`, `flight_pages`, `version_pages`, `lineage_pages`, `finding_pages`,
+`work_pages`, `change_pages`. Their content comes from `aerodb.tasks.view`; nothing is loaded from
 another host.
 """

@@ -1,5 +1,4 @@
-"""The application: its parts put together, and what becomes of an error. What goes wrong is said as
-commands say it."""
+"""The application: its routers, static files and error pages; errors read as in the commands."""
 
 import importlib.util
 from pathlib import Path
@@ -70,7 +69,7 @@ _DESCRIPTION: Final = (
 
 
 def create_app(root: Path, guard: Guard) -> FastAPI:
-    """The console of the workspace folder `root`; InputError when there is no workspace."""
+    """Return the console of the workspace folder `root`; InputError if it is not a workspace."""
     Workspace.open(root, create=False)
     app = FastAPI(
         title="aerodb",
@@ -95,7 +94,7 @@ def create_app(root: Path, guard: Guard) -> FastAPI:
 
 
 def _report_style() -> Response:
-    """The reports' own style, and the colours that mean the same everywhere."""
+    """Return the reports' stylesheet, with the colours that have the same meaning everywhere."""
     named = {
         "flight": FLIGHT,
         "measured": MEASURED,
@@ -150,7 +149,7 @@ async def _malformed(request: Request, error: Exception) -> Response:
 
 
 def _said(request: Request, status: int, what: str, where: str, remedy: str) -> Response:
-    """An error as a page, or as a document where documents are asked for."""
+    """Return an error as a page, or as a document if a document was requested."""
     if request.url.path.startswith("/api/") or request.url.path == "/openapi.json":
         answer = document(
             {"error": {"status": status, "what": what, "where": where, "remedy": remedy}},

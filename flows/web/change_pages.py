@@ -1,5 +1,5 @@
-"""Changes: names move to a version through the gate, and back. A page asks first; what the gate
-says is shown."""
+"""Changes: promote a version and roll back a name, with a confirmation page and the gate's
+answer."""
 
 from typing import Annotated, Any
 from urllib.parse import parse_qs
@@ -37,14 +37,14 @@ _NOWHERE = "nothing"
 
 
 class Promotion(BaseModel):
-    """A name that is to point at a version, and why."""
+    """A name to point at a version, and why."""
 
     reason: str = Field(max_length=2000)
     name: str = Field(default=RELEASED, max_length=63)
 
 
 class RollBack(BaseModel):
-    """A vehicle's name whose last move is to be taken back, and why."""
+    """A vehicle's name whose last move is to be undone, and why."""
 
     reason: str = Field(max_length=2000)
     name: str = Field(default=RELEASED, max_length=63)
@@ -52,7 +52,7 @@ class RollBack(BaseModel):
 
 
 async def _form(request: Request) -> dict[str, str]:
-    """Fields of a posted form; InputError for another kind of body."""
+    """Return the fields of a posted form; InputError for another kind of body."""
     if (
         request.headers.get("content-type", "").partition(";")[0].strip()
         != "application/x-www-form-urlencoded"
@@ -72,7 +72,7 @@ async def _form(request: Request) -> dict[str, str]:
 def promotion_page(
     request: Request, version: str, vehicle: Vehicle = None, name: Word = None
 ) -> Response:
-    """Asks for the reason, and says what would move from where to where."""
+    """Show what would move from where to where, and ask for the reason."""
     access = access_of(request)
     row = version_at(access, version, vehicle)
     moved = name or RELEASED
@@ -92,7 +92,7 @@ def promotion_page(
 
 @router.post("/versions/{version}/promote", include_in_schema=False)
 async def promote_from_page(request: Request, version: str) -> Response:
-    """Moves the name, and shows what the gate says."""
+    """Move the name, and show the gate's answer."""
     fields = await _form(request)
     check_csrf(request, console_of(request).guard, fields.get("csrf"))
     return await run_in_threadpool(_promote, request, version, fields)
@@ -110,7 +110,7 @@ def _promote(request: Request, version: str, fields: dict[str, str]) -> Response
 
 @router.get("/rollback", include_in_schema=False)
 def rollback_page(request: Request, vehicle: Vehicle = None, name: Word = None) -> Response:
-    """Asks for the reason, and says where the name would go back to."""
+    """Show where the name would go back to, and ask for the reason."""
     access = access_of(request)
     owner, moved = vehicle_of(access.catalogue, vehicle), name or RELEASED
     standing = standing_moves(access.catalogue.name_history(owner, moved))
@@ -126,7 +126,7 @@ def rollback_page(request: Request, vehicle: Vehicle = None, name: Word = None) 
 
 @router.post("/rollback", include_in_schema=False)
 async def roll_back_from_page(request: Request) -> Response:
-    """Moves the name back."""
+    """Move the name back."""
     fields = await _form(request)
     check_csrf(request, console_of(request).guard, fields.get("csrf"))
     return await run_in_threadpool(_roll_back, request, fields)
@@ -150,7 +150,7 @@ def _roll_back(request: Request, fields: dict[str, str]) -> Response:
 def promote(
     request: Request, version: str, asked: Promotion, vehicle: Vehicle = None, token: Token = ""
 ) -> Response:
-    """The document of `aerodb version promote`; 409 with the reasons where the gate refuses."""
+    """The document of `aerodb version promote`; 409 with the reasons if the gate refuses."""
     check_csrf(request, console_of(request).guard, token)
     row = version_at(access_of(request), version, vehicle)
     parameters = {"version": row.id, "name": asked.name, "reason": asked.reason}
@@ -170,8 +170,7 @@ def roll_back(request: Request, asked: RollBack, token: Token = "") -> Response:
 
 
 def _check_seen(request: Request, vehicle: str, name: str, seen: str | None) -> None:
-    """Raises GateRefusal where a name does not point any more where it did when its page was
-    shown."""
+    """Raise GateRefusal if a name was moved since its page was shown."""
     event = access_of(request).catalogue.named(vehicle, name)
     if seen != (event.version if event is not None else _NOWHERE):
         what = f"'{name}' was moved after this page was shown"

@@ -1,5 +1,4 @@
-"""What every page needs: the workspace, the request's answer as a page or as a document, and links
-that hold any name."""
+"""What every page needs: access to the workspace, answers as page or document, and links."""
 
 import functools
 from collections.abc import Mapping
@@ -28,7 +27,7 @@ _LONGEST: Final = 300
 
 
 def given(text: object) -> object:
-    """A field of a form that is left empty asks for nothing."""
+    """Return None for a form field that was left empty."""
     return None if text == "" else text
 
 
@@ -58,36 +57,36 @@ Limit = Annotated[int, Query(ge=1, le=500, description="How many at most.")]
 
 @dataclass(frozen=True)
 class Console:
-    """The workspace folder that is shown, and who may ask."""
+    """The workspace folder that is shown, and who may use it."""
 
     root: Path
     guard: Guard
 
     def access(self) -> WorkspaceAccess:
-        """The stores of the workspace."""
+        """Access to the workspace."""
         return access_workspace(str(self.root))
 
     def run(self, body: Any, parameters: dict[str, Any]) -> Any:
-        """Runs a flow as the command line runs it with ``--direct``: the same steps, a record in
-        the catalogue."""
+        """Run a flow like the command line with ``--direct``: same steps, recorded in the
+        catalogue."""
         return run_flow(body, parameters, Workspace.open(self.root, create=False), "direct")
 
 
 def console_of(request: Request) -> Console:
-    """The console that answers a request."""
+    """Return the console that answers a request."""
     found: Console = request.app.state.console
     return found
 
 
 def access_of(request: Request) -> WorkspaceAccess:
-    """The stores that a request is about."""
+    """Return the access to the workspace of a request."""
     return console_of(request).access()
 
 
 def version_at(
     access: WorkspaceAccess, reference: str, vehicle: str | None, as_of: str | None = None
 ) -> VersionRow:
-    """The version that is meant: by its full id whatever the vehicle, else as commands take it."""
+    """Return the version: a full id of any vehicle, or a reference as the commands take it."""
     if as_of is None and vehicle is None:
         row = access.catalogue.versions_by_id([reference]).get(reference)
         if row is not None:
@@ -96,13 +95,13 @@ def version_at(
 
 
 def document(content: Any, further: str = "", status: int = 200) -> Response:
-    """A document as JSON; `further` is the address of the next page of a list (RFC 8288)."""
+    """Return a document as JSON; further : address of the next page of a list (RFC 8288)."""
     headers = {"link": f'<{further}>; rel="next"'} if further else {}
     return Response(as_json(content), status, headers, "application/json")
 
 
 def page_of(request: Request, template: str, title: str, **context: Any) -> Response:
-    """A page made of a template, with a session of which changes can carry the token."""
+    """Return a page from a template, with a session whose token changes can carry."""
     session, is_new = session_of(request)
     context["csrf"] = console_of(request).guard.csrf_token(session)
     context["here"] = request.url.path
@@ -114,13 +113,13 @@ def page_of(request: Request, template: str, title: str, **context: Any) -> Resp
 
 
 def report(text: str) -> Response:
-    """A report as it is mailed: it brings all that it shows."""
+    """Return a report as a self-contained page."""
     headers = {"content-security-policy": REPORT_POLICY}
     return Response(text.encode("utf-8", "replace"), 200, headers, "text/html; charset=utf-8")
 
 
 def address(path: str, **asked: Any) -> str:
-    """A path with what is asked for; names that are none are left out.
+    """Return a path with a query; parameters that are None are left out.
 
     >>> address("/flights", vehicle="a b", after=None)
     '/flights?vehicle=a+b'
@@ -130,24 +129,23 @@ def address(path: str, **asked: Any) -> str:
 
 
 def part(text: object) -> str:
-    """Any text as one part of a path."""
+    """Return any text as one segment of a path."""
     return quote(str(text), safe="", errors="replace")
 
 
 def shortened(text: object, most: int = 120) -> str:
-    """Text for a table: at most so many characters, the rest stands on the page of what it
-    names."""
+    """Return text cut to `most` characters for a table; the full text is on the linked page."""
     shown = visible(str(text).replace("\n", "; "))
     return shown if len(shown) <= most else f"{shown[: most - 1]}…"
 
 
 def in_units(value: float | None, unit: str) -> float | None:
-    """A value in the unit in which people read it."""
+    """Return a value in the unit that is shown to people."""
     return None if value is None else value * for_people(unit)[0]
 
 
 def moment(text: str | None) -> str:
-    """A time of a document for people."""
+    """Return a time of a document for people."""
     return "–" if not text else f"{text[:16].replace('T', ' ')} UTC"
 
 

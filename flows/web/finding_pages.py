@@ -1,5 +1,4 @@
-"""Findings: what updates and closed loops came to, why, and what it is worth on flights that were
-not used."""
+"""Findings: results of updates and closed loops, with reasons and the error on held-out flights."""
 
 from typing import Annotated
 
@@ -54,7 +53,7 @@ def findings(request: Request, after: After = "", limit: Limit = PER_PAGE // 2) 
 
 @router.get("/findings/{reference}", include_in_schema=False)
 def finding_page(request: Request, reference: str, vehicle: Vehicle = None) -> Response:
-    """One update or closed loop: the finding first, the explanation set, before and after."""
+    """One update or closed loop: the finding first, the explanation set, error before and after."""
     access = access_of(request)
     found = finding_document(access, reference, vehicle)
     return page_of(
@@ -72,13 +71,13 @@ def finding_page(request: Request, reference: str, vehicle: Vehicle = None) -> R
 
 @router.get("/api/findings/{reference}", summary="One update or closed loop")
 def finding(request: Request, reference: str, vehicle: Vehicle = None) -> Response:
-    """The document that `aerodb update` or `aerodb close-loop` answered; by version, or by the key
-    of its report."""
+    """The document of `aerodb update` or `aerodb close-loop`, by version or by the key of its
+    report."""
     return document(finding_document(access_of(request), reference, vehicle))
 
 
 @router.get("/findings/{reference}/report", include_in_schema=False)
 def finding_report(request: Request, reference: str, vehicle: Vehicle = None) -> Response:
-    """Its report, as `aerodb report update` writes it."""
+    """The report of a finding, as `aerodb report update` writes it."""
     about = reference_of(access_of(request), reference, vehicle)
     return report(console_of(request).run(report_flow, {"kind": "update", "about": about}))

@@ -1,4 +1,4 @@
-"""Flights: the list, one flight with its record, its report, and its channels for the screen."""
+"""Flights: the list, one flight with its record and report, and its channels for plots."""
 
 import json
 import struct
@@ -66,7 +66,7 @@ def flights_page(
     text: Text = "",
     after: After = "",
 ) -> Response:
-    """The list of flights, narrowed and paged."""
+    """The list of flights, filtered and paged."""
     access = access_of(request)
     asked = {"vehicle": vehicle, "verdict": verdict, "text": text}
     found = access.catalogue.flight_page(FlightFilter(vehicle, verdict, text), PER_PAGE, after)
@@ -92,8 +92,8 @@ def flights(
     after: After = "",
     limit: Limit = PER_PAGE,
 ) -> Response:
-    """The documents of `aerodb flight list`, a page at a time; a search looks through a bounded
-    number of flights per page."""
+    """The documents of `aerodb flight list`, paged; a search reads a bounded number of flights per
+    page."""
     access = access_of(request)
     found = access.catalogue.flight_page(FlightFilter(vehicle, verdict, text), limit, after)
     asked = {
@@ -117,15 +117,14 @@ def flights(
 def envelopes(
     request: Request, flight: Annotated[list[str], Query(max_length=_MOST_ENVELOPES)]
 ) -> Response:
-    """Lowest and highest usable value of airspeed, angles of attack and sideslip and altitude (SI),
-    by flight id."""
+    """Lowest and highest usable airspeed, flow angles and altitude (SI), by flight id."""
     access = access_of(request)
     return document(envelopes_of(access, list(access.catalogue.flights_by_id(flight).values())))
 
 
 @router.get("/flights/{flight}", include_in_schema=False)
 def flight_page(request: Request, flight: str, vehicle: Vehicle = None) -> Response:
-    """One flight: what it says of itself, its record, what rests on it."""
+    """One flight: its details, its record, and what is based on it."""
     access = access_of(request)
     row = access.catalogue.flight(flight, vehicle)
     record, missing = None, ""
@@ -192,8 +191,10 @@ def channels(
     ] = "json",
     vehicle: Vehicle = None,
 ) -> Response:
-    """Time [s] and values (SI) of each line, as many as a screen shows: no extreme is lost, and few
-    enough samples come whole."""
+    """Time [s] and values (SI) of each line, decimated for a screen; extremes are kept.
+
+    A window with few samples is returned in full.
+    """
     access = access_of(request)
     row = access.catalogue.flight(flight, vehicle)
     wanted = [name.strip() for name in names.split(",") if name.strip()] or list(
@@ -222,8 +223,11 @@ def _heading(line: Series) -> dict[str, Any]:
 
 
 def _packed(said: dict[str, Any], lines: Sequence[Series]) -> bytes:
-    """Length of the heading (uint32), the heading (JSON, padded to 8 bytes), then time and values
-    of each line; little-endian."""
+    """Return the heading's length (uint32), the JSON heading padded to 8 bytes, then time and
+    values.
+
+    All numbers are little-endian.
+    """
     heading = json.dumps(
         {**said, "series": [{**_heading(line), "samples": len(line.time)} for line in lines]}
     ).encode("ascii")

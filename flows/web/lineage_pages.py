@@ -1,5 +1,4 @@
-"""Where a number comes from and what rests on a flight: lineage both ways, for a whole version, a
-table cell or a point."""
+"""Lineage: what a version, a table cell or a point is based on, and what is based on a flight."""
 
 from typing import Annotated, Any
 
@@ -19,8 +18,7 @@ Node = Annotated[
 
 
 def _asked(access: WorkspaceAccess, row: VersionRow, node: str | None, at: str) -> dict[str, Any]:
-    """The document of `aerodb version lineage`: of the whole version, or of what stands behind a
-    node or a point."""
+    """Return the lineage document of the whole version, or of a node or point."""
     if node and at:
         raise InputError("a node and a point together", "node, at", "ask for a node or for a point")
     if node or at:
@@ -32,7 +30,7 @@ def _asked(access: WorkspaceAccess, row: VersionRow, node: str | None, at: str) 
 def lineage_page(
     request: Request, version: str, node: Node = None, at: Point = "", vehicle: Vehicle = None
 ) -> Response:
-    """What a version, or one number of it, rests on."""
+    """What a version, or one number of it, is based on."""
     access = access_of(request)
     row = version_at(access, version, vehicle)
     found = _asked(access, row, node, at)
@@ -69,7 +67,7 @@ def lineage(
 
 @router.get("/api/versions/{version}/prov", summary="The lineage of a version as W3C PROV-JSON")
 def prov(request: Request, version: str, vehicle: Vehicle = None) -> Response:
-    """What `aerodb version lineage --prov` writes."""
+    """The file that `aerodb version lineage --prov` writes."""
     access = access_of(request)
     return Response(
         prov_of(access.catalogue, version_at(access, version, vehicle)),
@@ -79,7 +77,7 @@ def prov(request: Request, version: str, vehicle: Vehicle = None) -> Response:
 
 @router.get("/flights/{flight}/impact", include_in_schema=False)
 def impact_page(request: Request, flight: str, vehicle: Vehicle = None) -> Response:
-    """Which versions rest on a flight."""
+    """Versions based on a flight."""
     access = access_of(request)
     row = access.catalogue.flight(flight, vehicle)
     uses = access.catalogue.impact(row.id)

@@ -1,5 +1,4 @@
-"""What the API's description says of its answers. The answers themselves are the documents of the
-commands, unchanged."""
+"""Models of the API's answers for its description; the answers are the commands' documents."""
 
 from typing import Any
 
@@ -7,7 +6,7 @@ from pydantic import BaseModel, ConfigDict
 
 
 class _Document(BaseModel):
-    """A document; what it has beyond these fields stays."""
+    """A document; fields beyond these are allowed."""
 
     model_config = ConfigDict(extra="allow")
 
@@ -22,7 +21,7 @@ class Fault(_Document):
 
 
 class Refusal(_Document):
-    """The answer to what cannot be done."""
+    """The answer to a request that cannot be fulfilled."""
 
     error: Fault
 
@@ -64,8 +63,8 @@ class Vehicle(_Document):
 
 
 class Evaluation(_Document):
-    """A version at a point (SI): coefficients, standard errors (null where not known) and places,
-    by axis."""
+    """A version at a point (SI): by axis, coefficients, standard errors (null if not known) and
+    places."""
 
     version: str
     at: dict[str, float]
@@ -86,7 +85,7 @@ class Along(_Document):
 
 
 class Sweep(_Document):
-    """A version along one input (SI); `factor` turns `values` into what `label` says."""
+    """A version along one input (SI); `factor` converts `values` to the unit in `label`."""
 
     version: str
     over: str
@@ -99,8 +98,8 @@ class Sweep(_Document):
 
 
 class Line(_Document):
-    """One line of a record: `time` [s] and `values` (SI); `factor` turns these into what `label`
-    says."""
+    """One line of a record: `time` [s] and `values` (SI); `factor` converts them to the unit in
+    `label`."""
 
     name: str
     source: str
@@ -122,8 +121,8 @@ class Record(_Document):
 
 
 class Finding(_Document):
-    """An update or a closed loop in one sentence; `reference` names its document, null where
-    nothing was stored."""
+    """An update or a closed loop in one sentence; `reference` names its document, null if none is
+    stored."""
 
     run: str
     flow: str
@@ -147,7 +146,7 @@ class Move(_Document):
 
 
 class Session(_Document):
-    """The token that a change of this session carries."""
+    """The token that changes of this session carry."""
 
     csrf: str
 
@@ -168,5 +167,5 @@ CONFLICTS: dict[int | str, dict[str, Any]] = {
 
 
 def answers(model: Any) -> dict[int | str, dict[str, Any]]:
-    """The description of an address whose document is a `model`."""
+    """Return the description of an address whose document is a `model`."""
     return {200: {"model": model}}

@@ -1,4 +1,4 @@
-"""The first page, the session that changes belong to, and the API's table of contents."""
+"""The overview page, the session of changes, and the API's table of contents."""
 
 from typing import Any
 
@@ -19,7 +19,7 @@ _NEWEST = 5
 
 @router.get("/", include_in_schema=False)
 def overview(request: Request) -> Response:
-    """Vehicles with what is released, and the newest findings and flights."""
+    """Vehicles with their released versions, and the newest findings and flights."""
     access = access_of(request)
     entries, _ = findings_page(access, _NEWEST)
     rows = access.catalogue.flight_page(FlightFilter(), _NEWEST).rows
@@ -61,7 +61,7 @@ def session(request: Request) -> Response:
 
 @router.get("/api", include_in_schema=False)
 def contents(request: Request) -> Response:
-    """What the API answers, for people; programs read /openapi.json."""
+    """The API's addresses for people; programs read /openapi.json."""
     paths: dict[str, dict[str, Any]] = request.app.openapi()["paths"]
     entries = [
         {

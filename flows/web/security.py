@@ -1,9 +1,8 @@
-"""Who may ask and who may change: the host that is named, the token, where a change comes from,
-what a browser may do.
+"""Access control of the console: host name, token, origin of changes, and browser policies.
 
-A page elsewhere can make a browser send requests here. It can neither read answers (no CORS), nor
-come under a name of its own (the Host header must be ours: DNS rebinding), nor change anything (a
-change carries a token that only our pages hold).
+A page of another site can make a browser send requests to the console. It cannot read the answers
+(no CORS), use a name of its own (the Host header must be the console's, against DNS rebinding), or
+change anything (a change carries a token that only the console's pages have).
 """
 
 import base64
@@ -50,13 +49,17 @@ _ALWAYS: Final = {
 
 
 class ForbiddenError(AeroError, PermissionError):
-    """A change that did not come from a page of this console."""
+    """A change that was not sent from a page of this console."""
 
 
 @dataclass(frozen=True)
 class Guard:
-    """By which `names` the console may be called, whether by any address of the machine too, the
-    token that it asks for (empty: none), and the key that makes tokens of changes."""
+    """Rules for access.
+
+    names : host names of the console. any_address : whether any IP address of the machine is
+    accepted as well. token : that requests must carry (empty: none). key : signs the tokens of
+    changes.
+    """
 
     names: frozenset[str]
     any_address: bool
@@ -64,7 +67,7 @@ class Guard:
     key: bytes
 
     def knows(self, host: str) -> bool:
-        """Whether a Host header names this console; its port does not matter."""
+        """Return whether a Host header names this console, whatever its port."""
         name = _name_of(host)
         if name in self.names:
             return True
@@ -74,8 +77,8 @@ class Guard:
             return False
 
     def admits(self, presented: str) -> bool:
-        """Whether an Authorization header holds the token: as a bearer's, or as the password of any
-        name."""
+        """Return whether an Authorization header holds the token: as bearer, or as anyone's
+        password."""
         if not self.token:
             return True
         scheme, _, rest = presented.partition(" ")
@@ -90,15 +93,14 @@ class Guard:
         )
 
     def csrf_token(self, session: str) -> str:
-        """The token that a change from this session carries."""
+        """Return the token of changes for a session."""
         return hmac.new(self.key, session.encode("utf-8", "replace"), hashlib.sha256).hexdigest()
 
 
 def guard_of(
     host: str, port: int, known_as: Iterable[str] = (), environment: Mapping[str, str] | None = None
 ) -> Guard:
-    """The guard of a console that listens on `host`; InputError where others can reach that and no
-    token is set."""
+    """Return the guard for `host`; InputError if others can reach it and no token is set."""
     serve = Serve(host=host, port=port)
     try:
         token = checked_token(serve, dict(os.environ if environment is None else environment))
@@ -119,7 +121,7 @@ def guard_of(
 
 
 def _name_of(host: str) -> str:
-    """Host name or address of a Host header, without its port; empty for what is none."""
+    """Return the name or address in a Host header, without its port; empty if it is invalid."""
     if any(c in host for c in "/@\\ "):
         return ""
     text = f"[{host}]" if host.count(":") > 1 and not host.startswith("[") else host
@@ -130,8 +132,8 @@ def _name_of(host: str) -> str:
 
 
 class Secured:
-    """The application behind its guard: only what is admitted reaches it, and every answer carries
-    the headers."""
+    """Middleware that passes admitted requests only, and adds the security headers to every
+    answer."""
 
     def __init__(self, app: ASGIApp, guard: Guard) -> None:
         self._app, self._guard = app, guard
@@ -159,7 +161,7 @@ class Secured:
             await self._app(scope, _bounded(receive), marked)
 
     def _refusal(self, scope: Scope) -> Response | None:
-        """The answer to who is not admitted."""
+        """Return the answer to a request that is not admitted."""
         headers = Headers(scope=scope)
         hosts = headers.getlist("host")
         if len(hosts) != 1 or not self._guard.knows(hosts[0]):
@@ -186,7 +188,7 @@ class Secured:
 
 
 def _same_origin(headers: Headers, host: str) -> bool:
-    """Whether a browser that says where a request comes from says that it comes from here."""
+    """Return False if the browser says that the request comes from another origin."""
     if headers.get("sec-fetch-site", "same-origin") not in ("same-origin", "none"):
         return False
     origin = headers.get("origin")
@@ -197,7 +199,7 @@ def _same_origin(headers: Headers, host: str) -> bool:
 
 
 def _bounded(receive: Receive) -> Receive:
-    """`receive` that ends a body longer than allowed as if its sender had gone."""
+    """Wrap `receive` so that a body that is too long ends as if the client had disconnected."""
     seen = 0
 
     async def bounded() -> Message:
@@ -210,19 +212,19 @@ def _bounded(receive: Receive) -> Receive:
 
 
 def session_of(request: HTTPConnection) -> tuple[str, bool]:
-    """The session that a browser presents, or a new one; and whether it is new."""
+    """Return the session of a browser, or a new one, and whether it is new."""
     presented = request.cookies.get(COOKIE, "")
     known = len(presented) == 64 and presented.isalnum() and presented.isascii()
     return (presented, False) if known else (secrets.token_hex(32), True)
 
 
 def keep_session(response: Response, session: str) -> None:
-    """Lets the browser present the session again, and nobody's script read it."""
+    """Set the session's cookie, which no script can read."""
     response.set_cookie(COOKIE, session, httponly=True, samesite="strict", path="/")
 
 
 def check_csrf(request: HTTPConnection, guard: Guard, presented: Any) -> None:
-    """Raises ForbiddenError unless a change carries the token of its session."""
+    """Raise ForbiddenError unless a change carries the token of its session."""
     session, is_new = session_of(request)
     given = presented if isinstance(presented, str) else ""
     if is_new or not hmac.compare_digest(

@@ -1,5 +1,4 @@
-"""The console as a server: a socket that listens, and the application behind it until it is
-stopped."""
+"""The console's server: the listening socket, and the application until it is stopped."""
 
 import socket
 from collections.abc import Iterator
@@ -14,7 +13,7 @@ from aerodb.flows.web.security import Guard
 
 @contextmanager
 def listening(host: str, port: int) -> Iterator[socket.socket]:
-    """A socket that listens at `host` and `port` (0: a free one); OSError when it cannot."""
+    """Return a socket that listens at `host` and `port` (0: a free one); OSError if it cannot."""
     family, kind, protocol, _, place = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
     with socket.socket(family, kind, protocol) as made:
         made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -24,7 +23,8 @@ def listening(host: str, port: int) -> Iterator[socket.socket]:
 
 
 def server_of(root: Path, guard: Guard) -> uvicorn.Server:
-    """The server of a workspace's console; `run(sockets=[...])` serves until `should_exit`."""
+    """Return the server of a workspace's console; `run(sockets=[...])` serves until
+    `should_exit`."""
     # What a browser may call itself stays with the guard: no header of a proxy changes it.
     return uvicorn.Server(
         uvicorn.Config(
@@ -40,6 +40,6 @@ def server_of(root: Path, guard: Guard) -> uvicorn.Server:
 
 
 def serve_console(root: Path, guard: Guard, place: socket.socket) -> None:
-    """Serves the console of the workspace folder `root` at a listening socket until SIGINT or
+    """Serve the console of the workspace folder `root` at a listening socket until SIGINT or
     SIGTERM."""
     server_of(root, guard).run(sockets=[place])

@@ -1,5 +1,4 @@
-"""Versions: the list, one version asked at a point and along lines, its tables and exports,
-differences, history of names."""
+"""Versions: list, evaluation, sweeps, tables, exports, differences, and the history of names."""
 
 import math
 import tempfile
@@ -66,8 +65,7 @@ _SUFFIX: dict[str, str] = {
 
 
 def _chosen(access: WorkspaceAccess, vehicle: str | None) -> tuple[str | None, list[str]]:
-    """The vehicle whose list is shown, the only or the first one where none is named; and all of
-    them."""
+    """Return the vehicle to list (the named, the only or the first one), and all vehicles."""
     names = [row.name for row in access.catalogue.vehicles()]
     return (vehicle_of(access.catalogue, vehicle) if vehicle else next(iter(names), None)), names
 
@@ -107,7 +105,7 @@ def versions_page(request: Request, vehicle: Vehicle = None, before: Before = No
 def versions(
     request: Request, vehicle: Vehicle = None, before: Before = None, limit: Limit = PER_PAGE
 ) -> Response:
-    """The document of `aerodb version list`: the newest, oldest first; the next page holds earlier
+    """The document of `aerodb version list`: the newest, oldest first; the next page has earlier
     ones."""
     access = access_of(request)
     owner = vehicle_of(access.catalogue, vehicle)
@@ -128,8 +126,7 @@ def version_page(
     at: Point = "",
     table: Word = None,
 ) -> Response:
-    """One version: what it is made of, evaluated at a point, a table of it, where it goes from
-    here."""
+    """One version: its content, an evaluation at a point, one of its tables, and next steps."""
     access = access_of(request)
     row = version_at(access, version, vehicle, as_of)
     details = version_details(access.catalogue, row)
@@ -200,7 +197,7 @@ def along(
     vehicle: Vehicle = None,
     as_of: AsOf = None,
 ) -> Response:
-    """Value, standard error and place of every axis along a line; values and the line in SI."""
+    """Value, standard error and place of every axis along a line; values and line in SI."""
     access = access_of(request)
     row = version_at(access, version, vehicle, as_of)
     factor, label = channel_scale(over)
@@ -254,7 +251,7 @@ def export(
 def history_page(
     request: Request, vehicle: Vehicle = None, name: Word = None, before: Before = None
 ) -> Response:
-    """The moves of the names of a vehicle's versions, newest first."""
+    """Moves of the names of a vehicle's versions, newest first."""
     access = access_of(request)
     owner, names = _chosen(access, vehicle)
     events = access.catalogue.name_history(owner, name, PER_PAGE + 1, before) if owner else ()
@@ -295,8 +292,8 @@ def history(
     before: Before = None,
     limit: Limit = PER_PAGE,
 ) -> Response:
-    """The document of `aerodb version history`: the newest, oldest first; the next page holds
-    earlier ones."""
+    """The document of `aerodb version history`: the newest, oldest first; the next page has earlier
+    ones."""
     access = access_of(request)
     owner = vehicle_of(access.catalogue, vehicle)
     events = access.catalogue.name_history(owner, name, limit + 1, before)
@@ -312,7 +309,7 @@ def history(
 def diff_page(
     request: Request, before: Word = None, after: Word = None, vehicle: Vehicle = None
 ) -> Response:
-    """What differs between two versions."""
+    """Differences between two versions."""
     access = access_of(request)
     if before is None or after is None:
         return page_of(
@@ -360,7 +357,7 @@ def diff_figure(
     before: Annotated[str, Query(max_length=300)],
     after: Annotated[str, Query(max_length=300)],
 ) -> Response:
-    """Slices through two versions where they differ, as a picture."""
+    """Slices through two versions where they differ, as a figure."""
     access = access_of(request)
     _, drawn = compare_versions(
         access.catalogue, version_at(access, before, None), version_at(access, after, None), "svg"
@@ -369,8 +366,7 @@ def diff_figure(
 
 
 def _table(database: Any, name: str) -> dict[str, Any]:
-    """A table with its breakpoints as people read them: in degrees, where an argument is an
-    angle."""
+    """Return a table with breakpoints in the units that are shown to people (angles in degrees)."""
     found = table_document(database, name)
     if found["channels"] is None:
         return {**found, "heads": list(zip(found["arguments"], found["breakpoints"], strict=True))}
@@ -386,15 +382,15 @@ def _table(database: Any, name: str) -> dict[str, Any]:
 
 
 def _called(old: VersionRow, new: VersionRow) -> tuple[str, str, str]:
-    """How people ask for two versions: by their labels, where they belong to one vehicle."""
+    """Return references of two versions for people: labels, if both belong to one vehicle."""
     return (
         (old.label, new.label, new.vehicle) if old.vehicle == new.vehicle else (old.id, new.id, "")
     )
 
 
 def _lines(database: Any) -> list[dict[str, Any]]:
-    """Inputs over which a version can be drawn, and from where to where (SI): as far as tables and
-    flights reach."""
+    """Return the inputs along which a version can be drawn, and their range (SI) in tables and
+    flights."""
     found = []
     for name in database.inputs:
         marks = [

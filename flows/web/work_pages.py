@@ -1,4 +1,4 @@
-"""Work: what waits, runs and failed, and what to do about it, as `aerodb status` says it."""
+"""Work page: what waits, runs and failed, and what to do about it (as `aerodb status`)."""
 
 from typing import Any
 
@@ -25,6 +25,6 @@ def status(request: Request) -> Response:
 
 
 def _server(status: dict[str, Any]) -> str:
-    """The address of the Prefect server that `aerodb serve` keeps, empty while nothing serves."""
+    """Return the URL of the Prefect server of `aerodb serve`; empty if it is not running."""
     url = str(status["serve"].get("url", ""))
     return url if status["serve"]["running"] and url.startswith(("http://", "https://")) else ""
