@@ -1,5 +1,4 @@
-"""Air data that a log lacks but that follows from what it holds: density, airspeed, dynamic
-pressure, Mach number."""
+"""Completion of air data: density, airspeed, dynamic pressure, Mach number from logged channels."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -13,7 +12,7 @@ from aerodb.support import Array
 
 @dataclass(frozen=True)
 class _Rule:
-    """`gives` from the channels `of` by `relation`; `note` says so in words."""
+    """Relation that computes channel `gives` from the channels `of`; `note` describes it."""
 
     gives: str
     of: tuple[str, ...]
@@ -22,7 +21,7 @@ class _Rule:
 
 
 def _ratio(numerator: Array, denominator: Array) -> Array:
-    """Quotient, nan where the denominator is not positive (air data at rest say nothing)."""
+    """Return the quotient; nan where the denominator is not positive, as for air data at rest."""
     good = denominator > 0.0
     return np.where(good, numerator / np.where(good, denominator, 1.0), np.nan)
 
@@ -31,8 +30,8 @@ def _root(square: Array) -> Array:
     return np.asarray(np.sqrt(np.maximum(square, 0.0)))
 
 
-# In order: a rule may use what an earlier one gave. Relations: `aerodb.physics.atmosphere`; qbar =
-# rho V^2 / 2 = 0.7 p M^2.
+# Applied in this order: a rule may use the result of an earlier one. Relations:
+# `aerodb.physics.atmosphere`; qbar = rho V^2 / 2 = 0.7 p M^2.
 _RULES: Sequence[_Rule] = (
     _Rule(
         "rho", ("static_pressure", "temperature"), density, "from static pressure and temperature"
@@ -96,8 +95,10 @@ _RULES: Sequence[_Rule] = (
 
 
 def complete_air_data(flight: Flight) -> Flight:
-    """The flight with rho, V, qbar and mach added where missing and possible; each with a note, and
-    flagged where its sources are."""
+    """Return the flight with rho, V, qbar and mach computed where they are missing and can be.
+
+    Each added channel has a note and is flagged where one of its sources is.
+    """
     for rule in _RULES:
         if rule.gives in flight or not all(name in flight for name in rule.of):
             continue

@@ -1,5 +1,4 @@
-"""Captive flight: while a carrier holds the vehicle, its motion is good for kinematics and says
-nothing of its aerodynamics."""
+"""Captive flight: while a carrier holds the vehicle, only its kinematics can be used."""
 
 from collections.abc import Iterable
 
@@ -9,13 +8,16 @@ from aerodb.flight import Flight
 
 
 def flag_captive(flight: Flight, times: Iterable[tuple[float, float]] = ()) -> Flight:
-    """The flight flagged ``captive`` as a whole where its channel ``captive`` says so, or within
-    declared `times`.
+    """Return the flight with samples of captive flight flagged ``captive`` for all channels.
 
-    times : (start, end) in seconds on the flight's clock. Where the channel is not known, the
-    vehicle is taken as held: what follows from free flight alone must not rest on a guess.
-    `Flight.usable` leaves such samples out unless told otherwise (``despite=("captive",)``), which
+    Captive is what the channel ``captive`` says, and what lies within declared `times`. Where the
+    channel is not finite, the vehicle is taken as captive, so that no aerodynamic result rests on a
+    guess. `Flight.usable` excludes these samples unless called with ``despite=("captive",)``, as
     flight-path reconstruction may do.
+
+    Parameters
+    ----------
+    times : (start, end) in seconds on the flight's clock
     """
     held = np.zeros(len(flight.time), dtype=bool)
     if "captive" in flight:

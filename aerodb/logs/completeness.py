@@ -1,10 +1,9 @@
-"""What the lack of channels prevents, in plain words, for `log inspect` and the notes of a
-flight."""
+"""Consequences of missing channels in plain words, for `log inspect`."""
 
 from collections.abc import Sequence
 
-#: What the lack of channels prevents: all of the named alternatives absent -> the sentence.
-_PREVENTED: tuple[tuple[tuple[str, ...], str], ...] = (
+#: Alternatives of which at least one is needed -> consequence when all of them are missing.
+_CONSEQUENCES: tuple[tuple[tuple[str, ...], str], ...] = (
     (("qbar", "V"), "no dynamic pressure and no airspeed: no coefficient can be computed"),
     (("ax", "ax_imu"), "no forward acceleration: CX and C_drag cannot be computed"),
     (("ay", "ay_imu"), "no lateral acceleration: CY cannot be computed"),
@@ -18,32 +17,36 @@ _PREVENTED: tuple[tuple[tuple[str, ...], str], ...] = (
     (
         ("mach",),
         (
-            "no Mach number: tables over Mach are read at a Mach number from the standard"
-            " atmosphere, or not at all"
+            "no Mach number: tables over Mach need one from the standard atmosphere, or cannot be"
+            " used"
         ),
     ),
     (("phi",), "no bank angle: no flight-path reconstruction"),
     (("theta",), "no pitch attitude: no flight-path reconstruction"),
     (
         ("velocity_north",),
-        "no velocity over the earth: wind cannot be estimated, airspeed not be checked against it",
+        "no velocity over the earth: wind cannot be estimated, nor airspeed checked against it",
     ),
     (("altitude",), "no altitude: no check of the vertical motion, no standard atmosphere"),
-    (("thrust", "thrust_left"), "no thrust: a powered vehicle's CX holds thrust as well as drag"),
+    (
+        ("thrust", "thrust_left"),
+        "no thrust: CX of a powered vehicle includes thrust as well as drag",
+    ),
     (("height_above_ground",), "no height above ground: ground effect cannot be examined"),
 )
 
 
 def consequences_of_missing(missing: Sequence[str]) -> list[str]:
-    """What the channels that a log lacks (`Flight.missing`) prevent, in plain words, the gravest
-    first.
+    """Return what cannot be computed without the `missing` channels (`Flight.missing`).
+
+    One sentence each, the most serious first.
 
     >>> consequences_of_missing(["beta"])
     ['no angle of sideslip: no comparison of CY, Cl and Cn against tables over beta']
     """
     lacking = set(missing)
     sentences = [
-        sentence for alternatives, sentence in _PREVENTED if lacking.issuperset(alternatives)
+        sentence for alternatives, sentence in _CONSEQUENCES if lacking.issuperset(alternatives)
     ]
     surfaces = sorted(name.removeprefix("delta_") for name in lacking if name.startswith("delta_"))
     if surfaces:

@@ -1,5 +1,4 @@
-"""Derivations: channels that a log does not hold as such but that follow from the fields of one
-topic, by name."""
+"""Named methods that derive channels from the fields of one topic, for mapping files."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -13,10 +12,11 @@ from aerodb.support import Array
 
 @dataclass(frozen=True)
 class Method:
-    """A computation on fields: SI units of its arguments and results.
+    """A computation on fields of one topic.
 
-    Empty `inputs_unit` or `outputs`: any number of arguments, all in the unit of the one channel
-    that results.
+    inputs : number of arguments. input_unit : their SI unit. outputs : channels that result. With
+    `inputs` 0 and empty `input_unit` and `outputs`: any number of arguments, all in the unit of the
+    one resulting channel.
     """
 
     compute: Callable[..., tuple[Array, ...]]
@@ -39,7 +39,7 @@ def _norm(*parts: Array) -> tuple[Array, ...]:
 
 _ANGLES = ("phi", "theta", "psi")
 
-#: `inputs` 0: as many as given, in the unit of the result.
+#: Methods by the name that a mapping file uses.
 METHODS: Final[Mapping[str, Method]] = {
     "euler_321_from_quaternion": Method(euler_321_from_quaternion, 4, "1", _ANGLES),
     "euler_321_from_enu_quaternion": Method(euler_321_from_enu_quaternion, 4, "1", _ANGLES),

@@ -1,5 +1,4 @@
-"""What is in a recording: rates, gaps, damage per topic, before any meaning is given to the
-fields."""
+"""Summary of a recording: rates, gaps and damage per topic, before its fields are interpreted."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -15,8 +14,11 @@ GAP_RATIO = 3.0
 
 @dataclass(frozen=True)
 class Gap:
-    """An interval without samples: its ends [s] (the samples beside it), and how many samples the
-    median interval makes one expect there."""
+    """An interval without samples.
+
+    start, end : times of the samples beside it, s. samples : number of samples missing, from the
+    median interval.
+    """
 
     start: float
     end: float
@@ -30,8 +32,10 @@ class Gap:
 
 @dataclass(frozen=True)
 class TopicSummary:
-    """One topic: median rate [Hz] (nan below two samples), first and last time [s], gaps, fields,
-    its damage."""
+    """Summary of one topic.
+
+    rate : median, Hz; nan below two samples. start, end : first and last time, s.
+    """
 
     name: str
     samples: int
@@ -55,8 +59,7 @@ class TopicSummary:
 
 @dataclass(frozen=True)
 class RecordingSummary:
-    """A recording: its topics in the order of their names, and the damage that concerns the whole
-    file."""
+    """Summary of a recording: topics in order of name, and damage that affects the whole file."""
 
     source: str
     format: str
@@ -70,7 +73,7 @@ class RecordingSummary:
 
 
 def median_interval(time: NDArray[np.float64]) -> float:
-    """Median of the positive intervals of `time` (n,) [s]; nan without one.
+    """Return the median of the positive intervals of `time` (n,) [s]; nan without one.
 
     >>> median_interval(np.array([0.0, 0.1, 0.2, 5.0]))
     0.1
@@ -81,7 +84,7 @@ def median_interval(time: NDArray[np.float64]) -> float:
 
 
 def gaps(time: NDArray[np.float64], ratio: float = GAP_RATIO) -> tuple[Gap, ...]:
-    """Intervals of `time` (n,) [s] longer than `ratio` median intervals.
+    """Return the intervals of `time` (n,) [s] longer than `ratio` median intervals.
 
     >>> [gap.samples for gap in gaps(np.array([0.0, 1.0, 2.0, 3.0, 8.0, 9.0]))]
     [4]
@@ -92,11 +95,16 @@ def gaps(time: NDArray[np.float64], ratio: float = GAP_RATIO) -> tuple[Gap, ...]
 
 
 def missing_samples(time: NDArray[np.float64], start: float, end: float) -> Gap | None:
-    """The gap of a topic around a damaged interval: `time` (n,), `start` and `end` in s.
+    """Return the gap of a topic around a damaged interval, or None.
 
-    The longest interval of `time` that touches [start, end], when it is longer than 1.5 median
-    intervals; None when no sample is missing there, or fewer than four samples leave the usual
-    interval unknown.
+    This is the longest interval of `time` that touches [start, end], if it is longer than 1.5
+    median intervals. None if no sample is missing there, or if fewer than four samples leave the
+    median interval unknown.
+
+    Parameters
+    ----------
+    time : (n,), s
+    start, end : s
     """
     if len(time) < 4:
         return None
@@ -110,8 +118,7 @@ def missing_samples(time: NDArray[np.float64], start: float, end: float) -> Gap 
 
 
 def missing_by_topic(topics: Mapping[str, Topic], damage: Iterable[Damage]) -> tuple[Damage, ...]:
-    """Per topic, the samples that are missing where the file as a whole is damaged (framing,
-    dropouts)."""
+    """Return the gaps of each topic where the whole file has framing or dropout damage."""
     places = [
         (place.kind, place.start, place.end)
         for place in damage
@@ -139,8 +146,7 @@ def _gap(time: NDArray[np.float64], k: int, usual: float) -> Gap:
 
 
 def describe(recording: Recording) -> RecordingSummary:
-    """What `aerodb log inspect` shows of a recording: per topic rate, samples, duration, gaps,
-    fields and damage."""
+    """Return what ``aerodb log inspect`` shows: rate, samples, gaps, fields, damage per topic."""
     topics = tuple(
         _describe_topic(recording, topic) for _, topic in sorted(recording.topics.items())
     )

@@ -1,5 +1,4 @@
-"""From a Recording to a Flight: which mapping fits, what it gives, and what the lack of a channel
-prevents."""
+"""Conversion of a Recording to a Flight: choice of the mapping, channels, common time grid."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
@@ -43,7 +42,7 @@ __all__ = ["Mapping", "choose_mapping", "consequences_of_missing", "map_recordin
 
 _RATES = ("p", "q", "r")
 _ACCELERATIONS = ("ax", "ay", "az", "ax_imu", "ay_imu", "az_imu")
-#: What every flight should have; named as missing even where the mapping does not know it.
+#: Channels that every flight should have; reported as missing even if the mapping lacks them.
 _EXPECTED = (
     *_ACCELERATIONS,
     *_RATES,
@@ -58,18 +57,18 @@ _EXPECTED = (
     "altitude",
 )
 _WRAPPING = ("phi", "psi", "longitude")
-#: Time constants after which a first-order lag has forgotten its start to less than a hundredth.
+#: Time constants after which less than 1 % of a first-order lag's initial error remains.
 SETTLED = 5.0
-#: Grid samples per logged sample beyond which the time base must be wrong, not the flight long.
+#: Grid samples per logged sample above which the time base must be wrong.
 _MOST_FILL = 20
 
 
 def choose_mapping(recording: Recording, mappings: Iterable[Mapping]) -> Mapping:
-    """The one mapping that fits the recording.
+    """Return the one mapping that fits the recording.
 
-    A layout that the reader is sure of (`Recording.layout`) decides at once; of several that fit,
-    the one that names most topics does. InputError names the candidates when none fits or two fit
-    equally.
+    `Recording.layout`, if the reader knows it, decides. Otherwise it is the mapping that fits and
+    requires most topics. Raises InputError, with the candidates, if none fits or several fit
+    equally well.
     """
     known = {mapping.name: mapping for mapping in mappings}
     if recording.layout in known:
@@ -82,30 +81,33 @@ def choose_mapping(recording: Recording, mappings: Iterable[Mapping]) -> Mapping
     names = ", ".join(sorted(mapping.name for mapping in best or known.values()))
     if best:
         raise InputError(
-            f"several mappings fit: {names}", recording.source, "name one of them with --mapping"
+            f"several mappings fit: {names}", recording.source, "choose one with --mapping"
         )
     topics = ", ".join(sorted(recording.topics)[:8])
     what = f"no mapping fits this log (topics: {topics})"
     raise InputError(
-        what, recording.source, f"name one with --mapping, or write a mapping file; known: {names}"
+        what,
+        recording.source,
+        f"choose one with --mapping, or write a mapping file; known: {names}",
     )
 
 
 @dataclass
 class _Log:
-    """A recording read through a mapping: fields in SI on cleaned clocks; collects what is found
-    wrong."""
+    """A recording read through a mapping: fields in SI on cleaned clocks; collects damage."""
 
     recording: Recording
     mapping: Mapping
     damage: list[Damage] = field(default_factory=list)
     refused: dict[str, InputError] = field(default_factory=dict)
-    """Topics whose clock cannot be used, and why."""
+    """Topics whose clock cannot be used -> the error."""
     _clocks: dict[str, tuple[NDArray[np.bool_], Array] | None] = field(default_factory=dict)
 
     def clock(self, topic: str) -> tuple[NDArray[np.bool_], Array] | None:
-        """Samples of a topic to keep, and their times [s]; None where a table has no time base of
-        that length."""
+        """Return the samples of a topic to keep and their times [s].
+
+        None if the clock cannot be used or a table has no time base of that length.
+        """
         if topic not in self._clocks:
             self._clocks[topic] = self._cleaned(topic)
         return self._clocks[topic]
@@ -126,8 +128,7 @@ class _Log:
         return clean.keep, stamps[clean.keep]
 
     def stamps(self, topic: str) -> Array | None:
-        """Times [s] of a topic as they were logged; None where a table has no time base of that
-        length."""
+        """Return logged times [s] of a topic; None if a table has no time base of its length."""
         time = self.mapping.time
         if time is None:
             stamps = self.recording.topics[topic].time
@@ -136,9 +137,9 @@ class _Log:
         if found is None:
             where = f"{self.recording.source}, mapping {self.mapping.name}"
             raise InputError(
-                f"no time: field '{time.field}' of topic '{time.topic}' is not there",
+                f"no time: topic '{time.topic}' has no field '{time.field}'",
                 where,
-                "name it in [time]",
+                "state the field that holds the time in [time] of the mapping file",
             )
         values = np.asarray(self.recording.topics[found[0]].fields[found[1]], dtype=np.float64)
         unit = time.unit or self.recording.topics[found[0]].units.get(found[1], "s")
@@ -146,7 +147,7 @@ class _Log:
         return convert(values * time.scale, unit, "s") if same_length else None
 
     def locate(self, source: Source) -> tuple[str, str] | None:
-        """Topic and field that a source means, the first that exists and holds numbers."""
+        """Return topic and field of a source: the first match that exists and is numeric."""
         for topic in matching_topics(source.topic, self.recording.topics):
             values = self.recording.topics[topic].fields.get(source.field)
             if values is not None and np.asarray(values).dtype.kind in "fiub":
@@ -154,8 +155,10 @@ class _Log:
         return None
 
     def read(self, source: Source, unit: str) -> tuple[str, Array] | None:
-        """Topic and values in `unit` of a source on its cleaned clock; None where it is absent or
-        holds nothing."""
+        """Return topic and values in `unit` of a source on its cleaned clock.
+
+        None if the field is absent or holds no data.
+        """
         found = self.locate(source)
         if found is None or (clock := self.clock(found[0])) is None:
             return None
@@ -169,7 +172,7 @@ class _Log:
             raise InputError(
                 "no unit is declared",
                 where,
-                f"declare it in the log, or state it in mapping {self.mapping.name}",
+                f"declare the unit in the log, or state it in mapping {self.mapping.name}",
             )
         if source.scale != 1.0 or source.offset:
             raw = source.offset + source.scale * raw
@@ -184,7 +187,7 @@ class _Log:
 
 @dataclass(frozen=True)
 class _Signal:
-    """One channel on its topic's clock; `surface` calibrates it when it is a command."""
+    """One channel on its topic's clock; `surface` calibrates a command."""
 
     name: str
     topic: str
@@ -195,30 +198,32 @@ class _Signal:
 def map_recording(
     recording: Recording, mapping: Mapping, vehicle: Vehicle, flight_id: str = ""
 ) -> Flight:
-    """The recording as a Flight: canonical channels in SI on one uniform grid, with what is
-    missing, assumed and flagged.
+    """Return the recording as a Flight: canonical channels in SI on one uniform grid.
 
-    Sources are picked by the mapping (a surface's `log` in the vehicle file comes first), units
-    converted, clocks cleaned, angles unwrapped. The grid spans the overlap of the topics with
-    accelerations and rates, at the vehicle's `processing.rate` or the reference topic's own; a
-    table on one uniform time base passes bit for bit, everything else is resampled without aliasing
-    and flagged ``gap`` where its source was silent. Commands become deflections by the vehicle's
-    scale, offset and lag; constants of `configuration`, combinations and derivable air data are
-    added.
+    - The mapping selects the sources (a surface's `log` in the vehicle file takes precedence);
+      units are converted, clocks cleaned, angles unwrapped.
+    - The grid spans the overlap of the topics with accelerations and rates, at the vehicle's
+      `processing.rate` or at the rate of the reference topic.
+    - A table on one uniform time base is passed on bit for bit. Everything else is resampled
+      without aliasing and flagged ``gap`` where its source has no samples.
+    - Commands become deflections by the vehicle's scale, offset and lag. Constants of
+      `configuration`, combinations and derivable air data are added.
 
-    Raises InputError for a clock that runs backwards, a unit that is neither declared nor stated,
-    or a log with neither accelerations nor rates.
+    Missing channels, assumptions and damage are listed in the flight.
+
+    Raises InputError for a clock that runs backwards, a unit that neither the log nor the mapping
+    states, or a log with neither accelerations nor rates.
     """
     log = _Log(recording, mapping)
     signals, notes = _signals(log, vehicle)
     essential = [s for s in signals.values() if s.name in (*_RATES, *_ACCELERATIONS)]
     if not essential:
         what = (
-            f"no accelerations and no rates under mapping {mapping.name}: no coefficient can be"
-            " computed"
+            f"no accelerations and no rates found with mapping {mapping.name}: no coefficient can"
+            " be computed"
         )
         raise InputError(
-            what, recording.source, "choose another mapping, or write one for this layout"
+            what, recording.source, "choose another mapping, or write a mapping file for this log"
         )
     grid, note = _grid(log, essential, vehicle)
     channels, flags = _on_grid(log, signals.values(), grid)
@@ -240,11 +245,11 @@ def map_recording(
 def channels_found(
     recording: Recording, mapping: Mapping
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Channels that a mapping finds in a recording, and those that it knows, or every flight should
-    have, and does not.
+    """Return the channels that a mapping finds in a recording, and the channels that are missing.
 
-    Looks at names only, so that a log can be judged before a vehicle is described: a channel found
-    here may still turn out empty, and air data that can be computed from others count as missing.
+    Missing are channels that the mapping knows, or that every flight should have, and that were not
+    found. Only names are compared, so that a log can be inspected without a vehicle file: a channel
+    found here may still be empty, and derivable air data count as missing.
     """
     log = _Log(recording, mapping)
     found = [
@@ -264,11 +269,10 @@ def channels_found(
 
 
 def with_mapped_clock(recording: Recording, mapping: Mapping) -> Recording:
-    """The recording with the times [s] that the mapping's ``[time]`` gives its topics: readers of
-    tables know none.
+    """Return the recording with topic times [s] as the mapping's ``[time]`` defines them.
 
-    Topics without a time base of their length keep the sample index; without ``[time]`` nothing
-    changes.
+    For tables, whose reader cannot know which column is the time. Topics without a time base of
+    their length keep the sample index; without ``[time]`` nothing changes.
     """
     if mapping.time is None:
         return recording
@@ -283,8 +287,7 @@ def with_mapped_clock(recording: Recording, mapping: Mapping) -> Recording:
 
 
 def _signals(log: _Log, vehicle: Vehicle) -> tuple[dict[str, _Signal], list[str]]:
-    """Every channel that the log gives, by name, and notes on those that it gives but that cannot
-    be used."""
+    """Return the channels of the log by name, and notes on logged channels that cannot be used."""
     entries = {entry.name: entry for entry in log.mapping.channel}
     for name, surface in vehicle.surfaces.items():
         if surface.log is not None:
@@ -301,7 +304,8 @@ def _signals(log: _Log, vehicle: Vehicle) -> tuple[dict[str, _Signal], list[str]
         found = _first(log, entry)
         if found is not None and entry.command and label not in vehicle.surfaces:
             notes.append(
-                f"{entry.name} is logged as a command; without [surfaces.{label}] it is not used"
+                f"{entry.name} is logged as a command and not used: the vehicle file has no"
+                f" [surfaces.{label}]"
             )
         elif found is not None:
             signals[entry.name] = _Signal(
@@ -316,8 +320,7 @@ def _signals(log: _Log, vehicle: Vehicle) -> tuple[dict[str, _Signal], list[str]
 
 
 def _refuse_broken_clock(log: _Log, entry: ChannelMapping) -> None:
-    """Raises the refusal of the topic that should have given a rate or an acceleration; other
-    topics may be done without."""
+    """Raise the clock error of a topic that has a rate or acceleration; others are optional."""
     for source in entry.sources:
         found = log.locate(source)
         if found is not None and found[0] in log.refused:
@@ -340,7 +343,7 @@ def _first(log: _Log, entry: ChannelMapping) -> tuple[str, Array] | None:
 
 
 def _derive(log: _Log, derived: Derived) -> list[_Signal]:
-    """Channels of a derivation; none unless all of its sources are there."""
+    """Return the channels of a derivation; none unless all of its sources are present."""
     method = METHODS[derived.method]
     unit = method.input_unit or channel(derived.channels[0]).unit
     found = [log.read(source, unit) for source in derived.sources]
@@ -356,7 +359,7 @@ def _derive(log: _Log, derived: Derived) -> list[_Signal]:
 
 
 def _unwrapped(values: Array) -> Array:
-    """Angles [rad] without jumps of a full turn; samples that are not finite stay as they are."""
+    """Return angles [rad] without jumps of a full turn; non-finite samples stay as they are."""
     good = np.isfinite(values)
     result = values.copy()
     result[good] = np.unwrap(values[good])
@@ -370,7 +373,7 @@ def _times(log: _Log, topic: str) -> Array:
 
 
 def _grid(log: _Log, essential: Sequence[_Signal], vehicle: Vehicle) -> tuple[Array, str]:
-    """The uniform time grid [s] and a note on where it is from."""
+    """Return the uniform time grid [s] and a note on its origin."""
     topics = dict.fromkeys(signal.topic for signal in essential)
     start = max(float(_times(log, topic)[0]) for topic in topics)
     end = min(float(_times(log, topic)[-1]) for topic in topics)
@@ -398,7 +401,7 @@ def _grid(log: _Log, essential: Sequence[_Signal], vehicle: Vehicle) -> tuple[Ar
         raise InputError(
             what,
             f"{log.recording.source}, topic {reference}",
-            "cut the log there, or repair its time base",
+            "split the log there, or repair its time base",
         )
     note = (
         f"grid of {1.0 / step:.6g} Hz,"
@@ -412,7 +415,7 @@ def _grid(log: _Log, essential: Sequence[_Signal], vehicle: Vehicle) -> tuple[Ar
 def _on_grid(
     log: _Log, signals: Iterable[_Signal], grid: Array
 ) -> tuple[dict[str, Array], dict[str, NDArray[np.uint8]]]:
-    """Channels and gap flags on the grid; fields of one topic share one resampler."""
+    """Return channels and gap flags on the grid; fields of one topic share one resampler."""
     shared: dict[str, Resampler] = {}
     channels: dict[str, Array] = {}
     flags: dict[str, NDArray[np.uint8]] = {}
@@ -432,8 +435,7 @@ def _on_grid(
         )
         unknown = to_grid.gap
         if signal.surface is not None:
-            # Where the surface stood when the log began is not logged: wait until its lag has
-            # forgotten it.
+            # The deflection before the log begins is unknown: flag until the lag has settled.
             unknown = unknown | (grid < time[0] + SETTLED * signal.surface.lag)
         if unknown.any():
             flags[signal.name] = unknown * np.uint8(FLAGS["gap"])
@@ -441,8 +443,10 @@ def _on_grid(
 
 
 def _deflection(to_grid: Resampler, command: Array, surface: Surface) -> Array:
-    """Deflection [rad] on the grid from a command that stands until the next: ``offset + scale *
-    command`` within the surface's limits, then the lag."""
+    """Return the deflection [rad] on the grid of a command that is held until the next one.
+
+    ``offset + scale * command`` within the surface's limits, then the lag.
+    """
     time, grid = to_grid.time, to_grid.grid
     if len(time) > 2 and interval(time) < 0.9 * interval(grid):
         base = uniform_grid(float(time[0]), float(time[-1]), interval(time))
@@ -456,8 +460,10 @@ def _deflection(to_grid: Resampler, command: Array, surface: Surface) -> Array:
 
 
 def _completed(flight: Flight, mapping: Mapping, vehicle: Vehicle) -> Flight:
-    """With constants of the vehicle file, combinations, derivable air data, and the list of what is
-    still missing."""
+    """Return the flight with constants of the vehicle file, combinations and derivable air data.
+
+    Lists the channels that are still missing.
+    """
     constants = {name: value for name, value in vehicle.configuration.items() if name not in flight}
     flight = flight.with_channels(
         {name: np.full(len(flight.time), value) for name, value in constants.items()}

@@ -1,6 +1,6 @@
-"""The mapping file: which field of a log layout is which canonical channel, as data (TOML).
+"""Mapping file (TOML): which field of a log is which canonical channel.
 
-What is done with it stands in `aerodb.logs.mapping`.
+`aerodb.logs.mapping` applies it to a recording.
 """
 
 import tomllib
@@ -29,10 +29,10 @@ ChannelName = Annotated[str, AfterValidator(_registered)]
 
 
 class Source(Strict):
-    """One place in a log. `topic` may hold ``*`` and alternatives ``a|b`` (the first that exists).
+    """One field of a log; `topic` may contain ``*`` and alternatives ``a|b`` (first that exists).
 
-    The value is ``offset + scale * field``, in `unit`; without `unit` the log's own declaration
-    holds.
+    The value is ``offset + scale * field`` in `unit`; without `unit`, in the unit that the log
+    declares.
     """
 
     topic: str
@@ -43,7 +43,7 @@ class Source(Strict):
 
 
 class Clock(Strict):
-    """Where the time stands in a table: readers of tables cannot know. `unit` as in `Source`."""
+    """Field that holds the time of a table, which its reader cannot know; `unit` as in `Source`."""
 
     topic: str
     field: str
@@ -52,10 +52,10 @@ class Clock(Strict):
 
 
 class ChannelMapping(Strict):
-    """A canonical channel and the places where it may stand: the first that the log has is taken.
+    """A canonical channel and its possible sources; the first that the log has is used.
 
-    `command`: the value is what was commanded to a surface; the vehicle file's scale, offset and
-    lag make it a deflection.
+    `command`: the value is the command to a surface; scale, offset and lag of the vehicle file
+    convert it to a deflection.
     """
 
     name: ChannelName
@@ -64,10 +64,10 @@ class ChannelMapping(Strict):
 
 
 class Derived(Strict):
-    """Channels computed from fields of one topic by a method of `aerodb.logs.derivations`; used
-    where no source gave them.
+    """Channels computed from fields of one topic by a method of `aerodb.logs.derivations`.
 
-    `sources` stand in the order of the method's arguments.
+    Used only if no channel entry provides one of them. `sources` are in the order of the method's
+    arguments.
     """
 
     channels: tuple[ChannelName, ...] = Field(min_length=1)
@@ -84,21 +84,21 @@ class Derived(Strict):
             len(self.channels),
         ):
             raise ValueError(
-                f"{self.method} takes {method.inputs} sources and gives {len(method.outputs)}"
-                " channels"
+                f"method '{self.method}' needs {method.inputs} sources and"
+                f" {len(method.outputs)} channels"
             )
         if len({source.topic for source in self.sources}) > 1:
-            raise ValueError(f"the sources of {self.method} must stand in one topic")
+            raise ValueError(f"all sources of '{self.method}' must be fields of one topic")
         return self
 
 
 class Mapping(Strict):
-    """A log layout.
+    """Contents of a mapping file.
 
-    `detect`: topics that must all be there (``*`` and ``a|b`` allowed); of the first, `columns`
-    says how many fields it has and `fields` which it must have. `reference_topic` sets the rate of
-    the grid (default: the topic of p, q, r). `zero_is_missing`: a field that is exactly zero
-    throughout was not recorded.
+    detect : topics that must all be present (``*`` and ``a|b`` allowed). columns, fields : number
+    of fields of the first of them, and fields that it must have. reference_topic : sets the rate of
+    the grid (default: the topic of p, q, r). zero_is_missing : a field that is zero throughout was
+    not recorded.
     """
 
     name: str = Field(pattern=r"^[a-z0-9][a-z0-9_-]{0,62}$")
@@ -119,14 +119,16 @@ class Mapping(Strict):
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
             raise ValueError(
-                f"channel {', '.join(twice)} stands twice; list the places as several sources of"
+                f"channel {', '.join(twice)} is listed twice; list its fields as several sources of"
                 " one channel"
             )
         return self
 
     def fits(self, recording: Recording) -> bool:
-        """Whether the recording's format and topics are those of this layout; never true for one
-        without `detect`."""
+        """Return whether the recording has the format and topics of this mapping.
+
+        Always false for a mapping without `detect`.
+        """
         if recording.format not in self.formats or not self.detect:
             return False
         found = [matching_topics(pattern, recording.topics) for pattern in self.detect]
@@ -141,8 +143,10 @@ class Mapping(Strict):
 
 
 def parse_mapping(text: str, where: str = "mapping file") -> Mapping:
-    """A Mapping from the text of its TOML file; InputError names the key, the reason and the
-    nearest known key."""
+    """Return the Mapping that a TOML text describes.
+
+    Raises InputError with the key, the reason and the nearest known key.
+    """
     try:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
@@ -151,8 +155,7 @@ def parse_mapping(text: str, where: str = "mapping file") -> Mapping:
 
 
 def matching_topics(pattern: str, topics: Iterable[str]) -> list[str]:
-    """Names among `topics` that a pattern such as ``"new_name|old_*"`` means, earlier alternatives
-    first.
+    """Return the `topics` that match a pattern such as ``"new_name|old_*"``, in pattern order.
 
     >>> matching_topics("b|a*", ["a1", "b", "c"])
     ['b', 'a1']

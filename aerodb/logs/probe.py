@@ -1,5 +1,7 @@
-"""Air data from what the probe shows to the centre of gravity: calibration, upwash, how the boom is
-mounted, and rotation, which moves a nose boom through the air."""
+"""Air data corrected from the probe to the CG: calibration, upwash, boom orientation, rotation.
+
+The rotation of the aircraft moves a probe away from the CG, such as a nose boom, through the air.
+"""
 
 from dataclasses import replace
 
@@ -14,12 +16,24 @@ _PRESSURES = ("probe_dp_alpha", "probe_dp_beta", "qbar")
 
 
 def velocity_at_cg(velocity: Array, rates: Array, arm: Array) -> Array:
-    """Air-relative velocity at the CG from that at the probe, ``v - w x r``.
+    """Return the air-relative velocity at the CG from that at the probe, ``v - w x r``.
 
-    All (n, 3): velocity m/s, rates rad/s, arm r from the CG to the probe, m, body axes. Klein &
-    Morelli (2006), chapter 10.
+    Parameters
+    ----------
+    velocity : (n, 3), v at the probe in body axes, m/s
+    rates : (n, 3), w = (p, q, r), rad/s
+    arm : (n, 3), r from the CG to the probe in body axes, m
 
-    >>> velocity_at_cg(np.array([[50.0, 0.0, 4.0]]), np.array([[0.0, 0.5, 0.0]]), np.array([[2.0, 0.0, 0.0]])).tolist()
+    Returns
+    -------
+    (n, 3), m/s
+
+    References
+    ----------
+    Klein & Morelli (2006), chapter 10.
+
+    >>> velocity, rates = np.array([[50.0, 0.0, 4.0]]), np.array([[0.0, 0.5, 0.0]])
+    >>> velocity_at_cg(velocity, rates, np.array([[2.0, 0.0, 0.0]])).tolist()
     [[50.0, 0.0, 5.0]]
     """
     moved: Array = velocity - np.cross(rates, arm)
@@ -27,20 +41,23 @@ def velocity_at_cg(velocity: Array, rates: Array, arm: Array) -> Array:
 
 
 def air_data_at_cg(flight: Flight, vehicle: Vehicle) -> Flight:
-    """The flight with alpha and beta freed of what [air_data] declares, and V, alpha and beta moved
-    from the vehicle's air-data point to the CG, each with a note.
+    """Return the flight with V, alpha and beta corrected for the probe and transferred to the CG.
 
-    Raw pressures of a five-hole probe give alpha and beta where the log has none. Not moved where
-    the vehicle file names no point (the log's air data are then taken to be at the CG), or where
-    airspeed, angle of attack, rates or the CG are not logged; the last is noted. Without beta the
-    sideslip is taken as zero.
+    1. Without logged alpha and beta, the raw pressures of a five-hole probe give them.
+    2. Alpha and beta are corrected for what [air_data] of the vehicle file declares.
+    3. V, alpha and beta are transferred from the vehicle's air-data point to the CG. This is left
+       out if the vehicle file names no point (the logged air data are then taken to be at the CG),
+       and with a note if airspeed, angle of attack or a rate is not logged. Without beta, sideslip
+       is taken as zero.
+
+    Each correction adds a note. Raises InputError as `mass_channels` does.
     """
     flight = _as_flow_angles(_from_pressures(flight, vehicle.air_data), vehicle.air_data)
     if vehicle.points.air_data is None:
         return flight
     absent = [name for name in ("V", "alpha", "p", "q", "r") if name not in flight]
     if absent:
-        note = f"air data stay those at the probe: {', '.join(absent)} not logged"
+        note = f"air data not transferred to the CG: {', '.join(absent)} not logged"
         return replace(flight, notes=(*flight.notes, note))
     properties = mass_channels(flight, vehicle)
     arm = np.asarray(vehicle.points.air_data) - np.column_stack(
@@ -51,20 +68,23 @@ def air_data_at_cg(flight: Flight, vehicle: Vehicle) -> Flight:
     ).T
     names = [name for name in ("V", "alpha", "beta") if name in flight]
     return _replaced(
-        flight, velocity, names, (*names, "p", "q", "r"), "moved from the probe to the CG"
+        flight, velocity, names, (*names, "p", "q", "r"), "transferred from the probe to the CG"
     )
 
 
 def angles_from_pressures(flight: Flight, probe: AirData) -> dict[str, Array]:
-    """Alpha and beta [rad] at the air-data point in body axes, each (n,), from the raw pressures of
-    a five-hole probe; empty where a pressure or the calibration is missing."""
+    """Return alpha and beta [rad], each (n,), from the raw pressures of a five-hole probe.
+
+    They hold at the air-data point, in body axes. Empty if a pressure or the calibration is
+    missing.
+    """
     bare = {name: flight[name] for name in _PRESSURES if name in flight}
     made = _as_flow_angles(_from_pressures(replace(flight, channels=bare, flags={}), probe), probe)
     return {name: made[name] for name in ("alpha", "beta") if name in made}
 
 
 def _velocity(flight: Flight) -> Array:
-    """(3, n) velocity of V, alpha and beta (zero where not logged)."""
+    """Return the velocity (3, n) of V, alpha and beta (zero if not logged)."""
     speed, alpha = flight["V"], flight["alpha"]
     beta = flight["beta"] if "beta" in flight else np.zeros_like(alpha)
     return np.asarray(
@@ -75,8 +95,10 @@ def _velocity(flight: Flight) -> Array:
 def _replaced(
     flight: Flight, velocity: Array, names: list[str], sources: tuple[str, ...], how: str
 ) -> Flight:
-    """The flight with those of V, alpha and beta that `names` lists taken from a velocity (3, n),
-    flagged where a source is."""
+    """Return the flight with `names` (among V, alpha, beta) computed from a velocity (3, n).
+
+    Flagged where one of `sources` is; `how` completes the note.
+    """
     u, v, w = velocity
     total = np.sqrt(u * u + v * v + w * w)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -96,8 +118,7 @@ def _replaced(
 
 
 def _from_pressures(flight: Flight, probe: AirData) -> Flight:
-    """Alpha and beta at the probe from the raw pressures of a five-hole probe, where the log has
-    not both already."""
+    """Return the flight with alpha and beta at a five-hole probe, unless both are logged."""
     if (
         probe.five_hole is None
         or not all(name in flight for name in _PRESSURES)
@@ -119,8 +140,10 @@ def _from_pressures(flight: Flight, probe: AirData) -> Flight:
 
 
 def _as_flow_angles(flight: Flight, probe: AirData) -> Flight:
-    """Alpha and beta in body axes: upwash out, flank angle to sideslip, the boom's mounting turned
-    back."""
+    """Return the flight with alpha and beta in body axes.
+
+    Corrected for upwash, flank angle instead of sideslip, and the orientation of the boom.
+    """
     if probe == AirData(five_hole=probe.five_hole) or "alpha" not in flight:
         return flight
     alpha = flight["alpha"] / (1.0 + probe.upwash[0])
@@ -134,5 +157,5 @@ def _as_flow_angles(flight: Flight, probe: AirData) -> Flight:
     )
     names = [name for name in ("alpha", "beta") if name in flight]
     return _replaced(
-        flight, turned, names, tuple(names), "freed of what [air_data] declares of the probe"
+        flight, turned, names, tuple(names), "corrected for the probe as declared in [air_data]"
     )

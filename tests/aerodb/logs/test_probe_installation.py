@@ -102,8 +102,8 @@ def test_a_boom_mounted_askew_with_upwash_and_a_flank_vane():
             flight[name], exact[name], atol=1e-12 * (60 if name == "V" else 1), err_msg=name
         )
     assert BOOM == (3.0, 0.0, 0.2)  # air_data less the CG
-    assert "freed of what [air_data] declares" in flight.notes[0]
-    assert "moved from the probe to the CG" in flight.notes[1]
+    assert "corrected for the probe as declared in [air_data]" in flight.notes[0]
+    assert "transferred from the probe to the CG" in flight.notes[1]
 
 
 def test_raw_pressures_become_air_data():
