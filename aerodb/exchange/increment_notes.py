@@ -1,8 +1,8 @@
-"""The note of an increment in a stored document: one text, which says also what the increment's
-structured fields hold.
+"""Decode the note of an increment in a stored document.
 
-Documents carry that structure in keys of its own (``refit``, ``lengthened_cells``). Documents of
-earlier releases have the text alone; it is decode_note here, and nowhere else.
+The note is one text that repeats the increment's structured fields in words. Documents hold these
+fields under their own keys (``refit``, ``lengthened_cells``). Documents of earlier releases hold
+the text alone; only this module decodes it.
 """
 
 import re
@@ -18,15 +18,21 @@ _LENGTHENED: Final = re.compile(r"(?:^|; )held and faded over (\d+) table cells 
 
 
 def note_without_structure(text: str, bare: Increment) -> str:
-    """The note without what the other fields say: `text` is the whole of it, `bare` the increment
-    without any note."""
-    said = bare.full_note
-    return "" if text == said else text.removesuffix(f"; {said}") if said else text
+    """Return the note without the words that repeat other fields.
+
+    text : the whole note. bare : the increment without a note.
+    """
+    repeated = bare.full_note
+    if text == repeated:
+        return ""
+    return text.removesuffix(f"; {repeated}") if repeated else text
 
 
 def decode_note(text: str) -> tuple[str, Refit | None, int]:
-    """Own note, refit and lengthened cells of a text from a document that holds nothing else about
-    them."""
+    """Return note, refit and number of lengthened cells from a note.
+
+    The note is that of an earlier release's document, which has no other fields for them.
+    """
     lengthened = _LENGTHENED.search(text)
     text = text[: lengthened.start()] if lengthened else text
     refit = _REFIT.search(text)

@@ -1,8 +1,8 @@
-"""Increments as plain terms: what a format without increments can carry.
+"""Write increments as plain terms, for formats that have no increments.
 
-Estimates, envelope and envelope rule become expressions, so that the numbers stay the same
-everywhere, inside the envelope and beyond. What such a format cannot carry, covariance and flights,
-stays with the version in the catalogue.
+Estimates, envelope and envelope rule become expressions that give the same values everywhere,
+inside the envelope and beyond it. Such formats cannot hold the covariance and the flights; these
+remain with the version in the catalogue.
 """
 
 from collections.abc import Mapping
@@ -37,8 +37,10 @@ _RULE: Final = "1 inside and one cell beyond, then to 0 over one further cell"
 
 
 def with_increments_as_terms(database: AeroDatabase) -> AeroDatabase:
-    """`database` with a term (and some variables) in place of each increment; `predict` gives the
-    same values."""
+    """Return `database` with a term, and its variables, in place of each increment.
+
+    `predict` gives the same values.
+    """
     if not database.increments:
         return database
     taken = {
@@ -53,9 +55,9 @@ def with_increments_as_terms(database: AeroDatabase) -> AeroDatabase:
     term_names = {term.name for term in terms}
     for k, increment in enumerate(database.increments, start=1):
         stem = _unused(f"increment_{k}", taken)
-        parts, expression = _rewritten(increment, stem)
-        variables |= parts
-        taken |= parts.keys()
+        added, expression = _rewritten(increment, stem)
+        variables |= added
+        taken |= added.keys()
         flights = f" from {len(increment.flights)} flights" if increment.flights else ""
         note = f"increment{flights}{f': {increment.full_note}' if increment.full_note else ''}"
         name = _unused(f"{stem}_{increment.axis}", term_names)
@@ -65,7 +67,7 @@ def with_increments_as_terms(database: AeroDatabase) -> AeroDatabase:
 
 
 def substitute(expression: Expression, replacements: Mapping[str, Expression]) -> Expression:
-    """`expression` with names replaced."""
+    """Return `expression` with the names in `replacements` replaced."""
     if isinstance(expression, Name):
         return replacements.get(expression.name, expression)
     if isinstance(expression, Negation):
@@ -88,15 +90,17 @@ def substitute(expression: Expression, replacements: Mapping[str, Expression]) -
 
 
 def _unused(stem: str, taken: set[str]) -> str:
-    """`stem`, marked until no taken name begins with it."""
+    """Return `stem`, extended by underscores until no taken name begins with it."""
     while any(name.startswith(stem) for name in taken):
         stem += "_"
     return stem
 
 
 def _rewritten(increment: Increment, stem: str) -> tuple[dict[str, Variable], Expression]:
-    """Variables for held arguments and weights, and the sum of estimate times weight times
-    regressor over them."""
+    """Variables for held arguments and weights, and the expression of the increment.
+
+    The expression is the sum of estimate times weight times regressor.
+    """
     variables: dict[str, Variable] = {}
     held: dict[str, Expression] = {}
     weights: dict[str, Expression] = {}
@@ -113,17 +117,17 @@ def _rewritten(increment: Increment, stem: str) -> tuple[dict[str, Variable], Ex
                 _weight(name, interval), "1", f"envelope of {name}: {_RULE}"
             )
             weights[name] = Name(f"{stem}_weight_{name}")
-    shares = []
+    addends = []
     for estimate, regressor in zip(increment.layered, increment.regressors, strict=True):
         acting = [
             weights[name] for name in weights if name in regressor.names.union(BASE_VARIABLES)
         ]
         if estimate == 0.0:
             continue
-        shares.append(
+        addends.append(
             reduce(times, [substitute(regressor, held), *acting, number(float(estimate))])
         )
-    return variables, reduce(plus, shares) if shares else Number(0)
+    return variables, reduce(plus, addends) if addends else Number(0)
 
 
 def _weight(name: str, interval: Interval) -> Expression:

@@ -1,9 +1,8 @@
-"""The product's own forms of a database: a TOML file that people write, and the document that is
-stored.
+"""The native forms of a database: a TOML file that people write, and the document that is stored.
 
-The TOML holds either plain handbook derivatives (``[derivatives.CZ]`` with ``alpha = -6.6``), or
-variables, tables and terms, or all of them; numbers are SI and rad, text with a unit is converted.
-The document is JSON-able and exact: floats survive as they are, expressions as text.
+The TOML file holds plain handbook derivatives (``[derivatives.CZ]`` with ``alpha = -6.6``), or
+variables, tables and terms, or both. Numbers are in SI and rad; text with a unit is converted. The
+document is JSON-serialisable and exact: floats are unchanged, expressions are text.
 """
 
 import hashlib
@@ -59,10 +58,10 @@ MAX_TEXT: Final = 50_000_000
 
 
 def read_native(text: str, where: str = "database file") -> AeroDatabase:
-    """A database from the text of its TOML file.
+    """Return the database of a TOML text.
 
-    Raises InputError that names the key and, for a mistyped name, the nearest valid one;
-    breakpoints that do not increase and shapes that do not fit are refused.
+    Raises InputError that names the key and, for a mistyped name, the nearest valid one.
+    Breakpoints that do not increase and shapes that do not match are refused.
     """
     if len(text) > MAX_TEXT:
         raise InputError(f"{len(text)} characters", where, f"at most {MAX_TEXT}")
@@ -121,8 +120,8 @@ def _database(file: DatabaseFile, increments: tuple[Increment, ...], where: str)
             source=file.source,
         )
     except InputError as error:
-        place = f"{where}: {error.where}" if error.where else where
-        raise InputError(error.what, place, error.remedy) from error
+        location = f"{where}: {error.where}" if error.where else where
+        raise InputError(error.what, location, error.remedy) from error
 
 
 def _parsed(text: str, where: str) -> Expression:
@@ -162,8 +161,7 @@ def _uncertainty(file: UncertaintyFile | None) -> Uncertainty | None:
 
 
 def _si(argument: str) -> str:
-    """SI unit of a table argument: that of the channel of this name; anything else with a unit is
-    taken as an angle."""
+    """SI unit of a table argument: that of the channel of this name, otherwise rad."""
     try:
         return channel(argument).unit
     except UnknownNameError:
@@ -205,8 +203,10 @@ def _state_document(state: StateModel) -> dict[str, Any]:
 
 
 def _derivative_terms(axis: str, entries: Mapping[str, float]) -> list[Term]:
-    """Terms ``value * regressor`` of handbook derivatives; the regressor ``1`` is the constant,
-    named ``<axis>_0``."""
+    """Terms ``value * regressor`` of handbook derivatives.
+
+    The regressor ``1`` is the constant, named ``<axis>_0``.
+    """
     try:
         axis_description(axis)
     except UnknownNameError as error:
@@ -223,8 +223,10 @@ def _derivative_terms(axis: str, entries: Mapping[str, float]) -> list[Term]:
 
 
 def to_document(database: AeroDatabase) -> dict[str, Any]:
-    """`database` as plain JSON-able values, increments included; `from_document` gives back an
-    equal one."""
+    """Return `database`, increments included, as JSON-serialisable values.
+
+    `from_document` gives back an equal database.
+    """
     reference = database.reference
     return {
         "format": DOCUMENT_FORMAT,
@@ -297,7 +299,7 @@ def _scattered_document(table: ScatteredTable) -> dict[str, Any]:
 
 
 def _uncertainty_document(uncertainty: Uncertainty | None) -> dict[str, Any]:
-    """As an entry of what carries it; nothing where there is none."""
+    """The entry ``uncertainty``; empty if there is none."""
     if uncertainty is None:
         return {}
     document = {
@@ -331,7 +333,7 @@ def _increment_document(increment: Increment) -> dict[str, Any]:
     }
 
 
-#: Keys of an increment whose contents the note says in words.
+#: Keys of an increment whose content the note repeats in words.
 _REPEATED_IN_NOTE: Final = frozenset({"refit", "lengthened_cells"})
 
 
@@ -342,29 +344,29 @@ def _refit_document(refit: Refit) -> dict[str, Any]:
 
 
 def database_document_sha256(database: AeroDatabase) -> str:
-    """sha256 over all that a database is, expressions included: what is computed with it belongs
-    under this name.
+    """Return the sha256 of everything in a database, expressions included.
 
-    What the notes of increments say already does not count once more: names stay those of documents
-    with notes alone.
+    Results computed with a database are stored under this hash. It leaves out the fields that the
+    notes of increments repeat in words, so that the hashes of documents that have only notes do not
+    change.
     """
     if database not in _DOCUMENT_HASHES:
         document = to_document(database)
-        said = [
+        increments = [
             {key: value for key, value in each.items() if key not in _REPEATED_IN_NOTE}
             for each in document["increments"]
         ]
-        text = json.dumps({**document, "increments": said}, sort_keys=True)
+        text = json.dumps({**document, "increments": increments}, sort_keys=True)
         _DOCUMENT_HASHES[database] = hashlib.sha256(text.encode("utf-8")).hexdigest()
     return _DOCUMENT_HASHES[database]
 
 
-#: Databases do not change.
+#: Hashes are cached because databases are immutable.
 _DOCUMENT_HASHES: WeakKeyDictionary[AeroDatabase, str] = WeakKeyDictionary()
 
 
 def from_document(document: Mapping[str, Any], where: str = "stored database") -> AeroDatabase:
-    """The database that `to_document` wrote. Raises InputError for anything else."""
+    """Return the database of a `to_document` result. Raises InputError for anything else."""
     file = validated(Document, dict(document), where)
     if file.format != DOCUMENT_FORMAT:
         raise InputError(
@@ -402,11 +404,11 @@ def _refit(file: RefitFile | None) -> Refit | None:
 
 
 def database_content_sha256(database: AeroDatabase) -> str:
-    """sha256 over the numbers of a database (float64 little-endian): reference, tables by name,
-    increments and states in order.
+    """Return the sha256 of the numbers of a database (float64, little-endian).
 
-    It guards the stored numbers; expressions and texts are guarded by the key of the version's
-    document.
+    The numbers are the reference, the tables by name, the increments and the states in order. The
+    hash protects the stored numbers; the key of the version's document protects expressions and
+    texts.
     """
     reference = database.reference
     arrays = [

@@ -1,5 +1,4 @@
-"""What the product's own forms of a database may say: keys and types of the TOML file and of the
-stored document."""
+"""Keys and types of the native TOML file and of the stored document."""
 
 from typing import Annotated, Any, Literal, Self
 
@@ -33,7 +32,10 @@ class VariableFile(Strict):
 
 
 class TableFile(Strict):
-    """`units`: of the breakpoints, one per argument, empty where they are SI and rad already."""
+    """A table of the file.
+
+    units : of the breakpoints, one per argument; empty where they are SI or rad.
+    """
 
     arguments: tuple[str, ...]
     breakpoints: tuple[tuple[float, ...], ...]
@@ -60,8 +62,10 @@ class TermFile(Strict):
 
 
 class StateFile(Strict):
-    """A state model: which law makes the channel `name`, with its parameters
-    (`aerodb.tables.state_model`)."""
+    """A state model: the law of the channel `name` and its parameters.
+
+    The laws are those of `aerodb.tables.state_model`.
+    """
 
     name: str
     law: Literal["kirchhoff", "goman_khrabrov", "relay"]
@@ -90,8 +94,10 @@ class IntervalFile(Strict):
 
 
 class RefinedShapeFile(Strict):
-    """`axis`: on which the hypothesis is written; `fall`: part by which the error of left-out
-    flights fell."""
+    """A refined shape.
+
+    axis : axis of the hypothesis. fall : relative reduction of the error of left-out flights.
+    """
 
     hypothesis: str
     axis: str
@@ -104,8 +110,11 @@ class RefitFile(Strict):
 
 
 class IncrementFile(Strict):
-    """`note` says in words what `refit` and `lengthened_cells` say, too; documents of earlier
-    releases have the words alone."""
+    """An increment of the document.
+
+    `note` repeats `refit` and `lengthened_cells` in words; documents of earlier releases have the
+    words alone.
+    """
 
     axis: str
     regressors: tuple[str, ...]

@@ -1,7 +1,7 @@
-"""State models for formats without memory: what they settle at, as a variable; a relay, as an input
-that the receiver gives.
+"""Replace state models, for formats that cannot hold them.
 
-JSBSim has one relay of its own (``hysteresis_limits``), which then runs there.
+A state becomes a variable with its steady value; a relay becomes an input that the receiver
+provides. JSBSim has one relay of its own (``hysteresis_limits``) and runs it itself.
 """
 
 from dataclasses import replace
@@ -17,13 +17,14 @@ _RELAY_INPUT: Final = property_identifier(STALL_HYSTERESIS)
 
 
 def without_states(database: AeroDatabase) -> AeroDatabase:
-    """`database` without state models, for a file that cannot carry them; `predict` gives the same
-    values.
+    """Return `database` without state models; `predict` gives the same values.
 
-    A state without relaxation becomes a variable that is exact along every flight too. One with
-    relaxation becomes the value that it settles at, and its variable says so. A relay's channel
-    stays an input. Increments become terms, where there are states: their envelopes may rest on
-    them.
+    A state without relaxation becomes a variable that is exact along every flight. A state with
+    relaxation becomes a variable with its steady value, and the variable's description says so. The
+    channel of a relay remains an input. If there are states, increments become terms, because their
+    envelopes may depend on states.
+
+    Raises InputError if the name of the new variable is taken.
     """
     if not database.states:
         return database
@@ -50,26 +51,26 @@ def without_states(database: AeroDatabase) -> AeroDatabase:
 
 
 def states_for_jsbsim(database: AeroDatabase) -> AeroDatabase:
-    """`without_states` with a relay as the one that JSBSim runs itself.
+    """Return `without_states` of `database`, with its relay as the one that JSBSim runs itself.
 
-    Raises InputError for a second relay, and for one with a limit of zero, at which JSBSim's does
-    not move.
+    Raises InputError for a second relay, and for a relay with a limit of zero: JSBSim's relay does
+    not switch at zero.
     """
     relays = [state for state in database.states if isinstance(state.law, Relay)]
     flat = without_states(database)
     if len(relays) > 1:
         names = ", ".join(state.name for state in relays)
         raise InputError(
-            f"relays {names}: JSBSim has one",
+            f"relays {names}: JSBSim has only one",
             f"database {database.name}",
-            "another format takes them as inputs",
+            "export to a format that takes relays as inputs",
         )
     for state in relays:
         assert isinstance(state.law, Relay)
         if state.law.low == 0.0 or state.law.high == 0.0:
-            what = f"relay {state.name} has a limit of 0, at which JSBSim's does not move"
+            what = f"relay {state.name} has a limit of 0, at which JSBSim's relay does not switch"
             raise InputError(
-                what, f"database {database.name}", "another format may carry it as an input"
+                what, f"database {database.name}", "export to a format that takes relays as inputs"
             )
         free = {key: text for key, text in flat.free_inputs.items() if key != state.name}
         free[_RELAY_INPUT] = hysteresis_description(state.law.low, state.law.high)
@@ -100,7 +101,7 @@ def _note(state: StateModel) -> str:
 
 
 def _substituted(database: AeroDatabase, name: str, by: Expression) -> AeroDatabase:
-    """The database with `by` wherever terms and variables use `name`."""
+    """Return the database with `by` in place of `name` in terms and variables."""
     if by == Name(name):
         return database
     terms = tuple(

@@ -1,4 +1,14 @@
-"""TODO aerodb.exchange.arrays."""
+"""Databases as arrays and texts: CSV, MAT and NetCDF.
+
+Format   Read             Write            Module
+-------  ---------------  ---------------  ------------------------------------------
+CSV      `import_csv`     `export_csv`     comma_separated (a ZIP of CSV files)
+MAT      `import_mat`     `export_mat`     mat (version 5), mat_reader (versions 5-7)
+NetCDF   `import_netcdf`  `export_netcdf`  netcdf (classic, 64-bit offset)
+
+All three write the same content, which `contents` makes of a database: a JSON manifest, texts,
+arrays, and check cases. On import, `contents` rebuilds the database and evaluates the check cases.
+"""
 
 import lazy_loader as lazy
 

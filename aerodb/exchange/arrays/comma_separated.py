@@ -1,16 +1,15 @@
-"""CSV: a ZIP of plain CSV files, one per table, that every spreadsheet opens, with a manifest
-beside them.
+"""CSV: a ZIP of plain CSV files, one per table, with a manifest. Every spreadsheet opens them.
 
-One file of many sections would be no CSV that other programs read, so there are several:
+Other programs would not read one CSV file with several sections, so the archive has several files:
 
-- ``tables/<name>.csv``: a row per node, one column per argument, then ``value``; rows may stand in
-  any order;
+- ``tables/<name>.csv``: a row per node, one column per argument, then ``value``; rows may be in any
+  order;
 - ``terms.csv``, ``variables.csv``: how tables become coefficients; ``check_cases.csv``: inputs and
   coefficients;
 - ``increments/<n>_<axis>.csv``: estimate and covariance per regressor, and ``..._envelope.csv``;
 - ``manifest.json``: everything else, with axes, signs, units and moment reference in words.
 
-Numbers are written so that they come back exactly.
+Floats are written in their shortest form that reads back exactly.
 """
 
 import csv
@@ -43,11 +42,14 @@ from aerodb.tables import AeroDatabase, CheckCase
 
 MAX_FILES: Final = 10_000
 _KIND: Final = "CSV"
-_EPOCH: Final = (1980, 1, 1, 0, 0, 0)  # the same database gives the same bytes
+_EPOCH: Final = (1980, 1, 1, 0, 0, 0)  # equal databases give equal bytes
 
 
 def export_csv(database: AeroDatabase, check_cases: Sequence[CheckCase] | None = None) -> bytes:
-    """`database` as a ZIP of CSV files, with check cases (25 of its own unless given)."""
+    """Return `database` as a ZIP of CSV files.
+
+    check_cases : written to the archive; by default 25 cases made from the database.
+    """
     contents = to_contents(database, _KIND, check_cases)
     files = {
         "manifest.json": contents.manifest_text,
@@ -99,10 +101,10 @@ def export_csv(database: AeroDatabase, check_cases: Sequence[CheckCase] | None =
 
 
 def import_csv(data: bytes, where: str = "CSV file") -> AeroDatabase:
-    """The database of a ZIP that `export_csv` wrote, tables changed in a spreadsheet or not.
+    """Return the database of a ZIP that `export_csv` wrote; its tables may have been edited.
 
-    Raises InputError that names the file in the archive: damaged or too large ones, grids with
-    missing or repeated nodes, text where numbers belong, and check cases that fail.
+    Raises InputError that names the file in the archive: for damaged or too large files, grids with
+    missing or repeated nodes, text in place of numbers, and check cases that fail.
     """
     check_size(data, where)
     files = _unpacked(data, where)
@@ -131,7 +133,7 @@ def _stem(k: int, contents: Contents) -> str:
 
 
 def _text(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """CSV text; floats by their shortest form that comes back exactly."""
+    """CSV text; floats in their shortest form that reads back exactly."""
     written = io.StringIO(newline="")
     writer = csv.writer(written, lineterminator="\n")
     writer.writerow(header)
@@ -140,7 +142,7 @@ def _text(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
 
 
 def _unpacked(data: bytes, where: str) -> dict[str, str]:
-    """Texts of the archive's files, `MAX_BYTES` at most whatever the archive claims."""
+    """Texts of the archive's files; at most `MAX_BYTES`, whatever size the archive states."""
     files, left = dict[str, str](), MAX_BYTES
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
@@ -158,7 +160,7 @@ def _unpacked(data: bytes, where: str) -> dict[str, str]:
                 files[info.filename] = content.decode("utf-8-sig")
     except InputError:
         raise
-    except Exception as error:  # zipfile raises whatever damaged bytes lead it to
+    except Exception as error:  # damaged bytes make zipfile raise any error
         raise InputError(
             f"not a ZIP of UTF-8 texts: {error}", where, "export the database again as CSV"
         ) from error
@@ -200,13 +202,15 @@ def _numbers(rows: Sequence[Sequence[str]], width: int, where: str) -> Array:
 
 
 def _grid(text: str, where: str) -> tuple[list[Array], Array]:
-    """Breakpoints and values of a table from one row per node in any order."""
+    """Breakpoints and values of a table from one row per node, in any order."""
     header, rows = _rows(text, where)
     if len(header) < 2:
-        raise InputError(f"{len(header)} column", where, "one column per argument, then the value")
+        raise InputError(
+            f"{len(header)} column", where, "give one column per argument, then the value"
+        )
     points = _numbers(rows, len(header), where)
     if not np.all(np.isfinite(points)):
-        raise InputError("numbers that are not finite", where, "give every node a value")
+        raise InputError("numbers that are not finite", where, "give every node a finite value")
     axes = [np.unique(column) for column in points[:, :-1].T]
     shape = tuple(axis.size for axis in axes)
     what = f"{len(points)} rows for a grid of {' x '.join(map(str, shape))} nodes"
@@ -244,7 +248,7 @@ def _increment(
         raise InputError(
             "regressors differ from the manifest's",
             place,
-            "estimates belong to the regressors that were fitted",
+            "keep the regressors that were fitted",
         )
     numbers = _numbers([row[1:] for row in rows], len(header) - 1, place)
     place = f"{where}: {stem}_envelope.csv"
@@ -257,7 +261,7 @@ def _increment(
 
 
 def _case_table(files: dict[str, str], where: str) -> CaseNumbers:
-    """The check cases; none where someone took the file out."""
+    """The check cases; none if the file was removed from the archive."""
     if "check_cases.csv" not in files:
         return CaseNumbers((), np.empty((0, 0)), np.empty((0, 6)))
     place = f"{where}: check_cases.csv"

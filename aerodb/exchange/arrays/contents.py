@@ -1,10 +1,11 @@
-"""A database taken apart for formats that hold arrays and texts: what stands where in CSV, MAT and
-NetCDF files.
+"""Content of a database file in a format that holds arrays and texts (CSV, MAT, NetCDF).
 
-Numbers of tables, increments and check cases stand once, in the arrays of the format, where its
-users look for them and may change them; definitions stand once, as text; whatever else a database
-has is in the manifest (JSON). So nothing can be silently lost or contradict itself. `from_contents`
-tests the result against the check cases that the file carries.
+Each item is stored once. The numbers of tables, increments and check cases are arrays of the
+format, where its users expect them and may change them. Definitions are texts. Everything else is
+in the manifest (JSON). Nothing can therefore be lost silently or contradict itself.
+
+`to_contents` makes the content of a database; `from_contents` rebuilds the database and evaluates
+the check cases of the file.
 """
 
 import json
@@ -21,7 +22,7 @@ from aerodb.support import Array
 from aerodb.tables import AeroDatabase, CheckCase, calls, channel_of, failures, make_check_cases
 
 FORMAT: Final = 1
-MAX_BYTES: Final = 200_000_000  # of a file, and of what it unpacks to
+MAX_BYTES: Final = 200_000_000  # of a file, packed and unpacked
 TERM_TEXTS: Final = ("name", "axis", "expression", "description")
 VARIABLE_TEXTS: Final = ("name", "expression", "unit", "description")
 ENVELOPE: Final = ("low", "high", "cell")
@@ -29,8 +30,11 @@ ENVELOPE: Final = ("low", "high", "cell")
 
 @dataclass(frozen=True)
 class IncrementNumbers:
-    """estimates (k,), covariance (k, k), envelope (m, 3): low, high, cell of the variables that the
-    manifest names."""
+    """Numbers of one increment.
+
+    estimates : (k,). covariance : (k, k). envelope : (m, 3), low, high and cell of the variables
+    that the manifest names.
+    """
 
     estimates: Array
     covariance: Array
@@ -39,8 +43,11 @@ class IncrementNumbers:
 
 @dataclass(frozen=True)
 class CaseNumbers:
-    """Check cases: inputs (n, len(names)) by name, coefficients (n, 6) in the order CX CY CZ Cl Cm
-    Cn."""
+    """Numbers of the check cases.
+
+    inputs : (n, len(names)), in the order of `names`. coefficients : (n, 6), in the order CX CY CZ
+    Cl Cm Cn.
+    """
 
     names: tuple[str, ...]
     inputs: Array
@@ -49,8 +56,11 @@ class CaseNumbers:
 
 @dataclass(frozen=True)
 class Contents:
-    """manifest : what is neither in the texts nor in the arrays. tables : name -> breakpoints per
-    axis, and values."""
+    """Content of a database file.
+
+    manifest : everything that is neither text nor array. terms, variables : their texts. tables :
+    name -> breakpoints per axis, and values.
+    """
 
     manifest: dict[str, Any]
     terms: list[dict[str, str]]
@@ -68,8 +78,9 @@ class Contents:
 def to_contents(
     database: AeroDatabase, kind: str, check_cases: Sequence[CheckCase] | None = None
 ) -> Contents:
-    """The contents of `database` for a file of `kind`, with `check_cases` (by default 25 made of the
-    database).
+    """Return the content of a file of `kind` for `database`.
+
+    check_cases : written to the file; by default 25 cases made from the database.
 
     Raises InputError for text that the formats cannot hold.
     """
@@ -100,9 +111,8 @@ def to_contents(
         for name, entry in document["variables"].items()
     ]
     if not any(document["terms"]):
-        del document[
-            "terms"
-        ]  # all that there is to a term stands in the texts: rows may be added there
+        # The texts hold everything about a term: rows may be added there.
+        del document["terms"]
     manifest = {
         "file": f"aerodb {kind}",
         "version": FORMAT,
@@ -114,9 +124,11 @@ def to_contents(
 
 
 def from_contents(contents: Contents, kind: str, where: str) -> AeroDatabase:
-    """The database of `contents` from a file of `kind`, tested against its check cases.
+    """Return the database of `contents`, tested against its check cases.
 
-    Raises InputError where the contents do not fit together, are not of this format, or fail a check
+    contents : read from a file of `kind`.
+
+    Raises InputError if the contents are inconsistent, are not of this format, or fail a check
     case.
     """
     document = _document(contents, kind, where)
@@ -148,21 +160,23 @@ def from_contents(contents: Contents, kind: str, where: str) -> AeroDatabase:
         }
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise InputError(
-            f"manifest and data do not fit together ({error!r})", where, "export the database again"
+            f"the manifest does not match the data ({error!r})", where, "export the database again"
         ) from error
     database = from_document(document, where)
     try:
-        said = failures(database, _cases(contents.cases, where))
+        differences = failures(database, _cases(contents.cases, where))
     except InputError as error:
         raise InputError(f"check cases: {error.what}", where, error.remedy) from error
-    if said:
-        remedy = "the file was changed or damaged; where a change is meant, remove its check cases"
-        raise InputError(f"{len(said)} check values differ: {said[0]}", where, remedy)
+    if differences:
+        remedy = (
+            "the file was changed or damaged; if the change is intended, remove its check cases"
+        )
+        raise InputError(f"{len(differences)} check values differ: {differences[0]}", where, remedy)
     return database
 
 
 def parse_manifest(text: str, where: str) -> dict[str, Any]:
-    """The manifest of a file; InputError unless it is one."""
+    """Return the manifest of a file. Raises InputError if it is not a JSON object."""
     try:
         manifest = json.loads(text)
     except (ValueError, RecursionError) as error:
@@ -175,14 +189,16 @@ def parse_manifest(text: str, where: str) -> dict[str, Any]:
 
 
 def check_size(data: bytes, where: str) -> None:
-    """InputError for a file beyond `MAX_BYTES`."""
+    """Raise InputError for a file of more than `MAX_BYTES`."""
     if len(data) > MAX_BYTES:
         raise InputError(f"{len(data)} bytes", where, f"at most {MAX_BYTES}")
 
 
 def conventions(database: AeroDatabase) -> dict[str, Any]:
-    """What a reader must know to use the numbers: axes and signs, units of the inputs, reference
-    lengths and point."""
+    """Return what a reader needs to use the numbers.
+
+    Axes and signs, units of the inputs, reference lengths and the moment reference point.
+    """
     reference = database.reference
     point = ", ".join(f"{x:g}" for x in reference.moment_reference)
     return {
@@ -209,8 +225,10 @@ def conventions(database: AeroDatabase) -> dict[str, Any]:
 
 
 def argument_units(database: AeroDatabase) -> dict[str, list[str]]:
-    """Per table, the SI unit of every argument that is a channel as it is; empty for a formula,
-    whose unit nobody declares."""
+    """Return the SI units of the arguments of each table.
+
+    A unit is known only for an argument that is a channel itself; for a formula it is empty.
+    """
     units: dict[str, list[str]] = {
         name: [""] * len(table.arguments) for name, table in database.tables.items()
     }
@@ -230,12 +248,12 @@ def _input(name: str, database: AeroDatabase) -> str:
 
 
 def _document(contents: Contents, kind: str, where: str) -> dict[str, Any]:
-    """A copy of the manifest's document whose tables and increments are those of the arrays."""
+    """Copy the manifest's document and check that the arrays have its tables and increments."""
     manifest = contents.manifest
     if manifest.get("file") != f"aerodb {kind}" or manifest.get("version") != FORMAT:
         found = f"{manifest.get('file')!r}, version {manifest.get('version')!r}"
         raise InputError(
-            f"the manifest is of {found}",
+            f"the manifest is for {found}",
             where,
             f"this version reads 'aerodb {kind}', version {FORMAT}",
         )
@@ -249,13 +267,13 @@ def _document(contents: Contents, kind: str, where: str) -> dict[str, Any]:
             sorted(tables.keys() ^ contents.tables.keys()) if isinstance(tables, dict) else "all"
         )
         raise InputError(
-            f"tables in the manifest and in the data differ: {listed}",
+            f"tables of the manifest and of the data differ: {listed}",
             where,
             "export the database again",
         )
     if not isinstance(increments, list) or len(increments) != len(contents.increments):
         raise InputError(
-            "increments in the manifest and in the data differ", where, "export the database again"
+            "increments of the manifest and of the data differ", where, "export the database again"
         )
     return dict(document)
 
@@ -272,7 +290,7 @@ def _case_numbers(cases: Sequence[CheckCase]) -> CaseNumbers:
 def _cases(numbers: CaseNumbers, where: str) -> tuple[CheckCase, ...]:
     n = len(numbers.coefficients)
     if numbers.inputs.shape != (n, len(numbers.names)) or numbers.coefficients.shape != (n, 6):
-        raise InputError("check cases are not complete", where, "export the database again")
+        raise InputError("the check cases are incomplete", where, "export the database again")
     return tuple(
         CheckCase(_named(numbers.names, x), _named(AXES, c))
         for x, c in zip(numbers.inputs.tolist(), numbers.coefficients.tolist(), strict=True)

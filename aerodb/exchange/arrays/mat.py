@@ -1,12 +1,12 @@
-"""MAT: one struct ``aerodb`` that MATLAB and Octave load, MAT-file version 5 through scipy.
+"""MAT: one struct ``aerodb`` for MATLAB and Octave, written as a version 5 MAT-file by scipy.
 
 ``aerodb.tables(k)`` has name, arguments, breakpoints (a cell of columns) and values: ``values(i,
-j)`` belongs to ``breakpoints{1}(i)``, ``breakpoints{2}(j)``, so that ``interpn`` takes it as it is.
+j)`` belongs to ``breakpoints{1}(i)``, ``breakpoints{2}(j)``, the order that ``interpn`` expects.
 ``aerodb.terms(k)`` and ``aerodb.variables(k)`` have name, axis and expression as text;
 ``aerodb.increments(k)`` has estimates, covariance and envelope; ``aerodb.check_cases`` has inputs
-and coefficients. ``aerodb.manifest`` is JSON (``jsondecode``) with everything else, axes, signs,
-units and moment reference among it; where a text stands there and in a struct of increments or
-table arguments, the manifest is what is read.
+and coefficients. ``aerodb.manifest`` is JSON (``jsondecode``) with everything else, including axes,
+signs, units and moment reference. Where a text is both in the manifest and in a struct of
+increments or table arguments, the manifest is read.
 """
 
 import io
@@ -36,7 +36,7 @@ from aerodb.tables import AeroDatabase, CheckCase
 _KIND: Final = "MAT"
 _HEADER: Final = b"MATLAB 5.0 MAT-file, aerodynamic database (aerodb)".ljust(
     116
-)  # no date: equal databases, equal bytes
+)  # no date: equal databases give equal bytes
 _TABLE: Final = ("name", "arguments", "breakpoints", "values")
 _INCREMENT: Final = (
     "axis",
@@ -50,8 +50,11 @@ _INCREMENT: Final = (
 
 
 def export_mat(database: AeroDatabase, check_cases: Sequence[CheckCase] | None = None) -> bytes:
-    """`database` as the bytes of a MAT file, with check cases (25 of its own unless given)."""
-    from scipy.io import savemat  # loads slowly
+    """Return `database` as the bytes of a MAT-file.
+
+    check_cases : written to the file; by default 25 cases made from the database.
+    """
+    from scipy.io import savemat  # slow to import
 
     contents = to_contents(database, _KIND, check_cases)
     tables = [
@@ -91,16 +94,17 @@ def export_mat(database: AeroDatabase, check_cases: Sequence[CheckCase] | None =
             "coefficients": cases.coefficients,
         },
     }
-    written, save = io.BytesIO(), cast(Any, savemat)  # its stubs know file names only
+    written, save = io.BytesIO(), cast(Any, savemat)  # its stubs accept file names only
     save(written, {"aerodb": content}, long_field_names=True, do_compression=True)
     return _HEADER + written.getvalue()[len(_HEADER) :]
 
 
 def import_mat(data: bytes, where: str = "MAT file") -> AeroDatabase:
-    """The database of a MAT file that `export_mat` wrote or MATLAB saved again (``-v7`` or
-    ``-v6``).
+    """Return the database of a MAT-file that `export_mat` wrote.
 
-    Raises InputError for damaged or too large files, missing fields, fields of another kind, and
+    MATLAB may have saved it again (``-v7`` or ``-v6``).
+
+    Raises InputError for damaged or too large files, missing fields, fields of another type, and
     check cases that fail.
     """
     check_size(data, where)
@@ -130,7 +134,7 @@ def import_mat(data: bytes, where: str = "MAT file") -> AeroDatabase:
         raise InputError(str(error), where, f"at most {MAX_BYTES} bytes when expanded") from error
     except (LookupError, TypeError, ValueError) as error:
         raise InputError(
-            f"no MAT file with a struct 'aerodb' as exported: {error}", where, "export it again"
+            f"not an exported MAT file with a struct 'aerodb': {error}", where, "export it again"
         ) from error
     return from_contents(contents, _KIND, where)
 
@@ -164,13 +168,13 @@ def _numbers(value: Any) -> Array:
 
 def _table(breakpoints: Any, values: Any) -> tuple[list[Array], Array]:
     if not isinstance(breakpoints, list):
-        raise ValueError("breakpoints are no cell")
+        raise ValueError("breakpoints are not a cell")
     axes = [_numbers(axis).ravel() for axis in breakpoints]
     return axes, _numbers(values).reshape([axis.size for axis in axes])
 
 
 def _case_numbers(content: Mapping[str, Any]) -> CaseNumbers:
-    """The check cases; none where someone took the field out."""
+    """The check cases; none if the field was removed."""
     if "check_cases" not in content:
         return CaseNumbers((), np.empty((0, 0)), np.empty((0, 6)))
     (entry,) = content["check_cases"]

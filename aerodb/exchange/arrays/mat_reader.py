@@ -1,8 +1,8 @@
-"""MAT-files of version 5 to 7 read element by element: structs, cells, text and numbers.
+"""Read MAT-files of versions 5 to 7 element by element: structs, cells, text and numbers.
 
-Why not scipy's reader: bytes that were changed on their way crash it (segmentation fault), and a
-database file may come from anywhere. This one is plain Python on bounded slices: whatever the bytes
-say, the worst is a ValueError.
+Damaged bytes can crash scipy's reader with a segmentation fault, and a database file may come from
+any source. This reader is plain Python on bounded slices: no bytes can cause more than a
+ValueError.
 
 Source: MathWorks, "MAT-File Format" (version 5).
 """
@@ -41,16 +41,17 @@ _MAX_DEPTH: Final = 20
 
 
 def read_mat(data: bytes, limit: int) -> dict[str, Any]:
-    """The variables of a MAT-file by name; `limit` bytes at most when expanded.
+    """Return the variables of a MAT-file by name, at most `limit` bytes when expanded.
 
-    Numbers are arrays (float64), text is str, a cell a flat list, a struct (of any size) a flat
-    list of dicts. Raises ValueError for anything that is not such a file, and OverflowError beyond
-    the limit.
+    Numbers are float64 arrays, text is str, a cell is a flat list, and a struct (of any size) is a
+    flat list of dicts.
+
+    Raises ValueError for anything that is not such a file, and OverflowError beyond the limit.
     """
     if data.startswith(b"MATLAB 7.3"):
         raise ValueError("a MAT-file of version 7.3 (in MATLAB: save with -v7)")
     if len(data) < 128 or data[126:128] not in (b"IM", b"MI"):
-        raise ValueError("no MAT-file of version 5 to 7 (in MATLAB: save with -v7)")
+        raise ValueError("not a MAT-file of version 5 to 7 (in MATLAB: save with -v7)")
     order, variables, at = "<" if data[126:128] == b"IM" else ">", dict[str, Any](), 128
     while at + 8 <= len(data):
         kind, size = struct.unpack_from(f"{order}II", data, at)
@@ -80,13 +81,13 @@ def _expanded(body: bytes, limit: int) -> bytes:
 
 
 class _Reader:
-    """Elements one after another in a slice of the file."""
+    """Successive elements of a slice of the file."""
 
     def __init__(self, data: bytes, order: str) -> None:
         self._data, self._order, self._at = data, order, 0
 
     def element(self) -> tuple[int, bytes]:
-        """Type and content of the next element; small ones hold their content in the tag."""
+        """Type and content of the next element; a small element has its content in the tag."""
         if self._at + 8 > len(self._data):
             raise ValueError("an element ends early")
         kind, size = struct.unpack_from(f"{self._order}II", self._data, self._at)
@@ -111,9 +112,9 @@ class _Reader:
         return np.frombuffer(content, dtype=self._order + _NUMBERS[kind])
 
     def matrix(self, depth: int) -> tuple[str, Any]:
-        """Name and value of an array whose content this reader holds."""
+        """Name and value of the array that this reader contains."""
         if depth > _MAX_DEPTH:
-            raise ValueError("structs inside each other too deeply")
+            raise ValueError("structs are nested too deeply")
         if not self._data:
             return "", np.empty((0, 0))
         flags, shape = self.numbers(), [int(n) for n in self.numbers()]
@@ -145,7 +146,7 @@ class _Reader:
     def _inner(self, depth: int) -> Any:
         kind, content = self.element()
         if kind != _MATRIX:
-            raise ValueError(f"an element of type {kind} where an array belongs")
+            raise ValueError(f"an element of type {kind} in place of an array")
         return _Reader(content, self._order).matrix(depth + 1)[1]
 
     def _fields(self) -> list[str]:

@@ -1,14 +1,13 @@
-"""NetCDF: classic format (64-bit offset), which every NetCDF reader opens, through scipy's own
-reader and writer.
+"""NetCDF: classic format (64-bit offset), read and written by scipy. Every NetCDF reader opens it.
 
-Classic rather than NetCDF-4: a database is a few megabytes of float64 arrays, which need neither
-groups nor compression, and scipy, which the product has anyway, keeps a pure-Python implementation;
-NetCDF-4 would add HDF5 and a second package.
+A database is a few megabytes of float64 arrays. It needs neither the groups nor the compression of
+NetCDF-4, which would require HDF5 and a second package; scipy has a pure-Python implementation of
+the classic format.
 
 ``table_<name>`` has dimensions ``breakpoints_<name>_<k>``, whose coordinate variables of the same
-name hold the breakpoints; ``increment_<n>_estimates``, ``_covariance``, ``_envelope``;
-``check_inputs`` and ``check_coefficients``. The global attribute ``manifest`` is JSON with terms
-and everything else, axes, signs, units and moment reference among it.
+name hold the breakpoints; further variables are ``increment_<n>_estimates``, ``_covariance`` and
+``_envelope``, ``check_inputs`` and ``check_coefficients``. The global attribute ``manifest`` is
+JSON with terms and everything else, including axes, signs, units and moment reference.
 """
 
 import io
@@ -36,8 +35,11 @@ _KIND: Final = "NetCDF"
 
 
 def export_netcdf(database: AeroDatabase, check_cases: Sequence[CheckCase] | None = None) -> bytes:
-    """`database` as the bytes of a NetCDF file, with check cases (25 of its own unless given)."""
-    from scipy.io import netcdf_file  # loads slowly
+    """Return `database` as the bytes of a NetCDF file.
+
+    check_cases : written to the file; by default 25 cases made from the database.
+    """
+    from scipy.io import netcdf_file  # slow to import
 
     contents = to_contents(database, _KIND, check_cases)
     document = contents.manifest["database"]
@@ -82,8 +84,9 @@ def export_netcdf(database: AeroDatabase, check_cases: Sequence[CheckCase] | Non
 
 
 def import_netcdf(data: bytes, where: str = "NetCDF file") -> AeroDatabase:
-    """The database of a NetCDF file that `export_netcdf` wrote, its numbers changed by other tools
-    or not.
+    """Return the database of a NetCDF file that `export_netcdf` wrote.
+
+    Its numbers may have been edited.
 
     Raises InputError for damaged or too large files, missing variables, and check cases that fail.
     """
@@ -110,7 +113,7 @@ def import_netcdf(data: bytes, where: str = "NetCDF file") -> AeroDatabase:
         inputs = arrays.get("check_inputs", np.empty((len(cases), len(names))))
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise InputError(
-            f"manifest and variables do not fit together ({error!r})", where, "export it again"
+            f"the manifest does not match the variables ({error!r})", where, "export it again"
         ) from error
     contents = Contents(
         manifest, terms, named, tables, increments, CaseNumbers(names, inputs, cases)
@@ -121,8 +124,10 @@ def import_netcdf(data: bytes, where: str = "NetCDF file") -> AeroDatabase:
 def _write(
     file: Any, name: str, dimensions: Sequence[str], values: Array, **attributes: str
 ) -> None:
-    """A variable of float64; one without values is left out, since a length of 0 means "unlimited"
-    in this format."""
+    """Write a float64 variable unless it is empty.
+
+    In this format a length of 0 means "unlimited".
+    """
     if values.size == 0:
         return
     for dimension, size in zip(dimensions, values.shape, strict=True):
@@ -136,8 +141,10 @@ def _write(
 
 
 class _Metered(io.BytesIO):
-    """A file of which no more is read than it has: headers can point many large variables at the
-    same bytes."""
+    """A file that limits the bytes read from it.
+
+    Headers can point many large variables at the same bytes.
+    """
 
     def __init__(self, data: bytes) -> None:
         super().__init__(data)
@@ -152,7 +159,7 @@ class _Metered(io.BytesIO):
 
 
 def _read(data: bytes, where: str) -> tuple[dict[str, Array], str]:
-    """All variables of float64 and the manifest's text."""
+    """All float64 variables and the text of the manifest."""
     from scipy.io import netcdf_file
 
     try:
@@ -163,7 +170,7 @@ def _read(data: bytes, where: str) -> tuple[dict[str, Array], str]:
             if v.data.dtype.kind in "fi"
         }
         return arrays, bytes(file.manifest).decode("utf-8")
-    except Exception as error:  # scipy's reader raises whatever damaged bytes lead it to
+    except Exception as error:  # damaged bytes make scipy raise any error
         raise InputError(
             f"not a NetCDF file with a manifest: {error!r}", where, "export the database again"
         ) from error

@@ -1,4 +1,15 @@
-"""TODO aerodb.exchange.daveml."""
+"""DAVE-ML 2.0 (AIAA S-119): read and write.
+
+`import_daveml` reads a file into an AeroDatabase; `export_daveml` writes one and verifies the
+file's own check cases before it returns it; `is_daveml` recognises the format.
+
+Reading: `xml_elements` parses the XML, `reader` walks its elements, `tables` reads tables and
+uncertainties, `mathml` reads calculations, `names` maps standard names, units and signs to
+channels and axes, and `model` builds the database.
+
+Writing: `export` decides what the file contains, `document` builds its elements and `writing` its
+calculations. `check_cases` reads static shots and verifies a database against them.
+"""
 
 import lazy_loader as lazy
 

@@ -186,7 +186,7 @@ def test_check_cases_travel_along_and_are_verified(export: Exporter, read: Impor
     wrong = {**good, "Cm": good["Cm"] + 1e-6}
     with pytest.raises(
         InputError,
-        match=r"here: 1 check values differ: check case 1: Cm is .*\n.*where a change is meant",
+        match=r"here: 1 check values differ: check case 1: Cm is .*\n.*if the change is intended",
     ):
         read(export(database, [CheckCase(inputs, wrong)]), "here")
 
