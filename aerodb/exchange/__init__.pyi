@@ -25,7 +25,6 @@ __all__ = [
     "export_jsbsim",
     "export_mat",
     "export_netcdf",
-    "states_for_jsbsim",
     "from_document",
     "import_csv",
     "import_daveml",
@@ -36,6 +35,7 @@ __all__ = [
     "is_daveml",
     "jsbsim_check_cases",
     "read_native",
+    "states_for_jsbsim",
     "to_document",
     "without_states",
 ]

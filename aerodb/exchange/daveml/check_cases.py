@@ -1,7 +1,7 @@
-"""DAVE-ML's check cases (static shots): read from a file, and a database held against them.
+"""Check cases of DAVE-ML files (static shots): read them, and verify a database against them.
 
-A shot names its inputs and outputs as the outside sees them, by name and unit, and its internal
-signals by id. Here all are by id, in the unit that the variable is declared in.
+A shot names its inputs and outputs by public name and unit, and its internal signals by id. Here
+all signals are identified by id, in the unit that their variable declares.
 """
 
 from collections.abc import Iterator, Mapping
@@ -35,8 +35,7 @@ from aerodb.tables import (
     rebuilt,
 )
 
-#: Where a file states no tolerance: relative to the value, with values below `_SMALL` taken as
-#: that.
+#: Relative tolerance where a file states none; for values below `_SMALL` relative to `_SMALL`.
 RELATIVE: Final = 1e-12
 _SMALL: Final = 1e-3
 
@@ -46,8 +45,10 @@ _INPUT_ROLES: Final = ("isInput", "isControl", "isDisturbance")
 
 @dataclass(frozen=True)
 class CheckSignal:
-    """A signal's value by id, in the unit of its declaration; tolerance None where the file states
-    none."""
+    """Value of a signal by id, in the unit of its declaration.
+
+    tolerance : None where the file states none.
+    """
 
     identity: str
     value: float
@@ -66,8 +67,11 @@ class CheckCase:
 
 @dataclass(frozen=True)
 class CaseResult:
-    """How a database met one check case: signals compared, and one sentence for each that is beyond
-    its tolerance."""
+    """Result of one check case.
+
+    internals, outputs : number of signals compared. failures : one sentence per signal beyond its
+    tolerance.
+    """
 
     name: str
     internals: int
@@ -80,10 +84,10 @@ class CaseResult:
 
 
 def read_check_cases(xml: bytes, *, name: str = "") -> tuple[CheckCase, ...]:
-    """The check cases of a DAVE-ML file; empty when it has none.
+    """Return the check cases of a DAVE-ML file; empty if it has none.
 
-    Raises InputError for a signal that no variable answers to, or that several do and the unit does
-    not decide.
+    Raises InputError for a signal that matches no variable, or several that its unit cannot tell
+    apart.
     """
     where = name or "DAVE-ML file"
     root = read_root(xml, where)
@@ -115,10 +119,10 @@ def _case(
     parts: dict[str, tuple[CheckSignal, ...]] = {}
     for part in children(shot):
         if tag(part) in _PARTS:
-            place = f"{where}: check case {name}"
+            location = f"{where}: check case {name}"
             roles = {"checkInputs": _INPUT_ROLES, "checkOutputs": ("isOutput",)}.get(tag(part), ())
             parts[tag(part)] = tuple(
-                _signal(each, declared, roles, place) for each in _signals(part, place)
+                _signal(each, declared, roles, location) for each in _signals(part, location)
             )
         elif tag(part) not in ("description", "provenance", "provenanceRef"):
             raise unsupported(part, "<staticShot>", where)
@@ -165,8 +169,10 @@ def _named(
     roles: tuple[str, ...],
     where: str,
 ) -> Declaration:
-    """The variable that an outside name means: of its role if any has it, then of its unit: names
-    alone may repeat."""
+    """Return the variable that a public name means.
+
+    Names may repeat: variables of the expected role come first, then those of the stated unit.
+    """
     same = [(each, kinds) for each, kinds in declared if name in (each.name, each.identity)]
     in_role = [each for each, kinds in same if kinds.intersection(roles)] or [
         each for each, _ in same
@@ -177,12 +183,12 @@ def _named(
         if len(candidates) == 1:
             return candidates[0]
     what = (
-        f"signal '{name}' in '{unit}' fits {len(in_role)} variables"
+        f"signal '{name}' in '{unit}' matches {len(in_role)} variables"
         if in_role
         else f"no variable is named '{name}'"
     )
     if in_role and not near:
-        what = f"signal '{name}' in '{unit}', the variable is in '{in_role[0].unit}'"
+        what = f"signal '{name}' is in '{unit}', its variable in '{in_role[0].unit}'"
     raise InputError(what, where)
 
 
@@ -197,15 +203,15 @@ def _between(unit: str, to: str) -> tuple[float, float]:
 
 
 class SignalEvaluator:
-    """All signals of a database at given values of the file's own inputs."""
+    """Evaluate all signals of a database at given values of the file's own inputs."""
 
     def __init__(self, database: AeroDatabase) -> None:
         self._database = database
         self._identities = {
             variable.declared.get("id", name): name for name, variable in database.variables.items()
         }
-        self._given: dict[str, str] = {}  # id of an input -> the name that stands for its value
-        definitions = {name: self._opened(name) for name in database.variables}
+        self._input_names: dict[str, str] = {}  # id of an input -> name of its given value
+        definitions = {name: self._expression_of(name) for name in database.variables}
         constants = {
             name: float(getattr(database.reference, attribute))
             for name, attribute in CONSTANTS.items()
@@ -216,22 +222,27 @@ class SignalEvaluator:
             [Name(name) for name in definitions], tables, definitions, constants
         )
 
-    def _opened(self, name: str) -> Expression:
-        """A variable's expression; that of an input with a place for the value that is given,
-        before its limits."""
+    def _expression_of(self, name: str) -> Expression:
+        """Return the expression of a variable.
+
+        In the expression of an input, its given value replaces the channels; its limits still
+        apply.
+        """
         variable = self._database.variables[name]
         text = variable.declared.get("input")
         if text is None:
             return variable.expression
-        raw, place = parse(text), Name(f"{name}_given_")
-        self._given[variable.declared.get("id", name)] = place.name
-        return rebuilt(variable.expression, lambda node: place if node == raw else node)
+        channels, given = parse(text), Name(f"{name}_given_")
+        self._input_names[variable.declared.get("id", name)] = given.name
+        return rebuilt(variable.expression, lambda node: given if node == channels else node)
 
     def at(self, inputs: Mapping[str, float]) -> dict[str, float]:
-        """Values of all variables and of the inputs, by id; InputError names inputs that are
-        missing."""
+        """Return the values of all variables and inputs by id.
+
+        Raises InputError that names missing inputs.
+        """
         channels: dict[str, Value] = {
-            self._given.get(identity, identity): value for identity, value in inputs.items()
+            self._input_names.get(identity, identity): value for identity, value in inputs.items()
         }
         values = self._database.resolved(self._program.inputs, channels)
         run = self._program.run(values)
@@ -254,8 +265,10 @@ class SignalEvaluator:
 def verify_cases(
     database: AeroDatabase, cases: tuple[CheckCase, ...], relative: float = RELATIVE
 ) -> tuple[CaseResult, ...]:
-    """`database`, imported from DAVE-ML, at check cases of its file: every internal signal and
-    output by the stated tolerance, where none is stated by `relative` times max(|value|, 1e-3).
+    """Compare `database`, imported from DAVE-ML, with check cases of its file.
+
+    Every internal signal and output must be within its stated tolerance; where none is stated,
+    within `relative` times max(|value|, 1e-3).
 
     Raises InputError for an input or signal that the database does not have.
     """
@@ -272,10 +285,10 @@ def verify_cases(
                 if signal.tolerance is None
                 else signal.tolerance
             )
-            given = values[signal.identity]
-            if not abs(given - signal.value) <= tolerance:
+            value = values[signal.identity]
+            if not abs(value - signal.value) <= tolerance:
                 failures.append(
-                    f"{signal.identity} is {given!r}, it should be {signal.value!r} within"
+                    f"{signal.identity} is {value!r}, expected {signal.value!r} within"
                     f" {tolerance:g}"
                 )
         results.append(

@@ -1,5 +1,7 @@
-"""A DAVE-ML document while it is written: ids, variables, breakpoints, tables, functions, check
-cases."""
+"""Elements of a DAVE-ML document that is being written.
+
+They are ids, variables, breakpoints, tables, functions and check cases.
+"""
 
 import re
 from typing import Any, Final
@@ -38,21 +40,25 @@ _DOCTYPE: Final = (
     '"http://www.daveml.org/DTDs/2p0/DAVEfunc.dtd">'
 )
 _CONTROL = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
-_KEPT: Final = {"sign": "sign", "symbol": "symbol", "axis_system": "axisSystem", "alias": "alias"}
+_DECLARED_ATTRIBUTES: Final = {
+    "sign": "sign",
+    "symbol": "symbol",
+    "axis_system": "axisSystem",
+    "alias": "alias",
+}
 
 
 class Document:
-    """Collects elements; `finish` puts them in the standard's order."""
+    """A document that collects elements; `finish` puts them in the standard's order."""
 
     def __init__(self, database: AeroDatabase, created: str, author: str) -> None:
         self._database = database
         self._root = etree.Element(f"{{{NAMESPACE}}}DAVEfunc", nsmap={None: NAMESPACE})
         self._header(created, author)
-        self._variables: dict[
-            str, Any
-        ] = {}  # by the database's name, or the id of what only the file has
+        # By the database's name, or by the id of a variable that only the file has.
+        self._variables: dict[str, Any] = {}
         self._ids: dict[str, str] = {}
-        self._calls: dict[Expression, str] = {}  # table call -> id of the variable that it gives
+        self._calls: dict[Expression, str] = {}  # table call -> id of its variable
         self._arguments: dict[Expression, str] = {}
         self._breakpoints: dict[bytes, str] = {}
         self._breakpoint_elements: list[Any] = []
@@ -70,15 +76,15 @@ class Document:
 
     @property
     def identities(self) -> frozenset[str]:
-        """Ids of all variables in the file."""
+        """Ids of all variables of the file."""
         return frozenset(self._shown)
 
     def identity(self, name: str) -> str:
-        """Id of one of the database's names."""
+        """Return the id of a name of the database."""
         return self._ids.get(name, name)
 
     def add_input(self, name: str) -> None:
-        """An input: a channel in SI, or a free input of the database."""
+        """Add an input: a channel in SI, or a free input of the database."""
         known = name in CHANNELS or (is_surface(name) and name not in self._database.free_inputs)
         unit = (
             write_unit(channel(name).unit) if known else _unit_of(self._database.free_inputs[name])
@@ -103,8 +109,10 @@ class Document:
         attributes: dict[str, str] | None = None,
         uncertainty: Uncertainty | None = None,
     ) -> None:
-        """One ``variableDef``: a constant, a calculation, the result of a table, or (without
-        expression) an input."""
+        """Add a ``variableDef``.
+
+        It is a constant, a calculation, the result of a table or, without `expression`, an input.
+        """
         element = etree.Element(f"{{{NAMESPACE}}}variableDef")
         self._variables[identity] = element
         self._units[identity], self._shown[identity] = unit or "nd", name or identity
@@ -156,8 +164,10 @@ class Document:
     def add_calculation(
         self, wanted: str, name: str, unit: str, note: str, expression: Expression, axis: str = ""
     ) -> str:
-        """A variable that only the file has; gives its name. With `axis`, it is that
-        coefficient."""
+        """Add a variable that only the file has; return its name.
+
+        axis : the coefficient that this variable is, if any.
+        """
         identity = self._unused(re.sub(r"\W", "_", wanted), self._taken)
         self._taken.add(identity)
         roles = ("isOutput", "isStdAIAA") if axis else ()
@@ -168,8 +178,10 @@ class Document:
         return identity
 
     def add_declared(self, name: str, variable: Variable, output: bool) -> None:
-        """A variable of the database as it was declared. Only what is a total of the database stays
-        an output on an axis."""
+        """Add a variable of the database with its declaration.
+
+        On an axis, only a total of the database remains an output.
+        """
         declared, identity = variable.declared, self._ids[name]
         shown = declared.get("name", identity)
         axis = output_axis(
@@ -186,7 +198,9 @@ class Document:
             roles.add("isOutput")
         elif axis:
             roles.discard("isOutput")
-        kept = {attribute: declared.get(key, "") for key, attribute in _KEPT.items()}
+        attributes = {
+            attribute: declared.get(key, "") for key, attribute in _DECLARED_ATTRIBUTES.items()
+        }
         note = variable.description
         unit = variable.unit if variable.unit not in ("", "1") else "nd"
         self.add_variable(
@@ -196,12 +210,12 @@ class Document:
             note,
             variable.expression,
             tuple(roles),
-            kept,
+            attributes,
             variable.uncertainty,
         )
 
     def finish(self) -> None:
-        """Everything into the standard's order."""
+        """Put all elements into the standard's order."""
         self._root.extend(self._variables.values())
         tables = [self._grid(table) for table in self._database.tables.values()]
         self._root.extend(self._breakpoint_elements)
@@ -210,7 +224,7 @@ class Document:
         self._root.extend(self._functions)
 
     def write_cases(self, cases: tuple[CheckCase, ...]) -> None:
-        """``checkData``; inputs and outputs by name and unit, internal signals by id."""
+        """Write ``checkData``: inputs and outputs by name and unit, internal signals by id."""
         data = _child(self._root, "checkData")
         for case in cases:
             shot = _child(data, "staticShot")
@@ -225,7 +239,7 @@ class Document:
                     self._signal(parent, signal, part == "internalValues")
 
     def to_bytes(self) -> bytes:
-        """The file."""
+        """Return the content of the file."""
         etree.indent(self._root)
         data: bytes = etree.tostring(
             self._root, encoding="UTF-8", xml_declaration=True, doctype=_DOCTYPE
@@ -264,8 +278,10 @@ class Document:
             _child(element, "tol", text_number(signal.tolerance))
 
     def _refer(self, node: Expression) -> str:
-        """Id of a name, or of the variable that a table call gives; that is made where it is needed
-        first."""
+        """Id of a name, or of the variable that is the value of a table call.
+
+        That variable is added at its first use.
+        """
         if isinstance(node, Name):
             return self._ids.get(node.name, node.name)
         if node not in self._calls and isinstance(node, TableCall):
@@ -276,7 +292,7 @@ class Document:
         return self._calls[node]
 
     def _argument(self, table: str, expression: Expression) -> str:
-        """Id of a variable with the value of a table's argument."""
+        """Id of a variable whose value is the argument of a table."""
         if isinstance(expression, (Name, TableCall)):
             return self._refer(expression)
         if expression not in self._arguments:
@@ -318,7 +334,7 @@ class Document:
         return element
 
     def _breakpoint(self, label: str, axis: NDArray[np.float64]) -> str:
-        """Id of breakpoints; tables share them."""
+        """Id of breakpoints, which tables share."""
         key = axis.tobytes()
         if key not in self._breakpoints:
             taken = set(self._breakpoints.values())
@@ -394,13 +410,15 @@ def _child(parent: Any, name: str, text: str | None = None) -> Any:
 
 
 def _clean(text: str) -> str:
-    """Without the characters that XML cannot carry."""
+    """`text` with a space for every character that XML cannot hold."""
     return _CONTROL.sub(" ", text)
 
 
 def _unit_of(description: str) -> str:
-    """Unit of a free input, from the description that its import wrote: ``what it is [unit,
-    positive sign]``."""
+    """Unit of a free input.
+
+    It is read from the description that the import wrote: ``meaning [unit, positive sign]``.
+    """
     found = re.search(r"\[([^\],]*)", description)
     return found[1].strip() if found else "nd"
 
@@ -414,8 +432,10 @@ def _number(expression: Expression) -> float | None:
 
 
 def _limits(expression: Expression) -> tuple[Expression, float | None, float | None]:
-    """What is inside an outermost limiter with fixed limits, and these: the standard has them as
-    attributes."""
+    """The expression inside an outermost limiter with constant limits, and these limits.
+
+    The standard writes them as attributes.
+    """
     if isinstance(expression, Call) and expression.function in ("clip", "min", "max"):
         first, *rest = expression.arguments
         ends = [_number(each) for each in rest]

@@ -1,10 +1,10 @@
-"""DAVE-ML 2.0 (AIAA S-119) out: an AeroDatabase as a file that its receiver can check.
+"""Write an AeroDatabase as DAVE-ML 2.0 (AIAA S-119) that its receiver can check.
 
-Inputs are channels in SI with this product's signs, outputs the six coefficients on the body axes
-about the stated moment reference. Variables and tables keep the ids, names and units that they came
-with. Increments become calculations that give the same numbers inside their envelope and beyond,
-state models what they settle at; what no such file can carry, covariance, flights and memory, stays
-behind.
+Inputs are channels in SI with this product's signs. Outputs are the six coefficients in body axes
+about the stated moment reference. Variables and tables keep the ids, names and units of their
+import. Increments become calculations that give the same values inside their envelope and beyond
+it; state models become their steady values. Covariance, flights and memory are not exported,
+because DAVE-ML cannot hold them.
 """
 
 from functools import reduce
@@ -44,20 +44,20 @@ from aerodb.tables import (
     plus,
 )
 
-_TOLERANCE: Final = 1e-9  # of max(|C|, 1e-3): what the receiving program must meet
-_FILL: Final = 0.1  # an input that no coefficient depends on needs some value
+_TOLERANCE: Final = 1e-9  # of max(|C|, 1e-3): what the receiving program must achieve
+_FILL: Final = 0.1  # value of an input that no coefficient depends on
 
 
 def export_daveml(
     database: AeroDatabase, *, check_cases: int = 25, created: str = "", author: str = ""
 ) -> bytes:
-    """`database` as the bytes of a DAVE-ML file with so many check cases.
+    """Return `database` as the bytes of a DAVE-ML file.
 
-    The file is read again and must meet its own check cases before it is given out. created : a
-    date, YYYY-MM-DD.
+    check_cases : number of check cases to write. created : date, YYYY-MM-DD. author : name.
 
-    Raises InputError where a check case fails, which says that this database cannot be exported
-    exactly.
+    The file is read back and must pass its own check cases before it is returned.
+
+    Raises InputError if a check case fails: this database cannot be exported exactly.
     """
     flat = with_increments_as_terms(without_states(database))
     document = _written(flat, created, author)
@@ -67,7 +67,7 @@ def export_daveml(
     failed = [failure for result in verify_cases(again, cases) for failure in result.failures]
     if failed:
         raise InputError(
-            f"the exported file does not meet check case: {failed[0]}", f"database {database.name}"
+            f"the exported file fails a check case: {failed[0]}", f"database {database.name}"
         )
     return document.to_bytes()
 
@@ -125,7 +125,7 @@ def _written(database: AeroDatabase, created: str, author: str) -> Document:
 
 
 def _totals(database: AeroDatabase) -> dict[str, Expression]:
-    """Per axis with terms, their sum in order."""
+    """For each axis with terms, their sum in order."""
     parts: dict[str, list[Expression]] = {}
     for term in database.terms:
         parts.setdefault(term.axis, []).append(term.expression)
@@ -133,8 +133,7 @@ def _totals(database: AeroDatabase) -> dict[str, Expression]:
 
 
 def _present(axis: str, total: Expression, database: AeroDatabase) -> str:
-    """Name of the variable that is this total already, as after an import; empty when there is
-    none."""
+    """Name of the variable that is already this total, as after an import; or empty."""
     if axis in WIND_AXES or any(term.axis in WIND_AXES for term in database.terms):
         return ""
     for name, variable in database.variables.items():
@@ -151,8 +150,10 @@ def _present(axis: str, total: Expression, database: AeroDatabase) -> str:
 
 
 def _write_outputs(document: Document, database: AeroDatabase, outputs: dict[str, str]) -> None:
-    """A variable per term, and the six body axes; forces along the wind axes are turned into
-    them."""
+    """Write a variable per term and the six body-axis coefficients.
+
+    Forces in wind axes are transformed to body axes.
+    """
     parts: dict[str, list[Expression]] = {axis: [] for axis in (*AXES, *WIND_AXES)}
     for term in database.terms:
         if not outputs[term.axis]:
@@ -174,7 +175,7 @@ def _write_outputs(document: Document, database: AeroDatabase, outputs: dict[str
 
 
 def _term(document: Document, database: AeroDatabase, term: Term) -> Expression:
-    """A term as a variable of its own, unless it is one already."""
+    """Return a term as a variable of its own, unless it is one already."""
     if isinstance(term.expression, Name) and term.expression.name in database.variables:
         return term.expression
     return Name(
@@ -185,8 +186,7 @@ def _term(document: Document, database: AeroDatabase, term: Term) -> Expression:
 
 
 def _wind_to_body(drag: Expression, side: Expression, lift: Expression) -> dict[str, Expression]:
-    """CX, CY, CZ of forces along the wind axes; as `aerodb.tables.reference.wind_to_body` has
-    it."""
+    """CX, CY, CZ of forces in wind axes, as in `aerodb.tables.reference.wind_to_body`."""
     ca, sa, cb, sb = (
         parse(text) for text in ("cos(alpha)", "sin(alpha)", "cos(beta)", "sin(beta)")
     )
@@ -200,8 +200,10 @@ def _wind_to_body(drag: Expression, side: Expression, lift: Expression) -> dict[
 def _cases(
     database: AeroDatabase, again: AeroDatabase, document: Document, count: int
 ) -> tuple[CheckCase, ...]:
-    """Check cases: coefficients of `database` itself, internal signals of what the file gives when
-    it is read."""
+    """Check cases with the coefficients of `database`.
+
+    Internal signals are evaluated from the file as it is read back.
+    """
     signals = SignalEvaluator(again)
     cases = []
     for k, case in enumerate(make_check_cases(database, count), start=1):

@@ -1,7 +1,7 @@
-"""MathML-2 content markup, in and out: the calculations of DAVE-ML as expressions.
+"""Read MathML 2 content markup: the calculations of DAVE-ML as expressions.
 
-``quotient`` is MathML's integer division; files use it as a division (AIAA S-119's own examples
-do), and so do we. Angles are in radians; inverse functions give the principal value.
+``quotient`` is MathML's integer division. Files use it as a division, as do the examples of AIAA
+S-119, and so does this module. Angles are in radians; inverse functions give the principal value.
 """
 
 import math
@@ -23,11 +23,12 @@ _ONE: Final = Number(1.0)
 _CONSTANTS: Final = {"pi": math.pi, "exponentiale": math.e, "true": 1.0, "false": 0.0}
 _FOLDS: Final = {"plus": "+", "times": "*"}
 _BETWEEN_TWO: Final = {"divide": "/", "quotient": "/", "power": "^"}
-#: MathML's name -> ours, for functions of which there is one each.
+#: MathML name -> name of the equivalent function here.
 _CALLS: Final = {
     "abs": "abs", "exp": "exp", "ln": "log", "floor": "floor", "ceiling": "ceil", "rem": "rem",
     "sin": "sin", "cos": "cos", "tan": "tan", "arcsin": "asin", "arccos": "acos", "arctan": "atan",
-    "sinh": "sinh", "cosh": "cosh", "tanh": "tanh", "arcsinh": "asinh", "arccosh": "acosh", "arctanh": "atanh",
+    "sinh": "sinh", "cosh": "cosh", "tanh": "tanh",
+    "arcsinh": "asinh", "arccosh": "acosh", "arctanh": "atanh",
     "min": "min", "max": "max", "and": "and", "or": "or", "not": "not",
     "eq": "eq", "neq": "ne", "lt": "lt", "leq": "le", "gt": "gt", "geq": "ge",
 }  # fmt: skip
@@ -39,20 +40,22 @@ _RECIPROCALS: Final = {
     "csch": "sinh",
     "coth": "tanh",
 }
-_OF_RECIPROCAL: Final = {
-    "arcsec": "acos", "arccsc": "asin", "arccot": "atan", "arcsech": "acosh", "arccsch": "asinh", "arccoth": "atanh",
+_INVERSE_RECIPROCALS: Final = {
+    "arcsec": "acos", "arccsc": "asin", "arccot": "atan",
+    "arcsech": "acosh", "arccsch": "asinh", "arccoth": "atanh",
 }  # fmt: skip
-_CHAINS: Final = ("eq", "lt", "leq", "gt", "geq")
-_BARE_IS_ITSELF: Final = ("min", "max", "and", "or")
+_CHAINED_COMPARISONS: Final = ("eq", "lt", "leq", "gt", "geq")
+_IDENTITY_OF_ONE: Final = ("min", "max", "and", "or")
 _QUALIFIERS: Final = ("degree", "logbase")
 _CSYMBOLS: Final = {"atan2": "atan2"}
 
 
 def read_math(element: Any, resolve: Resolve, where: str) -> Expression:
-    """The expression of a ``<math>`` or of one element inside it; `resolve` gives what a ``<ci>``
-    stands for.
+    """Return the expression of a ``<math>`` element or of an element inside one.
 
-    Raises InputError that names an element, function or operand count outside of what is known.
+    resolve : returns the expression that a ``<ci>`` stands for.
+
+    Raises InputError that names an unknown element, function or operand count.
     """
     return _node(element, resolve, where, 0)
 
@@ -127,7 +130,7 @@ def _apply(inner: list[Any], resolve: Resolve, where: str, depth: int) -> Expres
     if name in ("piecewise", "apply", "ci", "cn") and not rest:
         return _node(
             operator, resolve, where, depth + 1
-        )  # files put a lone <piecewise> into an <apply>
+        )  # files put a single <piecewise> into an <apply>
     if name == "csymbol":
         name = own_text(operator).strip()
         if name not in _CSYMBOLS:
@@ -164,8 +167,10 @@ def _exactly(operands: _Operands, count: int, name: str, where: str) -> _Operand
 def _built(
     name: str, operands: _Operands, qualifiers: dict[str, Expression], where: str
 ) -> Expression | None:
-    """The operator `name` on its operands; takes the qualifiers that it uses out; None when it is
-    not known."""
+    """The operator `name` applied to its operands; None if it is unknown.
+
+    Qualifiers that the operator uses are removed from `qualifiers`.
+    """
     if name in _FOLDS and operands:
         return reduce(lambda left, right: Operation(_FOLDS[name], left, right), operands)
     if name == "minus" and len(operands) == 1:
@@ -186,17 +191,17 @@ def _built(
             else Operation("/", Call("log", (x,)), Call("log", (base,)))
         )
     if name == "xor":
-        return reduce(_either, operands) if operands else None
+        return reduce(_exclusive_or, operands) if operands else None
     if name in _RECIPROCALS:
         return Operation(
             "/", _ONE, Call(_RECIPROCALS[name], tuple(_exactly(operands, 1, name, where)))
         )
-    if name in _OF_RECIPROCAL:
+    if name in _INVERSE_RECIPROCALS:
         (x,) = _exactly(operands, 1, name, where)
-        return Call(_OF_RECIPROCAL[name], (Operation("/", _ONE, x),))
-    if name in _CHAINS and len(operands) > 2:
+        return Call(_INVERSE_RECIPROCALS[name], (Operation("/", _ONE, x),))
+    if name in _CHAINED_COMPARISONS and len(operands) > 2:
         return Call("and", tuple(Call(_CALLS[name], pair) for pair in pairwise(operands)))
-    if name in _BARE_IS_ITSELF and len(operands) == 1:
+    if name in _IDENTITY_OF_ONE and len(operands) == 1:
         return operands[0]
     function = _CSYMBOLS.get(name) or _CALLS.get(name)
     if function is None:
@@ -209,6 +214,6 @@ def _built(
     return Call(function, tuple(operands))
 
 
-def _either(left: Expression, right: Expression) -> Expression:
-    """Exclusive or: true where the truth of both differs."""
+def _exclusive_or(left: Expression, right: Expression) -> Expression:
+    """Exclusive or: true where the truth values differ."""
     return Call("ne", (Call("not", (left,)), Call("not", (right,))))

@@ -1,5 +1,8 @@
-"""A DAVE-ML file's signals as an AeroDatabase: inputs from channels, outputs to coefficient axes,
-reference geometry."""
+"""Build an AeroDatabase from the signals of a DAVE-ML file.
+
+Inputs become expressions of channels, outputs become coefficients on axes; the reference geometry
+is read by its standard names.
+"""
 
 import re
 from collections.abc import Callable, Mapping
@@ -16,8 +19,8 @@ from aerodb.exchange.daveml.names import (
     input_channel,
     output_axis,
     sign_factor,
+    signed_name,
     unit_conversion,
-    variable,
 )
 from aerodb.nomenclature import AXES, CHANNELS, channel, is_surface
 from aerodb.tables import (
@@ -49,7 +52,7 @@ _MOST_TERMS: Final = 200
 
 @dataclass(frozen=True)
 class Signal:
-    """A variable of the file: how it is declared, its roles, notes and initial value."""
+    """A variable of the file: declaration, roles, description, notes and initial value."""
 
     declared: Declaration
     roles: tuple[str, ...]
@@ -60,8 +63,10 @@ class Signal:
 
 @dataclass
 class Model:
-    """SignalEvaluator and what defines them, by the file's ids. `bindings` as `import_daveml` takes
-    them."""
+    """The signals of a file and their definitions, by the ids of the file.
+
+    bindings : as in `import_daveml`.
+    """
 
     where: str
     bindings: dict[str, str]
@@ -77,28 +82,32 @@ class Model:
     _taken: set[str] = field(default_factory=lambda: {*CHANNELS, *CONSTANTS, *FUNCTIONS})
 
     def declare(self, signal: Signal) -> str:
-        """Makes a signal known; gives its identifier in the database, which is its id wherever that
-        can be one."""
+        """Add a signal; return its identifier in the database.
+
+        The identifier is the id wherever possible.
+        """
         identity = signal.declared.identity
         self.signals[identity] = signal
         self._identifiers[identity] = self.unique(identity)
         return self._identifiers[identity]
 
     def identifier(self, identity: str) -> str:
-        """Name of a signal among the database's variables."""
+        """Return the name of a signal among the database's variables."""
         return self._identifiers[identity]
 
     def value(self, identity: str) -> Expression:
-        """What stands for a signal in expressions."""
+        """Return the expression that refers to a signal."""
         return Name(self._identifiers[identity])
 
     def defined(self, identity: str) -> bool:
-        """Whether a calculation or a function gives this signal."""
+        """Return whether a calculation or a function defines this signal."""
         return identity in self._defined
 
     def define(self, identity: str, expression: Expression, where: str) -> None:
-        """Gives a signal its expression. Raises InputError for an unknown signal or a second
-        definition."""
+        """Set the expression of a signal.
+
+        Raises InputError for an unknown signal or a second definition.
+        """
         if identity not in self.signals:
             raise InputError(f"no variableDef '{identity}'", where)
         if identity in self._defined:
@@ -106,11 +115,11 @@ class Model:
         self._defined[identity] = expression
 
     def annotate(self, identity: str, note: str) -> None:
-        """A description to fall back on."""
+        """Set the description of a signal that declares none."""
         self._notes[identity] = note
 
     def unique(self, wanted: str) -> str:
-        """An identifier like `wanted` that nothing has yet."""
+        """Return an unused identifier similar to `wanted`."""
         base = re.sub(r"\W", "_", wanted.strip(), flags=re.ASCII)
         base = (
             f"_{base}" if not base or base[0].isdigit() or is_surface(base) else base
@@ -123,12 +132,14 @@ class Model:
         return name
 
     def database(self, reference: Reference | None) -> AeroDatabase:
-        """The database of all that was read."""
+        """Return the database of everything that was read.
+
+        reference : replaces the reference geometry of the file.
+        """
         reference = reference or self._reference()
         free: dict[str, str] = {}
-        same: dict[
-            str, Expression
-        ] = {}  # variables that only repeat a channel, a constant or a free input
+        # Variables that only repeat a channel, a constant or a free input.
+        repeated: dict[str, Expression] = {}
         variables: dict[str, Variable] = {}
         used = set(self.bindings) & {*CONSTANTS, *AXES, *WIND_AXES}
         for identity, signal in self.signals.items():
@@ -141,7 +152,7 @@ class Model:
                 and (raw.name in free or raw.name != name)
             )
             if repeats and value == raw and identity not in self.uncertainties:
-                same[name] = raw
+                repeated[name] = raw
                 continue
             notes = {"id": identity, **signal.notes, "role": " ".join(signal.roles), **extra}
             notes = {
@@ -154,14 +165,13 @@ class Model:
             variables[name] = Variable(value, signal.declared.unit, description, notes, uncertainty)
         self._refuse_unused(used)
         terms = self._terms(variables)
-        if same:
-            variables, terms = _without(variables, terms, same)
+        if repeated:
+            variables, terms = _without(variables, terms, repeated)
         for tree in [term.expression for term in terms] + [
             each.expression for each in variables.values()
         ]:
-            parse(
-                str(tree)
-            )  # what is stored must be readable: the limits of the language hold for imports too
+            # A stored expression must be readable: the limits of the language apply to imports.
+            parse(str(tree))
         source = f"DAVE-ML file{f': {self.header}' if self.header else ''}"
         return AeroDatabase(
             self.where,
@@ -182,7 +192,7 @@ class Model:
         free: dict[str, str],
         used: set[str],
     ) -> tuple[Expression, dict[str, str]]:
-        """What a signal is before its limits, and what to note of an input."""
+        """The expression of a signal before its limits, and the note of an input."""
         key = next(
             (each for each in (identity, signal.declared.name) if each in self.bindings), None
         )
@@ -190,7 +200,7 @@ class Model:
         if not given:
             return self._plain(identity, reference), {}
         if identity in self._defined:
-            raise InputError(f"input '{identity}' has a calculation or function too", self.where)
+            raise InputError(f"input '{identity}' also has a calculation or function", self.where)
         raw: Expression | None = None
         if key is not None:
             used.add(key)
@@ -206,8 +216,10 @@ class Model:
         return raw, {"input": str(raw)}
 
     def _plain(self, identity: str, reference: Reference) -> Expression:
-        """A defined signal; the database's own constants and hat rates, written out by an export,
-        become these again."""
+        """The expression of a defined signal.
+
+        The constants and hat rates of the database, which an export writes out, are restored.
+        """
         expression = self._defined[identity]
         if identity in CONSTANTS and expression == number(getattr(reference, CONSTANTS[identity])):
             return Name(identity)
@@ -220,8 +232,7 @@ class Model:
         return expression
 
     def _bound(self, key: str, identity: str) -> Expression | None:
-        """The expression that a binding gives; None where it names the input itself, which leaves
-        it free."""
+        """The expression of a binding; None if it names the input itself, which remains free."""
         bound = self._parsed(key)
         return None if bound in (Name(self._identifiers[identity]), Name(key)) else bound
 
@@ -232,8 +243,10 @@ class Model:
             raise InputError(error.what, f"{self.where}: binding of {key}", error.remedy) from None
 
     def _free(self, signal: Signal, free: dict[str, str]) -> str:
-        """A free input for this signal: under the signal's id where that is its name too, else
-        under its name."""
+        """Add a free input for this signal; return its name.
+
+        The name is the signal's id if that is also its name, otherwise its name.
+        """
         declared = signal.declared
         plain_id = declared.name == declared.identity == self._identifiers[declared.identity]
         limited = declared.identity in self.limits or declared.identity in self.uncertainties
@@ -248,7 +261,7 @@ class Model:
             inputs = [i for i, s in self.signals.items() if any(role in _GIVEN for role in s.roles)]
             known = [*inputs, *AXES, *WIND_AXES, *CONSTANTS]
             raise InputError(
-                f"binding of '{unused[0]}', which is no input of the file",
+                f"binding of '{unused[0]}', which is not an input of the file",
                 self.where,
                 nearest(unused[0], known),
             )
@@ -260,20 +273,20 @@ class Model:
             if key in self.bindings:
                 bound = self._parsed(key)
                 if not isinstance(bound, Number):
-                    raise InputError(f"binding of {key} is no number", self.where)
+                    raise InputError(f"the binding of {key} is not a number", self.where)
                 found[attribute] = bound.value
         for signal in self.signals.values():
             attribute = REFERENCES.get(signal.declared.name, "")
             if attribute and attribute not in found and signal.initial is not None:
                 found[attribute] = self._metres(signal, "m^2" if attribute == "area" else "m")
-        lacking = [key for key, attribute in CONSTANTS.items() if attribute not in found]
-        if lacking:
+        missing = [key for key, attribute in CONSTANTS.items() if attribute not in found]
+        if missing:
             names = {attribute: name for name, attribute in REFERENCES.items()}
-            what = f"no variable named {names[CONSTANTS[lacking[0]]]} with an initialValue"
+            what = f"no variable named {names[CONSTANTS[missing[0]]]} with an initialValue"
             raise InputError(
                 what,
                 self.where,
-                f"bind {', '.join(f'{key}=NUMBER' for key in lacking)} in m2 and m",
+                f"bind {', '.join(f'{key}=NUMBER' for key in missing)} in m2 and m",
             )
         point = [0.0, 0.0, 0.0]
         for signal in self.signals.values():
@@ -295,8 +308,10 @@ class Model:
         return signal.initial * scale[0] + scale[1]
 
     def _position(self, signal: Signal, k: int, chord: float) -> float:
-        """One coordinate of the moment reference in body axes; a fraction of the chord is from its
-        leading edge aft."""
+        """One coordinate of the moment reference in body axes.
+
+        A fraction of the chord is measured aft from its leading edge.
+        """
         declared = signal.declared
         fraction = declared.unit.lower() == "fracmac"
         value = (signal.initial or 0.0) * chord if fraction else self._metres(signal, "m")
@@ -312,8 +327,7 @@ class Model:
         return sign * value
 
     def _terms(self, variables: Mapping[str, Variable]) -> list[Term]:
-        """The outputs that are coefficients, as terms: an output that is a sum gives a term per
-        addend."""
+        """The outputs that are coefficients, as terms: one per addend of a sum."""
         axes: dict[str, Expression] = {}
         for axis in (*AXES, *WIND_AXES):
             if axis in self.bindings:
@@ -336,13 +350,13 @@ class Model:
                     f"bind the axis: {axis}=EXPRESSION",
                 )
             found[axis] = signal.declared.identity
-            axes[axis] = variable(self._identifiers[signal.declared.identity], sign)
+            axes[axis] = signed_name(self._identifiers[signal.declared.identity], sign)
         if not axes:
             outputs = ", ".join(s.declared.identity for s in marked[:12])
             raise InputError(
-                "no output that is known as a coefficient",
+                "no output is a known coefficient",
                 self.where,
-                f"bind axes, CX=EXPRESSION; outputs: {outputs}",
+                f"bind axes with CX=EXPRESSION; outputs: {outputs}",
             )
         stability = "C_side" not in axes and "CY" in axes
         terms: list[Term] = []
@@ -355,15 +369,17 @@ class Model:
 
 
 def hat_rate_expression(rate: str, constant: str) -> Expression:
-    """``rate*(length/2)/V``, in the order in which `aerodb.tables.reference.hat_rate` computes
-    it."""
+    """Return ``rate*(length/2)/V``.
+
+    The order of the operations is that of `aerodb.tables.reference.hat_rate`.
+    """
     return Operation(
         "/", Operation("*", Name(rate), Operation("/", Name(constant), Number(2.0))), Name("V")
     )
 
 
 def _along_stability_axis(axis: str, expression: Expression) -> list[Term]:
-    """Lift or drag along the stability axes, as terms on CX and CZ."""
+    """Lift or drag in stability axes, as terms on CX and CZ."""
     sine, cosine = parse("sin(alpha)"), parse("cos(alpha)")
     aft, up = (cosine, sine) if axis == "C_drag" else (sine, cosine)
     x: Expression = Operation("*", expression, aft)
@@ -374,8 +390,11 @@ def _along_stability_axis(axis: str, expression: Expression) -> list[Term]:
 
 
 def _addends(axis: str, expression: Expression, variables: Mapping[str, Variable]) -> list[Term]:
-    """A term per addend of an output that is a variable with a sum for its expression, else one
-    term."""
+    """The terms of an output.
+
+    A variable whose expression is a sum gives a term per addend; any other expression gives one
+    term.
+    """
     if isinstance(expression, Name) and expression.name in variables:
         whole = variables[expression.name].expression
         parts: list[Expression] = []
@@ -408,7 +427,7 @@ def _described(part: Expression, variables: Mapping[str, Variable]) -> str:
 
 
 def _named(terms: list[Term]) -> list[Term]:
-    """Terms with names that differ."""
+    """Terms with unique names."""
     seen: dict[str, int] = {}
     named = []
     for term in terms:
@@ -427,11 +446,13 @@ def _renamed(expression: Expression, names: Mapping[str, Expression]) -> Express
 def _without(
     variables: Mapping[str, Variable], terms: list[Term], same: Mapping[str, Expression]
 ) -> tuple[dict[str, Variable], list[Term]]:
-    """Variables and terms with names replaced by what they repeat."""
-    kept = {
+    """Variables and terms in which names are replaced by the expressions they repeat."""
+    replaced = {
         name: Variable(
             _renamed(v.expression, same), v.unit, v.description, v.declared, v.uncertainty
         )
         for name, v in variables.items()
     }
-    return kept, [Term(t.name, t.axis, _renamed(t.expression, same), t.description) for t in terms]
+    return replaced, [
+        Term(t.name, t.axis, _renamed(t.expression, same), t.description) for t in terms
+    ]

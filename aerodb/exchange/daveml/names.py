@@ -1,5 +1,4 @@
-"""What DAVE-ML's names, units and signs mean in this product's channels and axes (AIAA S-119
-standard names)."""
+"""Map DAVE-ML's names, units and signs to channels and axes (AIAA S-119 standard names)."""
 
 import re
 from dataclasses import dataclass
@@ -10,8 +9,7 @@ from aerodb.nomenclature import AXES, CHANNELS, channel, is_surface
 from aerodb.tables import WIND_AXES, Expression, Name, Negation, Number, Operation
 from aerodb.units import conversion
 
-#: Standard name of an input -> channel, and the sign conventions that agree with ours and that are
-#: opposite.
+#: Standard name of an input -> channel, equal sign conventions, opposite sign conventions.
 _INPUTS: Final[dict[str, tuple[str, str, str]]] = {
     "angleOfAttack": ("alpha", "anu", "and"),
     "angleOfSideslip": ("beta", "anl wfr", "anr wfl"),
@@ -33,7 +31,7 @@ _INPUTS: Final[dict[str, tuple[str, str, str]]] = {
     "heightOfCgWrtRwy": ("height_above_ground", "up", "down dn"),
     "totalMass": ("mass", "", ""),
 }
-#: Standard name of an output -> axis, and signs as above.
+#: Standard name of an output -> axis, equal sign conventions, opposite sign conventions.
 _OUTPUTS: Final[dict[str, tuple[str, str, str]]] = {
     "aeroBodyForceCoefficient_X": ("CX", "fwd", "aft"),
     "aeroBodyForceCoefficient_Y": ("CY", "rt right", "lt left"),
@@ -45,7 +43,7 @@ _OUTPUTS: Final[dict[str, tuple[str, str, str]]] = {
     "totalCoefficientOfDrag": ("C_drag", "aft", "fwd"),
     "totalCoefficientOfSideforce": ("C_side", "rt right", "lt left"),
 }
-#: Our axis or channel -> its standard name.
+#: Axis or channel -> its standard name.
 STANDARD_OUTPUTS: Final = {axis: name for name, (axis, _, _) in _OUTPUTS.items()}
 STANDARD_INPUTS: Final = {known: name for name, (known, _, _) in reversed(_INPUTS.items())}
 STANDARD_SIGNS: Final = {
@@ -78,7 +76,7 @@ _UNITS: Final = {
 
 @dataclass(frozen=True)
 class Declaration:
-    """A variable as a file declares it: all text."""
+    """A variable as the file declares it, all as text."""
 
     identity: str
     name: str
@@ -87,7 +85,7 @@ class Declaration:
 
 
 def read_unit(unit: str) -> str:
-    """DAVE-ML's spelling of a unit in this product's: what follows an underscore divides.
+    """Return a DAVE-ML unit in this product's spelling; units after an underscore divide.
 
     >>> read_unit("rad_s"), read_unit("f2"), read_unit("kg_m3"), read_unit("nd")
     ('rad/s', 'ft^2', 'kg/m^3', '')
@@ -110,7 +108,7 @@ def _factor(text: str) -> str:
 
 
 def write_unit(unit: str) -> str:
-    """An SI unit of the glossary in DAVE-ML's spelling.
+    """Return an SI unit of the glossary in DAVE-ML's spelling.
 
     >>> write_unit("rad/s"), write_unit("kg/m^3"), write_unit("1"), write_unit("m/s^2")
     ('rad_s', 'kg_m3', 'nd', 'm_s2')
@@ -121,8 +119,10 @@ def write_unit(unit: str) -> str:
 
 
 def unit_conversion(unit: str, to: str) -> tuple[float, float] | None:
-    """Scale and offset from a unit in DAVE-ML's spelling; None where it is unknown or of another
-    dimension."""
+    """Return scale and offset from a DAVE-ML unit to the unit `to`.
+
+    None if the unit is unknown or of another dimension.
+    """
     try:
         return conversion(read_unit(unit), to)
     except InputError:
@@ -130,7 +130,10 @@ def unit_conversion(unit: str, to: str) -> tuple[float, float] | None:
 
 
 def sign_factor(sign: str, same: str, opposite: str) -> int:
-    """1, -1, or 0 for a sign convention that is neither; none stated is the standard's own: 1."""
+    """Return 1 or -1 for a known sign convention, 0 for an unknown one.
+
+    A file that states none uses the standard's own: 1.
+    """
     word = sign.strip().lower().lstrip("+")
     if not word or word in same.split():
         return 1
@@ -138,11 +141,12 @@ def sign_factor(sign: str, same: str, opposite: str) -> int:
 
 
 def input_channel(declared: Declaration, where: str) -> tuple[str, int] | None:
-    """Channel of an input and its sign, None for an input that is no channel of this product.
+    """Return the channel of an input and its sign; None if the input is not a channel.
 
-    By its standard name, the name or id of a channel itself, or ``<surface>Deflection`` with a
-    stated sign. Raises InputError where a name says which channel it is and the sign or unit does
-    not fit.
+    An input is identified by its standard name, by the name or id of a channel, or as
+    ``<surface>Deflection`` with a stated sign.
+
+    Raises InputError if the name identifies a channel but the sign or unit does not match.
     """
     known = _INPUTS.get(declared.name)
     if known is None:
@@ -169,7 +173,7 @@ def input_channel(declared: Declaration, where: str) -> tuple[str, int] | None:
 
 
 def _surface(declared: Declaration) -> tuple[str, int] | None:
-    """A surface whose sign is stated: trailing edge down or left is ours."""
+    """A surface with a stated sign: trailing edge down or left is positive here."""
     found = _DEFLECTION.fullmatch(declared.name)
     sign = sign_factor(declared.sign, *_SURFACE_SIGNS) if declared.sign.strip() else 0
     if (
@@ -184,7 +188,7 @@ def _surface(declared: Declaration) -> tuple[str, int] | None:
 
 
 def channel_in_unit(quantity: Expression, unit: str, si: str, sign: int) -> Expression:
-    """A channel as the file's unit and sign have it."""
+    """Return a channel, in the SI unit `si`, in the file's unit and sign."""
     scale, offset = unit_conversion(unit, si) or (1.0, 0.0)
     if offset:
         quantity = Operation("-", quantity, Number(offset))
@@ -194,8 +198,12 @@ def channel_in_unit(quantity: Expression, unit: str, si: str, sign: int) -> Expr
 
 
 def output_axis(declared: Declaration, where: str) -> tuple[str, int] | None:
-    """Axis of an output and its sign, by standard name or by an axis's own name; None for another
-    output."""
+    """Return the axis of an output and its sign; None if the output is not a coefficient.
+
+    An output is identified by its standard name or by the name of an axis.
+
+    Raises InputError for an unknown sign.
+    """
     known = _OUTPUTS.get(declared.name)
     if known is None:
         own = (name for name in (declared.name, declared.identity) if name in (*AXES, *WIND_AXES))
@@ -217,6 +225,6 @@ def _signs(axis: str) -> tuple[str, str]:
     return next((same, opposite) for known, same, opposite in _OUTPUTS.values() if known == axis)
 
 
-def variable(name: str, factor: int) -> Expression:
-    """A name, or minus it."""
+def signed_name(name: str, factor: int) -> Expression:
+    """Return the name, negated for a negative factor."""
     return Negation(Name(name)) if factor < 0 else Name(name)

@@ -1,8 +1,8 @@
-"""DAVE-ML 2.0 (AIAA S-119) in: variables, calculations and tables become an AeroDatabase.
+"""Read DAVE-ML 2.0 (AIAA S-119): variables, calculations and tables become an AeroDatabase.
 
-A file's variables stay as they are, in their own units; what its inputs are in channels, and which
-outputs are which coefficient, is worked out in `daveml_model`. Metadata (header, provenance,
-descriptions) is kept as text. What is not understood is refused by name.
+Variables keep the file's own units. `aerodb.exchange.daveml.model` relates inputs to channels and
+outputs to coefficients. Metadata (header, provenance, descriptions) are kept as text. Anything that
+is not understood is refused by name.
 """
 
 import math
@@ -68,20 +68,23 @@ def import_daveml(
     bindings: Mapping[str, str] | None = None,
     reference: Reference | None = None,
 ) -> AeroDatabase:
-    """The aerodynamics of a DAVE-ML file.
+    """Return the aerodynamics of a DAVE-ML file.
 
-    xml : the file's bytes. bindings : of an input (by id or name) an expression over channels and
-    S_ref, c_ref, b_ref, in the file's own unit and sign; of an axis (CX .. Cn, C_drag, C_side,
-    C_lift) an expression over the file's variables; of S_ref, c_ref, b_ref a number in m2 or m.
-    They take precedence over standard names. reference : instead of the file's.
+    xml : content of the file. name : of the database; shown in errors. reference : replaces that of
+    the file. bindings : take precedence over standard names; they map
+
+    - an input (id or name) to an expression of channels and S_ref, c_ref, b_ref, in the file's own
+      unit and sign;
+    - an axis (CX .. Cn, C_drag, C_side, C_lift) to an expression of the file's variables;
+    - S_ref, c_ref, b_ref to a number in m2 or m.
 
     An input that is neither bound nor a channel becomes a free input of the database, in the file's
-    unit. Lift and drag beside a side force of the body axis are along the stability axes, beside
-    one of the wind axes along these.
+    unit. Lift and drag are in stability axes if the side force is in body axes, and in wind axes if
+    the side force is in wind axes.
 
-    Raises InputError for XML with entities or declarations, an element outside the standard's set
-    (named), names that nothing defines, and files without reference geometry or without an output
-    that is a coefficient.
+    Raises InputError for XML with entities or declarations, elements outside the standard's set (by
+    name), undefined names, and files without reference geometry or without an output that is a
+    coefficient.
     """
     reading = _FileReader(name or "DAVE-ML file", dict(bindings or {}))
     reading.read(read_root(xml, reading.where))
@@ -89,7 +92,7 @@ def import_daveml(
 
 
 class _FileReader:
-    """What has been found while the elements of one file are read."""
+    """What has been found so far in the elements of one file."""
 
     def __init__(self, where: str, bindings: dict[str, str]) -> None:
         self.where = where
@@ -101,7 +104,7 @@ class _FileReader:
         self._reader = TableReader(self._breakpoints, self._refer, self._declare_inner)
 
     def read(self, root: Any) -> None:
-        """Takes everything in; elements may stand in any order."""
+        """Read all elements, which may be in any order."""
         parts: dict[str, list[Any]] = {}
         for child in children(root):
             parts.setdefault(tag(child), []).append(child)
@@ -144,10 +147,10 @@ class _FileReader:
 
     def _new(self, identity: str, known: Mapping[str, Any], kind: str) -> None:
         if identity in known:
-            raise InputError(f"{kind} '{identity}' stands twice", self.where, "ids must differ")
+            raise InputError(f"duplicate {kind} '{identity}'", self.where, "use each id once")
 
     def _declare(self, element: Any) -> str:
-        """Makes a variableDef known; gives its identifier in the database."""
+        """Add a variableDef; return its identifier in the database."""
         identity = required(element, "varID", self.where)
         self._new(identity, self._definitions, "variableDef")
         for child in children(element):
@@ -171,7 +174,7 @@ class _FileReader:
         )
 
     def _declare_inner(self, element: Any) -> str:
-        """A variableDef that stands inside an uncertainty's bounds, as one of the file."""
+        """Add a variableDef inside an uncertainty's bounds as one of the file."""
         name = self._declare(element)
         identity = required(element, "varID", self.where)
         self._define(identity, element)
@@ -183,7 +186,7 @@ class _FileReader:
             return self.model.identifier(identity)
         if identity in self._tables:
             return re.sub(r"\W", "_", identity, flags=re.ASCII)
-        raise InputError(f"nothing has the id '{identity}'", self.where)
+        raise InputError(f"no variable or table has the id '{identity}'", self.where)
 
     def _table(self, element: Any, identity: str) -> Grid | Points:
         where = f"{self.where}: {identity}"
@@ -195,7 +198,7 @@ class _FileReader:
         )
 
     def _function(self, element: Any) -> None:
-        """A function defines the variable that depends on it."""
+        """Define the variable that depends on a function."""
         name = (element.get("name") or f"function {element.sourceline}").strip()
         where = f"{self.where}: function {name}"
         if find(element, "independentVarPts", "dependentVarPts") is not None:
@@ -214,7 +217,7 @@ class _FileReader:
                 raise unsupported(child, f"function {name}", self.where)
         if len(found) != 1 or len(dependents) != 1:
             raise InputError(
-                f"{len(dependents)} dependent variables, {len(found)} tables",
+                f"{len(dependents)} dependent variables and {len(found)} tables",
                 where,
                 "exactly one of each is needed",
             )
@@ -245,7 +248,7 @@ class _FileReader:
     ) -> None:
         if len(arguments) != _dimensions(table):
             raise InputError(
-                f"{len(arguments)} independent variables, the table has {_dimensions(table)}", where
+                f"{len(arguments)} independent variables for a table of {_dimensions(table)}", where
             )
         values = []
         for k, argument in enumerate(arguments):
@@ -260,8 +263,10 @@ class _FileReader:
         self.model.define(dependent, TableCall(name, tuple(values)), where)
 
     def _convert_table(self, identity: str, table: Grid | Points, arguments: list[Argument]) -> str:
-        """The table in the database; the same one for every function that uses it in the same
-        way."""
+        """Convert a table and return its name in the database.
+
+        Functions that use a table in the same way share it.
+        """
         interpolation = tuple(argument.interpolation for argument in arguments)
         extrapolation = tuple(argument.extrapolation for argument in arguments)
         key = (identity, interpolation, extrapolation)
@@ -271,7 +276,7 @@ class _FileReader:
         labels = tuple(argument.identity for argument in arguments)
         try:
             if isinstance(table, Grid):
-                made = Table(
+                gridded = Table(
                     name,
                     labels,
                     table.breakpoints,
@@ -280,22 +285,22 @@ class _FileReader:
                     extrapolation,
                     table.uncertainty,
                 )
-                self.model.tables[name] = made
+                self.model.tables[name] = gridded
             elif {*interpolation, *extrapolation} != {"linear", "neither"}:
                 raise InputError(
-                    "interpolate or extrapolate other than the default",
+                    "unsupported interpolate or extrapolate",
                     f"ungridded table {identity}",
                 )
             elif len(labels) == 1:
                 order = np.argsort(table.points[:, 0], kind="stable")
-                made = Table(
+                gridded = Table(
                     name,
                     labels,
                     (table.points[order, 0],),
                     table.values[order],
                     uncertainty=table.uncertainty,
                 )
-                self.model.tables[name] = made
+                self.model.tables[name] = gridded
             else:
                 self.model.scattered[name] = ScatteredTable(
                     name, labels, table.points, table.values, table.uncertainty
@@ -310,7 +315,7 @@ class _FileReader:
         return self.model.value(identity)
 
     def _define(self, identity: str, element: Any) -> None:
-        """The calculation, constant or limits of a variable."""
+        """Set the calculation, constant or limits of a variable."""
         where = f"{self.where}: {identity}"
         calculation = find(element, "calculation")
         if calculation is not None:
@@ -326,7 +331,7 @@ class _FileReader:
             for text, end in zip(ends, (-math.inf, math.inf), strict=True)
         )
         if low > high:
-            raise InputError(f"minValue {low:g} above maxValue {high:g}", where)
+            raise InputError(f"minValue {low:g} exceeds maxValue {high:g}", where)
         given = any(find(element, role) is not None for role in _GIVEN)
         value = self.model.signals[identity].initial
         if value is not None and not given and not self.model.defined(identity):

@@ -1,5 +1,4 @@
-"""DAVE-ML's tables in: breakpoints, gridded and ungridded tables, read_point_lists point lists, and
-uncertainty."""
+"""Read DAVE-ML tables: breakpoints, gridded and ungridded tables, point lists, uncertainties."""
 
 import math
 from collections.abc import Callable
@@ -32,7 +31,7 @@ _SPLINES: Final = ("quadraticSpline", "cubicSpline")
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """A gridded table: breakpoints per argument and values, last argument fastest."""
+    """A gridded table: breakpoints per argument, and values with the last argument fastest."""
 
     breakpoints: tuple[Array, ...]
     values: Array
@@ -52,7 +51,7 @@ class Points:
 
 @dataclass(frozen=True)
 class Argument:
-    """How a function uses one of its inputs."""
+    """One input of a function: its interpolation, extrapolation and limits."""
 
     identity: str
     interpolation: str = "linear"
@@ -61,15 +60,17 @@ class Argument:
     high: float = math.inf
 
     def limited(self, value: Expression, first: float, last: float) -> Expression:
-        """The input within the stated limits, as far as the table's ends `first` and `last` do not
-        hold it anyway."""
+        """Return the input within its stated limits.
+
+        A limit is dropped where the table already holds its value at `first` or `last`, its ends.
+        """
         low = self.low if self.low > first or self.extrapolation in ("min", "both") else -math.inf
         high = self.high if self.high < last or self.extrapolation in ("max", "both") else math.inf
         return limited(value, low, high)
 
 
 def limited(value: Expression, low: float, high: float) -> Expression:
-    """`value` between two limits, of which either may be infinite."""
+    """Return `value` limited to `low` and `high`, either of which may be infinite."""
     if math.isfinite(low) and math.isfinite(high):
         return Call("clip", (value, constant(low), constant(high)))
     if math.isfinite(low):
@@ -78,13 +79,13 @@ def limited(value: Expression, low: float, high: float) -> Expression:
 
 
 def read_argument(element: Any, where: str) -> Argument:
-    """An ``independentVarRef`` or ``independentVarPts``."""
+    """Return the argument of an ``independentVarRef`` or ``independentVarPts``."""
     interpolation = (element.get("interpolate") or "linear").strip()
     if interpolation in _SPLINES:
         raise InputError(
             f"unsupported interpolate='{interpolation}'",
             where,
-            "the standard leaves a spline's ends open",
+            "the standard does not define a spline's end conditions",
         )
     limits = [element.get(name) for name in ("min", "max")]
     low, high = (
@@ -92,7 +93,7 @@ def read_argument(element: Any, where: str) -> Argument:
         for text, end in zip(limits, (-math.inf, math.inf), strict=True)
     )
     if low > high:
-        raise InputError(f"min {low:g} above max {high:g}", where)
+        raise InputError(f"min {low:g} exceeds max {high:g}", where)
     words = (
         choice(element, "interpolate", _INTERPOLATIONS, where),
         choice(element, "extrapolate", EXTRAPOLATIONS, where),
@@ -101,7 +102,7 @@ def read_argument(element: Any, where: str) -> Argument:
 
 
 def read_breakpoints(element: Any, where: str) -> Array:
-    """The values of a ``breakpointDef``."""
+    """Return the values of a ``breakpointDef``."""
     inner = [child for child in children(element) if tag(child) not in METADATA]
     if len(inner) != 1 or tag(inner[0]) != "bpVals":
         raise InputError("<breakpointDef> without one <bpVals>", where)
@@ -109,16 +110,22 @@ def read_breakpoints(element: Any, where: str) -> Array:
 
 
 class TableReader:
-    """Reads tables of one file; `breakpoints` by id, `refer` gives the name of a variable by its
-    id."""
+    """Reader of the tables of one file.
+
+    breakpoints : by id. refer : returns the name of a variable by its id. declare_inner : adds a
+    variableDef and returns its name.
+    """
 
     def __init__(
-        self, breakpoints: dict[str, Array], refer: Callable[[str], str], lift: Callable[[Any], str]
+        self,
+        breakpoints: dict[str, Array],
+        refer: Callable[[str], str],
+        declare_inner: Callable[[Any], str],
     ) -> None:
-        self._breakpoints, self._refer, self._declare_inner = breakpoints, refer, lift
+        self._breakpoints, self._refer, self._declare_inner = breakpoints, refer, declare_inner
 
     def gridded(self, element: Any, where: str) -> Grid:
-        """A ``griddedTableDef`` or ``griddedTable``."""
+        """Return the table of a ``griddedTableDef`` or ``griddedTable``."""
         inner = {tag(child): child for child in children(element)}
         for name, child in inner.items():
             if name not in (*METADATA, "breakpointRefs", "uncertainty", "dataTable"):
@@ -135,7 +142,7 @@ class TableReader:
         shape = tuple(axis.size for axis in axes)
         if values.size != math.prod(shape):
             raise InputError(
-                f"{values.size} numbers in <dataTable>, the breakpoints want {math.prod(shape)}",
+                f"{values.size} numbers in <dataTable>, the breakpoints need {math.prod(shape)}",
                 where,
             )
         return Grid(
@@ -146,8 +153,10 @@ class TableReader:
         )
 
     def ungridded(self, element: Any, where: str) -> Points:
-        """An ``ungriddedTableDef`` or ``ungriddedTable``: each data point is its coordinates, then
-        the value."""
+        """Return the table of an ``ungriddedTableDef`` or ``ungriddedTable``.
+
+        Each data point is its coordinates, then the value.
+        """
         rows = []
         for child in children(element):
             if tag(child) == "dataPoint":
@@ -155,13 +164,13 @@ class TableReader:
             elif tag(child) not in (*METADATA, "uncertainty"):
                 raise unsupported(child, f"<{tag(element)}>", where)
         if not rows or len({row.size for row in rows}) != 1 or rows[0].size < 2:
-            raise InputError("data points that differ in length, or none", where)
+            raise InputError("no data points, or data points of different lengths", where)
         table = np.stack(rows)
         uncertainty = self.uncertainty(find(element, "uncertainty"), where)
         return Points(table[:, :-1], table[:, -1], uncertainty, plain(find(element, *METADATA)))
 
     def uncertainty(self, element: Any, where: str) -> Uncertainty | None:
-        """An ``uncertainty``, None for no element."""
+        """Return the uncertainty of an ``uncertainty`` element; None for no element."""
         if element is None:
             return None
         inner = [child for child in children(element) if tag(child) not in METADATA]
@@ -212,8 +221,10 @@ class TableReader:
 
 
 def read_point_lists(element: Any, where: str) -> tuple[list[Argument], Grid, str]:
-    """A function written as lists of points: its arguments, its table, and the id of the variable
-    that it gives."""
+    """Read a function that is written as lists of points.
+
+    Returns its arguments, its table, and the id of the variable that it defines.
+    """
     arguments, axes = [], []
     dependent = None
     for child in children(element):
@@ -225,12 +236,12 @@ def read_point_lists(element: Any, where: str) -> tuple[list[Argument], Grid, st
         elif tag(child) not in METADATA:
             raise unsupported(child, "<function> of point lists", where)
     if dependent is None or not axes:
-        raise InputError("point lists without both independentVarPts and dependentVarPts", where)
+        raise InputError("point lists need both independentVarPts and dependentVarPts", where)
     values = numbers(dependent, where)
     shape = tuple(axis.size for axis in axes)
     if values.size != math.prod(shape):
         raise InputError(
-            f"{values.size} numbers in <dependentVarPts>, the breakpoints want {math.prod(shape)}",
+            f"{values.size} numbers in <dependentVarPts>, the breakpoints need {math.prod(shape)}",
             where,
         )
     return arguments, Grid(tuple(axes), values.reshape(shape)), required(dependent, "varID", where)

@@ -1,5 +1,7 @@
-"""Expressions as MathML-2 content markup, and lists of numbers as text: the writing side of
-`daveml_math`."""
+"""Write expressions as MathML 2 content markup, and lists of numbers as text.
+
+`aerodb.exchange.daveml.mathml` reads the markup.
+"""
 
 from collections.abc import Callable
 from typing import Any, Final
@@ -15,9 +17,11 @@ _ATAN2: Final = "http://daveml.org/function_spaces.html#atan2"
 
 _OPERATORS: Final = {"+": "plus", "-": "minus", "*": "times", "/": "divide", "^": "power"}
 _CALLS: Final = {
-    "abs": "abs", "exp": "exp", "log": "ln", "log10": "log", "sqrt": "root", "floor": "floor", "ceil": "ceiling", "rem": "rem",
+    "abs": "abs", "exp": "exp", "log": "ln", "log10": "log", "sqrt": "root",
+    "floor": "floor", "ceil": "ceiling", "rem": "rem",
     "sin": "sin", "cos": "cos", "tan": "tan", "asin": "arcsin", "acos": "arccos", "atan": "arctan",
-    "sinh": "sinh", "cosh": "cosh", "tanh": "tanh", "asinh": "arcsinh", "acosh": "arccosh", "atanh": "arctanh",
+    "sinh": "sinh", "cosh": "cosh", "tanh": "tanh",
+    "asinh": "arcsinh", "acosh": "arccosh", "atanh": "arctanh",
     "min": "min", "max": "max", "and": "and", "or": "or", "not": "not",
     "eq": "eq", "ne": "neq", "lt": "lt", "le": "leq", "gt": "gt", "ge": "geq",
 }  # fmt: skip
@@ -26,19 +30,22 @@ Refer = Callable[[Expression], str]
 
 
 def write_math(expression: Expression, refer: Refer) -> Any:
-    """``<math>`` of an expression; `refer` gives the id that stands for a name or a table call."""
+    """Return the ``<math>`` element of an expression.
+
+    refer : returns the id of a name or a table call.
+    """
     math = etree.Element(f"{{{MATHML}}}math", nsmap={None: MATHML})
     _write(math, expression, refer)
     return math
 
 
 def text_number(value: float) -> str:
-    """The shortest text that is read back as the same number."""
+    """Return the shortest text that reads back as the same number."""
     return repr(float(value))
 
 
 def text_numbers(values: NDArray[np.float64]) -> str:
-    """Numbers separated by commas, a line for each run along the last axis."""
+    """Return numbers separated by commas, a line for each run along the last axis."""
     rows = np.atleast_2d(values.reshape(-1, values.shape[-1]) if values.ndim > 1 else values)
     return (
         "\n"
@@ -67,12 +74,14 @@ def _write(parent: Any, node: Expression, refer: Refer) -> None:
     elif isinstance(node, Call):
         _call(parent, node, refer)
     else:
-        raise TypeError(f"{type(node).__name__} is not a node of an expression")
+        raise TypeError(f"{type(node).__name__} is not an expression node")
 
 
 def _operands(node: Operation) -> tuple[Expression, ...]:
-    """Both sides; of a sum or product all that stand to the left too: they are folded from the left
-    when read."""
+    """Operands of an operation.
+
+    A sum or product includes the chain on its left, because readers fold it from the left.
+    """
     operands: list[Expression] = [node.right]
     rest = node.left
     while node.operator in "+*" and isinstance(rest, Operation) and rest.operator == node.operator:
@@ -106,7 +115,7 @@ def _call(parent: Any, node: Call, refer: Refer) -> None:
     elif function == "piecewise":
         _piecewise(parent, arguments, refer)
     else:
-        _write(parent, _in_other_words(function, arguments), refer)
+        _write(parent, _equivalent(function, arguments), refer)
 
 
 def _piecewise(parent: Any, arguments: tuple[Expression, ...], refer: Refer) -> None:
@@ -119,8 +128,8 @@ def _piecewise(parent: Any, arguments: tuple[Expression, ...], refer: Refer) -> 
         _write(_element(piecewise, "otherwise"), arguments[-1], refer)
 
 
-def _in_other_words(function: str, arguments: tuple[Expression, ...]) -> Expression:
-    """Functions that MathML does not have."""
+def _equivalent(function: str, arguments: tuple[Expression, ...]) -> Expression:
+    """An equivalent of a function that MathML lacks."""
     x, zero, one = arguments[0], number(0.0), number(1.0)
     if function == "clip":
         return Call("min", (Call("max", (x, arguments[1])), arguments[2]))

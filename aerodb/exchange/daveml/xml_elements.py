@@ -1,9 +1,9 @@
-"""DAVE-ML's XML: parsed without entities, external files or network; its elements, numbers and
-texts.
+"""Parse DAVE-ML XML without entities, external files or network; read numbers and texts.
 
-A document type that only names the standard's DTD is normal in these files and is not followed; one
-that declares anything itself is refused. DAVE-ML 2.0 is AIAA S-119; its elements:
-https://daveml.org/DTDs/2p0/Ref.
+A document type that only names the standard's DTD is common in these files and is not followed. A
+document type with declarations is refused.
+
+Source: DAVE-ML 2.0, AIAA S-119; elements: https://daveml.org/DTDs/2p0/Ref.
 """
 
 import math
@@ -19,7 +19,7 @@ from aerodb.errors import InputError, nearest
 
 MAX_BYTES: Final = 100_000_000
 MAX_ATTRIBUTE: Final = 10_000  # characters
-MAX_DEPTH: Final = 250  # elements inside each other
+MAX_DEPTH: Final = 250  # nested elements
 ROOT: Final = "DAVEfunc"
 
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][+-]?\d+)?")
@@ -27,10 +27,10 @@ _SEPARATORS = re.compile(r"[\s,;]+")
 
 
 def read_root(xml: bytes, where: str) -> Any:
-    """The element ``<DAVEfunc>``.
+    """Return the element ``<DAVEfunc>``.
 
-    Raises InputError for what is not such a file, declared entities, and sizes beyond the limits
-    above.
+    Raises InputError for content that is not DAVE-ML, declared entities, and sizes beyond the
+    limits above.
     """
     if len(xml) > MAX_BYTES:
         raise InputError(f"{len(xml)} bytes of XML", where, f"at most {MAX_BYTES}")
@@ -50,7 +50,7 @@ def read_root(xml: bytes, where: str) -> Any:
         raise InputError(
             "a document type with declarations of its own",
             where,
-            "remove what stands between [ and ] of <!DOCTYPE",
+            "remove the part of <!DOCTYPE between [ and ]",
         )
     _check_tree(root, where)
     if tag(root) != ROOT:
@@ -59,7 +59,7 @@ def read_root(xml: bytes, where: str) -> Any:
 
 
 def is_daveml(xml: bytes) -> bool:
-    """Whether the first element of a file is DAVE-ML's, judged without parsing it."""
+    """Return whether the first element is DAVE-ML's, without parsing the file."""
     start = re.search(
         rb"<(?![?!])(?:[\w.-]+:)?([\w.-]+)",
         re.sub(rb"<!--.*?-->", b"", xml[:1_000_000], flags=re.DOTALL),
@@ -72,9 +72,9 @@ def _check_tree(root: Any, where: str) -> None:
     while pending:
         element, depth = pending.pop()
         if element.tag is etree.Entity:
-            raise InputError(f"the entity {element.text}", where, "write what it stands for")
+            raise InputError(f"the entity {element.text}", where, "write its replacement text")
         if depth > MAX_DEPTH:
-            raise InputError(f"more than {MAX_DEPTH} elements inside each other", where)
+            raise InputError(f"more than {MAX_DEPTH} nested elements", where)
         for name, value in element.attrib.items() if isinstance(element.tag, str) else ():
             if len(value) > MAX_ATTRIBUTE:
                 raise InputError(
@@ -84,23 +84,25 @@ def _check_tree(root: Any, where: str) -> None:
 
 
 def tag(element: Any) -> str:
-    """Name of an element without its namespace."""
+    """Return the name of an element without its namespace."""
     return str(etree.QName(element).localname)
 
 
 def children(element: Any) -> Iterator[Any]:
-    """Child elements; comments are passed over."""
+    """Iterate over the child elements, without comments."""
     return (child for child in element if isinstance(child.tag, str))
 
 
 def find(element: Any, *tags: str) -> Any:
-    """The first child with one of these names, or None."""
+    """Return the first child with one of these names, or None."""
     return next((child for child in children(element) if tag(child) in tags), None)
 
 
 def unsupported(element: Any, parent: str, where: str) -> InputError:
-    """The error for an element that is not known: what is not understood is never left out
-    silently."""
+    """Return the error for an unknown element.
+
+    An element that is not understood is never left out silently.
+    """
     return InputError(
         f"unsupported element <{tag(element)}> in {parent}",
         where,
@@ -109,7 +111,7 @@ def unsupported(element: Any, parent: str, where: str) -> InputError:
 
 
 def required(element: Any, attribute: str, where: str) -> str:
-    """An attribute that must be there, without blanks around it."""
+    """Return an attribute that must be present, stripped of blanks."""
     value = (element.get(attribute) or "").strip()
     if not value:
         raise InputError(f"<{tag(element)}> without '{attribute}'", where)
@@ -117,12 +119,12 @@ def required(element: Any, attribute: str, where: str) -> str:
 
 
 def own_text(element: Any) -> str:
-    """Text of an element; a comment inside it separates what stands before and after."""
+    """Return the text of an element; a comment inside it separates the text around it."""
     return " ".join([element.text or "", *(child.tail or "" for child in element)])
 
 
 def plain(element: Any) -> str:
-    """All text and attributes below an element in one line, for people: metadata is kept so."""
+    """Return all text and attributes below an element in one line, as readable metadata."""
     if element is None:
         return ""
     parts = [f"{name}={value}" for name, value in element.attrib.items()]
@@ -141,7 +143,7 @@ def plain(element: Any) -> str:
 
 
 def number(text: str | None, where: str) -> float:
-    """A finite number; Fortran's exponent letter D is one."""
+    """Return a finite number; the exponent letter D of Fortran is accepted."""
     found = (text or "").strip()
     if _NUMBER.fullmatch(found) is None:
         raise InputError(f"'{found[:40]}' is not a number", where)
@@ -152,8 +154,10 @@ def number(text: str | None, where: str) -> float:
 
 
 def numbers(element: Any, where: str) -> NDArray[np.float64]:
-    """Numbers of a list, separated by blanks, commas, semicolons, line ends and comments in any
-    mixture."""
+    """Return the numbers of a list.
+
+    They are separated by any mixture of blanks, commas, semicolons, line ends and comments.
+    """
     words = [word for word in _SEPARATORS.split(own_text(element)) if word]
     if next(children(element), None) is not None:
         raise unsupported(next(children(element)), f"<{tag(element)}>", where)
@@ -161,7 +165,7 @@ def numbers(element: Any, where: str) -> NDArray[np.float64]:
 
 
 def choice(element: Any, attribute: str, known: tuple[str, ...], where: str) -> str:
-    """An attribute that takes one of few words; the first when it is absent."""
+    """Return an attribute that takes one of `known` words; the first if it is absent."""
     value = (element.get(attribute) or known[0]).strip()
     if value not in known:
         raise InputError(f"{attribute}='{value}' of <{tag(element)}>", where, nearest(value, known))

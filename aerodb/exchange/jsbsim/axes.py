@@ -1,10 +1,9 @@
-"""JSBSim's axes: in which frame a function acts, which of our axes it reaches, and which factors it
-carries.
+"""JSBSim's axes: the frame in which a function acts, the axes it contributes to, and its factors.
 
-Force axes come in four systems: DRAG SIDE LIFT, X Y Z in body axes, AXIAL SIDE NORMAL, and X Y Z
-with a ``frame``. In the frames STABILITY and WIND JSBSim turns the signs of x and z round before it
-rotates (forces only): X is then drag, aft, and Z lift, up. Moments have frames too, without that
-turn.
+There are four systems of force axes: DRAG SIDE LIFT, X Y Z in body axes, AXIAL SIDE NORMAL, and X Y
+Z with a ``frame``. In the frames STABILITY and WIND, JSBSim reverses the signs of x and z of forces
+before it rotates them: X is then drag, aft, and Z lift, up. Moments have frames too, without this
+reversal.
 """
 
 from collections.abc import Iterable
@@ -15,7 +14,7 @@ from aerodb.exchange.jsbsim.properties import AREA, CHORD, QBAR, SPAN
 
 _FORCE: Final = (QBAR, AREA)
 
-#: Our axis -> properties that a function on it carries as factors.
+#: Axis -> properties that a function on it has as factors.
 FACTORS: Final[dict[str, tuple[str, ...]]] = {
     **dict.fromkeys(("C_drag", "C_side", "C_lift", "CX", "CY", "CZ"), _FORCE),
     "Cl": (*_FORCE, SPAN),
@@ -25,7 +24,7 @@ FACTORS: Final[dict[str, tuple[str, ...]]] = {
 
 Shares = tuple[tuple[str, str], ...]
 
-#: JSBSim axis -> our axis and the factor with which it acts there.
+#: JSBSim axis -> axis here, with its factor.
 _PLAIN: Final[dict[str, Shares]] = {
     "DRAG": (("C_drag", "1"),),
     "SIDE": (("C_side", "1"),),
@@ -64,13 +63,15 @@ _FRAMED: Final = ("X", "Y", "Z", "ROLL", "PITCH", "YAW")
 _MOMENTS: Final = ("ROLL", "PITCH", "YAW")
 _SYSTEMS: Final = ({"DRAG", "SIDE", "LIFT"}, {"X", "Y", "Z"}, {"AXIAL", "SIDE", "NORMAL"})
 
-#: JSBSim does not read the unit of an axis: it takes pounds and foot-pounds whatever stands there.
+#: JSBSim ignores the unit of an axis: it always assumes pounds and foot-pounds.
 _POUNDS: Final = {"", "LB", "LBS", "LBF", "LBFT", "LBSFT", "FTLB", "FTLBS", "LBFFT", "FTLBF"}
 
 
 def axis_frame(element: Any, where: str) -> tuple[str, str]:
-    """Name and frame ('' for body axes) of an ``<axis>``. Raises InputError for names, frames and
-    units it cannot be."""
+    """Return name and frame ('' for body axes) of an ``<axis>``.
+
+    Raises InputError for unknown names, frames and units.
+    """
     axis, frame, unit = (element.get(key, "") for key in ("name", "frame", "unit"))
     if axis not in _PLAIN:
         raise InputError(f"axis '{axis}'", where, nearest(axis, _PLAIN))
@@ -81,20 +82,26 @@ def axis_frame(element: Any, where: str) -> tuple[str, str]:
         raise InputError(
             f"unit '{unit}' of axis {axis}",
             where,
-            "JSBSim reads pounds and foot-pounds whatever stands there",
+            "JSBSim ignores the unit and assumes pounds and foot-pounds",
         )
     return axis, "" if frame == "BODY" else frame
 
 
 def axis_shares(axis: str, frame: str) -> Shares:
-    """Our axes that a function on `axis` in `frame` reaches, each with its factor as an
-    expression."""
+    """Return the axes that a function on `axis` in `frame` contributes to.
+
+    Each axis comes with its factor as an expression.
+    """
     return _FRAMES[frame][axis]
 
 
 def check_systems(acting: Iterable[tuple[str, str, str]], where: str) -> None:
-    """InputError unless all force axes that functions act on (axis, frame, function) belong to one
-    system and frame, and so do all moment axes."""
+    """Raise InputError unless the force axes, and the moment axes, each belong to one frame.
+
+    The force axes must also belong to one system.
+
+    acting : axis, frame and function of each function.
+    """
     found = list(acting)
     forces = {axis for axis, _, _ in found if axis not in _MOMENTS}
     if not any(forces <= system for system in _SYSTEMS):
@@ -110,7 +117,7 @@ def check_systems(acting: Iterable[tuple[str, str, str]], where: str) -> None:
 
 
 def body_forces(drag: str, side: str, lift: str) -> dict[str, str]:
-    """CX, CY, CZ as expressions over three identifiers, as `wind_to_body` computes them."""
+    """Return CX, CY, CZ as expressions of three identifiers, as `wind_to_body` computes them."""
     along = f"({drag}*cos(beta) + {side}*sin(beta))"
     return {
         "CX": f"{lift}*sin(alpha) - {along}*cos(alpha)",

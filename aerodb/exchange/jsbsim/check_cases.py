@@ -1,10 +1,10 @@
-"""Check cases of an export and how JSBSim itself is brought to their conditions.
+"""Check cases of an export, and how JSBSim itself is brought to their conditions.
 
-JSBSim is handed in as its ``FGFDMExec`` with the exported aircraft loaded, so that nothing here
-depends on the package. It takes speed, angles, rates, attitude, height, surfaces, density and
-temperature as initial conditions to the last digit; the rest of its state (the derivatives of alpha
-and beta, calibrated airspeed, the centre of gravity) follows from them. So the inputs are read back
-after each run, and the database is asked at exactly what JSBSim had.
+The caller provides JSBSim as its ``FGFDMExec`` with the exported aircraft loaded, so this module
+does not depend on the package. JSBSim accepts speed, angles, rates, attitude, height, surfaces,
+density and temperature as exact initial conditions; the rest of its state (the derivatives of alpha
+and beta, calibrated airspeed, the centre of gravity) follows from them. Therefore the inputs are
+read back after each run, and the database is evaluated at exactly the inputs that JSBSim had.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -27,13 +27,13 @@ from aerodb.tables import (
     transfer_moments,
 )
 
-#: Relative agreement that is asked for, and the size of a coefficient below which it is absolute.
+#: Required relative agreement, and the coefficient below which it is absolute.
 TOLERANCE: Final = 1e-9
 SMALLEST: Final = 1e-3
 
-#: What follows from other conditions inside JSBSim and cannot be set there.
+#: Inputs that JSBSim derives from others and that cannot be set.
 DERIVED_INPUTS: Final = ("alphadot", "betadot", "calibrated_airspeed", "cg_x", "cg_y", "cg_z")
-#: What initial conditions bring about.
+#: Inputs that initial conditions determine.
 _STATE: Final = {
     *("V", "alpha", "beta", "mach", "rho", "qbar", "p", "q", "r"),
     *("altitude", "height_above_ground", "phi", "theta"),
@@ -54,17 +54,17 @@ _RANGES: Final[dict[str, tuple[float, float]]] = {
 }
 _SURFACE_RANGE: Final = (-0.4, 0.4)
 _OTHER_RANGE: Final = (0.0, 1.0)
-_SOUND: Final = (
-    340.0  # m/s: speeds are drawn so that the temperature of the case is one of the atmosphere
-)
-_CREEP: Final = 1e-3  # m/s
+_SOUND: Final = 340.0  # m/s; speeds are drawn so that the temperature occurs in the atmosphere
+_LEAST_SPEED: Final = 1e-3  # m/s
 _KELVIN: Final = 1.8  # degrees Rankine
 
 
 @dataclass(frozen=True, eq=False)
 class JsbsimRun:
-    """What JSBSim had and gave: inputs and coefficients (n,) by name, moments about the database's
-    reference."""
+    """Inputs and results of JSBSim.
+
+    inputs, coefficients : (n,) by name; moments about the database's reference.
+    """
 
     inputs: dict[str, Array]
     coefficients: dict[str, Array]
@@ -72,8 +72,11 @@ class JsbsimRun:
 
 @dataclass(frozen=True)
 class Agreement:
-    """Largest error per axis over ``max(|C|, 1e-3)``; `reached`: inputs that JSBSim took exactly as
-    the cases had them."""
+    """Agreement of JSBSim with the database.
+
+    errors : largest error per axis over ``max(|C|, 1e-3)``. reached : inputs that JSBSim had
+    exactly as the cases state them. followed : the others.
+    """
 
     cases: int
     errors: dict[str, float]
@@ -87,10 +90,10 @@ class Agreement:
 
 
 def jsbsim_check_cases(database: AeroDatabase, n: int = 20, seed: int = 0) -> list[CheckCase]:
-    """`n` random cases over the breakpoints of the tables and a little beyond; the same for the
-    same seed.
+    """Return `n` random check cases; equal seeds give equal cases.
 
-    Speed, density, dynamic pressure, Mach number and hat rates belong together in each case.
+    They cover the breakpoints of the tables and a margin beyond. Speed, density, dynamic pressure
+    and Mach number are consistent in each case.
     """
     rng = np.random.default_rng(seed)
     ranges = _ranges(database)
@@ -112,8 +115,10 @@ def jsbsim_check_cases(database: AeroDatabase, n: int = 20, seed: int = 0) -> li
 
 
 def _ranges(database: AeroDatabase) -> dict[str, tuple[float, float]]:
-    """Where each input is drawn from: the breakpoints of tables that look it up directly, else a
-    usual range."""
+    """Range from which each input is drawn.
+
+    It is that of the breakpoints of tables over this input, otherwise a usual range.
+    """
     hulls: dict[str, tuple[float, float]] = {}
     trees = [term.expression for term in database.terms] + [
         variable.expression for variable in database.variables.values()
@@ -136,7 +141,7 @@ def _ranges(database: AeroDatabase) -> dict[str, tuple[float, float]]:
 
 
 def _range(name: str, hull: tuple[float, float] | None) -> tuple[float, float]:
-    """`hull` and a little more, as far as JSBSim can fly there, else a usual range."""
+    """`hull` with a margin, as far as JSBSim can fly there; otherwise a usual range."""
     usual = _RANGES.get(name, _SURFACE_RANGE if is_surface(name) else _OTHER_RANGE)
     if hull is None:
         return usual
@@ -176,26 +181,28 @@ def fly_cases(
     properties: Mapping[str, tuple[str, float]],
     reference: Reference,
 ) -> JsbsimRun:
-    """Brings `executive` to each of `conditions` and reads back inputs, forces and moments.
+    """Bring `executive` to each of `conditions`; return inputs, forces and moments read back.
 
-    executive : JSBSim's FGFDMExec with the aircraft loaded. conditions : inputs in SI; what is
-    absent is left at a usual value. properties : input -> property and scale, as `input_properties`
-    gives them. Moments are moved from JSBSim's centre of gravity to the moment reference of
+    executive : JSBSim's FGFDMExec with the aircraft loaded. conditions : inputs in SI; missing ones
+    keep a usual value. properties : input -> property and scale, as `input_properties` returns
+    them. Moments are transferred from JSBSim's centre of gravity to the moment reference of
     `reference`.
+
+    Raises InputError if JSBSim has no positive dynamic pressure.
     """
-    had: dict[str, list[float]] = {name: [] for name in properties}
+    inputs: dict[str, list[float]] = {name: [] for name in properties}
     rows, centres = [], []
     for condition in conditions:
         _set(executive, condition, properties)
         executive.run_ic()
         for name, (path, scale) in properties.items():
-            had[name].append(executive[path] * scale)
+            inputs[name].append(executive[path] * scale)
         rows.append(_coefficients(executive))
         x, y, z = (executive[f"inertia/cg-{axis}-in"] * INCH for axis in "xyz")
         centres.append((-x, y, -z))
     found = {axis: np.array([row[k] for row in rows]) for k, axis in enumerate(AXES)}
     moved = transfer_moments(found, np.array(centres), reference.moment_reference, reference)
-    return JsbsimRun({name: np.array(values) for name, values in had.items()}, moved)
+    return JsbsimRun({name: np.array(values) for name, values in inputs.items()}, moved)
 
 
 def _coefficients(executive: Any) -> list[float]:
@@ -216,16 +223,19 @@ def _coefficients(executive: Any) -> list[float]:
 def _set(
     executive: Any, condition: Mapping[str, float], properties: Mapping[str, tuple[str, float]]
 ) -> None:
-    """Initial conditions and properties of one case. At rest there are no coefficients: a case at
-    rest creeps."""
+    """Set initial conditions and properties of one case.
+
+    There are no coefficients at rest: such a case gets a very low speed.
+    """
     speed = max(
-        condition.get("V", _SOUND * condition["mach"] if "mach" in condition else 100.0), _CREEP
+        condition.get("V", _SOUND * condition["mach"] if "mach" in condition else 100.0),
+        _LEAST_SPEED,
     )
-    mach = max(condition.get("mach", speed / _SOUND), _CREEP / _SOUND)
+    mach = max(condition.get("mach", speed / _SOUND), _LEAST_SPEED / _SOUND)
     density = condition.get("rho", 2 * condition["qbar"] / speed**2 if "qbar" in condition else 1.0)
     height = condition.get("height_above_ground", 1000.0)
     altitude = condition.get("altitude", height)
-    # Angles are turned on top of each other: from where the case before left them, they could leave
+    # JSBSim changes angles one after another: starting from the previous case, they could leave
     # their range.
     for name, value in (
         ("u-fps", speed / FOOT),
@@ -250,7 +260,9 @@ def _set(
 
 
 def _temperature(executive: Any, speed: float, mach: float) -> float:
-    """Temperature [R] at which `speed` is `mach`: the speed of sound goes with its root."""
+    """Temperature [R] at which `speed` is `mach`.
+
+    The speed of sound is proportional to its square root."""
     executive["atmosphere/override/temperature"] = 288.15 * _KELVIN
     executive.run_ic()
     sound = executive["atmosphere/a-fps"] * FOOT
@@ -263,15 +275,17 @@ def check_in_jsbsim(
     cases: Sequence[CheckCase],
     properties: Mapping[str, tuple[str, float]],
 ) -> Agreement:
-    """Whether JSBSim gives the coefficients of `database` at the cases, to `TOLERANCE`.
+    """Compare the coefficients of JSBSim with those of `database` at check cases, to `TOLERANCE`.
 
-    The database is asked at the inputs that JSBSim had; where those are the case's own, the case's
-    stored coefficients are what counts, so that a file and its check cases are judged by
-    themselves. Inputs as in `fly_cases`.
+    The database is evaluated at the inputs that JSBSim had. Where these are the case's own, the
+    stored coefficients of the case are used, so that a file is tested against the check cases it
+    contains. Parameters as in `fly_cases`.
+
+    Raises InputError if there are no cases.
     """
     if not cases:
         raise InputError("no check cases", f"database {database.name}")
-    flown = fly_cases(executive, [case.inputs for case in cases], properties, database.reference)
+    run = fly_cases(executive, [case.inputs for case in cases], properties, database.reference)
     wanted = {
         name: np.array([case.inputs[name] for case in cases])
         for name in database.inputs
@@ -280,17 +294,17 @@ def check_in_jsbsim(
     reached = sorted(
         name
         for name, values in wanted.items()
-        if np.allclose(flown.inputs[name], values, rtol=1e-9, atol=1e-12)
+        if np.allclose(run.inputs[name], values, rtol=1e-9, atol=1e-12)
     )
     followed = sorted(set(database.inputs) - set(reached))
-    predicted = database.predict(flown.inputs).coefficients
+    predicted = database.predict(run.inputs).coefficients
     errors = {}
     for axis in AXES:
         stored = np.array([case.coefficients[axis] for case in cases])
         expected = predicted[axis] if followed else stored
         errors[axis] = float(
             np.max(
-                np.abs(flown.coefficients[axis] - expected) / np.maximum(np.abs(expected), SMALLEST)
+                np.abs(run.coefficients[axis] - expected) / np.maximum(np.abs(expected), SMALLEST)
             )
         )
     return Agreement(len(cases), errors, tuple(reached), tuple(followed))

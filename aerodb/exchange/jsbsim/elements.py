@@ -1,10 +1,10 @@
-"""Elements of JSBSim's XML that exports are made of, and tables among them.
+"""Elements of JSBSim's XML that exports consist of, including tables.
 
-JSBSim's own tables are linear between breakpoints and held outside, over properties, with two
-breakpoints per axis or more and three dimensions (a fourth came only with its version 1.3).
-Everything else is made of them exactly: further dimensions are nested interpolations, a step in an
-argument is a sum of comparisons, and extrapolation adds the slope of the last cell times the
-distance beyond it.
+JSBSim's own tables are linear between breakpoints and hold their end values. They look up
+properties, and have at least two breakpoints per axis and at most three dimensions (a fourth came
+only with version 1.3). Everything else is composed of them exactly: further dimensions are nested
+interpolations, a step in an argument is a sum of comparisons, and extrapolation adds the slope of
+the last cell times the distance beyond it.
 """
 
 import re
@@ -17,13 +17,13 @@ from lxml import etree
 from aerodb.exchange.jsbsim.table import LOOKUPS
 from aerodb.support import Array
 
-Element = Any  # lxml has no public name for its elements
+Element = Any  # lxml has no public name for its element type
 _DIMENSIONS: Final = 3
 _UNWRITABLE: Final = re.compile("[^\\t\\n\\x20-\\ud7ff\\ue000-\\ufffd\\U00010000-\\U0010ffff]")
 
 
 def node(tag: str, *children: Element, text: str = "", **attributes: str) -> Element:
-    """An element with children, text and attributes."""
+    """Return an element with children, text and attributes."""
     element = etree.Element(tag, **attributes)
     element.text = clean(text) or None
     element.extend(children)
@@ -31,37 +31,39 @@ def node(tag: str, *children: Element, text: str = "", **attributes: str) -> Ele
 
 
 def value(x: float) -> Element:
-    """``<value>`` that reads back as exactly `x`."""
+    """Return a ``<value>`` that reads back as exactly `x`."""
     return node("value", text=repr(float(x)))
 
 
 def prop(path: str) -> Element:
-    """``<property>``."""
+    """Return a ``<property>``."""
     return node("property", text=path)
 
 
 def function(name: str, operation: Element, description: str) -> Element:
-    """``<function>`` of one operation."""
+    """Return a ``<function>`` of one operation."""
     parts = [node("description", text=description)] if description else []
     return node("function", *parts, operation, name=name)
 
 
 def total(parts: list[Element]) -> Element:
-    """The sum of any number of elements; JSBSim warns of a sum of one."""
+    """Return the sum of any number of elements; JSBSim warns about a sum of one."""
     if len(parts) < 2:
         return parts[0] if parts else value(0.0)
     return node("sum", *parts)
 
 
 def clean(text: str) -> str:
-    """`text` with a question mark for every character that XML cannot hold."""
+    """Return `text` with a question mark for every character that XML cannot hold."""
     return _UNWRITABLE.sub("?", text)
 
 
 @dataclass(frozen=True)
 class Axis:
-    """One axis of a table: the property looked up, breakpoints, and the words of `Table` for in
-    between and beyond."""
+    """One axis of a table.
+
+    path : property looked up. breakpoints : (n,). interpolation, extrapolation : as in `Table`.
+    """
 
     path: str
     breakpoints: Array
@@ -70,7 +72,7 @@ class Axis:
 
 
 def snapped_argument(axis: Axis) -> Element:
-    """The breakpoint that an argument stands for on an axis that is not linear."""
+    """Return the breakpoint that represents an argument on an axis that is not linear."""
     points = axis.breakpoints
     test, thresholds = {
         "discrete": ("ge", (points[:-1] + points[1:]) / 2),
@@ -85,7 +87,7 @@ def snapped_argument(axis: Axis) -> Element:
 
 
 def table(axes: list[Axis], values: Array) -> Element:
-    """A table over `axes`, all of them linear, with two or more breakpoints each."""
+    """Return a table over `axes`, all linear and with two or more breakpoints each."""
     for k, axis in enumerate(axes):
         if axis.extrapolation != "neither":
             held = [*axes[:k], replace(axis, extrapolation="neither"), *axes[k + 1 :]]
@@ -111,7 +113,7 @@ def table(axes: list[Axis], values: Array) -> Element:
 
 
 def _distance(axis: Axis, side: str) -> Element:
-    """How far the argument lies beyond one end: zero inside."""
+    """Distance of the argument beyond one end of an axis; zero inside."""
     end = value(axis.breakpoints[0 if side == "min" else -1])
     return node(
         "difference",
@@ -121,7 +123,7 @@ def _distance(axis: Axis, side: str) -> Element:
 
 
 def _slope(points: Array, values: Array, k: int, side: str) -> Array:
-    """Slope along axis `k` of the first or the last cell."""
+    """Slope along axis `k` in the first or the last cell."""
     low, high = (0, 1) if side == "min" else (-2, -1)
     rise = np.take(values, high, axis=k) - np.take(values, low, axis=k)
     return np.asarray(rise / (points[high] - points[low]), dtype=np.float64)

@@ -1,9 +1,8 @@
-"""An AeroDatabase out as a complete, minimal JSBSim aircraft file whose aerodynamics give the same
-coefficients.
+"""Write an AeroDatabase as a minimal JSBSim aircraft whose aerodynamics give the same coefficients.
 
 Units, axes and the moment reference are converted explicitly (feet, slugs, inches, structural axes)
-and stated in the file. Mass, ground reactions and propulsion are not part of a database: the file
-holds a placeholder mass.
+and stated in the file. A database has no mass, ground reactions or propulsion; the file has a
+placeholder mass.
 """
 
 import re
@@ -35,8 +34,7 @@ _WIND: Final = {"C_drag": "DRAG", "C_side": "SIDE", "C_lift": "LIFT"}
 _BODY: Final = {"CX": "X", "CY": "Y", "CZ": "Z"}
 _MOMENTS: Final = {"Cl": "ROLL", "Cm": "PITCH", "Cn": "YAW"}
 _SOURCE_PROPERTY: Final = re.compile(r"JSBSim property ([^\s:]+)")
-#: Controls that every aircraft has in JSBSim, beside the properties that this product gives a
-#: meaning to.
+#: Controls that every JSBSim aircraft has, in addition to the properties in `properties`.
 _NATIVE_CONTROL: Final = re.compile(
     r"fcs/(elevator|(left|right)-aileron|rudder|flap|speedbrake|spoiler)-(pos|cmd)-\w+"
 )
@@ -73,19 +71,17 @@ _MASS: Final = (
 
 
 def export_jsbsim(database: AeroDatabase, *, name: str, cases: Sequence[CheckCase] = ()) -> bytes:
-    """The JSBSim aircraft file of `database`, UTF-8.
+    """Return the JSBSim aircraft file of `database`, UTF-8.
 
-    name : the aircraft's name. cases : check cases that are written into the file (JSBSim passes
-    over them).
+    name : of the aircraft. cases : check cases that are written to the file; JSBSim ignores them.
 
-    Terms, variables and tables become functions, increments functions with their envelope rule (not
-    their covariance); force terms stay on wind axes when all are, else all forces are written on
-    body axes. A channel or free input that JSBSim has no property for becomes a property below
-    ``aerodb/`` that the user sets, 0 at first, listed in the file.
+    Terms, variables and tables become functions. Increments become functions with their envelope
+    rule, without their covariance. Force terms remain in wind axes if all of them are; otherwise
+    all forces are written in body axes. A channel or free input without a JSBSim property becomes a
+    property below ``aerodb/`` that the user sets; it is 0 at first and is listed in the file. A
+    relay becomes the one that JSBSim runs itself; any other state becomes its steady value.
 
-    A relay is the one that JSBSim runs itself; any other state becomes what it settles at.
-
-    Raises InputError for an expression that has no form in JSBSim.
+    Raises InputError for an expression that has no equivalent in JSBSim.
     """
     plain = with_increments_as_terms(states_for_jsbsim(database))
     writer = FunctionWriter(plain, free_properties(plain))
@@ -114,21 +110,21 @@ def export_jsbsim(database: AeroDatabase, *, name: str, cases: Sequence[CheckCas
 
 
 def free_properties(database: AeroDatabase) -> dict[str, str]:
-    """Free input -> the JSBSim property that feeds it: that of its source, or one of its own."""
+    """Return the JSBSim property of each free input: that of its source, or one of its own."""
     found = {}
     for name, description in database.free_inputs.items():
         match = _SOURCE_PROPERTY.match(description)
-        lost = (
+        limits_missing = (
             match is not None
             and match[1] == STALL_HYSTERESIS
             and hysteresis_limits(description) is None
         )
-        found[name] = match[1] if match and not lost else f"{OWN_FREE}{name}"
+        found[name] = match[1] if match and not limits_missing else f"{OWN_FREE}{name}"
     return found
 
 
 def input_properties(database: AeroDatabase) -> dict[str, tuple[str, float]]:
-    """Input of `predict` -> JSBSim property and the number that turns it into the input's unit."""
+    """Return the JSBSim property of each input of `predict`, and the scale to the input's unit."""
     free = free_properties(database)
     return {
         name: (free[name], 1.0) if name in free else channel_property(name)
@@ -154,7 +150,7 @@ def _metrics(reference: Reference) -> Element:
 
 
 def _location(reference: Reference, name: str) -> Element:
-    """The moment reference in structural axes, which have their origin at the database's datum."""
+    """The moment reference in structural axes, whose origin is the database's datum."""
     x, y, z = reference.moment_reference
     structural = {"x": -x / INCH + 0.0, "y": y / INCH, "z": -z / INCH + 0.0}
     return node(
@@ -178,9 +174,11 @@ def _mass_balance(reference: Reference) -> Element:
 
 
 def _declarations(writer: FunctionWriter) -> Element:
-    """Properties that nothing else creates; a system, because what stands in the aerodynamics are
-    constants."""
-    paths = sorted({path for path, _ in writer.inputs.values() if not _native(path)})
+    """Declare the properties that nothing else creates.
+
+    They are in a system, because a property in the aerodynamics is a constant.
+    """
+    paths = sorted({path for path, _ in writer.inputs.values() if not _is_built_in(path)})
     return node(
         "system",
         *[node("property", text=path, value="0.0") for path in paths],
@@ -188,7 +186,7 @@ def _declarations(writer: FunctionWriter) -> Element:
     )
 
 
-def _native(path: str) -> bool:
+def _is_built_in(path: str) -> bool:
     return path in PROPERTIES or path in _STATE or _NATIVE_CONTROL.fullmatch(path) is not None
 
 
@@ -216,7 +214,7 @@ def _statements(database: AeroDatabase, writer: FunctionWriter) -> Iterable[Elem
 
 
 def _hysteresis(database: AeroDatabase) -> Iterable[Element]:
-    """The relay that JSBSim runs itself, where a free input is that relay."""
+    """The relay that JSBSim runs itself, if a free input is that relay."""
     for limits in filter(None, map(hysteresis_limits, database.free_inputs.values())):
         sides = [
             node(tag, text=repr(limit)) for tag, limit in zip(("min", "max"), limits, strict=True)
@@ -234,19 +232,21 @@ def _axes(database: AeroDatabase, writer: FunctionWriter) -> list[Element]:
     totals: dict[str, list[Term]] = {axis: [] for axis in WIND_AXES}
     for term in database.terms:
         if term.axis in written:
-            written[term.axis].append(_acting(term, writer, names))
+            written[term.axis].append(_term_function(term, writer, names))
         else:
             totals[term.axis].append(term)
     if mixed:
         for axis, element in _wind_as_body_axes(totals, writer, names):
             written[axis].append(element)
-    theirs = {**forces, **_MOMENTS}
+    names_in_jsbsim = {**forces, **_MOMENTS}
     return [
-        node("axis", *elements, name=theirs[axis]) for axis, elements in written.items() if elements
+        node("axis", *elements, name=names_in_jsbsim[axis])
+        for axis, elements in written.items()
+        if elements
     ]
 
 
-def _acting(term: Term, writer: FunctionWriter, names: "_Names") -> Element:
+def _term_function(term: Term, writer: FunctionWriter, names: "_Names") -> Element:
     note = f"{term.name}: {term.description or term.expression}; {axis_description(term.axis)}"
     return _force(names.unique(term.name), term.axis, writer.write(term.expression), note)
 
@@ -259,7 +259,7 @@ def _force(path: str, axis: str, coefficient: Element, note: str) -> Element:
 def _wind_as_body_axes(
     totals: dict[str, list[Term]], writer: FunctionWriter, names: "_Names"
 ) -> Iterable[tuple[str, Element]]:
-    """The terms on wind axes as one function on each body axis."""
+    """The terms in wind axes as one function on each body axis."""
     sums = {f"wind_{axis}": axis for axis in WIND_AXES}
     for name, axis in sums.items():
         parts = [writer.write(term.expression) for term in totals[axis]]
@@ -279,13 +279,13 @@ def _wind_as_body_axes(
 
 
 class _Names:
-    """Properties of functions on axes, each used once."""
+    """Unique properties of the functions on axes."""
 
     def __init__(self) -> None:
         self._taken: set[str] = set()
 
     def unique(self, wanted: str) -> str:
-        """``aero/coefficient/...`` with what JSBSim allows in a name."""
+        """Return ``aero/coefficient/...`` with the characters that JSBSim allows in a name."""
         base = re.sub(r"[^A-Za-z0-9_.-]", "_", wanted)
         path, count = f"aero/coefficient/{base if base[:1].isalpha() else f'_{base}'}", 1
         while path in self._taken:
@@ -296,7 +296,7 @@ class _Names:
 
 
 def _check_cases(cases: Sequence[CheckCase]) -> Element:
-    """Inputs in SI and the coefficients that the database gives for them; moments about AERORP."""
+    """Inputs in SI and the coefficients of the database; moments about AERORP."""
     return node(
         "check_cases", node("description", text=_CASES), *[_check_case(case) for case in cases]
     )

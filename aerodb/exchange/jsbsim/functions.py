@@ -1,7 +1,6 @@
-"""JSBSim's functions: ``<function>`` elements become expressions, their tables become tables,
-properties identifiers.
+"""Read JSBSim's functions: ``<function>`` elements become expressions, tables and identifiers.
 
-What a property stands for is decided in `jsbsim`, once all functions are known.
+`aerodb.exchange.jsbsim.reader` gives properties their meaning once all functions are known.
 """
 
 import re
@@ -39,41 +38,40 @@ _SHORT: Final = {"p": "property", "v": "value", "t": "table"}
 
 
 class Functions:
-    """Functions, tables and properties of one file, as far as read."""
+    """Functions, tables and properties of one file that have been read."""
 
     def __init__(self, where: str) -> None:
         self.where = where
         self.identifiers: dict[str, str] = {}  # property -> identifier
-        self.defined: dict[
-            str, tuple[Expression, str]
-        ] = {}  # property that a function defines -> expression, description
+        # Property that a function defines -> expression, description.
+        self.defined: dict[str, tuple[Expression, str]] = {}
         self.tables: dict[str, Table] = {}
         self._taken: set[str] = {*CHANNELS, *CONSTANTS, *FUNCTIONS}
         self._counts: dict[str, int] = {}
         self._numbers = 0
 
-    def refuse(self, element: Any, place: str) -> NoReturn:
-        """The error for an element that the import does not know."""
+    def refuse(self, element: Any, parent: str) -> NoReturn:
+        """Raise the error for an unsupported element."""
         raise InputError(
-            f"unsupported element <{element.tag}> in {place}",
+            f"unsupported element <{element.tag}> in {parent}",
             self.where,
             "its effect cannot be left out silently",
         )
 
     def reserve(self, aerodynamics: Any) -> None:
-        """Gives free inputs of an earlier export their own names, before tables can take them."""
+        """Reserve the names of free inputs of an earlier export, before tables can take them."""
         for element in aerodynamics.iter("property", "p", "independentVar"):
             name = (element.text or "").strip().removeprefix("-")
             if name.startswith(OWN_FREE):
                 self.identifier(name)
 
     def constant(self, element: Any) -> None:
-        """Takes in ``<property value="...">name</property>``."""
+        """Read ``<property value="...">name</property>``."""
         value = read_number(element.get("value", "0"), f"{self.where}: <property>")
         self.defined[(element.text or "").strip()] = (number(value), "constant of the file")
 
     def function(self, element: Any) -> str:
-        """Reads a function; gives the property that it defines."""
+        """Read a function; return the property that it defines."""
         name = (element.get("name") or f"function-{len(self.defined) + 1}").strip()
         if set(element.attrib) - {"name", "type"} or element.get("type", "pre") != "pre":
             raise InputError(
@@ -83,9 +81,9 @@ class Functions:
             raise InputError(f"more than {MAX_FUNCTIONS} functions", self.where)
         if name in self.defined:
             raise InputError(
-                f"function '{name}' stands twice",
+                f"duplicate function '{name}'",
                 self.where,
-                "JSBSim refuses it, too: rename one of them",
+                "JSBSim refuses it too: rename one of them",
             )
         operations = [child for child in element if child.tag not in TEXT]
         if len(operations) != 1:
@@ -101,22 +99,21 @@ class Functions:
         return name
 
     def identifier(self, name: str) -> str:
-        """The identifier of a property, the same each time."""
+        """Return the identifier of a property, always the same."""
         if not name or len(name) > MAX_NAME:
             raise InputError(
-                f"a property with a name of {len(name)} characters",
+                f"a property name of {len(name)} characters",
                 self.where,
-                f"at least one, at most {MAX_NAME}",
+                f"at least 1, at most {MAX_NAME}",
             )
         if name not in self.identifiers:
             self.identifiers[name] = self.unique(property_identifier(name))
         return self.identifiers[name]
 
     def unique(self, wanted: str) -> str:
-        """`wanted` as an identifier that nothing else has."""
+        """Return `wanted` as an unused identifier."""
         base = re.sub(r"\W", "_", wanted, flags=re.ASCII)
-        # A name in the form of a surface would be taken for that channel, whatever is counted up
-        # behind it.
+        # A name in the form of a surface would be read as that channel, with any number appended.
         base = f"_{base}" if not base or base[0].isdigit() or is_surface(base) else base
         name, count = base, self._counts.get(base, 1)
         while name in self._taken:
@@ -131,7 +128,7 @@ class Functions:
         tree = self._node(element, function)
         if tree.depth > MAX_DEPTH:
             raise InputError(
-                f"function '{function}' of {tree.depth} levels",
+                f"function '{function}' has {tree.depth} levels",
                 self.where,
                 f"at most {MAX_DEPTH}: split it",
             )
@@ -186,7 +183,7 @@ class Functions:
             raise InputError(
                 f"tables of more than {MAX_TOTAL} numbers",
                 self.where,
-                "their slices stand on different breakpoints",
+                "their slices have different breakpoints",
             )
         name = self.unique(function.rsplit("/", 1)[-1])
         try:
@@ -196,18 +193,19 @@ class Functions:
         return TableCall(name, arguments)
 
     def _interpolation(self, children: list[Expression], function: str) -> Expression:
-        """``interpolate1d``: x, then pairs of breakpoint and value; linear in between and held
-        outside.
+        """Read ``interpolate1d``: x, then pairs of breakpoint and value.
 
-        Tables at the breakpoints become one table with one more axis; anything else is weighted by
-        a table of hats.
+        It is linear in between and holds its end values.
+
+        Tables at the breakpoints become one table with one more axis. Other values are weighted by
+        interpolation weights, which are a table of unit vectors.
         """
         where = f"{self.where}: {function}"
         if len(children) < 5 or len(children) % 2 == 0:
             raise InputError(
                 f"<interpolate1d> with {len(children)} operands",
                 where,
-                "x and two or more pairs are needed",
+                "x and at least two pairs are needed",
             )
         x, levels = children[0], np.array([_constant(level, where) for level in children[1::2]])
         ordinates, label = children[2::2], str(x)
@@ -224,11 +222,12 @@ class Functions:
                 function, (*calls[0].arguments, x), (*parts[0].arguments, label), axes, values
             )
         indices = np.arange(levels.size, dtype=np.float64)
-        hats = self._table(
+        weights = self._table(
             function, (x, Number(0)), (label, "index"), (levels, indices), np.eye(levels.size)
         )
         return reduce(
-            plus, [times(TableCall(hats.table, (x, Number(k))), y) for k, y in enumerate(ordinates)]
+            plus,
+            [times(TableCall(weights.table, (x, Number(k))), y) for k, y in enumerate(ordinates)],
         )
 
 
@@ -237,4 +236,4 @@ def _constant(expression: Expression, where: str) -> float:
         return expression.value
     if isinstance(expression, Negation) and isinstance(expression.operand, Number):
         return -expression.operand.value
-    raise InputError("breakpoints of <interpolate1d> that are not numbers", where)
+    raise InputError("breakpoints of <interpolate1d> must be numbers", where)

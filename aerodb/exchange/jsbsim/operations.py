@@ -1,7 +1,7 @@
-"""The operations of JSBSim's functions, each as an expression over its operands.
+"""The operations of JSBSim's functions, each as an expression of its operands.
 
-Truth values are 1 and 0, as in JSBSim. Random numbers and the rotations of skydivers are not known
-here.
+Truth values are 1 and 0, as in JSBSim. Random numbers and the rotation operations
+(``rotation_...``) are not supported.
 """
 
 import math
@@ -15,13 +15,16 @@ from aerodb.tables import Call, Expression, Number, Operation, number, times
 
 _Operands = list[Expression]
 
-#: Functions that take two operands or more here, one or more in JSBSim: one alone is itself.
+#: Functions of two or more operands here, one or more in JSBSim; of one operand: the operand.
 _ANY_NUMBER: Final = ("min", "max", "and", "or")
 
 
 @dataclass(frozen=True)
 class _Operation:
-    """How operands become an expression, and how many there may be (`most` None: any)."""
+    """An operation: how operands become an expression, and how many it takes.
+
+    most : None for any number.
+    """
 
     build: Callable[[_Operands], Expression]
     least: int = 1
@@ -50,8 +53,10 @@ def _choice(operands: _Operands) -> Expression:
 
 
 def _switch(operands: _Operands) -> Expression:
-    """The operand at the index that the first one rounds to. JSBSim stops at an index outside; here
-    it holds."""
+    """The operand at the index to which the first one rounds.
+
+    JSBSim stops at an index outside; here the nearest index applies.
+    """
     index, values = operands[0], operands[1:]
     pieces: list[Expression] = []
     for k, chosen in enumerate(values[:-1]):
@@ -60,7 +65,7 @@ def _switch(operands: _Operands) -> Expression:
 
 
 def _sign(operands: _Operands) -> Expression:
-    """JSBSim's sign of zero is 1."""
+    """The sign; JSBSim's sign of zero is 1."""
     return Call("piecewise", (number(-1), Call("lt", (operands[0], Number(0))), Number(1)))
 
 
@@ -98,8 +103,10 @@ _OPERATIONS: Final[dict[str, _Operation]] = {
 
 
 def build_operation(tag: str, operands: list[Expression], where: str) -> Expression | None:
-    """The operation `tag` of `operands`, None when it is not known. Raises InputError for a wrong
-    number of operands."""
+    """Return the operation `tag` of `operands`; None if it is unknown.
+
+    Raises InputError for a wrong number of operands.
+    """
     operation = _OPERATIONS.get(tag)
     if operation is None:
         return None

@@ -1,9 +1,9 @@
-"""What JSBSim's properties mean in this product's channels, SI and signs.
+"""JSBSim's properties in terms of this product's channels, in SI and with its signs.
 
-Signs: JSBSim's control derivatives use elevator and left aileron positive trailing edge down,
-rudder positive trailing edge left. Only the ailerons differ from ours (asymmetric deflection (R -
-L)/2): JSBSim's left one enters with a minus sign. Rates `*-aero-*` are relative to the air; flights
-without gust rates give them as p, q, r.
+Signs: JSBSim's control derivatives use elevator and left aileron positive trailing edge down, and
+rudder positive trailing edge left. Only the ailerons differ here (asymmetric deflection, (right -
+left)/2): JSBSim's left aileron has a minus sign. Rates ``*-aero-*`` are relative to the air;
+flights without gust rates give them as p, q, r.
 """
 
 import math
@@ -27,14 +27,14 @@ STALL_HYSTERESIS: Final = "aero/stall-hyst-norm"
 WING_ALPHA: Final = "aero/alpha-wing-rad"
 WING_INCIDENCE: Final = "metrics/iw-rad"
 
-#: Properties that exports make: channels that JSBSim has no property for, free inputs and variables
-#: of a database.
+#: Properties that exports create: channels without a JSBSim property, free inputs and variables of
+#: a database.
 OWN_CHANNEL: Final = "aerodb/channel/"
 OWN_FREE: Final = "aerodb/free/"
 OWN_VARIABLE: Final = "aerodb/variable/"
 OWN_ARGUMENT: Final = "aerodb/argument/"
 
-#: Property -> expression over channels and the constants S_ref c_ref b_ref, in JSBSim's unit.
+#: Property -> expression of channels and the constants S_ref c_ref b_ref, in JSBSim's unit.
 PROPERTIES: Final[dict[str, str]] = {
     QBAR: f"qbar/{PSF!r}",
     "aero/qbarUW-psf": f"qbar*cos(beta)^2/{PSF!r}",
@@ -95,8 +95,7 @@ PROPERTIES: Final[dict[str, str]] = {
     },
 }
 
-#: Channel -> the property and the number that turns it into the channel: how exports read JSBSim's
-#: state.
+#: Channel -> property and scale to the channel's unit, for exports.
 CHANNEL_PROPERTIES: Final[dict[str, tuple[str, float]]] = {
     "V": ("velocities/vt-fps", FOOT),
     "alpha": ("aero/alpha-rad", 1.0),
@@ -126,8 +125,10 @@ CHANNEL_PROPERTIES: Final[dict[str, tuple[str, float]]] = {
 
 
 def height_of_reference_point(x: float, y: float, z: float) -> str:
-    """``aero/h_b-mac-ft``: height of the moment reference (x, y, z [m], body axes) above ground
-    over the span."""
+    """Return ``aero/h_b-mac-ft``: height of the moment reference above ground over the span.
+
+    x, y, z : moment reference [m], body axes.
+    """
     below_cg = (
         f"-sin(theta)*({x!r} - cg_x) + cos(theta)*(sin(phi)*({y!r} - cg_y) + cos(phi)*({z!r} -"
         " cg_z))"
@@ -136,10 +137,13 @@ def height_of_reference_point(x: float, y: float, z: float) -> str:
 
 
 def hysteresis_description(low: float, high: float) -> str:
-    """How a free input says that it is JSBSim's stall hysteresis between two angles of attack
-    [rad]."""
+    """Return the description of a free input that is JSBSim's stall hysteresis.
+
+    low, high : angles of attack [rad] between which the relay keeps its state.
+    """
     return (
-        f"JSBSim property {STALL_HYSTERESIS}: relay on alpha, 1 above {high!r} rad, 0 below {low!r} rad,"
+        f"JSBSim property {STALL_HYSTERESIS}: relay on alpha, 1 above {high!r} rad,"
+        f" 0 below {low!r} rad,"
         " in between as it was"
     )
 
@@ -151,7 +155,7 @@ _HYSTERESIS_TEXT = re.compile(
 
 
 def hysteresis_limits(text: str) -> tuple[float, float] | None:
-    """Low and high angle of attack [rad] out of `hysteresis_description`; None for any other text.
+    """Return low and high angle of attack [rad] of a `hysteresis_description`; otherwise None.
 
     >>> hysteresis_limits(hysteresis_description(0.1, 0.3))
     (0.1, 0.3)
@@ -161,8 +165,10 @@ def hysteresis_limits(text: str) -> tuple[float, float] | None:
 
 
 def property_identifier(name: str) -> str:
-    """The identifier that a property should have if it is free: its own name where an export made
-    it."""
+    """Return the identifier of a property that becomes a free input.
+
+    A property that an export made keeps its name in the database.
+    """
     if name == STALL_HYSTERESIS:
         return "stall_hyst_norm"
     for prefix in (OWN_FREE, OWN_VARIABLE):

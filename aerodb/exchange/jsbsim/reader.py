@@ -1,9 +1,9 @@
-"""JSBSim aircraft files in: ``<metrics>`` and ``<aerodynamics>`` become an AeroDatabase.
+"""Read JSBSim aircraft files: ``<metrics>`` and ``<aerodynamics>`` become an AeroDatabase.
 
-JSBSim's axis functions give forces in lbf and moments in lbf ft, already times dynamic pressure,
-area and length. These factors are cancelled out of the products that contain them; where they
-cannot be, the function is divided by them. Structural axes (inches, x aft, y right, z up) become
-metres in body axes with the structural origin as datum.
+JSBSim's functions on axes give forces in lbf and moments in lbf ft, with dynamic pressure, area and
+length as factors. These factors are cancelled from the products that contain them; where that is
+impossible, the function is divided by them. Structural axes (inches, x aft, y right, z up) become
+metres in body axes, with the structural origin as datum.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -65,24 +65,26 @@ def import_jsbsim(
     name: str,
     loader: Loader | None = None,
 ) -> AeroDatabase:
-    """The aerodynamics of a JSBSim aircraft file.
+    """Return the aerodynamics of a JSBSim aircraft file.
 
-    xml : the file's bytes. bindings : property -> expression over channels and S_ref, c_ref, b_ref,
-    in the property's own unit; it takes precedence over the meaning in `jsbsim_properties`. A
-    property that neither gives a meaning to, or that is bound to its own identifier, becomes a free
-    input of the database. Every property is kept as a variable whose description holds its JSBSim
-    name. loader : gives the bytes of a file that the aircraft names for its metrics or aerodynamics
-    (``file="..."``, as written there, always relative and without ``..``).
+    xml : content of the file. name : of the database; shown in errors. bindings : property ->
+    expression of channels and S_ref, c_ref, b_ref, in the property's own unit; it takes precedence
+    over the meaning in `aerodb.exchange.jsbsim.properties`. loader : returns the content of a file
+    that the aircraft names for its metrics or aerodynamics (``file="..."``, as written there,
+    always relative and without ``..``).
 
-    ``aero/cl-squared`` is the square of the total lift coefficient. JSBSim itself takes the lift of
-    its previous time step there; the two agree when nothing changes between steps.
-    ``aero/stall-hyst-norm`` has memory and becomes the free input `stall_hyst_norm`, which a state
-    model makes of a flight. A reference point that shifts becomes terms on Cm and Cn about the
-    fixed one.
+    A property without a binding or known meaning, or bound to its own identifier, becomes a free
+    input of the database. Every other property becomes a variable whose description holds its
+    JSBSim name.
 
-    Raises InputError for XML with a document type or entities, for an element outside the supported
-    set (named), for a file that is named without a `loader`, and for bindings of properties that
-    the file does not use.
+    ``aero/cl-squared`` is the square of the total lift coefficient. JSBSim itself uses the lift of
+    its previous time step; the two agree if nothing changes between steps. ``aero/stall-hyst-norm``
+    has memory and becomes the free input `stall_hyst_norm`, whose values along a flight come from a
+    state model. A moving reference point becomes terms on Cm and Cn about the fixed one.
+
+    Raises InputError for XML with a document type or entities, for an unsupported element (by
+    name), for another file without a `loader`, and for bindings of properties that the file does
+    not use.
     """
     root = read_root(xml, name)
     metrics = read_section(root, "metrics", name, loader)
@@ -93,8 +95,7 @@ def import_jsbsim(
 
 
 class _AircraftReader:
-    """The aerodynamics of one file: its functions, the axes that they act on, and what its
-    properties mean."""
+    """Reader of one file's aerodynamics: functions, axes, and meanings of properties."""
 
     def __init__(self, where: str, bindings: dict[str, str], constants: dict[str, float]) -> None:
         self._where = where
@@ -107,14 +108,14 @@ class _AircraftReader:
         self._notes: list[str] = []
 
     def read(self, aerodynamics: Any) -> None:
-        """Takes in everything below ``<aerodynamics>``."""
+        """Read everything below ``<aerodynamics>``."""
         self._functions.reserve(aerodynamics)
-        always = []
+        outside_axes = []
         for child in aerodynamics:
             if child.tag == "axis":
                 self._axis(child)
             elif child.tag == "function":
-                always.append(self._functions.function(child))
+                outside_axes.append(self._functions.function(child))
             elif child.tag == "property":
                 self._functions.constant(child)
             elif child.tag in _LIMITS:
@@ -123,7 +124,7 @@ class _AircraftReader:
                 self._shift = self._only_function(child)
             elif child.tag not in TEXT:
                 self._functions.refuse(child, "aerodynamics")
-        for name in always:
+        for name in outside_axes:
             self._functions.identifier(name)
         check_systems(self._acting, self._where)
 
@@ -140,17 +141,17 @@ class _AircraftReader:
         self._notes.append(f"{element.tag} from {low!r} to {high!r} rad")
         if (
             element.tag == "hysteresis_limits" and low != 0.0 != high
-        ):  # JSBSim's relay does not move when either is zero
+        ):  # JSBSim's relay does not switch if either is zero
             self._hysteresis = hysteresis_description(low, high)
 
     def _only_function(self, element: Any) -> str:
         functions = [child for child in element if child.tag not in TEXT]
         if len(functions) != 1 or functions[0].tag != "function":
-            raise InputError(f"<{element.tag}> does not hold exactly one function", self._where)
+            raise InputError(f"<{element.tag}> must contain exactly one function", self._where)
         return self._functions.function(functions[0])
 
     def database(self, reference: Reference) -> AeroDatabase:
-        """The database of all that was read."""
+        """Return the database of everything that was read."""
         terms = self._terms()
         variables: dict[str, Variable] = {}
         if self._shift:
@@ -168,11 +169,10 @@ class _AircraftReader:
         ]:
             if tree.depth > MAX_DEPTH:
                 raise InputError(
-                    f"an expression of {tree.depth} levels", self._where, f"at most {MAX_DEPTH}"
+                    f"an expression has {tree.depth} levels", self._where, f"at most {MAX_DEPTH}"
                 )
-            parse(
-                str(tree)
-            )  # what is stored must be readable: the limits of the language hold for imports too
+            # A stored expression must be readable: the limits of the language apply to imports.
+            parse(str(tree))
         notes = f"; {'; '.join(self._notes)}" if self._notes else ""
         source = f"JSBSim aircraft file{notes}"
         return AeroDatabase(
@@ -193,7 +193,7 @@ class _AircraftReader:
         variables: dict[str, Variable],
         free: dict[str, str],
     ) -> None:
-        """Gives every property that is used its meaning; a meaning may use further properties."""
+        """Set the meaning of every property in use; a meaning may use further properties."""
         done: set[str] = set()
         while pending := [name for name in self._functions.identifiers if name not in done]:
             for name in pending:
@@ -214,29 +214,31 @@ class _AircraftReader:
         for axis, frame, function in self._acting:
             expression, description = self._functions.defined[function]
             reached = axis_shares(axis, frame)
-            for ours, factor in reached:
-                scaled = _scaled(self._without(expression, FACTORS[ours]), parse(factor))
+            for target, factor in reached:
+                scaled = _scaled(self._without(expression, FACTORS[target]), parse(factor))
                 short = (
                     function.rsplit("/", 1)[-1]
                     if len(reached) == 1
-                    else f"{function.rsplit('/', 1)[-1]}_{ours}"
+                    else f"{function.rsplit('/', 1)[-1]}_{target}"
                 )
                 name = (
                     short
                     if short not in names
-                    else f"{function}_{ours}"
+                    else f"{function}_{target}"
                     if len(reached) > 1
                     else function
                 )
                 names.add(name)
                 terms.append(
-                    Term(name, "CY" if body and ours == "C_side" else ours, scaled, description)
+                    Term(name, "CY" if body and target == "C_side" else target, scaled, description)
                 )
         return terms
 
     def _shift_terms(self, terms: list[Term]) -> tuple[dict[str, Variable], list[Term]]:
-        """Moments of the forces about the fixed reference point when they act at one shifted aft by
-        a part of the chord."""
+        """Moments about the fixed reference point of forces that act at a shifted one.
+
+        The point is shifted aft by a fraction of the chord.
+        """
         axes = WIND_AXES if any(term.axis in WIND_AXES for term in terms) else ("CX", "CY", "CZ")
         totals: dict[str, Variable] = {}
         for axis in axes:
@@ -259,8 +261,10 @@ class _AircraftReader:
         ]
 
     def _without(self, expression: Expression, factors: Iterable[str]) -> Expression:
-        """`expression` over the factors: cancelled where it is a multiple of them, else divided
-        by."""
+        """`expression` divided by the factors.
+
+        A factor is cancelled if the expression is a multiple of it.
+        """
         rest: list[Expression] = []
         for factor in factors:
             name = Name(self._functions.identifier(factor))
@@ -272,7 +276,7 @@ class _AircraftReader:
         return Operation("/", expression, reduce(times, rest)) if rest else expression
 
     def _meaning(self, name: str, reference: Reference, terms: list[Term]) -> Variable | None:
-        """What a property stands for; None: a free input."""
+        """The variable that a property stands for; None for a free input."""
         note = f"JSBSim property {name}"
         if name in self._bindings:
             try:
@@ -300,14 +304,13 @@ class _AircraftReader:
         return Variable(parse(text), "", note) if text else None
 
     def _text(self, name: str, reference: Reference) -> str:
-        """The expression that a property of JSBSim's own, or of an export from here, stands for; ''
-        when there is none."""
+        """The expression of a property of JSBSim or of an earlier export; '' if there is none."""
         if name == "aero/h_b-mac-ft":
             return height_of_reference_point(*reference.moment_reference)
         if name == WING_ALPHA:
             return f"alpha + {self._constants.get(WING_INCIDENCE, 0.0)!r}".replace("+ -", "- ")
         if name == STALL_HYSTERESIS and not self._hysteresis:
-            return "0"  # JSBSim never moves it without limits
+            return "0"  # without limits JSBSim never switches it
         own = name.removeprefix(OWN_CHANNEL)
         if own != name:
             try:
@@ -320,8 +323,10 @@ class _AircraftReader:
 
 
 def _relays(free: Mapping[str, str]) -> tuple[StateModel, ...]:
-    """JSBSim's stall hysteresis, where a free input is it: along a flight the relay makes its
-    values."""
+    """JSBSim's stall hysteresis, if a free input is it.
+
+    Along a flight, the relay provides the values of that input.
+    """
     limits = {name: hysteresis_limits(text) for name, text in free.items()}
     return tuple(
         StateModel(name, Relay(*found, separated=1.0)) for name, found in limits.items() if found

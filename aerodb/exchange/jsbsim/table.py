@@ -1,4 +1,4 @@
-"""JSBSim's inline tables: text to breakpoints and values."""
+"""Read JSBSim's inline tables into breakpoints and values."""
 
 from dataclasses import dataclass
 from typing import Any, Final
@@ -17,8 +17,11 @@ MAX_NUMBERS: Final = 1_000_000
 
 @dataclass(frozen=True)
 class InlineTable:
-    """Properties looked up, breakpoints along each, and values, in the order row, column, table,
-    axis4."""
+    """An inline table.
+
+    properties : looked up, in the order row, column, table, axis4. breakpoints : along each. values
+    : one axis per property.
+    """
 
     properties: tuple[str, ...]
     breakpoints: tuple[Array, ...]
@@ -26,8 +29,10 @@ class InlineTable:
 
 
 def read_table(element: Any, where: str) -> InlineTable:
-    """A ``<table>`` of one to four dimensions. Raises InputError for what is not in JSBSim's
-    form."""
+    """Return a ``<table>`` of one to four dimensions.
+
+    Raises InputError for anything that is not in JSBSim's form.
+    """
     properties: dict[str, str] = {}
     blocks: list[Any] = []
     for child in element:
@@ -38,7 +43,7 @@ def read_table(element: Any, where: str) -> InlineTable:
                 raise InputError(
                     f"unsupported <independentVar {dict(child.attrib)}>",
                     where,
-                    f"{', '.join(LOOKUPS)}, once each",
+                    f"use each of {', '.join(LOOKUPS)} once",
                 )
             properties[lookup] = (child.text or "").strip()
         elif child.tag == "tableData":
@@ -48,7 +53,7 @@ def read_table(element: Any, where: str) -> InlineTable:
     order = LOOKUPS[: len(properties)]
     if not blocks or set(order) != set(properties):
         raise InputError(
-            f"a table needs data and lookups {', '.join(LOOKUPS)} in this order", where
+            f"a table needs data, and lookups in the order {', '.join(LOOKUPS)}", where
         )
     names = tuple(properties[lookup] for lookup in order)
     breakpoints, values = _read(blocks, len(order), where)
@@ -72,7 +77,9 @@ def _read(blocks: list[Any], dimensions: int, where: str) -> tuple[tuple[Array, 
     if dimensions == 2:
         return (grid[1:, 0], grid[0, 1:]), grid[1:, 1:]
     if grid.shape[1] != 2:
-        raise InputError(f"a one-dimensional table has two columns, here {grid.shape[1]}", where)
+        raise InputError(
+            f"a one-dimensional table has {grid.shape[1]} columns instead of two", where
+        )
     return (grid[:, 0],), grid[:, 1]
 
 
@@ -83,7 +90,7 @@ def _only_slices(block: Any, where: str) -> bool:
         or any(child.tag != "tableData" for child in block)
     ):
         raise InputError(
-            "a block of a four-dimensional table does not consist of <tableData> elements", where
+            "a block of a four-dimensional table must contain only <tableData> elements", where
         )
     return True
 
@@ -93,13 +100,12 @@ def _levels(blocks: list[Any], where: str) -> Array:
         return np.array([float(block.get("breakPoint", "")) for block in blocks])
     except ValueError:
         raise InputError(
-            "a block of a table of three or more dimensions has no number as breakPoint", where
+            "a block of a table of three or more dimensions needs a number as breakPoint", where
         ) from None
 
 
 def _numbers(element: Any, where: str) -> Array:
-    """Lines of ``tableData`` as a matrix; a first line that is one shorter gets NaN in its
-    corner."""
+    """Lines of ``tableData`` as a matrix; a shorter first line gets NaN in its corner."""
     if len(element):
         raise InputError(f"unsupported element <{element[0].tag}> in table data", where)
     try:
@@ -125,9 +131,11 @@ def _numbers(element: Any, where: str) -> Array:
 def stack_slices(
     levels: Array, slices: list[tuple[tuple[Array, ...], Array]], where: str
 ) -> tuple[tuple[Array, ...], Array]:
-    """Slices at the `levels` of one further, last axis as one table. Slices on different
-    breakpoints are brought to their union, which is exact because they are linear in between and
-    held outside."""
+    """Return slices at the `levels` of an additional last axis as one table.
+
+    Slices with different breakpoints are interpolated to the union of them. This is exact, because
+    they are linear in between and hold their end values.
+    """
     dimensions = len(slices[0][0])
     axes = tuple(
         np.unique(np.concatenate([breakpoints[k] for breakpoints, _ in slices]))

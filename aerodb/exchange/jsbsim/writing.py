@@ -1,8 +1,8 @@
-"""Expressions as JSBSim's XML functions.
+"""Write expressions as JSBSim's XML functions.
 
-Where JSBSim lacks a function it is rewritten in those that it has; its tables look up properties
-only, so that other arguments become functions of their own. Its sign of zero is 1 and its
-conditions take nothing but 0 and 1: here both are as in `aerodb.tables.functions`.
+A function that JSBSim lacks is rewritten in terms of those it has. Its tables look up only
+properties, so any other argument becomes a function of its own. In JSBSim the sign of zero is 1 and
+conditions accept only 0 and 1; what is written here behaves as `aerodb.tables.functions`.
 """
 
 from collections.abc import Mapping
@@ -77,11 +77,10 @@ _CALLS: Final = {
     "log10": "log10",
     "rem": "fmod",
 }
-_MOST_EXTRAPOLATED: Final = 4  # each makes three tables of one
-#: Least values of what is divided by: an aircraft that stands still has coefficients, if useless
-#: ones, and no force.
+_MOST_EXTRAPOLATED: Final = 4  # each replaces one table by three
+#: Lower limits of divisors: an aircraft at rest has finite coefficients and no force.
 _LEAST: Final = {"velocities/vt-fps": 1e-6, QBAR: 1e-9}
-#: Functions of x (and y) that JSBSim lacks, in those that it has.
+#: Functions of x, y and z that JSBSim lacks, in terms of those it has.
 _REWRITTEN: Final = {
     "sign": "(x > 0) - (x < 0)",
     "step": "x > 0",
@@ -97,11 +96,13 @@ _REWRITTEN: Final = {
 
 
 class FunctionWriter:
-    """Writes the expressions of one database. `definitions` are the functions that they use, in the
-    order of evaluation: JSBSim computes a function that stands later from the step before.
+    """Writer of the expressions of one database.
 
-    paths : name -> property that holds it, for free inputs and whatever else stands in expressions
-    to be written.
+    paths : name -> property that holds it, for free inputs and further names in the expressions.
+
+    `definitions` are the functions that the expressions use, in the order of evaluation: JSBSim
+    takes the value of a later function from the previous time step. `inputs` are the channels and
+    free inputs in use, each with property and scale.
     """
 
     def __init__(self, database: AeroDatabase, paths: Mapping[str, str]) -> None:
@@ -109,19 +110,17 @@ class FunctionWriter:
         self._paths = dict(paths)
         self._defined: dict[Expression, str] = {}
         self._arguments = 0
-        self._bound: dict[str, str] = {}  # names of a rewritten function's form
+        self._bound: dict[str, str] = {}  # x, y, z of a rewritten function -> property
         self.definitions: list[Element] = []
-        self.inputs: dict[
-            str, tuple[str, float]
-        ] = {}  # channel or free input used -> property and scale
+        self.inputs: dict[str, tuple[str, float]] = {}  # channel or free input -> property, scale
 
     def define(self, name: str, path: str, operation: Element, description: str) -> None:
-        """A function of its own, known as `name` to expressions written later."""
+        """Add a function of its own, known as `name` to expressions written later."""
         self._paths[name] = path
         self.definitions.append(function(path, operation, description))
 
     def write(self, expression: Expression) -> Element:
-        """`expression` as an element that can stand inside a function."""
+        """Return `expression` as an element inside a function."""
         if isinstance(expression, Number):
             return value(expression.value)
         if isinstance(expression, Name):
@@ -146,9 +145,9 @@ class FunctionWriter:
 
     def _unwritable(self, what: str) -> InputError:
         return InputError(
-            f"{what} has no form in JSBSim",
+            f"{what} has no equivalent in JSBSim",
             f"database {self._database.name}",
-            "another format may carry it",
+            "export to another format",
         )
 
     def _name(self, name: str) -> Element:
@@ -211,7 +210,10 @@ class FunctionWriter:
         raise self._unwritable(f"function '{name}'")
 
     def _rewritten(self, form: Expression, arguments: tuple[Expression, ...]) -> Element:
-        """`form` with x, y, z for the arguments: each computed once, in a function of its own."""
+        """`form` with the arguments for x, y, z.
+
+        Each argument is computed once, in a function of its own.
+        """
         self._bound = {
             name: self._property(each) for name, each in zip("xyz", arguments, strict=False)
         }
@@ -220,7 +222,7 @@ class FunctionWriter:
         return element
 
     def _condition(self, expression: Expression) -> Element:
-        """Zero or one: what is not a comparison is compared with zero."""
+        """Zero or one; anything but a comparison is compared with zero."""
         truth = isinstance(expression, Call) and expression.function in {
             *COMPARISONS,
             "and",
@@ -231,14 +233,16 @@ class FunctionWriter:
         return self.write(expression) if truth else node("nq", self.write(expression), value(0.0))
 
     def _piecewise(self, pieces: tuple[Expression, ...]) -> Element:
-        """Nested choices; without a last value, the root of a negative number, which is none."""
+        """Nested choices.
+
+        Without a last value, the default is NaN, the root of a negative number."""
         element = self.write(pieces[-1]) if len(pieces) % 2 else node("sqrt", value(-1.0))
         for chosen, condition in reversed(list(zip(pieces[:-1:2], pieces[1::2], strict=True))):
             element = node("ifthen", self._condition(condition), self.write(chosen), element)
         return element
 
     def _table(self, call: TableCall) -> Element:
-        """A table without its axes of one breakpoint, on which it is constant."""
+        """A table without the axes of one breakpoint, along which it is constant."""
         found = self._database.tables.get(call.table)
         if found is None:
             raise self._unwritable(f"table '{call.table}' on scattered points")
@@ -263,13 +267,15 @@ class FunctionWriter:
 
 
 def channel_property(name: str) -> tuple[str, float]:
-    """Property that holds a channel (one of its own where JSBSim has none) and the number that
-    gives the channel's unit."""
+    """Return the property of a channel and the scale to the channel's unit.
+
+    A channel without a JSBSim property has one below ``aerodb/``.
+    """
     return CHANNEL_PROPERTIES.get(name, (f"{OWN_CHANNEL}{name}", 1.0))
 
 
 def _operands(operation: Operation) -> list[Expression]:
-    """Operands of a chain of one operator that associates to the left, as JSBSim's folds do."""
+    """Operands of a left-associative chain of one operator, as JSBSim folds them."""
     operands = [operation.right]
     left = operation.left
     while (

@@ -1,5 +1,4 @@
-"""JSBSim's XML: parsed without document types, entities or network; single elements, numbers and
-the metrics."""
+"""Parse JSBSim's XML without document types, entities or network; read numbers and metrics."""
 
 import math
 from collections.abc import Callable
@@ -12,7 +11,7 @@ from aerodb.tables import Reference
 from aerodb.units import convert
 
 MAX_BYTES: Final = 20_000_000
-MAX_NAME: Final = 1000  # characters of an attribute or of a property's name
+MAX_NAME: Final = 1000  # characters of an attribute or of a property name
 _SHOWN: Final = 80
 _DECLARATIONS: Final = tuple(
     declaration.encode(encoding)
@@ -29,8 +28,7 @@ _UNITS: Final = {
     "RAD": "rad",
 }
 
-#: Further metrics that functions may use: tag -> JSBSim property, its unit, and the unit without an
-#: attribute.
+#: Further metrics that functions may use: tag -> JSBSim property, its unit, default unit.
 _CONSTANTS: Final = {
     "wing_incidence": ("metrics/iw-rad", "rad", "RAD"),
     "htailarea": ("metrics/Sh-sqft", "ft^2", "FT2"),
@@ -41,10 +39,10 @@ _CONSTANTS: Final = {
 
 
 def read_root(xml: bytes, where: str) -> Any:
-    """The root element.
+    """Return the root element.
 
-    Raises InputError for a document type (entities are looked at nowhere), for what is not XML, for
-    more than `MAX_BYTES` and for an attribute of more than `MAX_NAME` characters. The parser itself
+    Raises InputError for a document type (entities are never expanded), content that is not XML,
+    more than `MAX_BYTES`, and an attribute of more than `MAX_NAME` characters. The parser itself
     refuses nesting beyond 256 levels.
     """
     if len(xml) > MAX_BYTES:
@@ -82,13 +80,13 @@ def _document_type(where: str) -> InputError:
 
 
 def shortened(text: str | None) -> str:
-    """Text of a file as messages show it: one line, not too long."""
+    """Return text of a file for messages: one line of limited length."""
     line = " ".join((text or "").split())
     return line if len(line) <= _SHOWN else f"{line[:_SHOWN]}..."
 
 
 def only_child(parent: Any, tag: str, where: str) -> Any:
-    """The one child of this tag; InputError when there are none or several."""
+    """Return the one child of this tag. Raises InputError if there are none or several."""
     found = parent.findall(tag)
     if len(found) != 1:
         raise InputError(
@@ -98,10 +96,10 @@ def only_child(parent: Any, tag: str, where: str) -> Any:
 
 
 def read_section(root: Any, tag: str, where: str, loader: Callable[[str], bytes] | None) -> Any:
-    """The one child of this tag, from the file that it names where it names one.
+    """Return the one child of this tag, from its own file if it names one.
 
-    Raises InputError for a file without a `loader`, one named by an absolute path or through
-    ``..``, and one with another root.
+    Raises InputError for a file without a `loader`, for a file named by an absolute path or through
+    ``..``, and for a file with another root.
     """
     element = only_child(root, tag, where)
     file = element.get("file", "").strip()
@@ -109,15 +107,15 @@ def read_section(root: Any, tag: str, where: str, loader: Callable[[str], bytes]
         return element
     if loader is None:
         raise InputError(
-            f"{tag} stand in another file, '{file}'",
+            f"{tag} are in another file, '{file}'",
             where,
-            "give that file too, or put them into this one",
+            "provide that file too, or move them into this one",
         )
     if file.startswith(("/", "\\")) or ":" in file or ".." in file.replace("\\", "/").split("/"):
         raise InputError(
-            f"{tag} in a file outside the aircraft's folder, '{file}'",
+            f"{tag} are in a file outside the aircraft's folder, '{file}'",
             where,
-            "name it relative to the aircraft",
+            "use a path relative to the aircraft",
         )
     inner = read_root(loader(file), f"{where}: {file}")
     if inner.tag != tag or inner.get("file"):
@@ -126,7 +124,7 @@ def read_section(root: Any, tag: str, where: str, loader: Callable[[str], bytes]
 
 
 def read_number(text: str | None, where: str) -> float:
-    """A finite number from text, else InputError."""
+    """Return a finite number. Raises InputError for any other text."""
     try:
         value = float(text or "")
     except ValueError:
@@ -144,8 +142,10 @@ def _convert(element: Any, text: str | None, default: str, to: str, where: str) 
 
 
 def read_reference(metrics: Any, where: str) -> Reference:
-    """Area, chord, span and moment reference (AERORP) in SI; positions from the structural origin
-    in body axes."""
+    """Return area, chord, span and moment reference (AERORP) in SI.
+
+    Positions are in body axes from the structural origin.
+    """
     area, span, chord = (
         only_child(metrics, tag, where) for tag in ("wingarea", "wingspan", "chord")
     )
@@ -154,7 +154,9 @@ def read_reference(metrics: Any, where: str) -> Reference:
     )
     if point is None:
         raise InputError(
-            "no <location name='AERORP'> in <metrics>", where, "moments need their reference point"
+            "no <location name='AERORP'> in <metrics>",
+            where,
+            "state the reference point of the moments",
         )
     x, y, z = (
         _convert(point, only_child(point, axis, where).text, "IN", "m", where) for axis in "xyz"
@@ -168,8 +170,10 @@ def read_reference(metrics: Any, where: str) -> Reference:
 
 
 def read_constants(metrics: Any, where: str) -> dict[str, float]:
-    """Further numbers of ``<metrics>`` as JSBSim's properties, in JSBSim's units; 0 where the file
-    leaves them out."""
+    """Return further numbers of ``<metrics>`` by JSBSim property, in JSBSim's units.
+
+    A number that the file leaves out is 0.
+    """
     values = {}
     for tag, (name, to, default) in _CONSTANTS.items():
         element = metrics.find(tag)
@@ -180,7 +184,7 @@ def read_constants(metrics: Any, where: str) -> dict[str, float]:
 
 
 def read_limits(element: Any, where: str) -> tuple[float, float]:
-    """``<min>`` and ``<max>`` [rad] of an element with a unit, radians without."""
+    """Return ``<min>`` and ``<max>`` [rad] of an element; without a unit they are in radians."""
     low, high = (
         _convert(element, only_child(element, tag, where).text, "RAD", "rad", where)
         for tag in ("min", "max")

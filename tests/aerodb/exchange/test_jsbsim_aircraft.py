@@ -181,7 +181,7 @@ def test_parts_are_found_beside_the_aircraft_and_nowhere_else(tmp_path: Path) ->
 
 def test_aerodynamics_in_another_file_need_a_loader_and_stay_in_the_folder() -> None:
     text = aircraft_file("F450")
-    with pytest.raises(InputError, match=r"metrics stand in another file, 'Metrics.xml'"):
+    with pytest.raises(InputError, match=r"metrics are in another file, 'Metrics.xml'"):
         import_jsbsim(text, name="F450")
     for name in (b"/etc/passwd", b"../../secrets.xml", b"..\\secrets.xml", b"C:\\secrets.xml"):
         with pytest.raises(InputError, match="outside the aircraft's folder"):

@@ -328,7 +328,9 @@ def test_what_jsbsim_cannot_carry_is_refused_by_name() -> None:
     database = AeroDatabase(
         "d", REFERENCE, terms=(Term("t", "CX", parse("cloud(alpha, beta)")),), scattered=scattered
     )
-    with pytest.raises(InputError, match="table 'cloud' on scattered points has no form in JSBSim"):
+    with pytest.raises(
+        InputError, match="table 'cloud' on scattered points has no equivalent in JSBSim"
+    ):
         export_jsbsim(database, name="d")
     with pytest.raises(InputError, match="no check cases"):
         check_in_jsbsim(database, None, [], {})

@@ -225,7 +225,7 @@ def test_planes_of_a_table_on_different_breakpoints_are_joined_exactly() -> None
             function("<rotation_alpha_local><v>1</v></rotation_alpha_local>"),
             "unsupported element <rotation_alpha_local>",
         ),
-        ("<aero_ref_pt_shift_x/>", "<aero_ref_pt_shift_x> does not hold exactly one function"),
+        ("<aero_ref_pt_shift_x/>", "<aero_ref_pt_shift_x> must contain exactly one function"),
         ('<axis name="ROLL" frame="EARTH"/>', "unsupported attributes of axis ROLL"),
         ('<axis name="LIFT" frame="WIND"/>', "unsupported attributes of axis LIFT"),
         ('<axis name="ROLL" unit="NM"/>', "unit 'NM' of axis ROLL"),
