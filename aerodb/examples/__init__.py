@@ -1,0 +1,1 @@
+"""Built-in examples; `phoenix` is the vehicle of ``aerodb demo``."""

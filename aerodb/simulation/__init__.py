@@ -1,4 +1,17 @@
-"""TODO aerodb.simulation."""
+"""Simulate gliding flights of a vehicle on an aerodynamic database, with instruments and logs.
+
+1. `airframe` joins a vehicle of constant mass and a database into an `Airframe` (airframe_model).
+2. `control_derivatives` gives the coefficients' derivatives for which an `Autopilot` is designed
+   (autopilot); `superposed` adds test inputs, each an `Event`, to its commands (inputs).
+3. `fly` flies many flights at once in closed loop, with wind and `DrydenGusts` (turbulence), and
+   returns their true channels as a `History` (flight). `quaternion_from_euler` helps to build the
+   initial state (motion).
+4. `at_instruments` converts the channels to the positions of the instruments; `measure` samples
+   them with delay, bias and noise into log topics, as each `Instrument` and its `Signal` states
+   (sensors).
+
+`motion` has the equations of motion and `linear` their linear models and modes.
+"""
 
 import lazy_loader as lazy
 

@@ -1,5 +1,4 @@
-"""A vehicle in the air: state, wind and surfaces become canonical channels, specific force and
-moment about the CG."""
+"""A vehicle in the air: channels, specific force and moment from state, wind and surfaces."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -39,7 +38,7 @@ class _Reference(Protocol):
 
 
 class Database(Protocol):
-    """What the simulation needs of an aerodynamic database."""
+    """The parts of an aerodynamic database that the simulation needs."""
 
     @property
     def reference(self) -> _Reference: ...
@@ -49,8 +48,10 @@ class Database(Protocol):
 
 @dataclass(frozen=True)
 class MovingAir:
-    """Wind over ground (north, east, down) [m/s] and gust in body axes [m/s], each (3, k): velocity
-    of the air."""
+    """Velocity of the air.
+
+    wind : (3, k), over ground (north, east, down) [m/s]. gust : (3, k), body axes [m/s].
+    """
 
     wind: Array
     gust: Array
@@ -58,12 +59,18 @@ class MovingAir:
 
 @dataclass(frozen=True)
 class Airframe:
-    """Constant mass properties, reference geometry and aerodynamics of a vehicle in gliding flight.
+    """Constant mass properties, reference geometry and aerodynamics of a gliding vehicle.
 
-    mass [kg]; inertia (3, 3) [kg m2] at the CG; area [m2]; lengths (3,) = span, chord, span [m];
-    `reference_arm` (3,) [m]: from the CG to the point that the coefficients' moments are about;
-    ground_altitude [m] above sea level; combinations: deflections made of two surfaces, name ->
-    (sign, right, left).
+    Parameters
+    ----------
+    mass : float, [kg]
+    inertia : (3, 3), about the CG [kg m2]
+    area : float, [m2]
+    lengths : (3,), span, chord, span [m]
+    reference_arm : (3,), from the CG to the reference point of the moment coefficients [m]
+    aerodynamics : channels to coefficients
+    combinations : name to (sign, right, left), deflections made of two surfaces
+    ground_altitude : float, above sea level [m]
     """
 
     mass: float
@@ -78,10 +85,19 @@ class Airframe:
     def channels(
         self, state: Array, air: MovingAir, surfaces: Mapping[str, Array]
     ) -> dict[str, Array]:
-        """Canonical channels (k,) of a state (13, k): air-relative motion, rates, height,
-        deflections, air properties.
+        """Return the canonical channels of a state.
 
-        `surfaces` holds deflections [rad] by their names in the vehicle file.
+        They are air-relative motion, rates, height, deflections and air properties.
+
+        Parameters
+        ----------
+        state : (13, k), as in `aerodb.simulation.motion`
+        air : wind and gust
+        surfaces : name in the vehicle file to deflection (k,) [rad]
+
+        Returns
+        -------
+        name to (k,)
         """
         velocity = state[VELOCITY] - to_body(state[QUATERNION], air.wind) - air.gust
         u, v, w = velocity
@@ -109,8 +125,17 @@ class Airframe:
         return found
 
     def loads(self, channels: Mapping[str, Array]) -> tuple[Array, Array]:
-        """Specific force (3, k) [m/s2] and moment about the CG (3, k) [N m] of the aerodynamics;
-        nothing else acts."""
+        """Return the loads of the aerodynamics; nothing else acts.
+
+        Parameters
+        ----------
+        channels : name to (k,)
+
+        Returns
+        -------
+        specific force : (3, k) [m/s2]
+        moment about the CG : (3, k) [N m]
+        """
         c = self.aerodynamics(channels)
         scale = channels["qbar"] * self.area
         force = scale * np.stack([c["CX"], c["CY"], c["CZ"]])
@@ -118,15 +143,17 @@ class Airframe:
         return force / self.mass, moment + cross(self.reference_arm[:, None] + 0 * force, force)
 
     def state_rate(self, state: Array, air: MovingAir, surfaces: Mapping[str, Array]) -> Array:
-        """Time derivative (13, k) of the state."""
+        """Return the time derivative (13, k) of the state."""
         force, moment = self.loads(self.channels(state, air, surfaces))
         return derivative(state, force, moment, self.inertia)
 
     def evaluate(
         self, state: Array, air: MovingAir, surfaces: Mapping[str, Array]
     ) -> tuple[dict[str, Array], Array]:
-        """All channels of a simulated instant, inertial motion and loads included, and the state's
-        derivative."""
+        """Return all channels of a simulated instant, and the time derivative (13, k) of the state.
+
+        The channels (k,) include inertial motion and loads. Parameters as in `channels`.
+        """
         found = self.channels(state, air, surfaces)
         force, moment = self.loads(found)
         acceleration = angular_acceleration(state[RATES], moment, self.inertia)
@@ -141,10 +168,15 @@ class Airframe:
 
 
 def airframe(vehicle: Vehicle, database: Database, ground_altitude: float = 0.0) -> Airframe:
-    """An Airframe from a vehicle file with constant mass and a database about its own moment
-    reference.
+    """Return the Airframe of a vehicle file and a database about its own moment reference.
 
-    Raises InputError when the mass is not constant or the vehicle has thrust: neither is simulated.
+    Parameters
+    ----------
+    vehicle : constant mass, no thrust
+    database : aerodynamic database
+    ground_altitude : float, above sea level [m]
+
+    Raises InputError if the mass is not constant or the vehicle has thrust: neither is simulated.
     """
     properties = vehicle.mass
     if properties.source != "constant" or vehicle.thrust.source != "none":

@@ -1,8 +1,7 @@
-"""An autopilot for an elevon glider that is unstable in pitch: commanded angle of attack and bank
-by dynamic inversion.
+"""An autopilot for an elevon glider that is unstable in pitch, by dynamic inversion.
 
-It feeds back the true motion: navigation errors are not in its loop. Where the vehicle shall go
-does not belong here.
+It controls angle of attack and bank angle. It feeds back the true motion, without navigation
+errors. Guidance is not part of it.
 """
 
 from collections.abc import Mapping
@@ -17,8 +16,10 @@ from aerodb.support import Array
 
 @dataclass(frozen=True)
 class ControlDerivatives:
-    """What the autopilot knows: coefficients about the CG at a design point, per rad, rates per p
-    b/V, q c/V, r b/V."""
+    """Derivatives for which the autopilot is designed.
+
+    They are coefficients about the CG at a design point, per rad; rates are p b/V, q c/V, r b/V.
+    """
 
     Cm: float
     alpha: float
@@ -40,11 +41,17 @@ def control_derivatives(
     aileron: tuple[str, ...],
     rudder: str,
 ) -> ControlDerivatives:
-    """Central differences of the airframe's coefficients about the CG at one flight condition.
+    """Return derivatives of the airframe's coefficients about the CG at one flight condition.
 
-    condition : every channel that the aerodynamics read, SI. pitch : name of a pitch control -> the
-    channels that move together for it; the first is the elevator. aileron, rudder : channels of the
-    roll and yaw controls.
+    They are central differences.
+
+    Parameters
+    ----------
+    airframe : the vehicle
+    condition : name to value in SI, every channel that the aerodynamics read
+    pitch : name of a pitch control to the channels that move together for it; the first is the
+        elevator
+    aileron, rudder : channels of the roll and yaw controls
     """
     v = condition["V"]
     chord, span = airframe.lengths[1], airframe.lengths[0]
@@ -80,8 +87,19 @@ def control_derivatives(
 
 @dataclass
 class Autopilot:
-    """Inner loops; frequencies in rad/s. `integral` (k,) rad s is the accumulated error of angle of
-    attack."""
+    """Inner loops of pitch, roll and yaw.
+
+    Parameters
+    ----------
+    airframe : the vehicle
+    known : derivatives at the design point
+    step : float, control step [s]
+    pitch_frequency, roll_frequency : float, [rad/s]
+    pitch_damping, roll_damping : float, damping ratio
+    pitch_integral : float, integral gain [1/s3]
+    yaw_damping : float, yaw-rate gain [1/s]
+    integral : (k,), accumulated error of angle of attack [rad s]
+    """
 
     airframe: Airframe
     known: ControlDerivatives
@@ -97,14 +115,20 @@ class Autopilot:
     def elevator(
         self, channels: Mapping[str, Array], alpha_command: Array, others: Mapping[str, Array]
     ) -> Array:
-        """Symmetric elevator (k,) [rad] towards a commanded angle of attack [rad]; `others`: pitch
-        controls beside it."""
+        """Return the symmetric elevator (k,) [rad] for a commanded angle of attack.
+
+        Parameters
+        ----------
+        channels : name to (k,)
+        alpha_command : (k,) [rad]
+        others : further pitch controls, name to (k,) [rad]
+        """
         c, k = channels, self.known
         error = alpha_command - c["alpha"]
         self.integral = np.clip(self.integral + self.step * error, -0.15, 0.15)
         weight = GRAVITY * np.cos(c["theta"]) * np.cos(c["phi"])
         path_rate = (-c["az"] - weight) / c["V"]
-        wanted = (
+        commanded = (
             self.pitch_frequency**2 * error
             + self.pitch_integral * self.integral
             - 2 * self.pitch_damping * self.pitch_frequency * (c["q"] - path_rate)
@@ -114,23 +138,23 @@ class Autopilot:
         natural = k.Cm + k.Cm_alpha * (c["alpha"] - k.alpha) + k.Cm_q * c["q"] * chord / c["V"]
         natural = natural + sum(k.Cm_controls[name] * value for name, value in others.items())
         elevator = next(iter(k.Cm_controls.values()))
-        result: Array = (wanted / scale - natural) / elevator
+        result: Array = (commanded / scale - natural) / elevator
         return result
 
     def aileron(self, channels: Mapping[str, Array], bank_command: Array) -> Array:
-        """Asymmetric deflection (k,) [rad] towards a commanded bank angle [rad]."""
+        """Return the asymmetric deflection (k,) [rad] for a commanded bank angle (k,) [rad]."""
         c, k, span = channels, self.known, self.airframe.lengths[0]
-        wanted = (
+        commanded = (
             self.roll_frequency**2 * (bank_command - c["phi"])
             - 2 * self.roll_damping * self.roll_frequency * c["p"]
         )
         scale = c["qbar"] * self.airframe.area * span / self.airframe.inertia[0, 0]
         natural = k.Cl_beta * c["beta"] + k.Cl_p * c["p"] * span / c["V"]
-        result: Array = (wanted / scale - natural) / k.Cl_aileron
+        result: Array = (commanded / scale - natural) / k.Cl_aileron
         return result
 
     def rudder(self, channels: Mapping[str, Array]) -> Array:
-        """Rudder (k,) [rad] that damps yaw about the rate of a coordinated turn."""
+        """Return the rudder (k,) [rad] that damps yaw about the rate of a coordinated turn."""
         c, span = channels, self.airframe.lengths[0]
         turn = GRAVITY / c["V"] * np.sin(c["phi"]) * np.cos(c["theta"])
         scale = c["qbar"] * self.airframe.area * span / self.airframe.inertia[2, 2]

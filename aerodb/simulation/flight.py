@@ -1,4 +1,4 @@
-"""Closed-loop flights in step with each other: airframe, actuators, controller and moving air."""
+"""Fly closed-loop flights in parallel: airframe, actuators, controller and moving air."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,17 +15,23 @@ from aerodb.vehicle import Surface
 
 
 class Controller(Protocol):
-    """Turns what is known at a control step into surface commands [rad], one (k,) array per
-    surface."""
+    """Surface commands [rad] from the channels at a control step, one (k,) array per surface."""
 
     def __call__(self, time: float, channels: Mapping[str, Array]) -> Mapping[str, Array]: ...
 
 
 @dataclass(frozen=True)
 class History:
-    """True channels of k simulated flights: time (n,) s; channels name -> (n, k); commands surface
-    -> (n, k) [rad], held over the step that begins there; quaternion (n, 4, k), body to earth;
-    samples (k,): how many of each flight belong to it, the first on the ground included."""
+    """True channels of k simulated flights.
+
+    Parameters
+    ----------
+    time : (n,) [s]
+    channels : name to (n, k)
+    commands : surface to (n, k) [rad], held over the step that begins at each time
+    quaternion : (n, 4, k), body to earth
+    samples : (k,), number of samples of each flight, including the first on the ground
+    """
 
     time: Array
     channels: Mapping[str, Array]
@@ -35,8 +41,16 @@ class History:
 
 
 def actuate(surface: Surface, position: Array, command: Array, step: float) -> Array:
-    """Deflection [rad] after `step` [s] under a held command: limits, then an exact first-order
-    lag.
+    """Return the deflection (k,) [rad] after a step under a held command.
+
+    The command is limited, then passes an exact first-order lag.
+
+    Parameters
+    ----------
+    surface : limits [rad] and lag [s]
+    position : (k,), deflection at the start [rad]
+    command : (k,) [rad]
+    step : float, [s]
 
     >>> import numpy as np
     >>> fin = Surface(limits=(-0.3, 0.3), lag=0.1)
@@ -62,12 +76,26 @@ def fly(
     gusts: DrydenGusts | None = None,
     touchdown_height: float = 0.0,
 ) -> History:
-    """Flies k flights from `initial` (13, k) until each is at `touchdown_height` [m] or `duration`
-    [s] is over.
+    """Fly k flights until each is at the touchdown height or the duration is over.
 
-    deflections : surface -> (k,) rad at the start. wind : (3, k) m/s, velocity of the air north,
-    east, down. Integration: midpoint rule with one control step per `step` [s]; gusts vary linearly
+    The integration is the midpoint rule with one control step per `step`. Gusts vary linearly
     within a step.
+
+    Parameters
+    ----------
+    airframe : the vehicle
+    surfaces : name to limits and lag
+    initial : (13, k), state as in `aerodb.simulation.motion`
+    deflections : surface to (k,), at the start [rad]
+    controller : gives the surface commands
+    step, duration : float, [s]
+    wind : (3, k), velocity of the air north, east, down [m/s]
+    gusts : turbulence, none by default
+    touchdown_height : float, of the CG above ground [m]
+
+    Returns
+    -------
+    History
     """
     state, positions = initial, dict(deflections)
     gust = np.zeros_like(wind)
@@ -97,8 +125,8 @@ def fly(
             return airframe.state_rate(at, air, deflected)
 
         moved = midpoint_step(midway, time, state, step, rate)
-        # A flight that has ended stands still, so that its numbers stay finite while the others go
-        # on.
+        # The state of a flight that has ended is frozen, so that its numbers stay finite while the
+        # others continue.
         state = np.where(active, moved, state)
         positions = {n: actuate(surfaces[n], x, commands[n], step) for n, x in positions.items()}
         gust = following

@@ -1,8 +1,8 @@
-"""Motion of a rigid body over a flat, non-rotating earth, for many flights at once.
+"""Equations of motion of a rigid body over a flat, non-rotating earth, for many flights at once.
 
 State rows, each (k,) over the flights: u v w [m/s, inertial velocity in body axes], p q r [rad/s],
-e0 e1 e2 e3 (unit quaternion, body to earth), north east down [m]. Forces and moments are handed in;
-what makes them does not belong here.
+e0 e1 e2 e3 (unit quaternion, body to earth), north east down [m]. The caller provides forces and
+moments.
 """
 
 from collections.abc import Callable
@@ -20,24 +20,45 @@ POSITION: Final = slice(10, 13)
 
 
 def inertia_matrix(Ixx: float, Iyy: float, Izz: float, Ixz: float) -> Array:
-    """Inertia matrix (3, 3) [kg m2] of a body that is symmetric about its x-z plane; `Ixz` =
-    integral of x z dm.
+    """Return the inertia matrix of a body that is symmetric about its x-z plane.
 
-    Source: Stevens & Lewis, Aircraft Control and Simulation (2003), section 1.3.
+    Parameters
+    ----------
+    Ixx, Iyy, Izz, Ixz : float, [kg m2]; `Ixz` is the integral of x z dm
+
+    Returns
+    -------
+    (3, 3) [kg m2]
+
+    References
+    ----------
+    Stevens & Lewis, Aircraft Control and Simulation (2003), section 1.3.
     """
     return np.array([[Ixx, 0.0, -Ixz], [0.0, Iyy, 0.0], [-Ixz, 0.0, Izz]])
 
 
 def cross(a: Array, b: Array) -> Array:
-    """a x b for vectors in rows (3, ...), without the overhead of numpy's general form."""
+    """Return a x b for vectors in rows (3, ...), without the overhead of numpy's general form."""
     return np.stack(
         [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
     )
 
 
 def quaternion_from_euler(phi: Array, theta: Array, psi: Array) -> Array:
-    """Quaternion (4, k), body to earth, of Euler 3-2-1 angles [rad], each (k,). Source: Stevens &
-    Lewis (2003), section 1.3."""
+    """Return the quaternion, body to earth, of Euler 3-2-1 angles.
+
+    Parameters
+    ----------
+    phi, theta, psi : (k,) [rad]
+
+    Returns
+    -------
+    (4, k)
+
+    References
+    ----------
+    Stevens & Lewis, Aircraft Control and Simulation (2003), section 1.3.
+    """
     cf, sf = np.cos(phi / 2), np.sin(phi / 2)
     ct, st = np.cos(theta / 2), np.sin(theta / 2)
     cp, sp = np.cos(psi / 2), np.sin(psi / 2)
@@ -52,19 +73,39 @@ def quaternion_from_euler(phi: Array, theta: Array, psi: Array) -> Array:
 
 
 def to_earth(quaternion: Array, vector: Array) -> Array:
-    """Body vectors (3, k) in earth axes: v + 2 e x (e x v + e0 v)."""
+    """Return body vectors in earth axes: v + 2 e x (e x v + e0 v).
+
+    Parameters
+    ----------
+    quaternion : (4, k), body to earth
+    vector : (3, k), body axes
+
+    Returns
+    -------
+    (3, k)
+    """
     e0, e = quaternion[0], quaternion[1:]
     return vector + 2 * cross(e, cross(e, vector) + e0 * vector)
 
 
 def to_body(quaternion: Array, vector: Array) -> Array:
-    """Earth vectors (3, k) in body axes."""
+    """Return earth vectors in body axes.
+
+    Parameters
+    ----------
+    quaternion : (4, k), body to earth
+    vector : (3, k), earth axes
+
+    Returns
+    -------
+    (3, k)
+    """
     e0, e = quaternion[0], quaternion[1:]
     return vector + 2 * cross(e, cross(e, vector) - e0 * vector)
 
 
 def gravity_body(quaternion: Array) -> Array:
-    """Gravity in body axes (3, k), m/s2."""
+    """Return gravity in body axes (3, k) [m/s2] for a quaternion (4, k), body to earth."""
     e0, e1, e2, e3 = quaternion
     return GRAVITY * np.stack(
         [2 * (e1 * e3 - e0 * e2), 2 * (e2 * e3 + e0 * e1), 1 - 2 * (e1 * e1 + e2 * e2)]
@@ -72,10 +113,21 @@ def gravity_body(quaternion: Array) -> Array:
 
 
 def angular_acceleration(rates: Array, moment: Array, inertia: Array) -> Array:
-    """Euler's equations: I^-1 (M - omega x I omega), (3, k) rad/s2, moments (3, k) about the CG in
-    N m.
+    """Return the angular acceleration by Euler's equations: I^-1 (M - omega x I omega).
 
-    Source: Stevens & Lewis (2003), section 1.3.
+    Parameters
+    ----------
+    rates : (3, k), p q r [rad/s]
+    moment : (3, k), about the CG [N m]
+    inertia : (3, 3) [kg m2]
+
+    Returns
+    -------
+    (3, k) [rad/s2]
+
+    References
+    ----------
+    Stevens & Lewis, Aircraft Control and Simulation (2003), section 1.3.
     """
     return np.asarray(
         np.linalg.solve(inertia, moment - cross(rates, inertia @ rates)), dtype=np.float64
@@ -83,10 +135,22 @@ def angular_acceleration(rates: Array, moment: Array, inertia: Array) -> Array:
 
 
 def derivative(state: Array, specific_force: Array, moment: Array, inertia: Array) -> Array:
-    """Time derivative (13, k) of the state under a specific force (3, k) [m/s2] and a moment about
-    the CG (3, k) [N m].
+    """Return the time derivative of the state.
 
-    Source: Stevens & Lewis, Aircraft Control and Simulation (2003), section 1.5, flat earth.
+    Parameters
+    ----------
+    state : (13, k)
+    specific_force : (3, k) [m/s2]
+    moment : (3, k), about the CG [N m]
+    inertia : (3, 3) [kg m2]
+
+    Returns
+    -------
+    (13, k)
+
+    References
+    ----------
+    Stevens & Lewis, Aircraft Control and Simulation (2003), section 1.5, flat earth.
     """
     velocity, rates, e = state[VELOCITY], state[RATES], state[QUATERNION]
     result = np.empty_like(state)
@@ -105,17 +169,23 @@ Derivative = Callable[[float, Array], Array]
 
 
 def normalised(state: Array) -> Array:
-    """The same state with quaternions of unit length: integration lets the length drift."""
+    """Return the state with quaternions of unit length, which integration does not preserve."""
     result = state.copy()
     result[QUATERNION] /= np.sqrt(np.sum(state[QUATERNION] ** 2, axis=0))
     return result
 
 
 def midpoint_step(rate: Derivative, time: float, state: Array, step: float, first: Array) -> Array:
-    """One step of the explicit midpoint rule (second order); `first` is the derivative at `time`,
-    known already.
+    """Return the state after one step of the explicit midpoint rule (second order).
 
-    Two evaluations per step: at 100 Hz its error on a flight is far below the sensors' noise
-    (tests/test_simulation).
+    It takes two evaluations per step. At 100 Hz its error over a flight is far below the noise of
+    the sensors (tests/aerodb/simulation/test_simulation.py).
+
+    Parameters
+    ----------
+    rate : time derivative of the state
+    time, step : float, [s]
+    state : (13, k)
+    first : (13, k), derivative at `time`, already known
     """
     return normalised(state + step * rate(time + step / 2, state + step / 2 * first))

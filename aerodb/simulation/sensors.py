@@ -1,5 +1,4 @@
-"""What the instruments of a flight would have logged: places, rates, delays, biases and noise of
-their own."""
+"""Logs of simulated instruments, with their positions, rates, delays, biases and noise."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,10 +14,10 @@ from aerodb.vehicle import Vehicle
 
 @dataclass(frozen=True)
 class Signal:
-    """One logged field: the true channel behind it and what the instrument does to it.
+    """One logged field: its true channel and the errors of the instrument.
 
-    ``logged = scale * (true + bias + noise) + offset``; bias and noise in the channel's SI unit.
-    `held` fields are logged commands or states: exact, and not interpolated.
+    ``logged = scale * (true + bias + noise) + offset``; bias and noise are in the channel's SI
+    unit. Fields with `held` are logged commands or states: exact and not interpolated.
     """
 
     field: str
@@ -33,8 +32,11 @@ class Signal:
 
 @dataclass(frozen=True)
 class Instrument:
-    """One topic: rate [Hz], delay [s] of what it shows behind its time stamp, phase [s] of its
-    first sample."""
+    """One topic of the log.
+
+    rate : [Hz]. delay : age of the value at its time stamp [s]. phase : time of the first sample
+    [s].
+    """
 
     topic: str
     rate: float
@@ -44,12 +46,20 @@ class Instrument:
 
 
 def at_instruments(channels: Mapping[str, Array], vehicle: Vehicle) -> dict[str, Array]:
-    """Channels (any shape) as they are where the instruments sit, added to `channels`.
+    """Return `channels` with the values at the positions of the instruments added.
 
-    ``ax_imu ay_imu az_imu``: specific force at the IMU, ``a + wdot x r + w x (w x r)``. ``V_probe
-    alpha_probe beta_probe``: air-relative velocity at the air-data probe, ``v + w x r``, and
-    ``calibrated_airspeed`` there (low Mach number: equivalent airspeed). Source: Klein & Morelli
-    (2006), chapter 10.
+    ``ax_imu ay_imu az_imu`` are the specific force at the IMU, ``a + wdot x r + w x (w x r)``.
+    ``V_probe alpha_probe beta_probe`` are the air-relative velocity at the air-data probe, ``v + w
+    x r``, and ``calibrated_airspeed`` is that there (low Mach number: equivalent airspeed).
+
+    Parameters
+    ----------
+    channels : name to array of any shape
+    vehicle : positions of IMU, probe and CG
+
+    References
+    ----------
+    Klein & Morelli, Aircraft System Identification (2006), chapter 10.
     """
     cg = np.asarray(vehicle.mass.cg, dtype=np.float64)
     rates = [channels[n] for n in ("p", "q", "r")]
@@ -60,7 +70,7 @@ def at_instruments(channels: Mapping[str, Array], vehicle: Vehicle) -> dict[str,
     )
     turning = _cross(rates, _cross(rates, imu))
     tangential = _cross(accelerations, imu)
-    made = {
+    local = {
         f"a{x}_imu": channels[f"a{x}"] + t + c
         for x, t, c in zip("xyz", tangential, turning, strict=True)
     }
@@ -71,11 +81,11 @@ def at_instruments(channels: Mapping[str, Array], vehicle: Vehicle) -> dict[str,
         speed * np.cos(beta) * np.sin(alpha),
     )
     u, v, w = (a + b for a, b in zip(at_cg, _cross(rates, probe), strict=True))
-    made["V_probe"] = np.sqrt(u * u + v * v + w * w)
-    made["alpha_probe"] = np.arctan2(w, u)
-    made["beta_probe"] = np.arcsin(v / made["V_probe"])
-    made["calibrated_airspeed"] = made["V_probe"] * np.sqrt(channels["rho"] / DENSITY_0)
-    return {**channels, **made}
+    local["V_probe"] = np.sqrt(u * u + v * v + w * w)
+    local["alpha_probe"] = np.arctan2(w, u)
+    local["beta_probe"] = np.arcsin(v / local["V_probe"])
+    local["calibrated_airspeed"] = local["V_probe"] * np.sqrt(channels["rho"] / DENSITY_0)
+    return {**channels, **local}
 
 
 def _cross(a: list[Array], b: Array | list[Array]) -> list[Array]:
@@ -90,10 +100,18 @@ def measure(
     generator: np.random.Generator,
     start: float = 0.0,
 ) -> tuple[Topic, ...]:
-    """Topics that one simulated flight leaves in the log.
+    """Return the log topics of one simulated flight.
 
-    channels : name -> (n, k), what signals refer to. start : s, log clock at the beginning of the
-    flight. Times are whole microseconds; samples before the delayed signal exists are not logged.
+    Time stamps are whole microseconds. Samples earlier than the delayed signal are not logged.
+
+    Parameters
+    ----------
+    history : simulated flights
+    channels : name to (n, k), the channels of the signals
+    flight : index of the flight
+    instruments : topics to log
+    generator : source of the noise
+    start : float, log clock at the beginning of the flight [s]
     """
     samples = int(history.samples[flight])
     clock = history.time[:samples]
@@ -120,6 +138,6 @@ def measure(
 
 
 def _held(clock: Array, values: Array, stamp: Array) -> Array:
-    """The latest value at each stamp; a nanosecond forgives rounding of equal instants."""
+    """The latest value at each time stamp, with a tolerance of 1e-9 s for equal instants."""
     result: Array = values[np.searchsorted(clock, stamp + 1e-9, side="right") - 1]
     return result

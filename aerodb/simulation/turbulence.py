@@ -1,7 +1,7 @@
-"""Continuous turbulence after Dryden: gust velocities along the flight path, one series per flight.
+"""Continuous Dryden turbulence: gust velocities along the flight path, one series per flight.
 
-Gust gradients (rotational gusts) and the delay between nose and wing are left out: wavelengths of
-100 m and more are long against a vehicle of a few metres.
+Gust gradients (rotational gusts) and the delay between nose and wing are neglected: wavelengths of
+100 m and more are long compared with a vehicle of a few metres.
 """
 
 from dataclasses import dataclass
@@ -14,13 +14,25 @@ _FOOT = 0.3048
 
 
 def dryden_scales(height: Array, wind_at_6m: Array) -> tuple[Array, Array]:
-    """Scale lengths L (3, k) [m] and intensities sigma (3, k) [m/s] of the gusts u, v, w at a
-    height above ground [m].
+    """Return scale lengths and intensities of the gusts u, v, w.
 
-    `wind_at_6m` (k,) m/s is the steady wind 6 m (20 ft) above ground; 15 kt is light, 30 kt
-    moderate turbulence. Below 1000 ft the low-altitude model, above 2000 ft L = 1750 ft with the
-    intensity of its upper end, linear between. Source: MIL-F-8785C (1980), 3.7.1 and 3.7.3;
-    MIL-HDBK-1797 for the transition.
+    Below 1000 ft this is the low-altitude model. Above 2000 ft, L = 1750 ft with the intensity at
+    the upper end of the low-altitude model; in between, L is linear.
+
+    Parameters
+    ----------
+    height : (k,), above ground [m]
+    wind_at_6m : (k,), steady wind 6 m (20 ft) above ground [m/s]; 15 kt is light, 30 kt moderate
+        turbulence
+
+    Returns
+    -------
+    lengths : (3, k), L [m]
+    intensities : (3, k), sigma [m/s]
+
+    References
+    ----------
+    MIL-F-8785C (1980), 3.7.1 and 3.7.3; MIL-HDBK-1797 for the transition.
     """
     h = np.clip(height / _FOOT, 10.0, 1000.0)
     shape = 0.177 + 0.000823 * h
@@ -37,9 +49,18 @@ def dryden_scales(height: Array, wind_at_6m: Array) -> tuple[Array, Array]:
 class DrydenGusts:
     """Gust velocities u, v, w in body axes as white noise through Dryden's forming filters.
 
-    The filters are discretised exactly for the airspeed and scale length of each step, noise
-    covariance included, so that the intensity does not depend on the step. u: 1 / (1 + tau s); v
-    and w: (1 + sqrt(3) tau s) / (1 + tau s)^2, tau = L / V. Source: MIL-F-8785C (1980), 3.7.1.2.
+    The filters are discretised exactly for the airspeed and scale length of each step, including
+    the covariance of the noise, so that the intensity does not depend on the step. The filter of u
+    is 1 / (1 + tau s), that of v and w (1 + sqrt(3) tau s) / (1 + tau s)^2, with tau = L / V.
+
+    Parameters
+    ----------
+    wind_at_6m : (k,), steady wind 6 m above ground [m/s]
+    generator : source of the noise
+
+    References
+    ----------
+    MIL-F-8785C (1980), 3.7.1.2.
     """
 
     wind_at_6m: Array
@@ -54,8 +75,14 @@ class DrydenGusts:
         self._second = 0.5 * self._first + 0.5 * self.generator.standard_normal((2, k))
 
     def advance(self, step: float, airspeed: Array, height: Array) -> Array:
-        """Gust (3, k) [m/s] after one more `step` [s] at `airspeed` (k,) [m/s] and `height` above
-        ground (k,) [m]."""
+        """Return the gusts (3, k) [m/s] after one more step.
+
+        Parameters
+        ----------
+        step : float, [s]
+        airspeed : (k,) [m/s]
+        height : (k,), above ground [m]
+        """
         lengths, sigma = dryden_scales(height, self.wind_at_6m)
         ratio = step * airspeed / lengths
         decay = np.exp(-ratio)
@@ -63,8 +90,8 @@ class DrydenGusts:
         self._u = decay[0] * self._u + np.sqrt(1 - decay[0] ** 2) * self.generator.standard_normal(
             k
         )
-        # Stationary covariance P = [[1, 1/2], [1/2, 1/2]]; the noise of one step has P - F P F', F
-        # = d [[1, 0], [x, 1]].
+        # Stationary covariance P = [[1, 1/2], [1/2, 1/2]]; the noise of one step has the covariance
+        # P - F P F', with F = d [[1, 0], [x, 1]].
         x, d2 = ratio[1:], decay[1:] ** 2
         q11 = 1 - d2
         q12 = 0.5 - d2 * (x + 0.5)

@@ -1,14 +1,23 @@
-"""The built-in example: a Phoenix-like vehicle with an INVENTED preflight database, flown by
-simulation.
+"""The built-in example: simulated flights of a Phoenix-like vehicle with INVENTED aerodynamics.
 
-What a user would have is here as text: `vehicle.toml`, `preflight.toml`, `model.toml`. What really
-flies is sealed in `truth`; `mission` flies it.
+`read_example` gives what a user would have, as text: ``vehicle.toml``, ``preflight.toml`` (the
+preflight database) and ``model.toml`` (declared increments).
+
+`mission.fly` simulates a campaign and returns its logs (`instruments` has the logged topics). The
+flights use the true aerodynamics of `truth`, which the product never reads: only `mission` and the
+demo import it. `preflight` has the formulas behind ``preflight.toml``.
+
+The real vehicle is that of "Data Analysis of Phoenix Reusable Launch Vehicle Demonstrator Flight
+Test", which the modules of this package call the Phoenix paper; it is in the references of
+docs/method/tracing.md.
 """
 
 from importlib.resources import files
 
 
 def read_example(name: str) -> str:
-    """Text of one of the example's files: ``vehicle.toml``, ``preflight.toml`` or
-    ``model.toml``."""
+    """Return the text of one of the example's files.
+
+    name : ``vehicle.toml``, ``preflight.toml`` or ``model.toml``.
+    """
     return (files(__name__) / name).read_text(encoding="utf-8")

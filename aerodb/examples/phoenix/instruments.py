@@ -1,8 +1,8 @@
-"""The instruments of the example vehicle, as the topics and fields in which PX4 logs them.
+"""The instruments of the example vehicle, as the topics and fields of a PX4 log.
 
-Noise is that of vehicle.toml; biases are drawn once per vehicle from what vehicle.toml says
-beforehand of them. Time stamps have no jitter. Not simulated: scale-factor errors, misalignment,
-quantisation beyond float32.
+Noise is that of vehicle.toml. Biases are drawn once per vehicle from the priors of vehicle.toml.
+Time stamps have no jitter. Not simulated: scale-factor errors, misalignment, and quantisation
+beyond float32.
 """
 
 import numpy as np
@@ -23,8 +23,10 @@ SERVOS = (
 
 
 def instruments(vehicle: Vehicle, generator: np.random.Generator) -> tuple[Instrument, ...]:
-    """All topics of a log. Biases are uniform within the prior's sigma: a calibrated vehicle, not a
-    faulty one."""
+    """Return all topics of a log.
+
+    Biases are uniform within the prior's sigma: the vehicle is calibrated, not faulty.
+    """
 
     def signal(
         field: str, channel: str, sensor: str, scale: float = 1.0, offset: float = 0.0
@@ -114,9 +116,11 @@ def instruments(vehicle: Vehicle, generator: np.random.Generator) -> tuple[Instr
 
 
 def servo_channels(vehicle: Vehicle, history: History) -> dict[str, Array]:
-    """Normalised commands within the limits, ``servo_0 .. servo_7`` (the last is not connected:
-    nan, as PX4 logs it), ``gear_command`` (1 up, -1 down) and the attitude quaternion ``q0 .. q3``;
-    each (n, k)."""
+    """Return the channels (n, k) of normalised commands and attitude.
+
+    ``servo_0 .. servo_7`` are the commands within the limits (the last is not connected: nan, as in
+    PX4 logs), ``gear_command`` is 1 up or -1 down, and ``q0 .. q3`` is the attitude quaternion.
+    """
     found = {}
     for number, name in enumerate(SERVOS):
         surface = vehicle.surfaces[name]

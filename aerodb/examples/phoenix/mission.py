@@ -1,10 +1,9 @@
-"""The mission of 003, section II, flown by simulation: drop, dive, steep approach, flare, end at
-touchdown.
+"""Simulate the mission of Phoenix: drop, dive, steep approach and flare, up to touchdown.
 
-Each flight superposes its own test inputs on the autopilot: elevator 3-2-1-1 and doublets,
-speed-brake and body-flap holds that are not perfectly correlated, aileron, rudder and bank
-doublets, at its own approach speed, wind and turbulence. Wheel forces and the roll after touchdown
-are left out.
+The mission is that of the Phoenix paper, section II. Each flight superposes its own test inputs on
+the autopilot, at its own approach speed, wind and turbulence: elevator 3-2-1-1 inputs and doublets,
+speed-brake and body-flap holds that are not perfectly correlated, and doublets of aileron, rudder
+and bank. Wheel forces and the roll after touchdown are not simulated.
 """
 
 from collections.abc import Mapping
@@ -48,9 +47,9 @@ DROP_SPEED = 40.0  # m/s equivalent airspeed
 GEAR_HEIGHT = 40.0  # m
 TOUCHDOWN_HEIGHT = 1.6  # m, CG above ground with the gear just touching
 FLARE_TIME = 5.0  # s, time constant of the exponential flare
-FLARE_SINK = 3.5  # m/s that the flare leaves
+FLARE_SINK = 3.5  # m/s, sink rate at the end of the flare
 CAPTURE_SPEED = 62.0  # m/s equivalent airspeed at which the dive ends
-ALPHA_RATE = 0.1  # rad/s, of the guidance's command
+ALPHA_RATE = 0.1  # rad/s, rate limit of the commanded angle of attack
 APPROACH = {"V": 105.0, "alpha": 0.08, "qbar": 6000.0, "height_above_ground": 1000.0}
 ELEVATOR = ("delta_elevator_outboard", "delta_elevator_inboard")
 AILERON = ("delta_aileron_outboard", "delta_aileron_inboard")
@@ -58,8 +57,7 @@ AILERON = ("delta_aileron_outboard", "delta_aileron_inboard")
 
 @dataclass(frozen=True)
 class SimulatedLog:
-    """What one flight leaves behind: a name, PX4 topics and the UTC at which the log's clock
-    starts."""
+    """Log of one flight: name, PX4 topics, and UTC at the start of the log's clock."""
 
     name: str
     topics: tuple[Topic, ...]
@@ -68,9 +66,19 @@ class SimulatedLog:
 
 @dataclass(frozen=True)
 class Plan:
-    """How the flights differ, each (k,): approach speed [m/s EAS], path angle [rad], angle of
-    attack in the dive [rad], heading [rad], share of the body flap that goes with the speed brake,
-    wind (3, k) [m/s]; events per flight."""
+    """Differences between the flights.
+
+    Parameters
+    ----------
+    speed : (k,), approach speed [m/s EAS]
+    path : (k,), path angle [rad]
+    dive : (k,), angle of attack in the dive [rad]
+    heading : (k,) [rad]
+    coupling : (k,), ratio of body flap to speed brake
+    wind : (3, k) [m/s]
+    turbulence : (k,), wind 6 m above ground [m/s]
+    events : test inputs, one tuple per flight
+    """
 
     speed: Array
     path: Array
@@ -83,7 +91,7 @@ class Plan:
 
 
 def plan(generator: np.random.Generator, flights: int) -> Plan:
-    """Draws the flights of a campaign."""
+    """Return randomly drawn flights of a campaign."""
     wind = np.zeros((3, flights))
     wind[:2] = generator.uniform(-4.0, 4.0, (2, flights))
     spread = np.linspace(0.0, 1.0, flights) if flights > 1 else np.array([0.5])
@@ -100,8 +108,11 @@ def plan(generator: np.random.Generator, flights: int) -> Plan:
 
 
 def _events(generator: np.random.Generator, number: int) -> tuple[Event, ...]:
-    """Test inputs of one flight: slots of the approach in an order of its own; slow surfaces run
-    beside quick ones."""
+    """Test inputs of one flight.
+
+    Quick inputs follow each other on the approach in random order; slow surfaces move at the same
+    time.
+    """
     degree = np.deg2rad(1.0)
     sign = 1.0 if number % 2 else -1.0
     quick = [
@@ -115,9 +126,9 @@ def _events(generator: np.random.Generator, number: int) -> tuple[Event, ...]:
         Event("bank", 0.0, 2.0, 20.0 * sign * degree),
         Event("alpha", 0.0, 1.0, 7.0 * degree, "pulse"),
     ]
-    # Slow flight right after the dive is where a large angle of attack costs little load factor.
-    # Each flight opens its speed brakes and body flap once as far as any will: an increment holds
-    # only where flights have been.
+    # Right after the dive the flight is slow: a large angle of attack needs little load factor.
+    # Each flight opens speed brakes and body flap fully once, because an increment is valid only in
+    # the range of the flights.
     placed = [
         Event(
             "alpha",
@@ -170,8 +181,7 @@ def _events(generator: np.random.Generator, number: int) -> tuple[Event, ...]:
 
 @dataclass
 class Guidance:
-    """Guidance, autopilot and test inputs of the campaign: a Controller of
-    `aerodb.simulation.flight`."""
+    """Guidance, autopilot and test inputs: a Controller of `aerodb.simulation.flight`."""
 
     frame: Airframe
     autopilot: Autopilot
@@ -227,8 +237,11 @@ class Guidance:
         }
 
     def _alpha(self, c: Mapping[str, Array]) -> Array:
-        """Commanded angle of attack (k,): fixed in the dive, then the load factor that turns the
-        path onto its target."""
+        """Commanded angle of attack (k,).
+
+        It is constant in the dive; then it gives the load factor that turns the path onto its
+        target.
+        """
         ground_speed = np.sqrt(
             c["velocity_north"] ** 2 + c["velocity_east"] ** 2 + c["velocity_down"] ** 2
         )
@@ -252,8 +265,10 @@ class Guidance:
         return self.wanted_alpha
 
     def _speed_brake(self, equivalent: Array) -> Array:
-        """Speed-brake angle (k,) that holds the approach speed; closed in the dive and nearly so in
-        the flare."""
+        """Speed-brake angle (k,) that holds the approach speed.
+
+        It is closed in the dive and nearly closed in the flare.
+        """
         error = equivalent - self.plan.speed
         approaching = self.capture & ~self.flare
         self.brake = np.where(
@@ -281,8 +296,10 @@ _TARGETS = (
 
 
 def known_derivatives(vehicle: Vehicle, preflight: AeroDatabase) -> ControlDerivatives:
-    """What the autopilot is designed with: the preflight database at the approach, never the
-    truth."""
+    """Return the derivatives for the design of the autopilot.
+
+    They are those of the preflight database on the approach, never of the true aerodynamics.
+    """
     frame = airframe(vehicle, preflight)
     condition = dict.fromkeys(preflight.inputs, 0.0) | APPROACH
     pitch = {
@@ -294,8 +311,10 @@ def known_derivatives(vehicle: Vehicle, preflight: AeroDatabase) -> ControlDeriv
 
 
 def drop_state(planned: Plan) -> Array:
-    """State (13, k) at the drop: level at DROP_SPEED through the moving air, at the angle of attack
-    of the dive."""
+    """Return the state (13, k) at the drop.
+
+    The flight is level at DROP_SPEED through the moving air, at the angle of attack of the dive.
+    """
     k = len(planned.speed)
     density = float(standard_atmosphere(GROUND + DROP_HEIGHT).density)
     speed = np.full(k, DROP_SPEED * np.sqrt(DENSITY_0 / density))
@@ -316,8 +335,10 @@ def drop_state(planned: Plan) -> Array:
 def simulate(
     vehicle: Vehicle, database: AeroDatabase, preflight: AeroDatabase, seed: int, flights: int
 ) -> History:
-    """Flies the campaign on `database` with an autopilot designed on `preflight`; all randomness
-    from `seed`."""
+    """Return the flights of a campaign on `database`, with an autopilot designed on `preflight`.
+
+    All randomness comes from `seed`.
+    """
     generator = np.random.default_rng([seed, 1])
     planned = plan(generator, flights)
     frame = airframe(vehicle, database, GROUND)
@@ -327,11 +348,10 @@ def simulate(
     def guidance() -> Guidance:
         return Guidance(frame, Autopilot(frame, known, STEP), planned)
 
-    # The servos have been following the autopilot on the tow: they start where its first command
-    # puts them.
+    # The servos follow the autopilot before the drop: they start at its first command.
     resting = {name: np.zeros(flights) for name in vehicle.surfaces}
-    seen, _ = frame.evaluate(start, MovingAir(planned.wind, 0 * planned.wind), resting)
-    first = guidance()(0.0, seen)
+    channels, _ = frame.evaluate(start, MovingAir(planned.wind, 0 * planned.wind), resting)
+    first = guidance()(0.0, channels)
     return fly_closed_loop(
         frame,
         vehicle.surfaces,
@@ -349,7 +369,7 @@ def simulate(
 def fly(
     seed: int = 0, flights: int = 8, effects: tuple[Effect, ...] = EFFECTS
 ) -> list[SimulatedLog]:
-    """Logs of a campaign flown on the sealed truth, in the order flown, one day apart."""
+    """Return logs of a campaign with the true aerodynamics, in the order flown, one day apart."""
     vehicle = parse_vehicle(read_example("vehicle.toml"), "vehicle.toml")
     preflight = read_native(read_example("preflight.toml"), "preflight.toml")
     history = simulate(vehicle, truth(preflight, effects)[0], preflight, seed, flights)
@@ -357,15 +377,17 @@ def fly(
 
 
 def logs(vehicle: Vehicle, history: History, seed: int) -> list[SimulatedLog]:
-    """What the instruments log of simulated flights; biases are the vehicle's own, alike in all
-    flights of a seed."""
-    carried = instruments(vehicle, np.random.default_rng([seed, 2]))
+    """Return the logs of simulated flights.
+
+    Biases belong to the vehicle: they are the same in all flights of a seed.
+    """
+    installed = instruments(vehicle, np.random.default_rng([seed, 2]))
     channels = at_instruments({**history.channels, **servo_channels(vehicle, history)}, vehicle)
     found = []
     for number in range(len(history.samples)):
         generator = np.random.default_rng([seed, 3, number])
         start = round(float(generator.uniform(20.0, 60.0)), 3)
-        topics = measure(history, channels, number, carried, generator, start)
+        topics = measure(history, channels, number, installed, generator, start)
         taken_off = datetime(2004, 5, 8, 9, 0, tzinfo=UTC) + timedelta(days=number)
         found.append(SimulatedLog(f"phoenix-{number + 1:02d}", topics, taken_off))
     return found

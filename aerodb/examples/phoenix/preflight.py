@@ -1,10 +1,10 @@
-"""The formulas behind preflight.toml. INVENTED: no measured or published Phoenix table is in them.
+"""Formulas behind preflight.toml. INVENTED: they contain no measured or published Phoenix table.
 
-The form is that of 003, eq. 6: tables over angle of attack and deflection, even effects of
+The form is eq. 6 of the Phoenix paper: tables over angle of attack and deflection, even effects of
 asymmetric deflections, uncertainty factors UD and UF at their nominal values, landing gear, ground
-effect, rates over L_ref/V. The size of the numbers is chosen so that the vehicle is what 003
-prints: glide ratio near 5.5, unstable in pitch, time to double below 0.5 s. `preflight_text` is
-what wrote preflight.toml; a test keeps the two equal.
+effect, and rates over L_ref/V. The numbers are chosen so that the vehicle has the properties that
+the paper states: glide ratio near 5.5, unstable in pitch, time to double below 0.5 s.
+`preflight_text` writes preflight.toml; a test keeps the two equal.
 """
 
 from collections.abc import Callable, Sequence
@@ -32,36 +32,37 @@ Shape = Callable[..., Array]
 
 
 def near_ground(h: Array) -> Array:
-    """How much of the ground effect is left at height `h` [m]: none from 20 m on."""
+    """Return the fraction of the ground effect at height `h` [m]: zero from 20 m on."""
     return np.where(h < 20, np.exp(-h / 3), 0.0)
 
 
 def lift(a: Array) -> Array:
-    """Lift coefficient of the clean vehicle at angle of attack `a` [rad]: slender wing with some
-    vortex lift."""
+    """Return the lift coefficient of the clean vehicle at angle of attack `a` [rad].
+
+    The vehicle is a slender wing with some vortex lift.
+    """
     return -0.02 + 2.1 * a + 0.6 * a * np.abs(a)
 
 
 def drag(a: Array) -> Array:
-    """Drag coefficient of the clean vehicle: parabolic polar."""
+    """Return the drag coefficient of the clean vehicle, a parabolic polar."""
     return 0.042 + 0.175 * lift(a) ** 2
 
 
 def _flap_x(friction: float, induced: float, lift_slope: float) -> Shape:
-    """CX of a trailing-edge flap: its own drag, induced drag with alpha, and the forward tilt of
-    its lift."""
+    """CX of a trailing-edge flap: its drag, induced drag with alpha, and the tilt of its lift."""
     return lambda a, d: (
         -(friction * d**2 + induced * a * d) * np.cos(a) + lift_slope * d * np.sin(a)
     )
 
 
 def _odd(slope: float) -> Shape:
-    """Effect of a deflection that is odd, fades at large deflection and a little with alpha."""
+    """Odd effect of a deflection, smaller at large deflection and slightly smaller with alpha."""
     return lambda a, d: slope * d * (1 - 0.6 * d**2) * (1 - 0.5 * a**2)
 
 
-#: name -> (arguments, formula). Prefix D: increments by deflection; d: derivatives. Eq. 6's own
-#: names, axis by axis.
+#: name -> (arguments, formula), with the names of eq. 6, axis by axis. Prefix D: increments by
+#: deflection; d: derivatives.
 TABLES: dict[str, tuple[tuple[str, ...], Shape]] = {
     "CX_0": (("alpha",), lambda a: -drag(a) * np.cos(a) + lift(a) * np.sin(a)),
     "DCX_EO": (("alpha", "dEO"), _flap_x(0.05, 0.23, 0.32)),
@@ -118,7 +119,7 @@ TABLES: dict[str, tuple[tuple[str, ...], Shape]] = {
     "dCn_LG_beta": (("alpha",), lambda a: -0.006 + 0 * a),
 }
 
-#: Names in tables and terms -> canonical channels (003, below eq. 6; D: landing gear, UD and UF:
+#: Names in tables and terms -> canonical channels (Phoenix paper, below eq. 6; UD and UF:
 #: uncertainty factors).
 VARIABLES = {
     "dEO": "delta_elevator_outboard",
@@ -137,7 +138,7 @@ VARIABLES = {
     "r_ref": "r*b_ref/V",
 }
 
-#: axis -> its application rule, term by term.
+#: axis -> its terms.
 RULES: dict[str, tuple[str, ...]] = {
     "CX": (
         *(
@@ -218,9 +219,10 @@ RULES: dict[str, tuple[str, ...]] = {
 }
 
 
-#: Position and lengths as in vehicle.toml: the aerodynamic reference point AC of 003.
+#: Position and lengths as in vehicle.toml: the aerodynamic reference point AC of the Phoenix paper.
 _HEADER = """\
-# INVENTED aerodynamics of a Phoenix-like demonstrator; no number is measured or published. The form is that of eq. 6 in
+# INVENTED aerodynamics of a Phoenix-like demonstrator; no number is measured or published. \
+The form is that of eq. 6 in
 # "Data Analysis of Phoenix Reusable Launch Vehicle Demonstrator Flight Test".
 # Written by aerodb.examples.phoenix.preflight; a test keeps formulas and file equal.
 name = "phoenix-preflight"
@@ -238,7 +240,7 @@ moment_reference = [-3.8, 0.0, 0.0]
 
 
 def table_values(name: str) -> Array:
-    """Node values of a table, rounded to the 6 decimals that are written."""
+    """Return the node values of a table, rounded to the 6 decimals that are written."""
     arguments, formula = TABLES[name]
     axes = [
         np.deg2rad(points) if unit == "deg" else np.array(points)
@@ -249,7 +251,7 @@ def table_values(name: str) -> Array:
 
 
 def preflight_text() -> str:
-    """The text of preflight.toml."""
+    """Return the text of preflight.toml."""
     lines = [_HEADER.rstrip("\n")]
     lines += [
         f'{name} = {{ expression = "{expression}" }}' for name, expression in VARIABLES.items()

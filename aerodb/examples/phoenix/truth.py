@@ -1,10 +1,10 @@
-"""The sealed truth of the example: how the vehicle that flies differs from preflight.toml.
+"""The true aerodynamics of the example: how the vehicle that flies differs from preflight.toml.
 
-Only the simulated flight (mission.py) and whoever opens the envelope after all results are stored
-may import this. The effects are those that 003, section IV.D reports, in its sizes: more lift than
-predicted by 9-10 %, with another slope beyond 0.175 rad; a force along x due to pitch rate that the
-preflight database does not have; clean CX underestimated and speed brakes overestimated; less than
-3 % in the pitching-moment slope; zero terms.
+Only the simulation (mission.py) and the evaluation of the demo after all results are stored may
+import this module. The effects and their sizes are those of the Phoenix paper, section IV.D: lift
+9-10 % higher than predicted, with another slope beyond 0.175 rad; a force along x due to pitch rate
+that the preflight database does not have; clean CX underestimated and speed brakes overestimated;
+less than 3 % in the pitching-moment slope; zero terms.
 """
 
 from dataclasses import dataclass, replace
@@ -16,8 +16,10 @@ from aerodb.tables import AeroDatabase, Term, parse
 
 @dataclass(frozen=True)
 class Effect:
-    """One difference: ``value * regressor`` is added on `axis`; `effect` is its name in the
-    contract's list."""
+    """One difference: ``value * regressor`` is added on `axis`.
+
+    effect : its name in docs/reference/contract.md.
+    """
 
     effect: str
     axis: str
@@ -53,8 +55,8 @@ EFFECTS: tuple[Effect, ...] = (
 )
 
 
-#: What `draw_effects` draws from: each with the size that shows clearly in these flights (CONVENTIONS,
-#: "Phoenix size"); either sign.
+#: Effects for `draw_effects`, each large enough to be seen clearly in these flights
+#: (docs/reference/conventions.md, "Noise floor and error measures"); their sign is drawn.
 CANDIDATES: tuple[Effect, ...] = (
     Effect("pitch_rate_force", "CX", "CX_q", "q_hat", 0.8),
     Effect("pitch_rate_force", "CZ", "CZ_q", "q_hat", 3.0),
@@ -81,12 +83,15 @@ CANDIDATES: tuple[Effect, ...] = (
 
 
 def draw_effects(seed: int) -> tuple[Effect, ...]:
-    """One or two effects from CANDIDATES on different axes, size within a fifth, sign as it falls."""
+    """Return one or two random effects of CANDIDATES on different axes.
+
+    Sizes vary by a fifth, signs are random.
+    """
     generator = np.random.default_rng([seed, 7])
-    wanted, chosen = int(generator.integers(1, 3)), list[Effect]()
-    for place in generator.permutation(len(CANDIDATES)):
-        effect = CANDIDATES[place]
-        if len(chosen) < wanted and effect.axis not in {other.axis for other in chosen}:
+    count, chosen = int(generator.integers(1, 3)), list[Effect]()
+    for index in generator.permutation(len(CANDIDATES)):
+        effect = CANDIDATES[index]
+        if len(chosen) < count and effect.axis not in {other.axis for other in chosen}:
             size = generator.choice([-1.0, 1.0]) * generator.uniform(0.8, 1.2)
             chosen.append(replace(effect, value=float(size * effect.value)))
     return tuple(chosen)
@@ -95,8 +100,7 @@ def draw_effects(seed: int) -> tuple[Effect, ...]:
 def truth(
     preflight: AeroDatabase, effects: tuple[Effect, ...] = EFFECTS
 ) -> tuple[AeroDatabase, tuple[Effect, ...]]:
-    """The database that flies, made of the preflight database and the effects, and the effects as
-    data."""
+    """Return the true database, preflight with effects, and the effects as data."""
     added = tuple(
         Term(
             name=f"truth_{e.axis}_{n}",
