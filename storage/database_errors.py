@@ -1,4 +1,4 @@
-"""What a database says when it cannot be used now: what that means, and what to do about it."""
+"""Translation of database errors (disk, lock, connection) into `StoreError` with a remedy."""
 
 import sqlite3
 from collections.abc import Iterator
@@ -9,32 +9,35 @@ from sqlalchemy.exc import DBAPIError
 
 from aerodb.errors import StoreBusyError, StoreError
 
-_AGAIN: Final = "run again: what is stored stays as it is"
-_FULL: Final = ("the disk is full", "make room, then run again: what is stored stays readable")
+_AGAIN: Final = "run again: stored data are unchanged"
+_FULL: Final = ("the disk is full", "free disk space, then run again: stored data remain readable")
 _READ_ONLY: Final = (
-    "the catalogue can only be read now: its disk is full or read-only",
-    "make room or make it writable, then run again",
+    "the catalogue is read-only now: its disk is full or read-only",
+    "free disk space or make the disk writable, then run again",
 )
 _LOCKED: Final = (
-    "another process holds the catalogue for more than a minute",
-    "see what runs, then run again",
+    "another process has locked the catalogue for more than a minute",
+    "check which processes use it, then run again",
 )
 _AWAY: Final = (
-    "the catalogue's database cannot be reached now",
-    f"see that the server runs, then {_AGAIN}",
+    "the catalogue database cannot be reached",
+    f"check that the server is running, then {_AGAIN}",
 )
-_BUSY: Final = ("the catalogue's database is too busy now", f"see what runs there, then {_AGAIN}")
+_BUSY: Final = (
+    "the catalogue database is too busy",
+    f"check the load of the server, then {_AGAIN}",
+)
 _REFUSED: Final = (
-    "the catalogue's database lets nobody in like this",
+    "the catalogue database refuses the login",
     "check user, password and pg_hba.conf of the server",
 )
 _RIGHTS: Final = (
-    "may not do this in the catalogue's database",
+    "no permission for this operation in the catalogue database",
     "make aerodb's user the owner of the database",
 )
 
-#: What SQLite says, and what PostgreSQL's server says while no connection is there yet.
-_SAID: Final = (
+#: By text of the message: SQLite, and PostgreSQL before a connection exists.
+_BY_MESSAGE: Final = (
     ("database or disk is full", _FULL),
     ("readonly", _READ_ONLY),
     ("is locked", _LOCKED),
@@ -42,24 +45,24 @@ _SAID: Final = (
         "locking protocol",
         (
             (
-                "the catalogue cannot be opened now: many open it at once, or its disk is read-only"
-                " since a process was ended there"
+                "the catalogue cannot be opened: many processes open it at once, or its disk became"
+                " read-only while a process was using it"
             ),
-            "make the disk writable, then run again: nothing is lost",
+            "make the disk writable, then run again: no data are lost",
         ),
     ),
     (
         "disk i/o error",
         (
-            "the disk does not take or give what the catalogue needs",
-            "check the disk and its room, then run again",
+            "the disk reports an input/output error in the catalogue",
+            "check the disk and its free space, then run again",
         ),
     ),
     (
         "unable to open",
         (
-            "the catalogue cannot be opened now",
-            "check the disk and the rights on its folder, then run again",
+            "the catalogue cannot be opened",
+            "check the disk and the permissions of its folder, then run again",
         ),
     ),
     ("authentication failed", _REFUSED),
@@ -68,8 +71,8 @@ _SAID: Final = (
     ("too many", _BUSY),
     ("remaining connection slots", _BUSY),
 )
-#: What PostgreSQL says by the beginning of an SQLSTATE: class or whole code.
-_STATES: Final = (
+#: By SQLSTATE of PostgreSQL: class (first two characters) or whole code.
+_BY_STATE: Final = (
     ("53100", _FULL),
     ("53", _BUSY),
     ("25006", _READ_ONLY),
@@ -83,13 +86,13 @@ _STATES: Final = (
     (
         "58",
         (
-            "the catalogue's database reports a fault of its disk",
-            "look at the log of the server, then run again",
+            "the catalogue database reports a disk error",
+            "check the log of the server, then run again",
         ),
     ),
 )
-#: Those that may pass by themselves.
-_PASSING: Final = (
+#: Keys of conditions that may be transient.
+_TRANSIENT: Final = (
     *("is locked", "locking protocol", "disk i/o error", "too many", "remaining connection slots"),
     *("53", "55P03", "40", "08", "57P", "57014", "58"),
 )
@@ -97,8 +100,8 @@ _PASSING: Final = (
 
 @contextmanager
 def translated_database_errors(where: str) -> Iterator[None]:
-    """Turns what a database says of a disk, a lock or a connection into a StoreError that says what
-    to do; anything else passes. `where` holds no password."""
+    """Context manager that raises database errors about disk, lock or connection as StoreError with
+    a remedy; other errors pass unchanged. `where` must not contain a password."""
     try:
         yield
     except (DBAPIError, sqlite3.OperationalError) as error:
@@ -109,19 +112,20 @@ def translated_database_errors(where: str) -> Iterator[None]:
 
 
 def store_error_of(error: Exception, where: str) -> StoreError | None:
-    """What an error of a database means for who uses it; None when it is no fault of disk, lock or
-    connection."""
+    """The StoreError for a database error; None when it is not about disk, lock or connection."""
     cause = getattr(error, "orig", None) or error
-    state, said = getattr(cause, "sqlstate", None), str(cause)
-    known = _STATES if state else _SAID
+    state, message = getattr(cause, "sqlstate", None), str(cause)
+    known = _BY_STATE if state else _BY_MESSAGE
     for key, (what, remedy) in known:
-        if state.startswith(key) if state else _is_operational(cause) and key in said.lower():
-            kind = StoreBusyError if key in _PASSING else StoreError
+        if state.startswith(key) if state else _is_operational(cause) and key in message.lower():
+            kind = StoreBusyError if key in _TRANSIENT else StoreError
             return kind(what, where, remedy)
     if not state and type(cause).__module__.startswith("psycopg") and _is_operational(cause):
-        # Without a connection there is no code, and the words are of any language: they are passed
-        # on.
-        return StoreBusyError(f"{_AWAY[0]}: {next(iter(said.splitlines()), '')}", where, _AWAY[1])
+        # Without a connection there is no SQLSTATE, and the message may be in any language: it is
+        # quoted.
+        return StoreBusyError(
+            f"{_AWAY[0]}: {next(iter(message.splitlines()), '')}", where, _AWAY[1]
+        )
     return None
 
 

@@ -1,5 +1,4 @@
-"""How values become columns of the catalogue and come back: times, JSON, damage, names. No SQL
-here."""
+"""Encoding of values as catalogue columns: times, JSON, damage reports, names. No SQL here."""
 
 import json
 import re
@@ -21,21 +20,21 @@ KEY: Final = re.compile(r"[0-9a-f]{64}")
 RUN_ID: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9-]{0,63}")
 REFERENCE: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,127}")
 LABEL: Final = re.compile(r"v([0-9]{1,9})")
-#: What a time of the catalogue is rounded to.
+#: Resolution of times in the catalogue.
 _MOMENT: Final = timedelta(microseconds=1)
 
 
 def checked(name: str, pattern: re.Pattern[str], what: str) -> str:
-    """`name` when it has the form that `what` must have; InputError otherwise."""
+    """`name` if it matches `pattern`; otherwise InputError that calls it `what`."""
     if not pattern.fullmatch(name):
         raise InputError(
-            f"{shown(name)} cannot be {what}", remedy="use letters, digits, '-' and '_'"
+            f"{shown(name)} is not allowed as {what}", remedy="use letters, digits, '-' and '_'"
         )
     return name
 
 
 def checked_key(key: str, what: str) -> str:
-    """`key` when it is a sha256 in hexadecimal digits; InputError otherwise."""
+    """`key` if it is a sha256 in hexadecimal digits; otherwise InputError that calls it `what`."""
     if not KEY.fullmatch(key):
         raise InputError(
             f"{shown(key)} is not {what}", remedy="it must be a sha256: 64 hexadecimal digits"
@@ -44,13 +43,13 @@ def checked_key(key: str, what: str) -> str:
 
 
 def shown(text: str) -> str:
-    """`text` for a message: quoted, control characters escaped, of bounded length."""
+    """`text` for messages: quoted, control characters escaped, at most 60 characters."""
     return ascii(text if len(text) <= 60 else text[:57] + "...")
 
 
 def plain_text(text: str) -> str:
-    """`text` as any database can hold it: what UTF-8 cannot write, and NUL, becomes a visible
-    escape."""
+    """`text` as any database can store it: NUL and characters that UTF-8 cannot encode become
+    escape sequences."""
     return text.encode("utf-8", "backslashreplace").decode("utf-8").replace("\0", "\\x00")
 
 
@@ -82,8 +81,8 @@ def now() -> datetime:
 
 
 def after(*times: datetime | None) -> datetime:
-    """The current time, or the moment after the latest of `times` where the clock was set back
-    since: what is listed by its time is listed in the order in which it happened.
+    """The current time, or one microsecond after the latest of `times` if the clock was set back:
+    lists ordered by time stay in the order of events.
 
     >>> after(datetime(9999, 1, 2, tzinfo=UTC)).isoformat()
     '9999-01-02T00:00:00.000001+00:00'
@@ -92,19 +91,18 @@ def after(*times: datetime | None) -> datetime:
 
 
 def time_text(time: datetime) -> str:
-    """UTC with microseconds, in a form whose alphabetical order is the order in time; InputError
-    for a naive time.
+    """UTC with microseconds as text that sorts chronologically; InputError for a naive time.
 
     >>> time_text(datetime(2026, 1, 2, 3, 4, 5, tzinfo=UTC))
     '2026-01-02T03:04:05.000000Z'
     """
     if time.tzinfo is None:
         raise InputError(
-            f"time {time.isoformat()} has no zone", remedy="give it with an offset, or Z for UTC"
+            f"time {time.isoformat()} has no time zone", remedy="add an offset, or Z for UTC"
         )
     return time.astimezone(UTC).strftime("%Y-%m-%dT%H:%M:%S.%fZ").zfill(27)
 
 
 def time_of(text: str) -> datetime:
-    """The time of a stored text, aware, UTC."""
+    """The UTC time (aware) of a stored text."""
     return datetime.fromisoformat(text)

@@ -1,4 +1,4 @@
-"""What a run may take of the machine: section ``[limits]`` of the workspace's settings.
+"""Resource limits of a run: section ``[limits]`` of the workspace settings.
 
 Logs are untrusted: forty bytes of a header can declare ten gigabytes.
 """
@@ -11,10 +11,12 @@ from aerodb.support import Strict
 
 
 class Limits(Strict):
-    """Of the parsing of one log: its `size` [bytes], the `memory` that its reader takes beside its
-    own code [bytes], `processor` time and time on the `wall` clock [s]. Of a run: bytes of the disk
-    that it leaves free (`reserve`), how long a `step` may take [s] when Prefect runs it, and how
-    long all of the `run` [s]."""
+    """Resource limits.
+
+    For parsing one log: its `size` [bytes], the `memory` of the reader in addition to its code
+    [bytes], `processor` time [s] and elapsed time `wall` [s]. For a run: free disk space to leave
+    (`reserve`) [bytes], duration of one `step` under Prefect [s], duration of the whole `run` [s].
+    """
 
     size: int = Field(default=20_000_000_000, gt=0)
     memory: int = Field(default=4_000_000_000, gt=0)
@@ -25,9 +27,9 @@ class Limits(Strict):
     run: Seconds = Field(default=172_800.0, gt=0.0)
 
     def check_size(self, size: int, log: str) -> None:
-        """InputError when a log of `size` [bytes] is not to be read."""
+        """Raise InputError when a log of `size` [bytes] exceeds the limit."""
         if size > self.size:
-            what = f"{size / 1e6:.0f} MB, and at most {self.size / 1e6:.0f} MB are read"
+            what = f"its size is {size / 1e6:.0f} MB, the limit is {self.size / 1e6:.0f} MB"
             raise InputError(
-                what, log, "split the log, or set [limits] size in the workspace's settings"
+                what, log, "split the log, or raise [limits] size in the workspace settings"
             )

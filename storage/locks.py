@@ -1,8 +1,7 @@
-"""Locks that the system takes back when their holder ends, however it ends: who runs is known
-without trusting a process id.
+"""File locks (flock) that the operating system releases when their holder ends, however it ends.
 
-A lock is a file that somebody holds locked (flock); what stands in it is a note for people and
-other processes.
+So whether a process is running is known without relying on process ids. The content of a lock file
+is a note for people and other processes.
 """
 
 import json
@@ -17,12 +16,12 @@ from aerodb.storage.disk_errors import translated_disk_errors
 
 try:
     import fcntl
-except ImportError:  # a system without it: nothing is kept apart there, and nothing counts as held
+except ImportError:  # no flock on this system: nothing is locked, and no lock counts as held
     fcntl = None  # type: ignore[assignment]
 
 
-#: A lock that is held for longer [s] is held by somebody who works, not by one who looks.
-_LOOKING: Final = 1.0
+#: A lock held for longer than this [s] is held for work; `is_held` holds it for an instant only.
+_PROBE_SECONDS: Final = 1.0
 
 
 class Lock:
@@ -32,7 +31,7 @@ class Lock:
         self._path, self._descriptor = path, descriptor
 
     def note(self, content: Mapping[str, Any]) -> None:
-        """Writes what others may read of it: processes of the same user, no others."""
+        """Write `content` into the lock file, readable by processes of the same user only."""
         if hasattr(os, "fchmod"):
             os.fchmod(self._descriptor, 0o600)
         text = json.dumps(content).encode("ascii")
@@ -40,20 +39,20 @@ class Lock:
         os.pwrite(self._descriptor, text, 0)
 
     def release(self, remove: bool = False) -> None:
-        """Gives it back. remove : nobody else ever asks for this one, so that its file can go."""
+        """Release the lock. remove : also delete the file, if no other process uses this lock."""
         if remove:
             with suppress(
                 OSError
-            ):  # on a disk that is read-only meanwhile it stays: nobody holds it
+            ):  # on a disk that became read-only the file stays, but is not locked
                 self._path.unlink(missing_ok=True)
         os.close(self._descriptor)
 
 
 def take(path: Path, wait: bool = False) -> Lock | None:
-    """The lock at `path`, or None where somebody else holds it; `wait` waits for it instead.
+    """Acquire the lock at `path`. Returns None when another holds it; with `wait`, waits instead.
 
-    Who only looks whether it is held (`is_held`) has it for an instant, too: None means that it was
-    held for a second.
+    A check by `is_held` also holds the lock for an instant, so None means that it was held for one
+    second.
     """
     with translated_disk_errors(path):
         descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o600)
@@ -68,13 +67,13 @@ def take(path: Path, wait: bool = False) -> Lock | None:
 
 
 def _locked(descriptor: int, wait: bool) -> bool:
-    """Locks an open file; whether that came about."""
+    """Lock an open file; returns whether it succeeded."""
     if fcntl is None:
         return True
     if wait:
         fcntl.flock(descriptor, fcntl.LOCK_EX)
         return True
-    until = time.monotonic() + _LOOKING
+    until = time.monotonic() + _PROBE_SECONDS
     while True:
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -87,7 +86,7 @@ def _locked(descriptor: int, wait: bool) -> bool:
 
 @contextmanager
 def holding(path: Path, remove: bool = False) -> Iterator[Lock]:
-    """Holds the lock at `path`, waiting for it where need be."""
+    """Context manager that holds the lock at `path`, waiting for it if necessary."""
     lock = take(path, wait=True)
     assert lock is not None
     try:
@@ -97,7 +96,7 @@ def holding(path: Path, remove: bool = False) -> Iterator[Lock]:
 
 
 def is_held(path: Path) -> bool:
-    """Whether somebody holds the lock at `path` now."""
+    """Whether a process holds the lock at `path`."""
     if fcntl is None:
         return False
     try:
@@ -114,7 +113,7 @@ def is_held(path: Path) -> bool:
 
 
 def note_of(path: Path) -> dict[str, Any]:
-    """What the holder of a lock wrote; empty where nobody holds it."""
+    """The note of the holder of a lock; empty when the lock is free."""
     if not is_held(path):
         return {}
     try:

@@ -1,5 +1,4 @@
-"""Addresses of PostgreSQL databases: what settings may say of them, and how they are shown.
-Passwords stay in the environment."""
+"""Addresses of PostgreSQL databases in settings and messages. Passwords stay in the environment."""
 
 import os
 from collections.abc import Mapping
@@ -11,16 +10,16 @@ from aerodb.errors import InputError
 _SCHEMES: Final = ("postgresql", "postgres")
 _SECRETS: Final = ("password", "passfile", "sslpassword")
 _FORM: Final = (
-    'write postgresql://USER@HOST:PORT/DATABASE, or "$NAME" of the environment variable that'
-    " holds it"
+    'write postgresql://USER@HOST:PORT/DATABASE, or "$NAME" with the name of an environment'
+    " variable that holds the address"
 )
 
 
 def checked_url(text: Any) -> str:
-    """`text` when it may stand in a file: empty, ``$NAME``, or an address without a password.
-    InputError, which shows none of it, otherwise."""
+    """`text` if it is allowed in a file: empty, ``$NAME``, or an address without a password.
+    Otherwise InputError, whose message shows nothing of it."""
     if not isinstance(text, str):
-        raise InputError("is not text", remedy=_FORM)
+        raise InputError("the database address is not text", remedy=_FORM)
     if not text or (text.startswith("$") and text[1:].isidentifier()):
         return text
     parts = _parts(text)
@@ -28,16 +27,20 @@ def checked_url(text: Any) -> str:
         name in _SECRETS for name, _ in parse_qsl(parts.query, keep_blank_values=True)
     ):
         remedy = (
-            'put the whole address into an environment variable and write its name, "$NAME"; or use'
+            'put the whole address into an environment variable and write "$NAME" here, or use'
             " ~/.pgpass"
         )
-        raise InputError("holds a password, which does not belong in a file", remedy=remedy)
+        raise InputError(
+            "the database address contains a password, which does not belong in a file",
+            remedy=remedy,
+        )
     return text
 
 
 def resolved(text: str, where: str, environment: Mapping[str, str] = os.environ) -> str:
-    """The address that a checked setting means, with its password if it has one; empty for none.
-    InputError, which shows no part of it, when the variable is not set or holds no address."""
+    """The address that a checked setting refers to, with its password if it has one; empty for
+    none. InputError, whose message shows nothing of it, when the variable is not set or is not an
+    address."""
     if not text.startswith("$"):
         return text
     found = environment.get(text[1:], "")
@@ -45,20 +48,20 @@ def resolved(text: str, where: str, environment: Mapping[str, str] = os.environ)
         raise InputError(
             f"the environment variable {text[1:]} is not set",
             where,
-            "set it to the address of the database",
+            "set it to the address of the database, or change the setting",
         )
     try:
         _parts(found)
     except InputError as error:
-        what = f"the environment variable {text[1:]} holds no address of a PostgreSQL database"
+        what = f"the environment variable {text[1:]} is not the address of a PostgreSQL database"
         raise InputError(
-            what, where, "it must be like postgresql://USER:PASSWORD@HOST:PORT/DATABASE"
+            what, where, "write it as postgresql://USER:PASSWORD@HOST:PORT/DATABASE"
         ) from error
     return found
 
 
 def shown(url: str) -> str:
-    """An address for people: user, host, port and database, never a password or an option."""
+    """An address for messages: user, host, port and database, without password and options."""
     parts = _parts(url)
     user = f"{parts.username}@" if parts.username else ""
     port = f":{parts.port}" if parts.port else ""
@@ -66,8 +69,8 @@ def shown(url: str) -> str:
 
 
 def _parts(text: str) -> SplitResult:
-    """The parts of an address; InputError, without the text and what the parser says of it, for
-    what is none."""
+    """The parts of an address. InputError for anything else; it quotes neither the text nor the
+    parser's message."""
     try:
         parts = urlsplit(text)
         good = (
@@ -79,5 +82,5 @@ def _parts(text: str) -> SplitResult:
     except ValueError:
         good = False
     if not good:
-        raise InputError("is not the address of a PostgreSQL database", remedy=_FORM) from None
+        raise InputError("not the address of a PostgreSQL database", remedy=_FORM) from None
     return parts

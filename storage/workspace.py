@@ -1,8 +1,7 @@
-"""The workspace: one folder with the catalogue, the flight store, the inbox, the quarantine and the
-reports.
+"""The workspace: one folder with catalogue, stored files, inbox, quarantine and reports.
 
-Names that come from logs never become paths here: files are called by the sha256 of their content
-or by a result's key.
+Names that come from logs never become paths: files are named by the sha256 of their content or by
+the key of a result.
 """
 
 import hashlib
@@ -36,14 +35,14 @@ _CHUNK = 1 << 20
 
 
 def write_atomically(path: Path, write: Callable[[Path], None], keep: bool = False) -> None:
-    """Lets `write` make a file or a folder under a temporary name beside `path`, then puts it at
-    `path` in one step.
+    """Call `write` with a temporary path beside `path`, then rename the file or folder to `path`.
 
-    The bytes are on the disk (fsync) before the name appears, so that neither an exception nor a
-    power cut ever shows half a file. What stood at `path` is replaced. When `write` raises, `path`
-    is as before and nothing is left behind; what a process that was killed left behind goes with
-    the next attempt. keep : a folder that stands at `path` by then stays instead: another writer of
-    the same was quicker. StoreError when the disk is full, read-only or refuses otherwise.
+    The bytes are on the disk (fsync) before the name appears, so an exception or a power cut never
+    leaves half a file. An existing file at `path` is replaced. When `write` raises, `path` is
+    unchanged and nothing is left behind; temporary files of a killed process are removed by the
+    next write. keep : leave a folder that exists at `path` by then, because another writer of the
+    same content was faster. Raises StoreError when the disk is full, read-only or refuses the write
+    otherwise.
     """
     with translated_disk_errors(path):
         temporary = temporary_beside(path)
@@ -56,7 +55,7 @@ def write_atomically(path: Path, write: Callable[[Path], None], keep: bool = Fal
 
 
 def put_in_place(temporary: Path, path: Path, keep: bool = False) -> None:
-    """Gives a finished temporary file or folder its name; `keep` as of `write_atomically`."""
+    """Rename a finished temporary file or folder to `path`; `keep` as in `write_atomically`."""
     with translated_disk_errors(path):
         _flush(temporary)
         if temporary.is_dir() and path.exists():
@@ -75,7 +74,7 @@ def put_in_place(temporary: Path, path: Path, keep: bool = False) -> None:
 
 
 def _swap_folder(new: Path, path: Path) -> None:
-    # A folder that is not empty cannot be replaced by a rename: the old one steps aside first.
+    # A rename cannot replace a folder that is not empty: the old one is moved away first.
     old = temporary_beside(path)
     os.replace(path, old)
     os.replace(new, path)
@@ -100,7 +99,7 @@ def _flush_entry(path: Path) -> None:
 
 
 def checked_sha256(text: str) -> str:
-    """`text` when it is a sha256 in 64 hexadecimal digits, lower case; ValueError otherwise."""
+    """`text` if it is a sha256 (64 hexadecimal digits, lower case); otherwise ValueError."""
     if not _HEX.fullmatch(text):
         raise ValueError(f"not a sha256 in hexadecimal digits: {text[:80]!r}")
     return text
@@ -108,61 +107,61 @@ def checked_sha256(text: str) -> str:
 
 @dataclass(frozen=True)
 class Workspace:
-    """One folder that holds everything; paths inside it are stored relative to `root`, so that it
-    can be moved."""
+    """A workspace folder. Paths inside it are stored relative to `root`, so it can be moved."""
 
     root: Path
 
     @classmethod
     def open(cls, root: Path, create: bool = True) -> "Workspace":
-        """The workspace at `root`; made when absent and `create`, else InputError."""
+        """Open the workspace at `root`. If it does not exist, create it, or raise InputError without
+        `create`."""
         workspace = cls(root.absolute())
         if not create and not catalogue_location(workspace.catalogue).begun:
-            remedy = "name an existing one with --workspace or $AERODB_WORKSPACE"
-            raise InputError("no workspace here", str(root), remedy)
+            remedy = "name an existing workspace with --workspace or $AERODB_WORKSPACE"
+            raise InputError("there is no workspace here", str(root), remedy)
         try:
             for name in _FOLDERS:
                 (workspace.root / name).mkdir(parents=True, exist_ok=True)
         except (FileExistsError, NotADirectoryError, PermissionError) as error:
             raise InputError(
-                f"cannot be a workspace: {error.strerror}",
+                f"the folder cannot be used as a workspace: {error.strerror}",
                 str(root),
-                "choose a folder that you may write to",
+                "choose a folder that you can write to",
             ) from error
         return workspace
 
     @property
     def catalogue(self) -> Path:
-        """The SQLite file of the catalogue, unless the settings name a database
-        (`aerodb.storage.catalogue.location`)."""
+        """Path of the catalogue's SQLite file; not used when the settings name a database (see
+        `aerodb.storage.catalogue.location`)."""
         return self.root / "catalogue.sqlite"
 
     @property
     def inbox(self) -> Path:
-        """Logs put here wait until a run has dealt with them."""
+        """Folder of logs that wait to be ingested."""
         return self.root / "inbox"
 
     @property
     def outbox(self) -> Path:
-        """Notifications that are not delivered yet."""
+        """Folder of notifications that are not delivered yet."""
         return self.root / "outbox"
 
     def lock(self, name: str) -> Path:
-        """The file of a lock: ``serve``, ``inbox``, or ``run-<id>``."""
+        """Path of a lock file: ``serve``, ``inbox``, or ``run-<id>``."""
         return self.root / "locks" / name
 
     @property
     def reports(self) -> Path:
-        """Reports made for people."""
+        """Folder of reports."""
         return self.root / "reports"
 
     @property
     def prefect(self) -> Path:
-        """The orchestrator's own files."""
+        """Folder of the orchestrator's own files."""
         return self.root / "prefect"
 
     def flight_path(self, key: str) -> Path:
-        """Where the flight stored under `key` (a result's key) stands; the folder is made."""
+        """Path of the flight stored under `key` (a result's key); its folder is created."""
         return self._place("flights", key, ".parquet")
 
     def recording_path(self, key: str) -> Path:
@@ -170,18 +169,18 @@ class Workspace:
         return self._place("flights", key, ".topics")
 
     def log_path(self, sha256: str, suffix: str) -> Path:
-        """Where the bytes of a log that came through the inbox stand, as they came; the folder is
-        made."""
+        """Path of the original bytes of a log that came through the inbox; its folder is
+        created."""
         return self._place("logs", sha256, suffix if _SUFFIX.fullmatch(suffix) else "")
 
     def result_path(self, key: str, suffix: str = ".parquet") -> Path:
-        """Where the result stored under `key` stands; the folder is made."""
+        """Path of the result stored under `key`; its folder is created."""
         if not _SUFFIX.fullmatch(suffix):
             raise ValueError(f"not a file suffix: {suffix!r}")
         return self._place("results", key, suffix)
 
     def _place(self, folder: str, key: str, suffix: str) -> Path:
-        # Two digits of fan-out keep a folder small when a million flights are stored.
+        # Fan-out by the first two digits keeps folders small with a million flights.
         parent = self.root / folder / checked_sha256(key)[:2]
         with translated_disk_errors(parent):
             parent.mkdir(exist_ok=True)
@@ -192,20 +191,20 @@ class Workspace:
         return path.absolute().relative_to(self.root).as_posix()
 
     def resolve(self, relative: str) -> Path:
-        """The file of a stored relative path; ValueError for one that would leave the workspace."""
+        """The file at a stored relative path; ValueError if it is outside the workspace."""
         parts = PurePosixPath(relative)
         if parts.is_absolute() or ".." in parts.parts or not parts.parts:
             raise ValueError(f"not a path inside the workspace: {relative[:80]!r}")
         return self.root / parts
 
     def quarantine(self, path: Path, sha256: str, reason: str, vehicle: str = "") -> Path:
-        """Puts the log into quarantine with its reason beside it; returns the quarantined file.
+        """Put the log at `path` into quarantine, with its reason; returns the quarantined file.
 
-        The bytes are copied to ``quarantine/<sha256>/log<suffix>``, the reason (with the log's own
-        name, size and time, and the `vehicle` that it came for) to ``reason.json`` there. The
-        user's file stays where it is, unless it lies in the inbox; there a file that is not, or no
-        longer, the one whose bytes are held stays, too. Doing it again keeps the bytes and renews
-        the reason. InputError when none are held and those at `path` no longer have this sha256.
+        The bytes are copied to ``quarantine/<sha256>/log<suffix>``; the reason (with the log's name,
+        size and time, and its `vehicle`) is written to ``reason.json`` there. The file at `path` is
+        removed only if it is in the inbox and has the quarantined bytes. Calling it again keeps the
+        bytes and updates the reason. Raises InputError when no bytes are in quarantine yet and the
+        file at `path` no longer has this sha256.
         """
         seen = _identity(path)
         folder = self.root / "quarantine" / checked_sha256(sha256)
@@ -226,8 +225,7 @@ class Workspace:
     def write_reason(
         self, folder: Path, name: str, size: int, reason: str, vehicle: str, sha256: str = ""
     ) -> None:
-        """Says beside what lies in quarantine what it was called, whose it was, and why it is
-        there."""
+        """Write ``reason.json`` of a quarantine entry: original name, size, vehicle and reason."""
         at = datetime.now(UTC).isoformat(timespec="seconds")
         note = {
             "name": name,
@@ -241,7 +239,7 @@ class Workspace:
 
 
 def _identity(path: Path) -> tuple[int, int, int] | None:
-    """Inode, size and time of what stands at `path`, links not followed: a file put there since has
+    """Inode, size and time of the file at `path`, without following links; a replaced file has
     others."""
     try:
         found = path.lstat()
@@ -251,7 +249,7 @@ def _identity(path: Path) -> tuple[int, int, int] | None:
 
 
 def has_sha256(path: Path, sha256: str) -> bool:
-    """Whether there is a file at `path` that can be read and whose bytes have this hash."""
+    """Whether `path` is a readable file whose bytes have this hash."""
     try:
         with path.open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest() == sha256
@@ -269,21 +267,21 @@ def _copy_checked(source: Path, target: Path, sha256: str) -> None:
         raise InputError(
             "the file changed while it was read",
             str(source),
-            "wait until it is completely written, then try again",
+            "wait until it is written completely, then try again",
         )
 
 
 def _write_json(path: Path, value: Any) -> None:
-    # ASCII only: a log's name may hold characters that UTF-8 cannot write.
+    # ASCII only: the name of a log may contain characters that UTF-8 cannot encode.
     path.write_text(json.dumps(value, indent=2, sort_keys=True) + "\n", encoding="ascii")
 
 
 def write_for_user(workspace: Workspace, target: Path, data: bytes) -> Path:
-    """Writes a file where a user asked for it, atomically; returns its path.
+    """Write a file to a path chosen by the user, atomically; returns its path.
 
-    Raises InputError for a folder, a folder that is not there, and any place inside the workspace
-    but its reports: what stands there is the catalogue's, and links are followed before that is
-    judged.
+    Raises InputError when the path is a folder, when its folder does not exist, or when it is
+    inside the workspace but not among the reports, because those files belong to the catalogue.
+    Links are followed before this check.
     """
     try:
         path = target.resolve()
@@ -292,20 +290,20 @@ def write_for_user(workspace: Workspace, target: Path, data: bytes) -> Path:
         )
         if inside:
             raise InputError(
-                "inside the workspace only its own files stand",
+                "files cannot be written into the workspace, except to its reports",
                 str(target),
                 "choose another folder",
             )
         if path.is_dir() or not path.parent.is_dir():
-            what = "is a folder" if path.is_dir() else "its folder does not exist"
-            raise InputError(what, str(target), "name a file in a folder that is there")
+            what = "this is a folder" if path.is_dir() else "its folder does not exist"
+            raise InputError(what, str(target), "name a file in an existing folder")
         write_atomically(path, lambda temporary: _write_bytes(temporary, data))
     except (OSError, ValueError) as error:
         if isinstance(error, InputError):
             raise
         what = error.what if isinstance(error, StoreError) else str(error)
         raise InputError(
-            f"cannot be written: {what}", str(target)[:200], "choose another place"
+            f"the file cannot be written: {what}", str(target)[:200], "choose another path"
         ) from error
     return path
 

@@ -1,9 +1,9 @@
-"""The workspace's settings: ``settings.toml`` in its folder, closed to unknown keys; without the
-file everything has its default.
+"""Workspace settings: ``settings.toml`` in the workspace folder. Unknown keys are errors; without
+the file, all settings have their defaults.
 
-What a vehicle's section leaves out is taken from the sections of the workspace. Secrets do not
-belong in the file: a webhook is named by the environment variable that holds its address
-(``"$NAME"``), the token of the server is read from one, too.
+What the section of a vehicle leaves out is taken from the sections of the workspace. Secrets do not
+belong in the file: write the name of an environment variable that holds the address of a webhook
+(``"$NAME"``); the token of the server is read from an environment variable too.
 """
 
 import ipaddress
@@ -24,7 +24,7 @@ from aerodb.storage.urls import checked_url
 from aerodb.support import Strict, validated
 
 FILE: Final = "settings.toml"
-#: Holds the token that a server needs which others than this machine can reach.
+#: Environment variable of the token; required when other machines can reach the server.
 TOKEN_VARIABLE: Final = "AERODB_TOKEN"
 _SHORTEST_TOKEN: Final = 16
 
@@ -38,14 +38,15 @@ _OBJECTS: Final = re.compile(
     r"s3://[a-z0-9][a-z0-9.-]{1,61}[a-z0-9](?:/(?!\.{1,2}(?:/|$))[A-Za-z0-9_.-]+)*/?"
 )
 _YEAR: Final = 366 * 86_400.0
-#: A span of time [s]: what reckons with it must not come to the end of its numbers.
+#: A duration [s], bounded so that arithmetic with times cannot overflow.
 Duration = Annotated[Seconds, Field(le=_YEAR, allow_inf_nan=False)]
 
 Occasion = Literal["candidate", "refused", "failed"]
 
 
 def _check_cron(text: str) -> None:
-    """ValueError for what is not minute, hour, day, month, weekday and, if given, second."""
+    """Raise ValueError unless the fields are minute, hour, day, month, weekday and, optionally,
+    second."""
     fields = text.lower().split()
     if len(fields) not in (5, 6):
         raise ValueError(
@@ -58,7 +59,7 @@ def _check_cron(text: str) -> None:
                 _in_range(place, value) for value in found.groups() if value is not None
             ):
                 raise ValueError(
-                    f"cron '{text[:60]}': '{part[:20]}' cannot stand at place {place + 1}"
+                    f"cron '{text[:60]}': '{part[:20]}' is not allowed as field {place + 1}"
                 )
 
 
@@ -68,29 +69,28 @@ def _in_range(place: int, value: str) -> bool:
 
 
 class SettingsError(InputError):
-    """The settings, or a file that they name, cannot be used as they are now: no log is at
-    fault."""
+    """The settings, or a file that they name, cannot be used. Not the fault of any log."""
 
 
-#: ``postgresql://...`` without its password, or ``$NAME`` of the environment variable that holds
-#: all of it; empty: a file.
+#: ``postgresql://...`` without its password, or ``$NAME`` of an environment variable that holds the
+#: whole address; empty: a file.
 DatabaseUrl = Annotated[str, BeforeValidator(checked_url)]
 
 
 class CatalogueSettings(Strict):
-    """Which database holds the catalogue: PostgreSQL at `url`; empty: the file in the workspace.
-    See `aerodb.storage.catalogue.location`."""
+    """Database of the catalogue: PostgreSQL at `url`; empty: the SQLite file in the workspace. See
+    `aerodb.storage.catalogue.location`."""
 
     url: DatabaseUrl = ""
 
 
 class Store(Strict):
-    """Where the files of the store are: the objects below `url` (``s3://bucket/prefix``); empty:
-    the workspace's folder.
+    """Location of the stored files: objects below `url` (``s3://bucket/prefix``); empty: the
+    workspace folder.
 
-    With objects, the folder is their cache: `cache` bytes are left in it by `aerodb store trim` and
-    every night; 0: no limit. Endpoint and credentials stand in the environment variables of AWS
-    alone.
+    With an object store, the folder is its cache; `aerodb store trim` and the nightly flow reduce
+    it to `cache` bytes (0: no limit). Endpoint and credentials are read from the environment
+    variables of AWS only.
     """
 
     url: str = ""
@@ -101,16 +101,15 @@ class Store(Strict):
     def _address(cls, text: str) -> str:
         if text and not _OBJECTS.fullmatch(text):
             raise InputError(
-                "is no address like s3://BUCKET/PREFIX",
+                "not an address of the form s3://BUCKET/PREFIX",
                 "",
-                "who we are there, and where, stands in $AWS_... alone",
+                "set endpoint and credentials in the environment variables $AWS_... only",
             )
         return text.rstrip("/")
 
 
 class Serve(Strict):
-    """Where the server listens: `host` is this machine's own loopback unless said otherwise; `port`
-    0 takes a free one.
+    """Address of the server: `host` (default: loopback) and `port` (0: any free port).
 
     database : of Prefect itself; empty: a file in the workspace.
     """
@@ -121,12 +120,12 @@ class Serve(Strict):
 
     @property
     def loopback(self) -> bool:
-        """Whether nobody but this machine can reach it."""
+        """Whether only this machine can reach the server."""
         return is_loopback(self.host)
 
 
 def is_loopback(host: str) -> bool:
-    """Whether a host is this machine, reached by itself alone."""
+    """Whether `host` is a loopback address."""
     try:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:
@@ -134,12 +133,12 @@ def is_loopback(host: str) -> bool:
 
 
 class Work(Strict):
-    """Where the steps of flights run: on the `threads` of the run's own process, or on the workers
-    of the Dask cluster whose scheduler listens at `address` (or ``"$NAME"`` of the environment
-    variable that holds it).
+    """Executor of the per-flight steps: `threads` of the process of the run, or the workers of a
+    Dask cluster whose scheduler listens at `address` (or ``"$NAME"`` of an environment variable
+    that holds the address).
 
-    A scheduler of Dask asks nobody who they are, unless it speaks TLS: beyond this machine,
-    ``tcp://`` needs a `trusted_network`.
+    A Dask scheduler authenticates clients only over TLS. Beyond this machine, ``tcp://`` requires
+    `trusted_network`.
     """
 
     engine: Literal["threads", "dask"] = "threads"
@@ -150,36 +149,36 @@ class Work(Strict):
     def _addressed(self) -> Self:
         if self.engine == "dask" and not self.address:
             raise ValueError(
-                'dask needs the address of its scheduler: address = "tcp://127.0.0.1:8786"'
+                'dask requires the address of its scheduler: address = "tcp://127.0.0.1:8786"'
             )
         if self.address and not self.address.startswith("$"):
             self.checked(self.address)
         return self
 
     def checked(self, address: str) -> str:
-        """`address` where it may be spoken to; ValueError otherwise."""
+        """`address` if it is valid and allowed; otherwise ValueError."""
         parts = urlsplit(address)
         if parts.scheme not in ("tcp", "tls") or not parts.hostname or not parts.port:
             raise ValueError(
-                "the address of a scheduler is like tcp://127.0.0.1:8786, tls://HOST:PORT, or $NAME"
+                "write the address of a scheduler as tcp://HOST:PORT, tls://HOST:PORT, or $NAME"
             )
         if parts.scheme == "tcp" and not is_loopback(parts.hostname) and not self.trusted_network:
-            said = "whoever reaches a scheduler over tcp:// runs what they like on its workers"
-            raise ValueError(f"{said}: use tls://, or say trusted_network = true")
+            why = "anyone who reaches a scheduler over tcp:// can run any code on its workers"
+            raise ValueError(f"{why}: use tls://, or set trusted_network = true")
         return address
 
 
 class Inbox(Strict):
-    """When a file counts as wholly copied: its size and times stood still for `settle` [s]; and how
-    often one is tried."""
+    """When a file counts as completely copied (size and times unchanged for `settle` [s]), and how
+    many times its ingestion is attempted."""
 
     settle: Duration = 10.0
     attempts: int = Field(default=3, ge=1)
 
 
 class Schedule(Strict):
-    """When the nightly flow runs: `cron` (five fields, or six with the seconds last) in `timezone`,
-    or `every` so often [s]."""
+    """Schedule of the nightly flow: `cron` (five fields, or six with the seconds last) in
+    `timezone`, or a period `every` [s]."""
 
     cron: str = ""
     every: Duration | None = None
@@ -201,13 +200,13 @@ class Schedule(Strict):
         try:
             ZoneInfo(name)
         except (KeyError, ValueError, OSError) as error:
-            raise ValueError(f"no time zone '{name[:60]}'") from error
+            raise ValueError(f"unknown time zone '{name[:60]}'") from error
         return name
 
 
 class Notification(Strict):
-    """Who is told, and of what: a `webhook` gets a JSON document by POST, a `command` the same on
-    its standard input."""
+    """Receivers of notifications, and the occasions: a `webhook` gets a JSON document by POST, a
+    `command` the same document on standard input."""
 
     webhook: str = ""
     command: tuple[str, ...] = ()
@@ -218,18 +217,18 @@ class Notification(Strict):
     def _address(cls, text: str) -> str:
         if text and not text.startswith(("https://", "http://", "$")):
             raise ValueError(
-                "a webhook is an http(s) address, or $NAME of the environment variable that"
-                " holds it"
+                "a webhook is an http(s) address, or $NAME of an environment variable that"
+                " holds the address"
             )
         return text
 
 
 class Loop(Strict):
-    """When and how a vehicle's database is taken further by itself.
+    """When and how the database of a vehicle is updated automatically.
 
-    after : so many flights must be new since the last time. newest : at most so many flights are
-    used, the newest ones. run : ``close-loop``, ``update``, both or neither. model : the model file
-    of the update, relative to the workspace.
+    after : number of new flights since the last update that triggers one. newest : maximum number
+    of flights used, the newest ones. run : ``close-loop``, ``update``, both or neither. model :
+    model file of the update, relative to the workspace.
     """
 
     after: int = Field(default=5, ge=1)
@@ -240,22 +239,22 @@ class Loop(Strict):
     @model_validator(mode="after")
     def _modelled(self) -> Self:
         if "update" in self.run and not self.model:
-            raise ValueError('an update needs its model file: model = "increments.toml"')
+            raise ValueError('an update requires a model file: model = "increments.toml"')
         if Path(self.model).is_absolute() or ".." in Path(self.model).parts:
-            raise ValueError("model is a file below the workspace")
+            raise ValueError("model must be a file inside the workspace")
         return self
 
 
 class Gate(Strict):
-    """What the gate asks for beyond its own checks: the fewest flights that identified a version,
-    and that validated it."""
+    """Additional conditions of the gate: minimum number of flights that identified a version, and
+    of flights that validated it (`held_out`)."""
 
     identified: int = Field(default=0, ge=0)
     held_out: int = Field(default=0, ge=0)
 
 
 class Accuracy(Strict):
-    """Limits of the consistency verdict in place of those of the vehicle's file; see
+    """Limits of the consistency verdict that replace those of the vehicle file; see
     `aerodb.vehicle.Accuracy`."""
 
     attitude: Radians | None = None
@@ -271,7 +270,7 @@ class Accuracy(Strict):
 
 
 class VehicleSettings(Strict):
-    """What is different for one vehicle; None: as for the workspace."""
+    """Settings of one vehicle; None: as for the workspace."""
 
     mapping: str | None = None
     strict: bool = False
@@ -309,28 +308,28 @@ class Settings(Strict):
     def _names(cls, vehicles: dict[str, VehicleSettings]) -> dict[str, VehicleSettings]:
         for name in vehicles:
             if not VEHICLE_NAME.fullmatch(name):
-                raise ValueError(f"'{name[:60]}' cannot be the name of a vehicle")
+                raise ValueError(f"'{name[:60]}' is not allowed as the name of a vehicle")
         return vehicles
 
     def of(self, vehicle: str) -> VehicleSettings:
-        """The section of a vehicle; the empty one where there is none."""
+        """The section of a vehicle; defaults when there is none."""
         return self.vehicles.get(vehicle, VehicleSettings())
 
     def loop_of(self, vehicle: str) -> Loop:
-        """How a vehicle's database is taken further."""
+        """The automatic update of a vehicle."""
         return self.of(vehicle).loop or self.loop
 
     def notification_of(self, vehicle: str) -> Notification:
-        """Who is told about a vehicle; an empty name asks for the workspace's own."""
+        """The notification settings of a vehicle; empty name: of the workspace."""
         return self.of(vehicle).notification or self.notification
 
 
 def load_settings(root: Path, vehicles: tuple[str, ...] | None = None) -> Settings:
-    """The settings of the workspace folder `root`; defaults without a file. Sections must be of
-    `vehicles`, where given.
+    """The settings of the workspace folder `root`; defaults when there is no file.
 
-    Raises SettingsError that names the key, the reason and the nearest known key; UnknownNameError
-    for no such vehicle.
+    vehicles : known vehicles; a section of another vehicle is an error. Raises SettingsError that
+    names the key, the reason and the nearest known key, and UnknownNameError for an unknown
+    vehicle.
     """
     path = root / FILE
     try:
@@ -339,7 +338,7 @@ def load_settings(root: Path, vehicles: tuple[str, ...] | None = None) -> Settin
         return Settings()
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise SettingsError(
-            f"not valid TOML: {error}", str(path), "mend it, or move it away for the defaults"
+            f"not valid TOML: {error}", str(path), "correct it, or move it away to use the defaults"
         ) from error
     try:
         settings = validated(Settings, data, str(path))
@@ -349,35 +348,34 @@ def load_settings(root: Path, vehicles: tuple[str, ...] | None = None) -> Settin
         if vehicles is not None and name not in vehicles:
             known = ", ".join(vehicles[:12]) or "none yet"
             raise UnknownNameError(
-                f"vehicles.{name}: no such vehicle", str(path), f"known vehicles: {known}"
+                f"vehicles.{name}: unknown vehicle", str(path), f"known vehicles: {known}"
             )
     return settings
 
 
 def checked_token(serve: Serve, environment: dict[str, str]) -> str:
-    """The token that the server asks of its clients, empty for none; InputError where it must have
-    one and does not."""
+    """The token that clients of the server must present; empty for none. InputError when a token is
+    required and missing."""
     token = environment.get(TOKEN_VARIABLE, "")
     if token and len(token) < _SHORTEST_TOKEN:
         raise InputError(
-            f"the token has less than {_SHORTEST_TOKEN} characters",
+            f"the token has fewer than {_SHORTEST_TOKEN} characters",
             f"${TOKEN_VARIABLE}",
-            "take a longer one",
+            "use a longer one",
         )
     if not serve.loopback and not token:
         what = (
-            f"would listen on {serve.host}, where others than this machine can reach it, without a"
-            " token"
+            f"the server would listen on {serve.host}, where other machines can reach it, without"
+            " a token"
         )
         raise InputError(
             what,
             f"{FILE}: serve.host",
-            f"set ${TOKEN_VARIABLE}, or leave serve.host out for 127.0.0.1",
+            f"set ${TOKEN_VARIABLE}, or remove serve.host to use 127.0.0.1",
         )
     return token
 
 
 def authorization(token: str) -> str:
-    """How a client of the server presents its token: name and password of HTTP's basic
-    authentication."""
+    """Name and password with which a client presents the token (HTTP basic authentication)."""
     return f"aerodb:{token}"

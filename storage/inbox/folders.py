@@ -1,8 +1,8 @@
-"""The inbox: a folder per vehicle, in which logs wait until a run has dealt with them. Nothing here
-reads what is in a log.
+"""The inbox: one folder per vehicle with logs that wait to be ingested. Contents are not parsed
+here.
 
-Names in the inbox are whatever somebody chose: they never become part of another path, and no link
-is ever followed.
+Users choose the names of files in the inbox, so names never become part of another path and links
+are never followed.
 """
 
 import errno
@@ -29,8 +29,7 @@ except ImportError:  # see `aerodb.storage.locks`
 
 State = Literal["ready", "copying", "refused", "blocked"]
 
-#: What programs put at the end of names of files that they have not finished; a leading dot or a
-#: trailing ~ says the same.
+#: Suffixes of unfinished files; names with a leading dot or a trailing ~ are unfinished too.
 UNFINISHED: Final = (
     ".part",
     ".partial",
@@ -49,10 +48,10 @@ _BLOCK: Final = 1 << 20
 @dataclass(frozen=True)
 class InboxFile:
     """A file in the inbox. `relative` is its path there; `size`, `mtime_ns`, `ctime_ns` and `inode`
-    tell whether it changed.
+    show whether it changed.
 
-    state : ``ready``; ``copying`` while it may still grow; ``refused`` for what is no plain file;
-    ``blocked`` where something else must be done first, which `reason` says.
+    state : ``ready``; ``copying`` while it may still grow; ``refused`` if it is not a regular file
+    or is too large; ``blocked`` if something else must be done first (see `reason`).
     """
 
     path: Path
@@ -67,11 +66,11 @@ class InboxFile:
 
     @property
     def file(self) -> tuple[str, int, int]:
-        """What tells this file from a later one of the same name, as the catalogue writes it."""
+        """Path, size and time that identify this file in the inbox history of the catalogue."""
         return plain_text(self.relative), self.size, self.mtime_ns
 
     def unchanged(self) -> bool:
-        """Whether the same file still stands there as it was when it was looked at."""
+        """Whether the file is still the same as when it was scanned."""
         try:
             found = os.lstat(self.path)
         except OSError:
@@ -81,11 +80,11 @@ class InboxFile:
 
 
 def scan_inbox(inbox: Path, vehicles: Collection[str], settle: float) -> list[InboxFile]:
-    """Everything in the inbox, by path; ready is what stood still for `settle` [s] and nobody has
-    open for writing.
+    """All files in the inbox, by path. A file is ready when it has not changed for `settle` [s] and
+    no process has it open for writing.
 
-    vehicles : names of those that there are. A file beside their folders belongs to the only
-    vehicle, where there is one.
+    vehicles : names of all vehicles. A file outside their folders belongs to the only vehicle, if
+    there is just one.
     """
     now = time.time_ns()
     return [
@@ -95,7 +94,7 @@ def scan_inbox(inbox: Path, vehicles: Collection[str], settle: float) -> list[In
 
 
 def refuse_oversized(entry: InboxFile, limits: Limits) -> InboxFile:
-    """`entry`, refused by its size alone where it is too large: not one byte of it is read."""
+    """`entry`, refused if it exceeds the size limit; none of its bytes are read."""
     try:
         limits.check_size(entry.size, "")
     except InputError as error:
@@ -108,9 +107,9 @@ def refuse_oversized(entry: InboxFile, limits: Limits) -> InboxFile:
 
 
 def open_log(path: Path, inbox: Path) -> BufferedReader:
-    """A log, open for reading. What lies in the inbox is the file itself: neither it nor a folder
-    above it may be a link that somebody has put there since it was looked at. OSError where it
-    cannot be opened, or is none."""
+    """Open a log for reading. In the inbox, neither the file nor a folder above it may be a link,
+    even one created after the scan. OSError when it cannot be opened or is not a regular file of
+    the inbox."""
     if not path.absolute().is_relative_to(inbox):
         return path.open("rb")
     descriptor = os.open(
@@ -124,7 +123,7 @@ def open_log(path: Path, inbox: Path) -> BufferedReader:
             or not stat.S_ISREG(itself.st_mode)
             or (itself.st_dev, itself.st_ino) != (there.st_dev, there.st_ino)
         ):
-            raise OSError(errno.ELOOP, "is no file of the inbox (any more)")
+            raise OSError(errno.ELOOP, "not a file of the inbox, or no longer one")
         return os.fdopen(descriptor, "rb")
     except BaseException:
         os.close(descriptor)
@@ -132,13 +131,13 @@ def open_log(path: Path, inbox: Path) -> BufferedReader:
 
 
 def may_settle(entry: InboxFile) -> bool:
-    """Whether waiting a moment can make a file ready."""
+    """Whether the file can become ready by waiting."""
     return entry.state == "copying" and not _unfinished(entry.path)
 
 
 def rescan_inbox(seen: list[InboxFile], waited: float, settle: float) -> list[InboxFile]:
-    """`seen` after `waited` [s]: what did not change meanwhile is ready, whatever the clock says of
-    its times."""
+    """The files `seen` before, `waited` [s] later: those that did not change are ready, whatever
+    their time stamps say."""
     return [
         replace(entry, state="ready", reason="")
         if may_settle(entry) and waited >= settle and entry.unchanged() and _closed(entry.path)
@@ -151,13 +150,15 @@ def _files(folder: Path, inbox: Path, depth: int) -> Iterator[InboxFile]:
     try:
         entries = sorted(os.scandir(folder), key=lambda entry: entry.name)
     except FileNotFoundError:
-        return  # went away meanwhile
+        return  # removed in the meantime
     except OSError as error:
-        yield _blocked_folder(folder, inbox, f"cannot be read: {error.strerror or error}")
+        yield _blocked_folder(
+            folder, inbox, f"the folder cannot be read: {error.strerror or error}"
+        )
         return
     if entries and depth > _DEEPEST:
         yield _blocked_folder(
-            folder, inbox, f"more than {_DEEPEST} folders deep: put what is in it further up"
+            folder, inbox, f"more than {_DEEPEST} folders deep: move its content to a higher folder"
         )
         return
     for entry in entries:
@@ -172,7 +173,7 @@ def _files(folder: Path, inbox: Path, depth: int) -> Iterator[InboxFile]:
         relative = path.relative_to(inbox)
         vehicle = relative.parts[0] if len(relative.parts) > 1 else ""
         state: State = "copying" if stat.S_ISREG(found.st_mode) else "refused"
-        kind = "a symbolic link" if stat.S_ISLNK(found.st_mode) else "no plain file"
+        kind = "a symbolic link" if stat.S_ISLNK(found.st_mode) else "not a regular file"
         reason = "" if state == "copying" else f"{kind}: copy the log itself into the inbox"
         times = (found.st_size, found.st_mtime_ns, found.st_ctime_ns, found.st_ino)
         yield InboxFile(path, relative.as_posix(), vehicle, *times, state, reason)
@@ -192,26 +193,26 @@ def _judged(entry: InboxFile, vehicles: Collection[str], settle: float, now: int
         entry = replace(entry, vehicle=next(iter(vehicles)))
     if entry.vehicle not in vehicles:
         remedy = (
-            f"put it into inbox/{'|'.join(sorted(vehicles)[:6])}/"
+            f"move it to inbox/{'|'.join(sorted(vehicles)[:6])}/"
             if vehicles
-            else "aerodb vehicle add FILE.toml"
+            else "add a vehicle first: aerodb vehicle add FILE.toml"
         )
-        said = (
-            f"no vehicle '{plain_text(entry.vehicle)[:60]}'"
+        problem = (
+            f"unknown vehicle '{plain_text(entry.vehicle)[:60]}'"
             if entry.vehicle
-            else "in no folder of a vehicle"
+            else "not in the folder of a vehicle"
         )
-        return replace(entry, state="blocked", reason=f"{said}: {remedy}")
+        return replace(entry, state="blocked", reason=f"{problem}: {remedy}")
     if _unfinished(entry.path):
-        return replace(entry, reason="its name says that it is not finished")
+        return replace(entry, reason="its name marks it as unfinished")
     age = (now - max(entry.mtime_ns, entry.ctime_ns)) / 1e9
-    # An age below zero: the clock was set back, and only `rescan_inbox` can tell.
+    # A negative age means that the clock was set back; only `rescan_inbox` can decide then.
     if not age >= settle:
         return replace(entry, reason="changed a moment ago")
     return (
         replace(entry, state="ready")
         if _closed(entry.path)
-        else replace(entry, reason="somebody has it open for writing")
+        else replace(entry, reason="a process has it open for writing")
     )
 
 
@@ -221,29 +222,29 @@ def _unfinished(path: Path) -> bool:
 
 
 def _closed(path: Path) -> bool:
-    """Whether nobody has a file open for writing, where the system can tell (Linux: it grants no
-    read lease then)."""
+    """Whether no process has a file open for writing, where the system can tell (Linux grants a
+    read lease only then)."""
     if not hasattr(fcntl, "F_SETLEASE"):
         return True
     try:
         descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
     except OSError:
-        return True  # what cannot be read is told by who reads it
+        return True  # reading it reports the error
     try:
         fcntl.fcntl(descriptor, fcntl.F_SETLEASE, fcntl.F_RDLCK)
         fcntl.fcntl(descriptor, fcntl.F_SETLEASE, fcntl.F_UNLCK)
     except BlockingIOError:
         return False
     except OSError:
-        return True  # not a file system that knows leases
+        return True  # a file system without leases
     finally:
         os.close(descriptor)
     return True
 
 
 def archived_path(workspace: Workspace, entry: InboxFile, sha256: str) -> Path:
-    """Where the bytes of a log are kept, or will be: one that came before under another suffix
-    stays where it is."""
+    """Path at which a log is archived in the store. A log that is archived under another suffix
+    keeps its path."""
     target = workspace.log_path(sha256, entry.path.suffix.lower())
     held = next(
         (
@@ -256,28 +257,28 @@ def archived_path(workspace: Workspace, entry: InboxFile, sha256: str) -> Path:
     return held or target
 
 
-def archive_log(entry: InboxFile, kept: Path, sha256: str) -> None:
-    """Takes a log whose flight is stored out of the inbox to where it is `kept`.
+def archive_log(entry: InboxFile, archived: Path, sha256: str) -> None:
+    """Move an ingested log from the inbox to its path in the store, `archived`.
 
-    A copy of what is there goes away; what is there and does not have the log's bytes (any more) is
-    replaced.
+    If the same bytes are archived already, the copy in the inbox is deleted. A damaged file at
+    `archived` is replaced.
     """
-    if has_sha256(kept, sha256):
+    if has_sha256(archived, sha256):
         entry.path.unlink(missing_ok=True)
     else:
-        _move(entry.path, kept, sha256)
+        _move(entry.path, archived, sha256)
 
 
 def unreadable_key(entry: InboxFile) -> str:
-    """The name of the folder in quarantine of what has no content that could name it."""
+    """Name of the quarantine folder of an entry that has no readable content to hash."""
     return key_of([plain_text(entry.relative), str(entry.inode), str(entry.mtime_ns)])
 
 
 def quarantine_unreadable(workspace: Workspace, entry: InboxFile, reason: str) -> Path:
-    """Moves what is no plain file (a link, a pipe), or cannot be read at all, into quarantine;
+    """Move an entry that is not a regular file (link, pipe), or cannot be read, into quarantine;
     returns its folder.
 
-    The entry itself is moved and never opened: of a link, what it points at stays untouched.
+    The entry is moved and never opened; the target of a link is not touched.
     """
     folder = workspace.root / "quarantine" / unreadable_key(entry)
     folder.mkdir(exist_ok=True)
@@ -287,14 +288,14 @@ def quarantine_unreadable(workspace: Workspace, entry: InboxFile, reason: str) -
 
 
 def move_into_inbox(source: Path, target: Path) -> None:
-    """Moves a plain file into the inbox without ever taking another's place there: FileExistsError
-    instead."""
+    """Move a regular file into the inbox without overwriting; FileExistsError if `target`
+    exists."""
     try:
         os.link(source, target)
     except OSError as error:
         if error.errno != errno.EXDEV:
             raise
-        whole = target.with_name(f".{target.name[:80]}.{os.getpid()}.part")  # no sweep takes it
+        whole = target.with_name(f".{target.name[:80]}.{os.getpid()}.part")  # ignored by sweeps
         try:
             write_atomically(whole, lambda temporary: _copied(source, temporary, ""))
             os.link(whole, target)
@@ -304,29 +305,26 @@ def move_into_inbox(source: Path, target: Path) -> None:
 
 
 def _move(source: Path, target: Path, sha256: str) -> None:
-    """Moves an entry, checked against its `sha256` where that is known; what is no plain file is
-    never opened."""
+    """Move an entry and check its `sha256`, where that is known. Only regular files are opened."""
     try:
         os.replace(source, target)
     except OSError as error:
-        if error.errno != errno.EXDEV:  # the inbox may be a file system of its own
+        if error.errno != errno.EXDEV:  # the inbox may be on another file system
             raise
         mode = os.lstat(source).st_mode
         if stat.S_ISREG(mode):
             write_atomically(target, lambda temporary: _copied(source, temporary, sha256))
         else:
-            target.unlink(missing_ok=True)  # made by who was interrupted here
+            target.unlink(missing_ok=True)  # from an interrupted move
             if stat.S_ISLNK(mode):
                 os.symlink(os.readlink(source), target)
             else:
-                os.mkfifo(
-                    target
-                )  # a pipe stands for a socket or a device, too: there is nothing in it
+                os.mkfifo(target)  # replaces a socket or a device too: these have no content
         source.unlink(missing_ok=True)
 
 
 def _copied(source: Path, target: Path, sha256: str) -> None:
-    """Copies bytes; OSError when they are not those of `sha256`, where that is given."""
+    """Copy a file; OSError when its bytes do not have the hash `sha256`, where that is given."""
     digest = hashlib.sha256()
     with source.open("rb") as incoming, target.open("wb") as outgoing:
         while block := incoming.read(_BLOCK):

@@ -1,5 +1,5 @@
-"""Notifications that wait to be delivered: a file each, written before anybody is told and removed
-once somebody was."""
+"""Notifications that wait to be delivered: one file each, written first and removed after
+delivery."""
 
 import json
 import secrets
@@ -15,8 +15,8 @@ from aerodb.storage.workspace import Workspace
 def post_notification(
     workspace: Workspace, occasion: str, vehicle: str, text: str, details: Mapping[str, Any]
 ) -> Path:
-    """Puts a notification into the outbox; `text` is one sentence, `details` a small document.
-    Returns its file."""
+    """Queue a notification; `text` is one sentence, `details` a small document. Returns its
+    file."""
     at = datetime.now(UTC)
     message = {
         "occasion": occasion,
@@ -30,7 +30,7 @@ def post_notification(
 
 
 def undelivered_notifications(workspace: Workspace) -> Iterator[tuple[Path, dict[str, Any]]]:
-    """What is not delivered yet, oldest first."""
+    """Path and content of each queued notification, oldest first."""
     for path in sorted(workspace.outbox.glob("*.json")):
         try:
             yield path, json.loads(path.read_text(encoding="utf-8"))

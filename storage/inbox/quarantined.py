@@ -1,5 +1,4 @@
-"""What lies in quarantine: a folder each, with the log and the reason; and the way back into the
-inbox."""
+"""Quarantine: one folder per entry with the log and the reason, and the way back to the inbox."""
 
 import json
 import os
@@ -15,15 +14,14 @@ from aerodb.storage.inbox.folders import move_into_inbox
 from aerodb.storage.workspace import Workspace
 
 REASON: Final = "reason.json"
-#: A name that may become one in the inbox again. Anything else gets the beginning of its key
-#: instead.
+#: Names that can be used in the inbox again; other entries are named by the start of their key.
 _PLAIN: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9._ ()-]{0,120}")
 
 
 @dataclass(frozen=True)
 class Quarantined:
-    """One entry: its folder's name is its `key`; `vehicle` is empty where it is not known for whom
-    it came."""
+    """An entry of the quarantine: `key` is the name of its folder; `vehicle` is empty if
+    unknown."""
 
     key: str
     name: str
@@ -35,17 +33,17 @@ class Quarantined:
 
     @property
     def can_return(self) -> bool:
-        """Whether it is a file that could be read as a log; a link or a pipe is not."""
+        """Whether the entry is a regular file; links and pipes cannot return to the inbox."""
         return self.file.is_file() and not self.file.is_symlink()
 
 
 def count_quarantined(workspace: Workspace) -> int:
-    """How many entries there are."""
+    """Number of entries in quarantine."""
     return sum(1 for _ in _folders(workspace))
 
 
 def newest_quarantined(workspace: Workspace, limit: int | None = None) -> list[Quarantined]:
-    """The entries, newest first, at most `limit`."""
+    """Entries in quarantine, newest first, at most `limit`."""
     found = sorted(
         _folders(workspace), key=lambda folder: (-folder.stat().st_mtime_ns, folder.name)
     )
@@ -69,7 +67,7 @@ def _entry(folder: Path) -> Quarantined | None:
         None,
     )
     if held is None:
-        return None  # taken back, and whoever did so was interrupted
+        return None  # from an interrupted return to the inbox
     try:
         note = json.loads((folder / REASON).read_text(encoding="ascii"))
     except (OSError, ValueError):
@@ -79,16 +77,14 @@ def _entry(folder: Path) -> Quarantined | None:
 
 
 def return_to_inbox(workspace: Workspace, entry: Quarantined, vehicle: str) -> Path:
-    """Moves an entry back into the inbox of a vehicle, where the next sweep tries it again; returns
-    its place there.
+    """Move an entry back to the inbox of a vehicle, where the next sweep tries it again; returns its
+    path there.
 
-    It takes no other file's place, and the inbox may be a file system of its own.
-    Raises InputError for what is no file.
+    No file is overwritten; the inbox may be on another file system. Raises InputError when the
+    entry is not a regular file.
     """
     if not entry.can_return:
-        raise InputError(
-            "is no file that could be read", entry.name, "copy the log itself into the inbox"
-        )
+        raise InputError("not a regular file", entry.name, "copy the log itself into the inbox")
     name = entry.name if _PLAIN.fullmatch(entry.name) else f"{entry.key[:12]}{entry.file.suffix}"
     folder = workspace.inbox / vehicle
     folder.mkdir(exist_ok=True)
@@ -97,7 +93,7 @@ def return_to_inbox(workspace: Workspace, entry: Quarantined, vehicle: str) -> P
         try:
             move_into_inbox(entry.file, target)
             break
-        except FileExistsError:  # another log came under this name meanwhile
+        except FileExistsError:  # another log has this name now
             number += 1
             target = folder / f"{entry.key[:12]}-{number}-{name}"
     shutil.rmtree(entry.file.parent)

@@ -1,5 +1,8 @@
-"""Log layouts as data: one TOML file per format and firmware; users add their own files of the same
-form."""
+"""Built-in mapping files: one TOML file per log format and firmware that assigns log fields to
+channels. Users add their own files of the same form.
+
+`builtin_mappings` gives all of them by name, `load_mapping` one by name or from a file.
+"""
 
 from functools import lru_cache
 from importlib.resources import files
@@ -17,24 +20,24 @@ def _built_in() -> dict[str, Mapping]:
 
 
 def builtin_mappings() -> dict[str, Mapping]:
-    """The mappings that come with the product, by name."""
+    """The built-in mappings, by name."""
     return dict(_built_in())
 
 
 def load_mapping(name_or_path: str | Path) -> Mapping:
-    """A built-in mapping by name, or one from a TOML file; InputError names the nearest built-in
-    one."""
+    """A built-in mapping by name, or a mapping from a TOML file; InputError suggests the nearest
+    built-in name."""
     built_in = _built_in()
     if str(name_or_path) in built_in:
         return built_in[str(name_or_path)]
     path = Path(name_or_path)
     if path.suffix != ".toml":
         raise InputError(
-            f"no mapping '{name_or_path}'",
-            remedy=nearest(str(name_or_path), built_in) + ", or give a .toml file",
+            f"unknown mapping '{name_or_path}'",
+            remedy=nearest(str(name_or_path), built_in) + ", or name a .toml file",
         )
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"mapping file cannot be read: {error}", str(path)) from error
+        raise InputError(f"the mapping file cannot be read: {error}", str(path)) from error
     return parse_mapping(text, str(path))

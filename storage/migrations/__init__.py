@@ -1,2 +1,2 @@
-"""Migrations of the catalogue. They describe the tables as they were at that time and never import
-today's."""
+"""Schema migrations of the catalogue (Alembic). Each describes the tables as they were at its time
+and does not import the current ones."""

@@ -1,5 +1,5 @@
-"""Runs migrations on the connection that `aerodb.storage.catalogue.database` hands over, inside its
-transaction."""
+"""Alembic environment: runs migrations on the connection of `aerodb.storage.catalogue.database`,
+inside its transaction."""
 
 from alembic import context
 

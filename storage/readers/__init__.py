@@ -1,9 +1,13 @@
-"""Readers: a log file of any known format as a `Recording`, just as it is. What it means is decided
-by a mapping.
+"""Log readers: a log file of any known format as a `Recording`, without interpreting its fields.
 
-`read_log` finds the reader for a file: ULog, MCAP, or a table (CSV, MAT, Parquet, text). Logs from
-outside are parsed by another process under limits (`parsed_log`): it answers with the topics as
-files.
+`parsed_log` parses a log in another process, under resource limits, and gives its recording and the
+folder of its topics; `start_reader` starts that process in advance. Inside the process,
+`any_format.read_log` selects the reader: `ulog`, `mcap`, or `tabular` (CSV, MAT, Parquet, text).
+Which field is which channel is decided afterwards by a mapping file (`aerodb.storage.mappings`).
+
+Modules: `isolated` and `worker` (the other process); `ulog`, `ulog_framing`, `ulog_kernels`,
+`ulog_definitions`, `ulog_topics`; `mcap`, `mcap_framing`, `mcap_messages`, `mcap_protobuf`;
+`tabular`, `mat`, `text`.
 """
 
 import lazy_loader as lazy

@@ -1,4 +1,12 @@
-"""TODO aerodb.storage.upkeep."""
+"""Maintenance of a workspace: verification, backup and restore.
+
+`verify` compares files, object store and catalogue and gives a `VerificationReport` of `Problem`;
+`report_lines` turns it into text. `back_up` copies catalogue and files into a folder, incrementally
+if that holds an earlier backup; `restore` makes a new workspace from it and verifies it first.
+
+Modules: `verification` (files against rows), `object_verification` (objects against rows), `audit`
+(the catalogue itself), `problems` (the report), `backup`.
+"""
 
 import lazy_loader as lazy
 

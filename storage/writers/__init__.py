@@ -1,4 +1,12 @@
-"""TODO aerodb.storage.writers."""
+"""Writers of external formats: ULog, PROV-JSON, and JSBSim as the receiver of an export.
+
+`write_ulog` writes topics as a PX4 log file; the example flights and the benchmarks use it, so that
+they are read like any other log. `prov_json` gives the lineage of a version as W3C PROV-JSON.
+`loaded_in_jsbsim` loads an exported aircraft file in JSBSim, where that is installed
+(`jsbsim_is_installed`).
+
+Modules: `ulog`, `prov`, `jsbsim_executive`.
+"""
 
 import lazy_loader as lazy
 

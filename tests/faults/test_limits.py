@@ -165,7 +165,7 @@ def test_limits_stand_in_the_settings(tmp_path: Path) -> None:
     given = {"logs": [str(tmp_path / "files" / "flight1.csv")], "vehicle": NAME}
     (refused,) = run_flow(flight_flow, given, workspace, "direct")
     assert refused["status"] == "refused"
-    assert "set [limits] size" in refused["remedy"]
+    assert "raise [limits] size" in refused["remedy"]
     (workspace.root / "settings.toml").write_text("[limits]\nsise = 1000\n")
     with pytest.raises(
         SettingsError, match=r"unknown key 'limits.sise'\ndid you mean 'size'"

@@ -385,7 +385,7 @@ def test_wrong_usage_and_an_absent_workspace(tmp_path: Path) -> None:
     assert absent.returncode == 3
     assert (
         absent.stderr.splitlines()[1]
-        == "name an existing one with --workspace or $AERODB_WORKSPACE"
+        == "name an existing workspace with --workspace or $AERODB_WORKSPACE"
     )
     assert not (tmp_path / "w").exists(), "a query makes no workspace"
 

@@ -215,11 +215,11 @@ def test_a_cluster_that_goes_away_is_said_and_the_same_run_works_afterwards(
 @pytest.mark.parametrize(
     ("section", "said"),
     [
-        ('engine = "dask"', "needs the address"),
-        ('engine = "dask"\naddress = "127.0.0.1:8786"', "is like tcp://"),
-        ('engine = "dask"\naddress = "tcp://192.0.2.7:8786"', "runs what they like on its workers"),
+        ('engine = "dask"', "requires the address"),
+        ('engine = "dask"\naddress = "127.0.0.1:8786"', "as tcp://"),
+        ('engine = "dask"\naddress = "tcp://192.0.2.7:8786"', "can run any code on its workers"),
         ('engine = "dask"\naddress = "$NOT_SET"', "NOT_SET holds no address"),
-        ('engine = "dask"\naddress = "$FAR"', "runs what they like on its workers"),
+        ('engine = "dask"\naddress = "$FAR"', "can run any code on its workers"),
     ],
 )
 def test_addresses_that_cannot_be_or_must_not_be(

@@ -311,7 +311,7 @@ def test_settings_are_read_again_and_a_bad_file_ends_nothing(served: Served) -> 
     path = served.workspace.root / "settings.toml"
     path.write_text(SETTINGS + f"[{BROKEN}]\nstrict = true\n", encoding="utf-8")
     wait_until(
-        lambda: "no such vehicle" in served.said(), served, "the fault in the settings is said"
+        lambda: "unknown vehicle" in served.said(), served, "the fault in the settings is said"
     )
     assert (
         BROKEN in json.loads(aerodb(served.workspace.root, "--json", "status").stdout)["settings"]

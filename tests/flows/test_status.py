@@ -60,7 +60,7 @@ def test_what_waits_is_said_with_what_to_do(workspace: Workspace, logs: list[Pat
     shutil.copy(logs[1], workspace.inbox / "nobody")
     said = asked(workspace.root, "status")
     states = {entry["file"]: (entry["state"], entry["reason"]) for entry in said["waiting"]}
-    assert states[f"{NAME}/b.csv.part"] == ("copying", "its name says that it is not finished")
+    assert states[f"{NAME}/b.csv.part"] == ("copying", "its name marks it as unfinished")
     assert states["nobody/flight2.csv"] == (
         "blocked",
         f"no vehicle 'nobody': put it into inbox/{NAME}/",

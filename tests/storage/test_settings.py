@@ -84,13 +84,13 @@ def test_without_a_file_everything_has_its_default(tmp_path: Path) -> None:
         ("[nightly]\ncron = '0 2 * * *; rm -rf /'", "fields, not 5", ""),
         ("[nightly]\ncron = '0 2 * * *'\nevery = 5", "give either cron or every", ""),
         ("[nightly]\ncron = '0 2 * * *'\ntimezone = 'Mars/Base'", "no time zone 'Mars/Base'", ""),
-        ("[loop]\nrun = ['update']", "an update needs its model file", ""),
-        ("[loop]\nmodel = '../../etc/passwd'", "model is a file below the workspace", ""),
+        ("[loop]\nrun = ['update']", "an update requires a model file", ""),
+        ("[loop]\nmodel = '../../etc/passwd'", "model must be a file inside the workspace", ""),
         ("[notification]\nwebhook = 'file:///etc/passwd'", "a webhook is an http(s) address", ""),
         ("[notification]\non = ['everything']", "notification.on", ""),
-        ("[vehicles.'../x']", "cannot be the name of a vehicle", ""),
+        ("[vehicles.'../x']", "is not allowed as the name of a vehicle", ""),
         ("[serve]\nport = 70000", "serve.port", ""),
-        ("[serve", "not valid TOML", "mend it"),
+        ("[serve", "not valid TOML", "correct it"),
     ],
 )
 def test_what_may_not_stand_there_is_said_with_its_place(

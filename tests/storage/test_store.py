@@ -342,7 +342,7 @@ def test_a_workspace_can_be_opened_again_and_moved(tmp_path: Path) -> None:
         with pytest.raises(ValueError, match="sha256"):
             workspace.flight_path(key)
     (tmp_path / "file").touch()
-    with pytest.raises(InputError, match="cannot be a workspace"):
+    with pytest.raises(InputError, match="cannot be used as a workspace"):
         Workspace.open(tmp_path / "file")
 
 

@@ -38,7 +38,7 @@ def test_a_name_moves_only_from_where_it_stands(catalogue: Catalogue) -> None:
     assert catalogue.version(V, "released", as_of=datetime.now(UTC) + timedelta(days=1)).id == b
     with pytest.raises(UnknownNameError, match="as of"):
         catalogue.version(V, "released", as_of=before - timedelta(seconds=1))
-    with pytest.raises(InputError, match="has no zone"):
+    with pytest.raises(InputError, match="has no time zone"):
         catalogue.version(V, "released", as_of=datetime(2026, 1, 1))
 
 
