@@ -200,9 +200,9 @@ def test_a_limit_of_the_system_is_said_too_and_the_old_file_stays(tmp_path: Path
     write_atomically(path, lambda temporary: temporary.write_bytes(b"old") and None)
     command = [sys.executable, "-c", _LIMITED, str(path)]
     done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
-    assert done.stdout.startswith("the file exceeds the maximum size of this file system | make room"), (
-        done.stderr
-    )
+    assert done.stdout.startswith(
+        "the file exceeds the maximum size of this file system | make room"
+    ), done.stderr
     assert ([entry.name for entry in tmp_path.iterdir()], path.read_bytes()) == (["f"], b"old")
 
 

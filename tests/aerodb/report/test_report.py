@@ -231,7 +231,12 @@ def test_what_is_refused(made: tuple[Path, dict[str, Any]], tmp_path: Path) -> N
         ),
         (workspace, ("update", "0" * 64, *output), UnknownNameError, "no version"),
         (workspace, ("flight", "none", *output), UnknownNameError, "no flight 'none'"),
-        (workspace, ("version", "candidate", *inside), InputError, "cannot be written into the workspace"),
+        (
+            workspace,
+            ("version", "candidate", *inside),
+            InputError,
+            "cannot be written into the workspace",
+        ),
         (tmp_path / "none", ("version", "released", *output), InputError, "no workspace here"),
     ):
         refused = CliRunner().invoke(app, ["--workspace", str(root), "report", *arguments])

@@ -363,7 +363,9 @@ def test_a_catalogue_out_of_reach_is_said_and_passes(
     from aerodb.errors import StoreBusyError
 
     def busy(*_: Any, **__: Any) -> Any:
-        raise StoreBusyError("another process has locked the catalogue", "catalogue.sqlite", "run again")
+        raise StoreBusyError(
+            "another process has locked the catalogue", "catalogue.sqlite", "run again"
+        )
 
     with monkeypatch.context() as patched:
         patched.setattr(Catalogue, "flight_page", busy)
