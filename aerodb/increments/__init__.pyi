@@ -1,5 +1,5 @@
 from .estimate import AxisUpdate, ConsiderParameter, Update, estimate_increments, keep_slope_signs
-from .gate import Check, Standing, Verdict, judge, sign_reasons
+from .gate import Check, Standing, Verdict, judge_release, sign_reasons
 from .model_file import INCREMENT_AXES, ModelFile, parse_model_file
 from .validation import (
     UNCHANGED,
@@ -25,7 +25,7 @@ __all__ = [
     "Verdict",
     "choose_hold_out",
     "estimate_increments",
-    "judge",
+    "judge_release",
     "keep_slope_signs",
     "parse_model_file",
     "sign_reasons",

@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 from aerodb.nomenclature import AXES
-from aerodb.tables import AeroDatabase, CheckCase, failures, new_sign_changes
+from aerodb.tables import AeroDatabase, CheckCase, failed_check_cases, new_sign_changes
 
 #: An error must fall by more than this fraction to count as fallen.
 _ROUNDING: Final = 1e-9
@@ -68,7 +68,7 @@ class Verdict:
         return tuple(reason for check in self.checks for reason in check.reasons)
 
 
-def judge(
+def judge_release(
     standing: Standing,
     baseline: AeroDatabase,
     candidate: AeroDatabase,
@@ -130,7 +130,7 @@ def _content(standing: Standing) -> tuple[str, ...]:
 def _check_cases(candidate: AeroDatabase, cases: Sequence[CheckCase]) -> tuple[str, ...]:
     if not cases:
         return ("it has no check cases: create the version again, they are written with it",)
-    failed = failures(candidate, cases)
+    failed = failed_check_cases(candidate, cases)
     more = (
         (f"and {len(failed) - _LISTED} more check values differ",) if len(failed) > _LISTED else ()
     )

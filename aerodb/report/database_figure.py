@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from aerodb.nomenclature import AXES, axis_description
 from aerodb.report.style import DATABASE, channel_scale, plain_panel
 from aerodb.support import Array
-from aerodb.tables import AeroDatabase, breakpoints_over, neutral_point, spread
+from aerodb.tables import AeroDatabase, breakpoints_over, neutral_point, vary
 
 #: Over what a coefficient is drawn, and how far [rad] where no table says.
 _OVER: Final = {axis: "alpha" if axis in ("CX", "CZ", "Cm") else "beta" for axis in AXES}
@@ -36,7 +36,7 @@ def _curve(panel: Any, axis: str, variable: str, database: AeroDatabase) -> None
     marks, at = _points(variable, database)
     point = neutral_point(database, database.increments)
     for where, look in ((at, {"lw": 1.4}), (marks, {"ls": "", "marker": "o", "ms": 3.5})):
-        values = database.predict(spread(point, {variable: where})).coefficients[axis]
+        values = database.predict(vary(point, {variable: where})).coefficients[axis]
         panel.plot(factor * where, values, color=DATABASE, **look)
     plain_panel(panel)
     panel.set_title(axis_description(axis).partition(",")[0], fontsize=8, loc="left", color="0.35")

@@ -7,10 +7,10 @@ The way through:
    `AeroDatabase`.
 2. `AeroDatabase.predict` gives the six coefficients (`Prediction`); `evaluate_database` adds
    standard errors and places (`Evaluation`, `Place`).
-3. `consolidate` folds increments into tables where that is exact; `plan` tells where;
-   `node_lineage` and `point_lineage` name the increments and flights behind a value.
+3. `consolidate` folds increments into tables where that is exact; `plan_consolidation` tells
+   where; `node_lineage` and `point_lineage` name the increments and flights behind a value.
 4. `diff` compares two databases (`DatabaseDiff`); `new_sign_changes` finds slopes whose sign
-   changes outside the data; `make_check_cases` and `failures` guard stored versions.
+   changes outside the data; `make_check_cases` and `failed_check_cases` guard stored versions.
 
 Modules, from the bottom up: `expression`, `functions`, `program` (compiled expressions); `table`,
 `scattered`, `kernel` (interpolation); `reference`, `state_model`, `uncertainty`, `increment`;

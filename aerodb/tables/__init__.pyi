@@ -1,7 +1,7 @@
 from .algebra import cancel, plus, times
-from .arguments import breakpoints_over, calls, channel_of, rebuilt
-from .check_cases import CheckCase, failures, make_check_cases
-from .consolidation import NodeShare, consolidate, node_lineage, plan, point_lineage
+from .arguments import breakpoints_over, channel_of, rebuilt, table_calls
+from .check_cases import CheckCase, failed_check_cases, make_check_cases
+from .consolidation import NodeShare, consolidate, node_lineage, plan_consolidation, point_lineage
 from .database import AeroDatabase, Prediction, Term, Variable
 from .definitions import CONSTANTS, STATE_CHANNEL
 from .differences import DatabaseDiff, NodeChanges, TermChange, diff
@@ -22,8 +22,8 @@ from .expression import (
 )
 from .functions import COMPARISONS, FUNCTIONS, Value
 from .increment import BASE_VARIABLES, Increment, Interval, RefinedShape, Refit
-from .linear_terms import Site, sites
-from .nodes import neutral_point, spread, table_grids
+from .linear_terms import LinearTable, linear_tables
+from .nodes import neutral_point, table_grids, vary
 from .program import AnyTable, Program, compile_program, evaluate
 from .reference import (
     HAT_RATES,
@@ -66,6 +66,7 @@ __all__ = [
     "Interval",
     "Kirchhoff",
     "Law",
+    "LinearTable",
     "Name",
     "Negation",
     "NodeChanges",
@@ -80,7 +81,6 @@ __all__ = [
     "Refit",
     "Relay",
     "ScatteredTable",
-    "Site",
     "StateModel",
     "Table",
     "TableCall",
@@ -92,7 +92,6 @@ __all__ = [
     "body_to_wind",
     "bound_arrays",
     "breakpoints_over",
-    "calls",
     "cancel",
     "channel_of",
     "compile_program",
@@ -100,9 +99,10 @@ __all__ = [
     "diff",
     "evaluate",
     "evaluate_database",
-    "failures",
+    "failed_check_cases",
     "flown_envelope",
     "hat_rate",
+    "linear_tables",
     "make_check_cases",
     "neutral_point",
     "new_increments",
@@ -110,15 +110,15 @@ __all__ = [
     "node_lineage",
     "number",
     "parse",
-    "plan",
+    "plan_consolidation",
     "plus",
     "point_lineage",
     "rebuilt",
-    "sites",
     "slow_rate",
-    "spread",
+    "table_calls",
     "table_grids",
     "times",
     "transfer_moments",
+    "vary",
     "wind_to_body",
 ]

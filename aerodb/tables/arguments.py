@@ -90,7 +90,7 @@ def _linear(node: Expression, database: AeroDatabase, known: dict[str, _Linear])
     return name, factor * other[1], factor * other[2]
 
 
-def calls(database: AeroDatabase) -> list[TableCall]:
+def table_calls(database: AeroDatabase) -> list[TableCall]:
     """All table calls in terms and variables, in their order."""
     found: list[TableCall] = []
     pending = [term.expression for term in database.terms] + [
@@ -109,7 +109,7 @@ def calls(database: AeroDatabase) -> list[TableCall]:
 def breakpoints_over(name: str, database: AeroDatabase) -> list[Array]:
     """Breakpoints of every table that is called with channel `name`, in the channel's own unit."""
     found = []
-    for call in calls(database):
+    for call in table_calls(database):
         if call.table in database.tables:
             axes = zip(call.arguments, database.tables[call.table].breakpoints, strict=True)
             for argument, points in axes:
@@ -137,7 +137,7 @@ def coverage(database: AeroDatabase, table: str, channels: Mapping[str, Value]) 
         )
     definitions = {name: variable.expression for name, variable in database.variables.items()}
     total = np.zeros(database.tables[table].values.shape)
-    for call in calls(database):
+    for call in table_calls(database):
         if call.table != table:
             continue
         program = database.compiled(

@@ -56,7 +56,7 @@ def make_check_cases(database: AeroDatabase, count: int = 25) -> tuple[CheckCase
     return tuple(case for case in cases if np.all(np.isfinite(list(case.coefficients.values()))))
 
 
-def failures(
+def failed_check_cases(
     database: AeroDatabase, cases: Sequence[CheckCase], tolerance: float = 1e-9
 ) -> tuple[str, ...]:
     """Deviations from the check cases by more than `tolerance` times max(|C|, 1e-3): one sentence

@@ -4,8 +4,8 @@ flights.
 A regressor can be folded in exactly where a table on its axis enters linearly: the term is the
 table's value times a constant, or times factors that the regressor has too, and the regressor's
 contribution is multilinear on the union of the breakpoints. Otherwise it remains a layer added to
-the coefficient, and `plan` gives the reason. Values, standard errors and places are the same either
-way.
+the coefficient, and `plan_consolidation` gives the reason. Values, standard errors and places are
+the same either way.
 """
 
 import math
@@ -22,7 +22,7 @@ from aerodb.tables.database import AeroDatabase
 from aerodb.tables.expression import Expression, Name, Number, TableCall, number
 from aerodb.tables.functions import Value
 from aerodb.tables.increment import Increment
-from aerodb.tables.linear_terms import Site, factors_of, sites
+from aerodb.tables.linear_terms import LinearTable, factors_of, linear_tables
 from aerodb.tables.multilinear import NotMultilinearError, merged
 from aerodb.tables.node_increment import MAX_NODES, columns_at, knots
 from aerodb.tables.table import MAX_DIMENSIONS, Table
@@ -64,7 +64,7 @@ class _Grid:
     """The axes that a table will have: channels (None: a formula), breakpoints in the unit of the
     argument, and contributions as (increment, regressor, expression within the table)."""
 
-    site: Site
+    site: LinearTable
     channels: list[ScaledChannel | None]
     axes: list[Array]
     shares: list[tuple[int, int, Expression]] = field(default_factory=list)
@@ -98,19 +98,20 @@ class _Grid:
         return math.prod(axis.size for axis in self.axes)
 
 
-def plan(database: AeroDatabase) -> tuple[Fold, ...]:
+def plan_consolidation(database: AeroDatabase) -> tuple[Fold, ...]:
     """For every regressor that acts as a layer: the table that `consolidate` folds it into, or the
     reason why it remains a layer."""
     return _planned(database)[0]
 
 
 def consolidate(database: AeroDatabase) -> AeroDatabase:
-    """Fold increments into tables that enter linearly (`plan`), on the union of breakpoints.
+    """Fold increments into tables that enter linearly, on the union of breakpoints.
 
-    Results agree with the layered database to rounding. Where an increment fades in a variable that
-    the table lacks (the envelope in beta, say), the table gets that variable as an axis. Increments
-    remain listed with estimates, covariance, envelope and flights; `Increment.folded` marks what is
-    folded, so that standard errors and lineage are kept.
+    `plan_consolidation` tells which are folded and which are not. Results agree with the layered
+    database to rounding. Where an increment fades in a variable that the table lacks (the envelope
+    in beta, say), the table gets that variable as an axis. Increments remain listed with estimates,
+    covariance, envelope and flights; `Increment.folded` marks what is folded, so that standard
+    errors and lineage are kept.
     """
     folds, grids = _planned(database)
     tables = dict(database.tables)
@@ -174,12 +175,14 @@ def node_lineage(
         raise InputError(
             f"node {node}", f"table {table}", f"indices below {grid.values.shape}, counted from 0"
         )
-    where = {site.table: site for site in sites(database)}.get(table)
+    where = {site.table: site for site in linear_tables(database)}.get(table)
     if where is None:
         return ()
     at = [axis[index : index + 1] for axis, index in zip(grid.breakpoints, node, strict=True)]
     mesh = _Grid(where, list(where.channels), []).mesh(at)
-    planned = {(fold.increment, fold.regressor): fold.table for fold in plan(database)}
+    planned = {
+        (fold.increment, fold.regressor): fold.table for fold in plan_consolidation(database)
+    }
     found = []
     for i, increment in enumerate(database.increments):
         own = [k for k, name in enumerate(increment.folded) if (name or planned[i, k]) == table]
@@ -205,7 +208,7 @@ def point_lineage(database: AeroDatabase, channels: Mapping[str, Value]) -> tupl
 
 
 def _share_at(
-    i: int, increment: Increment, own: list[int], site: Site, mesh: Mapping[str, Array]
+    i: int, increment: Increment, own: list[int], site: LinearTable, mesh: Mapping[str, Array]
 ) -> NodeShare | None:
     found = {
         k: part for k in own if (part := _within_table(increment.regressors[k], site)) is not None
@@ -227,7 +230,7 @@ def _share_at(
 
 def _planned(database: AeroDatabase) -> tuple[tuple[Fold, ...], dict[str, _Grid]]:
     """Where every regressor is folded in, and the new grids of the tables concerned."""
-    open_sites, grids, folds = sites(database), dict[str, _Grid](), []
+    open_sites, grids, folds = linear_tables(database), dict[str, _Grid](), []
     for i, increment in enumerate(database.increments):
         for k, table in enumerate(increment.folded):
             if table:
@@ -263,7 +266,7 @@ def _planned(database: AeroDatabase) -> tuple[tuple[Fold, ...], dict[str, _Grid]
 def _grown(
     database: AeroDatabase,
     grids: Mapping[str, _Grid],
-    site: Site,
+    site: LinearTable,
     part: Expression,
     increment: Increment,
     k: int,
@@ -285,7 +288,7 @@ def _grown(
     return grown
 
 
-def _within_table(regressor: Expression, site: Site) -> Expression | None:
+def _within_table(regressor: Expression, site: LinearTable) -> Expression | None:
     """`regressor` divided by the factors of the site's term; None where the quotient is not a
     function of the table's own channels."""
     constant, left = factors_of(regressor)
@@ -302,7 +305,7 @@ def _within_table(regressor: Expression, site: Site) -> Expression | None:
 
 
 def _restricted(
-    increment: Increment, parts: list[Expression], mesh: Mapping[str, Array], site: Site
+    increment: Increment, parts: list[Expression], mesh: Mapping[str, Array], site: LinearTable
 ) -> Array:
     """Values of `parts` at the nodes of `mesh`, (m, len(parts)), in the table's unit, fading
     included."""

@@ -15,7 +15,7 @@ from aerodb.nomenclature import AXES
 from aerodb.support import Array
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.increment import Increment
-from aerodb.tables.nodes import TableGrid, neutral_point, spread, table_axes, table_grids
+from aerodb.tables.nodes import TableGrid, neutral_point, table_axes, table_grids, vary
 from aerodb.tables.reference import WIND_AXES, Reference, wind_to_body
 from aerodb.tables.slopes import new_increments
 
@@ -138,7 +138,7 @@ def _nodes(
 
     before, after : a database, and those of its increments that the other lacks.
     """
-    channels = spread(point, grid.points())
+    channels = vary(point, grid.points())
     old, new = before[0].predict(channels).coefficients, after[0].predict(channels).coefficients
     body = {axis for axis in axes if axis in AXES} | (
         {"CX", "CY", "CZ"} if axes & set(WIND_AXES) else set()

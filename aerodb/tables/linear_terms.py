@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-from aerodb.tables.arguments import ScaledChannel, calls, channel_of, scaled_channel
+from aerodb.tables.arguments import ScaledChannel, channel_of, scaled_channel, table_calls
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.definitions import CONSTANTS
 from aerodb.tables.expression import Expression, Name, Negation, Number, Operation, TableCall
@@ -13,7 +13,7 @@ from aerodb.tables.uncertainty import Uncertainty
 
 
 @dataclass(frozen=True)
-class Site:
+class LinearTable:
     """A table that enters one coefficient linearly, as ``constant * factors * table(channels)``,
     and is used nowhere else.
 
@@ -33,10 +33,10 @@ class Site:
     factors: tuple[Expression, ...]
 
 
-def sites(database: AeroDatabase) -> list[Site]:
+def linear_tables(database: AeroDatabase) -> list[LinearTable]:
     """Tables into which increments can be folded: they enter one coefficient, once and linearly."""
     reached = table_uses([term.expression for term in database.terms], database)
-    written = Counter(call.table for call in calls(database))
+    written = Counter(call.table for call in table_calls(database))
     once = {
         name
         for name in database.tables
@@ -55,7 +55,7 @@ def sites(database: AeroDatabase) -> list[Site]:
                     if c and bounds is not None
                 )
                 renamed = tuple(_renamed(factor, database) for factor in factors)
-                found.append(Site(term.axis, call.table, channels, own, constant, renamed))
+                found.append(LinearTable(term.axis, call.table, channels, own, constant, renamed))
     return found
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from aerodb.errors import InputError
 from aerodb.support import Array
-from aerodb.tables.arguments import calls
+from aerodb.tables.arguments import table_calls
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.expression import Expression, Name, TableCall
 from aerodb.tables.increment import Increment
@@ -59,7 +59,7 @@ def table_grids(database: AeroDatabase) -> dict[str, TableGrid]:
     """Table name -> nodes over channels, for tables whose arguments are different channels, scaled
     and offset."""
     grids: dict[str, TableGrid] = {}
-    for call in calls(database):
+    for call in table_calls(database):
         if call.table not in grids:
             grid = _grid(call, database)
             if grid is not None:
@@ -98,7 +98,7 @@ def neutral_point(database: AeroDatabase, increments: Iterable[Increment] = ()) 
     return point
 
 
-def spread(point: Mapping[str, float], over: Mapping[str, Array]) -> dict[str, Array]:
+def vary(point: Mapping[str, float], over: Mapping[str, Array]) -> dict[str, Array]:
     """Channels (n,): those of `over` (each (n,)) as given, those of `point` constant."""
     n = max((len(values) for values in over.values()), default=1)
     return {**{name: np.full(n, value) for name, value in point.items()}, **over}

@@ -185,7 +185,7 @@ def _consolidated(
     """Return the database with increments folded into its tables, and print and document each
     fold."""
     from aerodb.exchange import to_document
-    from aerodb.tables import consolidate, plan
+    from aerodb.tables import consolidate, plan_consolidation
 
     folds = [
         {
@@ -195,7 +195,7 @@ def _consolidated(
             "table": fold.table or None,
             "reason": fold.reason,
         }
-        for fold in plan(database)
+        for fold in plan_consolidation(database)
     ]
     rows = [
         [

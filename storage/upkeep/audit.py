@@ -19,7 +19,7 @@ from aerodb.storage.catalogue import Ledger
 from aerodb.storage.catalogue import schema as s
 from aerodb.storage.upkeep.problems import Problem
 from aerodb.support import version_id
-from aerodb.tables import CheckCase, failures
+from aerodb.tables import CheckCase, failed_check_cases
 
 Count = Callable[[str, int], None]
 
@@ -176,7 +176,7 @@ def _wrong_with(row: Any, inputs: Sequence[str]) -> str:
     if database_content_sha256(database) != row.content_sha256:
         return "its numbers differ from the numbers that were stored"
     cases = [CheckCase(**case) for case in enc.from_json(row.report).get("check_cases", [])]
-    return next(iter(failures(database, cases)), "")
+    return next(iter(failed_check_cases(database, cases)), "")
 
 
 def _edges(connection: sa.Connection, count: Count) -> Iterator[Problem]:

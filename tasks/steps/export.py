@@ -28,7 +28,7 @@ from aerodb.exchange import (
 from aerodb.storage.catalogue import Catalogue, VersionRow
 from aerodb.storage.workspace import Workspace, write_for_user
 from aerodb.storage.writers import jsbsim_is_installed, loaded_in_jsbsim
-from aerodb.tables import AeroDatabase, CheckCase, failures, make_check_cases
+from aerodb.tables import AeroDatabase, CheckCase, failed_check_cases, make_check_cases
 
 
 @dataclass(frozen=True)
@@ -134,7 +134,7 @@ def export_version(
 def _check(form: Form, data: bytes, name: str, cases: Sequence[CheckCase]) -> None:
     where = f"export of {name}"
     try:
-        failed = failures(form.read(data, name), cases)
+        failed = failed_check_cases(form.read(data, name), cases)
     except AeroError as error:
         raise InputError(
             f"cannot be read back: {error.what}",

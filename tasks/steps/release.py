@@ -5,7 +5,7 @@ from typing import Any
 
 from aerodb.errors import GateRefusal, InputError
 from aerodb.exchange import database_content_sha256, from_document
-from aerodb.increments import Check, Standing, Verdict, judge
+from aerodb.increments import Check, Standing, Verdict, judge_release
 from aerodb.storage.catalogue import NameEvent, VersionDocuments, VersionRow, standing_moves
 from aerodb.storage.encoding import VERSION_NAME, checked
 from aerodb.storage.workspace_settings import load_settings
@@ -100,7 +100,7 @@ def _gate(access: WorkspaceAccess, row: VersionRow, released: NameEvent | None) 
         content_sha256=database_content_sha256(candidate),
     )
     cases = [CheckCase(**case) for case in documents.report.get("check_cases", [])]
-    verdict = judge(
+    verdict = judge_release(
         standing,
         access.database(released.version),
         candidate,

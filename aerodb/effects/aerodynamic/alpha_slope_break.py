@@ -17,7 +17,7 @@ import numpy as np
 from aerodb.effects.hypothesis import Hypothesis
 from aerodb.effects.template import LibraryContext, Template, additive
 from aerodb.support import Array
-from aerodb.tables import WIND_AXES, body_to_wind, breakpoints_over, neutral_point, spread
+from aerodb.tables import WIND_AXES, body_to_wind, breakpoints_over, neutral_point, vary
 
 SIZES = {"CX": 1.0, "CZ": 2.0, "Cm": 1.0}
 SOURCE = "003, eq. 7"
@@ -47,7 +47,7 @@ def sharpest_kink(context: LibraryContext, axis: str, widest: float = 0.21) -> f
     if alpha.size < 4:
         return None
     curves = context.database.predict(
-        spread(neutral_point(context.database), {"alpha": alpha})
+        vary(neutral_point(context.database), {"alpha": alpha})
     ).coefficients
     if axis in WIND_AXES:
         wind = body_to_wind(curves["CX"], curves["CY"], curves["CZ"], alpha, 0.0)

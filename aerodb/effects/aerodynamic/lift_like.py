@@ -7,7 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from aerodb.tables import AeroDatabase, body_to_wind, neutral_point, spread
+from aerodb.tables import AeroDatabase, body_to_wind, neutral_point, vary
 
 
 @lru_cache(maxsize=64)
@@ -20,7 +20,7 @@ def zero_lift_alpha(database: AeroDatabase) -> float:
     at = neutral_point(database)
     if "height_above_ground" in at:
         at["height_above_ground"] = 1e4
-    curves = database.predict(spread(at, {"alpha": alpha})).coefficients
+    curves = database.predict(vary(at, {"alpha": alpha})).coefficients
     _, _, lift = body_to_wind(curves["CX"], curves["CY"], curves["CZ"], alpha, 0.0)
     crossings = np.flatnonzero(lift[:-1] * lift[1:] <= 0.0)
     roots = [

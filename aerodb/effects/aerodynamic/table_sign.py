@@ -24,7 +24,17 @@ from aerodb.effects.interpolation_terms import as_expression
 from aerodb.effects.template import AXIS_WORDS, LibraryContext, Template, on_axis
 from aerodb.nomenclature import CHANNELS, is_surface
 from aerodb.support import Array
-from aerodb.tables import MAX_LENGTH, Call, Expression, Name, Site, Table, number, sites, times
+from aerodb.tables import (
+    MAX_LENGTH,
+    Call,
+    Expression,
+    LinearTable,
+    Name,
+    Table,
+    linear_tables,
+    number,
+    times,
+)
 
 SOURCE = "DHC6.xml, table Clb, against the Twin Otter records"
 #: Part of the wrong symmetry, relative to the table's largest value, below which a table counts as
@@ -37,7 +47,7 @@ class Defect:
     """What of a table may be wrong: the regressor, whether it is only a part (else all of it),
     where it acts."""
 
-    site: Site
+    site: LinearTable
     regressor: Expression
     part: bool
 
@@ -63,7 +73,7 @@ def defects(context: LibraryContext) -> list[Defect]:
     """Tables with sideslip among their own arguments that enter a coefficient linearly, and what
     may be wrong with them."""
     found = []
-    for site in sites(context.database):
+    for site in linear_tables(context.database):
         names = [channel.name if channel else None for channel in site.channels]
         table = context.database.tables[site.table]
         if (
@@ -91,7 +101,7 @@ def defects(context: LibraryContext) -> list[Defect]:
     return found
 
 
-def _usable_factors(site: Site) -> bool:
+def _usable_factors(site: LinearTable) -> bool:
     """Whether what stands in front of the table is even in sideslip and made of channels alone."""
     names = frozenset[str]().union(*(factor.names for factor in site.factors))
     channels = all(name in CHANNELS or is_surface(name) for name in names)
@@ -102,7 +112,9 @@ def _usable_factors(site: Site) -> bool:
     )
 
 
-def _regressor(site: Site, table: Table, even: tuple[int, Array, Array] | None) -> Expression:
+def _regressor(
+    site: LinearTable, table: Table, even: tuple[int, Array, Array] | None
+) -> Expression:
     """The table (or its even part along one axis) with its factors, over channels."""
     arguments, axes, values = [], [], table.values if even is None else even[2]
     for k, behind in enumerate(site.channels):

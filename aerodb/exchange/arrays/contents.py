@@ -19,7 +19,14 @@ from aerodb.errors import InputError
 from aerodb.exchange.native import from_document, to_document
 from aerodb.nomenclature import AXES, axis_description, channel
 from aerodb.support import Array
-from aerodb.tables import AeroDatabase, CheckCase, calls, channel_of, failures, make_check_cases
+from aerodb.tables import (
+    AeroDatabase,
+    CheckCase,
+    channel_of,
+    failed_check_cases,
+    make_check_cases,
+    table_calls,
+)
 
 FORMAT: Final = 1
 MAX_BYTES: Final = 200_000_000  # of a file, packed and unpacked
@@ -164,7 +171,7 @@ def from_contents(contents: Contents, kind: str, where: str) -> AeroDatabase:
         ) from error
     database = from_document(document, where)
     try:
-        differences = failures(database, _cases(contents.cases, where))
+        differences = failed_check_cases(database, _cases(contents.cases, where))
     except InputError as error:
         raise InputError(f"check cases: {error.what}", where, error.remedy) from error
     if differences:
@@ -232,7 +239,7 @@ def argument_units(database: AeroDatabase) -> dict[str, list[str]]:
     units: dict[str, list[str]] = {
         name: [""] * len(table.arguments) for name, table in database.tables.items()
     }
-    for call in calls(database):
+    for call in table_calls(database):
         for k, argument in enumerate(call.arguments if call.table in units else ()):
             name = channel_of(argument, database)
             if name is not None and name not in database.free_inputs:

@@ -9,9 +9,9 @@ import pytest
 
 from aerodb.exchange.native import database_content_sha256, read_native
 from aerodb.increments.estimate import Update, keep_slope_signs
-from aerodb.increments.gate import Standing, Verdict, judge
+from aerodb.increments.gate import Standing, Verdict, judge_release
 from aerodb.increments.validation import repeatability
-from aerodb.tables.check_cases import CheckCase, failures, make_check_cases
+from aerodb.tables.check_cases import CheckCase, failed_check_cases, make_check_cases
 from aerodb.tables.database import AeroDatabase, Term
 from aerodb.tables.expression import parse
 from aerodb.tables.increment import Increment, Interval
@@ -74,7 +74,7 @@ def judged(
     added: Increment | None = None,
 ) -> Verdict:
     candidate = updated(baseline, added or increment("CZ", {"1": -0.02, "alpha": -0.5}))
-    return judge(
+    return judge_release(
         standing,
         baseline,
         candidate,
@@ -162,17 +162,20 @@ def test_check_cases_are_evaluated_again(baseline: AeroDatabase) -> None:
     cases = make_check_cases(candidate)
     assert len(cases) == 25
     assert cases == make_check_cases(candidate)
-    assert failures(candidate, cases) == ()
+    assert failed_check_cases(candidate, cases) == ()
     one = cases[3]
     broken = CheckCase(one.inputs, {**one.coefficients, "CZ": one.coefficients["CZ"] + 1e-6})
-    verdict = judge(STANDING, baseline, candidate, (*cases[:3], broken, *cases[4:]), axes())
+    verdict = judge_release(STANDING, baseline, candidate, (*cases[:3], broken, *cases[4:]), axes())
     assert len(verdict.reasons) == 1
     assert verdict.reasons[0].startswith("check case 4: CZ is ")
     assert (
         "and 21 more check values differ"
-        in judge(STANDING, baseline, baseline, cases, axes()).reasons
+        in judge_release(STANDING, baseline, baseline, cases, axes()).reasons
     )
-    assert "it has no check cases" in judge(STANDING, baseline, candidate, (), axes()).reasons[0]
+    assert (
+        "it has no check cases"
+        in judge_release(STANDING, baseline, candidate, (), axes()).reasons[0]
+    )
 
 
 # Sign changes

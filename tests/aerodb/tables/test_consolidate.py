@@ -15,7 +15,7 @@ from aerodb.exchange.native import from_document, to_document
 from aerodb.nomenclature import AXES
 from aerodb.support.identity import canonical_json
 from aerodb.tables.arguments import coverage
-from aerodb.tables.consolidation import consolidate, node_lineage, plan, point_lineage
+from aerodb.tables.consolidation import consolidate, node_lineage, plan_consolidation, point_lineage
 from aerodb.tables.database import AeroDatabase, Term, Variable
 from aerodb.tables.evaluation import evaluate_database
 from aerodb.tables.expression import parse
@@ -96,7 +96,7 @@ def test_layered_and_consolidated_give_the_same(seed: int, increments: int) -> N
 
 def test_generated_databases_fold_something_and_keep_something() -> None:
     """The property above is tested on databases where something is folded."""
-    folds = [fold for seed in range(40) for fold in plan(generated(seed))]
+    folds = [fold for seed in range(40) for fold in plan_consolidation(generated(seed))]
     folded = sum(bool(fold.table) for fold in folds)
     assert 0.1 < folded / len(folds) < 0.9
     assert all(bool(fold.table) != bool(fold.reason) for fold in folds)
@@ -174,7 +174,7 @@ def test_what_cannot_be_folded_stays_a_layer_and_says_why(
     term: str, change: dict[str, object], reason: str
 ) -> None:
     database = one_table(term, replace(SLOPE, **change), factor="1.0")
-    (fold,) = plan(database)
+    (fold,) = plan_consolidation(database)
     assert fold.table == ""
     assert re.search(reason, fold.reason), fold.reason
     folded = consolidate(database)
@@ -193,23 +193,23 @@ def test_what_cannot_be_folded_stays_a_layer_and_says_why(
 def test_tables_that_are_no_plain_sum_of_hats_are_left_alone(change: dict[str, object]) -> None:
     database = one_table()
     table = replace(database.tables["CZ0"], **change)
-    assert plan(replace(database, tables={"CZ0": table}))[0].table == ""
+    assert plan_consolidation(replace(database, tables={"CZ0": table}))[0].table == ""
 
 
 def test_variables_on_the_way_to_a_table() -> None:
     """Followed where they pass the table on; not where they declare an uncertainty in proportion;
     never twice."""
-    assert plan(one_table("1 - lift/2", lift="CZ0(alpha) + 3"))[0].table == "CZ0"
+    assert plan_consolidation(one_table("1 - lift/2", lift="CZ0(alpha) + 3"))[0].table == "CZ0"
     database = one_table("lift", lift="CZ0(alpha)")
     relative = Variable(
         parse("CZ0(alpha)"), uncertainty=Uncertainty("percentage", "normal", (10.0,))
     )
-    assert plan(replace(database, variables={"lift": relative}))[0].table == ""
+    assert plan_consolidation(replace(database, variables={"lift": relative}))[0].table == ""
     doubled = {f"x{k}": f"x{k - 1} + x{k - 1}" for k in range(1, 60)}
     for x0 in ("CZ0(alpha)", "alpha"):
         term = "x59" if "CZ0" in x0 else "CZ0(x59)"
         expected = "" if "CZ0" in x0 else "CZ0"
-        assert plan(one_table(term, x0=x0, **doubled))[0].table == expected
+        assert plan_consolidation(one_table(term, x0=x0, **doubled))[0].table == expected
 
 
 def test_added_uncertainty_per_node_follows_the_new_nodes() -> None:

@@ -20,7 +20,7 @@ from aerodb.exchange.native import database_content_sha256, from_document, read_
 from aerodb.exchange.state_terms import states_for_jsbsim, without_states
 from aerodb.flight import Flight
 from aerodb.support.identity import canonical_json
-from aerodb.tables.check_cases import failures, make_check_cases
+from aerodb.tables.check_cases import failed_check_cases, make_check_cases
 from aerodb.tables.database import AeroDatabase, Term
 from aerodb.tables.evaluation import evaluate_database
 from aerodb.tables.expression import parse
@@ -371,8 +371,8 @@ def test_check_cases_hold_through_every_form(law):
     cases = make_check_cases(made)
     assert len(cases) == 25
     assert {0.0 < case.inputs["flow_attachment"] < 1.0 for case in cases} == {True}
-    assert not failures(from_document(to_document(made)), cases)
-    assert failures(
+    assert not failed_check_cases(from_document(to_document(made)), cases)
+    assert failed_check_cases(
         database(), [replace(cases[0], coefficients={"CZ": cases[0].coefficients["CZ"] + 0.1})]
     )
 
