@@ -1,4 +1,4 @@
-"""What the tracing may decide, fixed and hashed before anybody looks at a residual."""
+"""Settings of tracing, fixed and hashed before any residual is read."""
 
 from dataclasses import asdict, dataclass
 
@@ -8,18 +8,18 @@ from aerodb.support import key_of
 
 @dataclass(frozen=True)
 class TracingSettings:
-    """Settings of tracing.
+    """Settings of tracing; docs/method/tracing.md, section 22.
 
-    bandwidth : Hz, edge of the zero-phase low-pass on both sides: one to two short-period
-    frequencies. order : most coefficients of the autoregression that whitens (BIC chooses). level :
-    of each test, family-wise. kappa : prior sigmas of the sensors that may not explain a finding.
-    prior_dof : degrees of freedom that the within-flight variance counts for. inflation_limit :
-    median VIF beyond which nothing is tested. least_share : a flight with less than this part of
-    the best flight's information about a hypothesis does not vote on it. fewest : votes below which
-    no error rate is promised. most_terms, most_freed : where the search stops. shift_factor : of
-    the SIMEX shift in the systematic bound. noisy_copies : at most, of each flight with the states'
-    own error added once more, from which that shift is taken. folds : parts that are left out in
-    turn to see whether a finding returns.
+    bandwidth : Hz, edge of the zero-phase low-pass: one to two short-period frequencies. order :
+    largest order of the whitening autoregression (BIC chooses). level : family-wise level of each
+    test. kappa : prior sigmas of the sensors that count as what they may add to an estimate.
+    prior_dof : degrees of freedom of the within-flight variance. inflation_limit : median VIF above
+    which nothing is tested. least_share : a flight with less than this share of the best flight's
+    information about a hypothesis takes no part in its test. fewest : flights below which no error
+    rate is promised. most_terms, most_freed : where the search stops. shift_factor : multiplies the
+    SIMEX bias in the systematic bound. noisy_copies : at most, copies of each flight with its state
+    noise added once more, from which the SIMEX bias is computed. folds : folds of the flights, left
+    out in turn to see whether a finding returns.
 
     Raises InputError for values outside their range.
     """
@@ -64,19 +64,31 @@ class TracingSettings:
 
     @property
     def sha256(self) -> str:
-        """Hash of all values: belongs into the key of every stored result."""
+        """Hash of all values; part of the key of every stored result."""
         return key_of(asdict(self))
 
 
 def short_period_frequency(
     Cm_alpha: float, qbar: float, area: float, chord: float, Iyy: float
 ) -> float:
-    """Natural frequency [Hz] of the short period without damping, ``sqrt(|Cm_alpha| qbar S c / Iyy)
-    / (2 pi)``.
+    """Undamped natural frequency of the short period.
 
-    Cm_alpha in 1/rad, qbar in Pa, area in m^2, chord in m, Iyy in kg m^2; for an unstable vehicle
-    the same time scale. Klein & Morelli, *Aircraft System Identification*, 2006, sec. 3.10 with
-    Z_alpha M_q left out.
+    ``sqrt(|Cm_alpha| qbar S c / Iyy) / (2 pi)``; for an unstable vehicle the same time scale.
+
+    Parameters
+    ----------
+    Cm_alpha : [1/rad]
+    qbar : [Pa]
+    area, chord : [m^2], [m]
+    Iyy : [kg m^2]
+
+    Returns
+    -------
+    float : [Hz]
+
+    References
+    ----------
+    Klein & Morelli, *Aircraft System Identification*, 2006, sec. 3.10, with Z_alpha M_q left out.
 
     >>> round(short_period_frequency(-0.8, 6000.0, 30.0, 3.0, 70000.0), 2)
     0.4

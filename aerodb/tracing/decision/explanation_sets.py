@@ -1,7 +1,6 @@
-"""What else would explain a finding: rivals that fit as well, and sensors that a finding does not
-survive.
+"""Explanation sets: rivals that explain a finding as well, and sensors that take it away.
 
-TRACING steps 7 and 8. A rival is rejected only for a reason, and the reason is kept.
+docs/method/tracing.md, section 10. A rival is rejected only for a reason, and the reason is kept.
 """
 
 from dataclasses import dataclass
@@ -26,9 +25,9 @@ LOST = 0.25
 class Explanation:
     """The explanation set of one finding.
 
-    place : of the finding. rivals : aerodynamic ones that fit as well. sensors : sensors that the
-    finding does not survive, or that fit as well. fallen : place -> why that rival is none, plain
-    words.
+    index : of the finding. rivals : aerodynamic hypotheses that fit as well. sensors : sensors
+    beside which the finding does not hold, or that fit as well. fallen : index -> why that
+    hypothesis is no rival, in plain words.
     """
 
     index: int
@@ -38,7 +37,7 @@ class Explanation:
 
 
 def explain(tests: CrossFlightTests, decision: Decision, index: int) -> Explanation:
-    """Rivals and sensors of an accepted (or suspected) term, or of a freed sensor."""
+    """Return the explanation set of an accepted or suspected term, or of a freed sensor."""
     sensors = set(tests.campaign.sensors)
     fewest = (
         tests.settings.fewest
@@ -65,8 +64,11 @@ def explain(tests: CrossFlightTests, decision: Decision, index: int) -> Explanat
 def _fitting(
     tests: CrossFlightTests, terms: tuple[int, ...], freed: tuple[int, ...], index: int, fewest: int
 ) -> tuple[list[int], dict[int, str]]:
-    """Hypotheses that would be found in place of it, whose gain it takes away and that are not
-    worse over flights."""
+    """Hypotheses that would be found in its place, lose their gain to it, and are not worse over
+    flights.
+
+    And the reason of each that was rejected.
+    """
     sensors = set(tests.campaign.sensors)
     # The rivals of a sensor are heard as if that sensor were right: beside it they would only get
     # what it leaves.
@@ -110,7 +112,7 @@ def _fitting(
 def _gain_by_flight(
     tests: CrossFlightTests, terms: tuple[int, ...], freed: tuple[int, ...], index: int, fewest: int
 ) -> Array:
-    """What the finding is worth in each flight, 0 where it has no vote."""
+    """Gain of the finding in each flight; 0 where the flight takes no part."""
     test = tests.tested(terms, freed, fewest)
     gains = np.zeros(len(tests.flights))
     gains[test.included[:, index]] = flight_gains(tests.flight_estimates(terms, freed), test, index)
@@ -120,12 +122,11 @@ def _gain_by_flight(
 def _breaking(
     tests: CrossFlightTests, terms: tuple[int, ...], freed: tuple[int, ...], index: int, fewest: int
 ) -> tuple[int, ...]:
-    """Sensors that, left without a prior, take the finding's separability, sign or significance
-    away.
+    """Sensors that, freed, take the finding's separability, sign or significance away.
 
-    And sensors that are freed already, beside which the finding is only a left-over: a tangent is
-    exact for small errors only, and what it leaves of a larger one looks like a small effect of the
-    same kind.
+    And sensors that are freed already and beside which little of the finding is left: the column of
+    a sensor is exact for small errors only, and the rest of a larger error looks like a small
+    effect of the same kind.
     """
     every = (
         *terms,

@@ -1,10 +1,10 @@
-"""Too few flights: their manoeuvres vote, beside the whole linear set.
+"""Trace too few flights: their manoeuvres are the units, beside the whole linear set.
 
-A search that takes one term after the other needs many votes: on a short record, what is still
-lacking is the noise of what is tested. Where manoeuvres have to vote, the linear set of all axes is
-in the model from the start (TRACING, step 0), and a candidate is judged by the noise that is left
-when it is in as well. Nothing that comes out of here is more than suspected. The joint fit itself
-is `joint_model`'s.
+A search that accepts one term after the other needs many units: on a short record, what the model
+still lacks acts as noise on what is tested. Where manoeuvres are the units, the linear set of all
+axes is in the model from the start (docs/method/tracing.md, section 16), and a candidate is judged
+by the noise that remains when it is in the model as well. Findings are suspected at most. The joint
+fit itself is in `aerodb.tracing.decision.joint_model`.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -57,12 +57,12 @@ _TWIN = 0.999
 def windows(
     spans: Sequence[tuple[float, float]], duration: float, correlation_time: float
 ) -> tuple[tuple[float, float], ...]:
-    """Stretches [s] of a flight of `duration` that vote on their own, one for each of `spans`: its
-    manoeuvres, start and end.
+    """Cut a flight of `duration` [s] into windows around its manoeuvres.
 
-    Each begins with its manoeuvre (the first with the record), holds the response to it, and ends
-    five correlation times of the residual before the next begins; a manoeuvre that would lose more
-    than half of itself so goes together with the next one.
+    spans : start and end [s] of each manoeuvre. Each window begins with its manoeuvre (the first
+    with the record), holds the response to it, and ends five correlation times of the residual
+    before the next begins; a manoeuvre that would lose more than half of itself in this way goes
+    together with the next one.
 
     >>> windows([(2.0, 6.0), (8.0, 10.0)], 20.0, 0.2)
     ((0.0, 7.0), (8.0, 20.0))
@@ -82,10 +82,10 @@ def windows(
 
 @dataclass(frozen=True)
 class FewFlightFindings:
-    """What manoeuvres say. joint : the final model. findings : `suspected` or `ambiguous_sensor`,
-    in the order of their p.
+    """Findings of manoeuvres.
 
-    correlation_time : flight -> axis -> s, of what the model leaves.
+    joint : the final model. findings : `suspected` or `ambiguous_sensor`, in the order of their p.
+    correlation_time : flight -> axis -> s, of the remaining residual.
     """
 
     joint: JointModel
@@ -99,14 +99,14 @@ def few_flight_findings(
     settings: TracingSettings,
     known: Collection[str] = (),
 ) -> FewFlightFindings:
-    """The linear set, then what adds most beside it, one after the other; at the end every term
-    beside all others.
+    """Fit the linear set, add the terms that gain most, and return those that hold beside all
+    others.
 
     evidence : of the units; settings : the frozen ones; known : ids that whole flights have found:
-    they are in the model where they fit, and no findings here. A term is found when it is
+    they are in the model where they fit, and are no findings here. A term is found when it is
     significant in its family, and when the value from the other units lowers the error of each unit
-    that votes on it. A term of the linear set may have one vote, that of the only unit made for it,
-    when the units without a vote bear it out, or its own halves do and those units do not
+    that takes part in its test. A term of the linear set may rest on one unit, the only one made
+    for it, when the other units bear it out, or when its own halves do and the other units do not
     contradict.
     """
     bands, settings = joint_bands(evidence, hypotheses, settings)
@@ -142,8 +142,9 @@ def few_flight_findings(
 
 
 def _correlation_times(joint: JointModel) -> dict[str, dict[str, float]]:
-    """Flight -> axis -> correlation time [s]: the mean over the flight's units, weighted by their
-    samples."""
+    """Flight -> axis -> correlation time [s]: mean over the flight's units, weighted by their
+    samples.
+    """
     sums: dict[str, dict[str, tuple[float, float]]] = {}
     for equations in joint.normal_equations:
         of_flight = sums.setdefault(SamplingUnit.parse(equations.flight).flight, {})
@@ -159,8 +160,10 @@ def _correlation_times(joint: JointModel) -> dict[str, dict[str, float]]:
 
 
 def _promising(joint: JointModel, able: Sequence[int]) -> list[int]:
-    """The candidates that gain most by the noise of the present model; each is then judged by the
-    noise that it leaves itself."""
+    """The candidates that gain most by the noise of the present model.
+
+    Each is then judged by the noise that remains with it.
+    """
     test = _tested(joint)
     apart = [i for i in able if i not in joint.terms and test.count[i] >= FEWEST_SUSPECTED]
     return sorted(apart, key=lambda i: -float(test.gain[i]))[:_TRIED]
@@ -171,9 +174,12 @@ def _claimable(hypothesis: Hypothesis) -> bool:
 
 
 def _tested(joint: JointModel) -> Tested:
-    """The test of the final model. Manoeuvres find effects, no sensors and no offsets: only these
-    are tested together, the linear set with one half of the level, so that it does not lose power
-    with every template that joins the library."""
+    """The test of the final model.
+
+    Manoeuvres find effects, no sensors and no offsets: only these are tested together, the linear
+    set with one half of the level, so that it does not lose power with every template that joins
+    the library.
+    """
     test = joint.tests.tested(joint.terms, (), 1)
     hypotheses = joint.tests.campaign.hypotheses
     linear = tuple(i for i, h in enumerate(hypotheses) if _claimable(h) and h.effect in LINEAR)
@@ -196,15 +202,18 @@ def _holds(joint: JointModel, test: Tested, index: int, evidence: Sequence[Evide
 
 
 def _silent(estimates: FlightEstimates, test: Tested, index: int) -> tuple[float, float]:
-    """What the units without a vote say all together: sums of ``A_hy`` and of ``A_hh``."""
+    """Sums of ``A_hy`` and of ``A_hh`` over the units that take no part in the test."""
     silent = ~test.included[:, index] & (estimates.information[:, index] > 0.0)
     information = estimates.information[silent, index]
     return float(information @ estimates.estimate[silent, index]), float(information.sum())
 
 
 def _agree(value: float, right: float, total: float) -> bool:
-    """Whether a part with these sums rejects on its own that there is nothing (one-sided, 5 %), and
-    is better off with the `value` of another part than with none."""
+    """Whether a part with these sums supports the `value` of another part.
+
+    It rejects on its own that there is nothing (one-sided, 5 %), and its error is lower with the
+    `value` than with none.
+    """
     return bool(
         np.sign(value) * right > _ONE_SIDED * np.sqrt(total)
         and 2.0 * value * right > value**2 * total
@@ -214,8 +223,9 @@ def _agree(value: float, right: float, total: float) -> bool:
 def _contradicted(
     estimates: FlightEstimates, test: Tested, index: int, silent: tuple[float, float]
 ) -> bool:
-    """Whether the units without a vote reject that the effect is as large as the lone voter says
-    (one-sided, 5 %)."""
+    """Whether the other units reject that the effect is as large as the one unit says (one-sided, 5
+    %).
+    """
     right, total = silent
     if total <= 0.0:
         return False
@@ -231,8 +241,10 @@ def _contradicted(
 def _halves_agree(
     joint: JointModel, test: Tested, index: int, evidence: Sequence[Evidence]
 ) -> bool:
-    """Whether the halves of the lone voter bear each other out, as units without a vote would
-    (blocks of one record: Ibragimov & Mueller, JBES 28(4), 2010)."""
+    """Whether the halves of the one unit support each other, as other units would.
+
+    Blocks of one record: Ibragimov & Mueller, JBES 28(4), 2010.
+    """
     made = joint.normal_equations[int(np.flatnonzero(test.included[:, index])[0])]
     hypothesis = joint.tests.campaign.hypotheses[index]
     noise = dict(zip(made.axes, made.spread.tolist(), strict=True))
@@ -258,10 +270,11 @@ def _halves_agree(
 def accompanying_linear_terms(
     joint: JointModel, findings: Sequence[Finding]
 ) -> tuple[Finding, ...]:
-    """The terms of the model on the axes of `findings` that are none themselves: a finding's value
-    holds beside them only.
+    """Return the linear terms of the model on the axes of `findings` that are no findings
+    themselves.
 
-    They are suspected like the findings; where a term has no vote it stays out.
+    The value of a finding holds only beside them. They are suspected like the findings; a term
+    without any unit in its test stays out.
     """
     hypotheses = joint.tests.campaign.hypotheses
     axes = {axis for finding in findings for axis in finding.axis}
@@ -331,8 +344,10 @@ def _because(
 def _twins(
     joint: JointModel, index: int, rivals: Sequence[int], units: Sequence[int] | NDArray[np.intp]
 ) -> str:
-    """Which rivals are the same column but for a factor, and in which units: there no flight of
-    this kind can tell them apart."""
+    """Which rivals are the same column up to a factor, and in which units.
+
+    No flight of this kind can tell them apart.
+    """
     matrix, names = joint.tests.campaign.products.matrix, joint.tests.campaign.hypotheses
     said = ""
     for rival in rivals:
@@ -351,13 +366,13 @@ def _twins(
 
 
 def believable_sensors(joint: JointModel, indices: Sequence[int]) -> dict[int, tuple[int, ...]]:
-    """Place of a finding -> sensors and vehicle data that an error of believable size makes
-    responsible for it.
+    """Return, for each finding, the sensors and vehicle data whose believable error would explain
+    it.
 
-    On one manoeuvre all sensors are nearly collinear: left free, without bounds, they take anything
-    (TRACING, known holes). So each in turn is known no better than its believable range, its limit
-    being kappa of its sigmas; the finding must keep its sign and p < level beside it, the others
-    with their priors.
+    On one manoeuvre all sensors are nearly collinear: freed, without bounds, they explain anything
+    (docs/method/tracing.md, section 16). So each in turn is known no better than its believable
+    range, the range's limit being kappa of its sigmas; the finding must keep its sign and p < level
+    beside it, the other sensors having their priors.
     """
     tests = joint.tests
     hypotheses, settings = tests.campaign.hypotheses, tests.settings

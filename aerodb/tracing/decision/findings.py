@@ -1,5 +1,7 @@
-"""What tracing says: findings with their rivals, and for everything else a bound. Frozen; names and
-verdicts of the contract."""
+"""Results of tracing: findings with their rivals, and a bound for everything else.
+
+Frozen; names and verdicts as in docs/reference/contract.md.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -23,7 +25,7 @@ ADDED: Final[tuple[Verdict, ...]] = ("confirmed",)
 
 
 def with_unit(value: float, unit: str, digits: int = 3) -> str:
-    """A number for people; numbers without dimension carry no unit.
+    """Format a number for people; dimensionless numbers carry no unit.
 
     >>> with_unit(0.0123, "rad", 2), with_unit(2.0, "1")
     ('0.012 rad', '2')
@@ -33,8 +35,11 @@ def with_unit(value: float, unit: str, digits: int = 3) -> str:
 
 @dataclass(frozen=True)
 class Vote:
-    """One flight's estimate of the parameter and what whitened noise alone would make of it (one
-    sigma), SI."""
+    """A flight's vote: its own estimate of the parameter, and the sigma that whitened noise gives
+    it, SI.
+
+    Every flight has one vote, and all count alike in the mean.
+    """
 
     flight: str
     value: float
@@ -46,11 +51,11 @@ class Finding:
     """One effect that the model lacks, or one sensor that is wrong.
 
     hypothesis : id in the library. axis, parameter, unit, value, ci95 : of its one parameter, SI;
-    ci95 holds random and systematic parts. p_adjusted : over the whole library. explanation_set :
-    ids that explain it equally well, itself first. because : one plain sentence. fallen : id -> why
-    that rival was rejected. refound : in how many of how many repetitions without some of the
-    flights it was found again. held_out_share : part of the flights on which the value from the
-    other flights lowers the error.
+    ci95 holds random and systematic parts. p_adjusted : over the whole library. votes : the
+    per-flight estimates. explanation_set : ids that explain it equally well, itself first. because
+    : one plain sentence. fallen : id -> why that rival was rejected. refound : in how many of how
+    many repetitions without some of the flights it was found again. held_out_share : share of the
+    flights on which the value from the other flights lowers the error.
     """
 
     hypothesis: str
@@ -71,7 +76,7 @@ class Finding:
     held_out_share: float = 0.0
 
     def document(self) -> dict[str, Any]:
-        """As JSON of the contract."""
+        """Return it as JSON of docs/reference/contract.md."""
         return {
             **_named(self),
             "value": self.value,
@@ -90,11 +95,11 @@ class Finding:
 
 @dataclass(frozen=True)
 class NotFound:
-    """A hypothesis of which nothing was found: what size is excluded (95 %) and what size would
-    have been found (power .8).
+    """A hypothesis of which nothing was found, with what the flights exclude.
 
-    Both are None where the flights say nothing: no flight excites it, or it cannot be told from the
-    others.
+    upper_bound : larger values are excluded (95 %). minimum_detectable : size that would have been
+    found with power .8. Both are None where the flights say nothing: no flight excites the
+    hypothesis, or it cannot be told from the others.
     """
 
     hypothesis: str
@@ -108,7 +113,7 @@ class NotFound:
     minimum_detectable: float | None
 
     def document(self) -> dict[str, Any]:
-        """As JSON of the contract."""
+        """Return it as JSON of docs/reference/contract.md."""
         return {
             **_named(self),
             "upper_bound": self.upper_bound,
@@ -117,7 +122,7 @@ class NotFound:
 
 
 def _named(item: Finding | NotFound) -> dict[str, Any]:
-    """What a document says first: which hypothesis, where, and the verdict."""
+    """First entries of a document: hypothesis, axes, subject, verdict, parameter."""
     return {
         "hypothesis": item.hypothesis,
         "effect": item.effect,
@@ -131,7 +136,7 @@ def _named(item: Finding | NotFound) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Traced:
-    """All that was found, all that was not, and what to fly next."""
+    """The result of tracing: findings, bounds for all other hypotheses, and what to fly next."""
 
     flights: tuple[str, ...]
     findings: tuple[Finding, ...]
@@ -140,11 +145,11 @@ class Traced:
     notes: tuple[str, ...]
 
     def named(self, *verdicts: Verdict) -> tuple[Finding, ...]:
-        """The findings with one of these verdicts."""
+        """Return the findings with one of these verdicts."""
         return tuple(finding for finding in self.findings if finding.verdict in verdicts)
 
     def document(self) -> dict[str, Any]:
-        """The parts of the contract's JSON that tracing knows."""
+        """Return the parts of the JSON document that tracing knows."""
         return {
             "findings": [finding.document() for finding in self.findings],
             "not_found": [item.document() for item in self.not_found],

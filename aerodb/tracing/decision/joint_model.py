@@ -1,5 +1,4 @@
-"""One model of several manoeuvres at once: common values, and normal equations whose noise is what the model
-leaves."""
+"""Fit one model to several manoeuvres at once, and whiten them by what the model leaves."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -38,8 +37,11 @@ _ITERATIONS = 5
 
 @dataclass(frozen=True)
 class JointModel:
-    """A model of several units. terms : places in the library; values : (k,), SI; grams : of the
-    whole residuals, whitened by what the model leaves; court : over these."""
+    """A model of several units.
+
+    terms : indices in the library; values : (k,), SI; normal_equations : of the whole residuals,
+    whitened by what the model leaves; tests : over these units.
+    """
 
     terms: tuple[int, ...]
     values: Array
@@ -47,15 +49,16 @@ class JointModel:
     tests: CrossFlightTests
 
     def value(self, index: int) -> float:
-        """The common value of one of the terms."""
+        """Return the common value of one of the terms."""
         return float(self.values[self.terms.index(index)])
 
 
 def joint_bands(
     evidence: Sequence[Evidence], hypotheses: Sequence[Hypothesis], settings: TracingSettings
 ) -> tuple[list[Band], TracingSettings]:
-    """The units in the band of manoeuvres with a column for every hypothesis, and the settings that
-    go with it."""
+    """Return the units in the band of manoeuvres, with a column for every hypothesis, and their
+    settings.
+    """
     wide = replace(
         settings,
         bandwidth=HARMONIC * settings.bandwidth,
@@ -72,11 +75,11 @@ def joint_fit(
     hypotheses: Sequence[Hypothesis],
     settings: TracingSettings,
 ) -> JointModel:
-    """All units under one value of every term and a constant of their own per axis: weighted least
-    squares, each unit's axis with the spread that it leaves. Then their normal equations.
+    """Fit common values of the terms to all units by weighted least squares.
 
-    The filters of the normal equations are fitted to what the model leaves; what it takes is put back by
-    algebra, ``y = y' + X theta``.
+    Each unit has a constant of its own per axis, and each axis of a unit the weight of what remains
+    of it. The whitening filters are fitted to the remaining residual; the normal equations are
+    those of the whole residual, ``y = y' + X theta``, by algebra.
     """
     columns = [index + 1 for index in terms]
     rows = {
@@ -111,8 +114,10 @@ def joint_fit(
 
 
 def under(joint: JointModel, evidence: Sequence[Evidence]) -> CrossFlightTests:
-    """Other units (parts of the same flights) under the same model, with the noise that it leaves
-    in them; those too short to be traced stay out."""
+    """Return the tests of other units (parts of the same flights) under the same model.
+
+    Whitened by the noise that it leaves in them; units too short to be traced stay out.
+    """
     hypotheses, settings = joint.tests.campaign.hypotheses, joint.tests.settings
     bands = [
         _ordered(in_band(without_shape_terms(each), settings), hypotheses) for each in evidence
@@ -156,7 +161,8 @@ def _about(
 
 def _ordered(band: Band, hypotheses: Sequence[Hypothesis]) -> Band:
     """The band with a column for every hypothesis, in the library's order; zero where the unit
-    lacks it."""
+    lacks it.
+    """
     names = tuple(hypothesis.id for hypothesis in hypotheses)
     indices = [0, *(names.index(name) + 1 for name in band.names), len(names) + 1]
 

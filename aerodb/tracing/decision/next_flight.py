@@ -1,5 +1,8 @@
-"""What to fly next: per open question the smallest excitation that decides it, as one plain
-sentence."""
+"""Propose what to fly next: per open question the smallest excitation that decides it, one
+sentence.
+
+docs/method/tracing.md, section 15.
+"""
 
 from collections.abc import Sequence
 
@@ -23,8 +26,9 @@ def next_flights(
     explanations: Sequence[Explanation],
     normal_equations: Sequence[NormalEquations],
 ) -> tuple[str, ...]:
-    """Sentences for aliases, sensors that could stand behind a finding, suspicions and what was
-    never excited."""
+    """Return sentences on alias groups, on sensors that may explain a finding, on suspected terms,
+    and on what was never excited.
+    """
     sentences: list[str] = []
     for explanation in explanations:
         rivals = explanation.rivals
@@ -42,12 +46,21 @@ def next_flights(
 
 
 def excitation_needed(value: float, known: float, per_flight: float, level: float) -> float:
-    """By what factor one further flight must be excited to decide about `value`.
+    """Factor on the excitation of one further flight that decides about `value`.
 
-    known : information that all flights so far hold beside the rival; per_flight : information of
-    one flight on the column by itself, both one over variance. Information grows with the square of
-    the excitation: ``(f^2 I_1 + I) value^2 >= (z + z_p)^2``, one-sided `level`, power .8. 0 where
-    enough is known already.
+    Information grows with the square of the excitation: ``(f^2 I_1 + I) value^2 >= (z + z_p)^2``,
+    one-sided `level`, power .8.
+
+    Parameters
+    ----------
+    value : size to be decided about, in the parameter's unit
+    known : I, information that all flights so far hold beside the rival, one over variance
+    per_flight : I_1, information of one flight on the column by itself
+    level : of the one-sided test
+
+    Returns
+    -------
+    float : f; 0 where enough is known already
 
     >>> round(excitation_needed(2.0, 0.0, 1.0, 0.05), 2)  # (1.645 + 0.842) / 2
     1.24
@@ -101,8 +114,7 @@ def _separation(
 def _amount(
     hypothesis: Hypothesis, normal_equations: Sequence[NormalEquations], factor: float
 ) -> str:
-    """Root mean square of the motion: in degrees where the column is a deflection or an angle, else
-    against what was flown."""
+    """Rms of the motion: in degrees for a deflection or an angle, else relative to what was flown."""
     flown = [
         g.excitation[g.hypotheses.index(hypothesis.id)]
         for g in normal_equations
@@ -123,8 +135,9 @@ def _amount(
 
 
 def _calibration(tests: CrossFlightTests, decision: Decision, index: int, sensor: int) -> str:
-    """How well the sensor must be known by other means: to a third of the error that would take the
-    finding's place."""
+    """How well the sensor must be known by other means: to a third of the error that would replace
+    the finding.
+    """
     names = tests.campaign.hypotheses
     terms = tuple(i for i in decision.terms if i != index)
     needed = abs(float(tests.tested(terms, decision.freed, FEWEST_SUSPECTED).mean[sensor]))
@@ -149,8 +162,9 @@ def _more_flights(tests: CrossFlightTests, decision: Decision, index: int) -> st
 
 
 def _unseen(tests: CrossFlightTests, decision: Decision) -> list[str]:
-    """One sentence for the channels whose motion no flight shows, or shows only together with
-    others."""
+    """One sentence for each channel whose motion no flight shows, or shows only together with
+    others.
+    """
     test = tests.tested(decision.terms, decision.freed, FEWEST_SUSPECTED)
     idle: dict[tuple[str, ...], list[str]] = {}
     tied: dict[tuple[str, ...], list[str]] = {}

@@ -1,13 +1,12 @@
-"""What was found, fitted once more beside the candidate that has it: its gain, and its shape inside
-the envelope.
+"""Refit accepted terms beside the candidate that holds them: their gains, then their shapes.
 
-Votes were weighed by the noise of a residual that still held the effect. Beside the candidate the
-noise is what is left, and all terms stand together: their gains are estimated anew. Then a gain may
-change from node to node of a variable (`aerodb.effects.spline`), shrunk towards no change by a
-ridge that flights choose which are left out. Either stays only if it predicts left-out flights
-better, flight after flight: new gains better than the old ones, a finer shape better than the best
-gains. All of it is algebra on whitened normal equations: trims and sensors, with their priors, stand beside it
-as in tracing.
+Tracing whitened by a residual that still held the effect. Beside the candidate the noise is what
+remains, and all terms stand together: their gains are estimated again. Then a gain may change from
+node to node of a variable (`aerodb.effects.spline`), shrunk towards no change by a ridge that is
+chosen on flights left out. Either change stays only if it predicts left-out flights better, flight
+after flight: new gains better than the old ones, a finer shape better than the best gains. All of
+it is algebra on normal equations: intercepts, and sensors with their priors, are eliminated as in
+tracing.
 """
 
 from collections.abc import Collection, Sequence
@@ -45,13 +44,13 @@ _TRACE: Final = 1e-9
 
 @dataclass(frozen=True)
 class Refined:
-    """What enters in place of the templates: terms, all with increments, their values (k,) and
-    covariance (k, k).
+    """What enters in place of the templates.
 
-    The first are the templates, whose values are corrections of those already in the candidate; the
-    others their ramps. variables : id of a template -> variables over which its shape was made
-    finer; empty where only gains are new. fall : id -> part by which the whitened error that the
-    best gains leave falls on flights that were left out.
+    terms : all with increments; values (k,) and covariance (k, k). The first terms are the
+    templates, whose values are corrections of those already in the candidate; the others are their
+    ramps. variables : id of a template -> variables over which its shape was made finer; empty
+    where only gains are new. fall : id -> share by which the whitened error that the best gains
+    leave falls on flights that were left out.
     """
 
     terms: tuple[Hypothesis, ...]
@@ -61,11 +60,11 @@ class Refined:
     fall: dict[str, float]
 
     def beside(self, values: Array, covariance: Array) -> tuple[Array, Array]:
-        """Values (k,) and covariance (k, k) of all terms, templates with what tracing gave them:
-        values (t,), covariance (t, t).
+        """Return values (k,) and covariance (k, k) of all terms, added to what tracing gave the
+        templates.
 
-        What tracing is less sure of than this fit, sensors above all, is a gain common to a whole
-        term: it is added there.
+        values (t,), covariance (t, t) : of tracing. Where tracing is less sure than this fit, above
+        all because of sensors, the difference is a gain common to a whole term; it is added there.
         """
         count = len(values)
         total, joint = self.values.copy(), self.covariance.copy()
@@ -78,11 +77,11 @@ class Refined:
 
 
 def downgraded_on_axes(findings: Sequence[Finding], axes: Collection[str]) -> tuple[Finding, ...]:
-    """The findings of a later round, those on body axes where a template's shape has been shown to
-    be wrong suspected at most.
+    """Return the findings of a later round; on `axes` they are suspected at most.
 
-    A finer shape follows nodes, not the truth: what it leaves is found again flight after flight,
-    and looks like an effect.
+    axes : body axes on which a template's shape has been shown to be wrong. A finer shape follows
+    nodes, not the truth: what it leaves is found again flight after flight, and looks like an
+    effect.
     """
     because = (
         "; but on this axis an earlier term has another shape than its template, of which this may"
@@ -106,11 +105,10 @@ def refine(
     sensors: Sequence[Hypothesis],
     settings: TracingSettings,
 ) -> Refined | None:
-    """New gains and finer shapes of the `accepted` terms, which `candidate` holds already; None
-    where they are not better, or flights are too few to say so.
+    """Return new gains and finer shapes of the `accepted` terms, which `candidate` holds already.
 
-    flights : with their comparisons beside the candidate. sensors : hypotheses that stand beside
-    with their priors.
+    flights : with their comparisons with the candidate. sensors : hypotheses that stand beside with
+    their priors. None where the result is not better, or flights are too few to tell.
     """
     if len(flights) < FEWEST or not accepted:
         return None
@@ -152,9 +150,11 @@ def refine(
 
 @dataclass(frozen=True)
 class ShapeProblem:
-    """Whitened products beside trims and sensors, of all flights or of as many folds of them:
-    square (g, k, k), right (g, k), total (g,). Each column counts in units (k,) of its own
-    template's: scaled parameter = parameter * unit."""
+    """Whitened products, intercepts and sensors eliminated, of all flights or of folds of them.
+
+    square (g, k, k), right (g, k), total (g,). Each column is scaled by the unit (k,) of its own
+    template: scaled parameter = parameter * unit.
+    """
 
     square: Array
     right: Array
@@ -162,7 +162,7 @@ class ShapeProblem:
     unit: Array
 
     def solved(self, folds: Folds, active: Sequence[int], ridge: Array) -> Array:
-        """(k,) the values that these folds give; zero where not active."""
+        """Return the values (k,) that these folds give; zero where not active."""
         found = np.zeros(len(self.unit))
         square = self.square[folds].sum(axis=0)[np.ix_(active, active)]
         right = self.right[folds].sum(axis=0)[list(active)]
@@ -172,11 +172,11 @@ class ShapeProblem:
         return found
 
     def gain(self, fold: int, values: Array) -> float:
-        """Fall of the sum of squares of a fold under these values."""
+        """Return the fall of the sum of squares of a fold under these values."""
         return float(2.0 * values @ self.right[fold] - values @ self.square[fold] @ values)
 
     def left_out(self, folds: Folds, active: Sequence[int], ridge: Array) -> Array:
-        """Gain of each of the folds under the values of the others."""
+        """Return the gain of each of the folds under the values of the others."""
         return np.array(
             [
                 self.gain(out, self.solved(folds[folds != out], active, ridge))
@@ -187,7 +187,7 @@ class ShapeProblem:
     def estimate(
         self, active: Sequence[int], ridge: Array, prior_dof: float
     ) -> tuple[Array, Array]:
-        """Values (k,) and covariance (k, k) of the active columns in their own units.
+        """Return values (k,) and covariance (k, k) of the active columns in their own units.
 
         The covariance is that over flights (sandwich), moderated as in tracing by that of whitened
         noise.
@@ -209,8 +209,10 @@ class ShapeProblem:
 
 
 def _problem(found: Campaign, of: Sequence[int], settings: TracingSettings) -> ShapeProblem:
-    """The first columns of a campaign beside its sensors; of : column -> place of its template
-    among them."""
+    """The first columns of a campaign with its sensors eliminated.
+
+    of : column -> index of its template among them.
+    """
     k, sensors = len(of), list(found.sensors)
     matrix, wanted = found.products.matrix, [*range(k), -1]
     among = matrix[:, sensors][:, :, sensors] + np.diag(found.precision[sensors])
@@ -227,8 +229,9 @@ def _problem(found: Campaign, of: Sequence[int], settings: TracingSettings) -> S
 
 
 def _better_gains(problem: ShapeProblem, terms: int, settings: TracingSettings) -> bool:
-    """Whether the gains that the other folds give predict a fold better than those that the
-    candidate has."""
+    """Whether the gains that the other folds give predict a fold better than those of the
+    candidate.
+    """
     folds = np.arange(len(problem.total))
     gains = problem.left_out(folds, range(terms), np.zeros(len(problem.unit)))
     return paired_p(gains, np.zeros(len(gains))) < settings.level
@@ -236,8 +239,9 @@ def _better_gains(problem: ShapeProblem, terms: int, settings: TracingSettings) 
 
 @dataclass(frozen=True)
 class Choice:
-    """One option taken: its number, its ridge, and by what part it lowers what is left on flights
-    that were left out."""
+    """One option taken: its number, its ridge, and the share by which it lowers the remaining error
+    of left-out flights.
+    """
 
     option: int
     ridge: float
@@ -256,8 +260,10 @@ def _ridge(
 def search(
     problem: ShapeProblem, groups: Sequence[tuple[int, ...]], terms: int, settings: TracingSettings
 ) -> list[Choice]:
-    """Options one after the other, the one that predicts left-out flights best first, until none
-    does so significantly."""
+    """Return options one after the other, the one that predicts left-out flights best first.
+
+    Until none does so significantly.
+    """
     chosen: list[Choice] = []
     folds = np.arange(len(problem.total))
     while len(chosen) < len(groups):

@@ -1,8 +1,8 @@
-"""Which terms does the model lack, which sensors are wrong: terms and sensors compete for the
-residual, one at a time.
+"""Forward selection: terms that the model lacks and sensors that are wrong compete for the
+residual.
 
-No samples here, only votes. What fits equally well, and whether a sensor could stand behind a term,
-is `explanation`'s.
+Only per-flight estimates are used here, no samples. docs/method/tracing.md, section 9. What fits
+equally well is in `aerodb.tracing.decision.explanation_sets`.
 """
 
 from collections.abc import Sequence
@@ -22,8 +22,11 @@ FEWEST_SUSPECTED = 2
 
 @dataclass(frozen=True)
 class Decision:
-    """Places of the accepted terms in the order found, of those only suspected (too few votes), and
-    of freed sensors."""
+    """Indices of the accepted terms in the order found, of those only suspected, and of freed
+    sensors.
+
+    A term is only suspected where too few flights take part in its test.
+    """
 
     accepted: tuple[int, ...]
     suspected: tuple[int, ...]
@@ -37,8 +40,11 @@ class Decision:
 
 @dataclass(frozen=True)
 class CrossFlightTests:
-    """A campaign, the flights that vote in it and the rules. `tested` remembers what it was
-    asked."""
+    """Tests of all hypotheses over some flights of a campaign, given a model; results are cached.
+
+    campaign : all flights; flights : which of them take part, by their number; settings : of
+    tracing.
+    """
 
     campaign: Campaign
     flights: tuple[int, ...]
@@ -54,7 +60,7 @@ class CrossFlightTests:
         fixed: Sequence[int] = (),
         exact: Sequence[int] = (),
     ) -> FlightEstimates:
-        """The votes of these flights beside the accepted terms and the sensors."""
+        """Return the estimates of these flights; see `Campaign.flight_estimates`."""
         return self.campaign.flight_estimates(
             tuple(accepted), tuple(freed), tuple(fixed), tuple(exact)
         ).rows(self.flights)
@@ -67,8 +73,11 @@ class CrossFlightTests:
         fixed: Sequence[int] = (),
         exact: Sequence[int] = (),
     ) -> Tested:
-        """Every hypothesis tested beside the accepted terms, whose shape may be wrong but where
-        they are `exact`, and the sensors: `freed` without prior, `fixed` known to be right."""
+        """Return the test of every hypothesis beside the accepted terms and the sensors.
+
+        fewest : flights that a test needs; of the settings, unless given. freed : sensors without
+        prior; fixed : sensors taken as right. exact : accepted terms whose shape is taken as right.
+        """
         fewest = self.settings.fewest if fewest is None else fewest
         key = (frozenset(accepted), frozenset(freed), fewest, frozenset(fixed), frozenset(exact))
         if key not in self.cached:
@@ -86,21 +95,23 @@ class CrossFlightTests:
     def gain(
         self, index: int, accepted: Sequence[int], freed: Sequence[int], fixed: Sequence[int]
     ) -> float:
-        """Coherent gain of one hypothesis alone, as `tested` has it."""
+        """Return the coherent gain of one hypothesis alone."""
         rows = list(self.flights)
         estimate, information = self.campaign.flight_estimate(index, accepted, freed, fixed)
         return coherent_gain(estimate[rows], information[rows], self.settings)
 
     def without(self, flights: Sequence[int]) -> "CrossFlightTests":
-        """The same court without some flights."""
+        """Return the tests without some flights."""
         return CrossFlightTests(
             self.campaign, tuple(f for f in self.flights if f not in flights), self.settings
         )
 
 
 def decide(tests: CrossFlightTests) -> Decision:
-    """Steps 3 to 6 of TRACING, repeated until nothing is left to be found; then suspicions from two
-    votes."""
+    """Select terms and sensors until nothing more is found; then suspected terms, then constants.
+
+    docs/method/tracing.md, sections 7 to 9.
+    """
     accepted: tuple[int, ...] = ()
     freed: tuple[int, ...] = ()
     dropped: set[int] = set()  # what has had to leave does not return: each round ends for good
@@ -128,7 +139,8 @@ def _candidates(
     tests: CrossFlightTests, accepted: tuple[int, ...], freed: tuple[int, ...], dropped: set[int]
 ) -> tuple[int | None, int | None]:
     """The term and the sensor of the largest coherent gain among those that are significant over
-    the whole library."""
+    the whole library.
+    """
     test = tests.tested(accepted, freed)
     sensors = set(tests.campaign.sensors)
     taken = {*accepted, *freed, *dropped, *tests.campaign.offsets}
@@ -155,10 +167,10 @@ def _sensor_wins(
     term: int,
     sensor: int,
 ) -> bool:
-    """Each is tested given the other: the sensor wins if it survives, and the term does not or
-    gains less.
+    """Test each given the other: the sensor wins if it remains, and the term does not or gains
+    less.
 
-    The gains are compared fairly: the term's with the sensor taken to be right, not beside a sensor
+    The gains are compared fairly: the term's with the sensor taken as right, not beside a sensor
     that has taken its share.
     """
     given_term = tests.tested((*accepted, term), freed, exact=(term,))
@@ -174,8 +186,10 @@ def _sensor_wins(
 def _kept(
     tests: CrossFlightTests, accepted: tuple[int, ...], freed: tuple[int, ...]
 ) -> tuple[int, ...]:
-    """The accepted terms that still stand beside each other: an early stand-in leaves when the true
-    terms are in."""
+    """The accepted terms that still hold beside each other.
+
+    An early stand-in leaves when the true terms are in.
+    """
     while len(accepted) > 1:
         test = tests.tested(accepted, freed)
         if test.significant[list(accepted)].all():
@@ -191,8 +205,11 @@ def _kept(
 def _suspicions(
     tests: CrossFlightTests, accepted: tuple[int, ...], freed: tuple[int, ...]
 ) -> tuple[int, ...]:
-    """Terms with too few votes for the error rate that each voting flight predicts for the others;
-    largest gain first."""
+    """Terms with too few flights for the error rate, whose value predicts each flight from the
+    others.
+
+    Largest gain first.
+    """
     suspected: tuple[int, ...] = ()
     while len(accepted) + len(suspected) < tests.settings.most_terms:
         terms = (*accepted, *suspected)
@@ -211,15 +228,19 @@ def _suspicions(
 def _offsets(
     tests: CrossFlightTests, terms: tuple[int, ...], freed: tuple[int, ...]
 ) -> tuple[int, ...]:
-    """Constants that return in all flights. They come last: trims are in every model, and every
-    lacking term leaves one."""
+    """Constants that recur over flights.
+
+    They come last: intercepts are in every model, and every lacking term leaves one.
+    """
     found = tests.tested(terms, freed).significant
     return tuple(index for index in tests.campaign.offsets if found[index])
 
 
 def flight_gains(estimates: FlightEstimates, test: Tested, index: int) -> Array:
-    """Fall of each voting flight's whitened sum of squares (voters,) under one common value, ``2 m
-    b - m^2 A``."""
+    """Fall of the whitened sum of squares of each flight in the test (m,) under one common value.
+
+    ``2 m b - m^2 A``.
+    """
     on = test.included[:, index]
     information = estimates.information[on, index]
     right = information * estimates.estimate[on, index]
@@ -229,7 +250,7 @@ def flight_gains(estimates: FlightEstimates, test: Tested, index: int) -> Array:
 
 
 def cross_validated(estimates: FlightEstimates, test: Tested, index: int) -> bool:
-    """Whether the others' value lowers every voting flight's sum of squares."""
+    """Whether the value of the other flights lowers the sum of squares of every flight in the test."""
     return bool(np.all(left_out_gains(estimates, test, index) > 0.0)) and bool(
         test.count[index] >= FEWEST_SUSPECTED
     )
@@ -238,8 +259,9 @@ def cross_validated(estimates: FlightEstimates, test: Tested, index: int) -> boo
 def reported_votes(
     tests: CrossFlightTests, estimates: FlightEstimates, test: Tested, index: int
 ) -> tuple[Vote, ...]:
-    """What each flight that votes on a hypothesis says of it: estimate and standard error, SI units
-    of its parameter."""
+    """Return the vote of each flight in the test: estimate and standard error, SI units of the
+    parameter.
+    """
     return tuple(
         Vote(
             tests.campaign.flights[tests.flights[g]],
@@ -251,8 +273,10 @@ def reported_votes(
 
 
 def left_out_gains(estimates: FlightEstimates, test: Tested, index: int) -> Array:
-    """As `flight_gains`, each flight under the value of the others: what the term is worth on a
-    flight that it has not seen."""
+    """As `flight_gains`, each flight under the value of the others.
+
+    What the term is worth on a flight that was not used to estimate it.
+    """
     on = test.included[:, index]
     information = estimates.information[on, index]
     right = information * estimates.estimate[on, index]

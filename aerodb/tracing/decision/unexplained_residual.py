@@ -1,10 +1,10 @@
-"""The rest: does anything in the state predict what is left of the residual, flight after flight,
-although no template fits?
+"""Does anything in the state still predict the residual, flight after flight, where no template
+fits?
 
 A flexible model (additive piecewise-linear functions of each variable and products of pairs, ridge)
-is fitted to all flights but one and predicts the one left out. Only if it beats "nothing" over the
-flights is there something unnamed. It names variables, not effects: it is a question to the
-aerodynamicist, never an increment.
+is fitted to all flights but one and predicts the one left out. Only if it beats a prediction of
+zero over the flights is there something unnamed. The result names variables, not effects: it is a
+question to the aerodynamicist, never an increment. docs/method/tracing.md, section 14.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -39,11 +39,11 @@ _MATTERS = 0.2
 
 @dataclass(frozen=True)
 class UnexplainedResidual:
-    """What is left on one axis. skill : fall of the left-out flights' sum of squares (1: all
-    explained, 0: nothing).
+    """What is predictable in the residual of one axis, and named by no hypothesis.
 
-    p_adjusted : over the axes, one-sided t over flights. variables : those that the skill rests on,
-    the strongest first; empty where nothing is found. skills (flights,): per flight.
+    skill : fall of the left-out flights' sum of squares (1: all explained, 0: nothing). p_adjusted
+    : over the axes, one-sided t over flights. variables : those that the skill rests on, the
+    strongest first; empty where nothing is found. skills (flights,) : per flight.
     """
 
     axis: str
@@ -56,8 +56,10 @@ class UnexplainedResidual:
 
 
 class Record(NamedTuple):
-    """One axis of a flight in the band: variables (m, v), residual (m,), and a basis (m, s) of what
-    sensors could explain."""
+    """One axis of a flight in the band.
+
+    variables (m, v), residual (m,), and a basis (m, s) of what sensors could explain.
+    """
 
     variables: Array
     residual: Array
@@ -66,11 +68,11 @@ class Record(NamedTuple):
 
 @dataclass(frozen=True)
 class FlightResidual:
-    """One flight's remainder: evidence whose residual has the accepted terms taken off, and
-    variables name -> (n,).
+    """One flight's residual beside the candidate, and the variables that may predict it.
 
-    Columns of the evidence are those of the sensors: what any of them could explain, whatever its
-    size, is no remainder."""
+    evidence : its residual has the accepted terms subtracted; its columns are those of the sensors:
+    what any of them could explain, whatever its size, is not unexplained. variables : name -> (n,).
+    """
 
     evidence: Evidence
     variables: Mapping[str, Array]
@@ -79,7 +81,7 @@ class FlightResidual:
 def unexplained_by_axis(
     left: Sequence[FlightResidual], settings: TracingSettings
 ) -> tuple[UnexplainedResidual, ...]:
-    """What each axis has left, over at least `settings.fewest` flights.
+    """Return what is unexplained on each axis, over at least `settings.fewest` flights.
 
     Raises InputError for fewer flights, or when the flights have no variable in common.
     """

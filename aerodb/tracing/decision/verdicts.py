@@ -1,5 +1,4 @@
-"""From the normal equations of several flights to findings: decide, explain, repeat without some flights,
-bound the rest."""
+"""From the normal equations of several flights to findings, verdicts and bounds."""
 
 from collections.abc import Mapping, Sequence
 
@@ -29,15 +28,15 @@ def trace(
     settings: TracingSettings,
     earlier: Mapping[str, float] | None = None,
 ) -> Traced:
-    """Which of the hypotheses stand behind the residuals of these flights.
+    """Return which of the hypotheses explain the residuals of these flights.
 
-    grams : one per flight (or independent manoeuvre), made with these settings; hypotheses : the
-    whole frozen library, whatever a flight excites: the error rate is over all of them. earlier :
-    id -> value of terms that the database got in earlier rounds: what is left of their shape is no
-    second effect.
+    normal_equations : one per flight (or independent manoeuvre), made with these settings;
+    hypotheses : the whole frozen library, whatever a flight excites: the error rate is over all of
+    them. earlier : id -> value of terms that the database got in earlier rounds: what is left of
+    their shape is no second effect. The method: `aerodb.tracing` and docs/method/tracing.md.
 
-    Raises InputError without flights, without hypotheses, for a flight given twice, for normal equations of
-    another library.
+    Raises InputError without flights, without hypotheses, for a flight given twice, for normal
+    equations of another library.
     """
     if not normal_equations or not hypotheses:
         raise InputError(
@@ -75,8 +74,9 @@ def trace(
 
 
 def _once(normal_equations: Sequence[NormalEquations]) -> tuple[list[NormalEquations], list[str]]:
-    """Each flight once: normal equations equal to an earlier one under another name is the same flight, and
-    is left out."""
+    """Each flight once: normal equations equal to earlier ones under another name are the same
+    flight.
+    """
     kept: list[NormalEquations] = []
     alike: dict[str, list[NormalEquations]] = {}
     notes = []
@@ -164,7 +164,7 @@ def _verdict(decision: Decision, explanation: Explanation) -> Verdict:
 def _because(
     tests: CrossFlightTests, explanation: Explanation, verdict: Verdict, test: Tested, flights: int
 ) -> str:
-    """One plain sentence: what, how large, how sure, and what stands beside it."""
+    """One plain sentence: what, how large, how sure, and what may explain it as well."""
     names = tests.campaign.hypotheses
     hypothesis = names[explanation.index]
     low, high = test.interval(explanation.index)

@@ -1,5 +1,4 @@
-"""An autoregression whitens what is coloured: one filter per axis and flight, for the residual and
-every column alike."""
+"""Whiten residual and columns by an autoregression, one filter per axis and flight."""
 
 from collections.abc import Sequence
 
@@ -9,13 +8,20 @@ from aerodb.support import Array
 
 
 def fit(records: Sequence[Array], most: int) -> tuple[Array, float]:
-    """Coefficients a (p,) of ``v[k] = a1 v[k-1] + ... + ap v[k-p] + e[k]`` and the spread of e; p
-    <= `most` by BIC.
+    """Fit the autoregression ``v[k] = a1 v[k-1] + ... + ap v[k-p] + e[k]``, p <= `most` by BIC.
 
-    records : arrays (n_i,) with their level removed; each is a record of its own, no lag reaches
-    across. Conditional least squares; all orders are compared on the samples that the longest uses.
-    ``BIC = n log(SSE/n) + p log n`` (Schwarz, Ann. Stat. 6(2), 1978). A model that is not stable is
-    not taken. Spread 0: nothing but zeros.
+    Conditional least squares; all orders are compared on the samples that the longest uses. ``BIC =
+    n log(SSE/n) + p log n`` (Schwarz, Ann. Stat. 6(2), 1978). Unstable models are not taken.
+
+    Parameters
+    ----------
+    records : arrays (n_i,) with their mean removed; no lag reaches from one to another
+    most : largest order
+
+    Returns
+    -------
+    tuple[Array, float] : coefficients a (p,), and the standard deviation of e; 0 if all values are
+        zero
     """
     most = max(0, min(most, max(len(record) for record in records) // 4))
     target = np.concatenate([record[most:] for record in records])
@@ -44,8 +50,10 @@ def fit(records: Sequence[Array], most: int) -> tuple[Array, float]:
 
 
 def whiten(columns: Array, coefficients: Array) -> Array:
-    """Columns (n, k) of one record through ``e[k] = v[k] - a1 v[k-1] - ...``; the first p rows,
-    without a past, are left out."""
+    """Return ``e[k] = v[k] - a1 v[k-1] - ...`` for columns (n, k) of one record.
+
+    The first p rows have no past and are left out.
+    """
     order = len(coefficients)
     filtered = columns[order:].copy()
     for lag, coefficient in enumerate(coefficients, start=1):
@@ -54,8 +62,10 @@ def whiten(columns: Array, coefficients: Array) -> Array:
 
 
 def correlation_time(records: Sequence[Array], step: float) -> float:
-    """Integral time scale [s] of records with their level removed: ``step (1/2 + sum rho_k)`` to
-    the first rho_k <= 0."""
+    """Integral time scale [s] of records with their mean removed.
+
+    ``step (1/2 + sum rho_k)`` up to the first rho_k <= 0.
+    """
     total = sum(float(record @ record) for record in records)
     if total <= 0.0:
         return 0.0

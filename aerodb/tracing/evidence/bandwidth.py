@@ -1,5 +1,7 @@
-"""The band in which residuals are traced: up to a little above the rigid-body modes, where the
-excitation is."""
+"""The band in which residuals are traced: up to a little above the rigid-body modes.
+
+Above it there is no excitation.
+"""
 
 from collections.abc import Mapping, Sequence
 
@@ -11,8 +13,8 @@ from aerodb.tables import AeroDatabase
 from aerodb.tracing.settings import short_period_frequency
 from aerodb.vehicle import Vehicle, mass_channels
 
-#: The edge in natural frequencies of the fastest rigid-body mode (TRACING, step 1: one to two), and
-#: the least edge, Hz.
+#: The edge in natural frequencies of the fastest rigid-body mode (one to two are sensible:
+#: docs/method/tracing.md, section 5), and the least edge, Hz.
 FACTOR, LEAST = 1.5, 0.5
 #: The edge in sampling rates, at most.
 _OF_SAMPLING = 0.2
@@ -21,9 +23,12 @@ _STEP = 0.01
 
 
 def tracing_bandwidth(database: AeroDatabase, vehicle: Vehicle, flights: Sequence[Flight]) -> float:
-    """Edge of the low-pass, Hz: FACTOR times the fastest of short period and Dutch roll that the
-    database gives at the flights' median conditions, both without damping; at least LEAST and at
-    most a fifth of the sampling rate."""
+    """Edge of the low-pass [Hz] for a set of flights.
+
+    FACTOR times the fastest of short period and Dutch roll, both undamped, from the database's
+    slopes at the flights' median conditions; at least LEAST and at most a fifth of the sampling
+    rate. docs/method/tracing.md, section 5.
+    """
     reference = database.reference
     edges = [LEAST]
     for flight in flights:

@@ -1,7 +1,7 @@
-"""What tracing knows of one flight: its residual, and what each hypothesis would add to it.
+"""Residual and regressor columns of one flight.
 
-Nothing is conditioned here: low-pass, decimation, trims and whitening are those of `normal_equations_of`, applied to all
-columns alike.
+Nothing is conditioned here: `normal_equations_of` low-passes, decimates and whitens all columns
+alike, and adds the intercepts.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -20,13 +20,13 @@ Columns = Mapping[str, Mapping[str, Array]]
 class Evidence:
     """One flight (or one manoeuvre of it) on its own uniform time grid.
 
-    flight : its id, or that of the unit. step : s. residual : axis -> (n,), measured - predicted,
-    without dimension. usable : axis -> (n,). columns : hypothesis id -> axis -> (n,), derivative of
-    (measured - predicted) by the hypothesis' one parameter; aerodynamic and sensors alike; an axis
-    on which it does not act may be missing, and so may a hypothesis that this flight cannot show.
-    noisy : the same flight with the reconstruction's own state noise added once more (SIMEX: Cook &
-    Stefanski, JASA 89, 1994); optional. instruments : like columns, what commanded inputs alone
-    make of them; optional.
+    flight : id of the flight or of the unit. step : s. residual : axis -> (n,), measured -
+    predicted, dimensionless. usable : axis -> (n,). columns : hypothesis id -> axis -> (n,),
+    derivative of (measured - predicted) by the hypothesis' one parameter, aerodynamic and sensors
+    alike; an axis on which it does not act may be missing, and so may a hypothesis that this flight
+    cannot show. noisy : the same flight with the reconstruction's state noise added once more
+    (SIMEX: Cook & Stefanski, JASA 89, 1994); optional. instruments : like columns, the columns as
+    commanded inputs alone predict them; optional.
 
     Raises InputError when lengths differ or a column is not finite where its axis is usable.
     """
@@ -72,8 +72,9 @@ class Evidence:
         return len(next(iter(self.residual.values())))
 
     def usable_alike(self, axes: Iterable[str]) -> list[list[str]]:
-        """The axes in groups that are usable at the same samples: a group's columns may be worked
-        on at once."""
+        """The axes in groups that are usable at the same samples, so that a group is filtered at
+        once.
+        """
         groups: dict[bytes, list[str]] = {}
         for axis in axes:
             groups.setdefault(self.usable[axis].tobytes(), []).append(axis)
@@ -99,12 +100,12 @@ def _check(values: Array, length: int, usable: Mask, where: str, what: str) -> N
 def units(
     evidence: Evidence, windows: Sequence[tuple[float, float]], correlation_time: float
 ) -> tuple[Evidence, ...]:
-    """The flight's manoeuvres as units of their own, where they may count as independent votes.
+    """Cut a flight into its manoeuvres, as units that may count as independent.
 
     windows : (start, end) [s] from the first sample, in order. A window that begins less than five
-    `correlation_time` [s] of the residual after the end of the last one taken is left out:
-    neighbours would share noise. Each unit has its own trim. Units are called as `VotingUnit` says,
-    ``flight@start-end``; say in the result that manoeuvres voted, not flights.
+    `correlation_time` [s] of the residual after the end of the last one taken is left out, since
+    neighbours would share noise. Each unit has its own intercepts. Its name is that of its
+    `SamplingUnit`, ``flight@start-end``. State in the result that manoeuvres were the units.
     """
     found: list[Evidence] = []
     whole, free_from = SamplingUnit.parse(evidence.flight), -np.inf
@@ -120,11 +121,10 @@ def units(
 def halves(
     evidence: Evidence, hypothesis: str, noise: Mapping[str, float], correlation_time: float
 ) -> tuple[Evidence, ...]:
-    """The unit cut in two where it has shown half of what it shows of a hypothesis (its id), five
-    `correlation_time` [s] apart.
+    """Cut a unit in two where it has shown half of its information about a hypothesis (its id).
 
-    noise : axis -> spread of what is left, coefficient units. Empty where a half would hold
-    nothing.
+    The halves are five `correlation_time` [s] apart. noise : axis -> standard deviation of the
+    remaining residual, coefficient units. Empty where one half would hold nothing.
     """
     shown = np.zeros(evidence.samples)
     for axis, column in evidence.columns.get(hypothesis, {}).items():
@@ -139,7 +139,7 @@ def halves(
 
 
 def _cut(evidence: Evidence, part: slice, name: str) -> Evidence:
-    """The samples `part` of the evidence under a new name, noisy copies alike."""
+    """The samples `part` of the evidence under a new name; noisy copies alike."""
 
     def columns(source: Columns) -> dict[str, dict[str, Array]]:
         return {

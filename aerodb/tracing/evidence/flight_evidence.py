@@ -1,4 +1,4 @@
-"""From a flight beside the current model to the evidence that tracing uses."""
+"""Residual and regressor columns of a flight compared with the current model."""
 
 from collections.abc import Sequence
 
@@ -23,14 +23,14 @@ def evidence_of(
     noisy: Sequence[tuple[Flight, Comparison]] = (),
     view: FlightView | None = None,
 ) -> Evidence:
-    """Residuals of a flight on the body axes and the column of every hypothesis.
+    """Return the residuals of a flight on the body axes and the column of every hypothesis.
 
-    database : the current model, the one that `comparison` is with. noisy : the same flight with
-    the reconstruction's state noise added once more, each with its own comparison. view : of the
-    flight beside the database, where there is one already. A hypothesis whose channels the flight
-    lacks gives no column.
+    database : the model that `comparison` was made with. noisy : the same flight with the
+    reconstruction's state noise added once more, each with its own comparison. view : of the flight
+    and the database, where one exists already. A hypothesis whose channels the flight lacks gives
+    no column.
 
-    Raises InputError when the flight gives no body axis.
+    Raises InputError when no body axis has a usable sample.
     """
     view = view or view_of(flight, comparison, database, vehicle)
     axes = [axis for axis in AXES if axis in comparison.usable and comparison.usable[axis].any()]

@@ -1,13 +1,12 @@
-"""Instruments from what was commanded: what of a rate a pilot or a test programme asked for, and no
-controller added.
+"""Instruments from commanded inputs, for flights under feedback control.
 
 A controller answers moment noise with a deflection, and so with a rate: rate and residual are then
-correlated although the database lacks nothing, in every flight alike, and votes cannot see it
-(TRACING, known holes). What was commanded knows nothing of the noise. So columns count by what they
-would be with the rates that the commands predict: the first stage of two-stage least squares
-(Theil, 1953), on the commands' responses through a few Laguerre filters (Wahlberg, IEEE Trans.
-Automatic Control 36(5), 1991), which need no model of the aircraft. The price is power: a rate that
-gusts made says nothing any more.
+correlated although the database lacks nothing, in every flight alike, so that the test over flights
+cannot see it (docs/method/tracing.md, section 19). Commands are independent of the noise. Columns
+are therefore replaced by what they would be with the rates that the commands predict: the first
+stage of two-stage least squares (Theil, 1953), on the commands' responses through a few Laguerre
+filters (Wahlberg, IEEE Trans. Automatic Control 36(5), 1991), which need no model of the aircraft.
+The price is power: a rate that gusts caused counts for nothing.
 """
 
 from collections.abc import Mapping
@@ -33,10 +32,10 @@ _FILTERS: Final = 4
 
 
 def with_commanded_rates(flight: Flight, bandwidth: float) -> Flight | None:
-    """The flight with the rates that its commands predict, fitted to its own; None where none was
-    logged that moved.
+    """Return the flight with the rates that its commands predict, fitted to its own rates.
 
-    bandwidth : of tracing, Hz; the filters' pole is at half of it.
+    bandwidth : of tracing, Hz; the filters' pole is at half of it. None where no logged command
+    moved.
     """
     made: dict[str, Array] = {}
     for rate, commands in COMMANDS_FOR.items():
@@ -54,8 +53,10 @@ def with_commanded_rates(flight: Flight, bandwidth: float) -> Flight | None:
 
 
 def with_instruments(evidence: Evidence, commanded: Evidence) -> Evidence:
-    """The evidence with instruments for the columns that are others in the evidence of the flight
-    as it was commanded."""
+    """Return the evidence with instruments for the columns that differ in `commanded`.
+
+    commanded : evidence of the flight as `with_commanded_rates` returns it.
+    """
     changed = {
         name: {
             axis: found
@@ -75,7 +76,8 @@ def with_instruments(evidence: Evidence, commanded: Evidence) -> Evidence:
 
 def _responses(flight: Flight, command: str, bandwidth: float) -> list[Array]:
     """A command (n,) through the first Laguerre filters; empty where it is not logged or did not
-    move."""
+    move.
+    """
     if command not in flight:
         return []
     values = flight[command]

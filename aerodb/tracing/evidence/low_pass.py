@@ -1,5 +1,7 @@
-"""Residual and columns of one axis in the band that tracing looks at: stretches without gaps,
-low-passed, decimated."""
+"""Low-pass and decimate residual and columns of an axis, stretch by stretch.
+
+docs/method/tracing.md, section 5.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -31,14 +33,12 @@ BLOCK, _CACHED = 16, 1 << 18
 
 
 def decimation(step: float, bandwidth: float) -> int:
-    """Every how manieth sample of `step` [s] holds what is below `bandwidth` [Hz]; 1 where the grid
-    is too slow to decimate."""
+    """Return the decimation factor that keeps what is below `bandwidth` [Hz]; 1 for a slow grid."""
     return max(1, int(PASS_EDGE / (bandwidth * step)))
 
 
 def stretches(usable: Mask, step: float, bandwidth: float, order: int) -> list[slice]:
-    """Usable stretches of the grid, long enough to whiten; short gaps inside them are to be
-    bridged."""
+    """Return the stretches that are long enough to whiten; short gaps inside are bridged later."""
     ratio = decimation(step, bandwidth)
     longest_gap = int(BRIDGED / (bandwidth * step))
     found = runs(usable, (SHORTEST + order + 2 * ends_left_out(ratio)) * ratio, longest_gap)
@@ -46,20 +46,19 @@ def stretches(usable: Mask, step: float, bandwidth: float, order: int) -> list[s
 
 
 def band_limited(columns: Sequence[Array], usable: Mask, step: float, bandwidth: float) -> Array:
-    """Columns (k of (n,)) of one stretch as (m, k): gaps bridged, low-passed with zero phase, every
-    `decimation`-th sample.
+    """Low-pass columns (k of (n,)) of one stretch with zero phase and decimate them to (m, k).
 
-    The low-pass is that of `aerodb.conditioning.resampling.low_pass`; the ends are continued by
-    point reflection, and the samples are left out whose noise this hardly lowers. Every step is
-    linear and the same for all columns: what was ``y = X theta + v`` still is.
+    Gaps are bridged by straight lines. The low-pass is that of
+    `aerodb.conditioning.resampling.low_pass`; the ends are continued by point reflection, and the
+    samples whose noise this hardly lowers are left out. Every step is linear and the same for all
+    columns: ``y = X theta + v`` remains true.
     """
     ratio = decimation(step, bandwidth)
     return _decimated(columns, usable, ratio, ends_left_out(ratio)).T
 
 
 def slower(columns: Sequence[Array], usable: Mask, ratio: int) -> Array:
-    """Columns (k of (n,)) as (k, m): every `ratio`-th sample from the first on, low-passed and
-    bridged likewise."""
+    """Low-pass columns (k of (n,)) and return every `ratio`-th sample as (k, m)."""
     return (
         _decimated(columns, usable, ratio, 0)
         if usable.any()
@@ -94,8 +93,10 @@ def _decimated(columns: Sequence[Array], usable: Mask, ratio: int, left_out: int
 
 
 def _padded(columns: Sequence[Array], usable: Mask, half: int) -> Array:
-    """Columns (k of (n,)) as (k, n + 2 half): straight lines over gaps, point reflections about
-    both ends beyond them."""
+    """Columns (k of (n,)) as (k, n + 2 half).
+
+    Straight lines over gaps, point reflections about both ends beyond them.
+    """
     n = len(usable)
     padded = np.empty((len(columns), n + 2 * half))
     inner = padded[:, half : half + n]
@@ -113,11 +114,11 @@ def _padded(columns: Sequence[Array], usable: Mask, half: int) -> Array:
 
 @lru_cache(maxsize=64)
 def ends_left_out(ratio: int) -> int:
-    """Decimated samples at each end of a stretch in which white noise is more than NOISIER times
-    what it is inside.
+    """Decimated samples at each end of a stretch where white noise is more than NOISIER times that
+    inside.
 
     Reflected about the end, noise does not average: the very last sample would come out as it went
-    in, and what it is worth would be judged by the spread of the others.
+    in, and would be weighted by the standard deviation of the others.
 
     >>> ends_left_out(1), ends_left_out(23)
     (0, 1)
@@ -150,8 +151,9 @@ def _kernel(ratio: int) -> tuple[Array, int]:
 
 @lru_cache(maxsize=64)
 def _band(ratio: int) -> Array:
-    """The filter at BLOCK kept samples, one after the other, as a matrix (samples, BLOCK): a
-    product does what a loop would."""
+    """The filter at BLOCK decimated samples as a matrix (samples, BLOCK), so that one product does
+    it.
+    """
     taps, _ = _kernel(ratio)
     band = np.zeros((len(taps) + (BLOCK - 1) * ratio, BLOCK))
     for number in range(BLOCK):
@@ -161,11 +163,11 @@ def _band(ratio: int) -> Array:
 
 @dataclass(frozen=True)
 class Band:
-    """One flight in the band that tracing looks at. step [s] after decimation; names : the
-    hypotheses, in the order of columns.
+    """One flight in the band of tracing.
 
-    noisy : records of the copies with more state noise; instruments : records of the instruments
-    (zero where there is none), empty without.
+    step : s, after decimation; names : the hypotheses, in the order of columns. records : see
+    `Records`. noisy : records of the copies with more state noise; instruments : records of the
+    instruments (zero where there is none), empty without.
     """
 
     flight: str
@@ -177,8 +179,7 @@ class Band:
 
 
 def in_band(evidence: Evidence, settings: TracingSettings) -> Band:
-    """The evidence in the band, axis by axis and stretch by stretch; axes without a usable stretch
-    stay out."""
+    """Return the evidence in the band; axes without a usable stretch stay out."""
     names = tuple(evidence.columns)
     parts = {
         axis: stretches(evidence.usable[axis], evidence.step, settings.bandwidth, settings.order)
@@ -219,8 +220,8 @@ def _limited(
     part: slice,
     bandwidth: float,
 ) -> dict[str, Array]:
-    """One stretch in the band: axis -> (m, names + 2), constant, the named columns (zero where
-    absent), residual.
+    """One stretch in the band: axis -> (m, names + 2), constant, named columns (zero if absent),
+    residual.
 
     axes : usable at the same samples, so that all their columns are filtered at once.
     """

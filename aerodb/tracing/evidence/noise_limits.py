@@ -1,11 +1,11 @@
-"""How large the error of a reconstructed flow angle can be: no larger than what it would leave in
-the residual.
+"""Limit the error of a reconstructed flow angle by what it would leave in the residual.
 
-Without a vane nobody saw the gusts; the smoother then allows for all that could have been there.
-But an angle that is wrong by e moves the prediction by ``dC/dalpha e``, on every axis that depends
-on it, and whatever else is wrong comes on top: where the residual of one axis has less power than
-that, the error is smaller. The bound of errors in variables (Klepper & Leamer, Econometrica 52(1),
-1984), one-sided: a residual that a lacking effect makes larger only loosens it.
+Without a vane no sensor shows the gusts; the smoother then allows for any gust of the assumed
+spectrum. But an angle that is wrong by e moves the prediction by ``dC/dalpha e``, on every axis
+that depends on it, and whatever else is wrong comes on top: where the residual of one axis has less
+power than that, the error is smaller. This is the bound of errors in variables (Klepper & Leamer,
+Econometrica 52(1), 1984), one-sided: a residual that a lacking effect makes larger only loosens it.
+docs/method/tracing.md, section 18.
 """
 
 from collections.abc import Mapping
@@ -29,13 +29,13 @@ def bounded_noise(
     settings: TracingSettings,
     most: float = 1.0,
 ) -> StateNoise:
-    """The noise with the density of alpha no larger than the flight's residual allows.
+    """Return the noise with the density of alpha no larger than the flight's residual allows.
 
-    view, comparison : of the flight beside the current model. most : times the power that the
-    smoother states; beyond 1 where all that the residual allows is to count, since of gusts that
-    nobody saw the smoother may state too little. What is constant over the flight stays: trims take
-    it. So does the noise of beta: of the horizontal gusts the airspeed says how strong they are, of
-    the vertical ones without a vane nothing.
+    view, comparison : of the flight and the current model. most : largest factor on the power that
+    the smoother states; above 1 where all that the residual allows shall count, since the smoother
+    may state too little for gusts that no sensor showed. What is constant over the flight stays:
+    the intercepts take it. So does the noise of beta: airspeed shows how strong the horizontal
+    gusts are; without a vane nothing shows the vertical ones.
     """
     if "alpha" not in noise.density:
         return noise
@@ -53,8 +53,11 @@ def bounded_noise(
 
 
 def _share(power: float, slopes: Mapping[str, Array], residual: Mapping[str, float]) -> float:
-    """How often the angle's error power (rad^2) the axis allows that allows least of it; 1 where
-    none depends on the angle."""
+    """Smallest ratio, over the axes, of residual power to what the angle's error power (rad^2)
+    causes.
+
+    1 where no axis depends on the angle.
+    """
     caused = {
         axis: power * float(np.mean(np.square(slopes[axis]))) for axis in residual if axis in slopes
     }
@@ -66,8 +69,9 @@ def _share(power: float, slopes: Mapping[str, Array], residual: Mapping[str, flo
 def _residual_power(
     comparison: Comparison, step: float, settings: TracingSettings
 ) -> dict[str, float]:
-    """Axis -> mean square of the residual about its level in the band of tracing; axes without a
-    usable stretch are absent."""
+    """Axis -> variance of the residual in the band of tracing; axes without a usable stretch are
+    absent.
+    """
     power = {}
     for axis in (axis for axis in AXES if axis in comparison.usable):
         usable = comparison.usable[axis]

@@ -1,8 +1,9 @@
-"""One flight's Gram matrix: all that later steps use of it, so that adding a flight costs one Gram.
+"""Normal equations of one flight: whitened cross-products of intercepts, hypotheses and residual.
 
-Columns are ``trims | hypotheses | residual``; on each axis they are low-passed, decimated and
-whitened alike, divided by the spread of the innovation and multiplied with one another; the
-products are summed over the axes.
+Columns are ``intercepts | hypotheses | residual``; on each axis they are low-passed, decimated and
+whitened alike and divided by the standard deviation of the innovation; the products are summed over
+the axes. Later steps use nothing else of a flight, so that one more flight costs one such matrix.
+docs/method/tracing.md, sections 5 and 6.
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,14 +25,14 @@ NORMAL_EQUATIONS_VERSION = 1
 
 @dataclass(frozen=True)
 class NormalEquations:
-    """Whitened cross-products of one flight, k = trims + hypotheses + 1 columns.
+    """Whitened cross-products of one flight, k = intercepts + hypotheses + 1 columns.
 
-    flight : id of the unit. axes : those that carry residuals, in the order of the trims.
+    flight : id of the unit. axes : those that carry residuals, in the order of the intercepts.
     hypotheses : ids, in the order of the columns. matrix (k, k). noisy : mean over the copies with
-    the state noise added once more, same form, or None. spread (axes,): rms of the innovation,
-    coefficient units; correlation (axes,) s, of the residual; samples (axes,) after decimation.
-    excitation (hypotheses,): rms of the column about its mean in the band, on the axis where it is
-    largest against the noise.
+    the state noise added once more, same form, or None. spread (axes,) : standard deviation of the
+    innovation, coefficient units; correlation (axes,) : s, of the residual; samples (axes,) : after
+    decimation. excitation (hypotheses,) : rms of the column about its mean in the band, on the axis
+    where it is largest against the noise.
     """
 
     flight: str
@@ -45,8 +46,9 @@ class NormalEquations:
     excitation: Array
 
     def to_arrays(self) -> dict[str, NDArray[np.generic]]:
-        """Plain arrays for a store; `gram_from_arrays` is the way back. Absent matrices are
-        empty."""
+        """Return plain arrays for a store; absent matrices are empty. See
+        `normal_equations_from_arrays`.
+        """
         return {
             "version": np.array(NORMAL_EQUATIONS_VERSION),
             "flight": np.array(self.flight),
@@ -62,7 +64,7 @@ class NormalEquations:
 
 
 def normal_equations_from_arrays(arrays: Mapping[str, NDArray[np.generic]]) -> NormalEquations:
-    """Normal equations from what `NormalEquations.to_arrays` gave. Raises InputError when it is of another form."""
+    """Invert `NormalEquations.to_arrays`. Raises InputError for another format."""
     version = int(np.asarray(arrays["version"], dtype=np.int64)) if "version" in arrays else 0
     if version != NORMAL_EQUATIONS_VERSION:
         raise InputError(
@@ -88,10 +90,10 @@ def normal_equations_from_arrays(arrays: Mapping[str, NDArray[np.generic]]) -> N
 
 
 def normal_equations_of(evidence: Evidence, settings: TracingSettings) -> NormalEquations:
-    """The normal equations of one flight. Axes without a usable stretch, or whose residual is exactly constant,
-    stay out.
+    """Return the normal equations of one flight.
 
-    A column that has an instrument counts by what its instrument predicts of it (`first_stage`).
+    Axes without a usable stretch, or whose residual is exactly constant, stay out. A column that
+    has an instrument is replaced by what its instrument predicts of it (`first_stage`).
 
     Raises InputError when no axis is left.
     """
@@ -99,11 +101,11 @@ def normal_equations_of(evidence: Evidence, settings: TracingSettings) -> Normal
 
 
 def normal_equations_of_band(band: Band, settings: TracingSettings) -> NormalEquations:
-    """The normal equations of one flight that is already in the band.
+    """Return the normal equations of one flight that is already in the band.
 
-    The filter of an axis is fitted once, to its residual without its level, and used for all
-    columns, the noisy copies and the instruments: filtering is linear, so that what was true of the
-    columns stays true.
+    The filter of an axis is fitted once, to its residual with the mean removed, and used for all
+    columns, the noisy copies and the instruments: filtering is linear, so that linear relations
+    between columns remain true.
 
     Raises InputError when no axis is left.
     """
@@ -137,7 +139,7 @@ def normal_equations_of_band(band: Band, settings: TracingSettings) -> NormalEqu
 
 
 def _products(band: Band, source: Records, fitted: Mapping[str, tuple[Array, float]]) -> Array:
-    """Gram (k, k) of whitened columns, summed over the axes."""
+    """Cross-products (k, k) of whitened columns, summed over the axes."""
     k = len(fitted) + len(band.names) + 1
     total = np.zeros((k, k))
     for number, (axis, (coefficients, spread)) in enumerate(fitted.items()):
@@ -157,7 +159,9 @@ def _products(band: Band, source: Records, fitted: Mapping[str, tuple[Array, flo
 
 
 def _excitation(band: Band, fitted: Mapping[str, tuple[Array, float]]) -> Array:
-    """Spread of each column on the axis where it is largest against the noise (hypotheses,)."""
+    """Standard deviation of each column on the axis where it is largest against the noise
+    (hypotheses,).
+    """
     best, excitation = np.zeros(len(band.names)), np.zeros(len(band.names))
     for axis, (_, spread) in fitted.items():
         size = np.concatenate(band.records[axis]).std(axis=0)[1:-1]
@@ -172,12 +176,12 @@ def _white(records: Sequence[Array], coefficients: Array, spread: float) -> Arra
 
 
 def first_stage(constant: Array, columns: Array, instruments: Array) -> Array:
-    """Columns (m, k) with each that has an instrument (not zero) replaced by what the instrument
-    predicts of it.
+    """Replace each column (m, k) that has an instrument (not zero) by what the instrument predicts
+    of it.
 
     The first stage of two-stage least squares (Theil, 1953): what a controller adds to a rate in
-    answer to the residual is not in its instrument, so that it no longer counts as the rate's
-    doing. The constant (m,) is taken off both and put back.
+    answer to the residual is not in the instrument, and no longer counts as the rate's effect. The
+    regression on the constant (m,) is subtracted from both and added back to the result.
     """
     found = columns.copy()
     weight = float(constant @ constant)

@@ -1,5 +1,4 @@
-"""What votes: a flight, or a stretch of one; and the name by which evidence, normal equations and findings
-carry it."""
+"""The unit of sampling: a flight, or a stretch of one, and the name by which results carry it."""
 
 import re
 from dataclasses import dataclass
@@ -11,8 +10,7 @@ _WINDOW: Final = re.compile(rf"(?P<flight>.*)@(?P<start>{_NUMBER})-(?P<end>{_NUM
 
 @dataclass(frozen=True)
 class SamplingUnit:
-    """A flight (its id), and of a part of one its window: start and end [s] from the flight's first
-    sample.
+    """A flight (its id), or a window of it: start and end [s] from the flight's first sample.
 
     >>> str(SamplingUnit("abc", (0.0, 5.654912)))
     'abc@0-5.65491'
@@ -25,7 +23,7 @@ class SamplingUnit:
 
     @classmethod
     def parse(cls, name: str) -> "SamplingUnit":
-        """The unit of this name; what names no window is a whole flight."""
+        """Return the unit of this name; a name without a window is a whole flight."""
         found = _WINDOW.fullmatch(name)
         return (
             cls(name)
@@ -42,10 +40,10 @@ class SamplingUnit:
 
     @property
     def short(self) -> str:
-        """Its name for people, with as much of the flight's id as tells flights apart."""
+        """A name for people, with as much of the flight's id as tells flights apart."""
         return str(SamplingUnit(self.flight[:12], self.window))
 
     def part(self, start: float, end: float) -> "SamplingUnit":
-        """The stretch of it from `start` to `end` [s], from its own first sample."""
+        """Return its stretch from `start` to `end` [s], counted from its own first sample."""
         first = 0.0 if self.window is None else self.window[0]
         return SamplingUnit(self.flight, (first + start, first + end))

@@ -1,12 +1,12 @@
-"""How far a template may be off in shape: its effect may grow with alpha, or with its own size,
-otherwise than it says.
+"""Shape-misfit terms: allow an effect to grow with alpha, or with its own size, unlike its
+template.
 
-A term that is right in name and wrong in shape leaves a remainder. It is no second effect, and no
-sensor's. So aerodynamic columns have companions, the column times alpha and times its own size,
-which stand beside the term once that is accepted, each with the prior that the effect changes by
-TOLERANCE of itself over one sigma of alpha (or of the size; at least over LEAST). What the library
-itself has a name for has no companion: a slope times alpha is a slope break, beta times alpha or a
-deflection cubed stand in it.
+A term that is right in name and wrong in shape leaves a residual, which is neither a second effect
+nor a sensor error. So aerodynamic columns have shape-misfit terms, the column times alpha and times
+its own size, which join the model with the accepted term, each with the prior that the effect
+changes by TOLERANCE of itself over one sigma of alpha (or of the size; at least over LEAST). Shapes
+that the library itself names have none: a slope times alpha is a slope break; beta times alpha and
+a deflection cubed are hypotheses of their own. docs/method/tracing.md, section 20.
 """
 
 from collections.abc import Mapping, Sequence
@@ -23,7 +23,7 @@ from aerodb.tracing.evidence.evidence import Columns, Evidence
 
 #: One sigma of the change of an effect over one sigma of alpha or of its size, part of the effect.
 TOLERANCE: Final = 0.5
-#: What a companion's name ends with -> least sigma of alpha [rad], and of the size [its own rms],
+#: Ending of a shape-misfit term's name -> least sigma of alpha [rad], and of the size [its own rms],
 #: that this is stated for: where it hardly moves, no shape shows.
 LEAST: Final[Mapping[str, float]] = {"~alpha": 0.035, "~size": 0.3}
 #: Points at which regressors are compared, and the correlation from which two are one.
@@ -31,20 +31,25 @@ _POINTS, _SAME = 200, 0.95
 
 
 def parent(name: str) -> str:
-    """The id whose companion this column is; empty where it is none."""
+    """Return the id whose shape this column changes; empty for other columns."""
     return next((name.removesuffix(mark) for mark in LEAST if name.endswith(mark)), "")
 
 
 def shape_term_columns(id: str) -> dict[str, float]:
-    """Names of the companions' columns, each with the least sigma of what it varies with."""
+    """Return the columns' names of a hypothesis' shape-misfit terms.
+
+    Each with the least sigma of what it varies with.
+    """
     return {id + mark: least for mark, least in LEAST.items()}
 
 
 def with_shape_terms(
     evidence: Evidence, flight: Flight, hypotheses: Sequence[Hypothesis]
 ) -> Evidence:
-    """The evidence with the companions that its hypotheses have (`varying`); those over alpha only
-    where the flight has it."""
+    """Return the evidence with the shape-misfit terms of its hypotheses (`all_shape_terms`).
+
+    Those over alpha only where the flight has alpha.
+    """
     alpha = (
         np.nan_to_num(flight["alpha"], nan=float(np.nanmean(flight["alpha"])))
         if "alpha" in flight
@@ -54,7 +59,7 @@ def with_shape_terms(
 
 
 def without_shape_terms(evidence: Evidence) -> Evidence:
-    """The evidence without any companion."""
+    """Return the evidence without any shape-misfit term."""
     return replace(
         evidence,
         columns={name: columns for name, columns in evidence.columns.items() if not parent(name)},
@@ -74,15 +79,17 @@ def _joined(evidence: Evidence, alpha: Array | None, names: frozenset[str]) -> E
 
 
 def _size(by_axis: Mapping[str, Array]) -> Array | None:
-    """(n,) of a column over all its axes, in parts of its rms."""
+    """Magnitude (n,) of a column over all its axes, in units of its rms."""
     square = np.sum([column**2 for column in by_axis.values()], axis=0)
     mean = float(np.mean(square))
     return np.sqrt(square / mean) if mean > 0.0 else None
 
 
 def all_shape_terms(hypotheses: Sequence[Hypothesis]) -> frozenset[str]:
-    """Names of all companions: not of what depends on alpha alone, and not where the library holds
-    that shape itself."""
+    """Return the names of all shape-misfit terms.
+
+    Effects that depend on alpha alone have none, nor shapes that the library holds itself.
+    """
     own = [h for h in hypotheses if h.kind == "aerodynamic" and len(h.increment) == 1]
     found = set[str]()
     for hypothesis in own:
@@ -100,8 +107,9 @@ def all_shape_terms(hypotheses: Sequence[Hypothesis]) -> frozenset[str]:
 
 
 def _is(other: Expression, regressor: Expression, name: str) -> bool:
-    """Whether `other` is the companion `name` of `regressor`, but for a share of the regressor
-    itself."""
+    """Whether `other` equals the shape-misfit term `name` of `regressor`, up to a share of the
+    regressor.
+    """
     over_alpha = name.endswith("~alpha")
     if other.names != (regressor.names | {"alpha"} if over_alpha else regressor.names):
         return False

@@ -1,5 +1,7 @@
-"""A flight with the reconstruction's own state error added once more: what that error does to
-estimates (SIMEX)."""
+"""Add the reconstruction's state noise to a flight once more, for SIMEX.
+
+docs/method/tracing.md, section 17.
+"""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -22,15 +24,14 @@ def noisy_copies(
     copies: int,
     near: Comparison | None = None,
 ) -> list[tuple[Flight, Comparison]]:
-    """`copies` of a consistent flight, each with one more realisation of its states' error, beside
-    the database.
+    """Return `copies` of a reconstructed flight, each with one more realisation of its state noise.
 
-    near : the flight's comparison where its channels no longer give it exactly (`thinned`): what
-    the error changes is put on top.
+    Each copy comes with its comparison with the database. near : the flight's comparison where its
+    channels no longer give it exactly (`thinned`): what the noise changes is added to it.
 
-    Where the states are wrong twice as much, estimates are off twice as much (Cook & Stefanski,
-    JASA 89, 1994). The error runs through the whole chain, coefficients and prediction alike; draws
-    are seeded by the flight, so that they are the same on every machine.
+    With the state noise doubled, the bias of estimates doubles (Cook & Stefanski, JASA 89, 1994).
+    The noise runs through the whole chain, coefficients and prediction alike; draws are seeded by
+    the flight, so that they are the same on every machine.
     """
     seed = int.from_bytes(flight.id.encode()[:8].ljust(8, b"0"), "big")
     clean = (
@@ -50,7 +51,7 @@ def noisy_copies(
 
 
 def _on_top(near: Comparison, beside: Comparison, clean: Comparison) -> Comparison:
-    """The comparison `near` with what `beside` adds to `clean`."""
+    """The comparison `near` plus the difference of `beside` from `clean`."""
 
     def moved(
         base: Mapping[str, Array], to: Mapping[str, Array], start: Mapping[str, Array]
@@ -64,6 +65,7 @@ def _on_top(near: Comparison, beside: Comparison, clean: Comparison) -> Comparis
 
 
 def _added(flight: Flight, drawn: dict[str, Array]) -> dict[str, Array]:
-    """The channels with their errors; rates of the flow angles are left to be made anew of the
-    angles."""
+    """The channels with their errors; rates of the flow angles are left to be derived from the
+    angles.
+    """
     return {name: flight[name] + error for name, error in drawn.items() if name in flight}

@@ -1,9 +1,9 @@
-"""A flight at the rate that tracing needs: columns cost by the sample, and most of a log's rate
-lies far above the band.
+"""Resample long flights to the rate that tracing needs.
 
-Channels are low-passed and columns made of them, instead of the other way round: in the band that
-is the same but for products of what was above it, that is of noise, which a column is better
-without.
+Columns cost by the sample, and most of a log's rate lies far above the band. Channels are
+low-passed and columns computed from them, instead of the other way round: in the band that is the
+same but for products of what was above it, that is of noise, which a column is better without.
+docs/method/tracing.md, section 21.
 """
 
 from dataclasses import replace
@@ -26,12 +26,12 @@ LONG = 300.0
 
 
 def thinned(flight: Flight, comparison: Comparison, bandwidth: float) -> tuple[Flight, Comparison]:
-    """The flight and its comparison with every k-th sample kept, k as large as leaves OVERSAMPLING
-    times `bandwidth` [Hz].
+    """Return the flight and its comparison with every k-th sample.
 
-    The first sample stays the first. Around a gap that is not bridged one more kept sample on each
-    side is not usable: what is beyond it has come in. Both are returned as they are where k is one,
-    and of a flight that is not LONG: there it costs little.
+    k is the largest that keeps the rate at OVERSAMPLING times `bandwidth` [Hz]. The first sample
+    stays the first. Around a gap that is not bridged one more sample on each side is not usable:
+    the filter has mixed in what is beyond it. Both are returned as they are where k is one, and for a flight
+    that is not LONG, where thinning saves little.
     """
     every = int(1.0 / (OVERSAMPLING * bandwidth * flight.step))
     if every < 2 or flight.duration < LONG:
@@ -66,8 +66,9 @@ def thinned(flight: Flight, comparison: Comparison, bandwidth: float) -> tuple[F
 
 
 def _slower_channels(flight: Flight, every: int) -> dict[str, Array]:
-    """All channels low-passed over their gaps, every `every`-th sample; not a number where they
-    were not."""
+    """All channels low-passed over their gaps, every `every`-th sample; nan where they were not
+    finite.
+    """
     finite = {name: np.isfinite(values) for name, values in flight.channels.items()}
     names = [name for name, good in finite.items() if good.any()]
     whole = np.ones(len(flight.time), dtype=np.bool_)
