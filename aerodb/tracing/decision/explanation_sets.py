@@ -46,8 +46,8 @@ def explain(tests: CrossFlightTests, decision: Decision, index: int) -> Explanat
     )
     terms = tuple(i for i in decision.terms if i != index)
     freed = tuple(i for i in decision.freed if i != index)
-    # Trims are in every model: nothing else can take an axis' constant away, and it can take
-    # nothing from others.
+    # Intercepts are in every model: no other term can explain an axis' constant, and it can
+    # explain no other term.
     fitting, fallen = (
         _fitting(tests, terms, freed, index, fewest)
         if index not in tests.campaign.offsets
@@ -70,8 +70,8 @@ def _fitting(
     And the reason of each that was rejected.
     """
     sensors = set(tests.campaign.sensors)
-    # The rivals of a sensor are heard as if that sensor were right: beside it they would only get
-    # what it leaves.
+    # The rivals of a sensor are tested with that sensor taken as right: beside the freed sensor
+    # they would get only what it leaves.
     fixed = (index,) if index in sensors else ()
     before = tests.tested(terms, freed, fewest, fixed)
     estimates = tests.flight_estimates(terms, freed, fixed)

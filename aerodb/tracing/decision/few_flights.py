@@ -45,10 +45,10 @@ LINEAR: Final = (
 )
 #: Part of a manoeuvre that its window must hold; correlation times between two windows.
 _SHARE, _APART = 0.5, 5.0
-#: Candidates that are tried with the noise that they leave, in each step.
+#: Candidates per step that are fitted, each judged by the noise that remains with it.
 _TRIED = 8
-#: Standard errors from zero at which the units without a vote say on their own that a lone voter is
-#: right: 5 %, one-sided.
+#: Standard errors from zero at which the other units support the only unit in a test: 5 %,
+#: one-sided.
 _ONE_SIDED = 1.645
 #: Correlation of two columns from which they are twins.
 _TWIN = 0.999

@@ -27,11 +27,11 @@ HARMONIC: Final = 3.0
 #: One Dutch roll moves all lateral variables alike: in a joint model standard errors judge, not the
 #: VIF.
 INFLATION_LIMIT: Final = 1e4
-#: Flights of one programme are flown alike, manoeuvres are not: one that is made for another axis
-#: has no say beside those made for this one (votes count alike, so that a weak one would drown
-#: them). Part of the best one's information that gives a vote.
+#: Share of the best unit's information that a unit needs to take part in a test. Flights of one
+#: programme are flown alike, manoeuvres are not: one made for another axis would add only noise to
+#: those made for this one, because all units count alike in the mean.
 LEAST_SHARE: Final = 0.1
-#: How often the weights of the fit are improved.
+#: Iterations of the weights of the fit.
 _ITERATIONS = 5
 
 

@@ -106,15 +106,15 @@ def _separation(
     )
     held = f"while {tied} stays as it is" if tied else "with nothing else moving"
     return (
-        f"{start}move {', '.join(free)} on its per_flight, {_amount(names[mover], normal_equations, factor)} in one"
-        f" flight, {held}"
+        f"{start}move {', '.join(free)} on its own,"
+        f" {_amount(names[mover], normal_equations, factor)} in one flight, {held}"
     )
 
 
 def _amount(
     hypothesis: Hypothesis, normal_equations: Sequence[NormalEquations], factor: float
 ) -> str:
-    """Rms of the motion: in degrees for a deflection or an angle, else relative to what was flown."""
+    """Rms of the motion: in degrees for a deflection or an angle, else relative to that flown."""
     flown = [
         g.excitation[g.hypotheses.index(hypothesis.id)]
         for g in normal_equations
@@ -182,6 +182,6 @@ def _unseen(tests: CrossFlightTests, decision: Decision) -> list[str]:
     for drivers, ids in sorted(tied.items()):
         sentences.append(
             f"{', '.join(ids)} cannot be told from the rest of the motion: move"
-            f" {', '.join(drivers)} on its per_flight"
+            f" {', '.join(drivers)} on its own"
         )
     return sentences[:MOST]

@@ -16,7 +16,7 @@ from aerodb.tracing.decision.findings import Vote, with_unit
 from aerodb.tracing.estimates import Campaign, FlightEstimates, Tested, coherent_gain, over_flights
 from aerodb.tracing.settings import TracingSettings
 
-#: Votes that a suspicion needs: with one, nothing can be said about another flight.
+#: Flights that a suspected term needs: one flight says nothing about another.
 FEWEST_SUSPECTED = 2
 
 
@@ -131,7 +131,7 @@ def decide(tests: CrossFlightTests) -> Decision:
             freed = (*freed, sensor)
         else:
             break
-    suspected = _suspicions(tests, accepted, freed)
+    suspected = _suspected(tests, accepted, freed)
     return Decision((*accepted, *_offsets(tests, (*accepted, *suspected), freed)), suspected, freed)
 
 
@@ -202,7 +202,7 @@ def _kept(
     return accepted
 
 
-def _suspicions(
+def _suspected(
     tests: CrossFlightTests, accepted: tuple[int, ...], freed: tuple[int, ...]
 ) -> tuple[int, ...]:
     """Terms with too few flights for the error rate, whose value predicts each flight from the
@@ -250,7 +250,7 @@ def flight_gains(estimates: FlightEstimates, test: Tested, index: int) -> Array:
 
 
 def cross_validated(estimates: FlightEstimates, test: Tested, index: int) -> bool:
-    """Whether the value of the other flights lowers the sum of squares of every flight in the test."""
+    """Whether the others' value lowers the sum of squares of every flight in the test."""
     return bool(np.all(left_out_gains(estimates, test, index) > 0.0)) and bool(
         test.count[index] >= FEWEST_SUSPECTED
     )

@@ -87,15 +87,15 @@ def unexplained_by_axis(
     """
     if len(left) < settings.fewest:
         raise InputError(
-            f"{len(left)} flights are too few to say what is left",
-            "remainder",
+            f"{len(left)} flights are too few to find an unexplained residual",
+            "unexplained residual",
             f"give at least {settings.fewest}",
         )
     names = sorted(set.intersection(*(set(flight.variables) for flight in left)))
     if not names:
         raise InputError(
             "the flights have no variable in common",
-            "remainder",
+            "unexplained residual",
             "give each the database's variables",
         )
     axes = [

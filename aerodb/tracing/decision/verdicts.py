@@ -61,8 +61,8 @@ def trace(
     rest = [i for i in range(len(hypotheses)) if i not in explained]
     if len(normal_equations) < settings.fewest:
         notes.append(
-            f"{len(normal_equations)} flights: below {settings.fewest} no error rate can be promised and"
-            " nothing is confirmed"
+            f"{len(normal_equations)} flights: below {settings.fewest} no error rate can be"
+            " promised and nothing is confirmed"
         )
     return Traced(
         flights=tests.campaign.flights,
@@ -93,7 +93,8 @@ def _once(normal_equations: Sequence[NormalEquations]) -> tuple[list[NormalEquat
         )
         if twin is not None and twin.flight != equations.flight:
             notes.append(
-                f"{equations.flight} has the samples of {twin.flight}: one flight, one vote; left out"
+                f"{equations.flight} has the samples of {twin.flight}: one flight, one vote; left"
+                " out"
             )
         else:
             seen.append(equations)
