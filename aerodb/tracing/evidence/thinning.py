@@ -30,8 +30,8 @@ def thinned(flight: Flight, comparison: Comparison, bandwidth: float) -> tuple[F
 
     k is the largest that keeps the rate at OVERSAMPLING times `bandwidth` [Hz]. The first sample
     stays the first. Around a gap that is not bridged one more sample on each side is not usable:
-    the filter has mixed in what is beyond it. Both are returned as they are where k is one, and for a flight
-    that is not LONG, where thinning saves little.
+    the filter has mixed in what is beyond it. Both are returned as they are where k is one, and for
+    a flight that is not LONG, where thinning saves little.
     """
     every = int(1.0 / (OVERSAMPLING * bandwidth * flight.step))
     if every < 2 or flight.duration < LONG:
