@@ -1,5 +1,4 @@
-"""The picture of one database: each coefficient against angle of attack or sideslip, all else
-neutral."""
+"""The figure of one database: each coefficient over angle of attack or sideslip."""
 
 from typing import Any, Final
 
@@ -11,7 +10,7 @@ from aerodb.report.style import DATABASE, channel_scale, plain_panel
 from aerodb.support import Array
 from aerodb.tables import AeroDatabase, breakpoints_over, neutral_point, vary
 
-#: Over what a coefficient is drawn, and how far [rad] where no table says.
+#: Variable over which a coefficient is drawn, and its range [rad] where no table gives one.
 _OVER: Final = {axis: "alpha" if axis in ("CX", "CZ", "Cm") else "beta" for axis in AXES}
 _USUAL: Final = {
     "alpha": (np.deg2rad(-5.0), np.deg2rad(15.0)),
@@ -21,8 +20,7 @@ _POINTS: Final = 161
 
 
 def database_figure(database: AeroDatabase) -> Figure:
-    """A panel per body axis; marks are the breakpoints of the tables that depend on the
-    variable."""
+    """Draw one panel per body axis, all other inputs neutral; dots are the tables' breakpoints."""
     figure = Figure(figsize=(11, 5.6), layout="constrained")
     panels = figure.subplots(2, 3).ravel()
     order = ("CX", "CZ", "Cm", "CY", "Cl", "Cn")
@@ -45,7 +43,7 @@ def _curve(panel: Any, axis: str, variable: str, database: AeroDatabase) -> None
 
 
 def _points(variable: str, database: AeroDatabase) -> tuple[Array, Array]:
-    """Breakpoints over the variable, and the points of a curve through all of them."""
+    """Breakpoints over the variable, and the sample points of a curve through all of them."""
     known = breakpoints_over(variable, database)
     marks = np.unique(np.concatenate(known)) if known else np.empty(0)
     low, high = (float(marks[0]), float(marks[-1])) if len(marks) > 1 else _USUAL[variable]

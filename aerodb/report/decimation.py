@@ -1,5 +1,7 @@
-"""Long records for a screen or a page: fewer points, in which no extreme is lost. Used by reports
-and the web console alike."""
+"""Decimation of long records for display, without losing extremes.
+
+Used by reports and by the web console.
+"""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,12 +12,11 @@ Index = NDArray[np.intp]
 
 
 def extremes(values: Array, points: int) -> Index:
-    """Indices, rising, of at most `points` + 2 of `values` (n,): the lowest and the highest of each
-    stretch, and both ends.
+    """Indices of the lowest and highest value of each of several equal stretches, and both ends.
 
-    Stretches are equally long; all indices come back when n is no more than `points`. A stretch
-    without a finite value is kept as one that is not, so that a gap stays a gap. Raises ValueError
-    for fewer than 2 points.
+    Returns at most `points` + 2 increasing indices into `values` (n,), all of them if n is no more
+    than `points`. A stretch without a finite value keeps one non-finite sample, so that a gap stays
+    a gap. Raises ValueError for fewer than 2 points.
 
     >>> extremes(np.array([0.0, 5.0, 1.0, 1.0, -7.0, 2.0, 2.0, 2.0]), 4).tolist()
     [0, 1, 4, 5, 7]
@@ -40,11 +41,18 @@ def extremes(values: Array, points: int) -> Index:
 def decimated(
     time: Array, values: Array, points: int, start: float = -np.inf, end: float = np.inf
 ) -> tuple[Array, Array]:
-    """What to draw of ``values(time)`` between `start` and `end` [s]: at most `points` + 2 samples;
-    every one where that many do.
+    """Decimate ``values(time)`` between `start` and `end` [s] to at most `points` + 2 samples.
 
-    time (n,) rising, values (n,). One sample more on either side lets a line reach the edge of the
-    window.
+    Parameters
+    ----------
+    time : (n,), increasing [s].
+    values : (n,).
+    points : see `extremes`; a shorter record keeps every sample.
+
+    Returns
+    -------
+    times and values of the chosen samples, with one more sample on either side of the window, so
+    that a line reaches its edges.
     """
     first = max(0, int(np.searchsorted(time, start, side="left")) - 1)
     last = min(len(time), int(np.searchsorted(time, end, side="right")) + 1)
@@ -55,8 +63,7 @@ def decimated(
 def flagged_stretches(
     time: Array, flagged: NDArray[np.bool_], most: int = 200
 ) -> list[tuple[float, float]]:
-    """From when to when [s] samples are flagged; of more than `most` stretches, neighbours are
-    joined until so many are left.
+    """Intervals [s] of flagged samples, neighbours joined until at most `most` are left.
 
     >>> flagged_stretches(np.arange(5.0), np.array([False, True, True, False, True]))
     [(1.0, 2.0), (4.0, 4.0)]

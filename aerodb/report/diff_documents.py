@@ -1,5 +1,4 @@
-"""The JSON of a diff of two versions: per term, and per table node change, standard error, coverage
-and flights."""
+"""The JSON of a diff of two versions: changed terms, and changes at table nodes."""
 
 from typing import Any
 
@@ -9,12 +8,12 @@ from aerodb.tables import DatabaseDiff, NodeChanges, TermChange
 
 
 def diff_document(found: DatabaseDiff) -> dict[str, Any]:
-    """`found` as JSON-able values: terms, tables (new, gone, of another shape), nodes and what
-    could not be addressed.
+    """Convert a diff to JSON values.
 
-    In ``nodes`` every entry is a table and an axis; ``sources`` are groups of flights, to which its
-    nodes refer by position. Only nodes that change are listed; ``largest`` is the one that changes
-    most.
+    ``terms``, ``tables`` (new, gone, of another shape), ``nodes`` and ``not_addressable``. Each
+    entry of ``nodes`` is one table and axis with the change, standard error, coverage and flights
+    per node; its ``sources`` are groups of flights, to which nodes refer by position. Only nodes
+    that change are listed; ``largest`` is the one that changes most.
     """
     return {
         "terms": [_term(entry) for entry in found.terms],

@@ -1,5 +1,4 @@
-"""The picture of a diff: slices through two databases, before and after, with band, and where the
-flights have been."""
+"""The figure of a diff: slices through two databases with error band and flight envelope."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
@@ -26,7 +25,7 @@ from aerodb.tables import (
     table_grids,
 )
 
-#: More slices than this fill no page that anybody reads; `diff` lists every node.
+#: Most slices drawn on a page; `diff` lists every node.
 MAX_PANELS: Final = 12
 _POINTS: Final = 241
 _CELLS_BEYOND: Final = 3.0
@@ -54,14 +53,18 @@ def diff_figure(
     title: str,
     flown: Mapping[str, Array] | None = None,
 ) -> Figure:
-    """A panel per axis that changes and variable over which it does: coefficient before and after,
-    all else neutral.
+    """Draw the coefficients of two databases before and after, all other inputs neutral.
 
-    The band is two standard errors of what stands in one database only; the shaded range is where
-    its flights have been. The title says the largest change, its two standard errors and where it
-    is: it may be less than a line is wide. names : what the two versions are called. flown :
-    channel -> samples of the flights, whose distribution stands along the lower edge. One empty
-    panel, which says so, where nothing changes.
+    There is one panel per axis that changes and variable over which it changes; if nothing changes,
+    one empty panel says so. The band is two standard errors of the increments in one database only;
+    the shaded range is their envelope. The panel title gives the largest change, its two standard
+    errors and its place, since the change may be thinner than a line.
+
+    Parameters
+    ----------
+    names : labels of the two versions.
+    title : title of the figure, or empty.
+    flown : channel -> samples of the flights, drawn as a distribution along the lower edge.
     """
     increments = (*new_increments(after, before), *new_increments(before, after))
     panels = list(_panels(before, after, increments))
@@ -91,8 +94,10 @@ def diff_figure(
 def _panels(
     before: AeroDatabase, after: AeroDatabase, increments: Sequence[Increment]
 ) -> Iterator[_Panel]:
-    """What to draw: for each axis that changes the variables over which it changes most, an equal
-    share of the panels each."""
+    """Panels to draw: per axis that changes, the variables over which it changes most.
+
+    Each axis has an equal share of the panels.
+    """
     point = {**neutral_point(before, increments), **neutral_point(after, increments)}
     ranges = _ranges(before, after, increments)
     found: dict[str, list[_Panel]] = {}
@@ -127,8 +132,7 @@ def _panels(
 def _ranges(
     before: AeroDatabase, after: AeroDatabase, increments: Sequence[Increment]
 ) -> dict[str, tuple[float, float]]:
-    """Variables to slice over, alpha first, and their ranges: envelopes with what lies beyond, and
-    all breakpoints."""
+    """Variables to slice over, alpha first, with ranges that hold envelopes and all breakpoints."""
     marks: dict[str, list[float]] = {"alpha": []}
     for increment in increments:
         for name, interval in increment.envelope.items():
@@ -155,8 +159,10 @@ def _ranges(
 
 
 def _closer(at: Array, change: Array) -> tuple[float, float]:
-    """The part of `at` (n,) over which there is a change, with a quarter of it on both sides; all
-    of it where there is none."""
+    """Range of `at` (n,) in which there is a change, plus a quarter of it on both sides.
+
+    The whole range where there is no change.
+    """
     there = at[np.abs(change) > 1e-9 * np.max(np.abs(change), initial=1e-3)]
     if not len(there):
         return float(at[0]), float(at[-1])
@@ -209,14 +215,13 @@ def _slice(
             "-", "−"
         )
     )
-    panel.set_title(f"most: {change}", loc="right", fontsize=7.5, color="0.35", pad=2)
+    panel.set_title(f"largest change: {change}", loc="right", fontsize=7.5, color="0.35", pad=2)
     panel.set_xlabel(label)
     panel.set_ylabel(f"{axis} [-]")
 
 
 def _coverage(panel: Any, variable: str, samples: Array, reach: tuple[float, float]) -> None:
-    """How often the flights have been where, along the lower edge of a slice; its height is a share
-    of the panel."""
+    """Draw the distribution of the flights along the lower edge of a slice."""
     scale, _ = channel_scale(variable)
     counts, edges = np.histogram(samples[np.isfinite(samples)], bins=40, range=reach)
     if counts.max(initial=0):

@@ -1,5 +1,4 @@
-"""The JSON of an update, as CONTRACT.md states it: what was estimated, on which flights, and what
-it is worth."""
+"""The JSON of an update: estimates, flights and validation (docs/reference/contract.md, "JSON")."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
@@ -18,10 +17,11 @@ def update_document(
     update: Update,
     proof: Sequence[AxisValidation],
 ) -> dict[str, Any]:
-    """The document of an update; `looks` says for each held-out flight how often it has validated a
-    version before.
+    """Make the document of an update.
 
-    ``candidate`` is left None: who stores the version fills it in.
+    looks : held-out flight -> number of versions that it has validated before.
+
+    ``candidate`` is None; whoever stores the version fills it in.
     """
     return {
         **opening(vehicle, baseline, hold_out, excluded, looks),
@@ -41,8 +41,7 @@ def opening(
     excluded: Sequence[tuple[str, str]],
     looks: Mapping[str, int],
 ) -> dict[str, Any]:
-    """What the documents of an update and of a closed loop begin with: what it is about, and which
-    flights did what."""
+    """Common head of the documents of updates and closed loops: versions and roles of flights."""
     return {
         "vehicle": vehicle,
         "baseline": baseline,
@@ -57,7 +56,7 @@ def opening(
 
 
 def axis_document(entry: AxisValidation) -> dict[str, Any]:
-    """One axis before and after, as CONTRACT.md states it."""
+    """Errors of one axis before and after (docs/reference/contract.md, "JSON")."""
     return {
         "rms_before": entry.rms_before,
         "rms_after": entry.rms_after,
@@ -102,7 +101,7 @@ def _increment(entry: AxisUpdate) -> dict[str, Any]:
 
 
 def _remarks(update: Update, proof: Sequence[AxisValidation], hold_out: HoldOut) -> list[str]:
-    """What a reader must know before trusting the numbers, in plain sentences."""
+    """Remarks that a reader must know before trusting the numbers."""
     said, axes = [], update.axes
     added = update.candidate.increments[len(update.candidate.increments) - len(axes) :]
     said += [
@@ -143,7 +142,7 @@ def _remarks(update: Update, proof: Sequence[AxisValidation], hold_out: HoldOut)
 
 
 def _not_repaired(entry: AxisValidation) -> str:
-    """Why an axis is not repaired, as far as its numbers tell."""
+    """Remark on an axis that is not repaired, with the reason as far as its numbers show it."""
     held_out = entry.held_out_rms_after is not None
     after = entry.held_out_rms_after if entry.held_out_rms_after is not None else entry.rms_after
     share = f"{entry.explained:.0%} of" if entry.explained > 0 else "nothing of"

@@ -1,5 +1,4 @@
-"""The history of an update: coefficients of flight, database and updated database along the
-flights, residuals beside them."""
+"""Time histories of an update: coefficients of flight and databases, and their residuals."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
@@ -15,10 +14,10 @@ from aerodb.report.decimation import extremes
 from aerodb.report.style import DATABASE, DATABASE_LINE, FLIGHT, UPDATED, in_figure, plain_panel
 from aerodb.support import Array
 
-#: More points than a print can show only make the file heavy; extremes are kept.
+#: Most points per curve: more than a print can show. Extremes are kept.
 MAX_POINTS: Final = 1600
 
-#: So many letters of a flight's name fit over the histories.
+#: Number of letters of flight names that fit above the histories.
 _LETTERS: Final = 90
 
 
@@ -29,12 +28,15 @@ def update_figure(
     labels: Mapping[str, str],
     errors: bool = True,
 ) -> Figure:
-    """Per axis a row: coefficient over time (flight, database, updated database) and the residual
-    before and after.
+    """Draw per axis the coefficient over time and the distribution of the residual.
 
-    before, after : flight id -> comparison; the flights are set one behind the other, as in 003,
-    Fig. 5; `after` is empty where nothing was updated. labels : flight id -> what people call it.
-    errors : whether to say the rms of the residuals.
+    Parameters
+    ----------
+    axes : a row each.
+    before, after : flight id -> comparison; `after` is empty where nothing was updated. The flights
+        are drawn one after another, as in 003, Fig. 5.
+    labels : flight id -> display name.
+    errors : whether to print the rms of the residuals.
     """
     figure = Figure(figsize=(11, 1.2 + 2.1 * len(axes)), layout="constrained")
     panels = figure.subplots(len(axes), 2, squeeze=False, width_ratios=(2, 1))
@@ -43,14 +45,16 @@ def update_figure(
         _residuals(panels[row][1], axis, before, after, errors)
     handles, texts = panels[0][0].get_legend_handles_labels()
     figure.legend(handles, texts, loc="outside upper right", fontsize=8, ncols=3, frameon=False)
-    panels[-1][0].set_xlabel("time, flights one behind the other [s]")
+    panels[-1][0].set_xlabel("time, flights one after another [s]")
     panels[-1][1].set_xlabel("residual: flight - database [-]")
     return figure
 
 
 def pooled_residual(axis: str, side: Mapping[str, Comparison]) -> Array:
-    """flight - model on `axis` at all usable samples of the flights of `side` (id -> comparison),
-    (n,)."""
+    """Residual flight - model on `axis` at all usable samples of all flights, (n,).
+
+    side : flight id -> comparison.
+    """
     return np.concatenate(
         [c.residual(axis)[c.usable[axis]] for c in side.values() if axis in c.usable]
         or [np.empty(0)]

@@ -1,5 +1,7 @@
-"""Errors of single flights beside the stored ones of all: what a report draws must agree with what
-was stored, or say so."""
+"""Errors of single flights, and whether they agree with the stored error of all flights.
+
+Where a report's figures disagree with the stored numbers, it says so.
+"""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
@@ -10,16 +12,15 @@ from aerodb.report.figures import pooled_residual
 from aerodb.report.headlines import by_parts
 from aerodb.report.page import number
 
-#: The same flights give the stored errors to this share; anything beyond comes from flights that
-#: were processed again.
+#: Relative difference from the stored error above which flights were processed again.
 _SAME: Final = 1e-3
 
 
 def flight_errors(axis: str, *sides: Mapping[str, Comparison]) -> dict[str, list[float | None]]:
-    """Per flight, rms of flight - model on `axis` with each of `sides` (id -> comparison); None
-    where a flight has no sample.
+    """Rms of flight - model on `axis` per flight, one entry for each of `sides`.
 
-    An empty side gives None throughout.
+    sides : flight id -> comparison. Returns flight id -> errors, None where a flight has no usable
+    sample or a side lacks it.
     """
     flights = dict.fromkeys(flight for side in sides for flight in side)
     return {flight: [_error(axis, side.get(flight)) for side in sides] for flight in flights}
@@ -34,11 +35,11 @@ def _error(axis: str, comparison: Comparison | None) -> float | None:
 def disagreements(
     document: Mapping[str, Any], axes: Sequence[str], before: Mapping[str, Comparison]
 ) -> list[str]:
-    """Axes on which flights as they are stored now no longer give the stored error before, with
-    both; empty: all agree.
+    """List the axes on which the flights stored now do not reproduce the stored error before.
 
-    before : flight id -> comparison with the baseline, of those that validate, else of all. Where
-    parts of flights were predicted there is nothing to compare.
+    Each entry gives both errors. before : flight id -> comparison with the baseline, of the
+    validation flights, else of all. Empty where validation was within flights, which leaves nothing
+    to compare.
     """
     if by_parts(document):
         return []

@@ -1,5 +1,4 @@
-"""Figures of one flight: channels measured and reconstructed, coefficients beside a database, and
-where the flight has been."""
+"""Figures of one flight: channels, coefficients compared with a database, segments, envelope."""
 
 from collections.abc import Sequence
 from typing import Any, Final
@@ -23,7 +22,7 @@ from aerodb.report.style import (
 )
 from aerodb.tables import AeroDatabase, breakpoints_over
 
-#: Channels shown, in this order where the flight has them; surfaces follow.
+#: Channels drawn, in this order; control surfaces follow.
 SHOWN: Final = (
     *("V", "alpha", "beta", "p", "q", "r", "phi", "theta", "psi"),
     *("ax", "ay", "az", "ax_imu", "ay_imu", "az_imu", "altitude", "mach", "qbar"),
@@ -31,12 +30,12 @@ SHOWN: Final = (
 _MOST_SURFACES: Final = 9
 _NARROW, _MIDDLE, _WIDE, _CLOUD = 360, 400, 600, 1500
 
-#: Pairs of channels whose plane shows where a flight has been.
+#: Pairs of channels whose planes show the flight envelope.
 PLANES: Final = (("alpha", "beta"), ("mach", "alpha"), ("V", "altitude"))
 
 
 def shown_channels(flight: Flight) -> list[str]:
-    """Channels of a flight that a report draws."""
+    """Names of a flight's channels that a report draws."""
     surfaces = [
         name for name in flight.channels if is_surface(name) or name == "delta_landing_gear"
     ]
@@ -44,8 +43,7 @@ def shown_channels(flight: Flight) -> list[str]:
 
 
 def channel_figure(names: Sequence[str], measured: Flight, flight: Flight) -> Figure:
-    """A panel per channel: as measured (grey) and as reconstructed (black); stretches that are not
-    used are shaded."""
+    """Draw each channel as measured (grey) and reconstructed (black); unused parts are shaded."""
     columns = min(3, max(1, len(names)))
     rows = max(1, -(-len(names) // columns))
     figure = Figure(figsize=(11, 0.6 + 1.5 * rows), layout="constrained")
@@ -70,7 +68,7 @@ def _channel(panel: Any, name: str, measured: Flight, flight: Flight) -> None:
         )
         unit = label.rpartition("[")[2].rstrip("]") if "[" in label else "-"
         size = f"{np.sqrt(np.nanmean(moved**2)):.2g}{'' if unit == '-' else f' {unit}'}"
-        panel.set_title(f"moved {size} rms", loc="right", fontsize=7.5, color="0.35", pad=2)
+        panel.set_title(f"corrected by {size} rms", loc="right", fontsize=7.5, color="0.35", pad=2)
     panel.plot(*decimated(flight.time, factor * flight[name], _NARROW), color=FLIGHT, lw=0.8)
     for start, end in flagged_stretches(flight.time, ~flight.usable([name]), most=60):
         panel.axvspan(start, end + flight.step, color=FLAGGED, lw=0, zorder=0)
@@ -79,8 +77,10 @@ def _channel(panel: Any, name: str, measured: Flight, flight: Flight) -> None:
 
 
 def coefficient_figure(comparison: Comparison, flight: Flight) -> Figure:
-    """A row per axis: the coefficient along the flight, what is left of it there beside its noise,
-    and the coefficient against alpha (longitudinal) or beta (lateral)."""
+    """Draw a row per axis: coefficient over time, residual with noise band, coefficient over angle.
+
+    The angle is alpha on longitudinal and beta on lateral axes.
+    """
     axes = [axis for axis in AXES if axis in comparison.usable]
     figure = Figure(figsize=(11, 0.6 + 1.75 * max(1, len(axes))), layout="constrained")
     panels = figure.subplots(max(1, len(axes)), 3, squeeze=False, width_ratios=(1.5, 1.2, 1))
@@ -98,7 +98,7 @@ def coefficient_figure(comparison: Comparison, flight: Flight) -> Figure:
 
 
 def _left(panel: Any, axis: str, comparison: Comparison) -> None:
-    """The residual along the flight between twice the standard error of its own noise."""
+    """Draw the residual over time between twice the standard errors of its noise."""
     residual = np.where(comparison.usable[axis], comparison.residual(axis), np.nan)
     chosen = extremes(residual, _MIDDLE)
     sigma = np.where(comparison.usable[axis], comparison.sigma[axis], np.nan)[chosen]
@@ -150,8 +150,7 @@ def _against(panel: Any, axis: str, comparison: Comparison, flight: Flight) -> N
 
 
 def segment_figure(segments: Sequence[Segment], flight: Flight) -> Figure:
-    """What the flight does when: a row per kind of segment over time; configurations say what they
-    are where there is room."""
+    """Draw the segments over time, a row per kind: manoeuvres black, states grey."""
     kinds = list(
         dict.fromkeys(
             segment.kind for segment in sorted(segments, key=lambda each: each.kind in STATES)
@@ -178,8 +177,10 @@ def segment_figure(segments: Sequence[Segment], flight: Flight) -> Figure:
 
 
 def envelope_figure(flight: Flight, database: AeroDatabase | None) -> Figure:
-    """Planes of two channels with the samples that count; dashed lines: edges of the database's
-    tables, where they are near."""
+    """Draw the usable samples in planes of two channels.
+
+    Dashed lines are the edges of the database's tables, where they are near.
+    """
     planes = [(x, y) for x, y in PLANES if x in flight and y in flight]
     figure = Figure(figsize=(11, 3.0), layout="constrained")
     panels = figure.subplots(1, max(1, len(planes)), squeeze=False)[0]
@@ -224,8 +225,10 @@ def _plane(panel: Any, x: str, y: str, flight: Flight, database: AeroDatabase | 
 
 
 def table_range(name: str, database: AeroDatabase | None) -> tuple[float, float] | None:
-    """Lowest and highest breakpoint in a channel over the tables of a database (SI); None where no
-    table depends on it."""
+    """Lowest and highest breakpoint of a channel in the database's tables (SI).
+
+    None where no table depends on the channel.
+    """
     points = [] if database is None else list(breakpoints_over(name, database))
     return (min(float(p[0]) for p in points), max(float(p[-1]) for p in points)) if points else None
 
@@ -233,8 +236,10 @@ def table_range(name: str, database: AeroDatabase | None) -> tuple[float, float]
 def ranges(
     flight: Flight, names: Sequence[str], database: AeroDatabase | None
 ) -> list[dict[str, Any]]:
-    """Per channel, in units for people: label, lowest, median and highest value flown, and the
-    range of the tables (or None)."""
+    """Rows of ranges per channel in display units: label, low, median, high and table range.
+
+    The range of the tables is None where no table depends on the channel.
+    """
     found = []
     for name in (name for name in names if name in flight):
         values = flight[name][flight.usable([name])]
@@ -249,7 +254,6 @@ def ranges(
 
 
 def _thinned(usable: Any) -> Any:
-    """At most `_CLOUD` of the usable samples, equally spread: enough to see a cloud, few enough to
-    mail."""
+    """Indices of at most `_CLOUD` usable samples, evenly spread."""
     index = np.flatnonzero(usable)
     return index[:: max(1, -(-len(index) // _CLOUD))]

@@ -1,4 +1,4 @@
-"""The report of one flight: verdict first, then what it rests on."""
+"""The report page of one flight: its verdict first, then the evidence for it."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -24,23 +24,27 @@ from aerodb.report.style import Picture, for_people, picture
 from aerodb.tables import AeroDatabase
 
 _SAYS: Final = {
-    "good": "It may identify and validate",
-    "limited": "It may be used, but not for everything",
-    "rejected": "It is stored and never identifies",
-    "unchecked": "Its kinematics have not been checked",
+    "good": "The flight can be used for identification and validation",
+    "limited": "The flight can be used with limitations",
+    "rejected": "The flight is stored but not used for identification",
+    "unchecked": "The kinematic consistency of the flight has not been checked",
 }
-#: So many segments are listed; the picture shows all.
+#: Number of segments listed; the figure shows all.
 _MOST_SEGMENTS: Final = 60
 
 
 @dataclass(frozen=True)
 class FlightStory:
-    """What there is to tell of a flight.
+    """Contents of the report page of a flight.
 
-    consistency : the stored document of the consistency step, None before it ran. measured, flight
-    : channels before and after it. comparison : beside `version` with its database, None where
-    `no_comparison` says why there is none. versions : what rests on the flight, (label, role).
-    suspicions, segments : what conditioning found.
+    Attributes
+    ----------
+    consistency : stored document of the consistency step; None before it ran.
+    measured, flight : channels before and after the consistency step.
+    comparison : of the flight with `version` and its `database`; None where `no_comparison` says
+        why there is none.
+    versions : (label, role) of the versions that use the flight.
+    suspicions, segments : results of conditioning.
     """
 
     id: str
@@ -64,30 +68,29 @@ class FlightStory:
 
 
 def flight_report(story: FlightStory) -> str:
-    """The flight as one HTML page."""
+    """Render the report of a flight as one HTML page."""
     flight, names = story.flight, shown_channels(story.flight)
     span = f"{flight.time[-1] - flight.time[0]:.1f} s at {1 / flight.step:.4g} Hz"
     histories = picture(
         channel_figure(names, story.measured, flight),
         f"Time histories of {', '.join(names)}, measured and reconstructed.",
-        "Black: reconstructed; grey: as measured, where it differs; shaded: samples that are not"
-        " used.",
+        "Black: reconstructed. Grey: measured, where it differs. Shaded: unused samples.",
     )
     coefficients = None
     if story.comparison is not None:
         coefficients = picture(
             coefficient_figure(story.comparison, flight),
-            f"Coefficients of the flight and of {story.version} over time, what is left, and both"
-            " against alpha or beta.",
-            f"Black: flight; orange, dashed or as large dots: {story.version}. Middle: flight −"
-            f" {story.version}. Grey band, and black lines in the middle: two standard errors of"
-            " the sensors, which no database can explain.",
+            f"Coefficients of the flight and of {story.version} over time, their difference, and"
+            " both against alpha or beta.",
+            f"Black: flight. Orange, dashed or large dots: {story.version}. Middle column: flight −"
+            f" {story.version}. Grey band, and black lines in the middle column: two standard"
+            " errors of the sensors, which no database can explain.",
         )
     flown = picture(
         envelope_figure(flight, story.database),
         "Planes of angle of attack, sideslip, Mach number, airspeed and altitude with the samples"
         " flown.",
-        "Samples that count. Dashed: edges of the database's tables, where they are near.",
+        "Usable samples. Dashed: edges of the database's tables, where they are near.",
     )
     inputs = (
         story.database.flight_inputs
@@ -116,8 +119,7 @@ def flight_report(story: FlightStory) -> str:
 def verdict_sentence(
     verdict: str, reasons: Sequence[str], consistency: Mapping[str, Any] | None
 ) -> str:
-    """The verdict in one sentence: what the flight may be used for, why not for more, and how well
-    it agrees with itself."""
+    """Summarize the verdict: what the flight can be used for, why not for more, its consistency."""
     why = "; ".join(dict.fromkeys(reason.partition(":")[0] for reason in reasons))
     said = f"{_SAYS.get(verdict, 'Its verdict is ' + verdict)}{f': {why}' if why else ''}."
     channels = (consistency or {}).get("channels", ())
@@ -128,18 +130,18 @@ def verdict_sentence(
         return said
     beyond = [entry["channel"] for entry in checked if entry["after"] > entry["limit"]]
     if beyond:
-        return f"{said} Beyond their limits: {', '.join(beyond)}."
+        return f"{said} Outside their limits: {', '.join(beyond)}."
     closest = max(checked, key=lambda entry: entry["after"] / entry["limit"])
     factor, unit = _unit(closest["channel"])
     after, limit = number(factor * closest["after"], 2), number(factor * closest["limit"], 2)
     count = (
-        f"All {len(checked)} channels with a limit agree"
+        f"All {len(checked)} channels with a limit are consistent"
         if len(checked) > 1
-        else "The one channel with a limit agrees"
+        else "The one channel with a limit is consistent"
     )
     return (
-        f"{said} {count} with one motion; closest to its limit is {closest['channel']}, {after} of"
-        f" {limit} {unit}."
+        f"{said} {count} with the reconstructed motion; {closest['channel']} is closest to its"
+        f" limit ({after} of {limit} {unit})."
     )
 
 
@@ -149,7 +151,7 @@ def _activity(story: FlightStory) -> Picture | None:
     kinds = ", ".join(dict.fromkeys(segment.kind.replace("_", " ") for segment in story.segments))
     return picture(
         segment_figure(story.segments, story.flight),
-        f"When the flight does what: {kinds}.",
+        f"Segments of the flight over time: {kinds}.",
         "Black: manoeuvres; grey: states.",
     )
 
@@ -162,7 +164,7 @@ def _listed(segments: Sequence[Segment]) -> list[dict[str, Any]]:
 
 
 def _checks(consistency: Mapping[str, Any] | None) -> list[dict[str, Any]]:
-    """The consistency table in units for people."""
+    """Rows of the consistency table, in display units."""
     rows = []
     used = consistency.get("used", {}) if consistency else {}
     for entry in consistency["channels"] if consistency else ():
@@ -183,8 +185,10 @@ def _checks(consistency: Mapping[str, Any] | None) -> list[dict[str, Any]]:
 
 
 def _corrections(consistency: Mapping[str, Any] | None) -> list[dict[str, Any]]:
-    """Sensor errors that were estimated, in units for people; those applied first; what belongs to
-    one stretch is left out."""
+    """Rows of the estimated sensor errors, in display units, applied ones first.
+
+    Errors estimated for a single stretch of the flight are left out.
+    """
     rows = []
     for entry in consistency.get("estimates", ()) if consistency else ():
         if entry["stretch"] is not None:

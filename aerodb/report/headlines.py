@@ -1,5 +1,4 @@
-"""What an update or a closed loop came to, in one sentence, and the errors per axis that it rests
-on."""
+"""The result of an update or a closed loop in one sentence, and the table of errors per axis."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
@@ -12,12 +11,12 @@ from aerodb.tracing import ADDED
 _WHOLE: Final = {
     "held-out": "on {n} held-out flight{s}",
     "cross-validated": "with each flight predicted from the others",
-    "not validated": "on the flights that identified, which proves nothing",
+    "not validated": "on the identification flights themselves, without validation",
 }
 
 
 def headline(document: Mapping[str, Any]) -> str:
-    """The outcome of an update or a closed loop in one sentence."""
+    """Sum up the document of an update or a closed loop in one sentence."""
     if "library" not in document:
         axes = ", ".join(entry["axis"] for entry in document["increments"])
         return f"The declared increments on {axes} were estimated: {_worth(document)}."
@@ -35,23 +34,21 @@ def headline(document: Mapping[str, Any]) -> str:
         )
         if all(entry["verdict"] == "sensor" for entry in document["findings"]):
             return (
-                "Nothing was added to the database: what these flights show belongs to their"
-                f" sensors, {found}."
+                f"Nothing was added to the database: the errors found are in the sensors, {found}."
             )
         return (
-            "Nothing was added to the database, because no single effect is proved; found:"
+            "Nothing was added to the database, because no single effect is confirmed; found:"
             f" {found}."
         )
     count = len(document["not_found"])
     return (
-        f"Nothing was found that the database lacks, in {count} hypotheses; what size that excludes"
-        " is listed below."
+        f"Nothing was found that the database lacks: {count} hypotheses were tested, and the"
+        " sizes that these flights exclude are listed below."
     )
 
 
 def _lacked(added: Sequence[Mapping[str, Any]]) -> str:
-    """What the database lacked; what entered without proof, because somebody asked for it, is never
-    told as a fact."""
+    """Clause about the added effects; an unconfirmed one, added on request, is no stated fact."""
     proved = [finding for finding in added if finding["verdict"] in ADDED]
     asked = [finding for finding in added if finding not in proved]
     said = []
@@ -76,14 +73,14 @@ def _lacked(added: Sequence[Mapping[str, Any]]) -> str:
 
 
 def effect_words(finding: Mapping[str, Any]) -> str:
-    """A finding's effect, what it is of and its axes, as words."""
+    """Describe a finding's effect, subject and axes in words."""
     axes = "all axes" if len(finding["axis"]) == len(AXES) else ", ".join(finding["axis"])
     subject = f" of {finding['subject'].replace('_', ' ')}" if finding["subject"] else ""
     return f"{finding['effect'].replace('_', ' ')}{subject} on {axes}"
 
 
 def listed(entries: Sequence[str]) -> str:
-    """Entries as a list in a sentence.
+    """Join entries to a list in a sentence.
 
     >>> listed(["a", "b", "c"])
     'a, b and c'
@@ -92,7 +89,7 @@ def listed(entries: Sequence[str]) -> str:
 
 
 def _worth(document: Mapping[str, Any]) -> str:
-    """What the axis whose error changed most gained, and which axes became worse."""
+    """Clause about the axis whose error changed most, and about axes that became worse."""
     touched = {entry["axis"] for entry in document["increments"]}
     rows = [
         row
@@ -119,22 +116,25 @@ def _worth(document: Mapping[str, Any]) -> str:
 
 
 def on_which(document: Mapping[str, Any]) -> str:
-    """What the errors were taken on."""
+    """Phrase that says on which flights the errors were computed."""
     if by_parts(document):
-        return "with heads and tails of the flights predicted from the rest"
+        return "with the first and last parts of the flights predicted from the rest"
     n = len(document["flights"]["held_out"])
     return _WHOLE[document["validation"]["kind"]].format(n=n, s="" if n == 1 else "s")
 
 
 def by_parts(document: Mapping[str, Any]) -> bool:
-    """Whether flights were so few that parts of them were predicted from the rest."""
+    """Whether validation was within flights: parts of them predicted from the rest."""
     inside = any("cross-validated within flights" in remark for remark in document["remarks"])
     return inside and document["validation"]["kind"] == "cross-validated"
 
 
 def error_rows(document: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Per axis, in the usual order: error before and after where it proves most, noise floor,
-    outcome, Theil's measure of fit."""
+    """Rows of the error table in the usual axis order.
+
+    Each row has the error before and after (held-out where there is one), the error on the
+    identification flights, without constants, the noise floor, the outcome and Theil's fit.
+    """
     rows = []
     for axis in sorted(document["axes"], key=[*AXES, *WIND_AXES].index):
         entry = document["axes"][axis]

@@ -1,4 +1,4 @@
-"""The family of a version as boxes and lines: where each stands, for a drawing on a page."""
+"""Layout of the lineage of a version as boxes and lines."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -11,8 +11,11 @@ _ACROSS, _DOWN, _EDGE = 218, 118, 12
 
 @dataclass(frozen=True)
 class Relative:
-    """A version in the graph. made : when, for people. names : those that point at it now. flights
-    : role -> how many."""
+    """A version in the lineage graph.
+
+    made : display text of its time. names : names that point to it now. flights : role -> number of
+    flights.
+    """
 
     id: str
     label: str
@@ -25,7 +28,7 @@ class Relative:
 
 @dataclass(frozen=True)
 class Box:
-    """A relative at its place (px, upper left corner)."""
+    """A version and the position of its upper left corner [px]."""
 
     relative: Relative
     x: int
@@ -35,8 +38,7 @@ class Box:
 
 @dataclass(frozen=True)
 class Graph:
-    """Boxes, lines between them as (x, y, x, y) from parent to child, and the size of the drawing,
-    px."""
+    """Boxes, lines (x, y, x, y) from parent to child, and the size of the drawing, all in px."""
 
     boxes: tuple[Box, ...]
     lines: tuple[tuple[int, int, int, int], ...]
@@ -45,10 +47,10 @@ class Graph:
 
 
 def lineage_graph(family: Sequence[Relative], current: str) -> Graph:
-    """The family (parents before their children) from left to right: a generation per column, a
-    branch per row.
+    """Lay out the lineage from left to right: one column per generation, one row per branch.
 
-    A version whose parent is not in `family` begins a row of its own.
+    family : versions, parents before their children; one whose parent is not among them starts a
+    new row. current : id of the version to highlight.
     """
     column: dict[str, int] = {}
     row: dict[str, int] = {}
@@ -61,18 +63,20 @@ def lineage_graph(family: Sequence[Relative], current: str) -> Graph:
         }
         row[relative.id] = row[parent] if straight and parent is not None else rows
         rows = max(rows, row[relative.id] + 1)
-    place = {id: (_EDGE + _ACROSS * column[id], _EDGE + _DOWN * row[id]) for id in column}
-    boxes = tuple(Box(relative, *place[relative.id], relative.id == current) for relative in family)
+    corner = {id: (_EDGE + _ACROSS * column[id], _EDGE + _DOWN * row[id]) for id in column}
+    boxes = tuple(
+        Box(relative, *corner[relative.id], relative.id == current) for relative in family
+    )
     lines = tuple(
         (
-            place[relative.parent][0] + WIDTH,
-            place[relative.parent][1] + HEIGHT // 2,
-            place[relative.id][0],
-            place[relative.id][1] + HEIGHT // 2,
+            corner[relative.parent][0] + WIDTH,
+            corner[relative.parent][1] + HEIGHT // 2,
+            corner[relative.id][0],
+            corner[relative.id][1] + HEIGHT // 2,
         )
         for relative in family
-        if relative.parent in place
+        if relative.parent in corner
     )
-    width = max((x for x, _ in place.values()), default=0) + WIDTH + _EDGE
-    height = max((y for _, y in place.values()), default=0) + HEIGHT + _EDGE
+    width = max((x for x, _ in corner.values()), default=0) + WIDTH + _EDGE
+    height = max((y for _, y in corner.values()), default=0) + HEIGHT + _EDGE
     return Graph(boxes, lines, width, height)

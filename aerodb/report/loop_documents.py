@@ -1,5 +1,7 @@
-"""The JSON of a closed loop, as CONTRACT.md states it: what was found, why that, what was added,
-and what it is worth."""
+"""The JSON of a closed loop: findings, reasons, additions and validation.
+
+See docs/reference/contract.md, "JSON".
+"""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -25,7 +27,7 @@ def loop_document(
     proof: Sequence[AxisValidation],
     remarks: Sequence[str],
 ) -> dict[str, Any]:
-    """The document of a closed loop.
+    """Make the document of a closed loop.
 
     findings : of all rounds. added : those that entered the candidate. traced : the last round,
     which found nothing more to add. left : the unnamed remainder per axis. ``candidate`` is left
@@ -68,7 +70,7 @@ def _term(finding: Finding) -> dict[str, Any]:
 
 
 def _unnamed(entry: UnexplainedResidual) -> dict[str, Any]:
-    """What is reproducible and fits no template: variables, no parameter, no value."""
+    """Entry of a reproducible residual that fits no template: variables, no parameter or value."""
     return {
         "hypothesis": f"unnamed@{entry.axis}",
         "effect": "unnamed",

@@ -1,8 +1,7 @@
-"""Pages: a result's context through its template into one HTML file that asks nothing of anybody,
-and that file as PDF.
+"""Render templates to self-contained HTML pages, and pages to PDF.
 
-All text is escaped by the template engine; names from logs are shown as text that cannot rearrange
-what stands beside it.
+A page loads nothing from elsewhere. The template engine escapes all text; names from logs cannot
+change the direction or layout of the text around them.
 """
 
 import functools
@@ -21,7 +20,7 @@ _COLOURS: Final = {"flight": FLIGHT, "database": DATABASE, "updated": UPDATED, "
 
 
 def render(template: str, **context: Any) -> str:
-    """One self-contained HTML page of `template` (a file of this package's templates)."""
+    """Render `template`, a file in this package's templates, to one self-contained HTML page."""
     return _engine().get_template(template).render(**context)
 
 
@@ -48,8 +47,7 @@ def _engine() -> jinja2.Environment:
 
 
 def name(text: object) -> Markup:
-    """A name that somebody else chose: escaped, and set apart from the direction of the text around
-    it.
+    """A user-chosen name: escaped, and isolated from the text direction around it.
 
     >>> name("<b>")
     Markup('<bdi>&lt;b&gt;</bdi>')
@@ -58,8 +56,7 @@ def name(text: object) -> Markup:
 
 
 def sentence(text: object) -> Markup:
-    """What the product says, names within: the same, with the lines of a message as parts of a
-    sentence.
+    """A message that may contain names, on one line: as `name`, line breaks as semicolons.
 
     >>> sentence("flight f: no alpha\\nlog it")
     Markup('<bdi>flight f: no alpha; log it</bdi>')
@@ -68,8 +65,9 @@ def sentence(text: object) -> Markup:
 
 
 def number(value: float | None, digits: int = 3, zeros: bool = False) -> str:
-    """A number for people, with a true minus and powers of ten as such; a dash for none. zeros:
-    also those at the end.
+    """Format a number with `digits` significant digits, a true minus sign and powers of ten.
+
+    None and non-finite values give a dash. zeros : keep trailing zeros.
 
     >>> number(-0.00123456), number(None), number(1234.5), number(0.5, zeros=True), number(2.04e-5)
     ('−0.00123', '–', '1234', '0.500', '2.04×10⁻⁵')
@@ -84,7 +82,7 @@ def number(value: float | None, digits: int = 3, zeros: bool = False) -> str:
 
 
 def share(value: float | None) -> str:
-    """A share as a percentage; a dash for none."""
+    """Format a share as a percentage; a dash for none."""
     return (
         "–"
         if value is None or not math.isfinite(value)
@@ -93,17 +91,17 @@ def share(value: float | None) -> str:
 
 
 def words(text: str) -> str:
-    """A name of the contract as words: ``not_excited`` reads ``not excited``."""
+    """An identifier as words: ``not_excited`` becomes ``not excited``."""
     return text.replace("_", " ")
 
 
 def instant(when: datetime | None) -> str:
-    """A time in UTC for people."""
+    """Format a time in UTC."""
     return "time unknown" if when is None else f"{when:%Y-%m-%d %H:%M} UTC"
 
 
 def pdf(page: str) -> bytes:
-    """A page as PDF. InputError where the optional dependency for it is not installed.
+    """Convert a page to PDF. Raises InputError where the optional dependency is not installed.
 
     WeasyPrint, not a browser: it is a library of a few megabytes that lays out the page's print
     style, needs no sandbox, and is told to fetch nothing.

@@ -1,5 +1,4 @@
-"""How results look wherever they are shown: colours, units for people, names as text, and a figure
-as a picture for a page."""
+"""Style of all displayed results: colours, display units, names as text, figures as SVG."""
 
 import base64
 import io
@@ -17,8 +16,8 @@ from matplotlib.figure import Figure
 from aerodb.errors import UnknownNameError
 from aerodb.nomenclature import channel
 
-#: Okabe & Ito's colours, which the colour-blind tell apart; they mean the same in every figure, and
-#: so do the line styles, which survive a print without colour.
+#: Okabe & Ito's colours, which colour-blind readers can tell apart. Colours and line styles mean
+#: the same in every figure; line styles survive a print in black and white.
 FLIGHT: Final = "#000000"
 DATABASE: Final = "#D55E00"
 UPDATED: Final = "#0072B2"
@@ -42,7 +41,7 @@ _DIGITS = re.compile(r"(\.\d)\d+")  # a tenth of a point is finer than any print
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure as SVG, what it shows for those who do not see it (`alt`), and the caption."""
+    """A figure as SVG with its alternative text (`alt`) and caption."""
 
     svg: str
     alt: str
@@ -50,14 +49,14 @@ class Picture:
 
     @property
     def source(self) -> str:
-        """The picture inside a page: nothing is fetched, and its ids meet no other picture's."""
+        """Data URL of the picture: nothing is fetched, and its ids clash with no other picture's."""
         return "data:image/svg+xml;base64," + base64.b64encode(
             self.svg.encode("utf-8", "replace")
         ).decode("ascii")
 
 
 def picture(figure: Figure, alt: str, caption: str = "") -> Picture:
-    """`figure` as a picture; the same figure gives the same bytes."""
+    """Convert a figure to a picture; the same figure gives the same bytes."""
     buffer = io.StringIO()
     with _writing, matplotlib.rc_context(_LOOK), warnings.catch_warnings():
         # the viewer's fonts draw what the fonts here do not have
@@ -73,8 +72,7 @@ def picture(figure: Figure, alt: str, caption: str = "") -> Picture:
 
 
 def visible(text: str) -> str:
-    """`text` with control, formatting and broken characters as escapes: what a log holds cannot
-    rearrange a page.
+    """Escape control, formatting and broken characters; log text cannot alter a page.
 
     >>> visible("a\\x1b[1m")
     'a\\\\x1b[1m'
@@ -86,7 +84,7 @@ def visible(text: str) -> str:
 
 
 def in_figure(text: str, most: int = LONGEST) -> str:
-    """A name for a figure: never read as a formula, never longer than `most` characters.
+    """A name for a figure: not parsed as a formula, cut to `most` characters.
 
     >>> in_figure("$x$")
     '\\\\$x\\\\$'
@@ -97,8 +95,7 @@ def in_figure(text: str, most: int = LONGEST) -> str:
 
 
 def for_people(unit: str) -> tuple[float, str]:
-    """Factor and unit in which people read a quantity: degrees for radians; a dash where it has no
-    dimension.
+    """Factor and label of the display unit: degrees for radians, a dash without dimension.
 
     >>> [for_people(unit)[1] for unit in ("rad", "rad/s", "1", "m/s^2", "1/rad")]
     ['deg', 'deg/s', '-', 'm/s²', '1/rad']
@@ -110,8 +107,9 @@ def for_people(unit: str) -> tuple[float, str]:
 
 
 def channel_scale(name: str) -> tuple[float, str]:
-    """Factor to the unit for people, and the label of an axis of a figure: ``alpha [deg]``. A free
-    input has no unit.
+    """Factor to the display unit and axis label of a channel, such as ``alpha [deg]``.
+
+    A free input has no unit.
 
     >>> channel_scale("alpha")[1], channel_scale("mach")[1]
     ('alpha [deg]', 'mach [-]')
@@ -124,14 +122,13 @@ def channel_scale(name: str) -> tuple[float, str]:
 
 
 def parameter_scale(name: str, unit: str) -> tuple[float, str]:
-    """The same for an estimated parameter of unit `unit`."""
+    """As `channel_scale`, for an estimated parameter of unit `unit`."""
     factor, shown = for_people(unit)
     return factor, f"{in_figure(name)} [{shown}]"
 
 
 def plain_panel(panel: Any) -> None:
-    """A panel without what no reader needs: no frame on top and right, a light grid, small
-    ticks."""
+    """Apply the plain style: no frame at the top and right, a light grid, small ticks."""
     panel.spines[["top", "right"]].set_visible(False)
     panel.grid(True, color="0.9", lw=0.5)
     panel.set_axisbelow(True)

@@ -1,5 +1,4 @@
-"""Figures of an update or a closed loop: error per axis, votes of the flights, and what is left
-over the variables."""
+"""Figures of an update or a closed loop: errors, per-flight estimates and residuals."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
@@ -25,21 +24,20 @@ from aerodb.tracing import SamplingUnit
 #: 95 % of a normal distribution lie within this many standard errors.
 _TWO_SIDED: Final = 1.96
 _BINS, _FEWEST_BINS, _FEWEST_IN_BIN = 24, 3, 15
-#: Samples of all flights together that quantiles are taken of: every k-th of more.
+#: Most samples used for the quantiles; larger sets are thinned.
 _SAMPLES: Final = 50_000
-#: No bin is narrower than this share of what lies between the 1 % and the 99 % quantile: a spike
-#: there is chance.
+#: Narrowest bin, as a share of the range between the 1 % and 99 % quantiles: in a narrower one, a
+#: spike is chance.
 _NARROWEST: Final = 1 / 30
 _BAND: Final = (0.1, 0.5, 0.9)
 _MOST_AXES, _MOST_VARIABLES, _COLUMNS = 4, 10, 5
 
-#: A variable that moves less than this is a constant in these flights (SI: 0.3 deg, or without
-#: dimension).
+#: A variable that varies less than this counts as constant (SI: 0.3 deg, or non-dimensional).
 _MOVES: Final = 5e-3
 
 
 def error_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
-    """Per axis the error before and after, and the noise floor, which no database can beat.
+    """Draw per axis the error before and after, and the noise floor, which no database can beat.
 
     rows : axis, before, after, floor (rms, without dimension), and each, the errors before and
     after of single flights; an error that is None or zero is left out.
@@ -106,10 +104,10 @@ def error_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
 
 
 def forest_figure(finding: Mapping[str, Any], labels: Mapping[str, str]) -> Figure:
-    """The votes of one finding: each flight's estimate with its 95 % interval, and what they say
-    together.
+    """Draw the forest plot of a finding: per-flight and combined estimates with 95 % intervals.
 
-    finding : an entry of ``findings`` of the contract. labels : flight id -> what people call it.
+    finding : an entry of ``findings`` (docs/reference/contract.md). labels : flight id -> display
+    name.
     """
     votes = finding["votes"]
     figure = Figure(figsize=(7.5, 1.05 + 0.24 * (len(votes) + 1)), layout="constrained")
@@ -126,7 +124,7 @@ def forest_figure(finding: Mapping[str, Any], labels: Mapping[str, str]) -> Figu
     panel.axvspan(low, high, color=UPDATED, alpha=0.12, lw=0, zorder=0)
     panel.axvline(0.0, color="0.4", lw=0.8)
     names = [voter(vote["flight"], labels) for vote in votes]
-    panel.set_yticks([*range(len(votes)), place], [*names, "together"])
+    panel.set_yticks([*range(len(votes)), place], [*names, "combined"])
     panel.set_ylim(len(votes) + 0.8, -0.7)
     plain_panel(panel)
     panel.grid(False, axis="y")
@@ -135,8 +133,9 @@ def forest_figure(finding: Mapping[str, Any], labels: Mapping[str, str]) -> Figu
 
 
 def voter(name: str, labels: Mapping[str, str]) -> str:
-    """Who voted, for a figure: a flight by what people call it, and of a part of one
-    (``<flight>@0-5.65491``) from when to when.
+    """Label of an estimate: the display name of the flight, and the interval of a part of one.
+
+    A part of a flight is named ``<flight>@0-5.65491``.
 
     >>> voter("abc@0-5.65491", {"abc": "first.mat"})
     'first.mat 0-5.65 s'
@@ -155,7 +154,7 @@ def voter(name: str, labels: Mapping[str, str]) -> str:
 def moving_variables(
     channels: Mapping[str, Mapping[str, Array]], names: Sequence[str]
 ) -> list[str]:
-    """Those of `names` that move in these flights (id -> channels), at most `_MOST_VARIABLES`."""
+    """Select the `names` that vary in these flights (id -> channels), at most `_MOST_VARIABLES`."""
     moving = []
     for name in names:
         values = [held[name][np.isfinite(held[name])] for held in channels.values() if name in held]
@@ -178,8 +177,7 @@ def residual_figure(
     channels: Mapping[str, Mapping[str, Array]],
     floors: Mapping[str, float],
 ) -> Figure:
-    """What is left over each variable: median of flight - model with the band that holds 80 % of
-    the samples, before and after.
+    """Draw the residual over each variable, before and after: median and 80 % band.
 
     before, after : flight id -> comparison, `after` empty where nothing was updated; channels :
     flight id -> name -> (n,); floors : axis -> rms of the noise, drawn as a grey band. A row per
@@ -247,8 +245,10 @@ def _binned(
     side: Mapping[str, Comparison],
     channels: Mapping[str, Mapping[str, Array]],
 ) -> tuple[Array, Array, Array, Array]:
-    """Median of the variable in each bin, and there the 10 %, 50 % and 90 % quantile of the
-    residual; empty for too few."""
+    """Median of the variable per bin, and the residual's 10 %, 50 % and 90 % quantiles there.
+
+    All four are empty for too few samples.
+    """
     pairs = [
         (
             channels[flight][name][comparison.usable[axis]],
@@ -274,8 +274,7 @@ def _binned(
 
 
 def _edges(x: Array, count: int) -> Array:
-    """Edges of at most `count` bins of about equally many of `x` (n,), none narrower than
-    `_NARROWEST`."""
+    """Edges of at most `count` equally filled bins of `x` (n,), none narrower than `_NARROWEST`."""
     wanted = np.quantile(x, np.linspace(0.0, 1.0, count + 1))
     low, high = np.quantile(x, [0.01, 0.99])
     edges = [float(wanted[0])]

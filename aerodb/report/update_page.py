@@ -1,5 +1,4 @@
-"""The report of an update or a closed loop: the finding in one sentence, what it is worth, why
-that, and what stays open."""
+"""The report page of an update or a closed loop: result, errors, findings and open questions."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -24,33 +23,37 @@ from aerodb.report.update_figures import (
 from aerodb.support import Array
 from aerodb.tables import WIND_AXES, AeroDatabase
 
-#: What each verdict means, for the reader of a report.
+#: Verdict -> its meaning, for the reader of a report.
 MEANS: Final[Mapping[str, str]] = {
-    "confirmed": "no rival explains it as well, and no single sensor error takes it away",
-    "suspected": "the best explanation, but too few independent flights for the error rate",
+    "confirmed": "no other hypothesis explains it as well, and no single sensor error removes it",
+    "suspected": "the best explanation, but too few independent flights for the stated error rate",
     "alias_group": "several explanations fit these flights equally well",
-    "ambiguous_sensor": "a sensor error cannot be excluded: the database is left alone",
-    "sensor": "belongs to the sensors: back to the flight-path reconstruction",
+    "ambiguous_sensor": "a sensor error cannot be excluded, so the database is left unchanged",
+    "sensor": "a sensor error; to be corrected in flight-path reconstruction",
     "unnamed": "reproducible, but no template of the library fits",
-    "not_detected": "nothing found, down to the bound",
-    "not_excited": "the flights do not move what would show it",
-    "not_separable": "it cannot be told from other effects in these flights",
+    "not_detected": "not found; sizes above the bound are excluded",
+    "not_excited": "the flights do not excite it",
+    "not_separable": "it cannot be separated from other effects in these flights",
     "not_testable": "too few flights show it",
 }
 _WITH_VOTES: Final = 2
-#: Where nothing was added, so many of the axes that are farthest from their noise floor are drawn.
+#: Number of axes drawn where nothing was added: those farthest above their noise floor.
 _FARTHEST: Final = 3
 
 
 @dataclass(frozen=True)
 class UpdateStory:
-    """What there is to tell of an update or a closed loop.
+    """Contents of the report page of an update or a closed loop.
 
-    document : of `report.document` or `report.loop_document`. labels : flight id -> what people
-    call it. baseline, candidate : what the versions are called (candidate None: nothing was added)
-    and their databases. before, after : flight id -> comparison on the flights that validate, else
-    on all; `after` is empty where nothing was added, both where no flight can be compared. channels
-    : flight id -> channel -> (n,), hat rates too.
+    Attributes
+    ----------
+    document : from `update_document` or `loop_document`.
+    labels : flight id -> display name.
+    baseline, candidate : labels of the versions; candidate None: nothing was added.
+    databases : of the baseline and the candidate.
+    before, after : flight id -> comparison on the validation flights, else on all. `after` is empty
+        where nothing was added, both are where no flight can be compared.
+    channels : flight id -> channel -> (n,), non-dimensional rates included.
     """
 
     document: Mapping[str, Any]
@@ -64,7 +67,7 @@ class UpdateStory:
 
 
 def update_report(story: UpdateStory) -> str:
-    """The update as one HTML page."""
+    """Render the report of an update or a closed loop as one HTML page."""
     document = story.document
     errors = [
         {**row, "flights": flight_errors(row["axis"], story.before, story.after)}
@@ -93,8 +96,8 @@ def update_report(story: UpdateStory) -> str:
             " the same numbers.",
             f"Error {on_which(document)}. Circle: {story.baseline}; "
             f"{f'square: {story.candidate}; ' if story.candidate else ''}"
-            "bar: noise floor of the sensors, below which no database can come."
-            f"{' Dots: single flights, above before, below after.' if single else ''}",
+            "bar: noise floor of the sensors, which no database can beat."
+            f"{' Dots: single flights, before above the line, after below.' if single else ''}",
         ),
         single=list(story.before) if single else [],
         findings=[_told(finding, story) for finding in document["findings"]],
@@ -111,16 +114,16 @@ def update_report(story: UpdateStory) -> str:
 
 
 def _told(finding: Mapping[str, Any], story: UpdateStory) -> dict[str, Any]:
-    """A finding with its picture, in units for people."""
+    """A finding with its figure, in display units."""
     factor, unit = for_people(finding["unit"])
     shown = None
     if len(finding["votes"]) >= _WITH_VOTES:
         shown = picture(
             forest_figure(finding, story.labels),
-            f"Votes of {len(finding['votes'])} flights on {finding['parameter']} with 95 %"
-            " intervals, and all together.",
-            "One flight, one vote: dots with 95 % intervals. Diamond and band: all together, random"
-            " and systematic parts.",
+            f"Estimates of {finding['parameter']} from {len(finding['votes'])} flights with 95 %"
+            " intervals, and the combined estimate.",
+            "Dots: the estimate of each flight (its vote) with its 95 % interval. Diamond and band:"
+            " combined estimate with its 95 % interval, random and systematic errors included.",
         )
     ci95 = finding["ci95"]
     return {
@@ -139,7 +142,7 @@ def _told(finding: Mapping[str, Any], story: UpdateStory) -> dict[str, Any]:
 
 
 def _bounds(entries: Any) -> list[dict[str, Any]]:
-    """What was not found, with its bounds in units for people."""
+    """Rows of what was not found, with bounds in display units."""
     rows = []
     for entry in entries:
         factor, unit = for_people(entry["unit"])
@@ -152,8 +155,10 @@ def _bounds(entries: Any) -> list[dict[str, Any]]:
 
 
 def _pictures(story: UpdateStory) -> dict[str, Picture]:
-    """Slices through both databases, what is left over each variable, and histories; none where no
-    flight can be compared."""
+    """Slices through both databases, residuals over each variable, and time histories.
+
+    Empty where no flight can be compared.
+    """
     axes = _axes(story)
     if not axes or story.databases is None:
         return {}
@@ -176,24 +181,24 @@ def _pictures(story: UpdateStory) -> dict[str, Picture]:
         "residuals": picture(
             residual_figure(axes, variables, story.before, story.after, story.channels, floors),
             f"Flight minus model on {', '.join(axes)} against {', '.join(variables)}, with {both}.",
-            "Line: median; band: 80 % of the samples; grey: noise floor. What still depends on a"
-            " variable is not explained yet.",
+            "Line: median. Band: 80 % of the samples. Grey: noise floor. A residual that still"
+            " depends on a variable is not explained yet.",
         ),
         "histories": picture(
             update_figure(
                 axes, story.before, story.after, story.labels, errors=not by_parts(story.document)
             ),
             f"Coefficients {', '.join(axes)} over time: flight and {both}.",
-            "Flights one behind the other; right: how large the residuals are.",
+            "The flights one after another. Right: distribution of the residuals.",
         ),
     }
     if story.candidate is not None:
         shown["slices"] = picture(
             diff_figure(before, after, (story.baseline, story.candidate), "", _flown(story)),
             f"Slices through {both} on the axes that change.",
-            "Band: two standard errors of what was added. Title: the largest change, two standard"
-            " errors, where. Shaded: envelope of the flights that identified. Grey bars along the"
-            " lower edge: where the flights of this report have been.",
+            "Band: two standard errors of the increments. Title: the largest change ± two standard"
+            " errors, and where. Shaded: envelope of the identification flights. Grey bars along"
+            " the lower edge: distribution of this report's flights.",
         )
     return shown
 
@@ -207,8 +212,10 @@ def _flown(story: UpdateStory) -> dict[str, Array]:
 
 
 def _axes(story: UpdateStory) -> list[str]:
-    """Axes to draw that these flights can show: those with increments, else those with findings,
-    else those farthest from their noise floor."""
+    """Axes to draw: with increments, else with findings, else farthest above noise floor.
+
+    Axes without usable samples in these flights are left out.
+    """
     shown = {
         axis
         for comparison in story.before.values()

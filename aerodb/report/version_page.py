@@ -1,5 +1,4 @@
-"""The report of a database version: what it is, what differs from its parent, and where it comes
-from."""
+"""The report page of a database version: contents, lineage and changes from its parent."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -42,7 +41,7 @@ class VersionStory:
 
 
 def version_report(story: VersionStory) -> str:
-    """The version as one HTML page."""
+    """Render the report of a version as one HTML page."""
     changes, slices, curves = None, None, None
     if story.parent is not None:
         label, before = story.parent
@@ -50,15 +49,14 @@ def version_report(story: VersionStory) -> str:
         slices = picture(
             diff_figure(before, story.database, (label, story.label), ""),
             f"Slices through {label} and {story.label} on the axes that change.",
-            "Band: two standard errors of what was added. Title: the largest change, two standard"
-            " errors, where. Shaded: envelope of the flights behind it.",
+            "Band: two standard errors of the increments. Title: the largest change ± two standard"
+            " errors, and where. Shaded: envelope of the identification flights.",
         )
     else:
         curves = picture(
             database_figure(story.database),
             "CX, CZ and Cm against angle of attack; CY, Cl and Cn against sideslip.",
-            "All other inputs neutral (zero; V 1 m/s). Dots: breakpoints of the tables behind the"
-            " curve.",
+            "All other inputs neutral (zero; V 1 m/s). Dots: breakpoints of the tables.",
         )
     return render(
         "version.html",
@@ -73,7 +71,7 @@ def version_report(story: VersionStory) -> str:
 
 
 def _table(entry: Mapping[str, Any]) -> dict[str, Any]:
-    """The nodes of a table that change most, in units for people."""
+    """Rows of the table nodes that change most, in display units."""
     largest = sorted(entry["nodes"], key=lambda node: -abs(node["change"]))
     scales = {name: channel_scale(name) for name in entry["channels"]}
     rows = [

@@ -1,5 +1,4 @@
-"""Pages: the answer first, the numbers those of the JSON, nothing fetched, names from logs as text;
-PDF; the command."""
+"""Report pages: result first, numbers as in the JSON, nothing fetched, log names as text; PDF."""
 
 import base64
 import json
@@ -125,16 +124,16 @@ def test_the_page_of_a_flight(made: tuple[Path, dict[str, Any]]) -> None:
     compared = {
         "axes": {axis: entry for axis, entry in baseline["axes"].items() if entry["samples"]}
     }
-    rows = {row[0]: row for row in table(tree, "Coefficients beside v0001")}
+    rows = {row[0]: row for row in table(tree, "Coefficients compared with v0001")}
     assert {axis: row[2:4] for axis, row in rows.items()} == {
         axis: [number(entry["rms_measured"], zeros=True), number(entry["rms_residual"], zeros=True)]
         for axis, entry in compared["axes"].items()
     }
-    assert [row[0] for row in table(tree, "Where the flight has been")][:2] == [
+    assert [row[0] for row in table(tree, "Flight envelope")][:2] == [
         "V [m/s]",
         "alpha [deg]",
     ]
-    reach = {row[0]: row[4] for row in table(tree, "Where the flight has been")}
+    reach = {row[0]: row[4] for row in table(tree, "Flight envelope")}
     assert reach["alpha [deg]"] == "−4 to 12", "the breakpoints of the handbook, in degrees"
 
 
@@ -162,7 +161,7 @@ def test_the_page_of_an_update(made: tuple[Path, dict[str, Any]]) -> None:
     assert re.search(
         r"on 2 held-out flights the error of C[XZ] falls from [\d.]+ to [\d.]+ rms", lead
     )
-    rows = {row[0]: row for row in table(tree, "What it is worth")}
+    rows = {row[0]: row for row in table(tree, "Error before and after")}
     assert list(rows) == [axis for axis in rows if axis in update["axes"]]
     for axis, entry in update["axes"].items():
         assert rows[axis][1:3] == [
@@ -171,7 +170,7 @@ def test_the_page_of_an_update(made: tuple[Path, dict[str, Any]]) -> None:
         times = entry["held_out_rms_after"] / entry["noise_floor"] if entry["noise_floor"] else None
         assert rows[axis][8] == number(times, 2, zeros=True)
         assert rows[axis][-1] == entry["outcome"]
-    terms = {row[0]: row[1] for row in table(tree, "What was estimated")}
+    terms = {row[0]: row[1] for row in table(tree, "Estimated increments")}
     axis = update["increments"][0]
     assert terms == {term["term"]: number(term["value"], 4) for term in axis["terms"]}
     assert len(tree.xpath("//img")) == 4
@@ -201,7 +200,7 @@ def test_the_page_of_a_version(made: tuple[Path, dict[str, Any]]) -> None:
     boxes = [text.text_content() for text in tree.xpath("//svg//text")]
     assert boxes[0] == "v0001"
     assert "4 identified, 2 held out" in boxes
-    changed = {(row[1], row[2]) for row in table(tree, "What differs from v0001")}
+    changed = {(row[1], row[2]) for row in table(tree, "Changes from v0001")}
     assert changed == {
         (entry["axis"], term["term"]) for entry in update["increments"] for term in entry["terms"]
     }
@@ -209,7 +208,7 @@ def test_the_page_of_a_version(made: tuple[Path, dict[str, Any]]) -> None:
     assert (
         imported.xpath("//p[@class='lead']")[0].text_content() == "An imported database: handbook."
     )
-    assert not imported.xpath("//h2[starts-with(., 'What differs')]"), (
+    assert not imported.xpath("//h2[starts-with(., 'Changes from')]"), (
         "nothing differs from what is not there"
     )
     assert len(imported.xpath("//img")) == 1, "its curves"
@@ -346,14 +345,14 @@ def test_the_page_of_a_loop_that_finds_nothing() -> None:
     document = loop([], [], [proof("CX", 0.002, 0.002, outcome="unchanged")])
     tree = page_of(document)
     assert headline(document).startswith(
-        "Nothing was found that the database lacks, in 2 hypotheses"
+        "Nothing was found that the database lacks: 2 hypotheses were tested, and the sizes"
     )
     assert tree.xpath("//p[@class='lead']")[0].text_content() == headline(document)
     assert len(tree.xpath("//img")) == 1
-    assert table(tree, "What these flights could not decide") == [
+    assert table(tree, "Undecided hypotheses") == [
         ["flap@CZ", "not excited", "CZ_flap", "1/rad", "–", "–"]
     ]
-    excluded = tree.xpath("//details[contains(., 'Looked for and not found (1)')]//tbody/tr")[0]
+    excluded = tree.xpath("//details[contains(., 'Tested and not found (1)')]//tbody/tr")[0]
     assert [cell.text_content() for cell in excluded] == [
         "alpha_bias@all",
         "alpha_bias",
@@ -369,21 +368,23 @@ def test_the_page_of_a_finding_says_why_that_and_not_its_rivals() -> None:
     tree = page_of(document)
     assert (
         headline(document)
-        == "Nothing was added to the database, because no single effect is proved; found: pitch"
+        == "Nothing was added to the database, because no single effect is confirmed; found: pitch"
         " rate force on CX (alias group)."
     )
     assert "pitch rate force on CX alias group not added" in words_of(tree)
     assert (
-        tree.xpath("//dt[.='Would do as well']/following-sibling::dd[1]")[0].text_content()
+        tree.xpath("//dt[.='Equally good']/following-sibling::dd[1]")[0].text_content()
         == "alpha_dot@CX"
     )
     assert ["<b>mach_effect</b>", "explains less & less"] in [
         [cell.text_content() for cell in row]
-        for row in tree.xpath("//details[contains(., 'Rivals that fell')]//tbody/tr")
+        for row in tree.xpath("//details[contains(., 'Rejected alternatives')]//tbody/tr")
     ]
     assert len(tree.xpath("//img")) == 2, "errors and one forest plot"
     assert ["flight <6>", "f6", "excluded", "rejected: <i>qbar</i>"] in table(tree, "Flights")
-    assert ["flight <4>", "f4", "held out", "looked at 1 time before"] in table(tree, "Flights")
+    assert ["flight <4>", "f4", "held out", "used to validate 1 earlier version"] in table(
+        tree, "Flights"
+    )
 
 
 def test_what_no_template_explains_is_told_with_its_variables() -> None:
@@ -479,7 +480,7 @@ def test_the_page_of_a_measured_flight(measured: Any, tmp_path: Path) -> None:
     )
     tree = checked(page)
     channels = {entry["channel"]: entry for entry in outcome["consistency"]["channels"]}
-    rows = {row[0]: row for row in table(tree, "Does the flight agree")}
+    rows = {row[0]: row for row in table(tree, "Kinematic consistency")}
     assert set(rows) == set(channels)
     assert rows["beta"][1] == number(channels["beta"]["before"] * 57.29577951308232)
     assert rows["V"][5] == channels["V"]["verdict"]

@@ -1,5 +1,8 @@
-"""What pages say and draw: sentences that claim no more than is proved, every axis with its unit,
-pictures that agree with the stored numbers or say that they do not, and pages that stay light."""
+"""Text and figures of report pages.
+
+Sentences claim no more than is confirmed, every axis has its unit, figures agree with the stored
+numbers or say that they do not, and pages stay small.
+"""
 
 import base64
 import re
@@ -170,21 +173,28 @@ def test_the_verdict_in_one_sentence() -> None:
     ]
     said = verdict_sentence("good", [], {"channels": channels})
     assert (
-        said == "It may identify and validate. All 2 channels with a limit agree with one motion;"
-        " closest to its limit is alpha, 0.4 of 0.5 deg."
+        said
+        == "The flight can be used for identification and validation. All 2 channels with a limit"
+        " are consistent with the reconstructed motion; alpha is closest to its limit (0.4 of 0.5"
+        " deg)."
     )
     limited = verdict_sentence(
         "limited", ["the air moved: V 0.4", "the air moved: beta"], {"channels": channels[1:]}
     )
     assert limited.startswith(
-        "It may be used, but not for everything: the air moved. The one channel with a limit agrees"
+        "The flight can be used with limitations: the air moved. The one channel with a limit is"
+        " consistent"
     )
     beyond = [{**channels[0], "after": np.deg2rad(0.6)}, channels[1]]
     assert (
         verdict_sentence("rejected", ["qbar fails"], {"channels": beyond})
-        == "It is stored and never identifies: qbar fails. Beyond their limits: alpha."
+        == "The flight is stored but not used for identification: qbar fails. Outside their"
+        " limits: alpha."
     )
-    assert verdict_sentence("unchecked", [], None) == "Its kinematics have not been checked."
+    assert (
+        verdict_sentence("unchecked", [], None)
+        == "The kinematic consistency of the flight has not been checked."
+    )
 
 
 def test_only_what_is_proved_is_told_as_a_fact() -> None:
@@ -203,8 +213,8 @@ def test_only_what_is_proved_is_told_as_a_fact() -> None:
     sensor = found("alpha_bias@all", verdict="sensor")
     assert (
         headline(loop([sensor], [], better))
-        == "Nothing was added to the database: what these flights show belongs to their sensors,"
-        " alpha bias on all (sensor)."
+        == "Nothing was added to the database: the errors found are in the sensors, alpha bias on"
+        " all (sensor)."
     )
 
 
@@ -219,14 +229,14 @@ def test_what_was_predicted_from_parts_of_flights_is_not_called_whole(
         " flights)."
     ]
     assert (
-        "with heads and tails of the flights predicted from the rest, the error of CX falls"
-        in headline(document)
+        "with the first and last parts of the flights predicted from the rest, the error of CX"
+        " falls" in headline(document)
     )
     tree = checked(update_report(story(document, sides, flown)))
     assert not [svg for svg in drawn(tree) if re.search(r"before: [\d.e-]+ rms", svg)], (
         "no number on other samples than the table's"
     )
-    assert "They flatter it" in words_of(tree)
+    assert "They are optimistic" in words_of(tree)
 
 
 def test_a_vote_is_labelled_by_its_flight_and_part() -> None:
@@ -247,7 +257,7 @@ def test_single_flights_stand_beside_all(flown: Flight, sides: Any) -> None:
     assert each["f4"][0] == pytest.approx(0.05, rel=0.05)
     assert each["f4"][1] == pytest.approx(0.1 * each["f4"][0])
     tree = checked(update_report(story(document, sides, flown)))
-    rows = tree.xpath("//details[contains(., 'The same for each flight')]//tbody/tr")
+    rows = tree.xpath("//details[contains(., 'Error of each flight')]//tbody/tr")
     cells = [[" ".join(cell.text_content().split()) for cell in row] for row in rows]
     assert cells == [
         [f"flight {id[1]}", f"{number(first, 2)} → {number(last, 2)}"]
@@ -267,8 +277,8 @@ def test_flights_that_were_processed_again_are_not_passed_off_as_those_of_the_re
     said = words_of(checked(update_report(story(document, sides, flown))))
     now, stored = number(pooled(before, "CZ")), number(1.5 * pooled(before, "CZ"))
     assert (
-        f"processed again since: the pictures show them as they are stored now (CZ {now} where"
-        f" {stored} is stored)" in said
+        "processed again since this report was made: the figures show the results stored now"
+        f" (CZ {now} where {stored} is stored)" in said
     )
 
 
@@ -279,13 +289,13 @@ def test_where_nothing_was_added_the_distance_is_drawn(flown: Flight, sides: Any
         [proof("CZ", 0.06, 0.06, noise_floor=0.001), proof("CX", 0.06, 0.06, noise_floor=0.03)],
     )
     tree = checked(update_report(story(document, sides, flown, added=False)))
-    assert tree.xpath("//h2")[0].text == "How far the database is from these flights"
+    assert tree.xpath("//h2")[0].text == "Error of the database on these flights"
     pictures = drawn(tree)
     assert len(pictures) == 3, (
         "errors, residuals over variables, histories; no slices through two equal databases"
     )
     assert not [svg for svg in pictures if "updated database" in svg]
-    assert table(tree, "How far")[1][8] == "60", "after / floor of CZ"
+    assert table(tree, "Error of the database")[1][8] == "60", "after / floor of CZ"
 
 
 def flight_story(flown: Flight, **other: Any) -> FlightStory:
@@ -324,7 +334,7 @@ def test_a_flights_segments_and_suspicions_are_told(flown: Flight) -> None:
         .startswith("Suspicion: alpha looks turned round <script>")
     )
     bare = checked(flight_report(flight_story(flown)))
-    assert not bare.xpath("//h2[.='What it does when']")
+    assert not bare.xpath("//h2[.='Flight segments']")
     assert not bare.xpath("//ul[@class='notice']")
 
 

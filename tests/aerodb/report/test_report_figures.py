@@ -1,5 +1,5 @@
-"""What figures show is what was put in; the colour-blind tell their colours apart; a graph of
-versions does not overlap."""
+"""Figures show their inputs, colour-blind readers can tell their colours apart, and boxes of a
+lineage graph do not overlap."""
 
 import base64
 import re
@@ -112,7 +112,7 @@ def test_a_correction_is_drawn_and_its_size_said(flown: Flight) -> None:
     panel = channel_figure(["alpha"], flown, moved).axes[0]
     measured, reconstructed = (line.get_ydata() for line in panel.lines)
     assert np.allclose(np.mean(reconstructed) - np.mean(measured), 0.5, atol=0.2)
-    assert panel.get_title(loc="right") == "moved 0.5 deg rms"
+    assert panel.get_title(loc="right") == "corrected by 0.5 deg rms"
     assert len(channel_figure(["alpha"], flown, flown).axes[0].lines) == 1, (
         "what did not move is drawn once"
     )
@@ -146,7 +146,7 @@ def test_a_forest_plot_shows_votes_and_what_they_say_together() -> None:
         "first",
         "f1",
         "f2",
-        "together",
+        "combined",
     ]
     diamond = panel.patches[0].get_xy()[:, 0]
     assert (diamond.min(), diamond.max()) == pytest.approx(tuple(np.rad2deg([0.005, 0.015])))
@@ -238,7 +238,9 @@ def test_slices_show_every_axis_that_changes_and_look_closely() -> None:
     assert {panel.get_ylabel() for panel in shown} == {f"{axis} [-]" for axis in AXES}
     assert len(shown) <= MAX_PANELS
     alpha = next(panel for panel in shown if panel.get_xlabel() == "alpha [deg]")
-    said = re.fullmatch(r"most: \+([\d.]+) ± ([\d.e−]+) at ([\d.]+)", alpha.get_title(loc="right"))
+    said = re.fullmatch(
+        r"largest change: \+([\d.]+) ± ([\d.e−]+) at ([\d.]+)", alpha.get_title(loc="right")
+    )
     drawn = alpha.lines[1].get_ydata() - alpha.lines[0].get_ydata()
     assert said
     assert float(said[1]) == pytest.approx(np.max(np.abs(drawn)), rel=0.05)
