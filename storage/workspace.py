@@ -113,8 +113,8 @@ class Workspace:
 
     @classmethod
     def open(cls, root: Path, create: bool = True) -> "Workspace":
-        """Open the workspace at `root`. If it does not exist, create it, or raise InputError without
-        `create`."""
+        """Open the workspace at `root`. If it does not exist, create it, or raise InputError
+        without `create`."""
         workspace = cls(root.absolute())
         if not create and not catalogue_location(workspace.catalogue).begun:
             remedy = "name an existing workspace with --workspace or $AERODB_WORKSPACE"
@@ -200,9 +200,9 @@ class Workspace:
     def quarantine(self, path: Path, sha256: str, reason: str, vehicle: str = "") -> Path:
         """Put the log at `path` into quarantine, with its reason; returns the quarantined file.
 
-        The bytes are copied to ``quarantine/<sha256>/log<suffix>``; the reason (with the log's name,
-        size and time, and its `vehicle`) is written to ``reason.json`` there. The file at `path` is
-        removed only if it is in the inbox and has the quarantined bytes. Calling it again keeps the
+        The bytes are copied to ``quarantine/<sha256>/log<suffix>``; the reason (with the log's
+        name, size and time, and its `vehicle`) is written to ``reason.json`` there. The file at
+        `path` is removed only if it is in the inbox and has the quarantined bytes. Calling it again keeps the
         bytes and updates the reason. Raises InputError when no bytes are in quarantine yet and the
         file at `path` no longer has this sha256.
         """

@@ -1,5 +1,5 @@
-"""Calibrations in the catalogue: immutable versions of a vehicle's sensor parameters, and which
-flight is bound to which."""
+"""Calibrations in the catalogue: immutable versions of a vehicle's sensor parameters, and the
+calibration that each flight is bound to."""
 
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -14,7 +14,7 @@ from aerodb.storage.catalogue.rows import CalibrationRow
 
 
 class CalibrationLedger(Ledger):
-    """The part of the catalogue about calibrations."""
+    """Catalogue queries about calibrations."""
 
     def add_calibration(
         self,
@@ -25,12 +25,15 @@ class CalibrationLedger(Ledger):
         reason: str,
         run: str | None = None,
     ) -> CalibrationRow:
-        """Stores a calibration under the vehicle's next label, its parent the newest before it; the
-        same id again changes nothing and gives the stored row. InputError without a reason."""
+        """Store a calibration under the vehicle's next label, with the newest one as its parent.
+
+        An id that is stored already changes nothing and gives the stored row. InputError without a
+        reason.
+        """
         enc.checked_key(id, "the id of a calibration")
         if not reason.strip():
             raise InputError(
-                "a calibration needs a reason", f"vehicle {vehicle}", "say why: --reason TEXT"
+                "a calibration requires a reason", f"vehicle {vehicle}", "add --reason TEXT"
             )
         with self._database.writing() as connection:
             self._require_vehicle(connection, vehicle)
@@ -58,8 +61,8 @@ class CalibrationLedger(Ledger):
             return tuple(_rows(connection, s.calibrations.c.vehicle == vehicle))
 
     def calibration(self, vehicle: str, ref: str) -> CalibrationRow:
-        """The calibration that `ref` means: its id, its label (``c0003``) or a unique prefix of its
-        id."""
+        """The calibration referred to by `ref`: its id, its label (``c0003``) or a unique prefix of
+        its id."""
         rows = self.calibrations(vehicle)
         exact = [row for row in rows if ref in (row.id, row.label)]
         if exact:
@@ -78,15 +81,16 @@ class CalibrationLedger(Ledger):
         remedy = (
             nearest(ref[:128], labels)
             if labels
-            else f"make one: aerodb recalibrate --vehicle {vehicle} --reason TEXT"
+            else f"create one: aerodb recalibrate --vehicle {vehicle} --reason TEXT"
         )
-        raise UnknownNameError(f"no calibration {enc.shown(ref)}", f"vehicle {vehicle}", remedy)
+        raise UnknownNameError(
+            f"unknown calibration {enc.shown(ref)}", f"vehicle {vehicle}", remedy
+        )
 
     def bind_flight(self, flight: str, calibration: str, run: str | None = None) -> None:
-        """Binds a flight (its id) to a calibration (its id) from now on; the same again changes
-        nothing.
+        """Bind a flight (its id) to a calibration (its id); the same binding again changes nothing.
 
-        InputError when the calibration is not one of the flight's vehicle.
+        InputError when the calibration does not belong to the flight's vehicle.
         """
         with self._database.writing() as connection:
             self._require_flight(connection, flight)
@@ -96,7 +100,7 @@ class CalibrationLedger(Ledger):
             named = _rows(connection, s.calibrations.c.id == calibration)
             if not named or named[0].vehicle != owner:
                 raise InputError(
-                    f"calibration {enc.shown(calibration)} is none of vehicle '{owner}'",
+                    f"calibration {enc.shown(calibration)} does not belong to vehicle '{owner}'",
                     f"flight {flight[:12]}",
                 )
             if _bound(connection, flight) != calibration:

@@ -1,8 +1,9 @@
-"""The catalogue: the record of what is known. Vehicles, logs, flights, results and runs; versions
-are in `aerodb.storage.catalogue.versions`.
+"""The catalogue class, with queries about vehicles, logs, results and runs. Queries about flights,
+versions and the rest are in the modules of its base classes.
 
-A row is the commit: files are written first, and only what has a row exists. Adding something again
-changes nothing. References are resolved here: exact id, then name, then a unique prefix of an id.
+The row is the commit: files are written first, and only a file with a row exists for the product.
+Adding something twice changes nothing. References are resolved here: exact id, then name, then
+unique prefix of an id.
 """
 
 import hashlib
@@ -52,20 +53,20 @@ class Catalogue(
 
     @classmethod
     def open(cls, path: Path, create: bool = True) -> "Catalogue":
-        """The catalogue at `path`, or in the PostgreSQL database that the settings beside it name
-        (`aerodb.storage.catalogue.location`), brought to the newest schema; made when absent and
-        `create`, else InputError."""
+        """Open the catalogue at `path`, or in the PostgreSQL database that the settings beside it
+        name (`aerodb.storage.catalogue.location`), and migrate it to the newest schema. If it does
+        not exist, create it, or raise InputError without `create`."""
         place = catalogue_location(path)
         return cls(open_postgresql(place.url, create) if place.url else open_sqlite(path, create))
 
     @classmethod
     def in_file(cls, path: Path) -> "Catalogue":
-        """The catalogue in the file at `path` itself, whatever stands beside it: that of a
+        """Open the SQLite file at `path` regardless of the settings beside it: the catalogue of a
         backup."""
         return cls(open_sqlite(path))
 
     def close(self) -> None:
-        """Gives the connections back."""
+        """Close all connections."""
         self._database.close()
 
     def __enter__(self) -> "Catalogue":
@@ -76,15 +77,15 @@ class Catalogue(
 
     @contextmanager
     def transaction(self) -> Iterator[None]:
-        """All calls inside happen together or not at all, and no other writer comes between
-        them."""
+        """Context manager that makes all calls inside one atomic transaction; no other writer can
+        interfere."""
         with self._database.writing():
             yield
 
     # Vehicles
 
     def add_vehicle(self, name: str, text: str) -> VehicleRow:
-        """Stores the text of a vehicle's file; earlier texts stay. The same text again changes
+        """Store the text of a vehicle file; earlier texts are kept. The same text again changes
         nothing."""
         enc.checked(name, enc.VEHICLE_NAME, "the name of a vehicle")
         digest = hashlib.sha256(text.encode("utf-8")).hexdigest()
@@ -99,7 +100,7 @@ class Catalogue(
         return self.vehicle(name)
 
     def vehicle(self, name: str, sha256: str = "") -> VehicleRow:
-        """A vehicle with its newest text, or the one with this `sha256`; UnknownNameError when
+        """A vehicle with its newest text, or with the text of this `sha256`; UnknownNameError when
         there is none."""
         with self._database.reading() as connection:
             self._require_vehicle(connection, name)
@@ -110,7 +111,7 @@ class Catalogue(
         raise UnknownNameError(
             f"no text with sha256 {enc.shown(sha256)}",
             f"vehicle {name}",
-            "leave it out for the newest",
+            "omit the hash to get the newest text",
         )
 
     def vehicles(self) -> tuple[VehicleRow, ...]:
@@ -144,9 +145,9 @@ class Catalogue(
         reason: str = "",
         damage: Iterable[Damage] = (),
     ) -> bool:
-        """Stores what became of a log; whether it is new.
+        """Store a log and its status; returns whether it is new.
 
-        A quarantined log that is tried again takes its new status; one that was accepted is never
+        A quarantined log that is ingested again gets its new status; an accepted log is never
         quarantined later.
         """
         enc.checked_key(sha256, "the hash of a log")
@@ -172,7 +173,7 @@ class Catalogue(
             return stored is None
 
     def log(self, ref: str) -> LogRow | None:
-        """The log with this sha256, or None: to ask before reading a file again."""
+        """The log with this sha256, or None."""
         with self._database.reading() as connection:
             row = connection.execute(
                 sa.select(s.log_files).where(s.log_files.c.sha256 == ref)
@@ -203,10 +204,10 @@ class Catalogue(
         inputs: Iterable[str] = (),
         run: str | None = None,
     ) -> bool:
-        """Stores a result whose file stands at `path` (relative to the workspace); whether it is
+        """Store a result whose file is at `path` (relative to the workspace); returns whether it is
         new.
 
-        A key that is there already stays as it is; `run` is noted as a user of it all the same.
+        An existing key is unchanged, but `run` is recorded as using it.
         """
         enc.checked_key(key, "the key of a result")
         _check_relative(path)
@@ -244,7 +245,7 @@ class Catalogue(
             return new
 
     def result(self, key: str) -> ResultRow | None:
-        """The result with this key, or None: to ask before a step is run."""
+        """The result with this key, or None."""
         with self._database.reading() as connection:
             rows = self._results(connection, s.results.c.key == key)
         return rows[0] if rows else None
@@ -285,7 +286,7 @@ class Catalogue(
         code_version: str = "",
         id: str = "",
     ) -> RunRow:
-        """Notes that a run begins; `id` is made when the orchestrator gives none."""
+        """Record the start of a run; `id` is generated if the orchestrator gives none."""
         run = enc.checked(id, enc.RUN_ID, "the id of a run") if id else secrets.token_hex(16)
         row = {
             "id": run,
@@ -306,8 +307,8 @@ class Catalogue(
         return self.run(run)
 
     def end_run(self, id: str, state: RunState, error: str = "") -> RunRow:
-        """Notes how a run ended. The first end stands: a run that was marked crashed does not
-        complete later."""
+        """Record how a run ended. The first end counts: a run marked as crashed cannot complete
+        later."""
         if state == "running":
             raise ValueError("a run does not end as 'running'")
         with self._database.writing() as connection:
@@ -329,7 +330,9 @@ class Catalogue(
         with self._database.reading() as connection:
             row = connection.execute(sa.select(s.runs).where(s.runs.c.id == id)).one_or_none()
         if row is None:
-            raise UnknownNameError(f"no run {enc.shown(id)}", remedy="list the runs first")
+            raise UnknownNameError(
+                f"unknown run {enc.shown(id)}", remedy="check the id against the list of runs"
+            )
         return self._run_row(row)
 
     def runs(self, state: RunState | None = None, limit: int = 100) -> tuple[RunRow, ...]:
@@ -352,7 +355,7 @@ def _check_relative(path: str) -> None:
     ):
         raise InputError(
             f"{enc.shown(path)} is not a path inside the workspace",
-            remedy="give it relative, with forward slashes",
+            remedy="use a relative path with forward slashes",
         )
 
 

@@ -1,5 +1,5 @@
-"""All rows of a catalogue into an empty one, from SQLite to PostgreSQL and back: what a backup
-holds and restores."""
+"""Copy of all rows of a catalogue into an empty one, between SQLite and PostgreSQL; used by backup
+and restore."""
 
 from collections.abc import Iterable, Sequence
 from typing import Any, Final
@@ -10,16 +10,16 @@ from aerodb.errors import InputError
 from aerodb.storage.catalogue import schema as s
 from aerodb.storage.catalogue.ledger import Ledger
 
-#: Rows that are in memory at once; versions and calibrations hold whole documents.
+#: Rows in memory at once; rows of versions and calibrations contain whole documents.
 _ROWS: Final = 1000
 _DOCUMENTS: Final = 10
 
 
 def copy_catalogue(source: Ledger, target: Ledger) -> None:
-    """Copies the rows of one consistent state of `source`, whoever writes there meanwhile, in one
-    transaction of `target`.
+    """Copy all rows of one consistent state of `source` in one transaction of `target`; others may
+    write to `source` meanwhile.
 
-    Raises InputError when there are rows in `target` already.
+    Raises InputError when `target` is not empty.
     """
     with source._database.reading() as reading, target._database.writing() as writing:
         for table in s.metadata.sorted_tables:
@@ -28,7 +28,11 @@ def copy_catalogue(source: Ledger, target: Ledger) -> None:
                 is not None
             ):
                 remedy = "name an empty database: aerodb restore --settings FILE"
-                raise InputError("a catalogue is there already", target._database.where, remedy)
+                raise InputError(
+                    "the target database already contains a catalogue",
+                    target._database.where,
+                    remedy,
+                )
             _copy_table(table, reading, writing)
 
 
@@ -44,8 +48,8 @@ def _copy_table(table: sa.Table, reading: sa.Connection, writing: sa.Connection)
 
 
 def _stream(table: sa.Table, rows: Iterable[Sequence[Any]], writing: sa.Connection) -> None:
-    """Rows into a table of PostgreSQL by its COPY, many times as quick as inserts; its numbers go
-    on after them."""
+    """Write rows into a PostgreSQL table with COPY, which is much faster than inserts, and advance
+    its sequence."""
     import psycopg
 
     columns = ", ".join(f'"{column.name}"' for column in table.columns)

@@ -1,9 +1,8 @@
-"""The catalogue's database, SQLite or PostgreSQL, and its transactions. What is in the tables is
-not this module's business.
+"""Connections and transactions of the catalogue's database, SQLite or PostgreSQL.
 
-Writers take one lock at their first word (SQLite: BEGIN IMMEDIATE, PostgreSQL: an advisory lock): a
-transaction that reads and then writes can then never fail because another one came between. Readers
-see one consistent state and never wait.
+A writing transaction takes one lock at its beginning (SQLite: BEGIN IMMEDIATE, PostgreSQL: an
+advisory lock), so a transaction that reads and then writes never fails because of a concurrent one.
+Readers see one consistent state and never wait.
 """
 
 import time
@@ -18,7 +17,7 @@ from aerodb.errors import InputError, StoreBusyError
 from aerodb.storage.catalogue.schema import HEAD
 from aerodb.storage.database_errors import store_error_of, translated_database_errors
 
-#: How long [s] a writer waits for the lock, and everybody for a server that was there before.
+#: Maximum waiting time [s] of writers for the lock, and of all for a server that was up before.
 WAIT_SECONDS: Final = 60.0
 _LONGEST_PAUSE: Final = 1.0
 
@@ -26,8 +25,8 @@ _LONGEST_PAUSE: Final = 1.0
 class Database:
     """An engine with two kinds of transaction: `reading` and `writing`.
 
-    where : for people, without secrets. reads, writes : execution options of the two. `patience` :
-    how long [s] a new connection is tried for while the server is away.
+    where : address for messages, without secrets. reads, writes : execution options of the two
+    kinds. `patience` : time [s] for which a new connection is retried while the server is down.
     """
 
     def __init__(
@@ -41,8 +40,8 @@ class Database:
 
     @contextmanager
     def reading(self) -> Iterator[sa.Connection]:
-        """A connection with one consistent state; inside `writing` it is that transaction's, and
-        sees its rows."""
+        """A connection that sees one consistent state; inside `writing`, the connection of that
+        transaction."""
         current = self._current.get()
         if current is not None:
             yield current
@@ -56,8 +55,7 @@ class Database:
 
     @contextmanager
     def writing(self) -> Iterator[sa.Connection]:
-        """A transaction that alone may write. All of it happens, or nothing; nested ones are
-        savepoints of the outer."""
+        """An exclusive, atomic write transaction; nested ones are savepoints of the outer one."""
         current = self._current.get()
         if current is not None:
             with current.begin_nested():
@@ -75,8 +73,8 @@ class Database:
                 self._current.reset(token)
 
     def _connected(self, engine: sa.Engine) -> sa.Connection:
-        """A connection; a server that is started again is waited for, since nothing has happened
-        yet."""
+        """A new connection; retries while the server restarts, which is safe before the
+        transaction begins."""
         until, pause = time.monotonic() + self.patience, 0.05
         while True:
             try:
@@ -90,26 +88,26 @@ class Database:
             pause = min(2 * pause, _LONGEST_PAUSE)
 
     def close(self) -> None:
-        """Gives the connections back; the last one out empties SQLite's write-ahead log into the
-        file."""
+        """Close all connections; the last close checkpoints SQLite's write-ahead log."""
         self._readers.dispose()
 
 
 def revision_of(connection: sa.Connection) -> str | None:
-    """The schema's revision that a database is at; None while it holds no catalogue."""
+    """Schema revision of a database; None if it contains no catalogue."""
     if not sa.inspect(connection).has_table("alembic_version"):
         return None
     return connection.execute(sa.text("SELECT version_num FROM alembic_version")).scalar()
 
 
 def stored_revision(database: Database) -> str | None:
-    """The same in a transaction of its own."""
+    """Schema revision of a database, read in a transaction of its own."""
     with database.reading() as connection:
         return revision_of(connection)
 
 
 def migrate(database: Database) -> None:
-    """Brings a database to the newest schema; InputError for one of a newer kind."""
+    """Migrate a database to the newest schema; InputError if its schema is newer than this
+    version."""
     # Imported here: a query on an up-to-date catalogue does not pay for alembic.
     from alembic import command
     from alembic.config import Config
@@ -124,7 +122,9 @@ def migrate(database: Database) -> None:
         try:
             command.upgrade(config, "head")
         except CommandError as error:
-            remedy = "update aerodb, or restore a backup that this one made"
+            remedy = "update aerodb, or restore a backup made by this version"
             raise InputError(
-                f"the catalogue is of a newer kind: {error}", database.where, remedy
+                f"the catalogue was written by a newer version of aerodb: {error}",
+                database.where,
+                remedy,
             ) from error

@@ -1,8 +1,8 @@
-"""Pages of a list of flights, newest first, for any number of flights: each continues where the one
-before ended (keyset).
+"""Keyset pagination of the list of flights, newest first: each page continues where the previous
+one ended.
 
-A search by verdict or text follows the same order and looks through so many flights at a time: what
-a page costs is bounded, and one that found little says where to look further.
+A search by verdict or text uses the same order and examines a limited number of flights per page,
+so the cost of a page is bounded; a page with few hits says where to continue.
 """
 
 from dataclasses import dataclass
@@ -15,10 +15,10 @@ from aerodb.storage import encoding as enc
 from aerodb.storage.catalogue import schema as s
 from aerodb.storage.catalogue.rows import FlightRow
 
-#: So many flights are looked through for one page of a search.
+#: Flights examined for one page of a search.
 LOOKED_THROUGH: Final = 4000
 
-#: What a list of flights can be narrowed to, beside the verdicts.
+#: Filter value in addition to the verdicts.
 RETRACTED: Final = "retracted"
 
 _Cursor = tuple[str, str]  # when a flight was added, and its id
@@ -26,8 +26,8 @@ _Cursor = tuple[str, str]  # when a flight was added, and its id
 
 @dataclass(frozen=True)
 class FlightFilter:
-    """What a list of flights is narrowed to: vehicle, verdict (or ``retracted``), text in its name,
-    its log's name or its id."""
+    """Filter of a list of flights: vehicle, verdict (or ``retracted``), text in the name, in the
+    name of the log or in the id."""
 
     vehicle: str | None = None
     verdict: str | None = None
@@ -35,14 +35,13 @@ class FlightFilter:
 
     @property
     def searches(self) -> bool:
-        """Whether flights have to be looked at to say whether they belong to the list."""
+        """Whether flights must be examined one by one."""
         return self.verdict is not None or bool(self.text)
 
 
 @dataclass(frozen=True)
 class FlightPage:
-    """Flights, newest first; `further` is where the next page begins, empty at the end of the
-    list."""
+    """Flights, newest first; `further` is the cursor of the next page, empty at the end."""
 
     rows: tuple[FlightRow, ...]
     further: str
@@ -51,7 +50,7 @@ class FlightPage:
 def page_of_ids(
     connection: sa.Connection, asked: FlightFilter, limit: int, after: str
 ) -> tuple[list[str], str]:
-    """Ids of a page of flights, and where the next one begins (empty at the end)."""
+    """Ids of a page of flights, and the cursor of the next page (empty at the end)."""
     names = (
         connection.scalars(sa.select(s.vehicles.c.name)).all()
         if asked.vehicle is None
@@ -67,8 +66,8 @@ def page_of_ids(
         last = _last(connection, name, start, most)
         if last is not None:
             horizons.append(last)
-    # Vehicle by vehicle a search comes to different times: only what is newer than all of them is
-    # complete.
+    # The search reaches a different time for each vehicle: results are complete only down to the
+    # newest of these times.
     horizon = min(horizons, key=_order, default=None)
     whole = sorted(
         (p for p in found if horizon is None or _order(p) <= _order(horizon)), key=_order
@@ -95,7 +94,7 @@ def _cursor(text: str) -> _Cursor:
         or not moment.isascii()
         or not moment.isprintable()
     ):
-        raise InputError("no place in this list", "after", "leave it out for the first page")
+        raise InputError("not a position in this list", "after", "omit it for the first page")
     return moment, id
 
 

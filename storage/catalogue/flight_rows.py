@@ -1,4 +1,4 @@
-"""Flights in the catalogue: adding, judging, retracting and finding them."""
+"""Flights in the catalogue: adding them, recording verdicts and retractions, and queries."""
 
 from collections.abc import Iterable
 from datetime import datetime
@@ -15,7 +15,7 @@ from aerodb.storage.catalogue.rows import FlightRow, Verdict
 
 
 class FlightLedger(Ledger):
-    """The part of the catalogue about flights."""
+    """Catalogue queries about flights."""
 
     def add_flight(
         self,
@@ -30,12 +30,12 @@ class FlightLedger(Ledger):
         step: float,
         name: str | None = None,
     ) -> FlightRow:
-        """Stores a flight of a stored log; `duration` and `step` in s. The same again changes
+        """Store a flight of a stored log; `duration` and `step` in s. The same flight again changes
         nothing.
 
-        Processing it again with another outcome (a better mapping) adds a record, and the newest
-        counts. InputError when the id belongs to another vehicle, log or name, or the name to
-        another flight of the vehicle.
+        Processing a flight again with another outcome (a better mapping) adds a record; the newest
+        record counts. InputError when the id belongs to another vehicle, log or name, or the name
+        to another flight of the vehicle.
         """
         enc.checked(id, enc.FLIGHT_ID, "the id of a flight")
         if name is not None:
@@ -90,7 +90,7 @@ class FlightLedger(Ledger):
                     f" '{stored.name or stored.id[:12]}'"
                 )
                 raise InputError(
-                    what, f"flight {identity['id']}", "use that one, or give this one another id"
+                    what, f"flight {identity['id']}", "use that flight, or give this one another id"
                 )
             return False
         if identity["name"] is None:
@@ -107,8 +107,8 @@ class FlightLedger(Ledger):
         return True
 
     def judge_flight(self, id: str, verdict: Verdict, reasons: Iterable[str] = ()) -> None:
-        """Notes the verdict on a flight (its id); the newest counts, the same again changes
-        nothing."""
+        """Record the verdict on a flight (its id). The newest verdict counts; the same verdict
+        again changes nothing."""
         with self._database.writing() as connection:
             self._require_flight(connection, id)
             text = enc.to_json([enc.plain_text(r) for r in reasons])
@@ -117,11 +117,11 @@ class FlightLedger(Ledger):
                 self._add_event(connection, id, kind="verdict", verdict=verdict, reasons=text)
 
     def retract_flight(self, id: str, reason: str) -> FlightRow:
-        """Withdraws a flight (its id) for a reason; every version that rests on it is stale from
-        now on. Once."""
+        """Retract a flight (its id) for a reason: every version that depends on it becomes stale. A
+        second retraction changes nothing."""
         if not reason.strip():
             raise InputError(
-                "a retraction needs a reason", f"flight {enc.shown(id)}", "say why: --reason TEXT"
+                "a retraction requires a reason", f"flight {enc.shown(id)}", "add --reason TEXT"
             )
         with self._database.writing() as connection:
             self._require_flight(connection, id)
@@ -144,10 +144,10 @@ class FlightLedger(Ledger):
         )
 
     def flight(self, ref: str, vehicle: str | None = None) -> FlightRow:
-        """The flight that `ref` means: an exact id, a name (of `vehicle`, when given), or a unique
-        prefix of an id.
+        """The flight referred to by `ref`: an exact id, a name (of `vehicle`, when given), or a
+        unique prefix of an id.
 
-        UnknownNameError, with the nearest name, when nothing answers or several do.
+        UnknownNameError, with the nearest name, when there is no such flight or several.
         """
         c = s.flights.c
         within = sa.true() if vehicle is None else c.vehicle == vehicle
@@ -159,7 +159,7 @@ class FlightLedger(Ledger):
                     connection, within & (c.name == ref)
                 )
                 if len(rows) > 1:
-                    remedy = f"say of which: --vehicle {' or '.join(row.vehicle for row in rows)}"
+                    remedy = f"choose one: --vehicle {' or '.join(row.vehicle for row in rows)}"
                     raise UnknownNameError(
                         f"{enc.shown(ref)} names a flight of several vehicles", remedy=remedy
                     )
@@ -175,7 +175,7 @@ class FlightLedger(Ledger):
             else "ingest a log first"
         )
         raise UnknownNameError(
-            f"no flight {enc.shown(ref)}", f"vehicle {vehicle}" if vehicle else "", remedy
+            f"unknown flight {enc.shown(ref)}", f"vehicle {vehicle}" if vehicle else "", remedy
         )
 
     def flights_by_id(self, ids: Iterable[str]) -> dict[str, FlightRow]:

@@ -1,5 +1,5 @@
-"""The record of the inbox: which files were tried, and how each ended. The files themselves are in
-`aerodb.storage.inbox.folders`."""
+"""Inbox history: attempts and outcomes for each file of the inbox. The files themselves are handled
+by `aerodb.storage.inbox.folders`."""
 
 from collections.abc import Iterable
 
@@ -14,10 +14,10 @@ ENDINGS: tuple[InboxKind, ...] = ("stored", "duplicate", "quarantined")
 
 
 class InboxHistory(Ledger):
-    """The part of the catalogue about the inbox."""
+    """Catalogue queries about the inbox history."""
 
     def add_inbox_events(self, events: Iterable[InboxEvent]) -> None:
-        """Adds what happened to files. An ending that a file has already is not noted again."""
+        """Add events of files. An outcome that a file has already is not added again."""
         with self._database.writing() as connection:
             for event in events:
                 if event.kind in ENDINGS and self._last_kind(connection, event) == event.kind:
@@ -49,10 +49,9 @@ class InboxHistory(Ledger):
         ).scalar()
 
     def inbox_attempts(self, paths: Iterable[str]) -> dict[tuple[str, int, int], tuple[int, str]]:
-        """(path, size, mtime_ns) -> how often it was tried since it last ended, and the error it
-        failed with last.
+        """(path, size, mtime_ns) -> number of attempts since the last outcome, and the last error.
 
-        A failure without a reason takes a try back: it was not the file's fault.
+        A failure without a reason cancels one attempt: the file was not at fault.
         """
         c = s.inbox_events.c
         found: dict[tuple[str, int, int], tuple[int, str]] = {}
@@ -79,7 +78,7 @@ class InboxHistory(Ledger):
     def inbox_events(
         self, kind: InboxKind | None = None, sha256: str | None = None, limit: int = 100
     ) -> tuple[InboxEvent, ...]:
-        """The newest events of the inbox, newest first: of one kind, or of one content."""
+        """Events of the inbox, newest first: all, of one kind, or of one content."""
         c = s.inbox_events.c
         query = sa.select(s.inbox_events).order_by(c.sequence.desc()).limit(limit)
         if kind is not None:

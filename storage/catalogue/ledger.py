@@ -1,4 +1,4 @@
-"""What all parts of the catalogue share: the database, and checks that something is there."""
+"""Base class of the catalogue's parts: the database, existence checks and shared queries."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, TypeVar
@@ -11,7 +11,7 @@ from aerodb.storage.catalogue import schema as s
 from aerodb.storage.catalogue.database import Database
 from aerodb.storage.catalogue.rows import RunRow
 
-#: How many names a message is chosen from: a comparison with a million of them would take minutes.
+#: Maximum number of names compared for a suggestion; comparing a million would take minutes.
 NAMES_COMPARED = 2000
 
 
@@ -23,7 +23,7 @@ _Value = TypeVar("_Value")
 
 
 def in_parts(values: Iterable[_Value]) -> Iterator[list[_Value]]:
-    """`values` in parts that one statement can bind."""
+    """`values` in batches that one SQL statement can bind."""
     listed = list(values)
     for start in range(0, len(listed), _BOUND_VALUES):
         yield listed[start : start + _BOUND_VALUES]
@@ -43,9 +43,9 @@ class Ledger:
             remedy = (
                 nearest(name[:128], known)
                 if known
-                else "add its file first: aerodb vehicle add FILE.toml"
+                else "add a vehicle first: aerodb vehicle add FILE.toml"
             )
-            raise UnknownNameError(f"no vehicle {enc.shown(name)}", remedy=remedy)
+            raise UnknownNameError(f"unknown vehicle {enc.shown(name)}", remedy=remedy)
 
     @staticmethod
     def _require_flight(connection: sa.Connection, id: str) -> None:
@@ -54,15 +54,15 @@ class Ledger:
             is None
         ):
             raise UnknownNameError(
-                f"no flight with id {enc.shown(id)}", remedy="add the flight first"
+                f"unknown flight id {enc.shown(id)}", remedy="add the flight first"
             )
 
     @staticmethod
     def _stamp(
         connection: sa.Connection, column: sa.Column[str], *among: sa.ColumnElement[bool]
     ) -> str:
-        """The time for a new row of a list in the order of `column`: after all that are there,
-        `among` which it counts."""
+        """The time of a new row in a list ordered by `column`: later than all existing rows that
+        satisfy `among`."""
         newest = connection.execute(sa.select(sa.func.max(column)).where(*among)).scalar()
         return enc.time_text(enc.after(enc.time_of(newest) if newest else None))
 
@@ -70,9 +70,9 @@ class Ledger:
     def _note_run(
         connection: sa.Connection, edges: sa.Table, run: str, target: Mapping[str, str]
     ) -> None:
-        """The edge from a run to what it made or used; once."""
+        """Record once that a run created or used something."""
         if connection.execute(sa.select(s.runs.c.id).where(s.runs.c.id == run)).scalar() is None:
-            raise UnknownNameError(f"no run {enc.shown(run)}", remedy="start the run first")
+            raise UnknownNameError(f"unknown run {enc.shown(run)}", remedy="start the run first")
         row = {"run": run, **target}
         same = sa.and_(*(edges.c[name] == value for name, value in row.items()))
         if connection.execute(sa.select(edges.c.run).where(same)).scalar() is None:
@@ -85,8 +85,8 @@ class Ledger:
         prefix: str,
         where: sa.ColumnElement[bool],
     ) -> str | None:
-        """The one id that begins with `prefix`; None when there is none, UnknownNameError when
-        there are several."""
+        """The id that starts with `prefix`; None when there is none, UnknownNameError when there
+        are several."""
         if len(prefix) < _SHORTEST_PREFIX:
             return None
         after = prefix[:-1] + chr(ord(prefix[-1]) + 1)
@@ -113,5 +113,5 @@ class Ledger:
         return RunRow(**values)
 
 
-#: Shorter ones are more likely a mistyped name than the beginning of a hash.
+#: A shorter prefix is more likely a mistyped name than the start of a hash.
 _SHORTEST_PREFIX = 4

@@ -1,5 +1,5 @@
-"""What rests on what: from a version to its flights, logs, inputs and runs, and from a flight to
-its versions."""
+"""Lineage: the flights, logs, inputs and runs behind a version, and the versions that depend on a
+flight."""
 
 import sqlalchemy as sa
 
@@ -11,10 +11,10 @@ from aerodb.storage.catalogue.version_queries import flights_of, headers, line, 
 
 
 class LineageLedger(Ledger):
-    """The part of the catalogue about where versions come from."""
+    """Catalogue queries about the lineage of versions."""
 
     def version_flights(self, version: str) -> tuple[FlightRole, ...]:
-        """What each flight did for this version itself (not for its ancestors), by flight id."""
+        """Role of each flight in this version itself (not in its ancestors), by flight id."""
         c = s.version_flights.c
         with self._database.reading() as connection:
             rows = connection.execute(
@@ -23,14 +23,13 @@ class LineageLedger(Ledger):
             return tuple(FlightRole(*row) for row in rows)
 
     def roles_in_line(self, version: str | None) -> dict[str, Role]:
-        """Flight -> role over `version` (its id) and all its ancestors; empty for None. The
-        strongest role counts."""
+        """Flight -> strongest role in `version` (its id) and all its ancestors; empty for None."""
         with self._database.reading() as connection:
             return roles_of(connection, version)
 
     def impact(self, flight: str) -> tuple[Impact, ...]:
-        """Versions that rest on a flight (its id), ancestors first: that used it to identify or to
-        validate, and all their descendants, each with the nearest use above it."""
+        """Versions that depend on a flight (its id), ancestors first: those that used it for
+        identification or validation, and all their descendants, each with its nearest use."""
         c = s.version_flights.c
         with self._database.reading() as connection:
             self._require_flight(connection, flight)
@@ -103,8 +102,8 @@ class LineageLedger(Ledger):
         return {step: tuple(numbers) for step, numbers in found.items()}
 
     def stale(self, version: str) -> tuple[str, ...]:
-        """Why a version (its id) no longer stands: one sentence per retracted flight that it or an
-        ancestor used; else empty."""
+        """Why a version (its id) is stale: one sentence per retracted flight that it or an ancestor
+        used; empty if it is not."""
         c = s.flight_events.c
         with self._database.reading() as connection:
             roles = roles_of(connection, version)

@@ -1,9 +1,9 @@
-"""Where the catalogue of a workspace is: the SQLite file in its folder, or the PostgreSQL database
-that its settings name.
+"""Location of the catalogue of a workspace: the SQLite file in its folder, or the PostgreSQL
+database that its settings name.
 
-Decided here and nowhere else. Everybody names the catalogue by the path of the file,
-`Workspace.catalogue`; the settings stand beside it. Only the section ``[catalogue]`` is read: what
-is wrong in another one keeps nobody from the catalogue.
+This is the only place that decides. Callers refer to the catalogue by the path of the file,
+`Workspace.catalogue`; the settings are in the same folder. Only the section ``[catalogue]`` is
+read, so errors in other sections do not block access to the catalogue.
 """
 
 import tomllib
@@ -15,35 +15,34 @@ from typing import Final
 from aerodb.errors import InputError
 
 _SETTINGS: Final = "settings.toml"
-#: A folder of every workspace, and of no backup, which has the settings too.
+#: A folder that every workspace has; backups, which also contain settings, do not.
 _OF_WORKSPACES: Final = "locks"
 
 
 @dataclass(frozen=True)
 class CatalogueLocation:
-    """The file at `path`, unless there is a `url` of a PostgreSQL database (with its password:
-    never shown)."""
+    """The SQLite file at `path`, or the PostgreSQL database at `url` if that is not empty (it may
+    contain the password and is never shown)."""
 
     path: Path
     url: str = field(default="", repr=False)
 
     @property
     def begun(self) -> bool:
-        """Whether a workspace stands around it: a catalogue in a file, or settings that name a
-        database."""
+        """Whether a workspace exists: the SQLite file, or settings that name a database."""
         return self.path.is_file() if not self.url else (self.path.parent / _OF_WORKSPACES).is_dir()
 
     @property
     def identity(self) -> Hashable:
-        """Another database that comes to stand at this place has another one."""
+        """Identity of the database: it differs if another database replaces this one."""
         return self.url or self.path.stat().st_ino
 
 
 def catalogue_location(path: Path) -> CatalogueLocation:
-    """Where the catalogue is whose file is, or would be, at `path`.
+    """Location of the catalogue whose SQLite file is, or would be, at `path`.
 
-    Raises SettingsError for settings that cannot be read while there is no such file, and for an
-    address that cannot be used; InputError when there are both, a file and an address.
+    Raises SettingsError when the settings cannot be read and there is no such file, and for an
+    invalid address; InputError when there are both a file and an address.
     """
     settings = path.parent / _SETTINGS
     try:
@@ -59,21 +58,27 @@ def catalogue_location(path: Path) -> CatalogueLocation:
     url = _url(section, settings) if section else ""
     if url and path.is_file():
         remedy = (
-            "a catalogue moves by `aerodb backup` and `aerodb restore --settings`; move the file"
-            " away if it was moved, or take the section [catalogue] out"
+            "to move a catalogue, use `aerodb backup` and `aerodb restore --settings`; if it was"
+            " moved already, move this file away; otherwise remove the section [catalogue]"
         )
-        raise InputError("here is a catalogue, and the settings name another", str(path), remedy)
+        raise InputError(
+            "there is a catalogue in this file, and the settings name another one",
+            str(path),
+            remedy,
+        )
     return CatalogueLocation(path, url)
 
 
 def _file_or_nothing(path: Path, settings: Path, error: Exception) -> CatalogueLocation:
-    """With a catalogue in a file nothing else can be meant; without one nobody knows."""
+    """Without readable settings, an existing file is the catalogue; otherwise it is unknown."""
     if path.is_file():
         return CatalogueLocation(path)
     from aerodb.storage.workspace_settings import SettingsError
 
     raise SettingsError(
-        f"cannot be read: {error}", str(settings), "mend it: it may say where the catalogue is"
+        f"the settings cannot be read: {error}",
+        str(settings),
+        "correct them: they may name the database of the catalogue",
     ) from error
 
 

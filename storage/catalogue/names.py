@@ -1,6 +1,8 @@
-"""Names of versions: ``released``, ``candidate`` and the users' own. A name is a series of events
-and points where its last one says. Whether it *may* move is the gate's decision, made by the
-caller; that it moves from where the caller saw it is ensured here.
+"""Names of versions: ``released``, ``candidate`` and user-defined ones.
+
+A name is a series of move events; it points to the version of the last one. The caller decides
+whether a move is allowed (the gate); this module ensures that the name still points where the
+caller saw it (compare and swap).
 """
 
 from collections.abc import Iterable
@@ -22,27 +24,26 @@ from aerodb.storage.catalogue.version_queries import (
 
 
 class NameMovedError(GateRefusal):
-    """Another run moved the name first; look again before you try again."""
+    """Another run has moved the name in the meantime."""
 
 
 class NameLedger(Ledger):
-    """The part of the catalogue about names."""
+    """Catalogue queries about names of versions."""
 
     def move_name(
         self, vehicle: str, name: str, version: str, *, user: str, reason: str, expected: str | None
     ) -> NameEvent:
-        """Points `name` at `version` (its id), provided that it points at `expected` (an id; None:
-        nowhere yet) now.
+        """Move `name` to `version` (its id) if it points to `expected` (an id; None: to nothing).
 
-        Raises NameMovedError when it points elsewhere meanwhile: compare and swap, in one write
-        transaction. To move it to where it stands already changes nothing and gives the last event.
+        Compare and swap in one write transaction: raises NameMovedError when the name points
+        elsewhere. Moving it to its current version changes nothing and gives the last event.
         """
         enc.checked(name, enc.VERSION_NAME, "a name for versions")
         if not reason.strip():
             raise InputError(
-                "moving a name needs a reason",
+                "moving a name requires a reason",
                 f"'{name}' of vehicle {vehicle}",
-                "say why: --reason TEXT",
+                "add --reason TEXT",
             )
         with self._database.writing() as connection:
             self._require_vehicle(connection, vehicle)
@@ -55,13 +56,13 @@ class NameLedger(Ledger):
             current = last.version if last else None
             if current != expected:
                 what = (
-                    f"'{name}' points at {_short(current)}, not at {_short(expected)}: it was moved"
-                    " meanwhile"
+                    f"'{name}' points to {_short(current)}, not to {_short(expected)}: it was moved"
+                    " in the meantime"
                 )
                 raise NameMovedError(
                     what,
                     f"vehicle {vehicle}",
-                    "look at the history, then try again from where it stands",
+                    "check the history of the name, then try again from its current version",
                 )
             if last is not None and version == current:
                 return last

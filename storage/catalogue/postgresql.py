@@ -1,8 +1,8 @@
-"""The catalogue in a PostgreSQL database: the same tables, triggers and transactions as in SQLite's
-file.
+"""The catalogue in a PostgreSQL database, with the same tables, triggers and transactions as in
+SQLite.
 
-One catalogue stands in the first schema of the connection's search path, so that a database may
-hold several.
+The catalogue is in the first schema of the connection's search path, so one database can hold
+several.
 """
 
 from typing import Any, Final
@@ -18,17 +18,16 @@ from aerodb.storage.urls import shown
 _READS: Final = {"isolation_level": "REPEATABLE READ"}
 #: With the lock taken, nobody else writes: each statement sees all that was committed before it.
 _WRITES: Final = {"isolation_level": "READ COMMITTED", "writing": True}
-#: Connections of a process that stay open while nobody uses them.
-_KEPT: Final = 4
-#: Beside the schema's own number in the key of the lock: nobody else's locks in the same database
-#: are ours.
+#: Idle connections that a process keeps open.
+_POOL_SIZE: Final = 4
+#: Part of the key of the advisory lock, besides the oid of the schema: tells it from the locks of
+#: other applications.
 _KEY: Final = 0x61657264
 _LOCK: Final = (
     f"SELECT pg_advisory_xact_lock(({_KEY}::bigint << 32) | oid::bigint) FROM pg_namespace WHERE"
     " nspname = current_schema()"
 )
-#: A server or a client that is gone without a word is noticed after a minute, and lets go of the
-#: lock.
+#: A server or client that disappears is detected after one minute, which releases the lock.
 _SERVER: Final = {
     "lock_timeout": f"{WAIT_SECONDS:.0f}s",
     "tcp_keepalives_idle": "30",
@@ -44,10 +43,11 @@ _CLIENT: Final = {
 
 
 def open_postgresql(url: str, create: bool = True) -> Database:
-    """The catalogue in the database at `url`, at the newest schema; made when absent and `create`.
+    """Open the catalogue in the database at `url`, migrated to the newest schema; create it if it
+    does not exist and `create`.
 
-    Raises InputError when there is none, or one of a newer kind; StoreBusyError while the server is
-    out of reach, StoreError when it lets nobody in.
+    Raises InputError when there is none, or one of a newer version; StoreBusyError while the server
+    cannot be reached, StoreError when it refuses the login.
     """
     where = shown(url)
     database = Database(_engine(url), where, _READS, _WRITES)
@@ -55,9 +55,9 @@ def open_postgresql(url: str, create: bool = True) -> Database:
         stored = stored_revision(database)
         if stored is None and not create:
             raise InputError(
-                "no catalogue here",
+                "there is no catalogue here",
                 where,
-                "name an existing workspace, or add a vehicle to begin one",
+                "name an existing workspace, or add a vehicle to create one",
             )
         if stored != HEAD:
             if stored is None:
@@ -66,21 +66,21 @@ def open_postgresql(url: str, create: bool = True) -> Database:
     except DatabaseError as error:
         database.close()
         raise InputError(
-            f"not a usable catalogue: {error.orig}", where, "name an empty database of its own"
+            f"the catalogue cannot be used: {error.orig}", where, "name an empty, separate database"
         ) from None
     except BaseException:
         database.close()
         raise
-    database.patience = WAIT_SECONDS  # it answered: from now on its absence is for a while
+    database.patience = WAIT_SECONDS  # it answered: a later absence is temporary
     return database
 
 
 def _engine(url: str) -> sa.Engine:
     try:
         address = sa.make_url(url).set(drivername="postgresql+psycopg")
-    except (sa.exc.ArgumentError, ValueError):  # which may say the address, password and all
+    except (sa.exc.ArgumentError, ValueError):  # may quote the address with its password
         raise InputError(
-            "cannot be read as an address", shown(url), "write odd characters as %XX"
+            "not a valid database address", shown(url), "write special characters as %XX"
         ) from None
     given = address.query.get("options", "")
     options = [
@@ -89,12 +89,11 @@ def _engine(url: str) -> sa.Engine:
     ]
     address = address.update_query_dict({"options": " ".join(options).strip()})
     named = {} if "application_name" in address.query else {"application_name": "aerodb"}
-    # Each connection is asked whether it still is one before it is used: a cut one costs nothing
-    # then.
+    # Each connection is tested before use, so a broken one is replaced.
     engine = sa.create_engine(
         address,
         connect_args={**_CLIENT, **named},
-        pool_size=_KEPT,
+        pool_size=_POOL_SIZE,
         max_overflow=-1,
         pool_pre_ping=True,
         hide_parameters=True,
@@ -109,21 +108,21 @@ def _begin(connection: sa.Connection) -> None:
 
 
 def _require_usable(database: Database) -> None:
-    """InputError for a database in which a catalogue could not be made, or could not hold every
-    text."""
+    """Raise InputError for a database in which a catalogue cannot be created, or that cannot store
+    every text."""
     with database.reading() as connection:
         encoding: Any = connection.exec_driver_sql("SHOW server_encoding").scalar()
         schema: Any = connection.exec_driver_sql("SELECT current_schema()").scalar()
         others = [] if schema is None else sa.inspect(connection).get_table_names()
     if encoding != "UTF8":
-        remedy = "make one with: createdb --encoding UTF8 --template template0 NAME"
+        remedy = "create one with: createdb --encoding UTF8 --template template0 NAME"
         raise InputError(
-            f"the database is of encoding {encoding}, not UTF8", database.where, remedy
+            f"the encoding of the database is {encoding}, not UTF8", database.where, remedy
         )
     if schema is None:
         raise InputError(
-            "no schema of the search path is there", database.where, "make it: CREATE SCHEMA"
+            "no schema of the search path exists", database.where, "create it: CREATE SCHEMA"
         )
     if others:
-        what = f"the database holds other tables already ({', '.join(sorted(others)[:3])})"
-        raise InputError(what, database.where, "name an empty database of its own")
+        what = f"the database already contains other tables ({', '.join(sorted(others)[:3])})"
+        raise InputError(what, database.where, "name an empty, separate database")

@@ -1,6 +1,6 @@
-"""Marks of flights in the catalogue, and which flights repeat samples of which.
+"""Fingerprint marks of flights in the catalogue, and flights that repeat samples of others.
 
-A new flight looks up its own marks: what that costs does not depend on how many flights are stored.
+A new flight looks up its own marks, so the cost does not depend on the number of stored flights.
 """
 
 from collections.abc import Iterable
@@ -15,7 +15,7 @@ from aerodb.storage.catalogue.rows import RepeatRow, Stretch
 
 
 class RepeatLedger(Ledger):
-    """The part of the catalogue about records that share samples."""
+    """Catalogue queries about flights that share samples."""
 
     def add_marks(self, flight: str, marks: Iterable[int]) -> None:
         """Stores the marks (whole numbers below 2^63) of a flight (its id), beside those that it
@@ -56,8 +56,8 @@ class RepeatLedger(Ledger):
         return {flight: count for flight, count in found.items() if flight in flown}
 
     def add_repeat(self, repeat: RepeatRow) -> None:
-        """Notes that a flight repeats samples of another. The newest word on a pair counts; the
-        same again is nothing."""
+        """Record that a flight repeats samples of another. The newest record of a pair counts; the
+        same record again changes nothing."""
         text = enc.to_json([asdict(stretch) for stretch in repeat.stretches])
         values = {
             "flight": repeat.flight,

@@ -1,5 +1,5 @@
-"""What the catalogue answers with: plain frozen rows, times as UTC datetimes, JSON decoded. No SQL
-here."""
+"""Rows that catalogue queries return: frozen dataclasses, times as UTC datetimes, JSON decoded. No
+SQL here."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -62,7 +62,7 @@ class FlightRow:
 
     @property
     def label(self) -> str:
-        """What people call it: its name, else the first 12 digits of its id."""
+        """Name for messages: the flight's name, else the first 12 digits of its id."""
         return self.name or self.id[:12]
 
 
@@ -96,8 +96,7 @@ class RepeatRow:
 
 @dataclass(frozen=True)
 class InboxEvent:
-    """What happened to a file of the inbox, by its `path` there; `mtime_ns` [ns] and `size` tell it
-    from a later one."""
+    """An event of a file of the inbox; `path`, `mtime_ns` [ns] and `size` identify the file."""
 
     path: str
     vehicle: str
@@ -149,7 +148,7 @@ class ResultRow:
 
 @dataclass(frozen=True)
 class FlightRole:
-    """What a flight did for a version, and why when it was excluded."""
+    """Role of a flight in a version, with the reason if it was excluded."""
 
     flight: str
     role: Role
@@ -177,7 +176,7 @@ class VersionRow:
 
 @dataclass(frozen=True)
 class VersionDocuments:
-    """What a version consists of: the database as JSON text, the settings that made it, and its
+    """Documents of a version: the database as JSON text, the settings that produced it, its
     report."""
 
     content: str
@@ -217,7 +216,7 @@ class RunRow:
 
 @dataclass(frozen=True)
 class Impact:
-    """A version that rests on a flight: through its own use of it (`through` is itself) or that of
+    """A version that depends on a flight, through its own use (`through` is its own id) or that of
     an ancestor."""
 
     version: VersionRow
@@ -227,8 +226,8 @@ class Impact:
 
 @dataclass(frozen=True)
 class Lineage:
-    """Where a version comes from: `line` is itself and its ancestors, newest first; the rest is
-    over that whole line.
+    """Lineage of a version: `line` is the version and its ancestors, newest first; the other fields
+    cover the whole line.
 
     roles : flight -> role. logs : flight -> sha256 of its log. inputs : version -> keys of the
     results it was made from.

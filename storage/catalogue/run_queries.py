@@ -1,5 +1,4 @@
-"""Questions about runs: which failed and were not made good since, and which was the last to do
-something."""
+"""Queries about runs: unresolved failures, newest runs, and what runs produced."""
 
 from collections.abc import Iterable
 from datetime import datetime, timedelta
@@ -11,28 +10,25 @@ from aerodb.storage.catalogue import schema as s
 from aerodb.storage.catalogue.ledger import Ledger, in_parts
 from aerodb.storage.catalogue.rows import RunRow
 
-#: So many failed runs are looked through, and so many of one flow for a later one that did the
-#: same.
-_LOOKED_THROUGH = 1000
-_LET_BE = timedelta(days=30)
-#: What two runs of a flow must have in common to have done the same; other parameters (which
-#: flights) may have grown.
+#: Maximum number of failed runs examined, and of completed runs of a flow compared with them.
+_EXAMINED = 1000
+_MAXIMUM_AGE = timedelta(days=30)
+#: Parameters that two runs of a flow must share to have the same task; others (such as the list of
+#: flights) may differ.
 _SAME = ("vehicle", "logs", "log", "file", "version", "flight")
 
 
 class RunQueries(Ledger):
-    """The part of the catalogue that answers about runs."""
+    """Catalogue queries about runs."""
 
     def unresolved_runs(self, limit: int = 50) -> tuple[RunRow, ...]:
-        """The newest runs that failed or crashed and that no later run of the same has made good,
-        newest first.
-
-        One that nobody has done again for a month is history: whoever asked for it has let it be.
+        """Runs that failed or crashed and that no later run of the same task completed, newest
+        first. Failures older than 30 days are ignored.
         """
-        c, since = s.runs.c, enc.time_text(enc.now() - _LET_BE)
+        c, since = s.runs.c, enc.time_text(enc.now() - _MAXIMUM_AGE)
         query = sa.select(s.runs).where(c.state.in_(("failed", "crashed")), c.started_utc > since)
         with self._database.reading() as connection:
-            newest = query.order_by(c.started_utc.desc(), c.id).limit(_LOOKED_THROUGH)
+            newest = query.order_by(c.started_utc.desc(), c.id).limit(_EXAMINED)
             failed = [self._run_row(row) for row in connection.execute(newest)]
         later = {
             flow: self._completed(flow, min(run.started_utc for run in failed))
@@ -52,10 +48,10 @@ class RunQueries(Ledger):
         if since is not None:
             query = query.where(c.started_utc > enc.time_text(since))
         with self._database.reading() as connection:
-            return [self._run_row(row) for row in connection.execute(query.limit(_LOOKED_THROUGH))]
+            return [self._run_row(row) for row in connection.execute(query.limit(_EXAMINED))]
 
     def last_completed(self, flow: str, vehicle: str) -> RunRow | None:
-        """The newest run of a flow that ended well and was about a vehicle."""
+        """The newest completed run of a flow for a vehicle."""
         return next(
             (run for run in self._completed(flow) if run.parameters.get("vehicle") == vehicle), None
         )

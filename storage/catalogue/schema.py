@@ -1,11 +1,10 @@
-"""The tables of the catalogue, and the one place that knows what SQLite and PostgreSQL have each in
-their own way: STRICT tables, the order of text, guarding triggers.
+"""Tables of the catalogue, and the differences between SQLite and PostgreSQL: STRICT tables, text
+collation, append-only triggers.
 
-Rows are facts and are appended: what changes later (a verdict, a retraction, where a name points)
-is a further row, so that every earlier state can be asked for. Only two tables may be updated: a
-log's status, when a quarantined log is tried again, and a run, once, when it ends. Times are ISO
-8601 UTC text with microseconds: sorted as text they are sorted in time, on SQLite and PostgreSQL
-alike. JSON is canonical (RFC 8785).
+Tables are append-only: a change (a verdict, a retraction, a moved name) is a new row, so every
+earlier state can be queried. Only two tables allow updates: the status of a log, when a quarantined
+log is ingested again, and a run, once, when it ends. Times are ISO 8601 UTC text with microseconds,
+which sorts chronologically on SQLite and PostgreSQL alike. JSON is canonical (RFC 8785).
 """
 
 from collections.abc import Iterable, Sequence
@@ -318,10 +317,10 @@ run_versions = _table(
 def append_only_triggers(
     dialect: str, table: str, keys: Sequence[Sequence[str]], update_when: str = ""
 ) -> list[str]:
-    """Triggers that make `table` append-only, in the words of a `dialect`.
+    """SQL statements of a `dialect` that create the append-only triggers of `table`.
 
-    keys : its primary key and unique constraints, as column names; see `sqlite_triggers`. update_when
-    : SQL condition on OLD and NEW under which an update is allowed all the same.
+    keys : its primary key and unique constraints, as column names; see `sqlite_triggers`.
+    update_when : SQL condition on OLD and NEW under which an update is allowed.
     """
     return (
         sqlite_triggers(table, keys, update_when)
@@ -330,13 +329,13 @@ def append_only_triggers(
     )
 
 
-#: Triggers of each table.
+#: Number of append-only triggers of each table.
 TRIGGERS_PER_TABLE: Final = 3
 
 
 def sqlite_triggers(table: str, keys: Sequence[Sequence[str]], update_when: str = "") -> list[str]:
-    """The triggers in SQLite: ``INSERT OR REPLACE`` deletes without firing delete triggers, so that
-    an insert on a taken key is refused as well."""
+    """Append-only triggers for SQLite. ``INSERT OR REPLACE`` deletes without firing delete
+    triggers, so an insert with an existing key is refused as well."""
     refuse = f"SELECT RAISE(ABORT, '{table}: rows are never changed or deleted')"
     same = [" AND ".join(f'"{column}" = NEW."{column}"' for column in key) for key in keys]
     taken = " OR ".join(f"EXISTS (SELECT 1 FROM {table} WHERE {condition})" for condition in same)
@@ -351,17 +350,18 @@ def sqlite_triggers(table: str, keys: Sequence[Sequence[str]], update_when: str 
     ]
 
 
-#: What the triggers in PostgreSQL call; it is made with the first table.
+#: Function that the PostgreSQL triggers call; created with the first table.
 POSTGRESQL_REFUSAL: Final = """
 CREATE FUNCTION refuse_change() RETURNS trigger LANGUAGE plpgsql AS $$
 BEGIN
-    RAISE EXCEPTION '%: rows are never changed or deleted', TG_TABLE_NAME USING ERRCODE = 'integrity_constraint_violation';
+    RAISE EXCEPTION '%: rows are never changed or deleted', TG_TABLE_NAME
+        USING ERRCODE = 'integrity_constraint_violation';
 END $$"""
 
 
 def postgresql_triggers(table: str, update_when: str = "") -> list[str]:
-    """The triggers in PostgreSQL, where ``TRUNCATE`` fires no delete trigger, and ``ON CONFLICT``
-    updates."""
+    """Append-only triggers for PostgreSQL, where ``TRUNCATE`` fires no delete trigger and ``ON
+    CONFLICT`` updates."""
     condition = f" WHEN (NOT ({update_when}))" if update_when else ""
     call = "EXECUTE FUNCTION refuse_change()"
     return [

@@ -1,5 +1,5 @@
-"""The catalogue in a file: SQLite, opened so that writers wait for each other and a full disk does
-not keep readers out."""
+"""The catalogue in an SQLite file. Writers wait for each other; it can be read even when the disk
+is full or read-only."""
 
 import sqlite3
 import time
@@ -17,21 +17,22 @@ _WRITES: Final = {"writing": True}
 
 
 def open_sqlite(path: Path, create: bool = True) -> Database:
-    """The database at `path`, at the newest schema; made when absent and `create`.
+    """Open the database at `path`, migrated to the newest schema; create it if it does not exist
+    and `create`.
 
-    On a disk that is full or read-only, where SQLite cannot make the files that writers and readers
-    share, it can be read all the same. Raises InputError when it is absent, not a catalogue, or
-    made by a newer version of this product; StoreError when the disk does not allow to open it.
+    On a full or read-only disk, where SQLite cannot create its shared files, the database is opened
+    as immutable. Raises InputError when it does not exist, is not a catalogue, or was written by a
+    newer version; StoreError when the disk does not allow opening it.
     """
     if not create and not path.is_file():
         raise InputError(
-            "no catalogue here",
+            "there is no catalogue here",
             str(path),
-            "name an existing workspace, or add a vehicle to begin one",
+            "name an existing workspace, or add a vehicle to create one",
         )
     if not path.parent.is_dir():
         raise InputError(
-            "the folder does not exist", str(path.parent), "make it, or name another workspace"
+            "the folder does not exist", str(path.parent), "create it, or name another workspace"
         )
     database = _database(sa.URL.create("sqlite", database=str(path)), path)
     try:
@@ -41,7 +42,7 @@ def open_sqlite(path: Path, create: bool = True) -> Database:
             database.close()
             if not _is_settled(path):
                 raise
-            # Nobody can write there now, so that nothing changes while it is read.
+            # Nothing can be written there now, so the file does not change while it is read.
             unchanging = {"immutable": "1", "uri": "true"}
             database = _database(
                 sa.URL.create("sqlite", database=path.absolute().as_uri(), query=unchanging), path
@@ -52,7 +53,7 @@ def open_sqlite(path: Path, create: bool = True) -> Database:
     except DatabaseError as error:
         database.close()
         raise InputError(
-            f"not a usable catalogue: {error.orig}", str(path), "restore it from a backup"
+            f"the catalogue cannot be used: {error.orig}", str(path), "restore it from a backup"
         ) from error
     except BaseException:
         database.close()
@@ -61,8 +62,7 @@ def open_sqlite(path: Path, create: bool = True) -> Database:
 
 
 def _database(url: sa.URL, path: Path) -> Database:
-    # Without a limit: as many connections as there are threads that work at once, which somebody
-    # else limits.
+    # No limit: one connection per working thread, and the number of threads is limited elsewhere.
     engine = sa.create_engine(url, connect_args={"isolation_level": None}, pool_size=0)
     sa.event.listen(engine, "connect", _prepare)
     sa.event.listen(engine, "begin", _begin)
@@ -70,8 +70,7 @@ def _database(url: sa.URL, path: Path) -> Database:
 
 
 def _is_settled(path: Path) -> bool:
-    """Whether all that was written stands in the file itself, none of it in a write-ahead log
-    beside it."""
+    """Whether the file is complete, without a write-ahead log beside it."""
     log = path.with_name(f"{path.name}-wal")
     return (
         path.is_file()

@@ -1,4 +1,4 @@
-"""Which bytes stored files have: the hash and the size that each had when it was written."""
+"""Hash and size of every stored file, recorded when it was written."""
 
 import hashlib
 from collections.abc import Iterator
@@ -29,11 +29,11 @@ def measured(path: Path) -> tuple[str, int]:
 
 
 class FileLedger(Ledger):
-    """The part of the catalogue about files."""
+    """Catalogue queries about stored files."""
 
     def add_file(self, path: str, sha256: str, size: int) -> None:
-        """Notes what stands at `path` (relative) now; the newest note counts, the same again
-        changes nothing."""
+        """Record hash and size of the file at `path` (relative). The newest record counts; the same
+        record again changes nothing."""
         c = s.stored_files.c
         values = {
             "path": path,
@@ -54,7 +54,7 @@ class FileLedger(Ledger):
                 )
 
     def stored_file(self, path: str) -> StoredFile | None:
-        """What is known of the file at `path` (relative), or None."""
+        """The recorded hash and size of the file at `path` (relative), or None."""
         c = s.stored_files.c
         query = (
             sa.select(c.path, c.sha256, c.size)
@@ -67,8 +67,8 @@ class FileLedger(Ledger):
         return None if row is None else StoredFile(*row)
 
     def stored_files(self, start: str, end: str) -> dict[str, StoredFile]:
-        """Path -> file, for paths from `start` up to, but without, `end`: one folder's at a time,
-        of a large store."""
+        """Path -> file, for paths from `start` (included) to `end` (excluded): used folder by
+        folder."""
         c = s.stored_files.c
         query = (
             sa.select(c.path, c.sha256, c.size)
@@ -82,7 +82,7 @@ class FileLedger(Ledger):
             }
 
     def every_stored_file(self) -> Iterator[StoredFile]:
-        """All files by path, in parts: memory does not grow with the store."""
+        """All files by path, read in batches: memory use does not grow with the store."""
         c, after = s.stored_files.c, ""
         newest = sa.select(sa.func.max(c.sequence)).group_by(c.path)
         while True:

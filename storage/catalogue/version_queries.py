@@ -1,8 +1,6 @@
-"""What the parts of the catalogue about versions ask the database in common: headers, lines of
-descent, names, roles.
+"""Queries shared by the catalogue's modules about versions: headers, ancestry, names, roles.
 
-Lists read headers from an index of their own: the documents of a version may be megabytes, and stay
-where they are.
+Lists read headers from a covering index, because the documents of a version may take megabytes.
 """
 
 from collections.abc import Iterable
@@ -127,5 +125,5 @@ def no_version(id: str, vehicle: str = "") -> UnknownNameError:
     """The error for an id that no version has."""
     where = f"vehicle {vehicle}" if vehicle else ""
     return UnknownNameError(
-        f"no version with id {enc.shown(id)}", where, "list them: aerodb version list"
+        f"unknown version id {enc.shown(id)}", where, "list them: aerodb version list"
     )

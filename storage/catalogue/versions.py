@@ -1,6 +1,6 @@
 """Database versions in the catalogue: adding and finding them. Versions never change.
 
-Their names are in `aerodb.storage.catalogue.names`, what rests on what in
+Their names are in `aerodb.storage.catalogue.names`, their lineage in
 `aerodb.storage.catalogue.lineage`.
 """
 
@@ -29,7 +29,7 @@ from aerodb.storage.catalogue.version_queries import (
 
 
 class VersionLedger(NameLedger, LineageLedger):
-    """The part of the catalogue about versions."""
+    """Catalogue queries about versions."""
 
     def add_version(
         self,
@@ -45,13 +45,14 @@ class VersionLedger(NameLedger, LineageLedger):
         inputs: Iterable[str] = (),
         run: str | None = None,
     ) -> VersionRow:
-        """Stores a version under the vehicle's next label; the same id again changes nothing and
-        gives the stored row.
+        """Store a version under the vehicle's next label. An id that is stored already changes
+        nothing and gives the stored row.
 
         content : the database document, JSON text. inputs : keys of the results (or hashes of the
         files) it was made from. Raises InputError when a flight belongs to another vehicle, or when
-        its role breaks the hold-out rule: one that identified an ancestor never validates a
-        descendant, and one held out by an ancestor is not used up later.
+        its role violates the hold-out rule (docs/method/updates.md, "Hold-out"): a flight that
+        identified an ancestor never validates a descendant, and a flight held out by an ancestor is
+        not used for identification later.
         """
         enc.checked_key(id, "the id of a version")
         uses = list(flights)
@@ -102,11 +103,11 @@ class VersionLedger(NameLedger, LineageLedger):
             return stored[0]
 
     def version(self, vehicle: str, ref: str, as_of: datetime | None = None) -> VersionRow:
-        """The version that `ref` means: an id, a name such as ``released``, a label (``v0007``) or
-        a unique prefix of an id.
+        """The version referred to by `ref`: an id, a name such as ``released``, a label (``v0007``)
+        or a unique prefix of an id.
 
-        as_of : where the name pointed, and what existed, at that time. UnknownNameError with the
-        nearest name otherwise.
+        as_of : resolve `ref` as of that time. UnknownNameError with the nearest name when there is
+        no such version.
         """
         c = s.versions.c
         mine = c.vehicle == vehicle
@@ -133,7 +134,9 @@ class VersionLedger(NameLedger, LineageLedger):
             else "import a database first: aerodb database import"
         )
         when = f" as of {enc.time_text(as_of)}" if as_of is not None else ""
-        raise UnknownNameError(f"no version {enc.shown(ref)}{when}", f"vehicle {vehicle}", remedy)
+        raise UnknownNameError(
+            f"unknown version {enc.shown(ref)}{when}", f"vehicle {vehicle}", remedy
+        )
 
     def versions(
         self, vehicle: str, limit: int | None = None, before: int | None = None
@@ -145,7 +148,7 @@ class VersionLedger(NameLedger, LineageLedger):
             return tuple(newest_headers(connection, vehicle, limit, before))
 
     def count_versions(self, vehicle: str) -> int:
-        """How many versions a vehicle has: its newest number, for numbers are given without
+        """Number of versions of a vehicle; equal to its newest number, because there are no
         gaps."""
         with self._database.reading() as connection:
             return _last_number(connection, vehicle)
@@ -234,18 +237,18 @@ def _check_uses(
     for use in uses:
         if use.flight not in known:
             raise InputError(
-                f"no flight with id {enc.shown(use.flight)}",
+                f"unknown flight id {enc.shown(use.flight)}",
                 f"vehicle {vehicle}",
                 "add the flight first",
             )
         earlier = before.get(use.flight, "excluded")
         if "excluded" not in (use.role, earlier) and use.role != earlier:
             what = (
-                f"flight {use.flight[:12]} cannot be {use.role.replace('_', ' ')}: an ancestor has"
-                f" it {earlier.replace('_', ' ')}"
+                f"flight {use.flight[:12]} cannot be {use.role.replace('_', ' ')}: in an ancestor"
+                f" it is {earlier.replace('_', ' ')}"
             )
             raise InputError(
                 what,
                 f"vehicle {vehicle}",
-                "a flight keeps its role along a line: take it as before, or exclude it",
+                "a flight keeps its role along a line: give it the same role, or exclude it",
             )

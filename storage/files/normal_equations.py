@@ -1,5 +1,5 @@
-"""Stored normal equations of flights: one Parquet file each, with the matrices flattened into columns
-and everything else in the metadata."""
+"""Stored normal equations of flights: one Parquet file each, with the matrices flattened into
+columns and everything else in the metadata."""
 
 from pathlib import Path
 from typing import Any

@@ -77,8 +77,8 @@ def _entry(folder: Path) -> Quarantined | None:
 
 
 def return_to_inbox(workspace: Workspace, entry: Quarantined, vehicle: str) -> Path:
-    """Move an entry back to the inbox of a vehicle, where the next sweep tries it again; returns its
-    path there.
+    """Move an entry back to the inbox of a vehicle, where the next sweep tries it again; returns
+    its path there.
 
     No file is overwritten; the inbox may be on another file system. Raises InputError when the
     entry is not a regular file.

@@ -1,5 +1,5 @@
-"""Whether the object store has what the catalogue says: every file's object, whole, and nothing
-else; its bytes if asked."""
+"""Verification of the object store against the catalogue: every file has a complete object, and
+there are no others; the bytes of the objects on request."""
 
 import time
 from dataclasses import replace

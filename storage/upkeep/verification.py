@@ -1,8 +1,8 @@
-"""Whether the store is what the catalogue says it is: every file's bytes, every edge, every
-identity.
+"""Verification of a workspace against its catalogue: the bytes of every file, every reference and
+every id.
 
-Files are looked at folder by folder, rows in parts: the work grows with the store, memory does not.
-What another process is just writing is told from what was left behind, so that it can run at any
+Files are checked folder by folder and rows in batches, so memory use does not grow with the store.
+Files that another process is writing are told from abandoned ones, so verification can run at any
 time.
 """
 
@@ -21,18 +21,18 @@ from aerodb.storage.workspace import Workspace
 
 #: A file younger than this [s] may still get its row.
 _SETTLED: Final = 600.0
-_MADE_AGAIN: Final = "remove it: it is made again when it is needed next"
+_MADE_AGAIN: Final = "remove it: it is recomputed when it is needed next"
 _PUT_BACK: Final = (
-    "its flight is not touched; put the log back as it came, from its source or a backup"
+    "its flight is not affected; put the original log back, from its source or a backup"
 )
 _TAKE_IN_AGAIN: Final = "remove this folder and ingest the log again"
 
 
 def verify(workspace: Workspace, catalogue: Catalogue, fetch: bool = False) -> VerificationReport:
-    """Checks everything; see `VerificationReport`. Raises InputError for a catalogue that cannot be opened at
-    all.
+    """Verify a workspace. Raises InputError when the catalogue cannot be opened.
 
-    fetch : reads every object of the object store, too; else their existence and size are checked.
+    fetch : also read every object of the object store; otherwise only existence and size of the
+    objects are checked.
     """
     report, objects = VerificationReport(), objects_of(workspace.root)
     audit = Audit.of(catalogue)
@@ -45,12 +45,12 @@ def verify(workspace: Workspace, catalogue: Catalogue, fetch: bool = False) -> V
             remedy = (
                 "ingest its log again"
                 if file.path.endswith(INDEX)
-                else "it is made again when it is needed next"
+                else "it is recomputed when it is needed next"
             )
             remedy = _PUT_BACK if file.path.startswith("logs/") else remedy
-            report.add("missing", "this file is gone", file.path, remedy)
+            report.add("missing", "this file is missing", file.path, remedy)
     for path in audit.results_without_file():
-        report.add("no hash", "no hash of this file is known", path, _MADE_AGAIN)
+        report.add("no hash", "no hash of this file is recorded", path, _MADE_AGAIN)
     _check_quarantine(workspace, catalogue, report)
     if objects is not None:
         check_objects(workspace, catalogue, objects, report, fetch)
@@ -64,8 +64,7 @@ def _check_folder(
     report: VerificationReport,
     is_cache: bool,
 ) -> None:
-    """One folder of the fan-out: each file against its row; what is in a cache may leave it
-    meanwhile."""
+    """Check each file of one fan-out folder against its row; files may leave a cache meanwhile."""
     entries = sorted(place.iterdir()) if place.is_dir() else [place]
     prefix = workspace.relative(place)
     rows = catalogue.stored_files(f"{prefix}/", f"{prefix}0")  # '0' follows '/'
@@ -80,7 +79,7 @@ def _check_folder(
                 path, entry.name[:64], entry.stat().st_size
             )  # a log's name is its hash
         if row is None and entry.is_dir() and catalogue.log(entry.name[:64]) is not None:
-            report.add("no hash", "no hash of its topics is known", path, _TAKE_IN_AGAIN)
+            report.add("no hash", "no hash of its topics is recorded", path, _TAKE_IN_AGAIN)
         elif row is None:
             _orphan(workspace, entry, report)
         elif not entry.is_dir():
@@ -93,7 +92,7 @@ def _check_temporary(workspace: Workspace, entry: Path, report: VerificationRepo
     if is_abandoned(entry):
         report.add(
             "half-written",
-            "its writer ended before it was complete",
+            "its writer ended before the file was complete",
             workspace.relative(entry),
             "remove it",
         )
@@ -109,17 +108,17 @@ def _orphan(workspace: Workspace, entry: Path, report: VerificationReport) -> No
     if abs(age) < _SETTLED:
         report.pending += 1
         return
-    what = "nothing in the catalogue names it: whoever wrote it ended before its row was there"
+    what = "no row of the catalogue names it: its writer ended before the row was added"
     report.add(
         "orphan",
         what,
         workspace.relative(entry),
-        "remove it, or run what made it again: it is then taken as it is",
+        "remove it, or repeat the run that wrote it, which then uses the file as it is",
     )
 
 
 def _is_sound(path: Path, row: StoredFile, report: VerificationReport, remedy: str) -> bool:
-    """Whether a file has the bytes that its row says; a missing one is reported with all others."""
+    """Whether a file has the bytes that its row says. Missing files are reported elsewhere."""
     try:
         sha256, size = measured(path)
     except FileNotFoundError:
@@ -129,14 +128,14 @@ def _is_sound(path: Path, row: StoredFile, report: VerificationReport, remedy: s
             "unreadable",
             error.strerror or str(error),
             row.path,
-            "check the disk and the rights, then verify again",
+            "check the disk and the permissions, then verify again",
         )
         return False
     report.count("files")
     report.count("bytes", size)
     if (sha256, size) == (row.sha256, row.size):
         return True
-    what = f"its bytes are not those that were stored ({size} bytes, {row.size} were stored)"
+    what = f"its bytes differ from those that were stored ({size} bytes, {row.size} were stored)"
     report.add("changed", what, row.path, remedy)
     return False
 
@@ -150,7 +149,7 @@ def _check_recording(
     except (InputError, FileNotFoundError):
         if folder.exists() or not is_cache:
             raise
-    if is_cache and not folder.exists():  # as a whole: nothing of it was wrong
+    if is_cache and not folder.exists():  # it left the cache as a whole: nothing was wrong
         del report.problems[before:]
 
 
@@ -161,7 +160,7 @@ def _check_topics(workspace: Workspace, folder: Path, report: VerificationReport
         if not sha256:
             report.add(
                 "no hash",
-                "no hash of this topic is known",
+                "no hash of this topic is recorded",
                 workspace.relative(folder / name),
                 _TAKE_IN_AGAIN,
             )
@@ -171,12 +170,12 @@ def _check_topics(workspace: Workspace, folder: Path, report: VerificationReport
             not _is_sound(folder / name, row, report, _TAKE_IN_AGAIN)
             and not (folder / name).exists()
         ):
-            report.add("missing", "this topic of a recording is gone", row.path, _TAKE_IN_AGAIN)
+            report.add("missing", "this topic of a recording is missing", row.path, _TAKE_IN_AGAIN)
     for entry in sorted(folder.iterdir()):
         if entry.name != INDEX and entry.name not in known:
             report.add(
                 "orphan",
-                "the recording's index does not name it",
+                "the index of the recording does not name it",
                 workspace.relative(entry),
                 "remove it",
             )
@@ -185,8 +184,8 @@ def _check_topics(workspace: Workspace, folder: Path, report: VerificationReport
 def _check_quarantine(
     workspace: Workspace, catalogue: Catalogue, report: VerificationReport
 ) -> None:
-    """What lies in quarantine: a log's bytes are its folder's name, and it has its row and its
-    reason; a link or a pipe that came through the inbox has its reason."""
+    """Check the quarantine: the name of a folder is the hash of its log, which has a row and a
+    reason; links and pipes have a reason."""
     for folder in sorted(
         entry for entry in (workspace.root / "quarantine").iterdir() if entry.is_dir()
     ):
@@ -198,7 +197,7 @@ def _check_quarantine(
         if (log is None and "aside" not in names) or "reason.json" not in names:
             report.add(
                 "missing",
-                "the log or its reason is gone",
+                "the log or its reason is missing",
                 workspace.relative(folder),
                 _TAKE_IN_AGAIN,
             )

@@ -303,10 +303,10 @@ def test_retracting_a_flight_makes_versions_stale(
         (
             ["vehicle", "show", "small-glidr"],
             2,
-            "no vehicle 'small-glidr'",
+            "unknown vehicle 'small-glidr'",
             "did you mean 'small-glider'?",
         ),
-        (["flight", "show", "zzz"], 2, "no flight 'zzz'", "known names: "),
+        (["flight", "show", "zzz"], 2, "unknown flight 'zzz'", "known names: "),
         (
             ["version", "evaluate", "released", "--at", "alhpa=5deg"],
             3,
@@ -353,7 +353,7 @@ def test_retracting_a_flight_makes_versions_stale(
         (
             ["flight", "ingest", "none.ulg", "--vehicle", "nobody"],
             2,
-            "no vehicle 'nobody'",
+            "unknown vehicle 'nobody'",
             "known names: small-glider",
         ),
     ],

@@ -225,7 +225,7 @@ def test_what_belongs_to_no_vehicle_waits_and_says_so(
         "there is only one vehicle that it can be of"
     )
     (entry,) = document["waiting"]
-    assert entry["reason"] == f"no vehicle 'unknown': put it into inbox/{NAME}/"
+    assert entry["reason"] == f"unknown vehicle 'unknown': move it to inbox/{NAME}/"
     with Catalogue.open(workspace.catalogue) as catalogue:
         text = catalogue.vehicle(NAME).text.replace(NAME, "unknown")
         catalogue.add_vehicle("unknown", text)

@@ -203,7 +203,7 @@ def test_a_backup_is_never_restored_over_a_catalogue(workspace: Workspace, tmp_p
     """Its own settings name the database that it was made of."""
     back_up(workspace, tmp_path / "b")
     before = stored(workspace), rows(workspace)
-    with pytest.raises(InputError, match="a catalogue is there already"):
+    with pytest.raises(InputError, match="already contains a catalogue"):
         restore(tmp_path / "b", tmp_path / "new")
     assert not (tmp_path / "new").exists()
     assert (stored(workspace), rows(workspace)) == before

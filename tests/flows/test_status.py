@@ -63,9 +63,11 @@ def test_what_waits_is_said_with_what_to_do(workspace: Workspace, logs: list[Pat
     assert states[f"{NAME}/b.csv.part"] == ("copying", "its name marks it as unfinished")
     assert states["nobody/flight2.csv"] == (
         "blocked",
-        f"no vehicle 'nobody': put it into inbox/{NAME}/",
+        f"unknown vehicle 'nobody': move it to inbox/{NAME}/",
     )
-    assert said["todo"] == [f"nobody/flight2.csv: no vehicle 'nobody': put it into inbox/{NAME}/"]
+    assert said["todo"] == [
+        f"nobody/flight2.csv: unknown vehicle 'nobody': move it to inbox/{NAME}/"
+    ]
     night = asked(workspace.root, "nightly", "--direct")
     assert (night["files"], len(night["waiting"])) == ([], 2)
 

@@ -83,7 +83,11 @@ def test_without_a_file_everything_has_its_default(tmp_path: Path) -> None:
         ("[nightly]\ncron = '0 2 * *'", "has 4 fields, not 5", ""),
         ("[nightly]\ncron = '0 2 * * *; rm -rf /'", "fields, not 5", ""),
         ("[nightly]\ncron = '0 2 * * *'\nevery = 5", "give either cron or every", ""),
-        ("[nightly]\ncron = '0 2 * * *'\ntimezone = 'Mars/Base'", "no time zone 'Mars/Base'", ""),
+        (
+            "[nightly]\ncron = '0 2 * * *'\ntimezone = 'Mars/Base'",
+            "unknown time zone 'Mars/Base'",
+            "",
+        ),
         ("[loop]\nrun = ['update']", "an update requires a model file", ""),
         ("[loop]\nmodel = '../../etc/passwd'", "model must be a file inside the workspace", ""),
         ("[notification]\nwebhook = 'file:///etc/passwd'", "a webhook is an http(s) address", ""),

@@ -228,8 +228,8 @@ def test_what_is_refused(made: tuple[Path, dict[str, Any]], tmp_path: Path) -> N
             InputError,
             "was imported, not made by an update",
         ),
-        (workspace, ("update", "0" * 64, *output), UnknownNameError, "no version"),
-        (workspace, ("flight", "none", *output), UnknownNameError, "no flight 'none'"),
+        (workspace, ("update", "0" * 64, *output), UnknownNameError, "unknown version"),
+        (workspace, ("flight", "none", *output), UnknownNameError, "unknown flight 'none'"),
         (
             workspace,
             ("version", "candidate", *inside),

@@ -329,8 +329,8 @@ def test_hostile_names_are_text_everywhere(client: TestClient, made: Made) -> No
 
 def test_errors_say_what_where_and_what_to_do(client: TestClient, made: Made) -> None:
     expected = {
-        "/api/flights/nothing": (404, "no flight"),
-        "/api/versions/v0099": (404, "no version"),
+        "/api/flights/nothing": (404, "unknown flight"),
+        "/api/versions/v0099": (404, "unknown version"),
         f"/api/versions/{made.candidate}/evaluate?at=alhpa=3": (422, "is not an input"),
         f"/api/versions/{made.candidate}/evaluate?at=alpha=9**9**9": (422, "not a quantity"),
         f"/api/versions/{made.candidate}/sweep?over=alpha&from=3&to=1": (422, "is not an interval"),
@@ -339,7 +339,7 @@ def test_errors_say_what_where_and_what_to_do(client: TestClient, made: Made) ->
         f"/api/versions/{made.candidate}/export?format=doc": (422, ""),
         "/api/flights?limit=0": (422, "greater than"),
         "/api/flights?after=x": (422, "no place"),
-        "/api/flights?vehicle=nobody": (404, "no vehicle"),
+        "/api/flights?vehicle=nobody": (404, "unknown vehicle"),
         f"/api/flights/{made.flight}/channels?names=Vv": (404, "no channel"),
         f"/api/flights/{h('hostile 0')}/channels": (422, "not stored"),
         f"/api/findings/{made.baseline}": (422, "was imported"),

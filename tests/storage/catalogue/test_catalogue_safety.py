@@ -227,7 +227,7 @@ def test_what_is_no_catalogue_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="folder does not exist"):
         Catalogue.open(tmp_path / "absent" / "catalogue.sqlite")
     (tmp_path / "text.sqlite").write_text("these are not the bytes of a database " * 100)
-    with pytest.raises(InputError, match="not a usable catalogue"):
+    with pytest.raises(InputError, match="the catalogue cannot be used"):
         Catalogue.open(tmp_path / "text.sqlite")
     Catalogue.open(tmp_path / "newer.sqlite").close()
     with sqlite3.connect(tmp_path / "newer.sqlite") as raw:

@@ -126,7 +126,7 @@ def test_a_wrong_password_is_refused_and_not_told(
         result = CliRunner().invoke(
             app, ["--workspace", str(tmp_path / "w"), "vehicle", "add", __file__]
         )
-        with pytest.raises(StoreError, match="lets nobody in") as refusal:
+        with pytest.raises(StoreError, match="refuses the login") as refusal:
             Catalogue.open(tmp_path / "w" / "catalogue.sqlite")
     finally:
         rules.write_text(trusting)

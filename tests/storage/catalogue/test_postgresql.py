@@ -283,7 +283,7 @@ def test_all_rows_go_there_and_back(
                 copy_catalogue(moved, last)
                 rows = [_rows(one) for one in (first, between, moved, last)]
                 assert rows[0] == rows[1] == rows[2] == rows[3]
-                with pytest.raises(InputError, match="a catalogue is there already"):
+                with pytest.raises(InputError, match="already contains a catalogue"):
                     copy_catalogue(between, moved)
                 # Numbers go on where they stood.
                 assert add_version(moved, "next") == h("next")

@@ -299,5 +299,5 @@ def test_the_command_says_it_in_json_and_by_its_exit_code(workspace: Workspace) 
     (problem,) = json.loads(wrong.stdout)["problems"]
     assert (problem["kind"], problem["remedy"]) == (
         "missing",
-        "it is made again when it is needed next",
+        "it is recomputed when it is needed next",
     )
