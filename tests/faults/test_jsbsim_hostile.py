@@ -1,5 +1,7 @@
-"""Files made to do harm: refused with an InputError (exit code 3), quickly and without opening or
-fetching anything."""
+"""Malicious files are refused quickly with an InputError (exit code 3).
+
+Nothing else is opened or fetched.
+"""
 
 from pathlib import Path
 

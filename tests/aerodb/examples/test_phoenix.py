@@ -1,5 +1,4 @@
-"""The built-in example: what 003 prints of Phoenix, a truth that stays sealed, flights that survive
-and say enough."""
+"""The built-in example: Phoenix's published figures, hidden truth, usable flights."""
 
 import ast
 
@@ -61,8 +60,10 @@ def polar(database: AeroDatabase, alpha: Array) -> dict[str, Array]:
 
 
 def test_vehicle_has_the_published_figures(vehicle: Vehicle, preflight: AeroDatabase) -> None:
-    """003: 1198 kg, 10.3 m2, 6 m, 3.48 m (IV.A); best glide ratio 5.5, unstable with time to double
-    < 0.5 s (I)."""
+    """Phoenix paper, IV.A: 1198 kg, 10.3 m2, 6 m, 3.48 m.
+
+    Section I: best glide ratio 5.5, unstable with time to double < 0.5 s.
+    """
     assert vehicle.mass.mass == 1198.0
     assert (vehicle.reference.area, vehicle.reference.chord, vehicle.reference.span) == (
         10.3,
@@ -93,9 +94,13 @@ def test_preflight_file_is_what_its_formulas_give() -> None:
     assert "INVENTED" in read_example("preflight.toml").splitlines()[0]
 
 
-def test_truth_differs_as_003_reports(preflight: AeroDatabase, vehicle: Vehicle) -> None:
-    """IV.D: lift slope 9-10 % low, pitching-moment slope within 3 %, speed brakes overestimated, no
-    pitch-rate force in CX."""
+def test_truth_differs_as_the_phoenix_paper_reports(
+    preflight: AeroDatabase, vehicle: Vehicle
+) -> None:
+    """Section IV.D: lift slope 9-10 % low, pitching-moment slope within 3 %, no CX of pitch rate.
+
+    Speed brakes are overestimated.
+    """
     database, effects = truth(preflight)
     alpha = np.deg2rad(np.array([2.0, 9.0]))
     before, after = polar(preflight, alpha), polar(database, alpha)
@@ -145,8 +150,10 @@ def test_nothing_that_a_flow_imports_reads_the_truth() -> None:
 def test_flights_follow_the_published_mission_and_survive(
     history: History, preflight: AeroDatabase
 ) -> None:
-    """II: drop at 2400 m at 40 m/s EAS, dive, flare, touchdown near 71 m/s; about 50 s between drop
-    and 120 m."""
+    """Phoenix paper, II: drop at 2400 m at 40 m/s EAS, dive, flare, touchdown near 71 m/s.
+
+    There are about 50 s between drop and 120 m.
+    """
     for number in range(FLIGHTS):
         c = flown(history, number)
         assert all(np.all(np.isfinite(values)) for values in c.values())
@@ -172,8 +179,10 @@ def test_flights_follow_the_published_mission_and_survive(
 def test_reconstructed_coefficients_of_a_perfect_log_are_the_truth(
     history: History, vehicle: Vehicle, preflight: AeroDatabase
 ) -> None:
-    """Forward and inverse dynamics are written apart: IMU off the CG, probe on a boom, moments
-    about the reference point."""
+    """Forward and inverse dynamics are separate code.
+
+    The IMU is off the CG, the probe is on a boom, and moments are about the reference point.
+    """
     n = history.samples[0]
     seen = {
         name: values[:n, 0] for name, values in at_instruments(history.channels, vehicle).items()
@@ -196,8 +205,11 @@ def test_reconstructed_coefficients_of_a_perfect_log_are_the_truth(
 def test_effects_are_of_phoenix_size_in_the_logs(
     history: History, vehicle: Vehicle, preflight: AeroDatabase
 ) -> None:
-    """CONVENTIONS: an effect's rms is at least 3 times the noise floor, the residual of the true
-    model on logged data."""
+    """An effect's rms is at least 3 times the noise floor.
+
+    The noise floor is the residual of the true model on logged data: docs/reference/conventions.md,
+    "Noise floor and error measures".
+    """
     database = truth(preflight)[0]
     floor: dict[str, list[Array]] = {axis: [] for axis in AXES}
     effect: dict[str, list[Array]] = {axis: [] for axis in AXES}
@@ -206,7 +218,7 @@ def test_effects_are_of_phoenix_size_in_the_logs(
             log.name, "ulog", "0" * 64, 0, {t.name: t for t in log.topics}, layout="px4"
         )
         flight = map_recording(recording, builtin_mappings()["px4"], vehicle, log.name)
-        # Gaps at the very ends: delayed sensors have not spoken yet when the inertial ones have.
+        # Gaps at both ends: delayed sensors start later than the inertial ones.
         good = flight.usable(["alpha", "beta", "V", "height_above_ground"])
         assert good.mean() > 0.99
         measured = total_coefficients(flight, vehicle).values

@@ -1,5 +1,7 @@
-"""DAVE-ML: NASA's HL-20 against its own check cases; there and back for it, for increments and for
-generated databases."""
+"""DAVE-ML: NASA's HL-20 against its own check cases, and round trips.
+
+The round trips are those of HL-20, of increments and of generated databases.
+"""
 
 from collections.abc import Callable
 from pathlib import Path

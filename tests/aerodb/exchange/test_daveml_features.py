@@ -1,5 +1,4 @@
-"""What the standard has and HL-20 does not use, each with a small file; and files that must be
-refused."""
+"""DAVE-ML features that HL-20 does not use, each with a small file, and files that are refused."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""CSV, MAT and NetCDF: exact there and back, readable by other programs, and closed to damage."""
+"""CSV, MAT and NetCDF: exact round trips, readable by other programs, safe against damage."""
 
 import io
 import json

@@ -1,7 +1,7 @@
-"""Every aircraft of the installed JSBSim, imported and set against JSBSim's own coefficients.
+"""Every aircraft of the installed JSBSim, imported and compared with JSBSim's own coefficients.
 
-Inputs go in by their physical meaning. What has no meaning here (`free_inputs`) is fed from the
-property that it names, and so is the squared lift, for which JSBSim takes its previous time step.
+Inputs are set by their physical meaning. Inputs without a meaning (`free_inputs`) are set from the
+property that they name, and so is the squared lift, for which JSBSim uses its previous time step.
 """
 
 import re

@@ -1,4 +1,4 @@
-"""Exports to JSBSim: the same coefficients inside JSBSim, and again after being imported."""
+"""Exports to JSBSim: equal coefficients inside JSBSim, and again after an import."""
 
 from collections.abc import Callable
 from dataclasses import replace

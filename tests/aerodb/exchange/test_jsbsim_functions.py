@@ -1,5 +1,4 @@
-"""Operations, frames and tables of JSBSim that its aircraft use little or not: read, and set
-against JSBSim itself."""
+"""JSBSim operations, frames and tables that its aircraft hardly use, compared with JSBSim."""
 
 from dataclasses import replace
 

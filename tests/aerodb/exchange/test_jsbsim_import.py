@@ -1,5 +1,4 @@
-"""The import of JSBSim aircraft: against JSBSim itself on one of them, signs and units, and what is
-refused."""
+"""Import of JSBSim aircraft: agreement with JSBSim for one of them, signs, units, refused files."""
 
 import re
 from typing import Any

@@ -1,5 +1,4 @@
-"""The product's own database file and stored document: read, refused with the nearest name, and
-brought back exactly."""
+"""The native database file and stored document: exact round trips and refusals by name."""
 
 import json
 from dataclasses import replace

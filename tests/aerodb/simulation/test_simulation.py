@@ -1,4 +1,4 @@
-"""The flight simulation against analytic answers, then against itself."""
+"""The flight simulation against analytic solutions, then against itself."""
 
 from collections.abc import Mapping
 from dataclasses import replace

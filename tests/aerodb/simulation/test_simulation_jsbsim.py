@@ -1,9 +1,8 @@
-"""The same vehicle flown by JSBSim and by our simulation: open loop, six degrees of freedom, off-CG
-reference point.
+"""The same vehicle in JSBSim and in this simulation: open loop, six degrees of freedom.
 
-JSBSim flies over a rotating ellipsoid; the latitude is chosen for standard gravity. What remains is
-the Coriolis acceleration, 2 x 7.3e-5 rad/s x 60 m/s = 0.009 m/s2: in 3 s it turns the flight path
-by some 3e-4 rad, which sets the tolerances.
+The reference point is off the CG. JSBSim flies over a rotating ellipsoid; the latitude is chosen
+for standard gravity. The remaining difference is the Coriolis acceleration, 2 x 7.3e-5 rad/s x 60
+m/s = 0.009 m/s2: in 3 s it turns the flight path by about 3e-4 rad, which sets the tolerances.
 """
 
 from collections.abc import Mapping
