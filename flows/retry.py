@@ -116,9 +116,7 @@ def _flight_again(
         flight = access.catalogue.flight(reference, vehicle)
     except UnknownNameError as error:
         what = f"neither a log in quarantine, nor a failed run, nor a flight: '{reference[:80]}'"
-        raise UnknownNameError(
-            what, remedy="aerodb status lists what can be tried again"
-        ) from error
+        raise UnknownNameError(what, remedy="aerodb status lists what can be retried") from error
     document = run(again_flow, {"flight": flight.id})
     verdict = document["consistency"]["verdict"] if document["consistency"] else ""
     return {"what": flight.id, "kind": "flight", "outcome": "completed", "reason": verdict}

@@ -83,15 +83,15 @@ def show(context: typer.Context, calibration: str, vehicle: Vehicle = None) -> N
 def recalibrate(
     context: typer.Context,
     vehicle: Annotated[str, typer.Option(help="The vehicle.")],
-    reason: Annotated[str, typer.Option(help="Why; it is kept with the calibration.")],
+    reason: Annotated[str, typer.Option(help="Reason; it is stored with the calibration.")],
     flights: Annotated[
         list[str] | None,
-        typer.Option(help="Flights to calibrate from; all of the vehicle without it."),
+        typer.Option(help="Flights to calibrate from; default: all of the vehicle."),
     ] = None,
     valid_from: Since = None,
     valid_until: Until = None,
     direct: Annotated[
-        bool, typer.Option(help="Without Prefect: the same steps, the same keys.")
+        bool, typer.Option(help="Run without Prefect; steps and keys are the same.")
     ] = False,
 ) -> None:
     """Calibrate sensors jointly from several flights, and recompute what depends on these flights.
@@ -140,8 +140,8 @@ def recalibrate(
     if stale:
         labels = ", ".join(sorted(stale))
         session.say(
-            f"{labels} rest on the earlier calibration: aerodb update --vehicle {owner} --like"
-            " VERSION makes one anew"
+            f"{labels} are based on the earlier calibration; rebuild: aerodb update"
+            f" --vehicle {owner} --like VERSION"
         )
     session.answer({**document, "rests_on_earlier": sorted(stale)})
 

@@ -10,7 +10,7 @@ from aerodb.flows.cli.output import Session
 from aerodb.flows.cli.updates import say_axes, say_flights
 from aerodb.flows.cli.vehicles import read_text
 
-#: So many hypotheses of which nothing was found are listed for people; `--json` lists them all.
+#: Largest number of hypotheses not found that is printed; `--json` lists them all.
 _LISTED = 12
 
 
@@ -19,26 +19,26 @@ def close_loop(
     vehicle: Annotated[str, typer.Option(help="The vehicle.")],
     baseline: Annotated[str, typer.Option(help="Version to trace against.")] = "released",
     flights: Annotated[
-        list[str] | None, typer.Option(help="Flights to use; all of the vehicle without it.")
+        list[str] | None, typer.Option(help="Flights to use; default: all of the vehicle.")
     ] = None,
     hold_out: Annotated[
         list[str] | None,
-        typer.Option(help="Flights to hold out, or `none`; the newest fifth without it."),
+        typer.Option(help="Flights to hold out, or `none`; default: the newest fifth."),
     ] = None,
     accept_lumped: Annotated[
-        list[str] | None, typer.Option(help="Effect of an alias group to add all the same, marked.")
+        list[str] | None, typer.Option(help="Effect of an alias group to add anyway; it is marked.")
     ] = None,
     accept_suspected: Annotated[
-        list[str] | None, typer.Option(help="Suspected effect to add all the same, marked.")
+        list[str] | None, typer.Option(help="Suspected effect to add anyway; it is marked.")
     ] = None,
     effects: Annotated[
         Path | None, typer.Option(help="File (TOML) of effects of your own.")
     ] = None,
     library: Annotated[
-        str, typer.Option(help="Hash that the library must have: refuse if it changed.")
+        str, typer.Option(help="Required hash of the library; refused if it differs.")
     ] = "",
     direct: Annotated[
-        bool, typer.Option(help="Without Prefect: the same steps, the same keys.")
+        bool, typer.Option(help="Run without Prefect; steps and keys are the same.")
     ] = False,
 ) -> None:
     """Trace residuals to effects that the database lacks, add those confirmed, and report the
@@ -69,7 +69,7 @@ def close_loop(
         raise InputError(
             "the same flight twice",
             f"--flights {twice[:12]}",
-            "name each once: a flight has one vote",
+            "name each flight once",
         )
     parameters = {
         "vehicle": vehicle,
@@ -109,7 +109,7 @@ def say_loop(session: Session, document: dict[str, Any]) -> None:
         session.say(f"   {finding['because']}.")
         rivals = finding["explanation_set"][1:]
         if rivals:
-            session.say(f"   would explain it as well: {', '.join(rivals)}")
+            session.say(f"   equally good explanations: {', '.join(rivals)}")
         for rival, reason in list(finding.get("fallen", {}).items())[:3]:
             session.say(f"   not {rival}: {reason}")
     session.say()
@@ -130,11 +130,11 @@ def _say_not_found(session: Session, entries: list[dict[str, Any]]) -> None:
     closed = [entry for entry in entries if entry["verdict"] == "not_detected"]
     session.say()
     session.say(
-        f"looked for and not found: {len(closed)} hypotheses; not decidable with these flights:"
+        f"tested and not found: {len(closed)} hypotheses; not decidable with these flights:"
         f" {len(open_ones)}"
     )
     session.table(
-        ["hypothesis", "verdict", "at most", "would have been found from", "unit"],
+        ["hypothesis", "verdict", "upper bound", "minimum detectable", "unit"],
         [
             [
                 e["hypothesis"],

@@ -18,7 +18,9 @@ def import_file(
     vehicle: Annotated[str, typer.Option(help="The vehicle that it describes.")],
     bind: Annotated[
         list[str] | None,
-        typer.Option(help="What an unknown input of the file is: NAME=EXPRESSION over channels."),
+        typer.Option(
+            help="Definition of an unknown input of the file: NAME=EXPRESSION over channels."
+        ),
     ] = None,
 ) -> None:
     """Import a database file as a version; a vehicle's first one becomes `released`.

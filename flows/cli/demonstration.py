@@ -13,11 +13,11 @@ def demo(
     context: typer.Context,
     seed: Annotated[
         int | None,
-        typer.Option(min=0, help="Draw undeclared effects; without it the Phoenix case."),
+        typer.Option(min=0, help="Seed for random undeclared effects; default: the Phoenix case."),
     ] = None,
     flights: Annotated[int, typer.Option(min=5, max=40, help="How many flights to fly.")] = 8,
     direct: Annotated[
-        bool, typer.Option(help="Without Prefect: the same steps, the same keys.")
+        bool, typer.Option(help="Run without Prefect; steps and keys are the same.")
     ] = False,
 ) -> None:
     """Fly the built-in example, ingest its logs, close the loop, and compare with the sealed truth.

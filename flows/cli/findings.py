@@ -5,7 +5,7 @@ from typing import Any
 
 from aerodb.flows.cli.output import Session
 
-#: More segments than this are counted, not listed, for people; `--json` lists them all.
+#: Largest number of segments printed; `--json` lists them all.
 _LISTED = 60
 
 
@@ -31,9 +31,7 @@ def say_repeats(session: Session, repeats: Sequence[Mapping[str, Any]], indent: 
             )
     if any(entry["counts"] for entry in repeats):
         remedy = "to use it instead, retract the other"
-        session.say(
-            f"{indent}it is the same flight once more: kept, and left out of updates ({remedy})"
-        )
+        session.say(f"{indent}the same flight again: stored, but left out of updates ({remedy})")
 
 
 def say_segments(session: Session, segments: Sequence[Mapping[str, Any]]) -> None:

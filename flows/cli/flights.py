@@ -26,7 +26,7 @@ def inspect(
     context: typer.Context,
     log: Annotated[Path, typer.Argument(help="ULog, MCAP, MAT, CSV, ASCII or Parquet.")],
     mapping: Annotated[
-        str | None, typer.Option(help="Name or file of a mapping; chosen by content without it.")
+        str | None, typer.Option(help="Name or file of a mapping; default: chosen by content.")
     ] = None,
 ) -> None:
     """Show contents, damage, mapped and missing channels and likely faults of a log; stores
@@ -34,7 +34,7 @@ def inspect(
 
     Example: aerodb log inspect flight.ulg
     """
-    # Imported where it is needed, here and below: a query must not wait for the science.
+    # Imported here, and below, because a query must not wait for the science to import.
     from aerodb.storage.readers import parsed_log
     from aerodb.storage.workspace_settings import load_settings
 
@@ -149,14 +149,14 @@ def ingest(
     log: Annotated[list[str], typer.Argument(help="One or more logs.")],
     vehicle: Annotated[str, typer.Option(help="The vehicle that flew.")],
     mapping: Annotated[
-        str | None, typer.Option(help="Name or file of a mapping; chosen by content without it.")
+        str | None, typer.Option(help="Name or file of a mapping; default: chosen by content.")
     ] = None,
     name: Annotated[str | None, typer.Option(help="A name for the flight (one log only).")] = None,
     strict: Annotated[
-        bool, typer.Option(help="Quarantine a damaged log instead of keeping what is intact.")
+        bool, typer.Option(help="Quarantine a damaged log instead of using its intact part.")
     ] = False,
     direct: Annotated[
-        bool, typer.Option(help="Without Prefect: the same steps, the same keys.")
+        bool, typer.Option(help="Run without Prefect; steps and keys are the same.")
     ] = False,
 ) -> None:
     """Ingest logs: store, reconstruct, compute coefficients, compare with the released database.
@@ -165,7 +165,7 @@ def ingest(
     """
     from aerodb.storage.readers import start_reader
 
-    start_reader()  # it gets ready while this process loads the science
+    start_reader()  # it starts while this process imports the science
     from aerodb.flows.flight import flight_flow
 
     session: Session = context.obj
@@ -266,7 +266,9 @@ def _standing(document: dict[str, Any]) -> str:
 def show(
     context: typer.Context,
     flight: str,
-    vehicle: Annotated[str | None, typer.Option(help="Where names repeat.")] = None,
+    vehicle: Annotated[
+        str | None, typer.Option(help="The vehicle, if several flights have this name.")
+    ] = None,
 ) -> None:
     """Show a flight: its log, its findings, its results, and the versions based on it.
 
@@ -298,7 +300,7 @@ def show(
     ]
     session.table(["step", "key", "made"], made)
     for use in impact:
-        session.say(f"{use.version.label} rests on it: {use.role.replace('_', ' ')}")
+        session.say(f"{use.version.label} is based on it: {use.role.replace('_', ' ')}")
     session.answer(document)
 
 
@@ -307,7 +309,9 @@ def retract(
     context: typer.Context,
     flight: str,
     reason: Annotated[str, typer.Option(help="Why it must not be used.")],
-    vehicle: Annotated[str | None, typer.Option(help="Where names repeat.")] = None,
+    vehicle: Annotated[
+        str | None, typer.Option(help="The vehicle, if several flights have this name.")
+    ] = None,
 ) -> None:
     """Withdraw a flight; every version based on it becomes stale. Nothing is deleted.
 
@@ -323,11 +327,9 @@ def retract(
     session.say(f"flight {row.label} retracted: {row.retract_reason}")
     session.say(f"stale now: {', '.join(use.version.label for use in stale) or 'no version'}")
     if again:
-        session.say(
-            "to make them again, in this order (NEW-v0002 stands for what was made of v0002):"
-        )
+        session.say("to rebuild them, in this order (NEW-v0002 is the version rebuilt from v0002):")
     for entry in again:
-        session.say(f"  {entry['command'] or entry['label'] + ' was made by no update'}")
+        session.say(f"  {entry['command'] or entry['label'] + ' was not made by an update'}")
     names = {
         name: id
         for name, id in catalogue.names(row.vehicle).items()
@@ -351,7 +353,7 @@ def _when(row: FlightRow) -> str:
     return f"{row.start_utc:%Y-%m-%d %H:%M:%S}" if row.start_utc else "start unknown"
 
 
-#: More places of damage than this are counted, not listed, for people; `--json` lists them all.
+#: Largest number of damaged parts printed; `--json` lists them all.
 _LISTED = 10
 
 

@@ -14,7 +14,9 @@ def verify(
     context: typer.Context,
     fetch: Annotated[
         bool,
-        typer.Option("--fetch", help="Read every object of the object store, too; else its size."),
+        typer.Option(
+            "--fetch", help="Also read every object of the object store; default: check sizes only."
+        ),
     ] = False,
 ) -> None:
     """Verify every file, reference and identity of the workspace; exits with 1 if there is a
@@ -22,7 +24,7 @@ def verify(
 
     Example: aerodb verify
     """
-    # Imported where it is needed, here and below: a query must not wait for the science.
+    # Imported here, and below, because a query must not wait for the science to import.
     from aerodb.storage import upkeep
 
     session: Session = context.obj
@@ -31,7 +33,7 @@ def verify(
         report = upkeep.verify(workspace, catalogue, fetch)
     for line in upkeep.report_lines(report):
         session.say(line)
-    session.say("nothing is wrong" if not report.problems else f"{len(report.problems)} problems")
+    session.say("no problems" if not report.problems else f"{len(report.problems)} problems")
     problems = [asdict(problem) for problem in report.problems]
     session.answer(
         {
@@ -50,7 +52,7 @@ def backup(
     target: Annotated[
         Path,
         typer.Argument(
-            help="A new folder, or that of the backup before: then only what is new is copied."
+            help="A new folder, or that of an earlier backup: then only new files are copied."
         ),
     ],
 ) -> None:
@@ -84,7 +86,7 @@ def restore(
     ] = None,
     settings: Annotated[
         Path | None,
-        typer.Option(help="Settings in place of the backup's: they may name a database."),
+        typer.Option(help="Settings to use instead of the backup's; they may name a database."),
     ] = None,
 ) -> None:
     """Restore a workspace from a backup, and verify it; exits with 1 if a file was damaged in the

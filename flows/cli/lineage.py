@@ -13,7 +13,7 @@ from aerodb.storage.catalogue import Catalogue, VersionRow
 from aerodb.storage.workspace import Workspace, write_for_user
 from aerodb.tasks.references import version_of
 
-#: Nodes listed for people; `--json` lists them all.
+#: Largest number of nodes printed; `--json` lists them all.
 _LISTED = 12
 
 
@@ -42,7 +42,7 @@ def lineage(
     catalogue = session.catalogue()
     row = version_of(catalogue, version, vehicle)
     if node is not None and at is not None:
-        raise InputError("--node and --at together", remedy="ask for a node or for a point")
+        raise InputError("--node and --at exclude each other", remedy="give a node or a point")
     if prov is not None:
         _write_prov(session, workspace, catalogue, row, prov)
     if node is not None or at is not None:

@@ -74,7 +74,9 @@ def session(
     context: typer.Context,
     workspace: Annotated[
         Path | None,
-        typer.Option(help="Folder of catalogue and store.", show_default="./aerodb-workspace"),
+        typer.Option(
+            help="Workspace folder (catalogue and store).", show_default="./aerodb-workspace"
+        ),
     ] = None,
     json: Annotated[
         bool, typer.Option("--json", help="One JSON document on standard output.")
@@ -127,7 +129,7 @@ def _unexpected(error: Exception) -> int:
         show()
         return int(getattr(error, "exit_code", USAGE))
     print(
-        f"aerodb: {type(error).__name__}: {error}\nthis is a fault of aerodb; run again with"
+        f"aerodb: {type(error).__name__}: {error}\nthis is a bug in aerodb; run again with"
         " --debug and report it",
         file=sys.stderr,
     )

@@ -9,9 +9,9 @@ from aerodb.flows.cli.output import Session
 from aerodb.flows.cli.references import AsOf, Vehicle
 from aerodb.tasks.references import vehicle_of, version_of
 
-Reason = Annotated[str, typer.Option(help="Why; it is kept with the move.")]
+Reason = Annotated[str, typer.Option(help="Reason; it is stored with the move.")]
 Name = Annotated[
-    str, typer.Option("--name", help="The name that moves; only `released` passes the gate.")
+    str, typer.Option("--name", help="The name to move; only `released` requires the gate.")
 ]
 
 

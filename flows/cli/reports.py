@@ -25,7 +25,7 @@ def flight(
     context: typer.Context,
     flight: str,
     output: Output,
-    against: Annotated[str, typer.Option(help="Version to show beside it.")] = "released",
+    against: Annotated[str, typer.Option(help="Version to compare with.")] = "released",
     vehicle: Vehicle = None,
     pdf: Pdf = False,
 ) -> None:
@@ -45,7 +45,7 @@ def flight(
 def update(
     context: typer.Context,
     version: Annotated[
-        str, typer.Argument(help="The version that it made, or the key of a closed loop's report.")
+        str, typer.Argument(help="The version that was made, or the key of a closed loop's report.")
     ],
     output: Output,
     vehicle: Vehicle = None,

@@ -10,10 +10,10 @@ from aerodb.storage.locks import take
 from aerodb.storage.workspace import Workspace
 from aerodb.tasks.workspace_access import WorkspaceAccess
 
-_Direct = Annotated[bool, typer.Option(help="Without Prefect: the same steps, the same keys.")]
+_Direct = Annotated[bool, typer.Option(help="Run without Prefect; steps and keys are the same.")]
 
 
-#: For people, so many are listed of each; `--json` lists more.
+#: Largest number of entries printed of each kind; `--json` lists more.
 _LISTED = 20
 
 
@@ -57,8 +57,8 @@ def nightly(
     lock = take(night_lock(session.workspace(), vehicle))
     if lock is None:
         what, remedy = (
-            "a night of this workspace is under way already",
-            "let it end; aerodb status says what runs",
+            "a nightly run of this workspace is already running",
+            "wait for it to end; aerodb status shows what runs",
         )
         raise StoreBusyError(what, str(session.workspace().root), remedy)
     try:
@@ -173,7 +173,7 @@ def retry(
         typer.Argument(help="A log in quarantine (key or name), a failed run, a flight, or `all`."),
     ],
     vehicle: Annotated[
-        str | None, typer.Option(help="Who flew it, where that is not known.")
+        str | None, typer.Option(help="The vehicle that flew the log, if it is unknown.")
     ] = None,
     direct: _Direct = False,
 ) -> None:
@@ -185,7 +185,9 @@ def retry(
 
     session: Session = context.obj
     if not what.strip():
-        raise InputError("what is to be tried again?", "retry", "aerodb status lists what can be")
+        raise InputError(
+            "which log, run or flight?", "retry", "aerodb status lists what can be retried"
+        )
     access = _access(session)
     done = do_again(
         access, what, vehicle, lambda body, parameters: session.run(body, parameters, direct)
@@ -196,7 +198,7 @@ def retry(
             f" {entry['outcome']}{': ' + entry['reason'] if entry['reason'] else ''}"
         )
     if not done:
-        session.say("nothing to try again")
+        session.say("nothing to retry")
     session.answer(done)
     if any(entry["outcome"] == "quarantined" for entry in done):
         raise typer.Exit(3)

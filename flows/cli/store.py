@@ -21,7 +21,7 @@ def push(context: typer.Context) -> None:
 
     Example: aerodb store push
     """
-    # Imported where it is needed, here and below: a query must not wait for it.
+    # Imported here, and below, because a query must not wait for it.
     from aerodb.storage import files
 
     session: Session = context.obj
@@ -32,7 +32,7 @@ def push(context: typer.Context) -> None:
         session,
         moved,
         "put",
-        "not put, as it is not here as it was stored (aerodb verify says more)",
+        "not uploaded: it is missing or damaged here (see aerodb verify)",
     )
 
 
@@ -52,7 +52,7 @@ def pull(context: typer.Context) -> None:
         session,
         moved,
         "fetched",
-        "not fetched, as it is not there as it was stored (aerodb verify --fetch says more)",
+        "not fetched: it is missing or damaged there (see aerodb verify --fetch)",
     )
 
 
@@ -61,7 +61,7 @@ def trim(
     context: typer.Context,
     size: Annotated[
         int | None,
-        typer.Option(min=0, help="Bytes that may stay; else [store] cache of the settings."),
+        typer.Option(min=0, help="Bytes to keep; default: [store] cache of the settings."),
     ] = None,
 ) -> None:
     """Remove the least recently used files from the folder, if the object store has them.
@@ -78,7 +78,7 @@ def trim(
         session,
         moved,
         "removed from the cache",
-        "stays here, as it is in use or not in the object store",
+        "kept here: it is in use, or not in the object store",
     )
 
 

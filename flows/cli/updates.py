@@ -19,18 +19,18 @@ def update(
     ] = None,
     like: Annotated[
         str | None,
-        typer.Option(help="Instead: model and flights of this version, less retracted ones."),
+        typer.Option(help="Use model and flights of this version, without retracted flights."),
     ] = None,
     baseline: Annotated[str, typer.Option(help="Version to build on.")] = "released",
     flights: Annotated[
-        list[str] | None, typer.Option(help="Flights to use; all of the vehicle without it.")
+        list[str] | None, typer.Option(help="Flights to use; default: all of the vehicle.")
     ] = None,
     hold_out: Annotated[
         list[str] | None,
-        typer.Option(help="Flights to hold out, or `none`; the newest fifth without it."),
+        typer.Option(help="Flights to hold out, or `none`; default: the newest fifth."),
     ] = None,
     direct: Annotated[
-        bool, typer.Option(help="Without Prefect: the same steps, the same keys.")
+        bool, typer.Option(help="Run without Prefect; steps and keys are the same.")
     ] = False,
 ) -> None:
     """Estimate declared increments, store a candidate version, and report the error before and

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 app = typer.Typer(name="version", no_args_is_help=True, help="Database versions: list, ask, trace.")
 
-Limit = Annotated[int, typer.Option(min=1, help="How many, the newest.")]
+Limit = Annotated[int, typer.Option(min=1, help="Number of newest entries.")]
 OneName = Annotated[str | None, typer.Option("--name", help="Of this name only.")]
 All = Annotated[bool, typer.Option("--all", help="All of them.")]
 

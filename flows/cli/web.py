@@ -12,16 +12,16 @@ def web(
     context: typer.Context,
     host: Annotated[
         str,
-        typer.Option(help="Address to listen on; one that others can reach needs $AERODB_TOKEN."),
+        typer.Option(
+            help="Address to listen on; $AERODB_TOKEN is required if others can reach it."
+        ),
     ] = "127.0.0.1",
     port: Annotated[
         int, typer.Option(min=0, max=65535, help="Port to listen on; 0 takes a free one.")
     ] = 8050,
     known_as: Annotated[
         list[str] | None,
-        typer.Option(
-            help="A name under which the console may be called, beside this machine's own."
-        ),
+        typer.Option(help="Additional host name under which the console may be called."),
     ] = None,
 ) -> None:
     """Serve the console until stopped: flights, versions, lineage, findings and status, with a JSON

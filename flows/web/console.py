@@ -45,7 +45,7 @@ Point = Annotated[
 Vehicle = Annotated[
     _Name | None,
     BeforeValidator(given),
-    Query(description="The vehicle; not needed where there is only one."),
+    Query(description="The vehicle; optional if there is only one."),
 ]
 AsOf = Annotated[
     _Name | None,

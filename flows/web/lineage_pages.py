@@ -20,7 +20,7 @@ Node = Annotated[
 def _asked(access: WorkspaceAccess, row: VersionRow, node: str | None, at: str) -> dict[str, Any]:
     """Return the lineage document of the whole version, or of a node or point."""
     if node and at:
-        raise InputError("a node and a point together", "node, at", "ask for a node or for a point")
+        raise InputError("node and point exclude each other", "node, at", "give a node or a point")
     if node or at:
         return origins_document(access.catalogue, row, node or None, at)
     return lineage_document(access.catalogue, row)

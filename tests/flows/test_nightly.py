@@ -207,7 +207,7 @@ def test_a_command_leaves_a_night_alone_that_is_under_way(tmp_path: Path, logs: 
     workspace = _made(tmp_path / "w", logs)
     with holding(night_lock(workspace, None)):
         done = CliRunner().invoke(app, ["--workspace", str(workspace.root), "nightly", "--direct"])
-        assert "a night of this workspace is under way already" in str(done.exception)
+        assert "a nightly run of this workspace is already running" in str(done.exception)
         asked(workspace.root, "nightly", "--direct", "--vehicle", NAME)
     assert asked(workspace.root, "nightly", "--direct")["files"] == []
 

@@ -96,7 +96,7 @@ def test_from_a_point_to_all_increments_that_act_there(
         (["--node", "CZO[1]"], UnknownNameError, "did you mean 'CZ0'"),
         (["--node", "__import__('os')[0]"], InputError, "is not a table node"),
         (["--node", "CZ0[99999999999999]"], InputError, "is not a table node"),
-        (["--node", "CZ0[1]", "--at", "alpha=1"], InputError, "together"),
+        (["--node", "CZ0[1]", "--at", "alpha=1"], InputError, "exclude each other"),
         (["--at", "alhpa=1"], InputError, "did you mean 'alpha'"),
     ],
 )
