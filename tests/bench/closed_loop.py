@@ -65,8 +65,8 @@ trace(ten, library.hypotheses, library.settings)
 
 
 def closed_loop(folder: Path, measure: Measure, count: int = 10, seconds: float = 600.0) -> None:
-    """The whole closed loop over flights at 50 Hz, its decision from stored normal equations, and what one
-    more flight costs beside many."""
+    """The whole closed loop over flights at 50 Hz, its decision from stored normal equations, and
+    what one more flight costs beside many."""
     folder = folder / "campaign"
     new = _fly(folder, count, seconds)
     print(
@@ -92,8 +92,8 @@ def closed_loop(folder: Path, measure: Measure, count: int = 10, seconds: float 
             f"  {'Prefect' if how == 'auto' else 'direct':8} {done['seconds']:7.2f} s"
             f" {done['megabytes']:7.0f} MB"
         )
-    # What a new flight costs whatever else is stored, its run and its normal equations: taken once, beside the
-    # decisions.
+    # What a new flight costs whatever else is stored, its run and its normal equations: taken once,
+    # beside the decisions.
     asked = {"logs": [str(new)], "vehicle": "phoenix"}
     one = f"new = run_flow(flight_flow, {asked!r}, workspace, 'direct')[0]['flight']\nanswer = 0\n"
     one += "trace_flight(new, **where, library=library, database=database)"

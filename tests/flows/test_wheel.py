@@ -1,4 +1,5 @@
-"""The wheel as users install it: it puts one name on top level and ignores their own `tasks` and `storage`."""
+"""The wheel as users install it: it puts one name on top level and ignores their own `tasks` and
+`storage`."""
 
 import os
 import shutil

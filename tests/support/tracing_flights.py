@@ -198,8 +198,8 @@ class Bank:
     def draw(
         self, count: int, generator: np.random.Generator, planted: Mapping[str, float] | None = None
     ) -> list[NormalEquations]:
-        """normal equations of `count` different flights with a fresh residual each, and `planted` columns of
-        the library besides."""
+        """normal equations of `count` different flights with a fresh residual each, and `planted`
+        columns of the library besides."""
         chosen = generator.choice(len(self.flights), count, replace=False)
         return [self._gram(int(number), generator, planted or {}) for number in chosen]
 
@@ -346,7 +346,7 @@ def planted_columns(
 
 def phoenix_size(name: str, bank: Bank, times: float = 3.0) -> float:
     """The value at which the effect's rms about its mean is `times` the noise floor on its
-    strongest axis (CONVENTIONS).
+    strongest axis (docs/reference/conventions.md).
 
     A constant has no rms about its mean: its own size counts.
     """

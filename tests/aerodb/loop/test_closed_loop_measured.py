@@ -118,7 +118,7 @@ def test_after_acceptance_roll_and_yaw_are_as_good_as_the_records_allow(otter) -
 
 
 def test_the_first_manoeuvre_is_predicted_from_the_rest(otter) -> None:
-    """Issue 5, identified on one part and shown on the other, the record's constant from the part
+    """Identified on one part and shown on the other, the record's constant from the part
     that identified too: Cl at most .0009 (.0182 before), Cn at most .0005 (.0169). The only aileron
     doublet is in the tail: without it Cl there is .0021."""
     workspace, document = otter

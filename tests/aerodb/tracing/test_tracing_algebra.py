@@ -328,7 +328,7 @@ def test_simex_shift_is_the_known_attenuation_of_a_linear_regressor() -> None:
     estimate, simex_bias = np.mean(found, axis=0)
     assert estimate == pytest.approx(2.0 / 1.2, rel=0.03)
     assert simex_bias == pytest.approx(2.0 / 1.4 - 2.0 / 1.2, rel=0.15)
-    assert 1.5 * abs(simex_bias) > 2.0 - estimate  # the bound of TRACING step 4 covers the bias
+    assert 1.5 * abs(simex_bias) > 2.0 - estimate  # the systematic bound covers the bias
 
 
 def test_an_autoregression_is_recovered_and_leaves_white_noise() -> None:

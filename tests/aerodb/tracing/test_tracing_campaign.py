@@ -37,7 +37,7 @@ from tests.support.tracing_flights import Bank, Cell, flown, library, phoenix_si
 pytestmark = pytest.mark.heavy
 
 Trials = Callable[[int, int], int]
-#: Worst VIF at which an effect counts as excited (CONVENTIONS, "Phoenix size").
+#: Worst VIF at which an effect counts as excited (docs/reference/conventions.md, noise floor).
 EXCITED = 10.0
 #: What these flights cannot tell apart, whatever its size: the hypothesis and its twin. They have a
 #: test of their own.
@@ -74,8 +74,9 @@ def table(capsys: pytest.CaptureFixture[str]) -> Iterator[list[Tally]]:
 
 
 def test_nothing_or_only_a_sensor_is_wrong(plain: Bank, trials: Trials, table: list[Tally]) -> None:
-    """Issue 5: pooled false `confirmed` <= 3 %, any false aerodynamic claim <= 5 %, no cell above
-    10 %; priors honest and 3 times too confident; 3, 6 and 10 flights (reduced: 3 and 6)."""
+    """Limits (docs/method/tracing.md, section 23): pooled false `confirmed` <= 3 %, any false
+    aerodynamic claim <= 5 %, no cell above 10 %; priors honest and 3 times too confident; 3, 6 and
+    10 flights (reduced: 3 and 6)."""
     for cell in (NOTHING, *ONLY_A_SENSOR):
         bank = (
             plain if cell is NOTHING else Bank(cell, flown()[: trials(6, 24)], library(), SETTINGS)
@@ -111,8 +112,8 @@ def excited(bank: Bank) -> dict[str, list[str]]:
 
 
 def test_each_template_at_phoenix_size(plain: Bank, trials: Trials, table: list[Tally]) -> None:
-    """Issue 5: found >= .95, named right >= .95, truth in the set >= .97, confirmed >= .80;
-    coverage >= .93."""
+    """Limits (docs/method/tracing.md, section 23): found >= .95, named right >= .95, truth in the
+    set >= .97, confirmed >= .80; coverage >= .93."""
     for effect, names in excited(plain).items():
         row = Tally(effect, {"any of its axes and surfaces": 0.0})
         for name in [name for name in names if name not in TWINS][: trials(1, len(names))]:
@@ -167,8 +168,8 @@ PAIRS = tuple(
 def test_surfaces_that_move_together_are_an_alias_group(
     plain: Bank, trials: Trials, table: list[Tally]
 ) -> None:
-    """Issue 5: truth in the set >= .95, falsely singled out <= 2 % at correlation .97, <= 15 % at
-    .999."""
+    """Limits (docs/method/tracing.md, section 23): truth in the set >= .95, falsely singled out <=
+    2 % at correlation .97, <= 15 % at .999."""
     flights = flown()[: trials(6, 24)]
     banks = {
         rho: Bank(Cell(f"{rho}", reshaped=coupled(rho)), flights, library(), SETTINGS)
@@ -185,8 +186,8 @@ def test_surfaces_that_move_together_are_an_alias_group(
 def test_twins_are_never_wrongly_singled_out(
     plain: Bank, trials: Trials, table: list[Tally]
 ) -> None:
-    """Issue 5: aliases with the truth in the set >= .95 of what is found, falsely singled out <= 2
-    %."""
+    """Limits (docs/method/tracing.md, section 23): aliases with the truth in the set >= .95 of what
+    is found, falsely singled out <= 2 %."""
     elevator = "control_effectiveness@Cm:elevator_inboard"
     cases = [
         ("alpha_slope@Cm", 3.0),
@@ -207,7 +208,7 @@ def test_twins_are_never_wrongly_singled_out(
 
 
 def test_two_effects_at_once(plain: Bank, trials: Trials, table: list[Tally]) -> None:
-    """Issue 5: both found >= .90."""
+    """Limits (docs/method/tracing.md, section 23): both found >= .90."""
     pairs = (
         ("alpha_slope@CZ", "pitch_rate_force@CX"),
         ("beta_slope@Cn", "control_effectiveness@Cn:rudder"),
@@ -225,8 +226,8 @@ def test_two_effects_at_once(plain: Bank, trials: Trials, table: list[Tally]) ->
 def test_excess_error_on_flights_that_were_not_used(
     plain: Bank, trials: Trials, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Issue 5: at most 20 % of the excess error is left on held-out flights once the confirmed
-    terms are added."""
+    """Limits (docs/method/tracing.md, section 23): at most 20 % of the excess error is left on
+    held-out flights once the confirmed terms are added."""
     left = []
     names = (
         "alpha_slope@CZ",
@@ -264,7 +265,7 @@ ALSO = {("beta_slope@Cn", over_alpha): frozenset({"sideslip_coupling@Cn"})}
 def test_templates_of_a_wrong_shape(plain: Bank, trials: Trials, table: list[Tally]) -> None:
     """The planted effect varies by 20 and 50 % of itself, over one sigma, with alpha or with its
     own size; no template does. The right name is said, and what the shape leaves over is no second
-    effect (issue 5: any false claim <= 5 %)."""
+    effect (limit: any false claim <= 5 %)."""
     cases = [(name, along) for along in (over_alpha, over_its_size) for name in WRONG[along]]
     for name, along in cases[: trials(5, len(cases))]:
         for error in (0.2, 0.5)[trials(1, 0) :]:
@@ -281,7 +282,7 @@ def test_templates_of_a_wrong_shape(plain: Bank, trials: Trials, table: list[Tal
 
 
 def test_a_controller_that_answers_the_residual(trials: Trials, table: list[Tally]) -> None:
-    """Known hole of TRACING: q follows the noise of Cm. Votes cannot see it; instruments made from
+    """A controller: q follows the noise of Cm. Votes cannot see it; instruments made from
     commands do."""
     plainly, helped = (
         tally(
@@ -298,8 +299,9 @@ def test_a_controller_that_answers_the_residual(trials: Trials, table: list[Tall
 def test_through_the_chain_from_sensors_to_coefficients(
     long: float, trials: Trials, table: list[Tally], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Issue 5: one cell through the chain, at the noise of the sensors alone: differentiated rates,
-    no made-up residual. As short flights are looked at, and as long ones are."""
+    """Limits (docs/method/tracing.md, section 23): one cell through the chain, at the noise of the
+    sensors alone: differentiated rates, no made-up residual. As short flights are looked at, and as
+    long ones are."""
     monkeypatch.setattr(thinning, "LONG", long)
     for planted in ({}, {"pitch_rate_force@CX": 0.8}, {"alpha_slope@CZ": 0.15}):
         name = ", ".join(planted) or "nothing missing"

@@ -30,7 +30,8 @@ OFFSET_PLACES, SENSOR_PLACES = (4, 5), (6, 7, 8)
 
 @dataclass(frozen=True)
 class Flown:
-    """Whitened columns of one flight and their normal equations. rows (m, columns); trims (m, axes)."""
+    """Whitened columns of one flight and their normal equations. rows (m, columns); trims (m,
+    axes)."""
 
     names: tuple[str, ...]
     intercepts: Array
@@ -215,8 +216,8 @@ def test_a_model_is_solved_as_least_squares_solve_it(
 
 
 def test_the_shift_is_the_vote_of_the_noisy_copies_less_that_of_the_flights(made: Campaign) -> None:
-    """Under the priors of the flights themselves: so only where the noisy normal equations are made the
-    flights' own."""
+    """Under the priors of the flights themselves: so only where the noisy normal equations are made
+    the flights' own."""
     alone = campaign(
         [replace(f.equations, noisy=f.equations.matrix) for f in FLIGHTS], LIBRARY
     ).flight_estimates((0, 2), (6,))
