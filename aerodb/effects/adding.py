@@ -27,15 +27,22 @@ def add_effects(
     note: str = "",
     refit: Refit | None = None,
 ) -> AeroDatabase:
-    """`database` with the accepted hypotheses as increments, one per axis.
+    """Add the accepted hypotheses to `database` as increments, one per axis.
 
-    values : (k,) in the hypotheses' units; covariance : (k, k). On each axis the estimates keep
-    their joint covariance; between axes an increment has no place for one. envelopes : axis ->
-    variable -> interval, as `envelopes_of` gives them. flights : the ids of those that identified.
-    refit : how the values were fitted once more, where they were.
+    Parameters
+    ----------
+    values : (k,), in the hypotheses' units.
+    covariance : (k, k). Each axis keeps the joint covariance of its estimates; covariance between
+        axes is dropped, since an increment is on one axis.
+    envelopes : axis -> variable -> interval, from `envelopes_of`.
+    flights : ids of the identification flights.
+    note : of the increments; default: the ids of the effects.
+    refit : how the values were refitted, if they were.
 
-    Raises InputError for a sensor, for a hypothesis that no expression gives or whose state model
-    the database lacks, and where values or covariance do not fit.
+    Raises
+    ------
+    InputError : a sensor hypothesis, a hypothesis without an expression or whose state model the
+        database lacks, or values or covariance of the wrong shape.
     """
     values, covariance = (
         np.asarray(values, dtype=np.float64),
@@ -70,11 +77,10 @@ def add_effects(
 def envelopes_of(
     accepted: Sequence[Hypothesis], views: Sequence[FlightView], database: AeroDatabase
 ) -> dict[str, dict[str, Interval]]:
-    """Axis -> variable -> where these flights have been, over the usable samples of the axes
-    concerned.
+    """Envelope flown, axis -> variable -> interval, over the usable samples of each axis.
 
-    Raises InputError where a flight lacks a channel of an accepted hypothesis, or none has a usable
-    sample.
+    Raises InputError where a flight lacks a channel of an accepted hypothesis, or no flight has a
+    usable sample.
     """
     found = {}
     for axis, members in _by_axis(accepted).items():
@@ -111,7 +117,7 @@ def _check_states(accepted: Sequence[Hypothesis], database: AeroDatabase) -> Non
 
 
 def _by_axis(accepted: Sequence[Hypothesis]) -> dict[str, list[tuple[int, int]]]:
-    """Axis -> (number of the hypothesis, number of its part) of all that act there."""
+    """Axis -> (index of hypothesis, index of its increment part) of those that act there."""
     found: dict[str, list[tuple[int, int]]] = {}
     for number, hypothesis in enumerate(accepted):
         if hypothesis.kind == "sensor":
@@ -123,7 +129,9 @@ def _by_axis(accepted: Sequence[Hypothesis]) -> dict[str, list[tuple[int, int]]]
             )
         if not hypothesis.increment:
             raise InputError(
-                "it is no expression over channels", hypothesis.id, "give its template a regressor"
+                "the hypothesis has no expression over channels",
+                hypothesis.id,
+                "give its template a regressor",
             )
         for part, (axis, _) in enumerate(hypothesis.increment):
             found.setdefault(axis, []).append((number, part))

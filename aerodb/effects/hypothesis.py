@@ -25,17 +25,26 @@ Columns = Mapping[str, Array]
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """One parameter and what it does.
+    """One parameter and its effect on the residual.
 
-    effect : name of the contract. axes : body axes on which its one parameter acts. subject :
-    surface, table or channel that it is about, or empty. parameter : "CX_q", "alpha_bias". unit,
-    plausible : SI; the believable range. prior_sigma : sensors and vehicle data: one sigma of what
-    is known beforehand; aerodynamic: None. because : one plain clause for people. increment :
-    aerodynamic: (axis, regressor over channels), wind axes allowed; `adding` puts just these into a
-    database. tangent : sensors, and shapes that no expression gives: the columns of a flight.
-    formula : its text, part of the library's hash. needs : channels without which a flight says
-    nothing about it. version : raised when formula or tangent change. known_by : what knows the
-    believable range from these very flights, or empty: beyond it such a sensor is never blamed.
+    Attributes
+    ----------
+    effect : name of the effect, as in reports and JSON.
+    axes : body axes on which the parameter acts.
+    subject : surface, table or channel concerned, or empty.
+    parameter : name, such as "CX_q" or "alpha_bias".
+    unit, plausible : SI unit and believable range.
+    prior_sigma : prior one sigma of sensor and vehicle-data parameters; None if aerodynamic.
+    because : one clause for reports.
+    increment : aerodynamic: (axis, regressor over channels), wind axes allowed; `adding` adds
+        exactly these to a database.
+    tangent : columns of a flight, for sensors and for shapes without an expression.
+    formula : text, part of the library's hash.
+    needs : channels without which a flight cannot show it.
+    source : literature or data.
+    version : incremented when formula or tangent change.
+    known_by : what determined the believable range from these very flights, or empty; a sensor is
+        never blamed beyond it.
     """
 
     effect: str
@@ -64,19 +73,20 @@ class Hypothesis:
 
     @property
     def written_on(self) -> tuple[str, ...]:
-        """The axes on which its formula stands, along the body or the wind; `axes` are the body
-        axes on which it is felt."""
+        """Body or wind axes of its formula; `axes` are the body axes on which it acts."""
         return tuple(axis for axis, _ in self.increment) or self.axes
 
     @property
     def drivers(self) -> tuple[str, ...]:
-        """Channels that must move for it to be seen."""
+        """Channels that must vary for the effect to be visible."""
         names = frozenset[str]().union(*(regressor.names for _, regressor in self.increment))
         return tuple(sorted(names)) or self.needs
 
     def columns(self, view: FlightView) -> Columns:
-        """Body axis -> (n,), finite; only axes that the flight gives. Empty where the flight lacks
-        a channel that it needs."""
+        """Columns of one flight, body axis -> (n,), finite, on the axes that the flight has.
+
+        Empty where the flight lacks a channel in `needs`.
+        """
         if not view.has(self.needs):
             return {}
         found = self.tangent(view) if self.tangent is not None else _evaluated(self.increment, view)
@@ -111,8 +121,7 @@ def _evaluated(increment: tuple[tuple[str, Expression], ...], view: FlightView) 
 
 
 def needed_channels(regressor: Expression) -> tuple[str, ...]:
-    """Channels of a flight that a regressor rests on: for a hat rate the rate and V that it is made
-    of.
+    """Channels of a flight that a regressor needs; a non-dimensional rate needs the rate and V.
 
     >>> from aerodb.tables.expression import parse
     >>> needed_channels(parse("alpha*q_hat"))

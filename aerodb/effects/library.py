@@ -53,7 +53,7 @@ from aerodb.support import key_of
 from aerodb.tables import AeroDatabase
 from aerodb.vehicle import Vehicle
 
-#: What a database can lack.
+#: Aerodynamic effects that a database can lack or have wrong.
 AERODYNAMIC: Final[tuple[Template, ...]] = (
     zero_offset.TEMPLATE,
     alpha_slope.TEMPLATE,
@@ -84,7 +84,7 @@ AERODYNAMIC: Final[tuple[Template, ...]] = (
     dynamic_pressure_effect.TEMPLATE,
 )
 
-#: Their rivals: what a sensor or the vehicle file can have wrong.
+#: Competing hypotheses: errors of sensors and of the vehicle file.
 SENSORS: Final[tuple[Template, ...]] = (
     *sensor_qbar.TEMPLATES,
     *sensor_flow_angles.TEMPLATES,
@@ -107,17 +107,23 @@ def hypotheses_for(
     user: Sequence[Template] = (),
     instead: Sequence[Template] = (),
 ) -> tuple[Hypothesis, ...]:
-    """Every hypothesis that makes sense for this database, this vehicle and flights with these
-    channels, in the library's order.
+    """Expand all templates to the hypotheses that apply, in the library's order.
 
-    channels : names; never their values, so that one more flight leaves the library as it is.
-    priors : sensor parameter -> one sigma (SI) from reconstruction or calibration. user : templates
-    of the user, from `parse_effects` and `registered_templates`. instead : templates that take the
-    place of the library's of the same effect (a stall with fitted shapes).
+    Parameters
+    ----------
+    database, vehicle : what the library is made for.
+    channels : names of the flights' channels; never their values, so that another flight does not
+        change the library.
+    priors : sensor parameter -> one sigma (SI), from reconstruction or calibration.
+    settings : effects to expand, and angles of slope breaks.
+    user : templates of the user, from `parse_effects` and `registered_templates`.
+    instead : templates that replace the library's of the same effect and kind (a stall with fitted
+        shapes).
 
-    Raises UnknownNameError for an effect in `settings` that no template has and for a prior that no
-    sensor hypothesis asks for; InputError where two hypotheses have one id or a prior is not
-    positive.
+    Raises
+    ------
+    UnknownNameError : an effect in `settings` has no template, or a prior no sensor hypothesis.
+    InputError : two hypotheses have the same id, or a prior is not positive and finite.
     """
     settings = settings or LibrarySettings()
     replaced = {(template.effect, template.kind) for template in instead}
@@ -129,7 +135,7 @@ def hypotheses_for(
     for effect in settings.effects:
         if effect not in known:
             raise UnknownNameError(
-                f"no effect '{effect}'", "library settings", nearest(effect, known)
+                f"unknown effect '{effect}'", "library settings", nearest(effect, known)
             )
     context = LibraryContext(database, vehicle, frozenset(channels), dict(priors or {}), settings)
     possible = [
@@ -154,13 +160,12 @@ def hypotheses_for(
 
 
 def _check_priors(priors: Mapping[str, float], possible: Iterable[Hypothesis]) -> None:
-    """A prior that no hypothesis asks for would be lost without a word; one that is no size would
-    stop everything later."""
+    """Refuse priors that no hypothesis uses, and priors that are not positive and finite."""
     sensors = {hypothesis.parameter for hypothesis in possible if hypothesis.kind == "sensor"}
     for name, sigma in priors.items():
         if name not in sensors:
             raise UnknownNameError(
-                f"a prior for '{name}', which is no sensor parameter",
+                f"prior for '{name}', which is not a sensor parameter",
                 "effect library",
                 nearest(name, sensors),
             )
@@ -175,8 +180,10 @@ def _check_priors(priors: Mapping[str, float], possible: Iterable[Hypothesis]) -
 def library_sha256(
     hypotheses: Iterable[Hypothesis], settings: LibrarySettings | None = None
 ) -> str:
-    """Hash of all that decides what can be found: ids, formulas and their versions, plausible
-    ranges, priors, settings."""
+    """Hash of all that decides what can be found.
+
+    It covers ids, formulas and versions, plausible ranges, priors and settings.
+    """
     entries = sorted(
         (_described(hypothesis) for hypothesis in hypotheses), key=lambda entry: str(entry["id"])
     )

@@ -38,12 +38,12 @@ class Surface:
 
     @property
     def words(self) -> str:
-        """Its name in a sentence."""
+        """Name for use in a sentence."""
         return self.name.replace("_", " ")
 
 
 def role_of(name: str) -> Role:
-    """What a surface of this name is for.
+    """Role of a surface, from its name.
 
     >>> role_of("elevon_left"), role_of("speedbrake"), role_of("flap"), role_of("strake")
     ('pitch', 'speed_brake', 'flap', 'other')
@@ -52,8 +52,10 @@ def role_of(name: str) -> Role:
 
 
 def surfaces_of(vehicle: Vehicle, channels: Iterable[str]) -> tuple[Surface, ...]:
-    """Deflections among `channels`, by name: combinations instead of the surfaces that they are
-    made of, and none that the vehicle's [configuration] holds fixed.
+    """Control surfaces among `channels`, sorted by name.
+
+    Combinations replace the surfaces they are made of; surfaces fixed by the vehicle's
+    [configuration] are left out.
 
     A symmetric combination is for pitch unless its name says otherwise, an asymmetric one for roll.
     """

@@ -13,7 +13,7 @@ from aerodb.effects.surfaces import Surface, surfaces_of
 from aerodb.tables import WIND_AXES, AeroDatabase, Expression, evaluate, parse
 from aerodb.vehicle import Vehicle
 
-#: What an axis is called in a sentence.
+#: Axis -> its name in a sentence.
 AXIS_WORDS: Final[Mapping[str, str]] = {
     "CX": "force along x",
     "CY": "side force",
@@ -29,23 +29,26 @@ AXIS_WORDS: Final[Mapping[str, str]] = {
 #: Body axis -> the wind axis that takes its place in a database whose forces are written along the
 #: wind axes.
 _ON_WIND: Final = {"CX": "C_drag", "CY": "C_side", "CZ": "C_lift"}
-#: Body axes on which one parameter along a wind axis is felt.
+#: Wind axis -> body axes on which a parameter along it acts.
 WIND_TO_BODY_AXES: Final = {
     "C_drag": ("CX", "CY", "CZ"),
     "C_side": ("CX", "CY", "CZ"),
     "C_lift": ("CX", "CZ"),
 }
 
-#: Channels that a view makes of others.
+#: Channels that a view computes from others.
 _MADE_OF: Final = {"alphadot": "alpha", "betadot": "beta"}
 
 
 @dataclass(frozen=True)
 class LibrarySettings:
-    """What may be chosen about a library, fixed and hashed before residuals are looked at.
+    """Settings of a library, fixed and hashed before residuals are looked at.
 
-    effects : names to expand; empty: all. alpha_breaks : rad, where slopes may change beside the
-    database's own kinks (0.175 is 10 deg, the break of 003, eq. 7).
+    Attributes
+    ----------
+    effects : names of the effects to expand; empty: all.
+    alpha_breaks : angles of attack [rad] at which slopes may change, in addition to the database's
+        own kinks (0.175 is 10 deg, the break of 003, eq. 7).
     """
 
     effects: tuple[str, ...] = ()
@@ -54,11 +57,15 @@ class LibrarySettings:
 
 @dataclass(frozen=True, eq=False)
 class LibraryContext:
-    """What templates may know: database, vehicle, names of the channels that flights have, priors,
-    settings.
+    """What a library is made for, and all that templates may use.
 
-    priors : sensor parameter -> one sigma, from flight-path reconstruction or a calibration; it
-    overrides the vehicle file.
+    Attributes
+    ----------
+    database, vehicle : the model and the vehicle file.
+    channels : names of the channels that flights have.
+    priors : sensor parameter -> one sigma (SI), from flight-path reconstruction or a calibration;
+        overrides the vehicle file.
+    settings : of the library.
     """
 
     database: AeroDatabase
@@ -69,28 +76,27 @@ class LibraryContext:
 
     @cached_property
     def surfaces(self) -> tuple[Surface, ...]:
-        """Deflections that flights have and that may move."""
+        """Control surfaces that flights have and that may move."""
         return surfaces_of(self.vehicle, self.channels)
 
     @cached_property
     def on_wind_axes(self) -> bool:
-        """Whether the database's own terms give forces along the wind axes: hypotheses then stand
-        there too."""
+        """Whether the database writes forces on wind axes; hypotheses then do so too."""
         return any(term.axis in WIND_AXES for term in self.database.terms)
 
     def axis(self, body: str) -> str:
-        """The axis on which the database writes what acts along a body axis."""
+        """The axis on which the database writes the effect along a body axis."""
         return _ON_WIND.get(body, body) if self.on_wind_axes else body
 
     def knows(self, needs: Iterable[str]) -> bool:
-        """Whether flights have all of these channels, or what a view makes them of."""
+        """Whether flights have all of these channels, or the channels they are computed from."""
         return all(
             _MADE_OF.get(name, name) in self.channels or name in self.channels for name in needs
         )
 
     def sigma(self, parameter: str, declared: float, natural: float) -> float:
-        """One sigma of a sensor parameter: a prior that was handed in, else what the vehicle file
-        declares, else natural."""
+        """One sigma of a sensor parameter: its prior, else `declared` (vehicle file), else
+        `natural`."""
         return self.priors.get(parameter) or declared or natural
 
 
@@ -123,8 +129,13 @@ def additive(
     """An aerodynamic hypothesis ``C_axis += parameter * regressor``, on the axis on which the
     database writes it.
 
-    axis : body axis. size : the largest believable correction, of either sign. name : what follows
-    the axis in the parameter's name. grows : how the clause for reports goes on after the axis.
+    Parameters
+    ----------
+    axis : body axis.
+    regressor : expression over channels.
+    size : largest believable correction, of either sign, in `unit`.
+    name : suffix of the parameter's name, after the axis.
+    grows : continuation of the clause for reports, after the name of the axis.
     """
     own = context.axis(axis)
     return on_axis(
@@ -152,7 +163,7 @@ def on_axis(
     subject: str = "",
     source: str = "",
 ) -> Hypothesis:
-    """An aerodynamic hypothesis on just this axis, along the body or the wind."""
+    """An aerodynamic hypothesis on exactly this body or wind axis."""
     on_wind = axis in WIND_AXES
     return Hypothesis(
         effect=effect,
@@ -206,7 +217,7 @@ def per_axis(
 
 
 def value(regressor: str, **channels: float) -> float:
-    """A regressor at one point: what the doctests of the templates show.
+    """Evaluate a regressor at one point, for the doctests of the templates.
 
     >>> value("max(alpha - 0.175, 0)", alpha=0.2)
     0.025

@@ -49,7 +49,7 @@ class Picture:
 
     @property
     def source(self) -> str:
-        """Data URL of the picture: nothing is fetched, and its ids clash with no other picture's."""
+        """Data URL of the picture: nothing is fetched, and its ids are unique on a page."""
         return "data:image/svg+xml;base64," + base64.b64encode(
             self.svg.encode("utf-8", "replace")
         ).decode("ascii")

@@ -22,7 +22,7 @@ from aerodb.effects.measurement.sensor_flow_angles import NATURAL
 from aerodb.increments import AxisUpdate, ConsiderParameter, Update
 from aerodb.support import Array
 
-#: Realisations of e that stand for its covariance.
+#: Realisations of e that represent its covariance.
 _DRAWS: Final = 16
 
 

@@ -23,11 +23,13 @@ from aerodb.tables import WIND_AXES, body_to_wind
 def sensor_consider_parameters(
     view: FlightView, sigma: Mapping[str, float], own: Collection[str] = ()
 ) -> tuple[ConsiderParameter, ...]:
-    """The sensor_consider_parameters in what one flight gives.
+    """Consider parameters for the sensor errors left in one flight.
 
-    sigma : ``<channel>_bias`` and ``<angle>_delay`` -> one standard error of what is left of it,
-    SI. own : those that this flight alone has; all others are one error in all flights of the
-    vehicle, as that of a calibration is.
+    Parameters
+    ----------
+    sigma : ``<channel>_bias`` and ``<angle>_delay`` -> standard error of what remains of it, SI.
+    own : names of errors of this flight alone; all others are common to all flights of the vehicle,
+        like that of a calibration.
     """
     found = []
     for name, columns in _COLUMNS.items():
@@ -44,8 +46,8 @@ def sensor_consider_parameters(
 
 
 def with_wind(view: FlightView, columns: Columns) -> Columns:
-    """The columns along the body, and what they are along the wind: both sides of a residual are
-    turned by the same angles."""
+    """Add wind-axis columns to body-axis ones; measured and predicted are rotated by the same
+    angles."""
     if not view.has(["alpha"]):
         return columns
     cx, cy, cz = (columns.get(axis, np.zeros_like(view["alpha"])) for axis in ("CX", "CY", "CZ"))
@@ -57,7 +59,7 @@ def with_wind(view: FlightView, columns: Columns) -> Columns:
 
 
 def _airspeed(view: FlightView) -> Columns:
-    """Columns of an airspeed, s/m, that takes the dynamic pressure with it."""
+    """Columns of an airspeed bias, s/m, with the dynamic pressure computed from it."""
     speed = view["V"]
     relative: Array = 2.0 / speed.clip(min=sensor_flow_angles.SLOWEST)
     scaled = {axis: values * relative for axis, values in sensor_qbar.scale(view).items()}

@@ -15,7 +15,7 @@ from typing import Final
 from aerodb.effects.hypothesis import Hypothesis
 from aerodb.effects.measurement.sensor_flow_angles import WORDS
 
-#: What is believed of a bias that the reconstruction took off, in its standard errors.
+#: Largest believable remainder of a bias corrected by reconstruction, in standard errors.
 BELIEVED = 3.0
 _SAYS: Final = {
     "bias": "is off by a constant",
@@ -29,11 +29,10 @@ _INERTIAL: Final = ("accelerometer_bias", "gyro_bias")
 def with_reconstructed_angles(
     hypotheses: Iterable[Hypothesis], shown: Collection[str], reconstructed: Collection[str]
 ) -> tuple[Hypothesis, ...]:
-    """The hypotheses about the angles (`alpha`, `beta`) that a sensor showed, and about those that
-    were reconstructed.
+    """Adapt the flow-angle hypotheses to measured (`shown`) and `reconstructed` angles.
 
-    In a campaign where some flights have a vane, an angle may be both. Where no angle was shown,
-    the place of the probe is none.
+    In a campaign in which only some flights have a vane, an angle can be both. Without a measured
+    angle there is no probe, and its position is left out.
 
     >>> with_reconstructed_angles((), (), ("alpha", "beta"))
     ()
@@ -50,7 +49,7 @@ def with_reconstructed_angles(
 
 
 def _of_reconstructed(hypothesis: Hypothesis, angle: str, kind: str) -> Hypothesis:
-    """The same column, said of the reconstructed angle: no sensor of it exists."""
+    """The same column as a hypothesis about the reconstructed angle, which has no sensor."""
     return replace(
         hypothesis,
         effect=f"reconstructed_{angle}",
@@ -63,8 +62,7 @@ def _of_reconstructed(hypothesis: Hypothesis, angle: str, kind: str) -> Hypothes
 def hypotheses_for_flight(
     hypotheses: Iterable[Hypothesis], reconstructed: Collection[str]
 ) -> tuple[Hypothesis, ...]:
-    """Those of a campaign's hypotheses that make sense for one flight, some of whose angles were
-    `reconstructed`."""
+    """Select a campaign's hypotheses that apply to a flight with these `reconstructed` angles."""
     left_out = {f"{angle}_{kind}" for angle in reconstructed for kind in _SAYS}
     left_out |= {f"reconstructed_{angle}" for angle in WORDS if angle not in reconstructed}
     left_out |= {_OF_PROBE} if set(WORDS) <= set(reconstructed) else set()
@@ -74,11 +72,10 @@ def hypotheses_for_flight(
 def within_reconstruction_accuracy(
     hypotheses: Iterable[Hypothesis], known: Sequence[Mapping[str, float]]
 ) -> tuple[Hypothesis, ...]:
-    """The hypotheses, biases of inertial sensors believed only as far as the reconstruction of
-    every flight leaves them open.
+    """Narrow the plausible ranges of inertial biases to the accuracy of reconstruction.
 
-    known : one per flight, ``<channel>_bias`` -> standard error (SI) of what was taken off. The
-    least certain flight counts.
+    known : per flight, ``<channel>_bias`` -> standard error (SI) of the correction. The least
+    certain flight counts.
     """
     common = set[str]().union(*known).intersection(*known)
     largest = {name: BELIEVED * max(flight[name] for flight in known) for name in common}

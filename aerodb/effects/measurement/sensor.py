@@ -94,5 +94,5 @@ def predicted_change(view: FlightView, **changes: Array | float) -> dict[str, Ar
 
 
 def added(*columns: Columns) -> dict[str, Array]:
-    """The sum of several columns, axis by axis."""
+    """Sum of several sets of columns, axis by axis."""
     return {axis: reduce(np.add, [part[axis] for part in columns]) for axis in AXES}
