@@ -360,10 +360,12 @@ def _choose_source(
 ) -> _SourceChoice:
     """The source with the smaller expected error for one channel.
 
-    Expected error of the sensor: white noise and uncertainty of the bias. Of the smoother: its
-    standard error, and whatever its difference from the sensor exceeds the sensor's noise by, which
-    is gusts too fast for the smoother. made, error : (n,) smoothed channel and standard error. own :
-    (n,) corrected sensor; None: no sensor.
+    Expected error of the sensor: white noise and uncertainty of the bias. Expected error of the
+    smoother: its standard error, and the part of its difference from the sensor that exceeds the
+    sensor's noise, which is gusts too fast for the smoother.
+
+    made, error : (n,), smoothed channel and its standard error, SI.
+    own : (n,), corrected sensor, SI; None: no sensor.
     """
     size = float(np.sqrt(np.nanmean(error**2)))
     if own is None:

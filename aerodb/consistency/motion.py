@@ -185,8 +185,10 @@ def _attitude_by_earth(
     out: Array,
     jacobian: Array,
 ) -> None:
-    """Add ``-(W_e + W_t) q / 2`` to q', with derivatives; rows 7 and 8 of out and jacobian must hold
-    the velocity over the earth."""
+    """Add ``-(W_e + W_t) q / 2`` to q', with derivatives.
+
+    Rows 7 and 8 of out and jacobian must hold the velocity over the earth.
+    """
     q = x[3:7]
     north, east = out[7], out[8]
     meridian, normal, dmeridian, dnormal = radii_of_curvature(latitude)

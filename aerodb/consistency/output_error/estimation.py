@@ -1,5 +1,4 @@
-"""Sensor errors of one or several flights: what is worth estimating is, with what was known
-beforehand added to it."""
+"""Estimate the sensor errors of one or several flights, and combine them with their priors."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -43,28 +42,32 @@ from aerodb.flight import Flight
 from aerodb.support import Array
 from aerodb.vehicle import Accuracy, Vehicle
 
-#: Interval at which sensor errors are estimated, s: rigid-body motion is slower; corrections are
-#: applied to every sample.
+#: Sampling interval for the estimation of sensor errors, s: rigid-body motion is slower.
+#: Corrections are applied to every sample.
 SLOW = 0.04
 
-#: So many stretches of a minute say what a flight has to say of its sensors, and so many what
-#: several flights together have.
+#: Largest number of one-minute records used to estimate sensor errors, of one flight and of several
+#: together; more add little.
 MOST_STRETCHES, MOST_STRETCHES_JOINT = 8, 48
 
-#: A rotating earth must make the residuals more likely by this (natural logarithm): the rates of an
-#: attitude reference are often free of the earth's own already.
+#: Gain of log-likelihood required to use a rotating earth: the rates of an attitude reference are
+#: often free of the earth's rate already.
 TURNS = 10.0
 
-#: So often parameters that turn out not to be significant are left out.
+#: Largest number of rounds in which insignificant parameters are removed.
 _ROUNDS = 5
 
-#: A heading that disagrees by this rms (rad) is no heading; with this noise (rad) it has no weight.
+#: Heading residual (rms, rad) beyond which the heading is unusable; noise (rad) that gives it no
+#: weight.
 ASTRAY, _NO_WEIGHT = 0.5, 100.0
 
 
 def decimated_records(flight: Flight, vehicle: Vehicle) -> tuple[Record, ...]:
-    """The records of a mapped flight at the interval `SLOW`, over the earth that its rates are
-    measured against."""
+    """Records of a mapped flight at the interval `SLOW`.
+
+    They are reconstructed over a rotating earth if the flight is long and this makes its residuals
+    clearly more likely. Raises InputError as `records_from_flight`.
+    """
     records = records_from_flight(flight, vehicle, decimation=max(1, round(SLOW / flight.step)))
     if records[0].earth is None:
         return records
@@ -75,8 +78,8 @@ def decimated_records(flight: Flight, vehicle: Vehicle) -> tuple[Record, ...]:
 
 
 def _misfit(result: Reconstruction) -> float:
-    """Negative log-likelihood of a reconstruction, up to a constant: the sum of N ln(rms) of the
-    channels' residuals."""
+    """Negative log-likelihood of a reconstruction, up to a constant: the sum over the channels of N
+    ln(rms residual)."""
     pieces: dict[str, list[Array]] = {}
     for path in result.paths:
         for name, residual in path.residuals.items():
@@ -95,13 +98,24 @@ def _misfit(result: Reconstruction) -> float:
 def estimate_sensors(
     records: Sequence[Record], plan: Plan, accuracy: Accuracy
 ) -> tuple[Reconstruction, Plan]:
-    """The reconstruction with the parameters of `plan` that are worth keeping, and the plan of
-    these.
+    """Estimate the parameters of a plan and keep the significant ones.
 
-    A heading that has nothing to do with the motion gets no weight. Where the air moved, the air
-    data count for as many samples as are independent in their residuals, and their delays and
-    scales are not sought: the aircraft answers gusts at once, so that the vane's gusts and the
-    inertial motion agree for another reason than the vane's delay.
+    A heading that does not belong to the motion gets no weight. In moving air, the air data count
+    for as many samples as are independent in their residuals, and their delays and scales are not
+    estimated: the aircraft responds to gusts at once, so that vane and inertial motion agree for
+    another reason than the vane's delay.
+
+    Parameters
+    ----------
+    records : of one or several flights.
+    plan : parameters to try, with priors and bounds.
+    accuracy : limits of the vehicle, from which an effect counts.
+
+    Returns
+    -------
+    The reconstruction with the parameters kept, and the plan of these.
+
+    Raises InputError as `reconstruct`.
     """
     result = solve(records, plan)
     lost = _rms(result.paths, "psi")
@@ -181,8 +195,10 @@ def reconstruct_flight(
 
 
 def most_active(records: Sequence[Record], most: int = MOST_STRETCHES) -> list[Record]:
-    """The stretches with the most motion, in their order: sensor errors are alike in all of
-    them."""
+    """The records with the most motion (spread of the rates), at most `most`, in order of time.
+
+    They suffice for the sensor errors, which are the same in all records.
+    """
     chosen = sorted(records, key=_motion, reverse=True)[:most]
     return sorted(chosen, key=lambda record: record.first)
 
@@ -193,11 +209,18 @@ def solve(
     free: Sequence[str] | None = None,
     fixed: Mapping[str, float] | None = None,
 ) -> Reconstruction:
-    """The reconstruction of records with the parameters of a plan (or only those in `free`), under
-    its priors, bounds and least noise; `fixed`: values (SI) of others. What the records cannot tell
-    apart stays as uncertain as its prior.
+    """Reconstruct records with the priors, bounds and noise floor of a plan.
 
-    Raises InputError as `reconstruct` does.
+    Parameters that the records cannot separate keep the uncertainty of their priors.
+
+    Parameters
+    ----------
+    records : of one or several flights.
+    plan : what to estimate.
+    free : parameters to estimate instead of those of the plan.
+    fixed : other parameters, name -> value, SI.
+
+    Raises InputError as `reconstruct`.
     """
     return reconstruct(
         records,
@@ -213,8 +236,8 @@ def solve(
 def _joined(
     own: Reconstruction, parts: Sequence[Reconstruction], found: SensorEstimates
 ) -> Reconstruction:
-    """The stretches solved part by part, with the standard errors of the joint solution where they
-    are larger, and the sensor parameters as they are known."""
+    """Join reconstructions of parts of a flight, with the sensor estimates and with the standard
+    errors of the joint solution where these are larger."""
     joint = {path.record.name: path for path in own.paths}
     state = np.sqrt(np.mean([np.mean(path.state_sigma**2, axis=1) for path in own.paths], axis=0))
     air = np.sqrt(np.mean([np.mean(path.air_sigma**2, axis=1) for path in own.paths], axis=0))
@@ -252,15 +275,16 @@ def _joined(
 
 
 def _uncorrected_residuals(record: Record) -> dict[str, Array]:
-    """Residuals by channel of the motion from the first samples on, with no sensor corrected and no
-    wind."""
+    """Residuals by channel without sensor corrections or wind, integrated from the first samples."""
     return residuals(record, predict_outputs(record, {}, first_states(record), (), slopes=False))
 
 
 def independent_noise(paths: Sequence[ReconstructedPath]) -> dict[str, float]:
-    """Noise (one sigma) of the air data that would say as much as their residuals do: n samples of
-    a coloured residual are n / (1 + 2 sum of its autocorrelation) independent ones (Bartlett 1946;
-    here up to its first zero)."""
+    """White noise (one sigma, SI) with the information content of the air data's coloured residuals.
+
+    n samples of a coloured residual count as n / (1 + 2 sum of its autocorrelation) independent
+    ones (Bartlett 1946; here up to the first zero crossing).
+    """
     found = {}
     for name in AIR_DATA:
         pieces = [path.residuals[name] for path in paths if name in path.residuals]
@@ -294,11 +318,18 @@ def joint_calibration(
     valid_from: datetime | None = None,
     valid_until: datetime | None = None,
 ) -> Calibration:
-    """The sensor parameters that several mapped flights share, with their covariance: one
-    reconstruction of all of them, each with its own winds and first states.
+    """Estimate the sensor parameters that several flights share.
 
-    Of long flights the busiest stretches are taken, evenly from all flights, `MOST_STRETCHES_JOINT`
-    in all. Raises InputError when no flight can be reconstructed, or nothing is determined.
+    One reconstruction of all flights, each with its own winds and initial states. The records with
+    the most motion are used, the same number of every flight, `MOST_STRETCHES_JOINT` in all.
+
+    Parameters
+    ----------
+    flights : mapped flights of the vehicle.
+    vehicle : sensor positions, priors and accuracy limits.
+    valid_from, valid_until : range of start times (UTC) that the calibration applies to.
+
+    Raises InputError when no flight can be reconstructed or no parameter is determined.
     """
     room = max(1, MOST_STRETCHES_JOINT // max(len(flights), 1))
     records = [
@@ -307,9 +338,7 @@ def joint_calibration(
         for record in most_active(decimated_records(flight, vehicle), room)
     ]
     if not records:
-        raise InputError(
-            "no flight", f"calibration of {vehicle.name}", "name flights to calibrate from"
-        )
+        raise InputError("no flight", f"calibration of {vehicle.name}", "give at least one flight")
     result, plan = estimate_sensors(records, make_plan(records, vehicle), vehicle.accuracy)
     found = with_vehicle_priors(shared_estimates(result), plan.stated_priors)
     if not found.names:
@@ -325,5 +354,5 @@ def joint_calibration(
 
 
 def _motion(record: Record) -> float:
-    """How much a record moves: the spread of its rates, rad/s."""
+    """Standard deviation of a record's rates, rad/s: how much it moves."""
     return float(np.sqrt(np.sum(np.var(record.inputs[:, 3:], axis=0))))

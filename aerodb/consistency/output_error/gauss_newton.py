@@ -1,5 +1,4 @@
-"""The problem that a reconstruction solves, and its solution: Gauss-Newton with bounds and
-Levenberg damping."""
+"""Minimise the cost of a reconstruction by Gauss-Newton with bounds and Levenberg damping."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -12,28 +11,33 @@ from aerodb.consistency.sensors import MAX_DELAY, Parameter, Record, unknowns
 from aerodb.errors import InputError
 from aerodb.support import Array
 
+#: Largest number of iterations.
 MOST_ITERATIONS = 100
 
-#: Converged when no step exceeds this share of its standard error, or the log-likelihood gains less
-#: than this.
+#: Converged if no step exceeds this fraction of its standard error, or if the log-likelihood gains
+#: less than this.
 SMALL_STEP, SMALL_GAIN = 1e-3, 1e-4
 
-#: So many steps in a row that gain less than this end the search as well: a likelihood ratio of one
-#: per cent is no evidence.
+#: This many successive steps that gain less log-likelihood than this also end the search: a
+#: likelihood ratio of 1 % is no evidence.
 _IDLE, NO_GAIN = 4, 1e-2
 
-#: Damping (share of the diagonal) below which a step is as good as undamped.
+#: Damping (fraction of the diagonal) below which a step counts as undamped.
 _LIGHT = 1e-2
 
-#: A sensor whose scale is off by more than this shows something else; bounds may be given to say
-#: otherwise.
+#: Default bound of scales: a sensor with a larger scale error measures something else.
 LARGEST_SCALE = 0.5
 
 
 @dataclass(frozen=True)
 class Problem:
-    """What is to be solved: records with first states, unknowns, values held, prior standard
-    deviations (inf: none), bounds, and least believable noise by channel."""
+    """What is to be solved, with k unknowns.
+
+    records : stretches of flight. starts : their initial states, (9,) each.
+    items : the unknowns. fixed : other parameters, name -> value, SI.
+    prior : (k,), standard deviations about zero (inf: no prior). lower, upper : (k,), bounds.
+    noise_floor : channel -> smallest credible noise (one sigma), SI.
+    """
 
     records: tuple[Record, ...]
     starts: tuple[Array, ...]
@@ -108,7 +112,7 @@ def make_problem(
 
 
 def information(problem: Problem, sums: NormalEquations) -> Array:
-    """(k, k) information about the unknowns: measurements and what was known before."""
+    """(k, k) information matrix of the unknowns: measurements and priors."""
     noise = sums.variance(problem.noise_floor)
     total = np.diag(problem.prior**-2.0)
     for name, part in sums.information.items():
@@ -117,8 +121,8 @@ def information(problem: Problem, sums: NormalEquations) -> Array:
 
 
 def gauss_newton(problem: Problem, vector: Array, sums: NormalEquations) -> Solution:
-    """Steps until none matters; damping grows when the likelihood does not improve and fades when
-    it does."""
+    """Iterate from `vector` (k,) to convergence; damping grows when the likelihood does not improve
+    and fades when it does."""
     damping, cost, idle = 0.0, problem.cost(vector, sums), 0
     size = np.array([item.size for item in problem.items])
     for iteration in range(1, MOST_ITERATIONS + 1):

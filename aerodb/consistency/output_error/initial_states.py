@@ -1,5 +1,4 @@
-"""First states of a record from what its sensors show there: where the integration starts before it
-is improved."""
+"""First approximation of a record's initial state, from its first samples."""
 
 from collections.abc import Mapping
 
@@ -11,19 +10,28 @@ from aerodb.errors import InputError
 from aerodb.five_hole import flow_angles
 from aerodb.support import Array
 
-#: A heading that is not logged is taken from the track over so many seconds.
+#: A heading that is not logged is taken from the track over this time, s.
 _TRACK = 5.0
 
 
 def first_states(record: Record, wind: Mapping[str, float] | None = None) -> Array:
-    """(9,) first state of a record, from the first finite sample of each channel.
+    """Initial state of a record, from the first finite sample of each channel.
 
-    Velocity from the air data (moved from the air-data point to the CG; airspeed also from dynamic
-    pressure, flow angles also from raw pressures, zero where not measured), else from the velocity
-    of the antenna; attitude from the attitude channels, a missing heading from the track; position
-    from its channels, a missing altitude from the pressure altitude, else zero. wind : ``wind_north
-    ...`` -> m/s, added to the air data. Raises InputError when no channel gives a velocity or the
-    attitude.
+    Velocity comes from the air data (moved from the air-data point to the CG; airspeed also from
+    dynamic pressure, flow angles also from raw pressures, zero where not measured), otherwise from
+    the velocity of the antenna. Attitude comes from its channels, a missing heading from the track.
+    Position comes from its channels, a missing altitude from the pressure altitude, otherwise zero.
+
+    Parameters
+    ----------
+    record : the record.
+    wind : ``wind_north``, ``wind_east``, ``wind_down`` -> [m/s], added to the air data; None: calm.
+
+    Returns
+    -------
+    (9,), order of `kinematics.STATES`.
+
+    Raises InputError when no channel gives the velocity, or bank or pitch attitude.
     """
     state = np.zeros(9)
     for name in STATES:
@@ -63,8 +71,8 @@ def first_states(record: Record, wind: Mapping[str, float] | None = None) -> Arr
 
 
 def _air_velocity(record: Record) -> Array | None:
-    """(3,) velocity of the air-data point through the air, body axes; None without airspeed and
-    dynamic pressure."""
+    """(3,) velocity of the air-data point through the air, body axes, m/s; None without airspeed
+    and dynamic pressure."""
     speed, pressure = _first(record, "V"), _first(record, "qbar")
     if speed is None and pressure is not None and pressure > 0 and record.density is not None:
         speed = float(np.sqrt(2.0 * pressure / record.density[0]))
@@ -92,8 +100,8 @@ def _air_velocity(record: Record) -> Array | None:
 
 
 def _track(record: Record) -> float:
-    """Direction of the first few seconds of a logged position, rad; zero without one. A heading
-    that begins half a turn off would never be found: the wind would take the difference."""
+    """Direction of the track over the first few seconds of a logged position, rad; zero without
+    one. A heading that starts half a turn off would not be found: the wind would absorb it."""
     count = max(2, round(_TRACK / record.step))
     moved = []
     for name in ("north", "east"):

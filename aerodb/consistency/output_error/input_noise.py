@@ -1,5 +1,8 @@
-"""What the noise of accelerometers and gyros does to the estimates: integrated, it is a drift that
-output error mistakes for sensor errors, and that its residuals show only in part."""
+"""Effect of accelerometer and gyro noise on the estimates.
+
+Integrated, this noise is a drift that output error mistakes for sensor errors, and that the
+residuals show only in part.
+"""
 
 from collections.abc import Mapping, Sequence
 
@@ -16,14 +19,13 @@ from aerodb.consistency.sensors import (
 )
 from aerodb.support import Array
 
-#: A record is taken in so many blocks at least: the effect of a sample's noise changes slowly along
-#: it.
+#: Smallest number of blocks of a record: the effect of a sample's noise changes slowly along it.
 BLOCKS = 150
 
 
 def inertial_noise(record: Record) -> Array:
-    """(6,) one sigma of the white noise in the specific force and rates: as the record states, else
-    from their second differences (variance 6 s^2)."""
+    """(6,) one sigma of the white noise of specific force [m/s2] and rates [rad/s]: as the record
+    states, otherwise from second differences (variance 6 s^2)."""
     if record.input_noise is not None:
         return np.array(record.input_noise)
     return np.asarray(np.sqrt(np.mean(np.diff(record.inputs, 2, axis=0) ** 2, axis=0) / 6.0))
@@ -37,13 +39,24 @@ def drift_information(
     slopes: Mapping[str, Array],
     noise: Mapping[str, float],
 ) -> Array:
-    """(k, k) covariance of the normal equations' right-hand side that the inertial sensors' white
-    noise causes.
+    """Covariance of the normal equations' right-hand side caused by the inertial sensors' noise.
 
-    A sample's noise w at time i moves the states by ``B_i w step``, later ones by ``S_k S_i^-1`` of
-    that, with S the derivative of the states by the first ones; so the gradient takes ``sum_i A_i
-    S_i^-1 B_i w_i step`` with ``A_i = sum_(k > i) J_k' W S_k``. slopes : channel -> (n, k)
-    derivatives of the outputs by the unknowns. noise : channel -> variance.
+    A sample's noise w at time i moves the states by ``B_i w step``, later states by ``S_k S_i^-1``
+    times that, with S the derivative of the states by the initial ones. The gradient therefore
+    changes by ``sum_i A_i S_i^-1 B_i w_i step`` with ``A_i = sum_(k > i) J_k' W S_k``.
+
+    Parameters
+    ----------
+    record : n samples.
+    values : parameter name -> value, SI.
+    initial : (9,), initial state.
+    unknowns : k parameters.
+    slopes : channel -> (n, k), derivatives of the outputs by the unknowns.
+    noise : channel -> variance of its noise, SI.
+
+    Returns
+    -------
+    (k, k) covariance.
     """
     integrated = [name for name in STATES if name not in record.given]
     everything = [parameter(f"initial_{name}", record.name) for name in integrated]
@@ -64,7 +77,7 @@ def drift_information(
     moved = np.moveaxis(swing.state_slopes[rows][:, at], 1, 0)
     effect = _input_effect(swing.states[:, at], corrected_inputs(record, values)[at])[:, rows]
     sigma = record.step * np.sqrt(size) * inertial_noise(record)
-    # the transposed solve gives A S^-1 without inverting
+    # the transposed system gives A S^-1 without an inverse
     weight = np.moveaxis(
         np.linalg.solve(np.swapaxes(moved, 1, 2), np.swapaxes(later, 1, 2)), 1, 2
     ) @ (effect * sigma)
@@ -72,7 +85,7 @@ def drift_information(
 
 
 def _input_effect(states: Array, inputs: Array) -> Array:
-    """(n, 9, 6) derivative of the states' rates of change by the inputs."""
+    """(n, 9, 6) derivatives of the states' time derivatives by the inputs."""
     n = len(inputs)
     effect = np.zeros((n, 9, 6))
     effect[:, :3, :3] = np.eye(3)

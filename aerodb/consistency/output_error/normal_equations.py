@@ -1,5 +1,4 @@
-"""Sums of squares of a joint reconstruction: each channel's residual and normal equations, record
-by record.
+"""Normal equations of a joint reconstruction, summed over the records for each channel.
 
 Kept per channel, they give the solution for every weighting of the channels without another pass
 over the samples.
@@ -32,8 +31,11 @@ VERTICAL = float(np.deg2rad(80.0))
 
 @dataclass(frozen=True)
 class NormalEquations:
-    """Over all records, by channel: samples used, sum of squared residuals, information (k, k) and
-    gradient (k,)."""
+    """Sums over all records by channel, for k unknowns, unweighted.
+
+    count : samples used. squares : sum of squared residuals. information : (k, k), cross-products of
+    the derivatives. gradient : (k,), derivatives times residuals.
+    """
 
     count: Mapping[str, int]
     squares: Mapping[str, float]
@@ -65,8 +67,8 @@ def applies_to(item: Parameter, record: Record) -> bool:
 def usable_samples(
     record: Record, name: str, free: Sequence[Parameter], values: Mapping[str, float]
 ) -> NDArray[np.bool_]:
-    """(n,) samples of an output that count: finite, not near the ends when the channel is delayed,
-    and no Euler angle near the vertical, where noise turns bank and heading over."""
+    """(n,) samples of an output that are used: finite, away from the ends of the record if the
+    channel is delayed, and no Euler angle near the vertical, where noise flips bank and heading."""
     good = np.isfinite(record.outputs[name])
     delays = delays_of(name)
     if any(values.get(each, 0.0) != 0.0 for each in delays) or any(
@@ -81,7 +83,7 @@ def usable_samples(
 
 
 def residuals(record: Record, response: Response) -> dict[str, Array]:
-    """Measured minus reconstructed, (n,) by channel; heading and bank around the circle."""
+    """Measured minus reconstructed outputs, (n,) by channel; bank and heading modulo 360 deg."""
     found = {}
     for name, shown in response.outputs.items():
         difference = record.outputs[name] - shown
@@ -92,7 +94,7 @@ def residuals(record: Record, response: Response) -> dict[str, Array]:
 def record_values(
     items: Sequence[Parameter], vector: Array, record: Record, fixed: Mapping[str, float]
 ) -> dict[str, float]:
-    """The parameter values that act on a record: fixed ones and this vector's."""
+    """Name -> value of the parameters that act on a record: fixed ones and those in `vector`."""
     own = {
         item.name: float(v)
         for item, v in zip(items, vector, strict=True)
@@ -102,7 +104,7 @@ def record_values(
 
 
 def first_state(start: Array, values: Mapping[str, float]) -> Array:
-    """The record's first state (9,): `start` plus the corrections ``initial_*``."""
+    """The record's initial state (9,): `start` plus the corrections ``initial_*``."""
     return start + np.array([values.get(f"initial_{name}", 0.0) for name in STATES])
 
 
@@ -113,7 +115,11 @@ def accumulate(
     vector: Array,
     fixed: Mapping[str, float],
 ) -> NormalEquations:
-    """Sums over the records at the unknowns `items` with values `vector` (k,)."""
+    """Normal equations over all records at the values `vector` (k,) of the unknowns `items`.
+
+    starts : initial states, (9,) each. fixed : other parameters, name -> value, SI. Raises
+    InputError when a channel has no usable sample.
+    """
     k = len(items)
     count: dict[str, int] = {}
     squares: dict[str, float] = {}
@@ -151,9 +157,8 @@ def in_blocks(values: Array, blocks: int, size: int) -> Array:
 
 
 def cross_product(slope: Array) -> Array:
-    """``slope' slope`` (k, k) of (n, k), block by block: products of this size do not wake BLAS
-    threads, whose contention costs more than they gain when several flights are processed at
-    once."""
+    """``slope' slope`` (k, k) of (n, k), block by block: products of this size stay on one BLAS
+    thread; more threads would slow down flights that are processed in parallel."""
     size = max(8, _SINGLE_THREAD // max(slope.shape[1], 1) ** 2)
     if len(slope) <= size:
         return np.asarray(slope.T @ slope)

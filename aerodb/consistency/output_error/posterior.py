@@ -1,9 +1,8 @@
-"""What a flight says of its sensors beside what was known before: normal variables combined,
-conditioned and judged.
+"""Combine a flight's sensor estimates with their priors, and select the significant ones.
 
-Priors act here, on the estimates and their covariance for coloured residuals, and not as weights in
-the search: its white weights are too large where gusts or drift colour the residuals, and would
-outvote any calibration sheet.
+Estimates are normal variables with a covariance for coloured residuals. Priors are applied to these
+and not as weights in the search: its weights assume white residuals, are too large where gusts or
+drift colour them, and would outweigh any calibration sheet.
 """
 
 from collections.abc import Mapping
@@ -18,21 +17,19 @@ from aerodb.consistency.sensors import parameter
 from aerodb.support import Array, Signal, dead_zone
 from aerodb.vehicle import Accuracy
 
-#: A correction of which the vehicle file says nothing is applied from so many standard errors on.
+#: Smallest distance from zero, in standard errors, of a correction without a stated prior.
 SIGNIFICANT = 3.0
 
-#: An estimate whose standard error is not below this share of what was known beforehand corrects
-#: nothing.
+#: Largest ratio of standard error to prior of an estimate that is worth applying.
 WORTH = 0.7
 
-#: A correction that the vehicle file does not state must move its channel by this share of the
-#: accuracy limit.
+#: Smallest effect of a correction without a stated prior, as a fraction of the accuracy limit.
 MATTERS = 0.03
 
 
 @dataclass(frozen=True)
 class SensorEstimates:
-    """Sensor parameters: `names`, `values` (k,) and `covariance` (k, k), SI."""
+    """Estimates of k sensor parameters: `names`, `values` (k,) and `covariance` (k, k), SI."""
 
     names: tuple[str, ...]
     values: Array
@@ -40,20 +37,20 @@ class SensorEstimates:
 
     @property
     def standard_errors(self) -> Array:
-        """(k,) one sigma of each value."""
+        """(k,) standard errors, SI."""
         return np.asarray(np.sqrt(np.maximum(np.diag(self.covariance), 0.0)))
 
     @property
     def by_name(self) -> dict[str, tuple[float, float]]:
-        """Name -> value and its standard error."""
+        """Name -> (value, standard error), SI."""
         pairs = zip(self.values.tolist(), self.standard_errors.tolist(), strict=True)
         return dict(zip(self.names, pairs, strict=True))
 
     def updated(
         self, names: tuple[str, ...], values: Array, covariance: Array
     ) -> "SensorEstimates":
-        """Updated by independent knowledge of some of its parameters (m,), (m, m): the Kalman
-        update."""
+        """The estimates updated (Kalman update) by independent values (m,) and covariance (m, m) of
+        some of the parameters."""
         index = [self.names.index(name) for name in names]
         across = self.covariance[:, index]
         gain = across @ np.linalg.inv(self.covariance[np.ix_(index, index)] + covariance)
@@ -65,7 +62,7 @@ class SensorEstimates:
         )
 
     def conditioned_on_zero(self, name: str) -> "SensorEstimates":
-        """The others, given that this one is zero."""
+        """The other parameters' estimates, conditioned on this one being zero."""
         gone = self.names.index(name)
         gain = self.covariance[:, gone] / self.covariance[gone, gone]
         rest = [number for number in range(len(self.names)) if number != gone]
@@ -91,20 +88,20 @@ def shared_estimates(result: Reconstruction) -> SensorEstimates:
 
 
 def with_vehicle_priors(found: SensorEstimates, stated: Mapping[str, float]) -> SensorEstimates:
-    """Updated by what the vehicle file states: one sigma about zero."""
+    """The estimates updated by the vehicle file's priors (name -> one sigma about zero, SI)."""
     names = tuple(name for name in found.names if name in stated)
     sigma = np.array([stated[name] for name in names])
     return found.updated(names, np.zeros(len(names)), np.diag(sigma**2)) if names else found
 
 
 def with_calibration(found: SensorEstimates, calibration: Calibration) -> SensorEstimates:
-    """Updated by a calibration."""
+    """The estimates updated by a calibration."""
     part = calibration.only(found.names)
     return found.updated(part.names, part.values, part.covariance) if part.names else found
 
 
 def overridden_by_calibration(found: SensorEstimates, calibration: Calibration) -> SensorEstimates:
-    """With a calibration in the place of what the flight says of the parameters that it names."""
+    """The estimates with those of a calibration in place of the flight's own."""
     part = calibration.only(found.names)
     index = [found.names.index(name) for name in part.names]
     values, spread = found.values.copy(), found.covariance.copy()
@@ -117,12 +114,12 @@ def overridden_by_calibration(found: SensorEstimates, calibration: Calibration) 
 def significant_parameters(
     result: Reconstruction, plan: Plan, accuracy: Accuracy
 ) -> tuple[str, ...]:
-    """Names of the sensor parameters worth keeping, in the order of `plan.free`: stated ones, and
-    those that matter and stand out by `SIGNIFICANT` standard errors once the others that do not are
-    held at zero.
+    """Names of the sensor parameters to keep, in the order of `plan.free`.
 
-    Those at a bound or that do not matter go first, then the least significant, and the rest is
-    conditioned on their being zero: of two that trade off one stays.
+    Kept are parameters with a stated prior, and those with a relevant effect that are at least
+    `SIGNIFICANT` standard errors from zero once the removed ones are zero. Parameters at a bound or
+    without relevant effect are removed first, then the least significant one at a time; the rest is
+    conditioned on the removed ones being zero, so that of two that trade off, one stays.
     """
     left = with_vehicle_priors(shared_estimates(result), plan.stated_priors)
     for entry in result.estimates:
@@ -145,8 +142,8 @@ def significant_parameters(
 
 
 def _matters(entry: Estimate, result: Reconstruction, accuracy: Accuracy) -> bool:
-    """Whether a correction moves its channel by more than `MATTERS` of its limit (rms); those
-    without a limit always do."""
+    """Whether a correction changes its channel by more than `MATTERS` of its limit (rms); always
+    true for channels without a limit."""
     item = entry.parameter
     if item.kind == "probe":
         return abs(entry.value) * _probe_effect(item.name, result) > MATTERS * accuracy.flow_angle
@@ -168,8 +165,8 @@ def _matters(entry: Estimate, result: Reconstruction, accuracy: Accuracy) -> boo
 
 
 def _probe_effect(name: str, result: Reconstruction) -> float:
-    """Rms angle (rad), about its mean, that one unit of a five-hole probe's parameter adds to what
-    it shows."""
+    """Standard deviation (rad) of the change of the flow angle per unit of a five-hole probe's
+    parameter."""
     _, angle, part = name.split("_")
     own, other = (
         np.concatenate([getattr(path, each) for path in result.paths]) for each in _both(angle)
@@ -190,8 +187,8 @@ def _both(angle: str) -> tuple[str, str]:
 
 
 def _worthwhile_error(name: str, plan: Plan) -> float:
-    """Standard error from which on an estimate corrects nothing; half as much where only the
-    natural size is known."""
+    """Standard error from which on an estimate is not applied; half as much where the prior is only
+    the natural size."""
     stated = plan.stated_priors.get(name, np.inf)
     return WORTH * stated * (1.0 if stated < parameter(name).size else 0.5)
 
@@ -199,8 +196,11 @@ def _worthwhile_error(name: str, plan: Plan) -> float:
 def applied_corrections(
     found: SensorEstimates, plan: Plan, calibration: Calibration | None
 ) -> dict[str, float]:
-    """Name -> value of what is corrected: what the flight or a calibration says. A parameter of
-    which little more is known than what the vehicle file states stays as it is."""
+    """Name -> value (SI) of the corrections to apply.
+
+    These are the parameters of a calibration, and those of the flight that are significant or known
+    clearly better than their prior.
+    """
     known = {} if calibration is None else calibration.by_name
     worth = {
         name: value

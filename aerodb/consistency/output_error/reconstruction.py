@@ -1,10 +1,10 @@
-"""Flight-path reconstruction by output error: sensor errors, winds and first states that make all
-channels one motion.
+"""Flight-path reconstruction by output error.
 
-Maximum likelihood with the measurement noise estimated (Jategaonkar 2015, chapters 4 and 10):
-Gauss-Newton with bounds and Levenberg damping, any number of records jointly. Priors keep unknowns
-within reason that the manoeuvres cannot tell apart. The covariance is corrected for coloured
-residuals (Morelli & Klein, JGCD 20(1), 1997).
+Estimates the sensor errors, winds and initial states with which all channels agree with one motion.
+Maximum likelihood with estimated measurement noise (Jategaonkar 2015, chapters 4 and 10):
+Gauss-Newton with bounds and Levenberg damping, any number of records jointly. Priors limit unknowns
+that the manoeuvres cannot separate. The covariance is corrected for coloured residuals (Morelli &
+Klein, JGCD 20(1), 1997).
 """
 
 from collections.abc import Mapping, Sequence
@@ -41,8 +41,8 @@ from aerodb.support import Array
 
 @dataclass(frozen=True)
 class Estimate:
-    """One estimated parameter in SI, its standard error (coloured residuals) and that for white
-    residuals; `at_bound`."""
+    """One estimated parameter, SI: value, standard error for coloured residuals and for white ones,
+    and whether the value is at a bound."""
 
     parameter: Parameter
     value: float
@@ -53,10 +53,16 @@ class Estimate:
 
 @dataclass(frozen=True)
 class ReconstructedPath:
-    """One record reconstructed: `states` (9, n) of kinematics.STATES; `air` (3, n) air-relative
-    velocity at the CG; `inputs` (n, 6) corrected; `residuals` and `before` (n,) by channel,
-    measured minus reconstructed after and before the estimation (nan where not used); `state_sigma`
-    (9, n) and `air_sigma` (3, n) standard errors, of V, alpha, beta the latter."""
+    """One record reconstructed, n samples.
+
+    states : (9, n), order of `kinematics.STATES`.
+    air : (3, n), velocity of the CG through the air, body axes [m/s].
+    inputs : (n, 6), corrected specific force [m/s2] and rates [rad/s].
+    residuals, before : channel -> (n,), measured minus reconstructed, after and before the
+        estimation, SI (nan where not used).
+    state_sigma : (9, n), standard errors of the states.
+    air_sigma : (3, n), standard errors of V [m/s], alpha and beta [rad].
+    """
 
     record: Record
     states: Array
@@ -85,9 +91,12 @@ class ReconstructedPath:
 
 @dataclass(frozen=True)
 class Reconstruction:
-    """A joint reconstruction. `covariance` (k, k) of `estimates` in their order; `noise` one sigma
-    of each channel's residual; `converged` and `iterations` of Gauss-Newton; one `paths` per
-    record."""
+    """A joint reconstruction.
+
+    estimates : one per unknown, k in all. covariance : (k, k), in their order, SI.
+    noise : channel -> one sigma of its residual, SI. paths : one per record.
+    converged, iterations : of the Gauss-Newton search.
+    """
 
     estimates: tuple[Estimate, ...]
     covariance: Array
@@ -97,8 +106,8 @@ class Reconstruction:
     iterations: int
 
     def __getitem__(self, label: str) -> Estimate:
-        """The estimate of a label (``ax_bias``, ``wind_north[flight]``); KeyError when it was not
-        estimated."""
+        """The estimate with a label (``ax_bias``, ``wind_north[flight]``); raises KeyError when it
+        was not estimated."""
         return {estimate.parameter.label: estimate for estimate in self.estimates}[label]
 
 
@@ -113,20 +122,32 @@ def reconstruct(
     noise_floor: Mapping[str, float] | None = None,
     starts: Sequence[Array] | None = None,
 ) -> Reconstruction:
-    """Estimates sensor errors, winds and first states of all records together.
+    """Estimate sensor errors, winds and initial states of all records together.
 
     Parameters
-    ---------- records : stretches of flight, names unique. free : parameter names
-    (`parameters.known_names`) to estimate. initial : first states to estimate, per record. fixed :
-    other parameters' values, SI. priors : name -> standard deviation about zero of what a
-    calibration sheet says. bounds : name -> (lower, upper); without, delays stay within
-    LONGEST_DELAY and scales within LARGEST_SCALE. noise_floor : channel -> least noise (one sigma,
-    SI) that it is believed to have. starts : (9,) first states; None: `initial.first_states`.
+    ----------
+    records : stretches of flight with unique names.
+    free : names of the parameters to estimate (`parameters.known_names`).
+    initial : states whose initial value is estimated, per record.
+    fixed : other parameters, name -> value, SI.
+    priors : name -> standard deviation about zero, SI, as a calibration sheet states it.
+    bounds : name -> (lower, upper), SI; by default delays are bounded by `MAX_DELAY` and scales by
+        `LARGEST_SCALE`.
+    noise_floor : channel -> smallest credible noise (one sigma), SI.
+    starts : initial states, (9,) each; None: `initial_states.first_states`.
 
-    Nothing is held for want of information: what the manoeuvres cannot tell apart needs a prior,
-    which its standard error then shows; without one a LinAlgError of the solver may come.
+    No parameter is fixed for lack of information: those that the manoeuvres cannot separate need a
+    prior, and their standard error then shows it.
 
-    Raises InputError when nothing can be estimated or the search leaves all bounds.
+    Raises
+    ------
+    InputError : when nothing can be estimated or the search leaves all bounds.
+    numpy.linalg.LinAlgError : possible when parameters cannot be separated and have no prior.
+
+    References
+    ----------
+    Jategaonkar (2015), Flight Vehicle System Identification, chapters 4 and 10; Morelli & Klein,
+    JGCD 20(1), 1997 (covariance for coloured residuals).
     """
     problem = make_problem(records, free, initial, fixed, priors, bounds, noise_floor, starts)
     if not problem.items:
@@ -162,7 +183,7 @@ def reconstruct(
 
 
 def _covariances(problem: Problem, vector: Array, sums: NormalEquations) -> tuple[Array, Array]:
-    """Covariance (k, k) of the unknowns for coloured residuals and inertial drift, and that for
+    """Covariance (k, k) of the unknowns for coloured residuals and inertial drift, and the one for
     white residuals."""
     noise = sums.variance(problem.noise_floor)
     size = np.array([item.size for item in problem.items])
@@ -186,8 +207,7 @@ def _covariances(problem: Problem, vector: Array, sums: NormalEquations) -> tupl
         )
         drift[np.ix_(index, index)] += part
     covariance = white + white @ drift @ white
-    # residuals more coloured than white sensors and inertial drift make them: the estimates are as
-    # much less certain
+    # enlarge it where residuals are more coloured than white noise and inertial drift explain
     coloured = np.diag(white @ middle @ white)
     grow = np.sqrt(np.maximum(coloured / np.diag(covariance), 1.0))
     return np.asarray(covariance * np.outer(grow, grow)), white
@@ -196,7 +216,8 @@ def _covariances(problem: Problem, vector: Array, sums: NormalEquations) -> tupl
 def _predicted(
     problem: Problem, vector: Array, record: Record, start: Array
 ) -> tuple[list[int], dict[str, float], Response]:
-    """Which unknowns act on a record, their values, and its response with derivatives by them."""
+    """Indices of the unknowns that act on a record, parameter values, and the response with
+    derivatives."""
     index = [number for number, item in enumerate(problem.items) if applies_to(item, record)]
     values = record_values(problem.items, vector, record, problem.fixed)
     return (

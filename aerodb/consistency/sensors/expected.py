@@ -1,6 +1,9 @@
-"""What accelerometers and gyros ought to show, from attitude and velocity alone: differentiated,
-hence rough, but blunt faults (signs, units, axes, missing gravity) stand out, and each is named in
-one plain sentence."""
+"""Detect gross faults of inertial sensors: signs, units, swapped axes, missing gravity.
+
+The specific force and rates that attitude and velocity imply are compared with the measured ones.
+They come from differentiation and are rough, but gross faults stand out. Each is named in one
+sentence.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,28 +15,39 @@ from aerodb.consistency.kinematics import INPUTS
 from aerodb.consistency.sensors.prediction import Record, earth_to_body
 from aerodb.support import Array
 
-#: Bandwidth of the differentiation, Hz, at most a quarter of the sampling rate.
+#: Bandwidth of the differentiation, Hz; at most an eighth of the sampling rate is used.
 BANDWIDTH = 1.5
 
-#: Motion below this (rad/s; m/s2) is too little to judge a sensor by.
+#: Smallest standard deviation of the motion (rad/s; m/s2) that can show a fault.
 _LEAST = (0.01, 0.2)
 
 
 @dataclass(frozen=True)
 class Fault:
-    """A blunt fault: the channels concerned and one plain sentence that names the likely cause."""
+    """A gross fault: the channels concerned and one sentence that names the likely cause."""
 
     channels: tuple[str, ...]
     sentence: str
 
 
 def expected_inputs(record: Record) -> Array:
-    """(n, 6) specific force [m/s2] and rates [rad/s] that the other channels imply; nan columns
-    where they cannot.
+    """Specific force and rates that the other channels imply.
 
-    Rates need phi, theta and psi: ``p = phi' - psi' sin theta`` etc. Specific force needs attitude
-    and velocity over the earth, ``C (v' - g)``, or else the air data, ``v' + omega x v - C g`` in
-    still air. Klein & Morelli (2006), chapter 10.
+    Rates follow from phi, theta and psi: ``p = phi' - psi' sin theta`` etc. Specific force follows
+    from attitude and velocity over the earth, ``C (v' - g)``, or otherwise from the air data,
+    ``v' + omega x v - C g`` in still air.
+
+    Parameters
+    ----------
+    record : n samples with attitude, and velocity over the earth or V and alpha.
+
+    Returns
+    -------
+    (n, 6), specific force [m/s2] and rates [rad/s]; columns that cannot be computed are nan.
+
+    References
+    ----------
+    Klein & Morelli (2006), Aircraft System Identification, chapter 10.
     """
     n = len(record.inputs)
     found = np.full((n, 6), np.nan)
@@ -77,11 +91,14 @@ def expected_inputs(record: Record) -> Array:
 
 
 def detect_faults(record: Record) -> tuple[Fault, ...]:
-    """Blunt faults of a record's inertial sensors and angles, in order: stuck, units, signs,
-    swapped axes, missing gravity."""
+    """Gross faults of a record's sensors.
+
+    Stuck channels and angles in degrees are tested first; only if there are none, missing gravity,
+    then signs, units and swapped axes of the inertial sensors.
+    """
     found = [*_stuck(record), *_units(record)]
     if found:
-        return tuple(found)  # what follows would only repeat them in other words
+        return tuple(found)  # the further tests would report the same faults again
     expected = expected_inputs(record)
     for first, names, least in ((3, INPUTS[3:], _LEAST[0]), (0, INPUTS[:3], _LEAST[1])):
         block = slice(first, first + 3)
@@ -134,8 +151,8 @@ def _units(record: Record) -> list[Fault]:
 
 
 def _gravity(expected: Array, shown: Array, gravity: float) -> list[Fault]:
-    """The mean specific force (n, 3) in g: an axis that lacks gravity, shows it upside down, or
-    another's."""
+    """Faults seen in the mean specific force (n, 3) minus the expected one, in g: gravity missing,
+    inverted, or on another axis."""
     across, down = np.mean(shown - expected[:, :3], axis=0)[1:] / gravity
     if 0.8 < down < 1.2 and -1.2 < across < -0.8:
         return [Fault(("ay", "az"), "ay and az are swapped: ay shows gravity, az does not")]
@@ -151,8 +168,8 @@ def _gravity(expected: Array, shown: Array, gravity: float) -> list[Fault]:
 
 
 def _axes(expected: Array, shown: Array, names: Sequence[str], least: float) -> list[Fault]:
-    """Each expected axis against each sensor: correlation says which belongs to which, slope says
-    sign and unit."""
+    """Compare each expected axis with each sensor (n, 3): the correlation tells which belong
+    together, the slope tells sign and unit."""
     moves = expected - expected.mean(axis=0)
     seen = shown - shown.mean(axis=0)
     size, answer = moves.std(axis=0), seen.std(axis=0)

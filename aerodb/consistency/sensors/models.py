@@ -1,5 +1,6 @@
-"""What each sensor looks at, as formulas in states, rates and unknowns; derivatives come with them
-(`aerodb.support.signals`).
+"""Sensor models: the true quantity behind each output, in states, rates and unknowns.
+
+Derivatives are carried along automatically (`aerodb.support.signals`).
 
 Air data are those of the air-data point, ``v - C w + omega x r`` with the wind w, attitude C and
 arm r from the CG, in axes of the boom; ``alpha = atan2(w, u)``, ``beta = asin(v / V)``, ``qbar =
@@ -41,13 +42,16 @@ _PORTS = ("static_port_error", "static_port_offset", "total_port_error")
 
 @dataclass(frozen=True)
 class Installation:
-    """How the sensors behind a record's outputs are installed; nothing of it is taken out of the
-    outputs already.
+    """How the sensors behind a record's outputs are installed.
 
-    gps : (3,) antenna from the CG, m, body axes. boom : roll, pitch, yaw of the air-data probe,
-    rad. upwash : shares of alpha and beta. flank : beta is atan2(v, u), as a free vane shows it.
-    five_hole : calibration, for raw pressures. beam : tilt of the slant range's beam forward and to
-    the right of body z, rad.
+    None of these effects has been removed from the outputs yet.
+
+    gps : (3,), antenna relative to the CG, body axes [m].
+    boom : (3,), roll, pitch, yaw of the air-data probe relative to the body axes [rad].
+    upwash : (2,), relative increase of alpha and beta.
+    flank : beta is the flank angle atan2(v, u), as a free vane measures it.
+    five_hole : calibration of a five-hole probe, for raw pressures.
+    beam : (2,), tilt of the slant range's beam from body z, forward and to the right [rad].
     """
 
     gps: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -59,10 +63,14 @@ class Installation:
 
 
 def installation_from_vehicle(vehicle: Vehicle, cg: Array, raw: bool) -> Installation:
-    """The installation that a vehicle file declares; cg (3,) m, body axes from the datum.
+    """The sensor installation that a vehicle file declares.
 
-    raw : air data are as the probe shows them; otherwise boom, upwash and calibration were taken
-    out (`probe.air_data_at_cg`).
+    Parameters
+    ----------
+    vehicle : the vehicle.
+    cg : (3,), mean CG relative to the datum, body axes [m].
+    raw : whether air data are as the probe shows them; otherwise boom, upwash and calibration have
+        already been removed (`aerodb.logs.probe.air_data_at_cg`).
     """
     gps = (
         (0.0, 0.0, 0.0)
@@ -79,14 +87,21 @@ def installation_from_vehicle(vehicle: Vehicle, cg: Array, raw: bool) -> Install
 
 
 class SensorModels:
-    """One record as its sensors see it: `channel(name)` is the true quantity that a sensor looks
-    at.
+    """The sensor models of one record: `channel(name)` is the true quantity behind an output.
 
-    states : by name, with derivatives by themselves. rates : p, q, r likewise. values : parameter
-    name -> value. free : names by which to differentiate. arm : (3,) air-data point from the CG, m.
-    density, pressure : (n,) kg/m3, Pa; without pressure the density is taken as the true one,
-    otherwise as computed from that (measured) pressure. Over a rotating earth the rates hold the
-    earth's own, whose share in ``omega x r`` (7e-5 m/s per metre) is left in.
+    Parameters
+    ----------
+    states : name -> signal (n,), with its derivative by itself.
+    rates : p, q, r likewise [rad/s]. Over a rotating earth they include the earth's rate, whose
+        contribution to ``omega x r`` (7e-5 m/s per metre) is not removed.
+    values : parameter name -> value, SI.
+    free : parameter names by which to differentiate.
+    arm : (3,), air-data point relative to the CG, body axes [m].
+    installation : of the other sensors.
+    gravity : [m/s2].
+    density : (n,), [kg/m3].
+    pressure : (n,), measured static pressure that the density was computed from [Pa]; None: the
+        density is correct.
     """
 
     def __init__(
@@ -107,7 +122,7 @@ class SensorModels:
         self.gravity, self.density, self.pressure = gravity, density, pressure
 
     def unknown(self, name: str, declared: float = 0.0) -> Signal:
-        """A parameter on top of what is declared, with its derivative when it is free."""
+        """The declared value plus a parameter, with its derivative if the parameter is free."""
         return Signal(
             declared + self.values.get(name, 0.0), {name: 1.0} if name in self.free else {}
         )
@@ -117,7 +132,7 @@ class SensorModels:
         return any(name in self.free or self.values.get(name, 0.0) != 0.0 for name in names)
 
     def channel(self, name: str) -> Signal:
-        """The physical quantity behind an output."""
+        """The true quantity behind an output, SI, with its derivatives."""
         if name in ("north", "east", "altitude"):
             return self._position(name)
         if name in self.states:
@@ -139,17 +154,17 @@ class SensorModels:
 
     @cached_property
     def rotation(self) -> tuple[Triple, Triple, Triple]:
-        """Body to earth axes."""
+        """Rotation matrix from body to earth axes (north, east, down), by rows."""
         return body_to_earth(self.states["phi"], self.states["theta"], self.states["psi"])
 
     @property
     def velocity(self) -> Triple:
-        """Of the CG over the earth, body axes."""
+        """Velocity of the CG over the earth, body axes, m/s."""
         return self.states["u"], self.states["v"], self.states["w"]
 
     @cached_property
     def air(self) -> Triple:
-        """Velocity of the CG through the air, body axes."""
+        """Velocity of the CG through the air, body axes, m/s."""
         names = ("wind_north", "wind_east", "wind_down")
         if not self.acts(*names):
             return self.velocity
@@ -176,7 +191,7 @@ class SensorModels:
 
     @cached_property
     def probe(self) -> Triple:
-        """Velocity of the air-data point through the air, in axes of the boom."""
+        """Velocity of the air-data point through the air, in axes of the boom, m/s."""
         moved = self._moved(self.air, self._arm("air_data", self.arm))
         names = ("air_data_roll", "air_data_pitch", "air_data_yaw")
         if not any(self.installation.boom) and not self.acts(*names):
@@ -192,19 +207,20 @@ class SensorModels:
 
     @cached_property
     def speed(self) -> Signal:
-        """True airspeed at the air-data point."""
+        """True airspeed at the air-data point, m/s."""
         a, b, c = self.probe
         return root(a * a + b * b + c * c)
 
     @cached_property
     def flow(self) -> tuple[Signal, Signal]:
-        """Angles of attack and sideslip at the air-data point."""
+        """Angles of attack and sideslip at the air-data point, rad."""
         a, b, c = self.probe
         return angle(c, a), arcsine(b / self.speed)
 
     @cached_property
     def vanes(self) -> tuple[Signal, Signal]:
-        """These angles as vanes there show them."""
+        """Angles of attack and sideslip as vanes at the air-data point show them (upwash, flank
+        angle), rad."""
         a, b, _ = self.probe
         slip = angle(b, a) if self.installation.flank else self.flow[1]
         return self.flow[0] * (1.0 + self.installation.upwash[0]), slip * (
@@ -213,7 +229,7 @@ class SensorModels:
 
     @cached_property
     def over_earth(self) -> Triple:
-        """Velocity of the antenna, north, east, down."""
+        """Velocity of the antenna over the earth, north, east, down, m/s."""
         moved = self._moved(self.velocity, self._arm("gps", self.installation.gps))
         north, east, down = (dot(row, moved) for row in self.rotation)
         return north, east, down
@@ -227,8 +243,8 @@ class SensorModels:
 
     @cached_property
     def dynamic_pressure(self) -> Signal:
-        """True dynamic pressure at the air-data point: where density rests on the measured static
-        pressure, both are solved."""
+        """True dynamic pressure at the air-data point, Pa; density is solved for with it if it was
+        computed from the measured static pressure."""
         made = self.speed * self.speed * (0.5 * self._density())
         if self.pressure is None or not self.acts(*_PORTS):
             return made
@@ -237,7 +253,7 @@ class SensorModels:
 
     @cached_property
     def shown_pressure(self) -> Signal:
-        """Dynamic pressure as the ports show it."""
+        """Dynamic pressure as the ports show it, Pa."""
         true = self.dynamic_pressure
         if not self.acts(*_PORTS):
             return true
@@ -246,7 +262,7 @@ class SensorModels:
 
     @cached_property
     def shown_speed(self) -> Signal:
-        """Airspeed that follows from the ports."""
+        """True airspeed computed from the pressures at the ports, m/s."""
         if not self.acts(*_PORTS):
             return self.speed
         if not np.min(self.shown_pressure.value) > 0.0:
@@ -258,7 +274,7 @@ class SensorModels:
         return root(self.shown_pressure * (2.0 / self._density()))
 
     def _density(self) -> Array:
-        assert self.density is not None  # `sensors.predict_outputs` asks for it first
+        assert self.density is not None  # checked by `prediction.predict_outputs`
         return self.density
 
     def _pressure_altitude(self) -> Signal:
@@ -274,7 +290,7 @@ class SensorModels:
 
     @cached_property
     def height(self) -> Signal:
-        """Of the CG above the ground."""
+        """Height of the CG above the ground, m."""
         return self.states["altitude"] - self.unknown("terrain_elevation")
 
     def _slant_range(self) -> Signal:
@@ -292,8 +308,8 @@ class SensorModels:
         return self.height / dot(down, beam)
 
     def _difference(self, which: str) -> Signal:
-        """Pressure difference between a pair of holes of a five-hole probe."""
-        assert self.installation.five_hole is not None  # `sensors.Record` asks for it
+        """Pressure difference between a pair of holes of a five-hole probe, Pa."""
+        assert self.installation.five_hole is not None  # checked by `prediction.Record`
         curve: Curve = getattr(self.installation.five_hole, which)
         x, y = self.vanes if which == "alpha" else self.vanes[::-1]
         shape = pressure_ratio(x, y, curve)
@@ -304,7 +320,7 @@ class SensorModels:
         return self.dynamic_pressure * shape * curve.slope
 
     def _shape(self, name: str, x: Signal, y: Signal, curve: Curve) -> Signal:
-        """What is estimated of the calibration's curvature, dependence on the other angle and
+        """Estimated corrections of the calibration: curvature, dependence on the other angle, and
         bend."""
         bend = self.unknown(f"{name}_bend") * dead_zone(x, curve.break_angle)
         return x * x * self.unknown(f"{name}_square") + y * y * self.unknown(f"{name}_cross") + bend

@@ -1,5 +1,5 @@
-"""An independent check of a logged navigation solution: is position the integral of velocity, do
-air and ground agree?"""
+"""Check a logged navigation solution against itself: position against velocity, and flow angles
+against velocity and wind."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,18 +12,23 @@ from aerodb.support import Array
 
 @dataclass(frozen=True)
 class VelocityCheck:
-    """Position differences against velocity: rms [m/s] by axis, and the largest `jump` (speed that
-    a position step implies beyond the velocity, m/s)."""
+    """Rate of change of position minus velocity: rms [m/s] by axis, and the largest `jump` [m/s]
+    over one sampling interval."""
 
     rms: Mapping[str, float]
     jump: float
 
 
 def position_against_velocity(time: Array, position: Array, velocity: Array) -> VelocityCheck:
-    """Compares the rate of change of position (central differences; for jumps, over single
-    intervals) with velocity.
+    """Compare the rate of change of position with velocity.
 
-    time (n,) s, increasing; position (n, 3) m and velocity (n, 3) m/s, north, east, down.
+    Central differences give the rms, single intervals the largest jump.
+
+    Parameters
+    ----------
+    time : (n,), increasing [s].
+    position : (n, 3), north, east, down [m].
+    velocity : (n, 3), north, east, down [m/s].
     """
     rms = np.sqrt(np.mean((np.gradient(position, time, axis=0) - velocity) ** 2, axis=0))
     single = np.diff(position, axis=0) / np.diff(time)[:, None] - 0.5 * (
@@ -35,7 +40,7 @@ def position_against_velocity(time: Array, position: Array, velocity: Array) -> 
 
 @dataclass(frozen=True)
 class FlowCheck:
-    """Measured flow angle against that of (velocity - wind): mean and standard deviation of the
+    """Flow angle of velocity minus wind, less the measured one: mean and standard deviation of the
     difference, rad."""
 
     mean: float
@@ -48,10 +53,14 @@ class FlowCheck:
 
 
 def flow_against_velocity(attitude: Array, velocity: Array, wind: Array, alpha: Array) -> FlowCheck:
-    """Angle of attack of the inertial velocity less the wind, minus the probe's.
+    """Compare the angle of attack of velocity minus wind with the probe's.
 
-    attitude (n, 3) phi theta psi, rad; velocity and wind (n, 3) north, east, down, m/s; alpha (n,)
-    rad.
+    Parameters
+    ----------
+    attitude : (n, 3), phi, theta, psi [rad].
+    velocity : (n, 3), over the earth, north, east, down [m/s].
+    wind : (n, 3), north, east, down [m/s].
+    alpha : (n,), measured angle of attack [rad].
     """
     states = np.zeros((9, len(alpha)))
     states[3:6] = attitude.T

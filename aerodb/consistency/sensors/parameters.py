@@ -1,15 +1,18 @@
-"""What flight-path reconstruction can estimate: names, natural sizes, scope, and the vector that is
-solved for.
+"""Parameters that flight-path reconstruction can estimate: names, natural sizes and scopes.
 
-Names: ``<channel>_bias``, ``_scale``, ``_delay`` of a sensor, which shows ``(1 + scale) true(t -
-delay) + bias``; ``gps_delay`` of all that comes from the antenna; ``wind_north _east _down`` and
-``terrain_elevation`` of a flight; ``air_data_x _y _z`` and ``gps_x _y _z``, corrections to where
-the air-data point and the antenna are; ``air_data_roll _pitch _yaw`` of the boom and ``beam_forward
-_right`` of a slant range, how they are mounted; ``static_port_error _offset`` and
-``total_port_error`` of the pressures behind V, qbar and pressure altitude; ``probe_<angle>_offset
-_slope _square _cross _bend`` of a five-hole probe's calibration (`aerodb.five_hole`);
-``initial_<state>`` of a record. Bias and scale of a pressure altitude are the weather of a flight,
-no error of a sensor.
+- ``<channel>_bias``, ``_scale``, ``_delay``: of a sensor that shows ``(1 + scale) true(t - delay) +
+  bias``. Bias and scale of a pressure altitude are the weather of a flight, not a sensor error.
+- ``gps_delay``: of all channels of the antenna.
+- ``wind_north``, ``_east``, ``_down``, ``terrain_elevation``: of a flight.
+- ``air_data_x``, ``_y``, ``_z`` and ``gps_x``, ``_y``, ``_z``: corrections of the positions of
+  air-data point and antenna.
+- ``air_data_roll``, ``_pitch``, ``_yaw`` and ``beam_forward``, ``_right``: mounting of the boom and
+  of the slant range's beam.
+- ``static_port_error``, ``static_port_offset``, ``total_port_error``: of the pressures behind V,
+  qbar and pressure altitude.
+- ``probe_<angle>_offset``, ``_slope``, ``_square``, ``_cross``, ``_bend``: calibration of a
+  five-hole probe (`aerodb.five_hole`).
+- ``initial_<state>``: of a record.
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,13 +22,13 @@ from typing import Final
 from aerodb.consistency.kinematics import INPUTS, STATES
 from aerodb.errors import UnknownNameError, nearest
 
+#: Channels that every reconstruction can compare with.
 OUTPUTS: Final = (
-    "V", "alpha", "beta", "qbar", "phi", "theta", "psi", "velocity_north", "velocity_east", "velocity_down",
-    "north", "east", "altitude",
+    "V", "alpha", "beta", "qbar", "phi", "theta", "psi",
+    "velocity_north", "velocity_east", "velocity_down", "north", "east", "altitude",
 )  # fmt: skip
 
-#: Channels that need something declared or estimated (terrain, calibration, a standard atmosphere)
-#: before they say something.
+#: Channels that first need something declared or estimated: terrain, a calibration, the weather.
 FURTHER_OUTPUTS: Final = (
     "pressure_altitude",
     "height_above_ground",
@@ -34,7 +37,7 @@ FURTHER_OUTPUTS: Final = (
     "probe_dp_beta",
 )
 
-#: What the antenna's position and delay act on. An altitude that is barometric is called
+#: Channels of the antenna, affected by its position and delay. A barometric altitude is called
 #: ``pressure_altitude``.
 GPS_OUTPUTS: Final = (
     "velocity_north",
@@ -47,11 +50,11 @@ GPS_OUTPUTS: Final = (
 
 _CHANNELS: Final = (*INPUTS, *OUTPUTS, *FURTHER_OUTPUTS)
 
-#: Air data: what gusts move.
+#: Air data: the channels affected by gusts.
 AIR_DATA: Final = ("V", "alpha", "beta", "qbar", "probe_dp_alpha", "probe_dp_beta")
 
-#: Size of error that a serviceable sensor may have: below it an estimate says something, beyond it
-#: it says nothing.
+#: Natural size of a bias: the largest error of a serviceable sensor. A standard error below it is
+#: informative, one beyond it is not.
 _SIZE: Final[Mapping[str, float]] = {
     **dict.fromkeys(("ax", "ay", "az"), 0.5),
     **dict.fromkeys(("p", "q", "r"), 0.02),
@@ -67,7 +70,7 @@ _SIZE: Final[Mapping[str, float]] = {
 _SCALE, _DELAY, _WIND, _ARM, _MOUNT = 0.2, 0.2, 10.0, 1.0, 0.03
 _PROBE: Final = {"offset": 0.03, "slope": 0.2, "square": 0.5, "cross": 0.5, "bend": 0.2}
 
-#: Parameters with names of their own: kind and natural size.
+#: Further parameters: kind and natural size.
 _OWN: Final[Mapping[str, tuple[str, float]]] = {
     "gps_delay": ("delay", _DELAY),
     "wind_north": ("wind", _WIND),
@@ -90,15 +93,21 @@ _OWN: Final[Mapping[str, tuple[str, float]]] = {
     },
 }
 
-#: Kinds whose value belongs to one flight.
+#: Kinds with one value per flight.
 PER_FLIGHT: Final = ("wind", "terrain", "weather")
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """One unknown: `kind` of correction (bias, scale, delay, wind, terrain, weather, arm, mount,
-    port, probe, initial) of `subject`; `scope` is empty for what all records share, else the flight
-    (`PER_FLIGHT`) or record (initial states) that it belongs to; `size` is its natural size."""
+    """One unknown.
+
+    name : as in `known_names`.
+    kind : bias, scale, delay, wind, terrain, weather, arm, mount, port, probe or initial.
+    subject : the channel, state or axis that it corrects.
+    scope : the flight (`PER_FLIGHT`) or record (initial states) that it belongs to; empty if all
+        records share it.
+    size : natural size, SI.
+    """
 
     name: str
     kind: str
@@ -113,7 +122,7 @@ class Parameter:
 
 
 def parameter(name: str, scope: str = "") -> Parameter:
-    """The parameter of that name; UnknownNameError with the nearest name otherwise.
+    """The parameter of that name; raises UnknownNameError with the nearest name otherwise.
 
     >>> parameter("alpha_scale").kind
     'scale'
@@ -136,7 +145,7 @@ def parameter(name: str, scope: str = "") -> Parameter:
 
 
 def known_names() -> tuple[str, ...]:
-    """Every parameter name."""
+    """All parameter names."""
     sensors = [f"{channel}_{kind}" for channel in _CHANNELS for kind in ("bias", "scale")]
     delays = [f"{channel}_delay" for channel in _CHANNELS if channel not in INPUTS]
     return tuple(
@@ -155,8 +164,8 @@ def delays_of(channel: str) -> tuple[str, ...]:
 
 
 def channels_of(name: str) -> tuple[str, ...]:
-    """Measured channels that a parameter of a sensor acts on; none of those of a flight or a first
-    state.
+    """Measured channels that a sensor parameter affects; empty for parameters of a flight and
+    initial states.
 
     >>> channels_of("probe_beta_slope")
     ('probe_dp_beta',)
@@ -176,8 +185,11 @@ def channels_of(name: str) -> tuple[str, ...]:
 def unknowns(
     names: Sequence[str], flights: Sequence[str], records: Sequence[str]
 ) -> tuple[Parameter, ...]:
-    """The parameters of a joint reconstruction: winds and terrain once per flight, initial states
-    once per record, all others shared."""
+    """The parameters of a joint reconstruction: winds, terrain and weather once per flight, initial
+    states once per record, all others shared.
+
+    names : parameter names without scope. flights : one per record. records : names of the records.
+    """
     found: list[Parameter] = []
     for name in dict.fromkeys(names):
         kind = parameter(name).kind

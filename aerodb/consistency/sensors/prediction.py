@@ -1,7 +1,6 @@
-"""What each sensor would have shown along a reconstructed path, and how that depends on every
-unknown.
+"""Predict the sensor outputs along a path, with their derivatives by every unknown.
 
-A sensor shows ``(1 + scale) true(t - delay) + bias``; what it looks at is said in `models`.
+A sensor shows ``(1 + scale) true(t - delay) + bias``; `models` gives the true quantity.
 """
 
 from collections.abc import Mapping, Sequence
@@ -18,26 +17,37 @@ from aerodb.errors import InputError, UnknownNameError, nearest
 from aerodb.physics import Earth
 from aerodb.support import Array, Signal
 
-#: Delays are sought within this (s); samples that near to either end of a record are left out for a
-#: delayed channel.
+#: Largest delay that is sought, s; for a delayed channel, samples this close to either end of a
+#: record are not used.
 MAX_DELAY = 0.3
 
 
 @dataclass(frozen=True)
 class Record:
-    """One uninterrupted stretch of flight as the reconstruction sees it.
+    """One uninterrupted stretch of flight, n samples.
 
-    name : unique. flight : which flight it is a part of (winds are per flight). step : s. inputs :
-    (n, 6) measured specific force [m/s2] at the CG and rates [rad/s], finite, order of
-    `kinematics.INPUTS`. outputs : measured channels of `OUTPUTS` and `FURTHER_OUTPUTS` -> (n,), nan
-    where they must not be used. arm : (3,) air-data point from the CG, m, body axes. installation :
-    of the other sensors. given : states -> (n,) taken from measurement instead of integrated.
-    density, pressure : (n,) kg/m3, Pa (`models.SensorModels`) for qbar, raw pressures and errors of the
-    ports. pivot : value of a channel about which its scale acts, zero unless given (a heading's
-    scale needs one). held : inputs are taken to hold until the next sample instead of being linear
-    between samples. first : number of its first sample in the flight. earth : rotating oblate earth
-    for long records; `gravity` is then for what is not integrated. input_noise : (6,) one sigma of
-    the inputs' white noise; None: that of their second differences.
+    name : unique.
+    step : sampling interval [s].
+    inputs : (n, 6), measured specific force at the CG [m/s2] and rates [rad/s], finite, order of
+        `kinematics.INPUTS`.
+    outputs : channel of `OUTPUTS` or `FURTHER_OUTPUTS` -> (n,), measured, SI, nan where it must not
+        be used.
+    flight : the flight that it belongs to (winds are per flight).
+    arm : (3,), air-data point relative to the CG, body axes [m].
+    given : state -> (n,), taken from measurement instead of integrated.
+    density : (n,), [kg/m3], for qbar, raw pressures and port errors.
+    pivot : channel -> value about which its scale acts; zero if absent (the scale of a heading
+        needs one).
+    gravity : [m/s2]; over a rotating earth only for what is not integrated.
+    held : inputs are held until the next sample instead of being linear between samples.
+    first : index of its first sample in the flight.
+    installation : of the other sensors.
+    pressure : (n,), static pressure behind the density [Pa] (`models.SensorModels`).
+    earth : rotating oblate earth, for long records; None: flat.
+    input_noise : (6,), one sigma of the inputs' white noise; None: from their second differences.
+
+    Raises InputError when shapes disagree, inputs are not finite, or density or calibration is
+    missing, and UnknownNameError for an unknown channel or state.
     """
 
     name: str
@@ -96,9 +106,15 @@ class Record:
 
 @dataclass(frozen=True)
 class Response:
-    """Along one record: `states` (9, n); `air` (3, n) air-relative velocity at the CG, body axes;
-    `outputs` and their derivatives `slopes` (n, k) by the unknowns, both by channel; `state_slopes`
-    (9, n, k); `air_slopes` (3, n, k)."""
+    """Path and predicted outputs of one record, n samples, k unknowns.
+
+    states : (9, n), order of `kinematics.STATES`.
+    air : (3, n), velocity of the CG through the air, body axes [m/s].
+    outputs : channel -> (n,), SI.
+    slopes : channel -> (n, k), derivatives of the outputs by the unknowns.
+    state_slopes : (9, n, k), derivatives of the states.
+    air_slopes : (3, n, k), derivatives of `air`.
+    """
 
     states: Array
     air: Array
@@ -109,7 +125,8 @@ class Response:
 
 
 def corrected_inputs(record: Record, values: Mapping[str, float]) -> Array:
-    """(n, 6) ``(measured - bias) / (1 + scale)`` of the specific force and rates."""
+    """Corrected specific force [m/s2] and rates [rad/s], (n, 6): ``(measured - bias) / (1 +
+    scale)``."""
     bias = np.array([values.get(f"{name}_bias", 0.0) for name in INPUTS])
     return np.asarray((record.inputs - bias) * _gain(values))
 
@@ -121,11 +138,17 @@ def predict_outputs(
     unknowns: Sequence[Parameter],
     slopes: bool = True,
 ) -> Response:
-    """Path and sensor outputs of a record.
+    """Integrate the path of a record and predict its sensor outputs.
 
-    values : parameter name -> value, of this record's scope. initial : (9,) first state. unknowns :
-    k parameters of this record by which to differentiate. Raises InputError where an error of the
-    pressure ports is sought without density.
+    Parameters
+    ----------
+    record : n samples.
+    values : parameter name -> value, SI, for this record.
+    initial : (9,), initial state.
+    unknowns : k parameters of this record by which to differentiate.
+    slopes : whether to compute derivatives.
+
+    Raises InputError when port errors are given without density, or the path leaves all bounds.
     """
     wanted = tuple(unknowns) if slopes else ()
     inputs = corrected_inputs(record, values)
@@ -182,9 +205,16 @@ def _rate(name: str, inputs: Array, wanted: Sequence[Parameter]) -> Signal:
 
 @dataclass(frozen=True)
 class _Path:
-    """States (9, n) and their `sensitivity` (9, n, m) to those unknowns, at `columns` of `wanted`,
-    that move the path; `rates` holds for each of these names the columns that correct it, and their
-    effect (n,) or number; `number` the column of a name."""
+    """A path and its derivatives.
+
+    states : (9, n).
+    sensitivity : (9, n, m), by the m unknowns that move the path.
+    columns : their m indices in `wanted`.
+    wanted : the k unknowns.
+    rates : p, q, r -> index in `wanted` and effect, (n,) or a number, of each unknown that corrects
+        that rate.
+    number : unknown's name -> index in `wanted`.
+    """
 
     states: Array
     sensitivity: Array
@@ -194,7 +224,7 @@ class _Path:
     number: Mapping[str, int]
 
     def along(self, signal: Signal) -> Array:
-        """(n, k) derivatives of a signal by the unknowns, through states and rates and its own."""
+        """(n, k) derivatives of a signal by the unknowns: through states, through rates, direct."""
         n = self.states.shape[1]
         slope = np.zeros((n, len(self.wanted)))
         through = [name for name in signal.by if name in STATES]
@@ -217,8 +247,8 @@ class _Path:
 def _chain(
     parts: Array, rows: NDArray[np.int64], along: Array, columns: NDArray[np.int64], slope: Array
 ) -> None:
-    """Adds to slope (n, k), at `columns` (m,), the sum over j of parts (j, n) times along[rows[j]]
-    (n, m)."""
+    """Add the sum over j of parts[j] (n,) times along[rows[j]] (n, m) to the `columns` (m,) of
+    slope (n, k)."""
     for i in range(parts.shape[1]):
         for j in range(rows.shape[0]):
             part = parts[j, i]
@@ -237,8 +267,7 @@ def _path(
     wanted: Sequence[Parameter],
     inputs: Array,
 ) -> _Path:
-    """The motion, its sensitivities, and which unknowns these columns are: only those that move the
-    path are integrated."""
+    """Integrate the path, with sensitivities to those unknowns that move it."""
     columns, kinds, first = [], [], []
     rates: dict[str, list[tuple[int, Array | float]]] = {name: [] for name in INPUTS[3:]}
     gain = _gain(values)
@@ -284,7 +313,10 @@ def _path(
 
 
 def earth_to_body(states: Array) -> Array:
-    """(3, 3, n) rotation from earth (NED) to body axes along states (9, n)."""
+    """(3, 3, n) rotation matrices from earth (north, east, down) to body axes.
+
+    states : (9, n), order of `kinematics.STATES`.
+    """
     f, t, p = states[3:6]
     cf, sf, ct, st, cp, sp = np.cos(f), np.sin(f), np.cos(t), np.sin(t), np.cos(p), np.sin(p)
     return np.array(
@@ -302,7 +334,8 @@ def _shown(
     wanted: Sequence[Parameter],
     record: Record,
 ) -> tuple[Array, Array]:
-    """What the sensor shows of the truth (n,), and its derivatives (n, k)."""
+    """Output of a sensor for the true quantity (n,), and its derivatives (n, k): adds delay, scale
+    and bias."""
     gain = 1.0 + values.get(f"{name}_scale", 0.0)
     own = {f"{name}_{part}": part for part in ("bias", "scale")}
     by = {own[item.name]: number for number, item in enumerate(wanted) if item.name in own}
@@ -324,10 +357,9 @@ def _shown(
 
 
 def delayed(values: Array, samples: float, derivative: bool = False) -> Array:
-    """`values` (n, ...) as seen `samples` sampling intervals later, by cubic interpolation; end
-    values are repeated.
+    """Delay `values` (n, ...) by `samples` sampling intervals, by cubic interpolation.
 
-    derivative : by `samples` instead.
+    End values are repeated. derivative : return the derivative by `samples` instead.
 
     >>> delayed(np.arange(6.0) ** 2, 0.5)[2:4].tolist()
     [2.25, 6.25]

@@ -1,8 +1,8 @@
-"""What the residuals are made of: white sensor noise, slow disagreement, or air that moved.
+"""Tell white sensor noise from gusts in the residuals.
 
-Output error assumes that nothing but the sensors is random. In turbulence the residuals of the air
-data hold the gusts, of the order of .1-2 Hz, while attitude still agrees: the test that output
-error of the aerodynamics would be biased there.
+Output error assumes that only the sensors are random. In turbulence the residuals of the air data
+contain the gusts, at about 0.1 to 2 Hz, while attitude still agrees. Where this is so,
+output-error estimates of the aerodynamics would be biased.
 """
 
 from collections.abc import Mapping
@@ -16,14 +16,14 @@ from aerodb.support import Array
 #: Band in which gusts act on the rigid-body motion, Hz.
 GUST_BAND = (0.1, 2.0)
 
-#: Gusts below this rms speed (m/s) are calm air for identification.
+#: Gust speed (rms, m/s) up to which the air counts as calm for identification.
 CALM_GUST_SPEED = 0.2
 
 
 @dataclass(frozen=True)
 class ResidualNoise:
-    """A residual's rms, its white part (one sigma, from second differences) and the part within
-    `GUST_BAND` (rms), all in the channel's unit."""
+    """A residual's rms, its white part (one sigma, from second differences) and its part in
+    `GUST_BAND` (rms), in the channel's unit."""
 
     rms: float
     white: float
@@ -31,10 +31,17 @@ class ResidualNoise:
 
 
 def residual_noise(residual: Array, step: float) -> ResidualNoise:
-    """Colour of a residual (n,), nan where not used, sampled every `step` s.
+    """Rms, white part and gust part of a residual.
 
-    White noise of sigma s has second differences of variance 6 s^2 (Morelli 1995 gives the idea;
-    von Neumann 1941 the statistic). Raises ValueError without a finite sample.
+    White noise of standard deviation s has second differences of variance 6 s^2 (idea: Morelli
+    1995; statistic: von Neumann 1941).
+
+    Parameters
+    ----------
+    residual : (n,), nan where not used.
+    step : sampling interval [s].
+
+    Raises ValueError without a finite sample.
 
     >>> round(colour(np.random.default_rng(0).standard_normal(4000), 0.02).white, 1)
     1.0
@@ -55,8 +62,8 @@ def residual_noise(residual: Array, step: float) -> ResidualNoise:
 
 @dataclass(frozen=True)
 class ProcessNoise:
-    """Gust speeds (rms, m/s) along body x, z, y by channel (V, alpha, beta), and whether they
-    `matter`; `because` says why."""
+    """Gust speeds (rms, m/s) by channel: V, alpha, beta for body x, z, y; whether they `matter`,
+    and why."""
 
     gusts: Mapping[str, float]
     matters: bool
@@ -64,12 +71,16 @@ class ProcessNoise:
 
 
 def process_noise(residuals: Mapping[str, Array], speed: float, step: float) -> ProcessNoise:
-    """Whether the air moved: gust-band residuals of V, alpha and beta against calm air and against
-    the attitude's.
+    """Whether the air moved, from the residuals of V, alpha and beta in the gust band.
 
-    residuals : channel -> (n,), SI. speed : mean true airspeed, m/s. Gusts matter when two of the
-    air-data channels exceed `CALM_GUST_SPEED` and exceed what an attitude error of the observed size would
-    cause.
+    Gusts matter when at least two of these channels exceed `CALM_GUST_SPEED` and twice the effect
+    of an attitude error of the observed size.
+
+    Parameters
+    ----------
+    residuals : channel -> (n,), SI, nan where not used.
+    speed : mean true airspeed [m/s].
+    step : sampling interval [s].
     """
     present = {
         name: residual_noise(values, step)
