@@ -117,8 +117,9 @@ def correct_port_errors(
         density is correct.
     values : port parameters (`PORTS`) -> value, SI; absent ones are zero.
 
-    >>> shown = behind_ports(np.array([60.0]), np.array([1.0]), None, {"static_port_error": 0.19})
-    >>> round(float(shown.V[0]), 3)
+    >>> port = {"static_port_error": 0.19}
+    >>> air = correct_port_errors(np.array([60.0]), np.array([1.0]), None, port)
+    >>> round(float(air.V[0]), 3)
     66.667
     """
     error, offset = values.get("static_port_error", 0.0), values.get("static_port_offset", 0.0)

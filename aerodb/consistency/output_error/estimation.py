@@ -275,12 +275,12 @@ def _joined(
 
 
 def _uncorrected_residuals(record: Record) -> dict[str, Array]:
-    """Residuals by channel without sensor corrections or wind, integrated from the first samples."""
+    """Residuals by channel without sensor corrections or wind, starting at the first samples."""
     return residuals(record, predict_outputs(record, {}, first_states(record), (), slopes=False))
 
 
 def independent_noise(paths: Sequence[ReconstructedPath]) -> dict[str, float]:
-    """White noise (one sigma, SI) with the information content of the air data's coloured residuals.
+    """White noise (one sigma, SI) with the information content of the coloured air-data residuals.
 
     n samples of a coloured residual count as n / (1 + 2 sum of its autocorrelation) independent
     ones (Bartlett 1946; here up to the first zero crossing).

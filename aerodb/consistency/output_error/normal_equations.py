@@ -33,8 +33,9 @@ VERTICAL = float(np.deg2rad(80.0))
 class NormalEquations:
     """Sums over all records by channel, for k unknowns, unweighted.
 
-    count : samples used. squares : sum of squared residuals. information : (k, k), cross-products of
-    the derivatives. gradient : (k,), derivatives times residuals.
+    count : samples used. squares : sum of squared residuals.
+    information : (k, k), cross-products of the derivatives.
+    gradient : (k,), derivatives times residuals.
     """
 
     count: Mapping[str, int]

@@ -43,7 +43,7 @@ def residual_noise(residual: Array, step: float) -> ResidualNoise:
 
     Raises ValueError without a finite sample.
 
-    >>> round(colour(np.random.default_rng(0).standard_normal(4000), 0.02).white, 1)
+    >>> round(residual_noise(np.random.default_rng(0).standard_normal(4000), 0.02).white, 1)
     1.0
     """
     good = np.isfinite(residual)
@@ -102,8 +102,8 @@ def process_noise(residuals: Mapping[str, Array], speed: float, step: float) -> 
     if len(felt) >= 2:
         because = (
             f"the air moved: residuals of {' and '.join(felt)} hold gusts (m/s rms at"
-            f" {GUST_BAND[0]:g}-{GUST_BAND[1]:g} Hz: {figures}) that the attitude does not share; output"
-            " error of the aerodynamics would be biased here"
+            f" {GUST_BAND[0]:g}-{GUST_BAND[1]:g} Hz: {figures}) that the attitude does not share;"
+            " output error of the aerodynamics would be biased here"
         )
         return ProcessNoise(gusts, True, because)
     return ProcessNoise(

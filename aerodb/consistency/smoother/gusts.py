@@ -1,11 +1,12 @@
-"""How strong and how quick the gusts are, and how noisy each sensor: maximum likelihood of a
-smoother's innovations.
+"""Estimate the intensities of gusts, sensor drifts and noise by maximum likelihood.
 
-Gusts are first-order Gauss-Markov processes in earth axes, one intensity and correlation time for
-the two horizontal components and one for the vertical (so that one vane speaks for what another
-would have seen). Drifts of the inertial sensors are such processes too. What the data do not show
-is left to weak log-normal expectations, a factor e or so wide: light turbulence after MIL-F-8785C
-(1980), 3.7, scale lengths of 200 m, and intensities and scales not far from isotropic.
+The likelihood is that of the smoother's innovations.
+
+Gusts are first-order Gauss-Markov processes in earth axes, with one intensity and correlation time
+for the two horizontal components and one for the vertical, so that one vane informs about gusts
+that a missing one would have measured. Drifts of the inertial sensors are such processes too. What
+the data do not determine is left to weak log-normal priors, about a factor e wide: light turbulence
+after MIL-F-8785C (1980), 3.7, scale lengths of 200 m, and near-isotropic intensities and scales.
 """
 
 from collections.abc import Mapping, Sequence
@@ -25,39 +26,38 @@ from aerodb.consistency.smoother.path_error import (
 )
 from aerodb.support import Array
 
-#: Expected intensity (m/s) and scale length (m) of gusts; drift of accelerometers (m/s2) and gyros
-#: (rad/s) in run, and its correlation time (s).
+#: Prior medians: intensity (m/s) and scale length (m) of gusts, in-run drift of accelerometers
+#: (m/s2) and gyros (rad/s); correlation time of the drift (s).
 _LIGHT, _LENGTH, _DRIFT, DRIFT_TIME = 0.77, 200.0, (3e-3, 3e-5), 60.0
 
-#: How wide the expectations are (natural logarithm): of horizontal intensity, vertical to
-#: horizontal, horizontal time, vertical to horizontal, drifts; and how far from the start
-#: intensities, times, drifts and noise are sought.
+#: Prior standard deviations (natural logarithm) of horizontal intensity, ratio of vertical to
+#: horizontal, horizontal time, ratio of vertical to horizontal, drifts; and the search range around
+#: the start for intensities, times, drifts and noise.
 _WIDTHS = np.array([1.5, 0.4, 1.0, 0.7, 1.0, 1.0])
 _SPAN = np.array([6.0, 6.0, 3.0, 3.0, 3.0, 3.0, 6.0])
 
-#: A channel is coloured when its slow noise exceeds its white noise by this factor, more than
-#: chance makes it; residuals more alike from one grid point to the next than `_SLOWEST` say nothing
-#: more about how slow they are.
+#: A channel is coloured if its low-frequency noise exceeds its white noise by this factor, more
+#: than chance explains. Then: upper limit of a residual's autocorrelation between grid points.
 _COLOURED, _SLOWEST = 1.5, 0.98
 
-#: First states are unknown: one sigma of attitude (rad), velocity (m/s) and position (m), beyond
-#: any path's error.
+#: Prior of the initial error states, one sigma of attitude (rad), velocity (m/s) and position (m):
+#: larger than any path's error.
 _UNKNOWN = (0.5, 20.0, 300.0)
 
-#: Records to estimate the intensities from, spread over a flight: more add little.
+#: Number of records, spread over a flight, used to estimate the intensities: more add little.
 MOST_RECORDS = 4
 
-#: Less noise than this (SI) is none.
+#: Smallest noise, SI.
 _FAINT = 1e-9
 
-#: Passes of the maximisation, and the gain of the likelihood that ends it.
+#: Largest number of iterations, and the gain of log-likelihood that ends the search.
 _PASSES, _ENOUGH = 60, 0.01
 
 
 @dataclass(frozen=True)
 class Gusts:
-    """One sigma of each horizontal component and of the vertical one (m/s), and their correlation
-    times (s)."""
+    """Gust intensities, one sigma of each horizontal component and of the vertical one [m/s], and
+    their correlation times [s]."""
 
     horizontal: float
     vertical: float
@@ -67,9 +67,12 @@ class Gusts:
 
 @dataclass(frozen=True)
 class Intensities:
-    """What drives the errors of a flight's paths: `gusts`; one sigma of the drift of accelerometers
-    (m/s2) and gyros (rad/s); `noise` one sigma of each channel's block means (SI), of those that
-    count."""
+    """Intensities of the random processes along a flight.
+
+    gusts : intensities and correlation times.
+    force_drift, gyro_drift : one sigma of the drift of accelerometers [m/s2] and gyros [rad/s].
+    noise : channel -> one sigma of its block means, SI, for the channels that are used.
+    """
 
     gusts: Gusts
     force_drift: float
@@ -77,12 +80,12 @@ class Intensities:
     noise: Mapping[str, float]
 
     def of(self, channels: Sequence[str]) -> Array:
-        """(c,) noise of these channels, infinite for those that do not count."""
+        """(c,) noise of these channels, infinite for those that are not used."""
         return np.array([self.noise.get(name, np.inf) for name in channels])
 
 
 def transition(system: PathError, by: Intensities) -> Transition:
-    """The moving system of a record under these intensities."""
+    """The state equation of a record with these intensities."""
     m = system.observation.shape[2]
     diagonal, noise, first = np.ones(m), np.zeros(m), np.zeros(m)
     for part, sigma in zip((ATTITUDE, VELOCITY, POSITION), _UNKNOWN, strict=True):
@@ -98,7 +101,7 @@ def transition(system: PathError, by: Intensities) -> Transition:
 
 
 def measurement_variances(system: PathError, by: Intensities) -> Array:
-    """(g, c) variance of the noise of each block mean, zero where nothing was measured."""
+    """(g, c) noise variances of the block means, zero where nothing was measured."""
     used = system.count > 0
     return np.where(used, by.of(system.channels) ** 2 / np.where(used, system.count, 1.0), 0.0)
 
@@ -115,11 +118,16 @@ def _markov(by: Intensities) -> tuple[Array, Array]:
 def estimate_intensities(
     systems: Sequence[PathError], floor: Mapping[str, float] | None = None
 ) -> Intensities:
-    """Intensities of one flight from some of its records; the likelihood's slope is exact.
+    """Estimate the intensities of one flight from some of its records, with an exact gradient.
 
-    Channels whose residuals stay coloured show something that is no process here (a scale error, a
-    lag): they get the noise of `slow_noise`, and the rest is estimated again, so that nothing else
-    has to explain them. floor : channel -> least noise of a sample that it is believed to have.
+    Channels whose residuals remain coloured contain an effect that the model lacks (a scale error,
+    a lag). They get the noise of `slow_noise`, and the rest is estimated again, so that no other
+    process has to explain them.
+
+    Parameters
+    ----------
+    systems : linear systems of the records.
+    floor : channel -> smallest credible noise (one sigma) of a sample, SI.
     """
     names = tuple(dict.fromkeys(name for system in systems for name in _counting(system)))
     speed = float(
@@ -148,8 +156,8 @@ def estimate_intensities(
 
 
 def with_missing_noise(by: Intensities, system: PathError) -> Intensities:
-    """With the noise of the channels that count in this record and in none that the intensities
-    were estimated from."""
+    """The intensities with the noise of channels that are used in this record but in none of those
+    that the intensities were estimated from."""
     more = {name: _white([system], name)[0] for name in _counting(system) if name not in by.noise}
     return replace(
         by,
@@ -160,7 +168,7 @@ def with_missing_noise(by: Intensities, system: PathError) -> Intensities:
 
 
 def _counting(system: PathError) -> tuple[str, ...]:
-    """Channels with a measurement."""
+    """Channels with at least one measurement."""
     return tuple(
         name
         for name, used in zip(system.channels, np.any(system.count > 0, axis=0), strict=True)
@@ -169,11 +177,10 @@ def _counting(system: PathError) -> tuple[str, ...]:
 
 
 def slow_noise(system: PathError, left: Array, name: str) -> float:
-    """One sigma of the white noise that has a channel's own power at low frequency: ``s^2 (1 +
-    r)/(1 - r)`` for a first-order colour r from one measurement to the next.
+    """One sigma of white noise with the same low-frequency power as a channel's residual.
 
-    left : (g, c) residual after smoothing. In terms of whole blocks; zero when fewer than eight
-    were measured.
+    The variance is ``s^2 (1 + r)/(1 - r)`` for a lag-one autocorrelation r. It refers to whole
+    blocks and is zero if fewer than eight were measured. left : (g, c) residual after smoothing.
     """
     column = system.channels.index(name)
     count = system.count[:, column]
@@ -207,14 +214,14 @@ def _slowest(systems: Sequence[PathError], by: Intensities, names: Sequence[str]
 def residual_after_smoothing(
     system: PathError, measured: Array, observation: Array, error: Array
 ) -> Array:
-    """(g, c) residual after smoothing, without meaning where nothing was measured."""
+    """(g, c) residual after smoothing, meaningless where nothing was measured."""
     return measured - np.asarray(np.einsum("gcm,gm->gc", observation, error))
 
 
 def _most_likely(
     systems: Sequence[PathError], names: Sequence[str], start: Array, low: Array, high: Array
 ) -> Array:
-    """Logarithms of the intensities that make the innovations most likely, within bounds."""
+    """Logarithms of the intensities that maximise the posterior, within bounds."""
     expected = np.r_[np.log([_LIGHT]), 0.0, start[2], 0.0, np.log(_DRIFT)]
 
     def cost(vector: Array) -> tuple[float, Array]:
@@ -244,11 +251,11 @@ def _most_likely(
     )
     return np.asarray(
         np.clip(np.round(found.x, 3), low, high)
-    )  # finer than the data know, coarser than rounding
+    )  # finer than the data determine, coarser than rounding errors
 
 
 def adapted_gusts(by: Intensities, result: SmootherPass) -> Intensities:
-    """The gust intensities of one record: one step of expectation and maximisation from those of
+    """The intensities with the gusts of one record: one expectation-maximisation step from those of
     its flight (Shumway & Stoffer, J. Time Series Anal. 3(4), 1982)."""
     square = np.mean(
         result.states[:, GUST, 0] ** 2
@@ -260,8 +267,8 @@ def adapted_gusts(by: Intensities, result: SmootherPass) -> Intensities:
 
 
 def variance_within_step(gusts: Gusts, step: float) -> Array:
-    """(3,) variance of the gusts within a block of length `step` about its mean: ``s^2 step / (3
-    tau)``, a random walk's."""
+    """(3,) variance [m2/s2] of the gusts about their mean within a block of length `step` [s]:
+    ``s^2 step / (3 tau)``, that of a random walk."""
     horizontal, vertical = (
         gusts.horizontal**2 / gusts.horizontal_time,
         gusts.vertical**2 / gusts.vertical_time,
@@ -270,11 +277,11 @@ def variance_within_step(gusts: Gusts, step: float) -> Array:
 
 
 def _white(systems: Sequence[PathError], name: str) -> tuple[float, float]:
-    """White part of a channel's block means (one sigma), from second differences of the means, and
+    """White part of a channel's block means (one sigma), from second differences of the means and
     from those of single samples.
 
-    The first holds a part of the gusts as well. Where it is the smaller, single samples shake in a
-    way that means do not.
+    The first contains part of the gusts as well. If it is the smaller one, single samples contain
+    an oscillation that averages out; the second is then limited to the first.
     """
     coarse, fine = [], []
     for system in systems:
@@ -302,7 +309,7 @@ def _intensities(vector: Array, names: Sequence[str]) -> Intensities:
 
 
 def _expectation(vector: Array, expected: Array) -> tuple[float, Array]:
-    """Negative logarithm of what is expected beforehand, and its slope."""
+    """Negative log prior density, and its gradient."""
     rows = np.zeros((6, len(vector)))
     rows[0, 0], rows[1, :2], rows[2, 2], rows[3, 2:4] = 1.0, (-1.0, 1.0), 1.0, (-1.0, 1.0)
     rows[4, 4], rows[5, 5] = 1.0, 1.0
@@ -311,7 +318,7 @@ def _expectation(vector: Array, expected: Array) -> tuple[float, Array]:
 
 
 def _slope(system: PathError, by: Intensities, score: Score, names: Sequence[str]) -> Array:
-    """Derivative of a record's log-likelihood by the logarithms of all intensities."""
+    """Gradient of a record's log-likelihood by the logarithms of all intensities."""
     part = slice(GUST.start, FORCE.stop)
     sizes, times = _markov(by)
     phi = np.exp(-system.step / times)

@@ -1,10 +1,10 @@
-"""Compiled Kalman filter and fixed-interval smoother for sparse linear models, several right-hand
-sides at once.
+"""Compiled Kalman filter and fixed-interval smoother for sparse linear models with several
+right-hand sides.
 
-The smoother is Bryson & Frazier's in its modified form (Bierman, *Automatica* 9(6), 1973):
-measurements one by one, no inverse, so singular noise and wide first covariances do no harm. The
-adjoint variables that it carries give the exact derivative of the likelihood by every noise
-variance (Koopman & Shephard, *Biometrika* 79(4), 1992).
+The modified Bryson-Frazier smoother (Bierman, *Automatica* 9(6), 1973) processes measurements one
+by one and needs no inverse, so it tolerates singular noise and large initial covariances. Its
+adjoint variables give the exact derivative of the likelihood by every noise variance (Koopman &
+Shephard, *Biometrika* 79(4), 1992).
 """
 
 from dataclasses import dataclass
@@ -18,9 +18,15 @@ from aerodb.support import Array
 
 @dataclass(frozen=True)
 class Transition:
-    """``x(i+1) = F x(i) + w``: F has the diagonal `diagonal` (m,) and, beside it, `values` (n-1, e)
-    at `rows`, `columns` (e,); w has the covariance `block` (n-1, b, b) of the first b states plus
-    `diagonal_noise` (m,); `first` (m,) variances of x(0)."""
+    """State equation ``x(i+1) = F x(i) + w`` with m states and n steps.
+
+    rows, columns : (e,), positions of the off-diagonal elements of F.
+    values : (n-1, e), these elements.
+    diagonal : (m,), diagonal of F.
+    block : (n-1, b, b), covariance of w for the first b states.
+    diagonal_noise : (m,), variances added to the covariance of w.
+    first : (m,), variances of x(0).
+    """
 
     rows: NDArray[np.int64]
     columns: NDArray[np.int64]
@@ -33,10 +39,13 @@ class Transition:
 
 @dataclass(frozen=True)
 class Score:
-    """Sums of the adjoints, from which derivatives of the log-likelihood follow: by a state's noise
-    variance over all steps (`noise`, (m,), twice the derivative) and at the start (`first`, alike),
-    by its diagonal of F where it moves no other state (`diagonal`, (m,)), and by the logarithm of a
-    common factor on each channel's variances (`measurement`, (c,))."""
+    """Sums of the adjoint variables, which give derivatives of the log-likelihood.
+
+    noise : (m,), twice the derivative by a state's noise variance, over all steps.
+    first : (m,), twice the derivative by a state's initial variance.
+    diagonal : (m,), derivative by a state's diagonal element of F, if it moves no other state.
+    measurement : (c,), derivative by the logarithm of a common factor on a channel's variances.
+    """
 
     noise: Array
     first: Array
@@ -46,9 +55,13 @@ class Score:
 
 @dataclass(frozen=True)
 class SmootherPass:
-    """A smoother's pass: `states` (n, m, k), `covariance` (n, m, m), `innovations` (n, c) of the
-    first right-hand side in units of their own sigma (nan: no measurement), its `log_likelihood`,
-    and the `score`."""
+    """Result of one pass of the smoother.
+
+    states : (n, m, k), smoothed. covariance : (n, m, m), of the smoothed states.
+    innovations : (n, c), of the first right-hand side, in units of their standard deviation (nan:
+        no measurement).
+    log_likelihood : of the first right-hand side. score : its derivatives.
+    """
 
     states: Array
     covariance: Array
@@ -64,25 +77,35 @@ def smooth(
     observation: Array,
     covariances: bool = True,
 ) -> SmootherPass:
-    """Smooths k right-hand sides that share gains.
+    """Smooth k right-hand sides that share their gains.
 
-    measured : (n, c, k) measurements. variance : (n, c) of their noise, zero or less where there is
-    no measurement. seen : (n, c, m) the rows that see the states. covariances : false leaves
-    `covariance` empty, for speed.
+    Parameters
+    ----------
+    model : state equation, m states.
+    measured : (n, c, k), measurements.
+    variance : (n, c), variance of their noise; zero or less where there is no measurement.
+    observation : (n, c, m), observation matrix.
+    covariances : whether to compute `covariance`; without, it is empty and the pass is faster.
+
+    References
+    ----------
+    Bierman, Automatica 9(6), 1973; Koopman & Shephard, Biometrika 79(4), 1992.
     """
     n, c, k = measured.shape
     m = len(model.first)
     filtered, spread, gain = np.empty((n, m, k)), np.zeros((n, c)), np.zeros((n, c, m))
     known, error = np.empty((n, m, m)), np.zeros((n, c, k))
     total = _forward(
-        model.rows, model.columns, model.values, model.diagonal, model.block, model.diagonal_noise, model.first,
+        model.rows, model.columns, model.values, model.diagonal,
+        model.block, model.diagonal_noise, model.first,
         measured, variance, observation, filtered, known, gain, spread, error,
     )  # fmt: skip
     states, after = np.empty((n, m, k)), np.empty((n if covariances else 0, m, m))
     sums, by_channel = np.zeros((3, m)), np.zeros(c)
     _backward(
         model.rows, model.columns, model.values, model.diagonal,
-        variance, observation, filtered, known, gain, spread, error, states, after, sums, by_channel,
+        variance, observation, filtered, known, gain, spread, error,
+        states, after, sums, by_channel,
     )  # fmt: skip
     with np.errstate(divide="ignore", invalid="ignore"):
         innovations = np.where(spread > 0, error[:, :, 0] / np.sqrt(spread), np.nan)
@@ -93,10 +116,10 @@ def smooth(
 
 @njit(cache=True)
 def _predict_covariance(
-    rows: NDArray[np.int64], columns: NDArray[np.int64], values: Array, diagonal: Array, block: Array, noise: Array,
-    p: Array, half: Array,
+    rows: NDArray[np.int64], columns: NDArray[np.int64], values: Array, diagonal: Array,
+    block: Array, noise: Array, p: Array, half: Array,
 ) -> None:  # fmt: skip
-    """p becomes F p F' + Q; half (m, m) is working space."""
+    """Replace p by F p F' + Q; half (m, m) is working space."""
     m = p.shape[0]
     for a in range(m):
         for b in range(m):
@@ -117,10 +140,11 @@ def _predict_covariance(
 
 @njit(cache=True)
 def _forward(
-    rows: NDArray[np.int64], columns: NDArray[np.int64], values: Array, diagonal: Array, block: Array, noise: Array, first: Array,
-    measured: Array, variance: Array, observation: Array, filtered: Array, known: Array, gain: Array, spread: Array, error: Array,
+    rows: NDArray[np.int64], columns: NDArray[np.int64], values: Array, diagonal: Array,
+    block: Array, noise: Array, first: Array, measured: Array, variance: Array, observation: Array,
+    filtered: Array, known: Array, gain: Array, spread: Array, error: Array,
 ) -> float:  # fmt: skip
-    """Filter; fills filtered states and covariances, gains, innovations and their variances;
+    """Kalman filter: fills filtered states and covariances, gains, innovations and their variances;
     returns the log-likelihood."""
     n, c, k = measured.shape
     m = first.shape[0]
@@ -177,10 +201,10 @@ def _forward(
 
 @njit(cache=True)
 def _adjoint_step(
-    rows: NDArray[np.int64], columns: NDArray[np.int64], values: Array, diagonal: Array, pull: Array, load: Array, half: Array,
-    moved: Array,
+    rows: NDArray[np.int64], columns: NDArray[np.int64], values: Array, diagonal: Array,
+    pull: Array, load: Array, half: Array, moved: Array,
 ) -> None:  # fmt: skip
-    """pull (m, k) becomes F' pull, load (m, m) becomes F' load F; half and moved are working
+    """Replace pull (m, k) by F' pull and load (m, m) by F' load F; half and moved are working
     space."""
     m, k = pull.shape
     for a in range(m):
@@ -212,8 +236,8 @@ def _adjoint_measurements(
     load: Array,
     by_channel: Array,
 ) -> None:
-    """The measurements of one step in reverse: seen, gain (c, m), error (c, k); adds to
-    `by_channel`."""
+    """Process the measurements of one step in reverse: observation and gain (c, m), error (c, k);
+    adds to `by_channel`."""
     m, k = pull.shape
     tied = np.empty(m)
     for j in range(observation.shape[0] - 1, -1, -1):
@@ -245,11 +269,11 @@ def _adjoint_measurements(
 
 @njit(cache=True)
 def _backward(
-    rows: NDArray[np.int64], columns: NDArray[np.int64], values: Array, diagonal: Array, variance: Array, observation: Array,
-    filtered: Array, known: Array, gain: Array, spread: Array, error: Array, states: Array, after: Array, sums: Array,
-    by_channel: Array,
+    rows: NDArray[np.int64], columns: NDArray[np.int64], values: Array, diagonal: Array,
+    variance: Array, observation: Array, filtered: Array, known: Array, gain: Array, spread: Array,
+    error: Array, states: Array, after: Array, sums: Array, by_channel: Array,
 ) -> None:  # fmt: skip
-    """Smoother; fills states, covariances and the sums of the score."""
+    """Backward pass of the smoother: fills states, covariances and the sums of the score."""
     n, m, k = filtered.shape
     pull, load, half, moved = np.zeros((m, k)), np.zeros((m, m)), np.empty((m, m)), np.empty((m, k))
     for i in range(n - 1, -1, -1):
@@ -277,7 +301,7 @@ def _backward(
 
 @njit(cache=True)
 def _posterior(p: Array, load: Array, half: Array, out: Array) -> None:
-    """out = p - p load p."""
+    """Write p - p load p to out."""
     m = p.shape[0]
     for a in range(m):
         for b in range(m):

@@ -1,15 +1,15 @@
-"""The error of a reconstructed path and the gusts as a linear system on a coarse grid, which the
-smoother solves.
+"""Linear system on a coarse grid for the error of a reconstructed path and the gusts.
 
-The reconstruction integrates the inertial sensors at their full rate; what is left, its slow error
-and the gusts, is small and slow. Error states, in this order: attitude `e` [rad] and velocity `s`
-[m/s] with ``R = Exp(e) R_path``, ``v = Exp(e) v_path + s`` (R from body to earth, v over the
-earth), gusts [m/s], gyro drift [rad/s], accelerometer drift [m/s2], and, where a channel shows it,
-position [m]; vectors north, east, down, the drifts in body axes. With the invariant error of Barrau
-& Bonnabel (IEEE Trans. Autom. Control 62(4), 2017) ``e' = -R b``, ``s' = g x e - v x (R b) - R c``
-for drifts b, c: the path enters only with the noise, so large attitude errors and any attitude are
-as good as small ones. Coriolis terms of a rotating earth are neglected in the error (1e-4 of it per
-second).
+The reconstruction integrates the inertial sensors at their full rate; its error and the gusts are
+small and slow, and the smoother estimates them.
+
+Error states, in this order: attitude `e` [rad] and velocity `s` [m/s] with ``R = Exp(e) R_path``,
+``v = Exp(e) v_path + s`` (R from body to earth, v over the earth), gusts [m/s], gyro drift [rad/s],
+accelerometer drift [m/s2], and, where a channel shows it, position [m]; vectors north, east, down,
+the drifts in body axes. With the invariant error of Barrau & Bonnabel (IEEE Trans. Autom. Control
+62(4), 2017) ``e' = -R b``, ``s' = g x e - v x (R b) - R c`` for drifts b, c: the path enters only
+with the noise, so neither large attitude errors nor extreme attitudes matter. Coriolis terms of a
+rotating earth are neglected in the error (1e-4 of it per second).
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -30,14 +30,15 @@ from aerodb.consistency.sensors import (
 from aerodb.errors import InputError
 from aerodb.support import Array
 
-#: Where error states stand.
+#: Indices of the error states.
 ATTITUDE, VELOCITY, GUST, GYRO, FORCE, POSITION = (slice(k, k + 3) for k in range(0, 18, 3))
 
-#: Step of the coarse grid, s: short against gusts and aircraft motion, and no shorter than a
+#: Step of the coarse grid, s: short compared with gusts and aircraft motion, and no shorter than a
 #: record's own step.
 COARSE = 0.05
 
-#: The sensors are linearised again when what is left out exceeds this share of their noise (rms).
+#: The sensors are linearised again if the linearisation error exceeds this fraction of their noise
+#: (rms).
 _BENT = 0.1
 
 #: Finite-difference steps of the sensor models: rad, m/s, m.
@@ -46,16 +47,22 @@ _NUDGE = ((ATTITUDE, 1e-6), (VELOCITY, 1e-4), (POSITION, 1e-2))
 
 @dataclass(frozen=True)
 class PathError:
-    """One record's linear system on g grid points, m error states, c channels, k unknowns of the
+    """Linear system of one record: g grid points, m error states, c channels, k unknowns of the
     reconstruction.
 
-    path : the reconstructed record. at : (g,) samples of the grid points, `size` samples apart.
-    channels : c names; air : which of them the wind moves. residual : (g, c) measured minus path,
-    mean of each block; count : (g, c) share of the block that was measured. base : (g, c) what the
-    path shows; seen : (g, c, m) its derivatives by the error states. rows, columns, values : the
-    moving part of the transition (`kalman.Transition`); block : (g-1, 6, 6) its noise. pull : (g,
-    c, k) derivatives of the channels along the path by the unknowns; push : (g, m, k) those of the
-    error states. values_of : parameter name -> value. thin : the record on the grid.
+    path : the reconstructed record.
+    at : (g,), sample indices of the grid points, `size` samples apart.
+    channels : c names. air : which of them depend on the wind.
+    residual : (g, c), measured minus path, mean of each block, SI.
+    count : (g, c), fraction of the block that was measured.
+    base : (g, c), outputs along the path.
+    observation : (g, c, m), their derivatives by the error states.
+    rows, columns, values : off-diagonal part of the transition (`kalman.Transition`).
+    block : (g-1, 6, 6), covariance of its noise.
+    output_sensitivity : (g, c, k), derivatives of the channels along the path by the unknowns.
+    state_sensitivity : (g, m, k), derivatives of the error states by the unknowns.
+    prompt_values : parameter name -> value, SI, without delays.
+    grid_record : the record on the grid.
     """
 
     path: ReconstructedPath
@@ -96,10 +103,16 @@ def path_error(
 ) -> PathError:
     """The linear system of one record.
 
-    values : parameter name -> value, fixed and estimated. free : the k unknowns that are known with
-    a covariance only; first states are not among them. coarse : step of the grid, s. unused :
-    channels that are shown but do not count. Raises InputError for records with given states, fewer
-    than eight grid points, or a pitch attitude near +-90 deg.
+    Parameters
+    ----------
+    path : the reconstructed record.
+    values : parameter name -> value, fixed and estimated, SI.
+    free : the k unknowns whose covariance matters; initial states are not among them.
+    coarse : step of the grid [s].
+    unused : channels that are predicted but not used.
+
+    Raises InputError for records with given states, fewer than eight grid points, or a pitch
+    attitude near +-90 deg.
     """
     record = path.record
     if record.given:
@@ -157,8 +170,8 @@ def path_error(
 
 
 def predicted_outputs(system: PathError, error: Array) -> Array:
-    """(b, g, c) what the sensors, without their delays, show along the path corrected by b sets of
-    error states (b, g, m)."""
+    """(b, g, c) sensor outputs without delays, along the path corrected by b sets of error states
+    (b, g, m)."""
     sets, g, m = error.shape
     flat = error.reshape(sets * g, m)
     states = apply_error(np.tile(system.states, sets), flat)
@@ -191,8 +204,10 @@ def predicted_outputs(system: PathError, error: Array) -> Array:
 
 
 def _sensitivity(system: PathError, error: Array) -> tuple[Array, Array]:
-    """(g, c) what is `predicted_outputs` at `error` (g, m), and (g, c, m) its derivative by the error states;
-    drifts are not seen."""
+    """Outputs (g, c) at the error states (g, m), and their derivatives (g, c, m) by these.
+
+    No output depends on the drifts.
+    """
     g, m = error.shape
     nudges = [
         (state, size) for part, size in _NUDGE for state in range(part.start, min(part.stop, m))
@@ -216,11 +231,10 @@ def delay_of_channel(channel: str, values: Mapping[str, float]) -> float:
 def relinearised(
     system: PathError, error: Array, observation: Array, noise: Array
 ) -> tuple[Array, Array]:
-    """Measurements (g, c) and rows (g, c, m) of the system linearised about the error states (g,
-    m).
+    """Linearise the measurements about the error states (g, m).
 
-    `seen` are the rows so far: kept where what they leave out is small against the `noise` (c,) of
-    the channels.
+    Returns measurements (g, c) and the observation matrix (g, c, m). The current `observation`
+    (g, c, m) is kept if its linearisation error is small compared with the channels' `noise` (c,).
     """
     here = predicted_outputs(system, error[None])[0]
     step = _circular(here - system.base, system.channels)
@@ -232,8 +246,7 @@ def relinearised(
 
 
 def apply_error(states: Array, error: Array) -> Array:
-    """(9, n) states corrected by error states (n, m); bank and heading stay on their turn of the
-    circle."""
+    """(9, n) states corrected by error states (n, m); bank and heading stay in the same turn."""
     tilt, velocity = error[:, ATTITUDE].T, error[:, VELOCITY].T
     swing = _rotation(tilt)
     to_earth = np.einsum("ijn,kjn->ikn", swing, earth_to_body(states))
@@ -255,11 +268,21 @@ def apply_error(states: Array, error: Array) -> Array:
 
 
 def flow_rows(states: Array, air: Array, wind: Array, m: int) -> Array:
-    """(g, 6, m) derivatives of V, alpha, beta, phi, theta, psi by the error states.
+    """Derivatives of V, alpha, beta, phi, theta, psi by the error states.
 
-    states (9, g); air (3, g) velocity through the air, body axes; wind (3, g) with its gusts, earth
-    axes. As ``a = R' (v_path + s + e x wind - gust)``, attitude moves the air velocity only as far
-    as there is wind.
+    As ``a = R' (v_path + s + e x wind - gust)``, attitude errors change the air velocity only in
+    proportion to the wind.
+
+    Parameters
+    ----------
+    states : (9, g), order of `kinematics.STATES`.
+    air : (3, g), velocity through the air, body axes [m/s].
+    wind : (3, g), including gusts, north, east, down [m/s].
+    m : number of error states.
+
+    Returns
+    -------
+    (g, 6, m).
     """
     body, g = earth_to_body(states), states.shape[1]
     by_air = np.zeros((g, 3, m))
@@ -296,7 +319,7 @@ def _skew(vector: Array) -> Array:
 
 
 def _rotation(turn: Array) -> Array:
-    """(3, 3, n) rotation matrices of rotation vectors (3, n): Rodrigues."""
+    """(3, 3, n) rotation matrices of rotation vectors (3, n), by Rodrigues' formula."""
     angle = np.sqrt(np.sum(turn**2, axis=0))
     skew = _skew(turn)
     first, second = np.sinc(angle / np.pi), 0.5 * np.sinc(angle / (2 * np.pi)) ** 2
@@ -311,7 +334,7 @@ def _circular(difference: Array, channels: Sequence[str]) -> Array:
 
 
 def _thinned(record: Record, at: np.ndarray, size: int, states: Array) -> Record:
-    """The record at its grid points, all states given; inputs are means of their blocks."""
+    """The record at its grid points with all states given; inputs are block means."""
     if len(at) < 8:
         raise InputError(f"{len(at)} grid points", record.name, "leave records this short out")
     means = record.inputs[: len(at) * size].reshape(len(at), size, 6).mean(axis=1)
@@ -322,7 +345,7 @@ def _thinned(record: Record, at: np.ndarray, size: int, states: Array) -> Record
 
 
 def _with_samples(record: Record, change: Callable[[Array], Array]) -> Record:
-    """The record with every array of one value per sample changed alike."""
+    """The record with `change` applied to every array that has one value per sample."""
     changed: dict[str, object] = {
         "outputs": {name: change(values) for name, values in record.outputs.items()}
     }
@@ -336,8 +359,8 @@ def _with_samples(record: Record, change: Callable[[Array], Array]) -> Record:
 def _blocked_residuals(
     path: ReconstructedPath, names: Sequence[str], values: Mapping[str, float], size: int, g: int
 ) -> tuple[Array, Array]:
-    """(g, c) mean residual per block and share of its samples; what a late sensor shows belongs to
-    an earlier block."""
+    """(g, c) mean residual per block and fraction of its samples; delayed outputs belong to an
+    earlier block."""
     residual, count = np.zeros((g, len(names))), np.zeros((g, len(names)))
     for column, name in enumerate(names):
         late = round(delay_of_channel(name, values) / path.record.step)
@@ -354,8 +377,8 @@ def _blocked_residuals(
 def _dynamics(
     path: ReconstructedPath, at: np.ndarray, size: int
 ) -> tuple[np.ndarray, np.ndarray, Array, Array]:
-    """Pattern and values (g-1, e) of the transition beside its diagonal, and noise (g-1, 6, 6) of
-    the inertial sensors."""
+    """Rows, columns and values (g-1, e) of the transition off its diagonal, and covariance
+    (g-1, 6, 6) of the inertial sensors' noise."""
     record = path.record
     step = record.step * size
     middle = path.states[:, at[:-1] + (size + 1) // 2]
@@ -384,8 +407,8 @@ def _dynamics(
 def _by_unknowns(
     system: PathError, values: Mapping[str, float], free: Sequence[Parameter], m: int
 ) -> tuple[Array, Array]:
-    """Derivatives of the channels (g, c, k) and of the error states (g, m, k) by the unknowns, the
-    first state held."""
+    """Derivatives of the channels (g, c, k) and of the error states (g, m, k) by the unknowns, with
+    the initial state fixed."""
     g, k = len(system.at), len(free)
     plain = replace(system.grid_record, given={}, earth=system.path.record.earth)
     response = predict_outputs(plain, system.prompt_values, system.states[:, 0], free)

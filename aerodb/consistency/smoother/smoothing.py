@@ -1,12 +1,11 @@
-"""Extended Kalman smoother: the best combination of inertial sensors, attitude, air data and
-velocity over the earth, in air that moves.
+"""Extended Kalman smoother for a reconstructed flight in moving air.
 
-Output error (`reconstruction`) takes the wind as steady and the inertial sensors as free of noise:
-in turbulence its path lacks the gusts, and the raw air data have them with all their noise. The
-smoother starts from that path and its sensor errors, adds gusts, drifts and the inertial noise as
-random processes, and weighs every sensor by what it is worth (Jategaonkar 2015, chapter 5; Teixeira
-et al., J. Aircraft 48(1), 2011). In calm air it returns the path. Where a vane is missing the
-standard error grows by the gusts that nobody saw.
+Output error (`output_error.reconstruction`) takes the wind as steady and the inertial sensors as
+free of noise: in turbulence its path lacks the gusts, while the raw air data contain them with all
+their noise. The smoother starts from that path and its sensor errors, adds gusts, drifts and
+inertial noise as random processes, and weighs every sensor by its noise (Jategaonkar 2015, chapter
+5; Teixeira et al., J. Aircraft 48(1), 2011). In calm air it returns the path. Where a vane is
+missing, the standard error includes the gusts that were not measured.
 """
 
 from collections.abc import Mapping, Sequence
@@ -48,27 +47,31 @@ from aerodb.consistency.smoother.path_error import (
 from aerodb.errors import UnknownNameError, nearest
 from aerodb.support import Array
 
-#: What the smoother gives a standard error for.
+#: Channels for which the smoother gives a standard error.
 CHANNELS = (*STATES, "V", "alpha", "beta", "wind_north", "wind_east", "wind_down", *INPUTS)
 
-#: Passes over each record: the sensors are linearised again, and the gusts' intensity is that of
-#: the record.
+#: Passes over each record; each linearises the sensors again and adapts the gust intensity.
 _PASSES = 2
 
-
-#: Airspeed and dynamic pressure whose residuals correlate by more than this are one measurement.
+#: Airspeed and dynamic pressure whose residuals have a larger correlation are one measurement.
 _ONE_SENSOR = 0.7
 
 
 @dataclass(frozen=True)
 class SmoothedPath:
-    """One record smoothed: `path`, a `reconstruction.ReconstructedPath` whose air moves, and the `steady` one
-    that it started from; `wind` (3, n) north, east, down with its gusts, m/s; `sigma` (n,) standard
-    errors by `CHANNELS`; on the `grid` (g,) of samples that the smoother works on, `innovations`
-    (g,) by channel in units of their sigma (nan: none) and `draws` (d, g) by `CHANNELS`, random
-    samples of the error (true minus smoothed) with its correlation in time and across channels;
-    `within`, by `CHANNELS`, one sigma of what gusts do between grid points, which the draws lack;
-    `intensities` of this record."""
+    """One smoothed record: n samples, g grid points, d draws.
+
+    path : `ReconstructedPath` in moving air. steady : the reconstructed one that it started from.
+    wind : (3, n), including gusts, north, east, down [m/s].
+    sigma : channel of `CHANNELS` -> (n,), standard errors, SI.
+    grid : (g,), sample indices of the smoother's grid.
+    innovations : channel -> (g,), in units of their standard deviation (nan: none).
+    draws : channel of `CHANNELS` -> (d, g), random draws of the error (true minus smoothed) with
+        its correlation in time and across channels.
+    within : channel of `CHANNELS` -> one sigma of the gusts between grid points, which the draws do
+        not include, SI.
+    intensities : of this record.
+    """
 
     path: ReconstructedPath
     steady: ReconstructedPath
@@ -83,8 +86,11 @@ class SmoothedPath:
 
 @dataclass(frozen=True)
 class Smoothed:
-    """A flight smoothed: one entry of `paths` per record, the parameters' `values` by name, the
-    `intensities` of the flight, and the innovations' log-likelihood."""
+    """A smoothed flight.
+
+    flight : id. paths : one per record. values : parameter name -> value, SI.
+    intensities : of gusts, drifts and noise. log_likelihood : of the innovations.
+    """
 
     flight: str
     paths: tuple[SmoothedPath, ...]
@@ -94,7 +100,7 @@ class Smoothed:
 
     @property
     def drawn(self) -> bool:
-        """Whether it was smoothed with draws."""
+        """Whether it has random draws of the error."""
         return next(iter(self.paths[0].draws.values())).size > 0
 
 
@@ -109,23 +115,31 @@ def smooth_flight(
     seed: int = 0,
     intensities: Intensities | None = None,
 ) -> Smoothed:
-    """Smooths the records of one flight of a reconstruction.
+    """Smooth the records of one flight of a reconstruction.
 
-    The reconstruction's sensor errors and mean winds are taken as they are, with their covariance
-    (a mean wind that it did not estimate is none); first states, gusts and drifts are estimated
-    anew. fixed : the values that `reconstruct` was given as fixed. noise_floor : channel -> least
-    noise (one sigma of a sample, SI) that it is believed to have. coarse : step (s) of the grid on
-    which errors and gusts are estimated; quicker gusts are not followed, and stand in the standard
-    errors. draws : how many random samples of the error to make, from `seed`. intensities : of
-    gusts, drifts and noise, from `intensities_of`; None: those of this flight.
+    The reconstruction's sensor errors and mean winds are kept, with their covariance (a mean wind
+    that was not estimated is zero); initial states, gusts and drifts are estimated again. Standard
+    errors are those of the posterior under this model, ``Cov(x) = Cov(x | p) + (dx/dp) Cov(p)
+    (dx/dp)'`` for the reconstruction's parameters p. Sensors with coloured residuals are weighted
+    by their low-frequency noise. Airspeed and qbar with a common error count once. Time and memory
+    grow linearly with the length of the flight.
 
-    The standard errors are those of the posterior under this model, ``Cov(x) = Cov(x | p) + (dx/dp)
-    Cov(p) (dx/dp)'`` for the reconstruction's parameters p. Sensors with coloured residuals are
-    trusted as far as their slow part allows. Airspeed and qbar with one error in common count once.
-    Linear in time and memory.
+    Parameters
+    ----------
+    result : the reconstruction.
+    flight : the flight's name in it (`Record.flight`).
+    fixed : the values that were fixed in `reconstruct`, name -> value, SI.
+    noise_floor : channel -> smallest credible noise (one sigma of a sample), SI.
+    coarse : step of the grid for errors and gusts [s]; faster gusts are not followed, but included
+        in the standard errors.
+    draws : number of random draws of the error.
+    seed : of the draws.
+    intensities : from `intensities_of`; None: those of this flight.
 
-    Raises UnknownNameError when the reconstruction has no such flight, InputError when states were
-    taken from measurement.
+    Raises
+    ------
+    UnknownNameError : when the reconstruction has no such flight.
+    InputError : when states were taken from measurement.
     """
     own = _paths(result, flight)
     free, values, index = _parameters(result, flight, fixed)
@@ -135,7 +149,7 @@ def smooth_flight(
         by = intensities_of(result, (flight,), fixed=fixed, noise_floor=noise_floor, coarse=coarse)
     generator = np.random.default_rng(seed)
     paths, total = [], 0.0
-    for path in own:  # one system at a time: together they would take more memory than the flight
+    for path in own:  # one system at a time: together they need more memory than the flight
         system = path_error(path, values, free, coarse, _duplicate_channels(path))
         smoothed, likelihood = _smoothed(system, by, spread, values, draws, generator)
         paths.append(smoothed)
@@ -151,9 +165,12 @@ def intensities_of(
     noise_floor: Mapping[str, float] | None = None,
     coarse: float = COARSE,
 ) -> Intensities:
-    """Gusts, drifts and noise that these flights of a reconstruction (stretches of one flight, say)
-    have in common, from a few records spread over all of them; arguments and errors as
-    `smooth_flight`."""
+    """Common intensities of gusts, drifts and noise for several flights of a reconstruction (also
+    for the wind stretches of one flight).
+
+    They are estimated from a few records spread over all of them. Other parameters and errors as
+    `smooth_flight`.
+    """
     own = [path for flight in flights for path in _paths(result, flight)]
     systems = []
     for number in np.unique(np.linspace(0, len(own) - 1, MOST_RECORDS).round().astype(int)):
@@ -177,8 +194,8 @@ def _paths(result: Reconstruction, flight: str) -> list[ReconstructedPath]:
 def _parameters(
     result: Reconstruction, flight: str, fixed: Mapping[str, float] | None
 ) -> tuple[list[Parameter], dict[str, float], list[int]]:
-    """Estimated sensor errors and winds of a flight, the values of these and of the fixed ones, and
-    their places."""
+    """Estimated sensor errors and winds of a flight; values of these and of the fixed ones; their
+    indices in the reconstruction's estimates."""
     chosen = {
         number: entry
         for number, entry in enumerate(result.estimates)
@@ -189,7 +206,7 @@ def _parameters(
 
 
 def _duplicate_channels(path: ReconstructedPath) -> tuple[str, ...]:
-    """The dynamic pressure where its residual is the airspeed's over again."""
+    """Channels to leave out: the dynamic pressure if its residual repeats that of the airspeed."""
     if not {"V", "qbar"} <= set(path.residuals):
         return ()
     both = np.stack([path.residuals["V"], path.residuals["qbar"]])
@@ -199,7 +216,7 @@ def _duplicate_channels(path: ReconstructedPath) -> tuple[str, ...]:
 
 
 def _root(covariance: Array) -> Array:
-    """(k, k) square root of a covariance, also of a singular one."""
+    """(k, k) square root of a covariance, which may be singular."""
     if len(covariance) == 0:
         return covariance
     scale = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
@@ -215,8 +232,8 @@ def _smoothed(
     draws: int,
     generator: np.random.Generator,
 ) -> tuple[SmoothedPath, float]:
-    """One record: passes until linearisation and intensities have settled, the last with the
-    unknowns and the draws."""
+    """Smooth one record: passes for linearisation and gust intensity, then one with the unknowns
+    and the draws. Returns the log-likelihood as well."""
     by = with_missing_noise(flight, system)
     error, observation = np.zeros((len(system.at), system.observation.shape[2])), system.observation
     measured = system.residual
@@ -242,7 +259,7 @@ def _smoothed(
     result = smooth(model, sides, noise, observation)
     k = spread.shape[1]
     common = system.state_sensitivity @ spread + result.states[:, :, 1 : 1 + k]
-    # true minus smoothed: given the unknowns, and what one draw of the unknowns adds
+    # true minus smoothed: for given unknowns, plus the effect of one draw of the unknowns
     lack = drawn - result.states[:, :, 1 + k :] + common @ generator.standard_normal((k, draws))
     return _expanded(system, by, result, common, lack, values), result.log_likelihood
 
@@ -250,7 +267,7 @@ def _smoothed(
 def _drawn(
     model: Transition, noise: Array, observation: Array, draws: int, generator: np.random.Generator
 ) -> tuple[Array, Array]:
-    """Random states (g, m, d) of the model and what the sensors would show of them (g, c, d)."""
+    """Random states (g, m, d) of the model and the measurements (g, c, d) that they cause."""
     g, c, m = observation.shape
     states = np.zeros((g, m, draws))
     size = model.block.shape[1]
@@ -279,7 +296,7 @@ def _expanded(
     lack: Array,
     values: Mapping[str, float],
 ) -> SmoothedPath:
-    """From error states on the grid to the path at the record's own rate."""
+    """The smoothed path at the record's own rate, from error states on the grid."""
     record, grid, n = system.path.record, system.at, len(system.path.record.inputs)
     error = result.states[:, :, 0]
     fine = _interpolated(error, grid, n)
@@ -333,8 +350,8 @@ def _channel_rows(states: Array, air: Array, wind: Array, m: int) -> Array:
 
 
 def _interpolated(values: Array, grid: np.ndarray, n: int, shift: float = 0.0) -> Array:
-    """(g, q) on the grid as (n, q) at samples 0 to n-1, `shift` samples later; end values are
-    repeated."""
+    """Interpolate (g, q) from the grid to samples 0 to n-1, delayed by `shift` samples; end values
+    are repeated."""
     if len(grid) == n and shift == 0.0:
         return values
     at = np.arange(n) - shift
@@ -342,7 +359,7 @@ def _interpolated(values: Array, grid: np.ndarray, n: int, shift: float = 0.0) -
 
 
 def _residuals(system: PathError, error: Array, values: Mapping[str, float]) -> dict[str, Array]:
-    """Measured minus smoothed, (n,) by channel, at the record's own rate; what is late is late."""
+    """Measured minus smoothed outputs, (n,) by channel, at the record's own rate, with delays."""
     change = predicted_outputs(system, error[None])[0] - system.base
     found, n = {}, len(system.path.record.inputs)
     for column, name in enumerate(system.channels):

@@ -1,13 +1,12 @@
-"""The error of a consistent flight's channels as a process in time: one sigma and colour, from
-which more of it can be drawn.
+"""Error spectrum of a corrected flight's channels, from which random errors can be drawn.
 
-Whoever asks what the states' own error does to a result (simulation-extrapolation, Cook &
-Stefanski, JASA 89, 1994) needs errors with the right spectrum: alpha that is wrong for seconds acts
-otherwise than white noise of the same size. The truth given the data is the smoothed flight plus
-the smoother's error, whose draws are exact under its model; so the error of any other estimate is
-its difference from the smoothed flight, less such a draw. Their periodograms, averaged over draws
-and records in bands of constant ratio, are the spectrum. Channels are drawn independently, but for
-qbar, which follows V.
+The effect of state errors on a result (simulation-extrapolation, Cook & Stefanski, JASA 89, 1994)
+depends on their spectrum: an error of alpha that lasts seconds acts differently from white noise of
+the same size. Given the data, the truth is the smoothed flight plus the smoother's error, whose
+draws are exact under its model; the error of any other estimate is therefore its difference from
+the smoothed flight minus such a draw. The periodograms of these errors, averaged over draws and
+records in bands of constant ratio, are the spectrum. Channels are drawn independently, except qbar,
+which follows V.
 """
 
 from collections.abc import Iterator, Mapping
@@ -24,23 +23,27 @@ from aerodb.consistency.smoother.smoothing import Smoothed, SmoothedPath
 from aerodb.errors import InputError
 from aerodb.support import Array
 
-#: Channels of a consistent flight whose error is described.
+#: Channels whose error spectrum is estimated.
 DESCRIBED: Final = ("V", "alpha", "beta", "phi", "theta", "psi", *INPUTS)
 
-#: Which estimate: smoothed; the reconstruction's path in steady wind; the air data and attitude as
-#: measured, corrected.
+#: Estimate of the channels: smoothed; reconstructed path in steady wind; corrected sensors (air
+#: data and attitude).
 Source = Literal["smoother", "path", "sensor"]
 
-#: Bands of the spectrum, equal in ratio of frequencies.
+#: Number of bands of the spectrum, with a constant frequency ratio.
 _BANDS = 24
 
 
 @dataclass(frozen=True)
 class StateNoise:
-    """Errors of the channels of one `source`: `offset`, one sigma of what is constant over a
-    record, and `density`, one-sided power spectral density (unit^2/Hz) in each band between the
-    `edges` (Hz), by channel; zero outside the edges. `pressure_slope` (Pa s/m) makes the error of V
-    one of qbar; zero where the density of the air is not known."""
+    """Error spectrum of the channels of one source.
+
+    source : smoother, path or sensor.
+    edges : band edges [Hz]; outside of them the density is zero.
+    offset : channel -> one sigma of the error that is constant over a record, SI.
+    density : channel -> one-sided power spectral density in each band, unit^2/Hz.
+    pressure_slope : error of qbar per error of V [Pa s/m]; zero if the air density is unknown.
+    """
 
     source: Source
     edges: tuple[float, ...]
@@ -49,17 +52,17 @@ class StateNoise:
     pressure_slope: float = 0.0
 
     def rms(self, channel: str, low: float = 0.0, high: float = np.inf) -> float:
-        """One sigma of a channel's error between two frequencies (Hz); with the constant part when
-        `low` is zero."""
+        """One sigma of a channel's error between two frequencies [Hz], including the constant part
+        if `low` is zero."""
         edges = np.clip(np.asarray(self.edges), low, high)
         power = float(np.diff(edges) @ np.asarray(self.density[channel]))
         return float(np.sqrt(power + (self.offset[channel] ** 2 if low == 0.0 else 0.0)))
 
     def draw(self, rng: np.random.Generator, n: int, step: float) -> dict[str, Array]:
-        """One more realisation of the errors: channel -> (n,) at intervals of `step` seconds, SI.
+        """Draw one realisation of the errors: channel -> (n,), SI, at intervals of `step` [s].
 
-        Drawn at twice the length or a little more, since a Fourier sum repeats itself. Frequencies
-        beyond the edges have no power: those below are in the offset.
+        It is drawn at twice the length or slightly more, because a Fourier sum is periodic.
+        Frequencies outside the edges have no power; those below are in the offset.
         """
         size = next_fast_len(2 * n, real=True)
         frequency = np.fft.rfftfreq(size, step)
@@ -76,7 +79,7 @@ class StateNoise:
         return drawn
 
     def document(self) -> dict[str, Any]:
-        """As plain values for JSON; `state_noise_from` reads it back."""
+        """As a JSON document; `state_noise_from` reads it back."""
         return {
             "source": self.source,
             "edges": list(self.edges),
@@ -87,7 +90,7 @@ class StateNoise:
 
 
 def state_noise_from(document: Mapping[str, Any]) -> StateNoise:
-    """The errors that `StateNoise.document` wrote."""
+    """The error spectrum in a document written by `StateNoise.document`."""
     density = {name: tuple(values) for name, values in document["density"].items()}
     return StateNoise(
         document["source"],
@@ -99,11 +102,16 @@ def state_noise_from(document: Mapping[str, Any]) -> StateNoise:
 
 
 def state_noise(smoothed: Smoothed, source: Source = "smoother", seed: int = 0) -> StateNoise:
-    """The errors of a flight's channels, from the draws of its smoother (`smooth_flight(...,
-    draws=8)` or more).
+    """Estimate the error spectrum of a flight's channels from the draws of its smoother.
 
-    With source ``sensor``, channels without a sensor are left out. seed : of the inertial sensors'
-    noise. Raises InputError when the flight was smoothed without draws.
+    Parameters
+    ----------
+    smoothed : from `smooth_flight(..., draws=8)` or more draws.
+    source : the estimate whose error is sought; for ``sensor``, channels without a sensor are left
+        out.
+    seed : of the inertial sensors' noise.
+
+    Raises InputError when the flight was smoothed without draws.
     """
     if not smoothed.drawn:
         raise InputError(
@@ -145,7 +153,7 @@ def _errors(
     source: Source,
     generator: np.random.Generator,
 ) -> Iterator[Array]:
-    """Random samples (n,) of the error of one channel of one record, estimate minus truth, at the
+    """Random draws (n,) of the error (estimate minus truth) of one channel of one record, at the
     record's own rate."""
     n = len(entry.path.record.inputs)
     at, draws = np.arange(n), entry.draws[name]
@@ -183,8 +191,8 @@ def _channel(path: Any, name: str) -> Array:
 
 
 def _add_periodogram(error: Array, step: float, edges: Array, power: Array, count: Array) -> None:
-    """Adds a series' one-sided periodogram under a Hann window, its mean removed, to the bands'
-    sums and counts."""
+    """Add a series' one-sided periodogram (Hann window, mean removed) to the sums and counts of the
+    bands."""
     n = len(error)
     window = np.hanning(n + 2)[1:-1]
     spectrum = (
@@ -197,6 +205,6 @@ def _add_periodogram(error: Array, step: float, edges: Array, power: Array, coun
 
 
 def _filled(power: Array, count: Array) -> Array:
-    """Mean of each band; bands too narrow to hold a frequency take their neighbours'."""
+    """Mean of each band; bands without a frequency are interpolated from their neighbours."""
     known = np.flatnonzero(count)
     return np.asarray(np.interp(np.arange(len(power)), known, power[known] / count[known]))

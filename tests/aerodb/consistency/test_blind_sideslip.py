@@ -1,5 +1,8 @@
-"""Sideslip that no vane shows, in air that moves: it comes from the motion and a wind that was
-estimated from few independent looks at it, and its intervals know that."""
+"""Tests of sideslip without a vane in moving air.
+
+It is computed from the motion and a wind that was estimated from few independent samples; its
+intervals must include that.
+"""
 
 from collections.abc import Callable
 

@@ -1,5 +1,5 @@
-"""Flight-path reconstruction against published answers: F/A-18 HARV (NASA), HFB-320 (DLR), AP2, and
-what ATTAS (DLR) shows beside its published biases (`test_consistency_published`)."""
+"""Tests of flight-path reconstruction against published results: F/A-18 HARV (NASA), HFB-320 (DLR),
+AP2, and ATTAS (DLR) beyond its published biases (`test_consistency_published`)."""
 
 from dataclasses import replace
 

@@ -1,5 +1,5 @@
-"""A long flight without sideslip vane and heading: corrected in windows, and what nobody measured
-is not invented."""
+"""Tests on a long flight without sideslip vane and heading: it is corrected in windows, and
+channels that were not measured are not invented."""
 
 import numpy as np
 import pytest

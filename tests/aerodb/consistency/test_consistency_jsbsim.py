@@ -1,5 +1,5 @@
-"""Sensor errors planted on a flight of JSBSim: they come back within their stated intervals, and
-nothing else is found."""
+"""Tests on a JSBSim flight with planted sensor errors: they are recovered within their
+intervals, and no other error is found."""
 
 from dataclasses import replace
 
@@ -18,8 +18,10 @@ pytest.importorskip("jsbsim")
 from tests.support.jsbsim_records import NOISE, WIND, flown, measured_record  # needs jsbsim
 
 ERRORS = {
-    "ax_bias": 0.05, "ay_bias": -0.04, "az_bias": 0.1, "p_bias": 0.002, "q_bias": -0.001, "r_bias": 0.0015,
-    "alpha_scale": 0.08, "alpha_bias": 0.01, "alpha_delay": 0.03, "beta_bias": -0.008, "beta_scale": -0.05, "beta_delay": 0.04,
+    "ax_bias": 0.05, "ay_bias": -0.04, "az_bias": 0.1,
+    "p_bias": 0.002, "q_bias": -0.001, "r_bias": 0.0015,
+    "alpha_scale": 0.08, "alpha_bias": 0.01, "alpha_delay": 0.03,
+    "beta_bias": -0.008, "beta_scale": -0.05, "beta_delay": 0.04,
     "V_scale": 0.02, "qbar_scale": 0.1019, "air_data_x": 0.4,
 }  # fmt: skip
 PLANTED = {**ERRORS, **WIND}

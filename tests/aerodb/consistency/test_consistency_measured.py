@@ -1,5 +1,5 @@
-"""What flight-path reconstruction finds out about measured records that their documentation leaves
-open."""
+"""Tests on measured records: errors that reconstruction finds and their documentation does not
+state."""
 
 from dataclasses import replace
 

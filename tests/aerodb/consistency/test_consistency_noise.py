@@ -1,5 +1,5 @@
-"""The error spectrum that is stored with a consistent flight, and gust intensities that its
-stretches have in common."""
+"""Tests of the error spectrum stored with a consistent flight, and of gust intensities common
+to its stretches."""
 
 from dataclasses import replace
 

@@ -1,5 +1,5 @@
-"""ATTAS: both published sets of biases, with the conventions behind them, and the coefficients that
-follow from them.
+"""Tests against both published sets of ATTAS biases, the conventions behind them, and the
+coefficients that follow from them.
 
 What decides digits, each found by what it changes: the airspeed is that of the CG (a boom
 correction of V moves the az bias by .3 %); the accelerometers are moved to the CG by rates that are

@@ -1,4 +1,4 @@
-"""Flights cut into records: what of a flight the reconstruction sees."""
+"""Tests of cutting flights into records."""
 
 from dataclasses import replace
 

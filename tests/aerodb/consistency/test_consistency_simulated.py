@@ -1,4 +1,4 @@
-"""Flight-path reconstruction on flights given by formulas, with planted sensor errors."""
+"""Tests of flight-path reconstruction on analytic flights with planted sensor errors."""
 
 from dataclasses import replace
 
@@ -17,8 +17,10 @@ from aerodb.vehicle import Accuracy
 from tests.support.simulated_path import NOISE, simulated, truth
 
 PLANTED = {
-    "ax_bias": 0.05, "ay_bias": -0.04, "az_bias": 0.1, "p_bias": 0.002, "q_bias": -0.001, "r_bias": 0.0015,
-    "alpha_scale": 0.08, "alpha_bias": 0.01, "alpha_delay": 0.03, "beta_bias": -0.008, "beta_scale": -0.05, "beta_delay": 0.04,
+    "ax_bias": 0.05, "ay_bias": -0.04, "az_bias": 0.1,
+    "p_bias": 0.002, "q_bias": -0.001, "r_bias": 0.0015,
+    "alpha_scale": 0.08, "alpha_bias": 0.01, "alpha_delay": 0.03,
+    "beta_bias": -0.008, "beta_scale": -0.05, "beta_delay": 0.04,
     "wind_north": 6.0, "wind_east": -4.0, "V_scale": 0.02, "qbar_scale": 0.1019, "air_data_x": 0.4,
 }  # fmt: skip
 STATES = ("u", "v", "w", "phi", "theta", "psi")

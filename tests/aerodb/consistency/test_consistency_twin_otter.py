@@ -1,5 +1,4 @@
-"""Twin Otter: how far each record agrees with itself, and what stands in the way, sensor by
-sensor."""
+"""Tests on Twin Otter records: how well each record agrees with itself, and which sensors disagree."""
 
 from dataclasses import replace
 

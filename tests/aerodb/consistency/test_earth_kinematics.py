@@ -1,5 +1,5 @@
-"""Kinematics over a rotating oblate earth, and through any attitude: closed forms, an inertial
-frame, JSBSim, a loop."""
+"""Tests of the kinematics over a rotating oblate earth and through any attitude, against closed
+forms, an inertial frame, JSBSim and a loop."""
 
 from dataclasses import replace
 
@@ -147,7 +147,8 @@ def _inertial_sensors(time: np.ndarray) -> tuple[dict[str, np.ndarray], np.ndarr
             "latitude": ORIGIN.latitude + 2e-5 * t + 1e-4 * np.sin(0.05 * t),
             "longitude": ORIGIN.longitude + 4e-5 * t + 1e-4 * np.sin(0.07 * t),
             "altitude": 6000.0 + 300.0 * np.sin(0.04 * t),
-            "phi": 0.5 * np.sin(0.3 * t), "theta": 0.1 + 0.1 * np.sin(0.2 * t), "psi": 1.0 + 0.8 * np.sin(0.1 * t),
+            "phi": 0.5 * np.sin(0.3 * t), "theta": 0.1 + 0.1 * np.sin(0.2 * t),
+            "psi": 1.0 + 0.8 * np.sin(0.1 * t),
         }  # fmt: skip
 
     def inertial(t: np.ndarray) -> tuple[np.ndarray, Rotation]:

@@ -1,5 +1,5 @@
-"""The compiled smoother against the Gaussian posterior of the whole record at once, by dense linear
-algebra."""
+"""Tests of the compiled smoother against the Gaussian posterior of a whole record, computed by
+dense linear algebra."""
 
 from dataclasses import replace
 
@@ -19,7 +19,8 @@ def problem():
     rng = np.random.default_rng(0)
     root = rng.normal(0, 0.1, (N - 1, 3, 3))
     model = Transition(
-        ROWS, COLUMNS, rng.normal(0, 0.3, (N - 1, 4)), np.array([1, 1, 1, 0.9, 0.8, 1, 1.0]), root @ root.transpose(0, 2, 1),
+        ROWS, COLUMNS, rng.normal(0, 0.3, (N - 1, 4)), np.array([1, 1, 1, 0.9, 0.8, 1, 1.0]),
+        root @ root.transpose(0, 2, 1),
         np.array([0, 0, 0, 0.1, 0.2, 0, 0.01]), np.array([4, 4, 4, 0.5, 1, 1, 0.1]),
     )  # fmt: skip
     seen = rng.normal(size=(N, C, M)) * (rng.random((N, C, M)) < 0.5)

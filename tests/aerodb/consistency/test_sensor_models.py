@@ -1,5 +1,5 @@
-"""The further sensor models of flight-path reconstruction: exact derivatives, planted errors found
-again, and honest errors where they cannot be."""
+"""Tests of the further sensor models: exact derivatives, recovery of planted errors, and standard
+errors of those that cannot be recovered."""
 
 from dataclasses import replace
 
@@ -28,10 +28,12 @@ ALL = (*OUTPUTS, *FURTHER_OUTPUTS)
 PRESSURES = tuple(name for name in ALL if name not in ("alpha", "beta", "height_above_ground"))
 FIRST = ("u", "v", "w", "phi", "theta", "psi", "north", "east", "altitude")
 PLANTED = {
-    "gps_x": 0.5, "gps_y": -0.2, "gps_z": 0.3, "gps_delay": 0.12, "air_data_roll": 0.05, "static_port_error": 0.0925,
-    "total_port_error": -0.02, "terrain_elevation": 310.0, "probe_alpha_offset": 0.01, "probe_alpha_slope": 0.08,
-    "probe_alpha_cross": 0.4, "probe_beta_offset": -0.02, "probe_beta_slope": -0.05, "wind_north": 5.0, "wind_east": -3.0,
-    "ax_bias": 0.05, "ay_bias": -0.04, "az_bias": 0.1, "p_bias": 0.002, "q_bias": -0.001, "r_bias": 0.0015,
+    "gps_x": 0.5, "gps_y": -0.2, "gps_z": 0.3, "gps_delay": 0.12, "air_data_roll": 0.05,
+    "static_port_error": 0.0925, "total_port_error": -0.02, "terrain_elevation": 310.0,
+    "probe_alpha_offset": 0.01, "probe_alpha_slope": 0.08, "probe_alpha_cross": 0.4,
+    "probe_beta_offset": -0.02, "probe_beta_slope": -0.05, "wind_north": 5.0, "wind_east": -3.0,
+    "ax_bias": 0.05, "ay_bias": -0.04, "az_bias": 0.1,
+    "p_bias": 0.002, "q_bias": -0.001, "r_bias": 0.0015,
 }  # fmt: skip
 
 

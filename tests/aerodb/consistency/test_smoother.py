@@ -1,5 +1,5 @@
-"""The smoother on flights of formulas in Dryden's turbulence, not the process that it assumes, and
-on measured records."""
+"""Tests of the smoother on analytic flights in Dryden turbulence, which differs from the
+process that it assumes, and on measured records."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""The error spectrum that is predicted against the true error's, for smoother, steady path and
+"""Tests of the predicted error spectrum against the true error, for smoother, steady path and
 corrected sensors."""
 
 import json
