@@ -1,4 +1,4 @@
-"""Tests on Twin Otter records: how well each record agrees with itself, and which sensors disagree."""
+"""Tests on Twin Otter records: how well each agrees with itself, and which sensors disagree."""
 
 from dataclasses import replace
 
