@@ -128,7 +128,6 @@ class AeroDatabase:
         object.__setattr__(self, "states", tuple(self.states))
         object.__setattr__(self, "terms", tuple(self.terms))
         object.__setattr__(self, "increments", tuple(self.increments))
-        tables = {**self.tables, **self.scattered}
         check_definitions(
             self.name,
             self.variables,
@@ -139,7 +138,7 @@ class AeroDatabase:
         check_uncertainties(
             self.name,
             {name: variable.uncertainty for name, variable in self.variables.items()},
-            tables.values(),
+            [*self.tables.values(), *self.scattered.values()],
         )
         for axis in self._axes:
             check_axis(axis, self.name)
