@@ -1,22 +1,23 @@
-"""The closed loop: from the residuals of flights beside a database to a candidate that lacks less,
-and to its validation.
+"""The closed loop: trace the residuals of flights, add what is found, and validate the candidate.
 
-The way through, with flights from anywhere (`FlightSource`; the product's own are those of its
-stores)::
+The way through, with flights from any `FlightSource` (a store, or memory):
 
-    library = freeze_library(source, identified, baseline)          # what may be found, before a
-    residual is looked at loop = run_loop(source, identified, baseline, library, Accept())  # rounds
-    of tracing and adding, until nothing is found for finding in loop.added:
-        print(finding.because)
-    validated = validate_loop(source, hold_out, library, loop, Accept())  # error before and after,
-    flights left out remainders = unexplained_residuals(source, identified, loop.candidate, library)
-    # what no hypothesis names errors = consider_parameters(reconstructions, vehicle, baseline,
-    flights, comparisons)  # for declared increments
+1. `freeze_library(source, flights, baseline)` fixes the hypotheses and settings before any residual
+   is read; it returns a `Library` with its hash.
+2. `run_loop(source, flights, baseline, library, Accept())` traces, adds what is found, and repeats
+   until nothing more is found; it returns a `Loop` with the candidate, all findings and those that
+   were added (`loop.added`, each with a sentence `because`).
+3. `validate_loop(source, hold_out, library, loop, Accept())` gives the error before and after on
+   flights, or parts of flights, that did not identify.
+4. `unexplained_residuals(source, flights, loop.candidate, library)` reports, per axis, what is
+   still predictable and named by no hypothesis.
+5. `consider_parameters` and `noisier_flights` give the sensor errors that the reconstruction leaves
+   open, for declared increments.
 
 Modules: `flights` (what a source of flights gives), `freezing` and `library`, `evidence` (of one
-flight beside a database), `rounds`, `manoeuvre_units` (where flights are too few to vote), `stall`
-and `stall_loop`, `refit` (gains and shapes once more), `validation` and `within_flight`,
-`unexplained`, `consider`.
+flight and a database), `rounds`, `manoeuvre_units` (too few flights), `stall` and `stall_loop`,
+`refit` (gains and shapes once more), `validation` and `within_flight`, `unexplained`, `consider`.
+The method: docs/method/tracing.md, sections 13 to 16.
 """
 
 import lazy_loader as lazy

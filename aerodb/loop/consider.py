@@ -35,9 +35,11 @@ def consider_parameters(
     flights: Sequence[Flight],
     comparisons: Sequence[Comparison],
 ) -> dict[str, tuple[ConsiderParameter, ...]]:
-    """Flight -> what its reconstruction leaves uncertain of its sensors. What a flight estimated
-    for itself errs for itself; a calibration, and what only the vehicle file knows, err alike in
-    all. reconstructions : by flight (its id)."""
+    """Return, for each flight, the sensor errors that its reconstruction leaves open.
+
+    Errors that a flight estimated for itself are its own; those of a calibration, or known from the
+    vehicle file only, are common to all flights. reconstructions : by flight (its id).
+    """
     found: dict[str, tuple[ConsiderParameter, ...]] = {}
     for flight, comparison in zip(flights, comparisons, strict=True):
         reconstruction = reconstructions[flight.id]
@@ -70,8 +72,11 @@ def noisier_flights(
     flights: Sequence[Flight],
     comparisons: Sequence[Comparison],
 ) -> list[list[tuple[Flight, Comparison]]]:
-    """The flights again and again, with their states' error once more where alpha was
-    reconstructed; empty where none was. reconstructions : by flight (its id)."""
+    """Return copies of all flights, with the state noise added once more where alpha was
+    reconstructed.
+
+    Empty where no alpha was. reconstructions : by flight (its id).
+    """
     copies: list[list[tuple[Flight, Comparison]]] = []
     blind = False
     for flight, comparison in zip(flights, comparisons, strict=True):

@@ -1,5 +1,7 @@
-"""The evidence of a flight beside a database: residual and columns, copies with more state noise,
-companions, instruments."""
+"""The evidence of a flight compared with a database.
+
+Residual and columns, copies with more state noise, shape-misfit terms, instruments.
+"""
 
 from dataclasses import replace
 
@@ -25,8 +27,10 @@ from aerodb.tracing import (
 def evidence_beside(
     flights: FlightSource, flight: str, database: AeroDatabase, library: Library
 ) -> Evidence:
-    """The evidence of a flight (its id) beside a database: with its copies of more state noise, the
-    companions of its columns, and what its commands say of them."""
+    """Return the evidence of a flight (its id) compared with a database.
+
+    With its copies of more state noise, shape-misfit terms, and instruments from its commands.
+    """
     vehicle = flights.vehicle
     whole, beside_whole = flights.comparison(flight, database)
     channels, comparison = thinned(whole, beside_whole, library.settings.bandwidth)

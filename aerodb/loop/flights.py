@@ -1,5 +1,4 @@
-"""What the closed loop asks of flights, wherever they are kept: a store, or the memory of a
-test."""
+"""What the closed loop needs of flights, wherever they are kept: a store, or memory."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -17,13 +16,13 @@ from aerodb.vehicle import Vehicle
 
 @dataclass(frozen=True)
 class Reconstruction:
-    """What the flight-path reconstruction of a flight says of its channels.
+    """Results of the flight-path reconstruction of a flight.
 
     noise : spectrum of the errors of its states, None where nothing was reconstructed. angles :
-    flow angles (``alpha``, ``beta``) that no sensor showed and that come from the motion. errors :
-    sensor parameter -> standard error (SI) of all that was estimated; applied : those of them that
-    were taken off the channels. calibrated : whether its sensors were corrected by a calibration,
-    which other flights share.
+    flow angles (``alpha``, ``beta``) that no sensor measured and that come from the motion. errors
+    : sensor parameter -> standard error (SI) of all that was estimated; applied : those of them
+    that were subtracted from the channels. calibrated : whether its sensors were corrected by a
+    calibration, which other flights share.
     """
 
     noise: StateNoise | None = None
@@ -34,57 +33,66 @@ class Reconstruction:
 
     @property
     def applied_errors(self) -> dict[str, float]:
-        """Parameter -> standard error (SI) of every sensor error that was taken off the
-        channels."""
+        """Parameter -> standard error (SI) of every sensor error that was subtracted from the
+        channels.
+        """
         return {name: self.errors[name] for name in self.applied}
 
 
 class FlightSource(Protocol):
-    """Flights of one vehicle by their ids: what was measured, and the same beside any database.
+    """Flights of one vehicle by their ids: measurements, and comparisons with any database.
 
     A database need not be stored anywhere. Calls may come from several threads at once. Every
-    method raises InputError where a flight lacks what it is asked for.
+    method raises InputError where a flight lacks what is needed.
     """
 
     @property
     def vehicle(self) -> Vehicle:
-        """The vehicle that all these flights flew."""
+        """The vehicle of all these flights."""
         ...
 
     def flight(self, flight: str) -> Flight:
-        """The channels of a flight after reconstruction."""
+        """Return the channels of a flight after reconstruction."""
         ...
 
     def reconstruction(self, flight: str) -> Reconstruction:
-        """What the reconstruction of a flight says of its channels."""
+        """Return the results of the reconstruction of a flight."""
         ...
 
     def segments(self, flight: str) -> tuple[Segment, ...]:
-        """The manoeuvres and states of a flight, start and end in s from its first sample."""
+        """Return manoeuvres and states of a flight, start and end in s from its first sample."""
         ...
 
     def comparison(self, flight: str, database: AeroDatabase) -> tuple[Flight, Comparison]:
-        """The channels of a flight and its coefficients beside those that a database predicts, at
-        the full rate."""
+        """Return the channels of a flight and its coefficients with those that a database predicts.
+
+        At the full rate.
+        """
         ...
 
     def normal_equations(
         self, flight: str, database: AeroDatabase, library: Library
     ) -> NormalEquations:
-        """Whitened cross-products of all columns of the library and of the residual of a flight
-        beside a database: what `aerodb.tracing.normal_equations_of` makes of
-        `aerodb.loop.evidence.evidence_beside`."""
+        """Return the normal equations of a flight compared with a database, for all columns of the
+        library.
+
+        `aerodb.tracing.normal_equations_of` of what `aerodb.loop.evidence_beside` returns.
+        """
         ...
 
     def looked_before(self, flights: Sequence[str], library: Library) -> frozenset[str] | None:
-        """Ids of hypotheses that all other libraries had with which any of these flights was traced
-        before; None without such."""
+        """Return the ids of hypotheses that were in every other library with which these flights
+        were traced.
+
+        None where none of them was traced before with another library.
+        """
         ...
 
 
 def thinned_comparison(
     flights: FlightSource, flight: str, database: AeroDatabase, bandwidth: float
 ) -> tuple[Flight, Comparison]:
-    """A flight and its comparison with a database at the rate that tracing at `bandwidth` [Hz]
-    needs."""
+    """Return a flight and its comparison with a database at the rate for tracing at `bandwidth`
+    [Hz].
+    """
     return thinned(*flights.comparison(flight, database), bandwidth)

@@ -1,7 +1,7 @@
-"""The library of a campaign is frozen before a residual is looked at: expanded for its flights, and
-hashed.
+"""Freeze the library of a campaign before any residual is read: expand it for its flights and hash
+it.
 
-Where flights stall, the shape of each flight's stall is fitted to the other flights: the family of
+Where flights stall, the stall shape of each flight is fitted to the other flights: the family of
 shapes is hashed, its numbers are not.
 """
 
@@ -31,11 +31,10 @@ def freeze_library(
     effects: str = "",
     expected: str = "",
 ) -> Library:
-    """The library for a baseline and the channels of the flights (ids) that identify; `effects` is
-    the text of a file of user templates.
+    """Return the library for a baseline and the channels of the flights (ids) that identify.
 
-    Only channels' names and flight conditions are looked at. Raises InputError when its hash is not
-    the `expected` one.
+    effects : text of a file of user templates. Only channels' names and flight conditions are read.
+    Raises InputError when its hash is not the `expected` one.
     """
     vehicle = flights.vehicle
     flown = [flights.flight(id) for id in identified]

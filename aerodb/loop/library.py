@@ -1,4 +1,4 @@
-"""The library of a campaign: what may be found, and under which settings and hash."""
+"""The library of a campaign: the hypotheses, the settings of tracing, and their hash."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -10,13 +10,12 @@ from aerodb.tracing import TracingSettings
 
 @dataclass(frozen=True)
 class Library:
-    """What may be found, fixed before a residual is looked at: hypotheses, settings of tracing, and
-    the hash of both.
+    """Hypotheses, settings of tracing, and the hash of both; fixed before any residual is read.
 
     stall : flight -> the law of its stall that the *other* flights agree with; its family is part
     of the hash, its numbers are not. Empty where fewer than two flights stall. loops : likewise,
-    angles of the closed loop that is its rival. reconstructed : flow angles that no flight has a
-    sensor of: no sensor of theirs is a hypothesis.
+    angles of the hysteresis loop that is its rival. reconstructed : flow angles that no flight has
+    a sensor of: no sensor of theirs is a hypothesis.
     """
 
     hypotheses: tuple[Hypothesis, ...]
@@ -28,7 +27,7 @@ class Library:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What a reader must know of what is not in it."""
+        """What a reader must know of hypotheses that are not in it."""
         if not self.reconstructed:
             return ()
         angles = " and ".join(

@@ -1,5 +1,7 @@
-"""Manoeuvres as units of tracing where fewer flights than it needs can vote: which they are, and
-what they say."""
+"""Manoeuvres as sampling units, where fewer flights than needed can take part in the tests.
+
+docs/method/tracing.md, section 16.
+"""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
@@ -26,9 +28,10 @@ _TOO_FEW = ("not_testable",)
 _PLANES = (("CX", "CZ", "Cm"), ("CY", "Cl", "Cn"))
 
 
-def too_few_voted(traced: Traced, settings: TracingSettings) -> bool:
-    """Whether there are hardly more flights than the error rate needs, and some effect has fewer
-    votes than that."""
+def too_few_took_part(traced: Traced, settings: TracingSettings) -> bool:
+    """Whether there are hardly more flights than the error rate needs, and too few show some
+    effect.
+    """
     few = len(traced.flights) < settings.fewest
     return few or (
         len(traced.flights) == settings.fewest
@@ -39,15 +42,15 @@ def too_few_voted(traced: Traced, settings: TracingSettings) -> bool:
 def by_manoeuvres(
     source: FlightSource, traced: Traced, library: Library, database: AeroDatabase
 ) -> tuple[FewFlightFindings, ...]:
-    """What the manoeuvres of the flights suspect together, beside what the flights have found, one
-    plane of motion after the other; empty where flights are enough, or where there are no two
-    manoeuvres.
+    """Return what the manoeuvres of all flights suspect together, one plane of motion after the
+    other.
 
-    Twice: how far apart manoeuvres must be hangs on how long what is left is correlated, and that
-    on what has been found.
+    Beside what whole flights have found. Empty where there are enough flights, or fewer than two
+    manoeuvres. Two passes: how far apart manoeuvres must be depends on the correlation time of the
+    remaining residual, and that on what has been found.
     """
     hypotheses, settings = library.hypotheses, library.settings
-    if not too_few_voted(traced, settings):
+    if not too_few_took_part(traced, settings):
         return ()
     known = [finding.hypothesis for finding in traced.findings]
     evidence = [evidence_beside(source, flight, database, library) for flight in traced.flights]
@@ -59,47 +62,49 @@ def by_manoeuvres(
     chosen = _units(evidence, spans, {})
     if len(chosen) < 2:
         return ()
-    said = few_flight_findings(chosen, hypotheses, settings, known)
+    suspected = few_flight_findings(chosen, hypotheses, settings, known)
     parts = []
     for axes in _PLANES:
-        mine = _in_plane(said, axes)
+        mine = _in_plane(suspected, axes)
         if not mine.findings:
             continue
         apart = {
             flight: max(times.get(axis, 0.0) for axis in axes)
-            for flight, times in said.correlation_time.items()
+            for flight, times in suspected.correlation_time.items()
         }
         again = _units(evidence, spans, apart)
         if len(again) > 1 and [each.flight for each in again] != [each.flight for each in chosen]:
             mine = _in_plane(few_flight_findings(again, hypotheses, settings, known), axes)
         if len(again) > 1:
             parts.append(mine)
-    return tuple(parts) or (replace(said, findings=()),)
+    return tuple(parts) or (replace(suspected, findings=()),)
 
 
-def _in_plane(said: FewFlightFindings, axes: Collection[str]) -> FewFlightFindings:
-    """With the findings of one plane of motion only."""
+def _in_plane(suspected: FewFlightFindings, axes: Collection[str]) -> FewFlightFindings:
+    """The same with the findings of one plane of motion only."""
     lateral = {"CY", "Cl", "Cn", "C_side"}
     wanted = bool(lateral & set(axes))
     # A force along the wind is felt on more body axes than those of its plane: what counts is where
     # the formula stands.
     written = {
         hypothesis.id: hypothesis.written_on[0]
-        for hypothesis in said.joint.tests.campaign.hypotheses
+        for hypothesis in suspected.joint.tests.campaign.hypotheses
     }
     return replace(
-        said,
-        findings=tuple(f for f in said.findings if (written[f.hypothesis] in lateral) == wanted),
+        suspected,
+        findings=tuple(
+            f for f in suspected.findings if (written[f.hypothesis] in lateral) == wanted
+        ),
     )
 
 
 def with_few_flight_findings(traced: Traced, parts: Sequence[FewFlightFindings]) -> Traced:
-    """What flights found and bounded, and what their manoeuvres suspect."""
+    """Return what flights found and bounded, with what their manoeuvres suspect."""
     names = dict.fromkeys(
-        equations.flight for said in parts for equations in said.joint.normal_equations
+        equations.flight for suspected in parts for equations in suspected.joint.normal_equations
     )
     included = [SamplingUnit.parse(name) for name in names]
-    findings = [finding for said in parts for finding in said.findings]
+    findings = [finding for suspected in parts for finding in suspected.findings]
     short = ", ".join(unit.short if unit.window is None else f"{unit.short} s" for unit in included)
     by_window = any(unit.window is not None for unit in included)
     what = (
@@ -121,8 +126,9 @@ def with_few_flight_findings(traced: Traced, parts: Sequence[FewFlightFindings])
 
 
 def manoeuvre_spans(source: FlightSource, flight: str) -> tuple[tuple[float, float], ...]:
-    """Start and end [s from the first sample] of the manoeuvres of a flight (its id), those that
-    overlap as one."""
+    """Return start and end [s from the first sample] of a flight's manoeuvres, overlapping ones as
+    one.
+    """
     spans: list[tuple[float, float]] = []
     for segment in sorted(source.segments(flight), key=lambda segment: segment.start):
         start, end = segment.start, segment.end
@@ -140,7 +146,7 @@ def _units(
     spans: Mapping[str, Sequence[tuple[float, float]]],
     apart: Mapping[str, float],
 ) -> list[Evidence]:
-    """The flights cut at their manoeuvres; a flight without any, or with one, votes whole."""
+    """The flights cut at their manoeuvres; a flight with one or none stays whole."""
     found: list[Evidence] = []
     for each in evidence:
         cut = (

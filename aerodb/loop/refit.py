@@ -1,5 +1,6 @@
-"""What the loop adds, fitted once more beside the candidate that has it: gains, and shapes inside
-the envelope."""
+"""Fit what the loop adds once more, beside the candidate that holds it: gains, and shapes inside
+the envelope.
+"""
 
 from collections.abc import Sequence
 
@@ -18,10 +19,10 @@ def refit_terms(
     accepted: Sequence[Hypothesis],
     flights: Sequence[str],
 ) -> Refined | None:
-    """New gains and finer shapes of terms that `candidate` holds already; None where left-out
-    flights do not ask for them.
+    """Return new gains and finer shapes of terms that `candidate` holds already.
 
-    flights : ids of those that have the channels of all terms.
+    None where left-out flights do not support them. flights : ids of those that have the channels
+    of all terms.
     """
     compared = in_threads(
         lambda id: thinned_comparison(source, id, candidate, library.settings.bandwidth), flights
@@ -33,7 +34,7 @@ def refit_terms(
 
 
 def refit_of(finer: Refined) -> Refit:
-    """What an increment notes of how it was fitted once more; shapes in the order of their ids."""
+    """Return what an increment notes of its refit; shapes in the order of their ids."""
     axes = {term.id: term.written_on[0] for term in finer.terms}
     shapes = [
         RefinedShape(id, axes[id], tuple(over), finer.fall[id])
@@ -43,7 +44,7 @@ def refit_of(finer: Refined) -> Refit:
 
 
 def axes_of_misfit_shapes(database: AeroDatabase) -> frozenset[str]:
-    """Body axes on which a term was added whose template's shape was wrong."""
+    """Return the body axes on which a term was added whose template's shape was wrong."""
     axes = {
         shape.axis
         for increment in database.increments
@@ -54,7 +55,7 @@ def axes_of_misfit_shapes(database: AeroDatabase) -> frozenset[str]:
 
 
 def remarks_on_shapes(database: AeroDatabase) -> tuple[str, ...]:
-    """One plain sentence on what was fitted once more; none where nothing was."""
+    """Return one plain sentence on what was fitted once more; none where nothing was."""
     notes = dict.fromkeys(
         increment.full_note for increment in database.increments if increment.refit is not None
     )

@@ -1,5 +1,7 @@
-"""The closed loop: trace, add what is found, trace again on the candidate until nothing more is
-found."""
+"""Rounds of the closed loop: trace, add what is found, and trace again with the candidate.
+
+docs/method/tracing.md, section 13.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -37,19 +39,21 @@ _PITCH = frozenset({"CX", "CZ", "Cm"})
 
 @dataclass(frozen=True)
 class Accept:
-    """Effects (names or hypotheses' ids) that the user lets in although they are aliased (`lumped`)
-    or only `suspected`."""
+    """Effects (names or hypotheses' ids) that the user admits beyond the confirmed ones.
+
+    lumped : although they are in an alias group; suspected : although they are only suspected.
+    """
 
     lumped: tuple[str, ...] = ()
     suspected: tuple[str, ...] = ()
 
     def admits(self, finding: Finding) -> bool:
-        """Whether a finding enters the database."""
+        """Return whether a finding enters the database."""
         wanted = {"alias_group": self.lumped, "suspected": self.suspected}.get(finding.verdict, ())
         return finding.verdict in ADDED or finding.hypothesis in wanted or finding.effect in wanted
 
     def check(self, library: Library) -> None:
-        """Raises InputError for a name that is neither an effect nor an id of the library."""
+        """Raise InputError for a name that is neither an effect nor an id of the library."""
         known = {
             name for hypothesis in library.hypotheses for name in (hypothesis.effect, hypothesis.id)
         }
@@ -64,11 +68,10 @@ class Accept:
 
 @dataclass(frozen=True)
 class Loop:
-    """Where a loop ended: the candidate, all findings and those that were added, the last round's
-    tracing, and remarks.
+    """The result of a loop.
 
-    by_manoeuvre : whether manoeuvres of the flights had to vote, and heads and tails of flights
-    validate.
+    The candidate, all findings and those that were added, the last round's tracing, and remarks.
+    by_manoeuvre : whether manoeuvres were the units, so that heads and tails of flights validate.
     """
 
     baseline: AeroDatabase
@@ -82,7 +85,7 @@ class Loop:
 
     @property
     def separates(self) -> bool:
-        """Whether a stall whose flow separates was added."""
+        """Whether a stall with separating flow was added."""
         return any(_separates(finding) for finding in self.added)
 
 
@@ -93,24 +96,24 @@ def run_loop(
     library: Library,
     accept: Accept,
 ) -> Loop:
-    """The loop on the flights (ids) that identify.
+    """Run the loop on the flights (ids) that identify.
 
-    Each round traces beside the present candidate and admits confirmed findings, and what `accept`
-    names; as many of them are added as make no axis worse. Raises InputError where `accept` names
-    what the library does not have.
+    Each round traces with the present candidate and admits confirmed findings, and those that
+    `accept` names; as many of them are added as make no axis worse. Raises InputError where
+    `accept` names what the library does not have.
     """
     accept.check(library)
     database = baseline
     findings: dict[str, Finding] = {}
     added: list[Finding] = []
-    by_manoeuvre, said_beside, withheld = False, list[str](), set[str]()
+    by_manoeuvre, linear_beside, withheld = False, list[str](), set[str]()
     known_before = source.looked_before(flights, library)
     rounds = 0
     for rounds in range(1, MOST_ROUNDS + 1):  # noqa: B007 - where it ended is part of the answer
         traced, remarks = _traced(source, flights, database, library, added, known_before)
-        said = by_manoeuvres(source, traced, library, database)
-        if said:
-            traced, by_manoeuvre = with_few_flight_findings(traced, said), True
+        suspected = by_manoeuvres(source, traced, library, database)
+        if suspected:
+            traced, by_manoeuvre = with_few_flight_findings(traced, suspected), True
         have = {finding.hypothesis for finding in added} | withheld
         have |= (
             {h.id for h in library.hypotheses if h.effect == EFFECT} if database.states else set()
@@ -123,8 +126,8 @@ def run_loop(
         }
         if not new:
             break
-        new, beside = _with_linear_terms(new, said, have)
-        said_beside += beside
+        new, beside = _with_linear_terms(new, suspected, have)
+        linear_beside += beside
         candidate, kept = _bearable(source, database, library, new, flights)
         withheld |= {finding.hypothesis for finding in new if finding not in kept}
         added += kept
@@ -144,11 +147,11 @@ def run_loop(
             " axis worse"
         )
         remarks += (f"Not added although found: {', '.join(sorted(withheld))}; {why}.",)
-    if said_beside:
+    if linear_beside:
         remarks += (
             (
                 "With what was accepted, the linear terms beside which it was estimated were"
-                f" added: {', '.join(said_beside)}."
+                f" added: {', '.join(linear_beside)}."
             ),
         )
     remarks = (*library.remarks, *remarks)
@@ -172,7 +175,7 @@ def _traced(
     added: Sequence[Finding],
     known_before: frozenset[str] | None,
 ) -> tuple[Traced, tuple[str, ...]]:
-    """What whole flights say beside a database, and what a reader must know of it."""
+    """Trace whole flights with a database; and what a reader must know of the result."""
     normal_equations = in_threads(
         lambda flight: source.normal_equations(flight, database, library), flights
     )
@@ -191,8 +194,11 @@ def _traced(
 def only_what_was_frozen(
     traced: Traced, known: frozenset[str] | None
 ) -> tuple[Traced, tuple[str, ...]]:
-    """The findings with those that an earlier look could have suggested downgraded: a hypothesis
-    that joined the library after these flights had been traced has no error rate."""
+    """Downgrade findings that an earlier look at the residuals could have suggested.
+
+    known : ids of the earlier libraries, None if there was none. A hypothesis that joined the
+    library after these flights had been traced has no error rate.
+    """
     if known is None:
         return traced, ()
     remark = (
@@ -212,12 +218,15 @@ def _late(finding: Finding) -> Finding:
 
 
 def _with_linear_terms(
-    new: Sequence[Finding], said: Sequence[FewFlightFindings], have: set[str]
+    new: Sequence[Finding], suspected: Sequence[FewFlightFindings], have: set[str]
 ) -> tuple[list[Finding], list[str]]:
-    """The admitted findings with the linear terms beside which manoeuvres estimated them, and the
-    ids of these terms. have : ids that the database has already, or must not get."""
+    """The admitted findings with the linear terms beside which manoeuvres estimated them, and their
+    ids.
+
+    have : ids that the database has already, or must not get.
+    """
     new, beside = list(new), list[str]()
-    for part in said:
+    for part in suspected:
         # A stall brings the corrections of its attached flow along: see `added_stall`.
         linear_terms = accompanying_linear_terms(
             part.joint, [f for f in new if f in part.findings and f.effect != EFFECT]
@@ -235,7 +244,7 @@ def _with_linear_terms(
 
 
 def _separates(finding: Finding) -> bool:
-    """Whether it is a stall whose flow separates: it is added with its own fit on all axes."""
+    """Whether it is a stall with separating flow, which is added with its own fit on all axes."""
     return finding.effect == EFFECT and not is_loop(finding.hypothesis)
 
 
@@ -256,9 +265,11 @@ def _bearable(
     new: Sequence[Finding],
     flights: Sequence[str],
 ) -> tuple[AeroDatabase, list[Finding]]:
-    """The candidate with as many of the new findings as make no axis worse, and these: first
-    without the constants of the axes concerned, then without anything on them. Estimated beside
-    terms that may not enter, a term can be right and yet do harm."""
+    """The candidate with as many of the new findings as make no axis worse, and these findings.
+
+    First without the constants of the axes concerned, then without anything on them. Estimated
+    beside terms that may not enter, a term can be right and still do harm.
+    """
     kept = list(new)
     candidate = _added(source, database, library, kept, flights)
     for only_constants in (True, False):
@@ -279,7 +290,7 @@ def _bearable(
 def compared(
     source: FlightSource, flights: Sequence[str], database: AeroDatabase
 ) -> dict[str, Comparison]:
-    """Flight (its id) -> its comparison with a database."""
+    """Return, for each flight (its id), its comparison with a database."""
     return dict(
         zip(
             flights, in_threads(lambda id: source.comparison(id, database)[1], flights), strict=True
@@ -294,8 +305,9 @@ def _added(
     new: Sequence[Finding],
     flights: Sequence[str],
 ) -> AeroDatabase:
-    """The database with the findings as increments inside the envelope of the flights that voted
-    for them."""
+    """The database with the findings as increments inside the envelope of the flights that have
+    their channels.
+    """
     if any(_separates(finding) for finding in new):
         database = added_stall(source, database, tuple(library.stall))
         new = [finding for finding in new if not _separates(finding)]

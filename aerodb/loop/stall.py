@@ -1,5 +1,8 @@
-"""Stalls in the loop: where flights stall, the shape of each flight's stall is that of the others,
-and what is found is added with its state model. Flights that do not stall cost nothing here."""
+"""Stalls in the loop.
+
+Where flights stall, the shape of each flight's stall is fitted to the others, and what is found is
+added with its state model. Flights that do not stall cost nothing here.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -50,10 +53,10 @@ LEAST: Final = np.deg2rad(2.0)
 
 
 def stalled_flights(source: FlightSource, flights: Sequence[str]) -> tuple[str, ...]:
-    """Those of the flights (ids) that go where one of them stalls, near the angle of attack at
-    which its lift gives way.
+    """Return the flights (ids) that come near the angle of attack at which the lift of one of them
+    breaks.
 
-    Empty where fewer than two do: one cannot check a shape that it chose.
+    Empty where fewer than two do: one flight cannot validate a shape that was fitted to it.
     """
     spans = {
         flight: [each for each in source.segments(flight) if each.kind == "stall"]
@@ -90,7 +93,7 @@ def _alpha(source: FlightSource, flight: str) -> tuple[Array, Array]:
 
 
 def of_family(hypotheses: Sequence[Hypothesis]) -> tuple[Hypothesis, ...]:
-    """The library with the stall stated by its family: what is frozen and hashed."""
+    """Return the library with the stall stated by its family: this is frozen and hashed."""
     formula = f"{{}}; {STATE_CHANNEL} of family {FAMILY}, each flight's shape from the others"
     return tuple(
         replace(
@@ -111,8 +114,9 @@ def with_laws(
     database: AeroDatabase,
     vehicle: Vehicle,
 ) -> tuple[Hypothesis, ...]:
-    """The library with the columns of each flight's own law; ids, formulas and hence its hash as
-    they are."""
+    """Return the library with the columns of each flight's own law; ids, formulas and hash
+    unchanged.
+    """
     made = {
         each.id: each
         for each in stall_hypotheses(LibraryContext(database, vehicle, frozenset()), laws)
@@ -123,8 +127,10 @@ def with_laws(
 def cross_fitted_laws(
     source: FlightSource, flights: Sequence[str], database: AeroDatabase
 ) -> dict[str, Law]:
-    """Flight -> the law that the others agree with; empty where no shape separates their flow, or
-    they lack what it needs."""
+    """Return, for each flight, the law that the others agree with.
+
+    Empty where no shape separates their flow, or they lack channels that it needs.
+    """
     try:
         shapes = cross_fit_shapes(stall_flights(source, flights, database), FAMILY)
     except InputError:
@@ -135,12 +141,12 @@ def cross_fitted_laws(
 def added_stall(
     source: FlightSource, database: AeroDatabase, flights: Sequence[str]
 ) -> AeroDatabase:
-    """`database` with the stall that all these flights (ids) agree with: its state model, its gains
-    on all axes, and what it was estimated beside, the corrections of the attached flow.
+    """Return `database` with the stall that all these flights (ids) agree with.
 
-    One flow stalls, so that no axis takes it alone. Covariances are those of least squares with
-    coloured residuals for the shape as it is: that the shape was searched is not in them. Raises
-    InputError where no shape separates the flow of these flights.
+    Its state model, its gains on all axes, and the corrections of the attached flow beside which it
+    was estimated. One flow stalls, so that no axis takes it alone. Covariances are those of least
+    squares with coloured residuals for the shape as it is: that the shape was searched for is not
+    in them. Raises InputError where no shape separates the flow of these flights.
     """
     stalls = stall_flights(source, flights, database)
     shape = fit_shape(stalls, FAMILY)
@@ -187,11 +193,11 @@ def _view(source: FlightSource, flight: str, database: AeroDatabase) -> FlightVi
 
 
 def _free(views: Sequence[FlightView], axis: str) -> tuple[str, ...]:
-    """What of the attached flow may be corrected beside a stall: level, alpha, pitch rate, pitch
-    surfaces; alpha^2 of drag.
+    """Corrections of the attached flow beside a stall: constant, alpha, pitch rate, pitch surfaces;
+    alpha^2 of drag.
 
-    A surface that hardly moves in one of the flights stays out: what it would be given there, it
-    would take elsewhere.
+    A surface that hardly moves in one of the flights stays out: it would be estimated from noise
+    there, and applied elsewhere.
     """
     surfaces = [
         f"delta_{each.name}"
@@ -214,7 +220,7 @@ def _free(views: Sequence[FlightView], axis: str) -> tuple[str, ...]:
 def stall_flights(
     source: FlightSource, flights: Sequence[str], database: AeroDatabase
 ) -> list[StallFlight]:
-    """Flights (ids) as shapes see them, beside a database.
+    """Return the flights (ids) as stall shapes need them, compared with a database.
 
     Raises InputError where one lacks lift, drag and pitching moment, or angle of attack.
     """

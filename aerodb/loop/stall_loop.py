@@ -1,8 +1,7 @@
-"""The closed loop of a stall's lift as a rival of flow that separates smoothly: which it is, the
-flights' votes say.
+"""The hysteresis loop of a stall's lift, a rival of flow that separates smoothly.
 
-The two angles are each flight's from the others, as the shapes in `aerodb.loop.stall` are; what is
-added has those of all together.
+The tests over flights decide between them. The two angles of each flight are fitted to the others,
+as the shapes in `aerodb.loop.stall` are; what is added has those of all together.
 """
 
 from collections.abc import Mapping, Sequence
@@ -33,13 +32,13 @@ _ANY: Final = Relay(0.1, 0.3)
 
 
 def is_loop(named: Hypothesis | str) -> bool:
-    """Whether this hypothesis (or id) is the loop."""
+    """Return whether this hypothesis (or id) is the hysteresis loop."""
     id = named if isinstance(named, str) else named.id
     return id == f"stall_hysteresis@C_lift:{stall_loop.SUBJECT}"
 
 
 def loop_of_family(database: AeroDatabase, vehicle: Vehicle) -> Hypothesis:
-    """The loop as it is frozen and hashed: its angles are each flight's from the others."""
+    """Return the loop as it is frozen and hashed, without the angles of any flight."""
     formula = (
         f"C_lift += k*{stall_loop.LOOP.format(from_zero_lift(database), 0, 0)}, angles of each"
         " flight from the others"
@@ -54,7 +53,7 @@ def with_loops(
     database: AeroDatabase,
     vehicle: Vehicle,
 ) -> tuple[Hypothesis, ...]:
-    """The library with each flight's own angles; flights without any show nothing."""
+    """Return the library with each flight's own angles; a flight without any has a zero column."""
     law = next(iter(laws.values()), _ANY)
     made = _with(law, laws, database, vehicle)
 
@@ -71,8 +70,10 @@ def with_loops(
 def cross_fitted_loops(
     source: FlightSource, flights: Sequence[str], database: AeroDatabase
 ) -> dict[str, Relay]:
-    """Flight (its id) -> the angles that the others agree with; empty below FEWEST flights and
-    where they show no loop."""
+    """Return, for each flight (its id), the angles that the others agree with.
+
+    Empty below FEWEST flights and where they show no loop.
+    """
     if len(flights) < FEWEST:
         return {}
     try:
@@ -88,8 +89,8 @@ def cross_fitted_loops(
 def added_loop(
     source: FlightSource, database: AeroDatabase, flights: Sequence[str]
 ) -> tuple[AeroDatabase, Hypothesis]:
-    """`database` with the state of the loop that all these flights (ids) agree with, and the
-    hypothesis that uses it.
+    """Return `database` with the state of the loop that all these flights (ids) agree with, and its
+    hypothesis.
 
     Raises InputError where they show none, and where the database has such a state already.
     """
@@ -98,7 +99,7 @@ def added_loop(
 
 
 def with_unused_states(view: FlightView) -> FlightView:
-    """The view with the channels of states that no term of its database uses yet."""
+    """Return the view with the channels of states that no term of its database uses yet."""
     chord = view.database.reference.chord
     made = {
         state.name: state.along(view.time, view.channels, chord)
@@ -109,8 +110,9 @@ def with_unused_states(view: FlightView) -> FlightView:
 
 
 def one_stall(findings: Sequence[Finding]) -> list[Finding]:
-    """The findings with one law of separation at most: the loop or what separates smoothly,
-    whichever is surer."""
+    """Return the findings with at most one law of separation, loop or smooth, whichever has the
+    lower p.
+    """
     stalls = [finding for finding in findings if finding.effect == EFFECT]
     if not stalls:
         return list(findings)

@@ -1,5 +1,7 @@
-"""What flights still have in common beside the candidate, and no hypothesis of the library
-names."""
+"""What flights still have in common after the candidate, and no hypothesis of the library names.
+
+docs/method/tracing.md, section 14.
+"""
 
 from collections.abc import Sequence
 
@@ -14,8 +16,10 @@ from aerodb.tracing import FlightResidual, UnexplainedResidual, evidence_of, une
 def unexplained_residuals(
     source: FlightSource, flights: Sequence[str], candidate: AeroDatabase, library: Library
 ) -> tuple[UnexplainedResidual, ...]:
-    """Remainders of these flights (ids) beside the candidate; empty below the fewest flights of the
-    settings."""
+    """Return what is unexplained on each axis of these flights (ids), compared with the candidate.
+
+    Empty below the fewest flights of the settings.
+    """
     if len(flights) < library.settings.fewest:
         return ()
     sensors = [hypothesis for hypothesis in library.hypotheses if hypothesis.kind == "sensor"]

@@ -18,12 +18,12 @@ from aerodb.loop.within_flight import validated_within_flights
 def validate_loop(
     source: FlightSource, hold_out: HoldOut, library: Library, loop: Loop, accept: Accept
 ) -> tuple[AxisValidation, ...]:
-    """Error before and after on the flights that were held out; where none were, each is predicted
-    from the others.
+    """Return the error before and after on the flights held out, or by leaving out one flight at a
+    time.
 
-    Left out, a flight takes no part in a loop of its own. A stall is fitted to the other flights
-    that stall; where manoeuvres voted, heads and tails of flights are predicted from everything
-    else.
+    A flight left out takes no part in a loop of its own. A stall is fitted to the other flights
+    that stall; where manoeuvres were the units, heads and tails of flights are predicted from
+    everything else.
     """
     flights = (*hold_out.identified, *hold_out.held_out)
     before = {flight: source.comparison(flight, loop.baseline)[1] for flight in flights}

@@ -1,5 +1,7 @@
-"""Validation within flights: where flights are too few to leave one out, a part of a flight is
-predicted from everything else."""
+"""Validation within flights, where there are too few to leave one out.
+
+A part of a flight is predicted from everything else.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -21,10 +23,10 @@ Mask = NDArray[np.bool_]
 
 
 def parts_of(time: NDArray[np.float64], spans: tuple[tuple[float, float], ...]) -> dict[str, Mask]:
-    """A flight's head, to the middle of its first manoeuvre, and its tail, from the middle of its
-    last.
+    """Return a flight's head, to the middle of its first manoeuvre, and tail, from the middle of
+    its last.
 
-    So what is left out is flown once more in what is left. time (n,) s; spans from its first
+    So what is left out is flown once more in what remains. time (n,) s; spans from its first
     sample. Without a manoeuvre: halves.
     """
     since = time - time[0]
@@ -39,11 +41,11 @@ def validated_within_flights(
     before: Mapping[str, Comparison],
     after: Mapping[str, Comparison],
 ) -> tuple[AxisValidation, ...]:
-    """Error before and after on heads and tails of flights, each with the values that everything
-    else gives the terms added.
+    """Return the error before and after on heads and tails of flights.
 
-    Which terms is not chosen anew: two or three manoeuvres cannot be left without one of them.
-    before, after : of whole flights, by their ids.
+    Each is predicted with the values that everything else gives the terms added. Which terms is not
+    chosen again: two or three manoeuvres cannot do without one of them. before, after : of whole
+    flights, by their ids.
     """
     masks = {
         f"{flight}@{name}": (flight, mask)
@@ -80,8 +82,9 @@ def estimated_without(
     flights: tuple[str, ...],
     masks: Mapping[str, Mask],
 ) -> AeroDatabase:
-    """The baseline with the named hypotheses, estimated beside the linear set on all samples but
-    the masked."""
+    """Return the baseline with the named hypotheses, estimated beside the linear set without masked
+    samples.
+    """
     if not names:
         return baseline
     evidence, views = [], []

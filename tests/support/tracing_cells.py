@@ -1,5 +1,5 @@
 """What can be wrong in a simulated campaign, and how often tracing says what: the cells of the
-Monte Carlo proof."""
+Monte Carlo validation."""
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence

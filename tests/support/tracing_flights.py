@@ -198,12 +198,12 @@ class Bank:
     def draw(
         self, count: int, generator: np.random.Generator, planted: Mapping[str, float] | None = None
     ) -> list[NormalEquations]:
-        """normal equations of `count` different flights with a fresh residual each, and `planted`
+        """Normal equations of `count` different flights with a fresh residual each, and `planted`
         columns of the library besides."""
         chosen = generator.choice(len(self.flights), count, replace=False)
-        return [self._gram(int(number), generator, planted or {}) for number in chosen]
+        return [self._normal_equations(int(number), generator, planted or {}) for number in chosen]
 
-    def _gram(
+    def _normal_equations(
         self, number: int, generator: np.random.Generator, planted: Mapping[str, float]
     ) -> NormalEquations:
         band, n = self.band(number), len(self.flights[number].time)

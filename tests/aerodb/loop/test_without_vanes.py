@@ -150,8 +150,11 @@ def test_what_the_reconstruction_knows_of_a_bias_bounds_it(glider: Fleet) -> Non
 def test_flights_with_a_vane_keep_its_sensor(glider: Fleet) -> None:
     """With vanes the library is what it was; in a mixed campaign each flight answers for what it
     has."""
-    own = [replace(h, effect=f"alpha_{h.subject}", subject="") for h in glider.library("lift").hypotheses
-           if h.effect == "reconstructed_alpha"]  # fmt: skip
+    own = [
+        replace(h, effect=f"alpha_{h.subject}", subject="")
+        for h in glider.library("lift").hypotheses
+        if h.effect == "reconstructed_alpha"
+    ]
     assert with_reconstructed_angles(own, ("alpha", "beta"), ()) == tuple(own)
     mixed = with_reconstructed_angles(own, ("alpha", "beta"), ("alpha",))
     assert len(mixed) == 2 * len(own)

@@ -1,4 +1,4 @@
-"""What tracing says of small campaigns: verdicts, rivals, bounds, bad input, and the empty case in
+"""Results of tracing on small campaigns: verdicts, rivals, bounds, bad input, and the empty case in
 which nothing may be found."""
 
 import json

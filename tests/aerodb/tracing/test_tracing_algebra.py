@@ -1,4 +1,4 @@
-"""Tracing's algebra against independent answers: direct least squares, scipy's t-test, closed
+"""The algebra of tracing against independent answers: direct least squares, scipy's t-test, closed
 forms, simulated hierarchies."""
 
 from collections.abc import Sequence
@@ -173,9 +173,7 @@ def test_the_compiled_elimination_gives_what_the_inverse_gives(size: int, least:
         )
 
 
-def test_a_nuisance_that_is_not_shown_and_one_that_is_another_again_have_no_part_in_the_others() -> (
-    None
-):
+def test_a_nuisance_without_excitation_and_a_duplicate_leave_the_others_unchanged() -> None:
     """A column of zeros, and one that stands twice: nothing but the ridge tells the two apart."""
     columns = np.random.default_rng(1).standard_normal((400, 4))
     columns = np.column_stack([columns[:, :3], np.zeros(400), columns[:, 2], columns[:, 3]]) / 20.0

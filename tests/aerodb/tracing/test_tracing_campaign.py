@@ -1,5 +1,5 @@
-"""Monte Carlo proof of tracing on Phoenix-like campaigns with the real effect library: how often it
-is right, how often wrong.
+"""Monte Carlo validation of tracing on Phoenix-like campaigns with the real effect library: how
+often it is right, how often wrong.
 
 A row per cell is printed. `make campaign` runs the full numbers; the suite runs a reduced form with
 the same seeds. What is planted and what instruments show: tracing_cells; how flights and residuals
@@ -282,7 +282,7 @@ def test_templates_of_a_wrong_shape(plain: Bank, trials: Trials, table: list[Tal
 
 
 def test_a_controller_that_answers_the_residual(trials: Trials, table: list[Tally]) -> None:
-    """A controller: q follows the noise of Cm. Votes cannot see it; instruments made from
+    """A controller: q follows the noise of Cm. The test over flights cannot see it; instruments made from
     commands do."""
     plainly, helped = (
         tally(

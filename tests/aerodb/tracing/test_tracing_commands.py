@@ -1,5 +1,5 @@
-"""Instruments from commands: a controller that answers the residual's noise, and what was asked of
-it."""
+"""Instruments from commands: a controller that reacts to the noise of the residual, and its
+commands."""
 
 import numpy as np
 import pytest

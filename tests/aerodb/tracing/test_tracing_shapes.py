@@ -1,5 +1,6 @@
-"""Shapes that may be wrong: companions against direct least squares, planted wrong shapes, and none
-where none is due."""
+"""Shapes that may be wrong: shape-misfit terms against direct least squares, planted wrong shapes,
+and none where none is due.
+"""
 
 from dataclasses import replace
 

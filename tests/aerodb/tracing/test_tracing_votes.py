@@ -1,5 +1,6 @@
-"""Votes of whole models against direct least squares on the columns themselves, flight by flight;
-and what is computed only where it is asked for against the same computed everywhere."""
+"""Per-flight estimates of whole models against direct least squares on the columns themselves,
+flight by flight; and what is computed on request against the same computed everywhere.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
