@@ -1,8 +1,8 @@
-"""What accelerations, rates, attitude and gravity say of the rate of change of other channels, over
-a flat earth in steady air.
+"""Kinematic rates of flow angles, airspeed and attitude over a flat earth in steady air.
 
-Stevens, Lewis & Johnson, *Aircraft Control and Simulation*, 3rd ed., sections 1.3 and 2.5. Channels
-come by name, SI, each (n,).
+They follow from accelerations, angular rates, attitude and gravity: Stevens, Lewis & Johnson,
+*Aircraft Control and Simulation*, 3rd ed., sections 1.3 and 2.5. All functions take channels by
+name, in SI, each (n,).
 """
 
 from collections.abc import Callable, Mapping
@@ -18,9 +18,9 @@ GRAVITY: Final = 9.80665
 
 
 def alpha_rate(f: Mapping[str, Array]) -> Array:
-    """alphadot [rad/s] (n,) from channels alpha, V, q, ax, az, theta and, where present, beta, p,
-    r, phi.
+    """Return alphadot [rad/s] (n,).
 
+    From alpha, V, q, ax, az, theta and, if present, beta, p, r, phi:
     ``q - tan(beta)(p cos(alpha) + r sin(alpha)) + (az cos(alpha) - ax sin(alpha) + g(cos(alpha)
     cos(theta) cos(phi) + sin(alpha) sin(theta))) / (V cos(beta))``.
     """
@@ -36,8 +36,9 @@ def alpha_rate(f: Mapping[str, Array]) -> Array:
 
 
 def beta_rate(f: Mapping[str, Array]) -> Array:
-    """betadot [rad/s] (n,) from channels beta, alpha, V, p, r, ax, ay, az, theta, phi.
+    """Return betadot [rad/s] (n,).
 
+    From beta, alpha, V, p, r, ax, ay, az, theta, phi:
     ``p sin(alpha) - r cos(alpha) + (force along the wind's y axis, gravity included) / V``.
     """
     (sa, ca), (sb, cb) = ((np.sin(f[name]), np.cos(f[name])) for name in ("alpha", "beta"))
@@ -49,8 +50,11 @@ def beta_rate(f: Mapping[str, Array]) -> Array:
 
 
 def airspeed_rate(f: Mapping[str, Array]) -> Array:
-    """Vdot [m/s^2] (n,) in steady air from channels alpha, ax, az, theta and, where present, beta,
-    ay, phi."""
+    """Return Vdot [m/s^2] (n,) in steady air.
+
+    From alpha, ax, az, theta and, if present, beta, ay, phi: the force per mass along the
+    air-relative velocity, gravity included.
+    """
     zero = np.zeros_like(f["alpha"])
     beta, phi, ay = f.get("beta", zero), f.get("phi", zero), f.get("ay", zero)
     fx = f["ax"] - GRAVITY * np.sin(f["theta"])
@@ -63,7 +67,7 @@ def airspeed_rate(f: Mapping[str, Array]) -> Array:
 
 
 def bank_rate(f: Mapping[str, Array]) -> Array:
-    """phidot = p + tan(theta) (q sin(phi) + r cos(phi)), rad/s (n,)."""
+    """Return phidot = p + tan(theta) (q sin(phi) + r cos(phi)), rad/s (n,)."""
     result: Array = f["p"] + np.tan(f["theta"]) * (
         f["q"] * np.sin(f["phi"]) + f["r"] * np.cos(f["phi"])
     )
@@ -71,19 +75,19 @@ def bank_rate(f: Mapping[str, Array]) -> Array:
 
 
 def pitch_attitude_rate(f: Mapping[str, Array]) -> Array:
-    """thetadot = q cos(phi) - r sin(phi), rad/s (n,)."""
+    """Return thetadot = q cos(phi) - r sin(phi), rad/s (n,)."""
     zero = np.zeros_like(f["q"])
     phi = f.get("phi", zero)
     return np.asarray(f["q"] * np.cos(phi) - f.get("r", zero) * np.sin(phi))
 
 
 def heading_rate(f: Mapping[str, Array]) -> Array:
-    """psidot = (q sin(phi) + r cos(phi)) / cos(theta), rad/s (n,)."""
+    """Return psidot = (q sin(phi) + r cos(phi)) / cos(theta), rad/s (n,)."""
     return np.asarray((f["q"] * np.sin(f["phi"]) + f["r"] * np.cos(f["phi"])) / np.cos(f["theta"]))
 
 
-#: Channel -> its kinematic rate and the channels without which there is none (accelerations: at the
-#: CG, else at the IMU).
+#: Channel -> its kinematic rate and the channels that the rate needs (accelerations at the CG, else
+#: at the IMU).
 KINEMATICS: Final[dict[str, tuple[Callable[[Mapping[str, Array]], Array], tuple[str, ...]]]] = {
     "alpha": (alpha_rate, ("alpha", "V", "q", "ax", "az", "theta")),
     "beta": (beta_rate, ("beta", "alpha", "V", "p", "r", "ax", "ay", "az", "theta", "phi")),
@@ -93,7 +97,7 @@ KINEMATICS: Final[dict[str, tuple[Callable[[Mapping[str, Array]], Array], tuple[
     "psi": (heading_rate, ("psi", "q", "r", "phi", "theta")),
 }
 
-#: What these rates use besides, where it is there.
+#: Channels that these rates also use, if present.
 OPTIONAL: Final[dict[str, tuple[str, ...]]] = {
     "alpha": ("beta", "p", "r", "phi"),
     "V": ("beta", "ay", "phi"),
@@ -102,8 +106,10 @@ OPTIONAL: Final[dict[str, tuple[str, ...]]] = {
 
 
 def with_accelerations(flight: Flight) -> dict[str, Array]:
-    """The flight's channels, bridged where they may not be used, with ax, ay, az from the IMU where
-    those at the CG lack."""
+    """Return the flight's channels with unusable samples interpolated linearly.
+
+    ax, ay, az are those at the IMU if those at the CG are missing.
+    """
     channels = {}
     for name in flight.channels:
         good = flight.usable([name])

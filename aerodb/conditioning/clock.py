@@ -1,6 +1,6 @@
-"""Clocks: what of a logged time base can be used, and what its sampling interval is.
+"""Logged time bases: which time stamps can be used, and the sampling interval.
 
-Here are rules about time stamps only; values at those times are for `resampling`.
+This module is about time stamps only; `resampling` is about the values at those times.
 """
 
 from dataclasses import dataclass
@@ -11,18 +11,19 @@ from numpy.typing import NDArray
 from aerodb.errors import InputError
 from aerodb.support import Array
 
-#: Share of samples that may be dropped for a clock that steps back; beyond it the clock is not a
-#: clock.
+#: Largest share of samples that may be dropped because the clock steps back; beyond it the clock is
+#: refused.
 TOLERATED_LOSS = 0.05
-#: Deviation from equal steps, in steps, up to which a time base counts as uniform (written with few
-#: decimals).
+#: Largest deviation from equal steps, in steps, of a uniform time base (written with few decimals).
 UNIFORM_TOLERANCE = 1e-3
 
 
 @dataclass(frozen=True)
 class CleanClock:
-    """Samples to keep (n,) so that time strictly increases, and the first and last time [s] at
-    which some were dropped."""
+    """Samples to keep so that time strictly increases.
+
+    keep : (n,) mask. start, end : first and last time at which samples were dropped, s.
+    """
 
     keep: NDArray[np.bool_]
     dropped: int
@@ -31,12 +32,13 @@ class CleanClock:
 
 
 def clean_clock(time: Array, where: str = "") -> CleanClock:
-    """Finds the samples of `time` (n,) [s] to drop so that the rest strictly increases.
+    """Return the samples of `time` (n,) [s] to keep so that the rest strictly increases.
 
-    A stamp that is not finite goes. Where a stamp does not exceed the one before it, the odd one of
-    the two goes: the earlier one if it jumped ahead of its neighbours, else the later one. Raises
-    InputError when more than 5 % (and more than one) would have to go: such a clock runs backwards
-    or stands still, and no choice of samples is right.
+    Non-finite stamps are dropped. Where a stamp does not exceed the one before it, the outlier of
+    the two is dropped: the earlier one if it jumped ahead of its neighbours, else the later one.
+    Raises InputError if more than 5 % of the samples (and more than one) would be dropped: such a
+    clock runs backwards or stands still, and no choice of samples is right. `where` locates the
+    error.
 
     >>> clean_clock(np.array([0.0, 1.0, 1.0, 2.0, 3.0])).keep
     array([ True,  True, False,  True,  True])
@@ -60,7 +62,7 @@ def clean_clock(time: Array, where: str = "") -> CleanClock:
     if len(index) < 2 or dropped > allowed:
         lost = np.setdiff1d(np.arange(len(time)), index)
         at = f" (first at sample {lost[0] + 1}, {time[lost[0]]:.6g} s)" if lost.size else ""
-        what = f"time does not increase: {dropped} of {len(time)} samples would have to go{at}"
+        what = f"time does not increase: {dropped} of {len(time)} samples would be dropped{at}"
         raise InputError(
             what, where, "repair the time base, or name another time field in the mapping"
         )
@@ -74,8 +76,7 @@ def clean_clock(time: Array, where: str = "") -> CleanClock:
 
 
 def _without_lone_ends(time: Array, index: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Drops a first or last stamp that is 1000 times further away than all others are long: a
-    damaged stamp."""
+    """Drop a damaged first or last stamp: 1000 times farther away than the others span."""
     if len(index) > 10:
         span = time[index[-2]] - time[index[1]]
         if time[index[-1]] - time[index[-2]] > 1000.0 * span:
@@ -86,13 +87,15 @@ def _without_lone_ends(time: Array, index: NDArray[np.intp]) -> NDArray[np.intp]
 
 
 def interval(time: Array) -> float:
-    """Sampling interval [s] of increasing stamps `time` (n >= 2,): the median step, so that gaps do
-    not count."""
+    """Return the sampling interval [s] of increasing stamps `time` (n >= 2,): the median step.
+
+    The median is insensitive to gaps.
+    """
     return float(np.median(np.diff(time)))
 
 
 def is_uniform(time: Array) -> bool:
-    """Whether stamps `time` (n,) [s] lie on equal steps within 0.1 % of a step."""
+    """Return whether stamps `time` (n,) [s] have equal steps within 0.1 % of a step."""
     if len(time) < 2:
         return False
     step = (time[-1] - time[0]) / (len(time) - 1)

@@ -1,9 +1,4 @@
-"""All of conditioning on one flight: flags for what must not be used, and what is to be said of the
-rest.
-
-What each part does is for its own module; here is only their order, and the findings as one
-document.
-"""
+"""Conditioning of one flight: the order of its steps, and its findings as one document."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
@@ -20,8 +15,7 @@ from aerodb.flight import Flight
 
 @dataclass(frozen=True)
 class Conditioning:
-    """What conditioning found in a flight: likely faults, segments, and how late each channel
-    is."""
+    """Findings of conditioning: likely faults, segments, and the delay of each channel."""
 
     suspicions: tuple[Suspicion, ...]
     segments: tuple[Segment, ...]
@@ -29,15 +23,15 @@ class Conditioning:
 
 
 def flag_unusable(flight: Flight) -> Flight:
-    """The flight with wild points and samples on the ground flagged; values stay as they are."""
+    """Return the flight with wild points and samples on the ground flagged; values stay."""
     return flag_on_ground(flag_wild_points(flight))
 
 
 def examine(flight: Flight, clocks: tuple[Suspicion, ...] = ()) -> Conditioning:
-    """What there is to say of a conditioned flight.
+    """Return the findings on a flight whose unusable samples are flagged.
 
-    clocks : what is suspicious about the time stamps of its recording
-    (`plausibility.clock_suspicions`). Delays are taken over the longest time in the air.
+    clocks : suspicions about the time stamps of its recording (`clock_suspicions`). Delays are
+    estimated over the longest airborne stretch.
     """
     found = segments(flight)
     return Conditioning(
@@ -46,22 +40,21 @@ def examine(flight: Flight, clocks: tuple[Suspicion, ...] = ()) -> Conditioning:
 
 
 def _longest_in_the_air(flight: Flight) -> tuple[float, float] | None:
-    """Start and end [s] of the longest airborne stretch; None where nothing is known of the
-    ground."""
+    """Return start and end [s] of the longest airborne stretch; None if airspeed is not known."""
     flown = [segment for segment in ground_and_air(flight) if segment.kind == "airborne"]
     longest = max(flown, key=lambda segment: segment.end - segment.start, default=None)
     return None if longest is None else (longest.start, longest.end)
 
 
 def suspicion_documents(suspicions: Iterable[Suspicion]) -> list[dict[str, Any]]:
-    """Suspicions as JSON."""
+    """Return suspicions as JSON."""
     return [
         {**asdict(suspicion), "evidence": _finite(suspicion.evidence)} for suspicion in suspicions
     ]
 
 
 def to_document(conditioning: Conditioning) -> dict[str, Any]:
-    """The findings as JSON; an error that is infinite is None there."""
+    """Return the findings as JSON; an infinite standard error becomes None."""
     delays = [asdict(delay) for delay in conditioning.delays]
     for delay in delays:
         delay["standard_error"] = (
@@ -75,7 +68,7 @@ def to_document(conditioning: Conditioning) -> dict[str, Any]:
 
 
 def from_document(document: Mapping[str, Any]) -> Conditioning:
-    """The findings of a document that `to_document` made."""
+    """Return the findings in a document of `to_document`."""
     return Conditioning(
         tuple(Suspicion(**entry) for entry in document["suspicions"]),
         tuple(Segment(**entry) for entry in document["segments"]),
@@ -94,5 +87,5 @@ def from_document(document: Mapping[str, Any]) -> Conditioning:
 
 
 def _finite(evidence: Mapping[str, float]) -> dict[str, float]:
-    """Figures that JSON can hold."""
+    """Return the finite values, which JSON can hold."""
     return {name: float(value) for name, value in evidence.items() if np.isfinite(value)}

@@ -1,8 +1,8 @@
-"""How late a channel is against what other sensors say it must be.
+"""Delay of a channel relative to its kinematics.
 
-A channel is compared with its own kinematics: the integral of the rate that accelerations, rates,
-attitude and gravity give for it. Both are band-passed alike, so that biases (which integrate to
-ramps) and noise stay out. Errors for coloured residuals: Morelli & Klein, J. Aircraft 34(2), 1997.
+The kinematics of a channel are the integral of the rate that accelerations, angular rates, attitude
+and gravity give for it. Both are band-passed alike, which removes biases (they integrate to ramps)
+and noise. Standard errors for coloured residuals: Morelli & Klein, J. Aircraft 34(2), 1997.
 """
 
 from collections.abc import Mapping
@@ -21,25 +21,25 @@ from aerodb.conditioning.resampling import decimated
 from aerodb.flight import Flight
 from aerodb.support import Array
 
-#: Default band [Hz] and largest delay [s] looked for.
+#: Default band [Hz] and largest delay [s] searched for.
 BAND, LARGEST = (0.1, 2.0), 0.5
-#: Samples of a period of the band's upper end that are kept of a flight; more only cost time.
+#: Samples per period of the band's upper frequency after decimation.
 SAMPLES_PER_PERIOD = 10.0
-#: Share of a channel's motion in the band that its kinematics must explain before a delay is
-#: believed.
+#: Least share of a channel's motion in the band that its kinematics must explain for a delay to be
+#: accepted.
 LEAST_EXPLAINED = 0.95
-#: How far the scale against the own kinematics may be from one before something other than a delay
-#: must be at work.
+#: Largest deviation from one of a channel's scale relative to its kinematics: beyond it, something
+#: other than a delay is at work.
 SCALE_TOLERANCE = 0.15
 
 
 @dataclass(frozen=True)
 class Delay:
-    """How late a channel is.
+    """Delay of a channel.
 
-    seconds : positive: the channel shows late. standard_error : s, for coloured residuals. scale :
-    measured over kinematic motion. explained : share (0..1) of the motion in the band. observable :
-    whether `seconds` may be used; `because` says in words why not.
+    seconds : positive if the channel is late. standard_error : s, for coloured residuals. scale :
+    measured over kinematic motion. explained : share (0..1) of the motion in the band that the
+    kinematics explain. observable : whether `seconds` may be used; `because` says why not.
     """
 
     channel: str
@@ -59,17 +59,25 @@ def delay_between(
     largest: float = LARGEST,
     name: str = "",
 ) -> Delay:
-    """The delay of `measured` (n,) behind `reference` (n,) at uniform `step` [s], to a fraction of
-    a sample.
+    """Estimate the delay of one signal behind another, to a fraction of a sample.
 
-    Model: ``measured(t) = scale reference(t - delay) + slow drift + noise``, least squares within
-    `band` [Hz], from the best whole sample within `largest` [s] by Gauss-Newton. Units of the two
-    may differ; samples that are not finite are bridged.
+    Model: ``measured(t) = scale reference(t - delay) + slow drift + noise``, least squares in a
+    band by Gauss-Newton, started from the best delay in whole samples.
+
+    Parameters
+    ----------
+    measured, reference : (n,), units may differ; non-finite samples are interpolated linearly
+    step : uniform sampling interval, s
+    band : lower and upper frequency, Hz
+    largest : largest delay searched for, s
+    name : channel name in the result
     """
     upper = min(band[1], 0.45 / step)
     n = len(measured)
     if n * step < 2.0 / upper + 2 * largest:
-        return _unobservable(name, f"the record of {n * step:.3g} s is too short for a delay")
+        return _unobservable(
+            name, f"the record of {n * step:.3g} s is too short to estimate a delay"
+        )
     ours, theirs = (
         _band_passed(values, step, (band[0], upper)) for values in (measured, reference)
     )
@@ -112,7 +120,7 @@ def _judged(delay: Delay, largest: float) -> Delay:
         sign = ", with the wrong sign" if delay.scale < 0 else ""
         reason = f"the kinematics explain only {100 * delay.explained:.0f} % of its motion{sign}"
     elif abs(delay.seconds) > 0.95 * largest:
-        reason = f"it lies at the end of what was looked at ({largest:g} s)"
+        reason = f"the estimate lies at the limit of the search ({largest:g} s)"
     if not reason:
         return delay
     return replace(delay, standard_error=float("inf"), observable=False, because=reason)
@@ -123,8 +131,10 @@ def _unobservable(name: str, because: str) -> Delay:
 
 
 def _band_passed(values: Array, step: float, band: tuple[float, float]) -> Array:
-    """Between the two frequencies [Hz], zero phase; what is slower than half a period per record
-    always goes."""
+    """Return `values` (n,) between two frequencies [Hz], zero phase.
+
+    Anything slower than half a period per record is always removed.
+    """
     record = bridge(values)
     slow = max(band[0], 1.0 / (len(record) * step))
     upper = low_passed(record, step, band[1])
@@ -140,8 +150,10 @@ def _explained(measured: Array, reference: Array) -> float:
 
 
 def _coloured_error(regressors: Array, residual: Array, longest: int) -> float:
-    """Standard error of the last parameter, from the residual's own autocorrelation up to `longest`
-    samples."""
+    """Return the standard error of the last parameter for coloured residuals.
+
+    From the autocorrelation of the residual up to `longest` samples.
+    """
     n = len(residual)
     inverse = np.linalg.pinv(regressors.T @ regressors)
     lags = min(n - 1, max(10, min(n // 5, longest)))
@@ -162,13 +174,15 @@ def _coloured_error(regressors: Array, residual: Array, longest: int) -> float:
 
 
 def delays(flight: Flight, during: tuple[float, float] | None = None) -> tuple[Delay, ...]:
-    """The delay of every channel of the flight that has kinematics: alpha, beta, V, phi, theta,
-    psi.
+    """Return the delays of alpha, beta, V, phi, theta and psi, as far as the flight has them.
 
-    alpha and beta are taken as they stand at the CG: correct a boom first, its lever arm times q or
-    r looks like a delay. They enter their own kinematics weakly; a second pass uses them with the
-    delay taken out. A channel whose inputs are missing is returned as not observable. `during`:
-    only from..to [s], such as the flying part of a whole flight.
+    alpha and beta must refer to the CG: on an uncorrected boom, the lever arm times q or r looks
+    like a delay. They enter their own kinematics weakly; a second pass uses them with the delay
+    removed. A channel whose inputs are missing is returned as not observable.
+
+    Parameters
+    ----------
+    during : start and end [s] of the part to use, such as the airborne part; None: all
     """
     channels, step = _prepared(flight, during, BAND[1])
     return tuple(
@@ -179,8 +193,10 @@ def delays(flight: Flight, during: tuple[float, float] | None = None) -> tuple[D
 def _prepared(
     flight: Flight, during: tuple[float, float] | None, upper: float
 ) -> tuple[dict[str, Array], float]:
-    """What kinematics need of a flight, in a part of it, no finer than a band up to `upper` [Hz]
-    asks for; and the step [s]."""
+    """Return the channels that kinematics need and their step [s].
+
+    They are taken from part of the flight, decimated as a band up to `upper` [Hz] allows.
+    """
     part = (
         slice(None)
         if during is None
@@ -193,15 +209,17 @@ def _prepared(
     if "V" in channels:
         channels["V"] = np.maximum(
             channels["V"], 0.2 * np.max(channels["V"], initial=0.0)
-        )  # at rest nothing divides by zero
+        )  # avoid division by zero at rest
     return decimated(channels, flight.step, SAMPLES_PER_PERIOD * upper)
 
 
 def _channel_delay(
     name: str, channels: Mapping[str, Array], step: float, band: tuple[float, float], largest: float
 ) -> Delay:
-    """The delay of channel `name` (a key of KINEMATICS) of channels (n,) at `step` [s], as `delays`
-    gives it."""
+    """Return the delay of channel `name` (a key of KINEMATICS), as `delays` does.
+
+    channels : name -> (n,) at `step` [s].
+    """
     rate, needed = KINEMATICS[name]
     lacking = [need for need in needed if need not in channels]
     if lacking:

@@ -1,8 +1,9 @@
-"""Smoothing and differentiation with a stated bandwidth, and the noise that they leave.
+"""Smoothing and differentiation with a stated bandwidth, and the noise that remains.
 
-A record between its two end points is a straight line plus a sine series (odd extension): no step
-at the ends, hence no ringing. Cutting the series at the bandwidth smooths with zero phase; its
-term-by-term derivative is exact. What lies above the bandwidth measures the noise. Method: Lanczos,
+A record is a straight line through its end points plus a sine series (odd extension): without a
+step at the ends there is no ringing. Truncating the series at the bandwidth smooths with zero
+phase; its term-by-term derivative is exact. The content above the bandwidth measures the noise.
+Method: Lanczos,
 *Applied Analysis*, 1956; Morelli, "Estimating Noise Characteristics from Flight Test Data Using
 Optimal Fourier Smoothing", J. Aircraft 32(4), 1995.
 """
@@ -15,18 +16,21 @@ from scipy.fft import dct, dst
 
 from aerodb.support import Array
 
-#: Width of the roll-off relative to the bandwidth: a cosine step from 1 to 0, short and yet without
-#: ripple.
+#: Width of the roll-off relative to the bandwidth: a cosine step from 1 to 0.
 ROLL_OFF = 0.1
 
-#: A record shorter than this has no spectrum to cut.
+#: Fewest samples of a record that can be smoothed.
 FEWEST_SAMPLES = 8
 
 
 @dataclass(frozen=True)
 class Smoothed:
-    """A smoothed record: `value` (n,), `rate` (n,) its time derivative, `noise` one sigma of the
-    white noise of the input (same unit), `rate_sigma` what of it remains in the rate."""
+    """A smoothed record.
+
+    value : (n,). rate : (n,), its time derivative. bandwidth : Hz. noise : standard deviation of
+    the white noise of the input, same unit. rate_sigma : standard deviation of the noise that
+    remains in the rate.
+    """
 
     value: Array
     rate: Array
@@ -36,17 +40,22 @@ class Smoothed:
 
 
 def smooth(values: Array, step: float, bandwidth: float, noise: float | None = None) -> Smoothed:
-    """Low-passes and differentiates a uniformly sampled record with zero phase.
+    """Low-pass and differentiate a uniformly sampled record with zero phase.
 
     Parameters
-    ---------- values : (n,) any unit, n >= FEWEST_SAMPLES; not finite samples are bridged linearly
-    (the caller flags them). step : sampling interval, s. bandwidth : Hz, where the gain is one
-    half; at most the Nyquist frequency. noise : one sigma of the white noise of `values`; None:
-    measured above the bandwidth.
+    ----------
+    values : (n,), any unit, n >= FEWEST_SAMPLES; non-finite samples are interpolated linearly (the
+        caller flags them)
+    step : sampling interval, s
+    bandwidth : frequency at which the gain is one half, Hz; at most the Nyquist frequency
+    noise : standard deviation of the white noise of `values`; None: measured above the bandwidth
 
     Returns
     -------
-    Smoothed, with the record's unit and unit/s.
+    Smoothed, in the record's unit and unit/s
+
+    Raises ValueError for too few samples, no finite sample, or a bandwidth beyond the Nyquist
+    frequency.
     """
     line, series, frequency, gain = _spectrum(values, step, bandwidth)
     n, slope = len(line), (line[-1] - line[0]) / ((len(line) - 1) * step)
@@ -70,19 +79,21 @@ def smooth(values: Array, step: float, bandwidth: float, noise: float | None = N
 
 
 def low_passed(values: Array, step: float, bandwidth: float) -> Array:
-    """The value (n,) of `smooth` alone, in less time."""
+    """Return only the value (n,) of `smooth`, in less time."""
     line, series, _, gain = _spectrum(values, step, bandwidth)
     line[1:-1] += 0.5 * dst(gain * series, type=1)
     return line
 
 
 def _spectrum(values: Array, step: float, bandwidth: float) -> tuple[Array, Array, Array, Array]:
-    """The straight line (n,) through the end points, the sine series (n - 2,) of the rest, its
-    frequencies [Hz] and the gain of each. Raises ValueError for a record that is too short and a
-    bandwidth beyond the Nyquist frequency."""
+    """Return the line (n,) through the end points and the sine series (n - 2,) of the remainder.
+
+    Also the frequencies [Hz] of the series and the gain of each. Raises ValueError as `smooth`
+    does.
+    """
     n = len(values)
     if n < FEWEST_SAMPLES:
-        raise ValueError(f"{n} samples are too few to differentiate; {FEWEST_SAMPLES} are needed")
+        raise ValueError(f"{n} samples are too few to smooth; at least {FEWEST_SAMPLES} are needed")
     nyquist = 0.5 / step
     if not 0.0 < bandwidth <= nyquist:
         raise ValueError(
@@ -97,8 +108,7 @@ def _spectrum(values: Array, step: float, bandwidth: float) -> tuple[Array, Arra
 
 
 def bridge(values: Array) -> Array:
-    """`values` (n,) with samples that are not finite replaced by linear interpolation between their
-    neighbours."""
+    """Return `values` (n,) with non-finite samples interpolated linearly between neighbours."""
     good = np.isfinite(values)
     if good.all():
         return np.asarray(values, dtype=np.float64)
@@ -109,8 +119,10 @@ def bridge(values: Array) -> Array:
 
 
 def _end_points(record: Array, step: float, bandwidth: float) -> tuple[float, float]:
-    """End values from a local quadratic over half a period of the bandwidth: a noisy first sample
-    must not tilt all."""
+    """Return the end values of a local quadratic over half a period of the bandwidth.
+
+    A noisy first or last sample must not tilt the line through the end points.
+    """
     width = int(np.clip(round(0.5 / (bandwidth * step)), 3, len(record) // 2))
     weights = _end_weights(width)
     return float(weights @ record[:width]), float(weights @ record[::-1][:width])
@@ -118,7 +130,7 @@ def _end_points(record: Array, step: float, bandwidth: float) -> tuple[float, fl
 
 @lru_cache(maxsize=64)
 def _end_weights(width: int) -> Array:
-    """What makes the first value of a least-squares quadratic of `width` samples."""
+    """Return the weights of `width` samples in the first value of their least-squares quadratic."""
     return np.asarray(
         np.linalg.pinv(np.vander(np.linspace(0.0, 1.0, width), min(3, width), increasing=True))[0]
     )

@@ -1,9 +1,8 @@
-"""Which single fault of sign, unit or wiring would make the channels of a record agree with their
-kinematics.
+"""Search for the single fault of sign, unit or wiring that explains disagreement with kinematics.
 
-Every attitude, air angle, airspeed and altitude is compared with the integral of its own kinematic
-rate. Where one disagrees, single faults are undone one after the other; the one that brings
-agreement everywhere is the likely cause.
+Every attitude, flow angle, airspeed and altitude is compared with the integral of its kinematic
+rate. If one disagrees, single faults are corrected one after the other; the one whose correction
+makes all channels agree is the likely cause.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -20,20 +19,20 @@ from aerodb.support import Array
 
 Channels = Mapping[str, Array]
 
-#: Hz, where manoeuvres are; longest stretch [s] looked at, the liveliest of the record.
+#: Frequency band of manoeuvres [Hz]; longest stretch [s] examined, the one with most motion.
 BAND, LONGEST = (0.05, 1.0), 600.0
-#: Agreement at most before and at least after a fault is undone, and how much any other that held
-#: before may lose.
+#: Agreement at most before and at least after the correction of a fault; agreement from which a
+#: channel counts as right before, and how much of it the correction may cost.
 DISAGREES, AGREES, HELD, MAY_LOSE = 0.3, 0.85, 0.5, 0.2
-#: Faults whose total agreement differs by less than this cannot be told apart; radians taken for
-#: degrees are rarer than the reverse by this much agreement.
+#: Faults whose total agreement differs by less than the first value cannot be distinguished;
+#: radians declared as degrees are rarer than the reverse, which costs the second value.
 ALIKE, RARE = 0.35, 0.3
-#: Least motion (rms in the band, rad; V m/s; altitude m) that can tell anything.
+#: Least motion (rms in the band; angles rad, V m/s, altitude m) for a comparison.
 LEAST_MOTION: Final = {"V": 0.5, "altitude": 1.0}
 LEAST_ANGLE = 2e-3
 DEGREE = np.pi / 180
 
-#: Channels that can be compared with their kinematics, and what takes part in each comparison.
+#: Channels that can be compared with their kinematics, and the channels that each comparison uses.
 ALL: Final = (*KINEMATICS, "altitude")
 _INVOLVED: Final = {
     name: {name, *needed, *OPTIONAL.get(name, ())} for name, (_, needed) in KINEMATICS.items()
@@ -45,8 +44,10 @@ _PAIRS = (("q", "r"), ("p", "q"), ("p", "r"), ("alpha", "beta"), ("ay", "az"), (
 
 @dataclass(frozen=True)
 class Fault:
-    """A single fault: kind (``sign degrees radians swapped unit``), the channels it concerns, and
-    what it does in words."""
+    """A single fault: kind, channels affected, description, and the function that corrects it.
+
+    Kinds: ``sign degrees radians swapped unit``.
+    """
 
     kind: str
     channels: tuple[str, ...]
@@ -56,8 +57,12 @@ class Fault:
 
 @dataclass(frozen=True)
 class Explanation:
-    """A fault that explains a disagreement, those that would explain it as well, the channels that
-    disagreed, and their agreement before and after (1: equal, 0: unrelated, -1: opposite)."""
+    """A fault that explains a disagreement.
+
+    alike : faults that would explain it equally well. disagreed : channels that disagreed. before,
+    after : their agreement without and with the fault corrected (1: equal, 0: unrelated, -1:
+    opposite).
+    """
 
     fault: Fault
     alike: tuple[Fault, ...]
@@ -67,12 +72,16 @@ class Explanation:
 
 
 def agreement(channels: Channels, step: float, names: Iterable[str] = ALL) -> dict[str, float]:
-    """Agreement of each channel with its kinematics: ``2 y.Y / (y.y + Y.Y)`` of measured y and
-    kinematic Y in the band.
+    """Return the agreement of each channel with its kinematics, ``2 y.Y / (y.y + Y.Y)``.
 
-    channels : name -> (n,), SI, all finite; accelerations as ``ax ay az``. step : s. Channels that
-    hardly move are left out. 1: equal, 0: unrelated or of another size, -1: opposite. names : those
-    of the channels to compare.
+    y is the measured and Y the kinematic channel in the band. 1: equal, 0: unrelated or of another
+    size, -1: opposite. Channels with little motion are left out.
+
+    Parameters
+    ----------
+    channels : name -> (n,), SI, all finite; accelerations as ``ax ay az``
+    step : s
+    names : channels to compare
     """
     found = {}
     for name in names:
@@ -88,8 +97,15 @@ def agreement(channels: Channels, step: float, names: Iterable[str] = ALL) -> di
 
 
 def explain(channels: Channels, step: float) -> Explanation | None:
-    """The single fault that makes disagreeing channels (n,) at `step` [s] agree; None when all
-    agree, or none does."""
+    """Return the single fault whose correction makes disagreeing channels agree.
+
+    None if all channels agree, or if no single fault explains the disagreement.
+
+    Parameters
+    ----------
+    channels : name -> (n,), as for `agreement`
+    step : s
+    """
     channels, step = _liveliest(channels, step)
     before = agreement(channels, step)
     bad = tuple(name for name, value in before.items() if value < DISAGREES)
@@ -120,7 +136,7 @@ def explain(channels: Channels, step: float) -> Explanation | None:
 def _undone(
     channels: Channels, fault: Fault, before: dict[str, float], step: float
 ) -> dict[str, float]:
-    """Agreement with a fault undone; computed anew only for channels that it has to do with."""
+    """Return the agreement with a fault corrected; recomputed only for the channels affected."""
     changed = fault.undo(channels)
     concerned = [name for name in ALL if not changed.keys().isdisjoint(_INVOLVED[name])]
     kept = {name: value for name, value in before.items() if name not in concerned}
@@ -128,7 +144,7 @@ def _undone(
 
 
 def _faults(channels: Channels) -> list[Fault]:
-    """Every single fault that these channels could have."""
+    """Return every single fault that these channels could have."""
     found = []
     for name in _SIGNED:
         if name in channels:
@@ -180,7 +196,7 @@ def _exchanged(one: str, other: str) -> Callable[[Channels], dict[str, Array]]:
 
 
 def _path(name: str, channels: Channels, step: float) -> Array | None:
-    """What the kinematics say of a channel, up to a constant; None where they lack something."""
+    """Return a channel integrated from its kinematics, up to a constant; None without inputs."""
     if name == "altitude":
         if not {"altitude", "V", "theta"} <= channels.keys():
             return None
@@ -198,14 +214,14 @@ def _path(name: str, channels: Channels, step: float) -> Array | None:
 
 
 def _passed(values: Array, step: float) -> Array:
-    """In the band, zero phase."""
+    """Return `values` (n,) band-passed with zero phase."""
     fast = low_passed(values, step, min(BAND[1], 0.4 / step))
     result: Array = fast - low_passed(fast, step, max(BAND[0], 1.0 / (len(values) * step)))
     return result
 
 
 def _liveliest(channels: Channels, step: float) -> tuple[dict[str, Array], float]:
-    """The stretch of at most LONGEST seconds with most motion in the air."""
+    """Return the stretch of at most LONGEST seconds with most motion in the air, and `step`."""
     n = len(next(iter(channels.values())))
     size = prev_fast_len(round(LONGEST / step)) + 1
     if n <= size:

@@ -1,9 +1,8 @@
-"""What is likely wrong with a record before anything is estimated from it, in plain sentences that
-name the cause.
+"""Plausibility of a record before anything is estimated from it: likely faults and their causes.
 
-Evidence is that topics do not meet, that sensors stand still, that the accelerations do not carry
-the weight, and that channels disagree with their kinematics (`hypotheses`). Errors of a few
-percent, biases and delays raise no suspicion here: they are for flight-path reconstruction.
+The evidence: topics that do not overlap in time, sensors that do not change, accelerations that do
+not balance the weight, and channels that disagree with their kinematics (`hypotheses`). Errors of a
+few percent, biases and delays raise no suspicion: flight-path reconstruction estimates them.
 """
 
 from collections.abc import Mapping
@@ -23,31 +22,30 @@ from aerodb.recording import Recording
 from aerodb.support import Array
 
 _ACCELERATIONS = ("ax", "ay", "az", "ax_imu", "ay_imu", "az_imu")
-#: Sensors that must move when the aircraft does.
+#: Sensors whose output must change when the aircraft moves.
 _SENSORS = ("p", "q", "r", *_ACCELERATIONS, "alpha", "beta", "phi", "theta")
-#: Least motion [rad, rad/s] of two others, and share of a record that a sensor must hold one value,
-#: to be called stuck.
+#: Least motion [rad, rad/s] of two other sensors, and least share of a record with one constant
+#: value, for a sensor to be called stuck.
 LEAST_MOTION, LEAST_SHARE = 2e-3, 0.02
-#: Correlation that is no chance, least swing [rad] of an air angle for it, least force over mass
-#: [m/s^2] that must be missing.
+#: Least correlation taken as significant, least standard deviation [rad] of a flow angle for it,
+#: and least missing force per mass [m/s^2].
 STRONG, LEAST_SWING, LEAST_FORCE = 0.7, 0.005, 0.4
-#: Least swing [rad] of bank that must turn the aircraft.
+#: Least standard deviation [rad] of the bank angle for which the aircraft must turn.
 LEAST_BANK = 0.1
-#: Load factor usually stays this near its middle: what varies more around 1 is no load factor but
-#: lacks gravity.
+#: Largest median deviation of a load factor from its median: a channel near 1 that varies more is
+#: no load factor but an acceleration without gravity.
 LOAD_SPREAD = 0.7
-#: Hz at least at which channels are compared with their kinematics, which is done below 1 Hz.
+#: Least sampling rate [Hz] for the comparison with kinematics, which is done below 1 Hz.
 RATE = 10.0
-#: Time stamps from which a topic is a record of something.
+#: Least number of time stamps of a topic that is a record and not a single event.
 FEWEST_STAMPS = 10
-#: Largest angle [rad] that alpha, beta or theta can show.
+#: Largest plausible alpha, beta or theta [rad].
 LARGEST_ANGLE = np.pi / 2 + 0.1
 
 
 @dataclass(frozen=True)
 class Suspicion:
-    """A likely fault: the channel (or topic), the kind, one plain sentence with the likely cause,
-    the figures behind it.
+    """A likely fault: channel or topic, kind, a sentence that names the likely cause, the evidence.
 
     Kinds: ``no_overlap stuck sign degrees radians gravity swapped unit``.
     """
@@ -59,15 +57,18 @@ class Suspicion:
 
 
 def suspicions(flight: Flight) -> tuple[Suspicion, ...]:
-    """Everything about a flight that looks like a fault of wiring, sign, unit or declaration; empty
-    for a good record.
+    """Return the likely faults of wiring, sign, unit or declaration; empty for a good record.
 
-    Samples flagged as stuck or implausible are looked at all the same: they are the evidence. Looks
-    for channels without a sample in common with the rates; sensors that stand still while others
-    move; gravity missing from the vertical acceleration, its sign or unit; a rate, attitude, air
-    angle or acceleration of wrong sign, degrees declared as radians and the reverse, axes
-    exchanged. Of several faults of the last kind it names one: mend it and ask again. A record in
-    which nothing moves tells little and raises few.
+    The checks:
+
+    - channels without a usable sample at the times of the rates;
+    - sensors that do not change while others do;
+    - missing gravity, wrong sign or wrong unit of the vertical acceleration;
+    - a rate, attitude, flow angle or acceleration of wrong sign, degrees declared as radians or the
+      reverse, exchanged axes. Of several such faults one is named: correct it and run again.
+
+    Samples flagged as stuck or implausible are included: they are the evidence. A record without
+    motion shows few faults.
     """
     hidden = np.uint8(FLAGS["stuck"] | FLAGS["implausible"])
     flight = replace(flight, flags={name: bits & ~hidden for name, bits in flight.flags.items()})
@@ -85,11 +86,10 @@ def suspicions(flight: Flight) -> tuple[Suspicion, ...]:
 
 
 def clock_suspicions(recording: Recording) -> tuple[Suspicion, ...]:
-    """Topics whose time stamps do not overlap with those of more than half of the others, with the
-    likely cause.
+    """Return the topics whose time stamps do not overlap with most of the others.
 
-    Topics of a moment (fewer than ten samples, or all at once) are events, not records: they are
-    left out.
+    "Most" is more than half of the other topics. Topics with fewer than ten samples, or with all
+    samples at one time, are events and are left out.
     """
     lasting = {
         name: t.time
@@ -104,11 +104,11 @@ def clock_suspicions(recording: Recording) -> tuple[Suspicion, ...]:
         if not others or (2 * len(apart) <= len(others) and len(others) > 1) or not apart:
             continue
         low, high = min(span[0] for span in others), max(span[1] for span in others)
-        cause = "its clock is another one"
+        cause = "it has a different clock"
         if start > 1e8 > high:
-            cause = "its stamps look like UTC, the others like time since start-up"
+            cause = "its time stamps look like UTC, the others like time since start-up"
         elif (end - start) > 300.0 * (high - low):
-            cause = "its stamps look like milli- or microseconds"
+            cause = "its time stamps look like milliseconds or microseconds"
         sentence = (
             f"topic {name} runs from {start:.10g} to {end:.10g} s, the others from {low:.10g} to"
             f" {high:.10g} s: {cause}"
@@ -119,7 +119,7 @@ def clock_suspicions(recording: Recording) -> tuple[Suspicion, ...]:
 
 
 def _without_samples(flight: Flight) -> list[Suspicion]:
-    """Channels that have no usable sample at a time when rates or accelerations have any."""
+    """Return channels without a usable sample at the times of the rates and accelerations."""
     core = [name for name in ("p", "q", "r", *_ACCELERATIONS) if name in flight]
     reference = (
         np.any([flight.usable([name]) for name in core], axis=0) if core else flight.usable()
@@ -128,8 +128,8 @@ def _without_samples(flight: Flight) -> list[Suspicion]:
     for name in flight.channels:
         if reference.any() and not (flight.usable([name]) & reference).any():
             sentence = (
-                f"{name} has no usable sample while rates and accelerations have: their topics do"
-                " not overlap in time"
+                f"{name} has no usable sample at the times of rates and accelerations: their topics"
+                " do not overlap in time"
             )
             found.append(
                 Suspicion(
@@ -140,7 +140,7 @@ def _without_samples(flight: Flight) -> list[Suspicion]:
 
 
 def _standing_still(flight: Flight) -> list[Suspicion]:
-    """Sensors that never change, or hold one value for long, while at least two others move."""
+    """Return sensors that never change, or hold one value for long, while two others move."""
     present = {name: flight[name][flight.usable([name])] for name in _SENSORS if name in flight}
     present = {name: values for name, values in present.items() if len(values) > 1}
     moving = [name for name, values in present.items() if float(np.std(values)) > LEAST_MOTION]
@@ -149,7 +149,7 @@ def _standing_still(flight: Flight) -> list[Suspicion]:
         others = [other for other in moving if other != name]
         held = stuck(np.where(flight.usable([name]), flight[name], np.nan), flight.step, jump=False)
         constant = float(np.ptp(values)) == 0.0
-        if held.any() and not constant:  # who moved just then?
+        if held.any() and not constant:  # keep those that moved meanwhile
             others = [
                 other
                 for other in others
@@ -158,9 +158,9 @@ def _standing_still(flight: Flight) -> list[Suspicion]:
         share = 1.0 if constant else float(np.mean(held))
         if share > LEAST_SHARE and len(others) >= 2:
             since = float(flight.time[np.argmax(held)]) if held.any() else float(flight.time[0])
-            what = "never changes" if constant else f"stands still from {since:.6g} s"
+            what = "never changes" if constant else f"does not change from {since:.6g} s on"
             words = (
-                f"{name} {what} while {others[0]} and {others[1]} move: its sensor is stuck, or was"
+                f"{name} {what} while {others[0]} and {others[1]} do: its sensor is stuck or was"
                 " not recorded"
             )
             found.append(
@@ -175,8 +175,7 @@ def _standing_still(flight: Flight) -> list[Suspicion]:
 
 
 def _too_large(flight: Flight) -> list[Suspicion]:
-    """Angles that can only be degrees: what goes beyond a right angle for a tenth of the record or
-    more."""
+    """Return angles that exceed a right angle in a tenth of the record or more: degrees."""
     found = []
     for name in ("alpha", "beta", "theta"):
         if name in flight and (good := flight.usable([name])).any():
@@ -188,27 +187,29 @@ def _too_large(flight: Flight) -> list[Suspicion]:
 
 
 def _weight(channels: Mapping[str, Array]) -> tuple[list[Suspicion], dict[str, Array]]:
-    """On average the accelerations carry the weight along body z: what does not, and the channels
-    with that mended."""
+    """Return faults of the accelerations, which must balance the weight along body z on average.
+
+    Also returns the channels with these faults corrected.
+    """
     mended, found = dict(channels), []
     if "az" not in channels:
         return [], mended
     az = float(np.median(channels["az"]))
     ay = float(np.median(channels["ay"])) if "ay" in channels else 0.0
-    seen = f"az is {az:.2f} m/s^2 in the middle of its values and must be near {-GRAVITY:.1f}"
+    median = f"the median of az is {az:.2f} m/s^2 and should be near {-GRAVITY:.1f}"
     if abs(az) < 0.4 * GRAVITY and 0.6 * GRAVITY < abs(ay) < 1.6 * GRAVITY:
         words = (
-            f"ay carries the weight ({ay:.2f} m/s^2) and az does not ({az:.2f} m/s^2): y and z of"
+            f"ay balances the weight ({ay:.2f} m/s^2) and az does not ({az:.2f} m/s^2): y and z of"
             " the accelerations are swapped"
         )
         found.append(("swapped", words))
         mended["ay"], mended["az"] = channels["az"], -np.sign(ay) * channels["ay"]
     elif 0.6 * GRAVITY < az < 1.6 * GRAVITY:
-        found.append(("sign", f"{seen}: its sign is flipped (z up)"))
+        found.append(("sign", f"{median}: its sign is flipped (z up)"))
         mended["az"] = -channels["az"]
     elif 0.7 < abs(az) < 1.4 and float(np.median(np.abs(channels["az"] - az))) < LOAD_SPREAD:
         found.append(
-            ("unit", f"{seen}: it is in g, declared as m/s^2{', with z up' if az > 0 else ''}")
+            ("unit", f"{median}: it is in g, declared as m/s^2{', with z up' if az > 0 else ''}")
         )
         mended.update(
             {name: GRAVITY * channels[name] for name in ("ax", "ay", "az") if name in channels}
@@ -218,12 +219,13 @@ def _weight(channels: Mapping[str, Array]) -> tuple[list[Suspicion], dict[str, A
         found.append(
             (
                 "gravity",
-                f"{seen}: gravity is missing (logged as nz - 1, or as acceleration without weight)",
+                f"{median}: gravity is missing (logged as nz - 1, or as acceleration without"
+                " gravity)",
             )
         )
-        mended.pop("az")  # its sign is unknown as well
+        mended.pop("az")  # its sign is also unknown
     elif abs(az) > 5.0 * GRAVITY:
-        found.append(("unit", f"{seen}: it is in another unit"))
+        found.append(("unit", f"{median}: it is in another unit"))
         mended.pop("az")
     return [
         Suspicion("az", kind, words, {"median_az": az, "median_ay": ay}) for kind, words in found
@@ -231,19 +233,19 @@ def _weight(channels: Mapping[str, Array]) -> tuple[list[Suspicion], dict[str, A
 
 
 def _kinematic(channels: Mapping[str, Array], step: float) -> list[Suspicion]:
-    """The single fault that explains why channels disagree with their kinematics."""
+    """Return the single fault that explains why channels disagree with their kinematics."""
     explanation = explain(channels, step)
     if explanation is None:
         return []
     fault, alike = explanation.fault, explanation.alike
     against = " and ".join(explanation.disagreed)
     words = (
-        f"{against} {'does' if len(explanation.disagreed) == 1 else 'do'} not follow rates and"
+        f"{against} {'disagrees' if len(explanation.disagreed) == 1 else 'disagree'} with rates and"
         f" accelerations: {fault.words}"
     )
     if alike:
         words += (
-            f" (this record cannot tell it from: {'; '.join(other.words for other in alike[:3])})"
+            f" (this record cannot distinguish it from: {'; '.join(f.words for f in alike[:3])})"
         )
     evidence = {
         "agreement": explanation.before,
@@ -254,10 +256,11 @@ def _kinematic(channels: Mapping[str, Array], step: float) -> list[Suspicion]:
 
 
 def _aerodynamic(channels: Mapping[str, Array], step: float) -> list[Suspicion]:
-    """Signs that only forces tell: side force opposes sideslip, lift grows with alpha, forward
-    force moves the airspeed.
+    """Return sign faults that only the forces show.
 
-    Asked when the kinematics agree, so that beta is right when side force contradicts it.
+    Side force opposes sideslip, lift grows with alpha, a banked aircraft turns, forward force
+    changes the airspeed. Checked only if the kinematics agree, so that beta is correct when side
+    force contradicts it.
     """
     found = []
     if "V" not in channels:
@@ -275,14 +278,14 @@ def _aerodynamic(channels: Mapping[str, Array], step: float) -> list[Suspicion]:
         lift = -channels["az"] / np.maximum(channels["V"], 1.0) ** 2
         together = _correlation(lift, channels["alpha"], flying)
         if together < -STRONG and float(np.std(channels["alpha"][flying])) > LEAST_SWING:
-            words = "lift falls as alpha rises over the whole record: the sign of alpha is flipped"
+            words = "lift falls as alpha rises over the record: the sign of alpha is flipped"
             found.append(Suspicion("alpha", "sign", words, {"correlation": together}))
     if {"r", "phi"} <= channels.keys():
         slow = 0.1 if 0.4 / step > 0.1 else 0.4 / step
         together = _correlation(low_passed(channels["r"], step, slow), channels["phi"], flying)
         if together < -STRONG and float(np.std(channels["phi"][flying])) > LEAST_BANK:
             words = (
-                "r turns away from the side to which the aircraft banks: the sign of r is flipped"
+                "the aircraft yaws away from the side to which it banks: the sign of r is flipped"
                 " (or those of p and phi)"
             )
             found.append(Suspicion("r", "sign", words, {"correlation": together}))
@@ -294,22 +297,21 @@ def _aerodynamic(channels: Mapping[str, Array], step: float) -> list[Suspicion]:
 def _forward(
     channels: Mapping[str, Array], step: float, flying: NDArray[np.bool_]
 ) -> list[Suspicion]:
-    """Over the record, forward force, gravity and the tilt of lift must give the change of
-    airspeed."""
-    given = float(np.mean(airspeed_rate(channels)[flying]))
+    """Check that forward force, gravity and lift tilt give the change of airspeed on average."""
+    expected = float(np.mean(airspeed_rate(channels)[flying]))
     gained = float(np.sum(np.gradient(channels["V"], step)[flying]) / max(flying.sum(), 1))
     turned = float(
         np.mean(
             (airspeed_rate(channels) - airspeed_rate({**channels, "ax": -channels["ax"]}))[flying]
         )
     )
-    missing = given - gained
+    missing = expected - gained
     if abs(missing) > LEAST_FORCE and abs(missing - turned) < 0.25 * abs(missing):
         words = (
-            f"ax and gravity ask for {given:.2f} m/s^2 on average, V changes by {gained:.2f}: the"
-            " sign of ax is flipped"
+            f"ax and gravity give {expected:.2f} m/s^2 on average, but V changes by {gained:.2f}"
+            " m/s^2: the sign of ax is flipped"
         )
-        return [Suspicion("ax", "sign", words, {"given": given, "gained": gained})]
+        return [Suspicion("ax", "sign", words, {"given": expected, "gained": gained})]
     return []
 
 

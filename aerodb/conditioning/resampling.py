@@ -1,7 +1,7 @@
 """Resampling onto one uniform grid without aliasing, and the first-order lag of actuators.
 
-Going down, a zero-phase low-pass comes first; going up, values are joined by straight lines; on the
-same time base nothing is touched.
+To a lower rate, a zero-phase low-pass comes first; to a higher rate, values are interpolated
+linearly; on the same time base, values stay bit for bit.
 """
 
 from collections.abc import Mapping
@@ -15,29 +15,28 @@ from scipy.signal import firwin, kaiserord, lfilter, oaconvolve
 from aerodb.conditioning.clock import interval, is_uniform
 from aerodb.support import Array
 
-#: Edges of the anti-aliasing filter in parts of the grid's rate, and its ripple. Above the upper
-#: edge nothing may pass.
+#: Pass-band and stop-band edge of the anti-aliasing filter relative to the grid's rate, and its
+#: ripple [dB].
 PASS_EDGE, STOP_EDGE, RIPPLE_DB = 0.35, 0.5, 60.0
-#: Source intervals between two samples beyond which the samples of the grid between them are a gap.
+#: Longest distance of two source samples, in source intervals, that is not a gap.
 GAP_INTERVALS = 3.0
-#: Grid and source stamps closer than this part of a step are the same instant: the value passes
+#: Grid and source stamps closer than this part of a step are the same instant: the value is
 #: unchanged.
 SAME_INSTANT = 1e-3
 
 
 def uniform_grid(start: float, end: float, step: float) -> Array:
-    """Times [s] ``start + k * step`` up to `end` inclusive, up to rounding; at least one."""
+    """Return times [s] ``start + k * step`` up to `end` inclusive, up to rounding; at least one."""
     count = int(np.floor((end - start) / step + 1e-6)) + 1
     return np.asarray(start + step * np.arange(max(count, 1)), dtype=np.float64)
 
 
 def low_pass(values: Array, step: float, new_step: float) -> Array:
-    """`values` (n,) at uniform `step` [s] without what a grid of `new_step` [s] cannot hold; zero
-    phase.
+    """Return `values` (n,) at uniform `step` [s], low-passed with zero phase for `new_step` [s].
 
     A Kaiser-window linear-phase FIR filter (Oppenheim & Schafer, *Discrete-Time Signal Processing*,
     sec. 7.5): flat to 0.35, 60 dB down from 0.5 of the new rate. The ends are continued by point
-    reflection, which keeps level and slope.
+    reflection, which preserves value and slope.
     """
     ratio = new_step / step
     taps, beta = kaiserord(RIPPLE_DB, 2.0 * (STOP_EDGE - PASS_EDGE) / ratio)
@@ -51,12 +50,17 @@ def low_pass(values: Array, step: float, new_step: float) -> Array:
 def decimated(
     channels: Mapping[str, Array], step: float, rate: float
 ) -> tuple[dict[str, Array], float]:
-    """Channels (n,), finite, at uniform `step` [s] with every k-th sample kept, low-passed before,
-    and the new step [s].
+    """Return low-passed and decimated channels and their step [s].
 
-    k is as large as leaves `rate` [Hz] or more, and 64 samples. What is below 0.35 of `rate` stays
-    as it was. Of a record that is decimated the last few samples (less than one in a hundred) go, so
-    that its length is one that transforms like.
+    The decimation factor is the largest that leaves `rate` or more, and 64 samples. Content below
+    0.35 of `rate` is unchanged. The last few samples of a decimated record (less than 1 %) are
+    dropped, so that its length suits a fast Fourier transform.
+
+    Parameters
+    ----------
+    channels : name -> (n,), finite, at uniform `step`
+    step : s
+    rate : least sampling rate afterwards, Hz
     """
     n = len(next(iter(channels.values()), ()))
     every = min(int(1.0 / (rate * step) + 1e-6), n // 64)
@@ -70,12 +74,11 @@ def decimated(
 
 @dataclass(frozen=True)
 class Resampler:
-    """Brings values from one time base to a grid; made by `resampler` once per time base, used for
-    all of its fields.
+    """Resamples values from one time base to a grid; one per time base serves all of its fields.
 
-    time : (n,) s, of the source. grid : (m,) s. gap : (m,) true where the source was silent. sample_times
-    : (m,) the grid with each instant that is one of the source replaced by exactly that. step,
-    grid_step : intervals, s.
+    time : (n,), of the source, s. grid : (m,), s. gap : (m,), true where the source has no samples.
+    sample_times : (m,), the grid, with instants that coincide with a source stamp replaced by that
+    stamp, s. step, grid_step : intervals, s.
     """
 
     time: Array
@@ -86,7 +89,7 @@ class Resampler:
     grid_step: float
 
     def __call__(self, values: Array) -> Array:
-        """`values` (n,) at `time`, finite, as (m,) at `grid`; held beyond the ends."""
+        """Return finite `values` (n,) at `time` as (m,) at `grid`; constant beyond the ends."""
         if len(self.sample_times) == len(self.time) and np.array_equal(
             self.sample_times, self.time
         ):
@@ -104,7 +107,7 @@ class Resampler:
 
 
 def resampler(time: Array, grid: Array) -> Resampler:
-    """A Resampler from strictly increasing `time` (n,) [s] to uniform `grid` (m,) [s].
+    """Return a Resampler from strictly increasing `time` (n,) [s] to uniform `grid` (m,) [s].
 
     A grid sample is in a gap when its two neighbours in `time` are more than three source intervals
     apart (and it coincides with neither), or when it lies more than one source interval outside.
@@ -122,10 +125,9 @@ def resampler(time: Array, grid: Array) -> Resampler:
 
 
 def hold(time: Array, values: Array, grid: Array) -> Array:
-    """`values` (n,) as a stair: at each grid time the last one that was sent; the first one before
-    that.
+    """Return `values` (n,) held until the next one (zero-order hold), at the grid times.
 
-    So commands are to be read: a command stands until the next.
+    Before the first value, the first value. A command is valid until the next.
     """
     reach = SAME_INSTANT * interval(grid) if len(grid) > 1 else 0.0
     result: Array = values[np.maximum(np.searchsorted(time, grid + reach, side="right") - 1, 0)]
@@ -133,11 +135,10 @@ def hold(time: Array, values: Array, grid: Array) -> Array:
 
 
 def first_order_lag(command: Array, step: float, time_constant: float) -> Array:
-    """Response (n,) of ``T y' + y = u`` to a stair `command` (n,) at uniform `step` [s], at rest at
-    the start.
+    """Return the response (n,) of ``T y' + y = u`` to `command` (n,), at rest at the start.
 
-    Exact for a command that is held between samples: ``y[k+1] = a y[k] + (1 - a) u[k]``, ``a =
-    exp(-step / T)``.
+    step, time_constant : s. Exact for a command that is held between samples:
+    ``y[k+1] = a y[k] + (1 - a) u[k]``, ``a = exp(-step / T)``.
     """
     if time_constant <= 0.0:
         return command

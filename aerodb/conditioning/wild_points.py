@@ -1,5 +1,4 @@
-"""Wild points: spikes, stuck values and values that cannot be, kept as flags with their reason. No
-value is changed."""
+"""Wild points: spikes, stuck values and impossible values become flags; no value is changed."""
 
 from dataclasses import dataclass, replace
 from typing import Final
@@ -12,22 +11,19 @@ from aerodb.flight import Flight
 from aerodb.nomenclature import FLAGS, is_surface
 from aerodb.support import Array, Mask
 
-#: A spike stands out of its neighbours by this many times what samples usually do, nearby and
-#: overall.
+#: A spike departs from its neighbours by this many times the usual change between samples.
 SPIKE_FACTOR = 8.0
-#: Spikes are rarer than this; what more samples do is the way of the channel (a coarse converter
-#: that toggles).
+#: Spikes are rarer than this share of samples; more frequent departures belong to the channel, such
+#: as a coarse converter that toggles.
 RAREST = 0.02
 #: Longest run of samples that can be a spike; longer departures are motion.
 LONGEST_SPIKE = 3
-#: Half width [samples] of the stretch whose usual change a spike is measured against.
+#: Half width [samples] of the neighbourhood whose usual change a spike is compared with.
 NEARBY = 12
-#: Shortest time [s] over which an unchanging value is a stuck one, and its length in runs that are
-#: usual there.
+#: Shortest time [s] over which a constant value is stuck, and its length relative to usual runs.
 SHORTEST_STUCK, STUCK_FACTOR = 0.5, 6.0
 
-#: What a channel can show at all, in its unit, for anything that flies: winged re-entry and small
-#: models included.
+#: Physical range of a channel, in its unit, for any aircraft, from small models to winged re-entry.
 PHYSICAL: Final[dict[str, tuple[float, float]]] = {
     "V": (-5.0, 9000.0),
     "calibrated_airspeed": (-5.0, 1500.0),
@@ -46,8 +42,8 @@ PHYSICAL: Final[dict[str, tuple[float, float]]] = {
     "delta_landing_gear": (-0.1, 1.1),
 }
 _SURFACE_RANGE = (-np.pi / 2, np.pi / 2)
-#: Sensors that move as long as anything flies; surfaces, gear and computed channels may rightly
-#: stand still.
+#: Sensors whose output always changes in flight; surfaces, gear and computed channels may be
+#: constant.
 _MOVING = (
     "V",
     "alpha",
@@ -66,16 +62,16 @@ _MOVING = (
     "theta",
     "psi",
 )
-#: Air data that stand still at rest, near zero: part of their largest value below which they may.
+#: Air data that are constant at rest, near zero, and the part of their largest value up to which
+#: they may be.
 _STILL_AT_REST, _AT_REST = ("V", "qbar"), 0.05
-#: Part of a channel's physical range below which no change counts, for channels that hardly ever
-#: change.
+#: Smallest departure, as part of a channel's physical range, that can be a spike.
 _FINEST = 2e-6
 
 
 @dataclass(frozen=True)
 class WildPoints:
-    """Where one channel must not be believed: (n,) masks."""
+    """Unusable samples of one channel: (n,) masks."""
 
     spike: Mask
     stuck: Mask
@@ -83,22 +79,28 @@ class WildPoints:
 
 
 def physical_range(name: str) -> tuple[float, float] | None:
-    """Lowest and highest value a channel can show, SI; None for one that has no limits."""
+    """Return the lowest and highest possible value of a channel, SI; None if it has no limits."""
     return _SURFACE_RANGE if is_surface(name) and name not in PHYSICAL else PHYSICAL.get(name)
 
 
 def spikes(values: Array, floor: float = 0.0) -> Mask:
-    """(n,) true for isolated samples, up to three in a row, that stand out of their neighbours to
-    one side.
+    """Return a mask (n,) of spikes: up to three samples that depart from both neighbours.
 
-    values : (n,); NaN never counts. floor : departures below this never count, same unit.
+    A run of samples is measured by its least departure from the samples before and after it. This
+    is zero on the flank of a step and in a ramp however steep, so that sharp inputs stay. It is
+    compared with the usual change between samples that far apart (1.48 times the median, of the 25
+    around and of the whole record, whichever is larger), with the quantum of the recording, and
+    with the largest 2 % of departures in the record. Smaller departures cannot be distinguished
+    from motion.
 
-    The measure of a run is its least departure from the samples before and after it: zero on the
-    flank of a step and in a ramp however steep, so that sharp inputs stay. It is compared with the
-    usual change between samples that far apart (1.48 times the median, of the 25 around and of the
-    whole record, whichever is larger), with the quantum of the recording, and with what the record
-    does anyway in its most restless 2 %. What is smaller is not told from motion. A Hampel
-    identifier (Davies & Gather, J. Am. Stat. Assoc. 88, 1993) on two-sided differences.
+    Parameters
+    ----------
+    values : (n,); NaN is never a spike
+    floor : smallest departure that can be a spike, same unit
+
+    References
+    ----------
+    Hampel identifier on two-sided differences: Davies & Gather, J. Am. Stat. Assoc. 88 (1993).
     """
     result = np.zeros(len(values), dtype=bool)
     for _ in range(2):  # a second round, without what the first found, sees what stood beside it
@@ -216,7 +218,7 @@ def stuck(values: Array, step: float, jump: bool = True) -> Mask:
 
 
 def wild_points(name: str, values: Array, step: float) -> WildPoints:
-    """Everything that is wild in channel `name` with `values` (n,) [SI] at `step` [s]."""
+    """Return the wild points of channel `name` with `values` (n,) [SI] at `step` [s]."""
     limits = physical_range(name)
     none = np.zeros(len(values), dtype=bool)
     finite = np.isfinite(values)
@@ -229,11 +231,10 @@ def wild_points(name: str, values: Array, step: float) -> WildPoints:
 
 
 def flag_wild_points(flight: Flight) -> Flight:
-    """The flight with spikes flagged ``wild_point``, stuck values ``stuck`` and impossible ones
-    ``implausible``.
+    """Return the flight with spikes, stuck and impossible values flagged.
 
-    Every channel is judged on its samples that carry no flag yet; values stay as they are. A note
-    counts what was found.
+    The flags are ``wild_point``, ``stuck`` and ``implausible``. Every channel is examined on its
+    samples without a flag; values do not change. A note counts what was found.
     """
     notes: list[str] = []
     result = flight
@@ -253,10 +254,9 @@ def flag_wild_points(flight: Flight) -> Flight:
 
 
 def without_wild_points(flight: Flight) -> Flight:
-    """The flight with straight lines in place of spikes and impossible values, whose flags stay.
+    """Return the flight with spikes and impossible values interpolated linearly; flags stay.
 
-    For whoever smooths or differentiates: a flag keeps a sample out, but not what it does to its
-    neighbours.
+    Use it before smoothing or differentiation, where a wild point would affect its neighbours.
     """
     wild = np.uint8(FLAGS["wild_point"] | FLAGS["implausible"])
     mended = {}

@@ -172,12 +172,12 @@ def test_topics_that_do_not_meet_are_named_with_the_likely_cause(tmp_path: Path)
     refused = CliRunner().invoke(app, ingest)
     assert refused.exit_code == 3
     assert "accelerations and rates do not overlap in time; topic other runs from" in refused.stderr
-    assert "its stamps look like UTC" in refused.stderr
+    assert "its time stamps look like UTC" in refused.stderr
     looked = asked(workspace, "log", "inspect", str(log), "--mapping", str(mapping))
     assert "accelerations and rates do not overlap" in looked["refused"]
     (clock,) = [entry for entry in looked["suspicions"] if entry["kind"] == "no_overlap"]
     assert clock["channel"] == "other"
-    assert "its stamps look like UTC" in clock["sentence"]
+    assert "its time stamps look like UTC" in clock["sentence"]
 
 
 # What is kept with a flight

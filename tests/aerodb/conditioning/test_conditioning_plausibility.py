@@ -97,7 +97,7 @@ def test_what_a_record_cannot_tell_is_said(measured: Callable[[str], Path]) -> N
     flipped."""
     flight = as_flight(measured(TWIN_OTTER[1]))
     (found,) = suspicions(flight.with_channels({"p": -flight["p"]}))
-    assert "cannot tell it from" in found.sentence
+    assert "cannot distinguish it from" in found.sentence
     assert "sign of p is flipped" in found.sentence
     assert "sign of phi is flipped" in found.sentence
     assert found.evidence["alternatives"] == 1
@@ -134,7 +134,7 @@ def test_a_stuck_sensor() -> None:
     held[1200:] = held[1200]
     found = suspicions(flight.with_channels({"q": held}))
     assert [(s.kind, s.channel) for s in found] == [("stuck", "q")]
-    assert "stands still from 24 s" in found[0].sentence
+    assert "does not change from 24 s on" in found[0].sentence
     constant = suspicions(flight.with_channels({"alpha": np.full_like(held, 0.1)}))
     assert [(s.kind, s.channel) for s in constant] == [("stuck", "alpha")]
     assert "never changes" in constant[0].sentence
@@ -167,7 +167,7 @@ def test_topics_without_overlap() -> None:
     (found,) = clock_suspicions(recording(imu, air, topic("late", 100.0, 160.0)))
     assert (
         found.sentence
-        == "topic late runs from 100 to 160 s, the others from 5 to 65 s: its clock is another one"
+        == "topic late runs from 100 to 160 s, the others from 5 to 65 s: it has a different clock"
     )
 
 
