@@ -1,14 +1,13 @@
-"""Records that share samples: the same flight, whole or in part, whatever the file and however it
-was resampled.
+"""Detection of records that share samples: the same flight, whole or in part, however resampled.
 
-Landmarks are the turning points of low-passed channels. Six in a row give a mark of five
-differences of height and five of time, coarsely rounded: where the record begins, a constant bias
-and the sampling make no difference to it. Six, so that two flights of an hour have none in common
-by chance (four had a hundred), however many flights are stored. Marks find candidates cheaply (they
-are whole numbers that a catalogue can look up); `shared_samples` then compares the channels
-themselves: the motion of all rates and accelerations, and the flight condition, for a programme of
-inputs that is flown twice answers alike at another speed or height. The idea of landmark marks is
-that of A. Wang, "An Industrial-Strength Audio Search Algorithm", ISMIR 2003.
+Landmarks are the turning points of low-passed channels. Six in a row give a mark: five differences
+of height and five of time, coarsely rounded, which do not depend on the start of the record, a
+constant bias or the sampling rate. With six, two flights of an hour have no mark in common by
+chance (with four, about a hundred). Marks are integers that a catalogue can look up, and find
+candidates cheaply. `shared_samples` then compares the channels: the motion of all rates and
+accelerations, and the flight condition, because a programme of inputs flown twice gives similar
+motion at another speed or height. The idea of landmark marks is that of A. Wang,
+"An Industrial-Strength Audio Search Algorithm", ISMIR 2003.
 """
 
 from dataclasses import dataclass
@@ -79,12 +78,10 @@ class Shared:
 
 
 def fingerprint(flight: Flight) -> frozenset[int]:
-    """Marks (whole numbers below 2^63) of a flight. Two flights that have marks in common may share
-    samples.
+    """Return the marks (integers below 2^63) of a flight's rates and accelerations.
 
-    Of the rates and accelerations that the flight has. A record without motion, or shorter than six
-    turning points, has none. The same samples give mostly, not always, the same marks when they
-    were resampled: look for several, not for all.
+    Two flights with marks in common may share samples. A record without motion, or with fewer than
+    six turning points, has none. Resampled copies share most marks, not all: look for several.
     """
     return frozenset(_marks(flight))
 
@@ -92,8 +89,7 @@ def fingerprint(flight: Flight) -> frozenset[int]:
 def duplicate_candidates(
     marks: frozenset[int], stored: dict[str, frozenset[int]]
 ) -> tuple[str, ...]:
-    """Names of stored fingerprints with enough marks in common to be worth `shared_samples`, most
-    first."""
+    """Return names of stored fingerprints worth `shared_samples`: most common marks first."""
     common = {name: len(marks & others) for name, others in stored.items()}
     return tuple(
         sorted(
@@ -104,8 +100,7 @@ def duplicate_candidates(
 
 
 def shared_samples(a: Flight, b: Flight) -> tuple[Shared, ...]:
-    """Stretches of `a` that are also in `b`, each with its own offset in time; empty when the
-    records differ.
+    """Return the stretches of `a` that are also in `b`, each with its own offset in time.
 
     Offsets come from marks in common; then all rates and accelerations of both, low-passed alike,
     must agree within 5 % of their motion, biases apart, for two seconds or more, and the channels

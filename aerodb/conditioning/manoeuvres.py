@@ -1,8 +1,7 @@
-"""Manoeuvres by their shape on a control surface: pulse, step, doublet, 2-1-1, 1-2-1, 3-2-1-1,
-sweep, multistep.
+"""Recognition of control inputs: pulse, step, doublet, 2-1-1, 1-2-1, 3-2-1-1, sweep, multistep.
 
-An input departs from a quiet trim position and returns to it. Its pulses to alternating sides, each
-between two crossings of 0.45 of the largest deflection, give the name by their durations.
+An input departs from a steady trim position and returns to it. The durations of its pulses to
+alternating sides, each between two crossings of 0.45 of the largest deflection, determine its name.
 Definitions: Hamel & Jategaonkar, "Evolution of Flight Vehicle System Identification", J. Aircraft
 33(1), 1996; Marchand's 3-2-1-1.
 """
@@ -69,10 +68,10 @@ def rolling_range(values: Array, samples: int) -> Array:
 
 
 def inputs(deflection: Array, step: float) -> tuple[Input, ...]:
-    """Inputs on a surface with `deflection` (n,) [rad] at uniform `step` [s], in order.
+    """Return the inputs on a surface with `deflection` (n,) [rad] at uniform `step` [s], in order.
 
-    A surface that never rests before or after (turbulence, a busy autopilot) gives none, nor does
-    one whose deflection is less than 0.45 deg or four times its usual motion around it. A change of
+    A surface that is never steady before or after (turbulence, an active autopilot) has none, nor
+    has one whose deflection is below 0.45 deg or four times its usual motion nearby. A change of
     trim that is held is a step.
     """
     values = median_filter(bridge(deflection), 3, mode="nearest")

@@ -1,8 +1,7 @@
-"""What a flight does, whatever its surfaces do: stall, pull-up, low g, slow oscillation (phugoid),
-spiral, steady flight.
+"""Detection of stall, pull-up, low g, slow oscillation (phugoid), spiral and steady flight.
 
-Functions give first and last sample and a plain reason; whether the aircraft flies at all is for
-`segmentation`.
+They are found in the motion, whatever the surfaces do. Functions return first and last sample and a
+reason in words; `segmentation` determines whether the aircraft is airborne.
 """
 
 from collections.abc import Sequence
@@ -42,8 +41,9 @@ SPIRAL_BANK, SPIRAL_TIME, SPIRAL_RATE = 15 * DEGREE, 20.0, 3 * DEGREE
 
 
 def runs(mask: Mask, shortest: int = 1, bridge: int = 0) -> list[tuple[int, int]]:
-    """First and last index of every run of true of at least `shortest` samples; breaks up to
-    `bridge` samples are closed.
+    """Return first and last index of every run of true of at least `shortest` samples.
+
+    Gaps of up to `bridge` samples are closed.
 
     >>> runs(np.array([True, True, False, True, False, False, True]), shortest=2, bridge=1)
     [(0, 3)]
@@ -59,12 +59,16 @@ def runs(mask: Mask, shortest: int = 1, bridge: int = 0) -> list[tuple[int, int]
 
 
 def stalls(alpha: Array, az: Array, qbar: Array, step: float, flying: Mask) -> list[Found]:
-    """Where lift (-az over qbar) falls short of the straight line through its lower three fifths by
-    a tenth or more.
+    """Return stalls: lift (-az over qbar) at least 10 % below the record's own lift line.
 
-    alpha [rad], az [m/s^2], qbar [Pa], flying : (n,). None when alpha covers less than four
-    degrees. No aircraft data are needed: the line is the record's own. Only above the alpha range
-    of the line, that is where alpha is high.
+    The line is fitted over the lower three fifths of the alpha range, so that no aircraft data are
+    needed; stalls are searched above that range. Empty if the line covers less than four degrees.
+
+    Parameters
+    ----------
+    alpha, az, qbar : (n,), rad, m/s^2, Pa
+    step : s
+    flying : (n,), mask of airborne samples
     """
     if flying.sum() * step < 5.0:
         return []
@@ -92,11 +96,10 @@ def stalls(alpha: Array, az: Array, qbar: Array, step: float, flying: Mask) -> l
 
 
 def _short_of_line(angle: Array, lift: Array, attached: Mask) -> tuple[Array, float]:
-    """Part of the lift (n,) that lacks to the straight line through the attached samples, and what
-    it usually is there.
+    """Return the lift deficit (n,) relative to the line through the attached samples.
 
-    Fitted twice, the second time without samples three sigma off: take-off and flaps are not the
-    line's.
+    Also returns its usual size there. The line is fitted twice, the second time without samples
+    three sigma off, such as take-off and flaps.
     """
     kept, deficit, normal = attached, np.zeros_like(lift), 0.0
     for _ in range(2):
@@ -113,8 +116,10 @@ def _short_of_line(angle: Array, lift: Array, attached: Mask) -> tuple[Array, fl
 def load_factors(
     az: Array, phi: Array, step: float, flying: Mask
 ) -> list[tuple[str, int, int, str]]:
-    """Pull-ups (``pull_up``) and push-overs (``low_g``) from az [m/s^2] and phi [rad] (n,): kind,
-    first, last, reason."""
+    """Return pull-ups (``pull_up``) and push-overs (``low_g``): kind, first, last, reason.
+
+    az [m/s^2], phi [rad], flying : (n,). step : s.
+    """
     load = gaussian_filter1d(-az, 0.3 / step) / GRAVITY
     shortest = max(2, round(LOAD_TIME / step))
     found = []
@@ -136,10 +141,9 @@ def load_factors(
 def slow_oscillations(
     speed: Array, altitude: Array | None, elevator: Array, step: float, flying: Mask
 ) -> list[Found]:
-    """Phugoid-like motion: airspeed V [m/s] (n,) swings near Lanchester's period while the elevator
-    [rad] is left alone.
+    """Return phugoid-like oscillations of airspeed [m/s] (n,) with the elevator [rad] fixed.
 
-    The period sought is 0.7 to 1.4 times ``sqrt(2) pi V / g`` (Lanchester 1908); a damped sine
+    The period searched is 0.7 to 1.4 times ``sqrt(2) pi V / g`` (Lanchester 1908); a damped sine
     beside a straight line must explain four fifths of the motion over one and a quarter periods or
     more. Where `altitude` [m] is known, it must rise as airspeed falls: the motion exchanges height
     for speed.
@@ -236,8 +240,7 @@ def _sine(values: Array, step: float, expected: float) -> tuple[float, float, fl
 
 
 def spirals(phi: Array, surfaces: Sequence[Array], step: float, flying: Mask) -> list[Found]:
-    """Bank [rad] (n,) that grows or fades slowly and steadily by 15 deg or more while every surface
-    [rad] is left alone."""
+    """Return spirals: bank [rad] (n,) changes slowly and steadily by 15 deg, surfaces fixed."""
     alone = flying.copy()
     for surface in surfaces:
         alone &= rolling_range(median_filter(surface, 3), round(2.0 / step)) < ALONE
@@ -260,7 +263,7 @@ def spirals(phi: Array, surfaces: Sequence[Array], step: float, flying: Mask) ->
 
 
 def steady(speed: Array, theta: Array, phi: Array, step: float, flying: Mask) -> list[Found]:
-    """Flight in which V [m/s], theta and phi [rad] (n,) hardly change for ten seconds or more."""
+    """Return stretches of ten seconds or more in which V [m/s], theta, phi [rad] hardly change."""
     window = round(STEADY_WINDOW / step)
     if len(speed) < window:
         return []
@@ -273,16 +276,13 @@ def steady(speed: Array, theta: Array, phi: Array, step: float, flying: Mask) ->
     found = []
     for first, last in runs(calm & flying, round(STEADY_TIME / step)):
         bank = float(np.mean(phi[first : last + 1])) / DEGREE
+        kind = f"turn, bank {bank:.0f} deg" if abs(bank) > 5 else "flight"
         at = f"V {np.mean(speed[first : last + 1]):.1f} m/s"
         found.append(
             (
                 first,
                 last,
-                (
-                    "steady"
-                    f" {'turn, bank ' + format(bank, '.0f') + ' deg' if abs(bank) > 5 else 'flight'},"
-                    f" {at}"
-                ),
+                f"steady {kind}, {at}",
             )
         )
     return found

@@ -1,7 +1,6 @@
-"""A flight in segments: on the ground or airborne, configuration, and manoeuvres, each with start,
-end and reason.
+"""Segmentation of a flight: ground and air, configurations and manoeuvres, each with a reason.
 
-What a manoeuvre looks like is for `manoeuvres` (on the surfaces) and `responses` (in the motion).
+`manoeuvres` recognises them from surface deflections, `responses` from the motion.
 """
 
 import re
@@ -48,8 +47,7 @@ COMPANION = 4.0
 
 @dataclass(frozen=True)
 class Segment:
-    """A stretch of a flight: what it is, `start` and `end` [s], why; `channel`: the surface it is
-    about, if any.
+    """A stretch of a flight: kind, `start` and `end` [s], reason in words, surface channel if any.
 
     Kinds: ``on_ground airborne``; ``configuration``; ``pulse step doublet 2-1-1 1-2-1 3-2-1-1 sweep
     multistep``; ``stall pull_up low_g slow_oscillation spiral``; ``steady``.
@@ -67,10 +65,11 @@ STATES: Final = ("on_ground", "airborne", "configuration", "steady")
 
 
 def segments(flight: Flight) -> tuple[Segment, ...]:
-    """All segments of a flight, in order of their start; they may overlap.
+    """Return all segments of a flight, in order of their start; they may overlap.
 
-    What lacks its channels is left out: no airspeed, no ground; no attitude, no steady flight.
-    Manoeuvres are looked for in the air only. Samples flagged as unusable are bridged.
+    Segments whose channels are missing are left out: without airspeed no ground, without attitude
+    no steady flight. Manoeuvres are searched in the air only. Samples flagged as unusable are
+    interpolated linearly.
     """
     flight = _with_ground(flight)
     view = _View(flight)
@@ -110,12 +109,12 @@ class _View:
 
 
 def ground_and_air(flight: Flight) -> tuple[Segment, ...]:
-    """On the ground: slow, or still within 4 m of the height at which it was slow, before or after;
-    else airborne.
+    """Return the segments on the ground and in the air.
 
-    Needs V (or calibrated airspeed); altitude (or height above ground) draws take-off and landing
-    to the moment of lift-off and touch-down. A record that is never slow is airborne throughout, as
-    far as airspeed can tell.
+    On the ground, the aircraft is slow, or within 4 m of the height at which it was or will be
+    slow; otherwise it is airborne. Needs V or calibrated airspeed; with altitude or height above
+    ground, the segments end at lift-off and begin at touch-down. A record that is never slow is
+    airborne throughout.
     """
     flight = _with_ground(flight)
     name = next(
