@@ -80,14 +80,15 @@ def test_the_phoenix_case_finds_what_003_found(phoenix):
         if word == "named"
     }
     assert {"CX_q", "CZ_alpha"} <= named
-    for axis in ("CX", "CZ", "Cm"):
+    # Fifteen differences at once: what is aliased stays out, and only what is not is added.
+    # Declared, they are all repaired. Measured: .972, .491 and .204 of the error before.
+    for axis, most in {"CX": 0.98, "CZ": 0.55, "Cm": 0.25}.items():
         floor = document["truth_floor"][axis]
         assert floor["before"] > 3 * floor["floor"]
+        assert floor["after"] < most * floor["before"], axis
+    for axis in ("CY", "Cl", "Cn"):  # nothing was planted there, and nothing gets worse
+        floor = document["truth_floor"][axis]
         assert floor["after"] <= 1.001 * floor["before"], axis
-    # Fifteen differences at once: what is aliased stays out, and only what is not is added.
-    # Declared, they are all repaired.
-    assert document["truth_floor"]["CZ"]["after"] < 0.8 * document["truth_floor"]["CZ"]["before"]
-    assert document["truth_floor"]["Cm"]["after"] < 0.5 * document["truth_floor"]["Cm"]["before"]
 
 
 def test_declared_held_out_residual_is_within_a_tenth_of_the_noise_floor_on_every_axis(declared):
