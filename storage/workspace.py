@@ -202,9 +202,9 @@ class Workspace:
 
         The bytes are copied to ``quarantine/<sha256>/log<suffix>``; the reason (with the log's
         name, size and time, and its `vehicle`) is written to ``reason.json`` there. The file at
-        `path` is removed only if it is in the inbox and has the quarantined bytes. Calling it again keeps the
-        bytes and updates the reason. Raises InputError when no bytes are in quarantine yet and the
-        file at `path` no longer has this sha256.
+        `path` is removed only if it is in the inbox and has the quarantined bytes. Calling it again
+        keeps the bytes and updates the reason. Raises InputError when no bytes are in quarantine
+        yet and the file at `path` no longer has this sha256.
         """
         seen = _identity(path)
         folder = self.root / "quarantine" / checked_sha256(sha256)

@@ -1,5 +1,4 @@
-"""The files that a JSBSim aircraft names for its parts, read from its own folder and nowhere
-else."""
+"""Files that a JSBSim aircraft file refers to, read only from the folder of the aircraft."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -10,11 +9,11 @@ MAX_BYTES = 20_000_000
 
 
 def files_beside(aircraft: Path) -> Callable[[str], bytes]:
-    """Gives the bytes of a file named relative to the folder of `aircraft`, with or without its
-    ``.xml``, as JSBSim finds it.
+    """Function that returns the bytes of a file named relative to the folder of `aircraft`, with or
+    without its suffix ``.xml``, as JSBSim finds it.
 
-    Raises InputError for a file that is not there, is too large, or lies outside the folder
-    (through ``..`` or a link).
+    The function raises InputError for a file that does not exist, is too large, or is outside the
+    folder (through ``..`` or a link).
     """
     folder = aircraft.resolve().parent
 
@@ -22,14 +21,18 @@ def files_beside(aircraft: Path) -> Callable[[str], bytes]:
         for path in ((folder / name).resolve(), (folder / f"{name}.xml").resolve()):
             if path.is_file():
                 if not path.is_relative_to(folder):
-                    raise InputError(f"'{name}' lies outside the aircraft's folder", str(aircraft))
+                    raise InputError(
+                        f"'{name}' is outside the folder of the aircraft", str(aircraft)
+                    )
                 if path.stat().st_size > MAX_BYTES:
                     raise InputError(
                         f"'{name}' has {path.stat().st_size} bytes",
                         str(aircraft),
-                        f"at most {MAX_BYTES}",
+                        f"at most {MAX_BYTES} bytes are allowed",
                     )
                 return path.read_bytes()
-        raise InputError(f"no file '{name}'", str(aircraft), "put it beside the aircraft file")
+        raise InputError(
+            f"file '{name}' does not exist", str(aircraft), "put it into the folder of the aircraft"
+        )
 
     return load

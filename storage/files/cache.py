@@ -1,9 +1,9 @@
-"""The files of the store wherever they are: in the workspace's folder, or in its object store,
-whose cache the folder then is.
+"""Access to stored files in the workspace folder or in the object store, for which the folder is
+the cache.
 
-Who writes a file writes it into the folder, puts it (`put`, `put_recording`), then adds its row:
-what has a row is in the object store. Who reads a file asks for it by `local`. Without an object
-store nothing here does anything.
+To write a file, write it into the folder, upload it (`put`, `put_recording`), then add its row: a
+file with a row is in the object store. To read a file, get its path from `local`. Without an object
+store, these functions do nothing.
 """
 
 import json
@@ -22,14 +22,14 @@ from aerodb.storage.files.objects import DamagedObject, Objects, objects_of
 from aerodb.storage.workspace import Workspace, write_atomically
 from aerodb.storage.workspace_settings import SettingsError
 
-#: Objects that are on their way at once.
-_TOGETHER: Final = 8
+#: Number of concurrent transfers.
+_CONCURRENT: Final = 8
 Item = TypeVar("Item")
 
 
 def local(workspace: Workspace, catalogue: Catalogue, path: str) -> Path:
-    """The file of the store at `path` (relative), fetched when it is not here; where it is nowhere,
-    nothing is at that place.
+    """Local path of the stored file `path` (relative), downloaded if necessary. If the file exists
+    nowhere, nothing is at the returned path.
 
     Raises StoreError as `Objects.fetch`.
     """
@@ -39,17 +39,17 @@ def local(workspace: Workspace, catalogue: Catalogue, path: str) -> Path:
         return place
     if place.exists():
         _used(place)
-    # What was here may have left the cache just before it was used; from now on it stays for a
-    # while.
+    # The file may have left the cache just before it was marked as used; from now on it stays for
+    # a while.
     if not place.exists() and (stored := catalogue.stored_file(path)) is not None:
         objects.fetch(stored, place)
     return place
 
 
 def local_recording(workspace: Workspace, catalogue: Catalogue, sha256: str) -> Path:
-    """The folder of the topics of a log (its sha256), as `local`: all of them, or none.
+    """Local folder of the topics of a log (its sha256), as `local`: all of them, or none.
 
-    Raises InputError for a topic that the object store has lost.
+    Raises InputError for a topic that is missing in the object store.
     """
     folder = workspace.recording_path(sha256)
     objects = _objects(workspace, folder.exists())
@@ -78,12 +78,14 @@ def _fetch_recording(objects: Objects, index: StoredFile, folder: Path) -> None:
 def _fetch(objects: Objects, stored: StoredFile, folder: Path) -> None:
     if not objects.fetch(stored, folder / Path(stored.path).name):
         raise InputError(
-            "this part of a recording is gone", objects.address(stored), "ingest the log again"
+            "this part of a recording is missing in the object store",
+            objects.address(stored),
+            "ingest the log again",
         )
 
 
 def is_available(workspace: Workspace, catalogue: Catalogue, path: str) -> bool:
-    """Whether a file of the store is here, or in the object store."""
+    """Whether a stored file is in the folder or in the object store."""
     place = workspace.resolve(path)
     here = place.is_file()
     objects = _objects(workspace, here)
@@ -94,8 +96,8 @@ def is_available(workspace: Workspace, catalogue: Catalogue, path: str) -> bool:
 
 
 def is_recording_available(workspace: Workspace, catalogue: Catalogue, sha256: str) -> bool:
-    """Whether the topics of a log (its sha256) are here, or in the object store: their index, and
-    all that it names."""
+    """Whether the topics of a log (its sha256) are in the folder or in the object store: the index
+    and everything that it names."""
     path = workspace.recording_path(sha256) / INDEX
     here = path.is_file()
     objects = _objects(workspace, here)
@@ -106,21 +108,21 @@ def is_recording_available(workspace: Workspace, catalogue: Catalogue, sha256: s
 
 
 def is_recording_uploaded(objects: Objects, index: StoredFile) -> bool:
-    """Whether the index of a recording is in the object store, sound, and all topics that it names,
-    whole."""
+    """Whether the object store has the undamaged index of a recording and all topics that it
+    names."""
     there = {file for file, _ in objects.below(index.path.removesuffix(f"/{INDEX}")).values()}
     try:
         blocks = (
             objects.blocks(index) if index in there else None
-        )  # not the one here: reading it would count as a use
+        )  # not the local index: reading it would count as a use
         return blocks is not None and there.issuperset(topics_of(index, b"".join(blocks)))
     except DamagedObject:
         return False
 
 
 def topics_of(index: StoredFile, text: bytes) -> list[StoredFile]:
-    """The files of the topics that an index names, `text` being its bytes; without a hash where it
-    holds none: an old one."""
+    """The topic files that an index names; `text` are the bytes of the index. Old indices have no
+    hashes: these are empty then."""
     folder = index.path.removesuffix(INDEX)
     return [
         StoredFile(folder + name, sha256, size)
@@ -131,21 +133,21 @@ def topics_of(index: StoredFile, text: bytes) -> list[StoredFile]:
 def put(
     workspace: Workspace, path: Path, place: Path | None = None, sha256: str = ""
 ) -> StoredFile | None:
-    """Puts the file at `path` into the object store as that at `place` (itself, unless given); None
-    where there is none.
+    """Upload the file at `path` to the object store, as the stored file `place` (default: `path`).
+    Returns None when there is no object store.
 
-    It comes before the file's row. Raises InputError for another `sha256`, StoreError as
-    `Objects.put`.
+    Call it before adding the row of the file. Raises InputError when the file does not have the
+    hash `sha256`, StoreError as `Objects.put`.
     """
     objects = objects_of(workspace.root)
     return None if objects is None else objects.put(path, workspace.relative(place or path), sha256)
 
 
 def put_recording(workspace: Workspace, folder: Path) -> StoredFile | None:
-    """Puts the topics in `folder`, and last the index that names them; None where there is no
-    object store.
+    """Upload the topics in `folder`, and then the index that names them. Returns None when there is
+    no object store.
 
-    Raises InputError for a recording of a time when the hashes of topics were not kept yet.
+    Raises InputError for a recording from a version that did not store hashes of topics.
     """
     objects = objects_of(workspace.root)
     if objects is None:
@@ -155,7 +157,7 @@ def put_recording(workspace: Workspace, folder: Path) -> StoredFile | None:
     absent = [file for file in topics_of(index, (folder / INDEX).read_bytes()) if file not in there]
     if not all(file.sha256 for file in absent):
         raise InputError(
-            "no hash of its topics is known",
+            "no hash of its topics is recorded",
             index.path,
             "remove this folder and ingest the log again",
         )
@@ -169,7 +171,7 @@ def put_recording(workspace: Workspace, folder: Path) -> StoredFile | None:
 
 
 def _objects(workspace: Workspace, here: bool) -> Objects | None:
-    """The object store; None also where its settings cannot be read, for what is `here` anyway."""
+    """The object store; None also if its settings cannot be read and the file is local (`here`)."""
     try:
         return objects_of(workspace.root)
     except SettingsError:
@@ -179,10 +181,10 @@ def _objects(workspace: Workspace, here: bool) -> Objects | None:
 
 
 def _used(place: Path) -> None:
-    """Notes that a file or folder is used now: what was not for longest leaves the cache first."""
+    """Mark a file or folder as used now; the least recently used leave the cache first."""
     with suppress(
         OSError
-    ):  # a disk that is read-only, or another's file: then the system's own note must do
+    ):  # read-only disk, or a file of another user: the access time of the system must do
         descriptor = os.open(place, os.O_RDONLY)
         try:
             os.utime(descriptor, ns=(time.time_ns(), os.fstat(descriptor).st_mtime_ns))
@@ -191,9 +193,9 @@ def _used(place: Path) -> None:
 
 
 def concurrently(work: Callable[[Item], object], items: Iterable[Item]) -> None:
-    """Does `work` on all items, some at once; raises what the first that failed raised, after those
-    under way."""
-    with ThreadPoolExecutor(_TOGETHER) as pool:
+    """Call `work` on all items, several at a time. Raises the exception of the first failed item,
+    after the calls in progress have ended."""
+    with ThreadPoolExecutor(_CONCURRENT) as pool:
         done = [pool.submit(work, item) for item in items]
         try:
             for each in done:

@@ -1,4 +1,4 @@
-"""JSON documents in the store: what a flow answered, kept beside its results."""
+"""Stored JSON documents: the answers of flows."""
 
 import json
 from pathlib import Path
@@ -10,7 +10,7 @@ from aerodb.support import canonical_json
 
 
 def write_document(path: Path, document: Any) -> None:
-    """Stores a document in its canonical form, whole or not at all."""
+    """Store a document as canonical JSON, atomically."""
     text = canonical_json(document).decode()
 
     def write(temporary: Path) -> None:
@@ -24,4 +24,6 @@ def read_document(path: Path) -> Any:
     try:
         return json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
-        raise InputError("no stored document here", str(path), "run again what made it") from error
+        raise InputError(
+            "the stored document is missing or damaged", str(path), "repeat the run that wrote it"
+        ) from error

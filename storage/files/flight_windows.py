@@ -1,5 +1,5 @@
-"""Parts of stored time series: only the columns that are asked for, and only the row groups in
-which they stand."""
+"""Parts of stored time series: reads only the requested columns and the row groups of the requested
+rows."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -19,8 +19,7 @@ _REMEDY: Final = "ingest the log again"
 
 @dataclass(frozen=True, eq=False)
 class StoredSeries:
-    """A stored file of columns over time. `metadata` is what was written beside them, `columns` are
-    their names."""
+    """A stored file of columns over time, with its `metadata` and the names of its `columns`."""
 
     path: Path
     metadata: dict[str, Any]
@@ -53,7 +52,7 @@ class StoredSeries:
         ]
         known = [group for group in groups if group is not None and group.has_min_max]
         if not known:
-            raise InputError("its times are not known", str(self.path), _REMEDY)
+            raise InputError("the file has no statistics of its times", str(self.path), _REMEDY)
         return float(known[0].min), float(known[-1].max)
 
     def read(

@@ -1,7 +1,6 @@
-"""The flight store: flights, raw recordings and results as Parquet files, and exactly back again.
+"""Flights, raw recordings and results as Parquet files, with an exact round trip.
 
-Which file belongs to which flight, result or version is the catalogue's business, not this
-module's.
+The catalogue records which file belongs to which flight, result or version.
 """
 
 import json
@@ -28,7 +27,7 @@ from aerodb.storage.files.parquet import (
 from aerodb.storage.files.topics import StoredTopics, read_topic, write_topic
 from aerodb.storage.workspace import write_atomically
 
-#: The file of a stored recording that names its topics.
+#: Index file of a stored recording, which names its topics.
 INDEX: Final = "recording.json"
 
 
@@ -172,7 +171,11 @@ def _index(folder: Path) -> dict[str, Any]:
     try:
         found: dict[str, Any] = json.loads((folder / INDEX).read_text(encoding="ascii"))
     except (OSError, ValueError) as error:
-        raise InputError("no stored recording here", str(folder), "ingest the log again") from error
+        raise InputError(
+            "there is no stored recording here, or its index is damaged",
+            str(folder),
+            "ingest the log again",
+        ) from error
     return found
 
 

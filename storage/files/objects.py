@@ -1,9 +1,9 @@
-"""Files of the store as objects of an S3 service: each under its path and the sha256 of its bytes,
-put once, never changed.
+"""Stored files as objects of an S3 service. The name of an object is the path of its file and the
+sha256 of its bytes; it is uploaded once and never changed.
 
-Two who write the same file differently make two objects: the catalogue's row says which one counts.
-An object that is damaged, or was put half, is told by its name and refused. Where the service is,
-and who we are, the environment variables of AWS say.
+If two writers write different bytes for one file, there are two objects, and the row in the
+catalogue says which one counts. A damaged or incomplete object is detected by its name and refused.
+Endpoint and credentials are read from the environment variables of AWS.
 """
 
 import hashlib
@@ -26,34 +26,32 @@ from aerodb.storage.workspace_settings import FILE, SettingsError, Store
 from aerodb.support import validated
 
 _BLOCK: Final = 8 << 20
-#: What is sent in one request, which the service takes whole or not at all: less than the library's
-#: parts of an upload.
+#: Files up to this size are uploaded in one atomic request: less than the part size of the
+#: library's multipart upload.
 _AT_ONCE: Final = 4 << 20
-#: The service copies no more than this.
+#: Maximum size of an object that the service copies.
 _COPIED: Final = 5 << 30
-#: Seconds until a connection, and until an answer.
+#: Timeouts of connection and response [s], and number of attempts.
 _CONNECT, _ANSWER, _ATTEMPTS = 5.0, 30.0, 3
 _NAMED: Final = re.compile(r"AWS Error ([A-Z_0-9]+)(?: \(HTTP status (\d+)\))?")
 _PASSING: Final = re.compile(
     r"NETWORK_CONNECTION|SLOW_DOWN|THROTTLING|REQUEST_TIMEOUT|SERVICE_UNAVAILABLE|INTERNAL_FAILURE"
 )
 _REFUSED: Final = re.compile(r"ACCESS|SIGNATURE|TOKEN|CLIENT|EXPIRED|OPT_IN")
-#: The library says the same of what we have no right to and of what is archived.
+#: The library reports the same error for missing permissions and for archived objects.
 _WHO: Final = (
-    "see $AWS_ACCESS_KEY_ID, $AWS_SECRET_ACCESS_KEY and the rights that they have there, and that"
-    " the object is in no archive (class GLACIER, say: restore it, and keep the bucket's rules from"
-    " archiving this prefix), then run again"
+    "check $AWS_ACCESS_KEY_ID, $AWS_SECRET_ACCESS_KEY and their permissions, and that the object is"
+    " not archived (class GLACIER, for example: restore it, and exclude this prefix from the"
+    " archiving rules of the bucket), then run again"
 )
 _WHERE: Final = (
-    f"make the bucket, or mend [store] url in {FILE}; $AWS_ENDPOINT_URL and $AWS_REGION say where"
-    " it is"
+    f"create the bucket, or correct [store] url in {FILE}, $AWS_ENDPOINT_URL or $AWS_REGION"
 )
 _HASH: Final = re.compile(r"(.+)\.([0-9a-f]{64})")
 
 
 class DamagedObject(StoreError):
-    """An object whose bytes are not those that were stored: it alone is at fault, not the service
-    and not the way to it."""
+    """The bytes of an object differ from those that were stored; the service itself works."""
 
 
 @dataclass(frozen=True)
@@ -64,21 +62,20 @@ class Objects:
     _service: Any
 
     def put(self, path: Path, place: str, sha256: str = "", is_new: bool = False) -> StoredFile:
-        """Puts the file at `path` as that of the store at `place` (relative); there is nothing of
-        it, or all of it.
+        """Upload the file at `path` as the stored file `place` (relative), atomically.
 
-        sha256 : what its bytes must be, where that is known: InputError when they are not. is_new :
-        its object is not there, or not whole, as a list says; else that is asked, for what is whole
-        is never sent again. Raises StoreBusyError when the service is out of reach, StoreError when
-        it refuses.
+        sha256 : expected hash, where known; InputError when the file has another one. is_new : the
+        object is known to be missing or incomplete; otherwise this is checked first, because a
+        complete object is never uploaded again. Raises StoreBusyError when the service cannot be
+        reached, StoreError when it refuses the request.
         """
-        with path.open("rb") as file:  # one file from here on, whoever puts another at its path
+        with path.open("rb") as file:  # stays the same file even if its path is replaced
             stored = StoredFile(place, hashlib.file_digest(file, "sha256").hexdigest(), file.tell())
             if sha256 and stored.sha256 != sha256:
                 raise InputError(
                     "the file changed while it was read",
                     str(path),
-                    "wait until it is completely written",
+                    "wait until it is written completely",
                 )
             file.seek(0)
             if is_new or not self._is_whole(stored):
@@ -86,9 +83,9 @@ class Objects:
         return stored
 
     def _upload(self, file: BinaryIO, stored: StoredFile) -> None:
-        """Closing the library's stream completes what was sent until then, an error or not: so what
-        takes several requests is sent under a name of its own, and copied on the service once it is
-        whole (if that copies as much)."""
+        """Closing the library's stream completes the upload even after an error. So a file that
+        takes several requests is uploaded under a temporary name and copied on the service once it
+        is complete (unless it is too large to copy)."""
         name = self._name(stored)
         if stored.size <= _AT_ONCE:
             data = file.read()  # before the stream is opened
@@ -115,11 +112,11 @@ class Objects:
                     self._service.delete_file(own)
 
     def fetch(self, stored: StoredFile, place: Path) -> bool:
-        """Puts the object of a file at `place`, with the bytes that were stored or not at all;
-        whether there is one.
+        """Download the object of a file to `place`, completely or not at all; returns whether there
+        is an object.
 
         Raises DamagedObject when its bytes are not those that were stored, StoreError when the disk
-        or the service refuses, StoreBusyError when the service is out of reach.
+        or the service refuses, StoreBusyError when the service cannot be reached.
         """
         blocks = self.blocks(stored)
         if blocks is None:
@@ -155,9 +152,9 @@ class Objects:
                 digest.update(block)
                 yield block
         if digest.hexdigest() != stored.sha256:
-            remedy = "`aerodb verify --fetch` says how what it held comes back"
+            remedy = "run `aerodb verify --fetch`, which says how to recover the file"
             raise DamagedObject(
-                "its bytes are not those that were stored", self.address(stored), remedy
+                "its bytes differ from those that were stored", self.address(stored), remedy
             )
 
     def has(self, stored: StoredFile) -> bool:
@@ -173,11 +170,11 @@ class Objects:
         return bool(found.is_file and found.size == stored.size)
 
     def require_bucket(self) -> None:
-        """StoreError when the bucket is not there: a file that is not found means nothing then."""
+        """Raise StoreError when the bucket does not exist; a missing object means nothing then."""
         bucket = self._root.partition("/")[0]
         with self._faults(None):
             if not self._service.get_file_info(bucket).type:  # NotFound is 0
-                raise StoreError("there is no such bucket", self.url, _WHERE)
+                raise StoreError("the bucket does not exist", self.url, _WHERE)
 
     def below(self, folder: str) -> dict[str, tuple[StoredFile, float]]:
         """Address -> file, and when its object was put [s since 1970], for all below a `folder` of
@@ -238,13 +235,13 @@ class Objects:
 
 @contextmanager
 def translated_object_errors(where: str) -> Iterator[None]:
-    """Turns what an S3 service, or the way to it, says into a StoreError that says what to do."""
+    """Context manager that raises errors of an S3 service as StoreError with a remedy."""
     try:
         yield
     except OSError as error:
         if isinstance(error, FileNotFoundError):
             raise StoreBusyError(
-                "this object went away while it was read", where, "run again"
+                "this object was deleted while it was read", where, "run again"
             ) from error
         if isinstance(error, AeroError) or error.errno:  # the disk's, not the service's
             raise
@@ -253,23 +250,24 @@ def translated_object_errors(where: str) -> Iterator[None]:
         name, status = (named[1], named[2] or "") if named else ("", "")
         if _PASSING.search(name) or status.startswith("5") or "curlCode" in text:
             why = text.rpartition("Details: ")[2][:200]
-            remedy = "see to the network and the service, then run again"
+            remedy = "check the network and the service, then run again"
             raise StoreBusyError(
-                f"the object store is out of reach now: {why}", where, remedy
+                f"the object store cannot be reached: {why}", where, remedy
             ) from error
         if name == "NO_SUCH_BUCKET":
-            raise StoreError("there is no such bucket", where, _WHERE) from error
+            raise StoreError("the bucket does not exist", where, _WHERE) from error
         if _REFUSED.search(name) or status in ("401", "403"):
-            raise StoreError(f"the object store refuses us ({name})", where, _WHO) from error
-        raise StoreError(f"the object store cannot do this: {text[:300]}", where, _WHERE) from error
+            raise StoreError(f"the object store refuses access ({name})", where, _WHO) from error
+        raise StoreError(
+            f"the object store cannot execute this request: {text[:300]}", where, _WHERE
+        ) from error
 
 
 def objects_of(root: Path) -> Objects | None:
-    """The object store of the workspace folder `root`, as its settings say; None where the folder
-    itself is the store.
+    """The object store that the settings of the workspace folder `root` name; None when files are
+    stored in the folder only.
 
-    Raises SettingsError for settings that cannot be used, StoreError for an environment that
-    cannot.
+    Raises SettingsError for invalid settings, StoreError for invalid environment variables.
     """
     try:
         written = (root / FILE).stat().st_mtime_ns
@@ -283,7 +281,7 @@ def objects_of(root: Path) -> Objects | None:
 
 @lru_cache(maxsize=16)
 def _store(root: Path, _written: int) -> Store:
-    """The section ``[store]`` alone: what is wrong in another one keeps nobody from the store."""
+    """The section ``[store]`` alone: errors in other sections do not block access to the store."""
     path = root / FILE
     try:
         return validated(
@@ -299,7 +297,9 @@ def _store(root: Path, _written: int) -> Store:
 
 def _unreadable(path: Path, error: Exception) -> SettingsError:
     return SettingsError(
-        f"cannot be read: {error}", str(path), "mend it: it may say where the store is"
+        f"the settings cannot be read: {error}",
+        str(path),
+        "correct them: they may name the object store",
     )
 
 
@@ -311,8 +311,7 @@ def opened(url: str, environment: Mapping[str, str]) -> Objects:
 
 @lru_cache(maxsize=4)
 def _connected(who: tuple[tuple[str, str], ...], _process: int) -> Any:
-    """One connection per process and environment: a process that was forked must not use its
-    parent's."""
+    """One connection per process and environment: a forked process must not use its parent's."""
     from pyarrow.fs import AwsStandardS3RetryStrategy, S3FileSystem
 
     given = dict(who)
@@ -329,9 +328,9 @@ def _connected(who: tuple[tuple[str, str], ...], _process: int) -> Any:
         usable = False
     if address and (not usable or place.username):
         raise StoreError(
-            "is no address like https://host:port",
+            "not an address of the form https://HOST:PORT",
             "$AWS_ENDPOINT_URL",
-            "mend it, or leave it out for AWS itself",
+            "correct it, or unset it to use AWS itself",
         )
     with translated_object_errors(address or "AWS"):
         return S3FileSystem(

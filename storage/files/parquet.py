@@ -1,9 +1,9 @@
-"""How this product writes Parquet: the settings, the metadata and the exact way back to NumPy.
+"""Parquet format of stored files: settings, metadata and the exact round trip with NumPy.
 
 Settings as measured on an hour of flight data: zstd level 3, no dictionary, BYTE_STREAM_SPLIT for
 floats, DELTA_BINARY_PACKED for wide integers. The same arrays give the same bytes (with the same
 pyarrow). Pages and metadata carry checksums: a flipped bit is an error, never another number.
-Nothing here knows what a column means.
+The meaning of columns is defined elsewhere.
 """
 
 import hashlib
@@ -136,7 +136,7 @@ def _opened(path: Path) -> Any:
         ]
         return pq.ParquetFile(path, read_dictionary=text or None, page_checksum_verification=True)
     except FileNotFoundError as error:
-        raise InputError("stored file is missing", str(path), "ingest the log again") from error
+        raise InputError("the stored file is missing", str(path), "ingest the log again") from error
     except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
         raise _damaged(path, error) from error
 
@@ -157,7 +157,7 @@ def _metadata(schema: Any, path: Path, kind: str) -> dict[str, Any]:
     metadata: dict[str, Any] = json.loads(text)
     if metadata["kind"] != kind:
         raise InputError(
-            f"not a stored {kind}", str(path), "name a file that was stored for that purpose"
+            f"this file is not a stored {kind}", str(path), f"name a file that contains a {kind}"
         )
     if list(metadata["dtypes"]) != sorted(schema.names):
         raise _damaged(path, ValueError("its columns are not those that were written"))

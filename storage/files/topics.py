@@ -1,5 +1,4 @@
-"""One topic of a log as a Parquet file, and exactly back again; all of them, or only what is asked
-for."""
+"""Topics of a log as Parquet files, with an exact round trip; read as a whole or on demand."""
 
 from collections import OrderedDict
 from collections.abc import Iterator, Mapping, Sequence
@@ -18,20 +17,20 @@ from aerodb.storage.files.parquet import (
     write_columns,
 )
 
-#: Topics that are kept for whoever asks for them again.
-_KEPT: Final = 16
+#: Number of topics in the memory cache.
+_CACHED: Final = 16
 
 
 class StoredTopics(Mapping[str, Topic]):
-    """The topics of a stored recording by name, read one by one when they are asked for, and of
-    each only the fields used.
+    """The topics of a stored recording by name, read on first access, and of each topic only the
+    fields used.
 
     folder : of the recording. names : its topics, in the order in which they are numbered.
     """
 
     def __init__(self, folder: Path, names: Sequence[str]) -> None:
         self._paths = {name: folder / f"{number:04d}.parquet" for number, name in enumerate(names)}
-        self._kept: OrderedDict[str, Topic] = OrderedDict()
+        self._cache: OrderedDict[str, Topic] = OrderedDict()
 
     def __len__(self) -> int:
         return len(self._paths)
@@ -43,12 +42,12 @@ class StoredTopics(Mapping[str, Topic]):
         return name in self._paths
 
     def __getitem__(self, name: str) -> Topic:
-        if name not in self._kept:
-            if len(self._kept) >= _KEPT:
-                self._kept.popitem(last=False)
-            self._kept[name] = _open_topic(self._paths[name])
-        self._kept.move_to_end(name)
-        return self._kept[name]
+        if name not in self._cache:
+            if len(self._cache) >= _CACHED:
+                self._cache.popitem(last=False)
+            self._cache[name] = _open_topic(self._paths[name])
+        self._cache.move_to_end(name)
+        return self._cache[name]
 
 
 class _StoredFields(Mapping[str, NDArray[Any]]):

@@ -1,5 +1,5 @@
-"""The store as a whole, between the workspace's folder and its object store: put, fetched, and the
-cache kept small."""
+"""Transfers of the whole store between the workspace folder and its object store: upload, download,
+and trimming of the cache."""
 
 import hashlib
 import os
@@ -25,9 +25,9 @@ from aerodb.storage.files.objects import DamagedObject, Objects, objects_of
 from aerodb.storage.workspace import Workspace
 from aerodb.storage.workspace_settings import FILE, load_settings
 
-#: Folders whose files the catalogue names one by one.
+#: Folders whose files are listed in the catalogue.
 STORE: Final = ("flights", "results", "logs")
-#: What was used less than this ago [s] may still be in use: it stays in the cache.
+#: Files used less than this ago [s] may still be in use and stay in the cache.
 _IN_USE: Final = 600.0
 
 
@@ -48,8 +48,8 @@ class Part:
 
 @dataclass(frozen=True)
 class TransferReport:
-    """Files and bytes that were put, fetched or removed, and which could not be: they are not as
-    they were stored, or nowhere."""
+    """Number of files and bytes that were uploaded, downloaded or removed, and the paths `left`:
+    files that could not be, because they are damaged, missing or in use."""
 
     files: int
     bytes: int
@@ -57,30 +57,29 @@ class TransferReport:
 
 
 def required_objects(workspace: Workspace) -> Objects:
-    """The workspace's object store; InputError where it has none."""
+    """The object store of a workspace; InputError when it has none."""
     objects = objects_of(workspace.root)
     if objects is None:
         raise InputError(
             "this workspace has no object store",
             str(workspace.root),
-            f'say [store] url = "s3://..." in its {FILE}',
+            f'set [store] url = "s3://..." in its {FILE}',
         )
     return objects
 
 
 def require_unused(objects: Objects) -> None:
-    """InputError where an object store holds files already that nobody named for what is to be put
-    there."""
+    """Raise InputError when an object store already contains files of a workspace."""
     if any(objects.below(place) for folder in STORE for place in objects.folders(folder)):
         what, remedy = (
-            "holds the files of a workspace already",
-            "name a file --settings with another [store], or with this one",
+            "already contains the files of a workspace",
+            "use --settings FILE with another [store], or with this one to confirm it",
         )
         raise InputError(f"the object store of these settings {what}", objects.url, remedy)
 
 
 def parts(workspace: Workspace, catalogue: Catalogue, objects: Objects) -> Iterator[Part]:
-    """The whole store, folder by folder: memory does not grow with it."""
+    """The whole store, folder by folder: memory use does not grow with it."""
     for folder in STORE:
         there = set(objects.folders(folder))
         for place in sorted({*there, *(f"{folder}/{number:02x}" for number in range(256))}):
@@ -126,7 +125,7 @@ def _index(
 
 
 def is_sound(workspace: Workspace, file: StoredFile) -> bool:
-    """Whether a file is here with the bytes that were stored."""
+    """Whether a file is in the folder with the bytes that were stored."""
     try:
         return measured(workspace.resolve(file.path)) == (file.sha256, file.size)
     except OSError:
@@ -134,8 +133,8 @@ def is_sound(workspace: Workspace, file: StoredFile) -> bool:
 
 
 def push(workspace: Workspace, catalogue: Catalogue) -> TransferReport:
-    """Puts what is here and not in the object store: all of a workspace that gets one, and objects
-    that were lost."""
+    """Upload files that are in the folder but not in the object store: all files of a workspace
+    with a new object store, or lost objects."""
     objects, moved, left = required_objects(workspace), [], []
 
     def move(file: StoredFile) -> None:
@@ -159,8 +158,8 @@ def push(workspace: Workspace, catalogue: Catalogue) -> TransferReport:
 
 
 def pull(workspace: Workspace, catalogue: Catalogue) -> TransferReport:
-    """Fetches what is not here, a recording as a whole: all of a workspace whose object store is to
-    be left."""
+    """Download files that are not in the folder, recordings as a whole: used before a workspace
+    gives up its object store."""
     required_objects(workspace)
     moved, left = [], []
 
@@ -205,12 +204,11 @@ def _bytes(place: Path) -> int:
 
 
 def trim(workspace: Workspace, catalogue: Catalogue, size: int | None = None) -> TransferReport:
-    """Removes files from the folder, what was not used for longest first, until at most `size`
-    bytes are left of the store there; without a `size` as the settings say, and nothing where they
-    say nothing.
+    """Remove the least recently used files from the folder until at most `size` bytes remain;
+    without `size`, the limit of the settings, or no limit if they set none.
 
-    What is not in the object store, or was used within the last minutes, stays: `left` names what
-    had to, for what is too much.
+    Files that are not in the object store, or were used in the last ten minutes, stay; `left` lists
+    them if the folder is still larger than `size`.
     """
     objects = required_objects(workspace)
     size = load_settings(workspace.root).store.cache or None if size is None else size

@@ -1,6 +1,6 @@
-"""A log file of any known format, read by the reader for it.
+"""Selection of the reader for a log file.
 
-A reader is imported when a file needs it: each brings a library of its own.
+Readers are imported on demand, because each depends on a library of its own.
 """
 
 from collections.abc import Collection
@@ -13,13 +13,19 @@ _ULOG, _MCAP = b"ULog", b"\x89MCAP"
 
 
 def read_log(path: Path, topics: Collection[str] | None = None) -> Recording:
-    """Reads a log of any known format: told by its first bytes, else by its suffix.
+    """Read a log of any known format, recognised by its first bytes, else by its suffix.
 
     Parameters
-    ---------- path : the log file. topics : names of the topics wanted, where the format allows to
-    leave out the others (ULog); None for all.
+    ----------
+    path :
+        The log file.
+    topics :
+        Names of the topics to read, for formats that allow it (ULog); None for all.
 
-    Raises InputError for a file that is absent, empty, of no known format, or damaged beyond use.
+    Raises
+    ------
+    InputError
+        For a file that is missing, empty, of unknown format, or damaged beyond use.
     """
     try:
         with path.open("rb") as handle:
@@ -34,9 +40,9 @@ def read_log(path: Path, topics: Collection[str] | None = None) -> Recording:
             return read_mcap(path)
     except OSError as error:
         raise InputError(
-            f"cannot be read: {error.strerror or error}",
+            f"the log cannot be read: {error.strerror or error}",
             str(path),
-            "check the name and the permissions",
+            "check its name and permissions",
         ) from error
     from aerodb.storage.readers.tabular import read_tabular
 

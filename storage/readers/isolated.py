@@ -1,9 +1,8 @@
-"""Logs read at arm's length: what parsing a log does to a process happens to another process, under
-limits.
+"""Parsing of logs in another process, under resource limits, so that bad logs do no harm here.
 
-The hand-over is the store's own form, which is written anyway: the other process reads the log and
-writes its topics, and they are read back as far as they are asked for. Its interpreter starts once
-and serves many logs (`aerodb.storage.readers.worker`).
+The other process reads the log and writes its topics in the format of the store; this process reads
+them on demand. The other process starts once and serves many logs
+(`aerodb.storage.readers.worker`).
 """
 
 import json
@@ -22,7 +21,7 @@ from aerodb.recording import Recording
 from aerodb.storage.disk_errors import remove, temporary_beside, translated_disk_errors
 from aerodb.storage.limits import Limits
 
-#: Environment that a reader needs; it has no business with what else is there.
+#: Environment variables passed to the reader; it does not get any others.
 _PASSED: Final = (
     "PATH",
     "HOME",
@@ -158,7 +157,7 @@ def _ask(log: Path, job: dict[str, Any]) -> None:
             raise (StoreError if kind == "store" else InputError)(**answer)
         return
     raise StoreError(
-        "the process that parses logs does not stay alive",
+        "the process that parses logs ends unexpectedly",
         str(log),
-        "see the memory of this machine, then run again",
+        "check the free memory of this machine, then run again",
     )

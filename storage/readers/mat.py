@@ -1,9 +1,9 @@
 """MATLAB's MAT files, version 5 to 7.3, as named arrays and texts.
 
 Version 5-7 is read here and not by scipy.io because a log may be damaged: every declared size is
-held against the bytes that are there before anything is allocated, and what stands before a cut is
-kept. Version 7.3 is HDF5. Cells, sparse matrices, objects and arrays of structs hold no series of
-samples and are named in `skipped`.
+checked against the available bytes before memory is allocated, and variables before a cut are read.
+Version 7.3 is HDF5. Cells, sparse matrices, objects and arrays of structs contain no series of
+samples and are listed in `skipped`.
 """
 
 import io

@@ -1,7 +1,7 @@
-"""MCAP with ROS 2, JSON or protobuf messages to Recording.
+"""MCAP reader, for ROS 2, JSON and protobuf messages.
 
-Messages become numbers in `mcap_messages`; the walk through the file, and what is lost of it, are
-`mcap_framing`'s. Units are not in messages; a mapping declares them.
+`mcap_messages` converts messages to numbers; `mcap_framing` reads the file record by record and
+finds damage. Messages contain no units; the mapping file declares them.
 """
 
 import hashlib
@@ -195,7 +195,7 @@ def read_mcap(path: Path) -> Recording:
             raise InputError("the file is empty", str(path), _REMEDY)
         if handle.read(len(MAGIC)) != MAGIC:
             raise InputError(
-                "not an MCAP file: its first bytes are not MCAP's",
+                "not an MCAP file: it does not start with the MCAP magic bytes",
                 str(path),
                 "name the format, or convert the log",
             )

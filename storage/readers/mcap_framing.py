@@ -1,9 +1,9 @@
-"""Walks an MCAP file record by record, so that damage costs the records that it hit and no others.
+"""Record-by-record reading of an MCAP file, so that damage costs only the affected records.
 
-The mcap package raises at the first fault and gives up the rest of the file; here each top-level
-record is checked and handed on by itself, chunks are decompressed one by one against their
-checksums, and after bytes that are no record the walk goes on at the next one. Source: MCAP
-specification (mcap.dev/spec).
+The mcap package raises at the first error and gives up the rest of the file. Here each top-level
+record is checked separately, chunks are decompressed one by one and checked against their
+checksums, and after invalid bytes reading resumes at the next record. Source: MCAP specification
+(mcap.dev/spec).
 """
 
 import struct

@@ -1,9 +1,8 @@
-"""Messages of an MCAP file as numbers by name: what ROS 2 (CDR), JSON and protobuf messages have in
-common.
+"""Conversion of MCAP messages (ROS 2 CDR, JSON, protobuf) to numbers by name.
 
-Nested fields are joined by dots (``pose.orientation.x``), elements are ``covariance[0]``. Texts and
-bytes are no channels; what is left out is named. The file's own text decides about names, depths
-and numbers, so that all of them have a limit.
+Nested fields are joined by dots (``pose.orientation.x``), array elements are ``covariance[0]``.
+Texts and bytes are not channels; omitted fields are listed. Names, depths and counts come from the
+untrusted file, so all of them are limited.
 """
 
 import json

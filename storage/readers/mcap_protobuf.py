@@ -1,7 +1,7 @@
-"""Protobuf messages that describe themselves: the schema is a FileDescriptorSet, as MCAP's registry
-of encodings has it.
+"""Self-describing protobuf messages: the schema is a FileDescriptorSet, as defined by MCAP's
+registry of encodings.
 
-Every schema gets a descriptor pool of its own: two files of a log, or two logs, may describe the
+Every schema gets its own descriptor pool, because two logs, or two files of a log, may define the
 same name differently.
 """
 

@@ -1,8 +1,7 @@
-"""Tables as recordings: MAT v5-v7.3, Parquet, CSV, and whitespace ASCII (.asc .dat .txt).
+"""Reader of tables: MAT v5-v7.3, Parquet, CSV, and whitespace-separated ASCII (.asc .dat .txt).
 
-What a table does not say is not invented: it has no clock until a mapping names the field of time,
-so that `Topic.time` is the sample's index here. The layout is left to
-`aerodb.logs.mapping.choose_mapping`.
+A table has no clock until a mapping file names its time field, so `Topic.time` is the sample index
+here. The mapping file is chosen by `aerodb.logs.mapping.choose_mapping`.
 """
 
 import hashlib
@@ -49,15 +48,15 @@ def read_tabular(path: Path) -> Recording:
         data = path.read_bytes()
     except OSError as error:
         raise InputError(
-            f"cannot be read: {error.strerror or error}",
+            f"the log cannot be read: {error.strerror or error}",
             where,
-            "check the path and its permissions",
+            "check its path and permissions",
         ) from error
     if not data:
         raise InputError("the file is empty", where, "copy the log again")
     topics, metadata, damage = _parse(data, path.suffix.lower(), where)
     if not topics:
-        what = "holds no table of numbers" + (f" ({damage[0].what})" if damage else "")
+        what = "the file contains no table of numbers" + (f" ({damage[0].what})" if damage else "")
         raise InputError(what, where, "a table needs at least two rows and one column of numbers")
     digest = hashlib.sha256(data).hexdigest()
     return Recording(where, "tabular", digest, len(data), topics, metadata, tuple(damage))
@@ -77,7 +76,7 @@ def _parse(data: bytes, suffix: str, where: str) -> Parsed:
         table = read_text(data, where)
         return {TABLE: _topic(TABLE, table.columns, table.units)}, table.metadata, table.damage
     if suffix in SUFFIXES:
-        what = f"is no {suffix} file of a known version: it begins with {data[:8]!r}"
+        what = f"not a {suffix} file of a known version: it begins with {data[:8]!r}"
         raise InputError(
             what, where, "save a MAT file with version 5 or later; give text a suffix such as .csv"
         )
@@ -133,7 +132,9 @@ def _parquet(data: bytes, where: str) -> Parsed:
             )
             > MOST_BYTES
         ):
-            raise InputError(f"declares {rows} rows of {width} columns", where, "split the log")
+            raise InputError(
+                f"{rows} rows of {width} columns are too large", where, "split the log"
+            )
         table = file.read()
     except (InputError, MemoryError):
         raise

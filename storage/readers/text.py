@@ -1,5 +1,5 @@
-"""Tables as text: CSV (comma, semicolon, tab) and columns between blanks, with or without a header
-line."""
+"""Reader of text tables: CSV (comma, semicolon, tab) and whitespace-separated columns, with or
+without a header line."""
 
 import csv
 import io
@@ -50,7 +50,9 @@ def read_text(data: bytes, where: str) -> TextTable:
         names, body, offset = header, body[len(first) + 1 :], offset + 1
     if not body.strip():
         raise InputError(
-            "holds no rows of numbers", where, "check that the log was written to its end"
+            "the file contains no rows of numbers",
+            where,
+            "check that the log was written to its end",
         )
     width = _check_ragged(body, delimiter, offset, len(names) if names else None, where)
     if names is None and len(comment) == width:
@@ -73,8 +75,8 @@ def read_text(data: bytes, where: str) -> TextTable:
 def _refuse_binary(data: bytes, where: str) -> None:
     odd = sum(byte < 9 or 13 < byte < 32 for byte in data[:4096])
     if b"\x00" in data or odd > 0.02 * min(len(data), 4096):
-        what = f"is no text: it begins with {data[:8]!r}"
-        raise InputError(what, where, "give the log the suffix of its kind; save text as UTF-8")
+        what = f"not a text file: it begins with {data[:8]!r}"
+        raise InputError(what, where, "use the suffix of the log's format; save text as UTF-8")
 
 
 def _without_comments(data: bytes) -> tuple[bytes, list[str], int]:

@@ -1,10 +1,10 @@
-"""ULog (PX4's log format) to Recording.
+"""ULog reader (PX4's log format).
 
-pyulog decides what the definitions mean: formats, nested fields, information, parameters. The bulk
-of the file, and the search for damage, are the compiled walk of `ulog_framing`, because pyulog
-hides truncation and trips over flipped bytes. What ULog cannot show: it carries no checksums, so
-that flipped bits inside a payload pass as data; and a file cut exactly between two messages looks
-whole. Units are not in the format; a mapping declares them.
+pyulog interprets the definitions: formats, nested fields, information, parameters. The data and the
+search for damage are handled by the compiled loops of `ulog_framing`, because pyulog hides
+truncation and fails on flipped bytes. Limits of the format: it has no checksums, so flipped bits
+inside a payload pass as data, and a file cut exactly between two messages looks complete. ULog
+contains no units; the mapping file declares them.
 """
 
 import hashlib
@@ -25,30 +25,41 @@ from aerodb.storage.readers.ulog_framing import HEADER_BYTES, Survey, survey
 from aerodb.storage.readers.ulog_topics import LoggedTopics, TopicRecords
 
 MAGIC = b"ULog\x01\x12\x35"
-#: Places of damage that are listed one by one; the rest is summed up in one entry.
+#: Maximum number of damaged intervals listed one by one; the rest is one entry.
 _LISTED = 200
 _TYPES = {name: np.dtype(entry[2]).newbyteorder("<") for name, entry in ULog._UNPACK_TYPES.items()}
 _NO_LOG = "check that the transfer was complete; the original on the vehicle may still be whole"
 
 
 def read_ulog(path: Path, topics: Collection[str] | None = None) -> Recording:
-    """Reads a ULog file, damaged or not.
+    """Read a ULog file, damaged or not.
 
     Parameters
-    ---------- path : the file. topics : names of the topics wanted (every instance of them); None
-    for all. Fewer topics take less memory.
+    ----------
+    path :
+        The file.
+    topics :
+        Names of the topics to read (every instance of them); None for all. Fewer topics take less
+        memory.
 
     Returns
-    ------- Recording with time in s (the log's microseconds since boot), fields in their own types
-    as views into packed records, arrays as ``q[0]``, nested fields as ``battery.voltage``, instance
-    i > 0 as ``name.i``. Topics of a large log are read from the file when they are asked for
-    (`ulog_topics`): it must stay where it is as long as they are used. Damage with an empty topic
-    is what happened to the file (its `bytes_lost` add up to all bytes that belong to no record);
-    for the same interval, entries with a topic say how many of its samples are missing, by its own
-    median interval.
+    -------
+    Recording
+        Time in s (the log's microseconds since boot), fields in their own types as views into
+        packed records, arrays as ``q[0]``, nested fields as ``battery.voltage``, instance i > 0 as
+        ``name.i``. Topics of a large log are read on demand (`ulog_topics`), so the file must stay
+        in place while they are used. Damage with an empty topic concerns the file (its `bytes_lost`
+        add up to all bytes that belong to no record); for the same interval, entries with a topic
+        say how many of its samples are missing, by its own median interval.
 
-    Raises InputError for what is no ULog file, or holds no data. Source: ULog file format
-    (docs.px4.io, dev_log).
+    Raises
+    ------
+    InputError
+        When the file is not a ULog file, or contains no data.
+
+    References
+    ----------
+    ULog file format, docs.px4.io, dev_log.
     """
     size = path.stat().st_size
     with path.open("rb") as handle:
@@ -61,7 +72,7 @@ def read_ulog(path: Path, topics: Collection[str] | None = None) -> Recording:
         sha256 = hashlib.file_digest(handle, "sha256").hexdigest()
     places = _places(definitions, found, topics)
     if not places and topics is None:
-        raise InputError("no data in this log", str(path), _NO_LOG)
+        raise InputError("the log contains no data", str(path), _NO_LOG)
     read = LoggedTopics(path, found, places)
     is_cut = any(offset > size for offset in appended)
     damage = [

@@ -1,8 +1,7 @@
-"""What ULog messages other than data must look like, and how large the data of a topic are.
+"""Validity checks of ULog messages other than data, and the sizes of topic data.
 
-A reader that follows damaged headers gets lost; these checks tell a record from noise. Source of
-all rules: the ULog file format specification of PX4 (docs.px4.io, dev_log/ulog_file_format). No
-file access here.
+The checks tell records from noise after damaged bytes. Source of all rules: the ULog file format
+specification of PX4 (docs.px4.io, dev_log/ulog_file_format). No file access here.
 """
 
 import re

@@ -1,8 +1,8 @@
-"""Walks a ULog file from the first byte to the last, so that no byte is lost unnoticed.
+"""Reading of a ULog file from the first byte to the last, so that no lost byte goes unnoticed.
 
-Two passes over windows of the file, both compiled: `survey` follows the message headers, finds what
-belongs to no record, and counts; `gather` copies the data of each topic into one array. The file is
-never held in memory as a whole.
+Two compiled passes over windows of the file: `survey` follows the message headers, counts messages
+and finds bytes that belong to no record; `gather` copies the data of each topic into one array. The
+file is never in memory as a whole.
 """
 
 from collections.abc import Iterable, Mapping
@@ -280,7 +280,7 @@ def gather(handle: BinaryIO, found: Survey, wanted: Iterable[int]) -> dict[int, 
                 raise InputError(
                     "the log changed while it was read",
                     handle.name,
-                    "read it again when it is complete",
+                    "read the log again when it is complete",
                 )
             at = reached
     return {int(k): flat[starts[k] : cursor[k]] for k in np.flatnonzero(take)}

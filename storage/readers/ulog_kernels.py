@@ -1,7 +1,7 @@
-"""The compiled loops of the ULog reader: one look at each message header, one copy of each payload.
+"""Compiled loops of the ULog reader: each message header is read once, each payload copied once.
 
-A block is a stretch of the file as bytes; `at` is a position in it. Tables are indexed by message
-id (65536,).
+A block is a contiguous part of the file as bytes; `at` is a position in it. Tables are
+indexed by message id (65536,).
 """
 
 import numpy as np

@@ -1,8 +1,7 @@
-"""The topics of a ULog file, held as far as memory allows.
+"""Topics of a ULog file, with a bounded memory cache.
 
-A small log is read at once. Of a large one the topics are gathered when they are asked for: the
-last ones used are kept, and who goes through all of them in order gets several per pass through the
-file.
+A small log is read at once. Topics of a large log are read on demand; the most recently used stay
+in memory, and iterating over all topics in order reads several per pass through the file.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -17,14 +16,14 @@ from aerodb.errors import InputError
 from aerodb.recording import Topic
 from aerodb.storage.readers.ulog_framing import Survey, gather
 
-#: Bytes of topics that are kept (one topic alone may be larger); a log with no more is held whole.
-KEPT = 64_000_000
+#: Size of the memory cache [bytes] (one topic alone may be larger); a smaller log is read at once.
+CACHE_BYTES = 64_000_000
 _TIME_BYTES = 8
 
 
 @dataclass(frozen=True)
 class TopicRecords:
-    """Where a topic's data are: message id, type of one record, how many."""
+    """Location of the data of a topic: message id, dtype of one record, number of records."""
 
     identity: int
     record: np.dtype[Any]
@@ -59,8 +58,8 @@ class LoggedTopics(Mapping[str, Topic]):
         group = next((group for group in self._groups if name in group), None)
         if group is None:
             names = self._together(name)
-            # Evicted first: what is kept and what comes in need not be in memory together.
-            self._evict(KEPT - self._size(names))
+            # Evicted first, so that old and new topics are not in memory together.
+            self._evict(CACHE_BYTES - self._size(names))
             group = self._read(names)
         else:
             self._groups.remove(group)
@@ -80,7 +79,7 @@ class LoggedTopics(Mapping[str, Topic]):
         """The topics to gather in one pass: all of a small log; the next ones too for who goes
         through them in order."""
         names = list(self._places)
-        if self._size(names) <= KEPT:
+        if self._size(names) <= CACHE_BYTES:
             return names
         k = names.index(name)
         if k > 0 and names[k - 1] != self._previous:
@@ -88,7 +87,7 @@ class LoggedTopics(Mapping[str, Topic]):
         chosen, total = [name], self._places[name].size
         for following in islice(names, k + 1, None):
             total += self._places[following].size
-            if total > KEPT:
+            if total > CACHE_BYTES:
                 break
             chosen.append(following)
         return chosen
@@ -100,11 +99,11 @@ class LoggedTopics(Mapping[str, Topic]):
             with self._path.open("rb") as handle:
                 data = gather(handle, self._found, [self._places[name].identity for name in names])
         except OSError as error:
-            what = f"topics cannot be read: {error.strerror or error}"
+            what = f"the topics cannot be read: {error.strerror or error}"
             raise InputError(
                 what,
                 str(self._path),
-                "leave the log in place until it is stored, and read it again",
+                "leave the log in place until it is ingested, and ingest it again",
             ) from error
         read = {}
         for name in names:

@@ -1,10 +1,10 @@
 """The process that parses logs: ``python -m aerodb.storage.readers.worker``.
 
 It reads one job per line (JSON) from standard input, forks a child for it, and answers with one
-line. The child gets limits, reads the log and writes its topics in the store's own form; the
-worker, which never looks at a log, watches over it. All that the reader needs is imported and
-compiled before the first job, so that a child costs a fork and no more. When whoever started the
-worker dies, the worker and the child die too.
+line. The child gets resource limits, reads the log and writes its topics in the format of the
+store; the worker itself never reads a log and supervises the child. The reader's modules are
+imported and compiled before the first job, so a child costs only a fork. When the process that
+started the worker dies, the worker and the child die too.
 """
 
 import ctypes
@@ -35,8 +35,7 @@ from aerodb.storage.writers import write_ulog
 _DEATH_SIGNAL: Final = 1  # PR_SET_PDEATHSIG of prctl(2)
 _ANSWER_BYTES: Final = 1 << 20
 _LATER: Final = (
-    "look at the log where it came from; with a larger [limits] in the workspace's settings it is"
-    " tried again"
+    "check the log at its source, or raise [limits] in the workspace settings and ingest it again"
 )
 
 
@@ -109,7 +108,7 @@ def _end_of(status: int, late: bool, limits: Limits) -> str:
         if number == signal.SIGXCPU:
             return f"its parsing was stopped after {limits.processor:g} s of processor time"
         if number == signal.SIGKILL:
-            return "its parsing was killed by the system, most likely for want of memory"
+            return "its parsing was killed by the system, most likely because memory ran out"
         return f"its parsing crashed the reader ({signal.Signals(number).name})"
     return f"its parsing ended the reader (exit code {os.WEXITSTATUS(status)})"
 
@@ -145,14 +144,14 @@ def _read(log: Path, folder: Path, limits: Limits) -> dict[str, str]:
         )
     except RecursionError:
         return _refusal(
-            "its parts are nested too deeply",
+            "its content is nested too deeply",
             str(log),
-            "no recorder writes such a log: check where it came from",
+            "no recorder writes such a log: check its source",
         )
     # a library's own fault on bytes that it did not expect: the log cannot be used, and that is all
     except Exception as error:
         what = f"its parsing failed: {type(error).__name__}: {str(error)[:200]}"
-        return _refusal(what, str(log), "report it with the log as a fault of aerodb's reader")
+        return _refusal(what, str(log), "report it, with the log, as a bug of aerodb")
     return {"ended": "done"}
 
 

@@ -1,11 +1,12 @@
-"""Backup and restore: the catalogue as it is at one moment, and every file that it names.
+"""Backup and restore of a workspace: one consistent state of the catalogue, and every file that it
+names.
 
-The catalogue is copied first (one consistent state, whoever writes meanwhile), always into a file:
-so a backup can be restored with another database than it was made of, and moves a catalogue from
-SQLite to PostgreSQL and back. Files of the store are there before their rows and do not change, so
-that all that the copy names can be copied afterwards. A further backup into the same folder copies
-only what is new. A backup is what its manifest says, which is written last and holds its own hash:
-one that was interrupted has none, or still that of the backup before it, which stays whole.
+The catalogue is copied first (one consistent state, while others may write), always into an SQLite
+file; so a backup can be restored into another database, which moves a catalogue between SQLite and
+PostgreSQL. Stored files exist before their rows and do not change, so everything that the copy
+names can be copied afterwards. A further backup into the same folder copies only new files. The
+manifest defines the backup; it is written last and contains its own hash. An interrupted backup has
+no manifest, or still that of the previous backup, which remains complete.
 """
 
 import hashlib
@@ -54,8 +55,8 @@ _FORMAT: Final = 2
 
 @dataclass(frozen=True)
 class Backup:
-    """What a backup holds: files and bytes of the store, how many of them were copied this time,
-    and what was not as stored."""
+    """Content of a backup: number of files and bytes, number of files copied this time, and files
+    that differ from what was stored (`problems`)."""
 
     files: int
     bytes: int
@@ -120,7 +121,7 @@ def restore(source: Path, root: Path, settings: Path | None = None) -> dict[str,
     _require_free(root)
     if not root.absolute().parent.is_dir():
         raise InputError(
-            "its folder does not exist", str(root), "name a folder in one that is there"
+            "its parent folder does not exist", str(root), "name a path in an existing folder"
         )
     left: list[Problem] = []
     made: list[int] = []
@@ -134,7 +135,7 @@ def restore(source: Path, root: Path, settings: Path | None = None) -> dict[str,
             require_unused(objects)
         place = catalogue_location(workspace.catalogue)
         file = workspace.root / _PARTIAL if place.url else workspace.catalogue
-        _copy(_kept_catalogue(source, manifest), file)
+        _copy(_catalogue_file(source, manifest), file)
         with Catalogue.in_file(file) as snapshot:
             for named in _named(source, snapshot, source):
                 _take(source, workspace, named, manifest["problems"])
@@ -168,16 +169,16 @@ def restore(source: Path, root: Path, settings: Path | None = None) -> dict[str,
     return {**manifest, "problems": [asdict(problem) for problem in left]}
 
 
-def _kept_catalogue(source: Path, manifest: dict[str, Any]) -> Path:
+def _catalogue_file(source: Path, manifest: dict[str, Any]) -> Path:
     """The file with the catalogue of a backup; InputError when it is not the one that was
     written."""
     stated = manifest["catalogue"]
-    kept = source / Path(stated["name"]).name
-    if not kept.is_file() or measured(kept) != (stated["sha256"], stated["size"]):
+    file = source / Path(stated["name"]).name
+    if not file.is_file() or measured(file) != (stated["sha256"], stated["size"]):
         raise InputError(
-            "its catalogue is not the one that was written", str(source), "use another backup"
+            "its catalogue differs from the one that was written", str(source), "use another backup"
         )
-    return kept
+    return file
 
 
 @contextmanager
@@ -202,10 +203,10 @@ def manifest_of(folder: Path) -> dict[str, Any]:
             raise InputError(
                 "this backup was interrupted",
                 str(folder),
-                "run it again: what is there is not copied twice",
+                "run it again: files that are complete are not copied again",
             ) from error
         raise InputError(
-            "no backup here", str(folder), "name the folder that `aerodb backup` wrote"
+            "there is no backup here", str(folder), "name the folder that `aerodb backup` wrote"
         ) from error
     try:
         found: dict[str, Any] = json.loads(text.decode("ascii"))
@@ -214,16 +215,16 @@ def manifest_of(folder: Path) -> dict[str, Any]:
         found, stated = {}, None
     if found.get("format") == 1 and stated is None:
         remedy = "run `aerodb backup` into it again: only what is new is copied"
-        raise InputError("a backup of an older kind", str(folder), remedy)
+        raise InputError("this backup has an older format", str(folder), remedy)
     if _sealed(found) != text:
         remedy = (
-            "use another backup, or run `aerodb backup` into it again while the workspace is there"
+            "use another backup, or, if the workspace still exists, back up into this folder again"
         )
         raise InputError(
-            "its manifest is not the one that was written", str(folder / _MANIFEST), remedy
+            "its manifest differs from the one that was written", str(folder / _MANIFEST), remedy
         )
     if found.get("format") != _FORMAT:
-        raise InputError("a backup of a newer kind", str(folder), "update aerodb")
+        raise InputError("this backup has a newer format", str(folder), "update aerodb")
     return found
 
 
@@ -237,9 +238,9 @@ def _sealed(manifest: dict[str, Any]) -> bytes:
 def _require_free(root: Path) -> None:
     if root.exists() or root.is_symlink():
         raise InputError(
-            "is there already",
+            "this path already exists",
             str(root),
-            "name a folder that does not exist yet, and move it where you want it",
+            "name a folder that does not exist yet",
         )
 
 
@@ -265,7 +266,7 @@ def _claim(workspace: Workspace, target: Path) -> None:
     here, there = workspace.root.resolve(), target.resolve()
     if there.is_relative_to(here) or here.is_relative_to(there):
         raise InputError(
-            "a backup cannot lie inside what it is of",
+            "a backup cannot be inside its own workspace, or contain it",
             str(target),
             "choose another folder, best on another disk",
         )
@@ -273,13 +274,15 @@ def _claim(workspace: Workspace, target: Path) -> None:
         with translated_disk_errors(target):
             target.mkdir(parents=True, exist_ok=True)
     except (FileExistsError, NotADirectoryError) as error:
-        raise InputError("is no folder", str(target), "choose another one") from error
+        raise InputError("not a folder", str(target), "choose another one") from error
     if (
         any(target.iterdir())
         and not (target / _PARTIAL).exists()
         and not (target / _MANIFEST).exists()
     ):
-        raise InputError("holds something that is no backup", str(target), "choose a new folder")
+        raise InputError(
+            "the folder is not empty and not a backup", str(target), "choose a new one"
+        )
 
 
 def _copy_catalogue(place: CatalogueLocation, target: Path) -> None:
@@ -304,7 +307,7 @@ def _copy_catalogue(place: CatalogueLocation, target: Path) -> None:
         raise StoreError(
             f"the catalogue cannot be copied: {error}",
             str(source),
-            "make room, then run the backup again",
+            "free disk space, then run the backup again",
         ) from error
     finally:
         writing.close()
@@ -387,7 +390,9 @@ def _copy_files(workspace: Workspace, named: Iterable[StoredFile], target: Path)
             what = _fetched_wrongly(objects, place, file, what)
         if what:
             problems.append(
-                Problem("changed", what, file.path, "aerodb verify says what to do about it")
+                Problem(
+                    "changed", what, file.path, "run `aerodb verify`, which says how to repair it"
+                )
             )
         else:
             copied += 1
@@ -405,13 +410,13 @@ def _is_copied(source: Path, place: Path) -> bool:
 def _copied_wrongly(source: Path, place: Path, file: StoredFile) -> str:
     """Copies a file if it has the bytes that were stored; else says what is wrong."""
     if not source.is_file():
-        return "it is gone from the store"
+        return "it is missing in the store"
     try:
         sha256, _ = measured(source)
     except OSError as error:
         return f"it cannot be read: {error.strerror or error}"
     if file.sha256 and sha256 != file.sha256:
-        return "its bytes are not those that were stored"
+        return "its bytes differ from those that were stored"
     place.parent.mkdir(parents=True, exist_ok=True)
     write_atomically(place, lambda temporary: _copy(source, temporary))
     return ""

@@ -1,6 +1,6 @@
-"""JSBSim as the receiver of an export: an aircraft file, given as bytes, loaded and ready to run.
+"""Exported aircraft files loaded in JSBSim, ready to run.
 
-JSBSim is an optional extra (``pip install 'aerodb[jsbsim]'``); what is compared with it belongs in
+JSBSim is an optional extra (``pip install 'aerodb[jsbsim]'``); the comparisons with it are in
 `aerodb.exchange`.
 """
 
@@ -15,14 +15,14 @@ _NAME = "exported"
 
 
 def jsbsim_is_installed() -> bool:
-    """Whether exports can be checked inside JSBSim here."""
+    """Whether JSBSim is installed, so that exports can be checked in it."""
     return importlib.util.find_spec("jsbsim") is not None
 
 
 def loaded_in_jsbsim(xml: bytes) -> Any:
-    """JSBSim's FGFDMExec with the aircraft of `xml` loaded; it prints nothing.
+    """JSBSim's FGFDMExec with the aircraft of `xml` loaded, without console output.
 
-    Raises InputError with JSBSim's own words when it cannot load the file, and when JSBSim is not
+    Raises InputError with JSBSim's own message when it cannot load the file, and when JSBSim is not
     installed.
     """
     if not jsbsim_is_installed():
@@ -32,7 +32,7 @@ def loaded_in_jsbsim(xml: bytes) -> Any:
     import jsbsim
 
     class Collector(jsbsim.FGLogger):
-        """Keeps what JSBSim says, which would otherwise go to standard output."""
+        """Collects JSBSim's messages, which would otherwise go to standard output."""
 
         said = ""
 
@@ -59,7 +59,7 @@ def loaded_in_jsbsim(xml: bytes) -> Any:
                 collector.said, loaded = str(error), False
         if not loaded:
             said = " ".join(collector.said.split())[-300:]
-            raise InputError(f"JSBSim does not load the file: {said}", "check of an export")
+            raise InputError(f"JSBSim cannot load the file: {said}", "check of an export")
         executive.set_debug_level(0)
         return executive
     finally:

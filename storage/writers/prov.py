@@ -1,4 +1,4 @@
-"""Lineage as W3C PROV-JSON: what a version was derived from, by which runs, and who released it.
+"""Lineage of a version as W3C PROV-JSON: its sources, its runs, and who moved its names.
 
 Entities are versions, flights and logs; activities are runs and moves of names; agents are this
 software and people. The ids are ours: ``version:``, ``flight:``, ``log:`` and ``run:`` before the
@@ -125,8 +125,8 @@ def _checked(document: ProvDocument) -> bytes:
     assert text is not None  # it is, where no destination is given
     if ProvDocument.deserialize(content=text, format="json") != document:
         raise InputError(
-            "the lineage does not survive PROV-JSON",
+            "the lineage cannot be represented in PROV-JSON",
             "export",
-            "report this: it is a fault of aerodb",
+            "report this as a bug of aerodb",
         )
     return text.encode("utf-8")

@@ -1,7 +1,7 @@
-"""Recording to ULog: topics become a real log file, which PX4's own tools read.
+"""ULog writer: topics as a PX4 log file that PX4's own tools can read.
 
-What the built-in example flies and what the benchmark reads goes through here, so that both take
-the way of every log.
+The built-in example and the benchmarks write their flights with it, so that they are read like any
+other log.
 """
 
 import os
@@ -50,18 +50,31 @@ def write_ulog(
     parameters: Mapping[str, float | int] | None = None,
     start_utc: datetime | None = None,
 ) -> None:
-    """Writes topics as a ULog file, messages of all topics interleaved in the order of time.
+    """Write topics as a ULog file, with the messages of all topics in the order of time.
 
     Parameters
-    ---------- path : the file; it appears complete or not at all. topics : times in s (written as
-    whole microseconds), fields of integer, float32, float64 or bool (n,). Fields
-        ``q[0] q[1] ...`` become one array; a topic named ``name.2`` is instance 2 of ``name``.
-    metadata : information messages (``sys_name``, ``ver_hw``, ``ver_sw`` are PX4's own).
-    parameters : int32 or float32, as PX4 has them.
-    start_utc : UTC at the first message; kept as information ``start_utc``.
+    ----------
+    path :
+        The file; it appears complete or not at all.
+    topics :
+        Times [s] (written as whole microseconds) and fields (n,) of integer, float32, float64 or
+        bool. Fields ``q[0] q[1] ...`` become one array; a topic named ``name.2`` is instance 2 of
+        ``name``.
+    metadata :
+        Information messages (``sys_name``, ``ver_hw``, ``ver_sw`` are PX4's own).
+    parameters :
+        int32 or float32, as in PX4.
+    start_utc :
+        UTC at the first message; written as information ``start_utc``.
 
-    Raises InputError for names, types or times that the format cannot hold. Source: ULog file
-    format (docs.px4.io).
+    Raises
+    ------
+    InputError
+        For names, types or times that the format cannot represent.
+
+    References
+    ----------
+    ULog file format, docs.px4.io.
     """
     series = [_series(topic, identity) for identity, topic in enumerate(topics)]
     start = min((int(s.stamps.min()) for s in series if len(s.stamps)), default=0)
@@ -131,7 +144,7 @@ def _keyed(kind: str, key: str, content: bytes) -> bytes:
     text = f"{kind} {key}".encode()
     if not re.fullmatch(r"[\w\-.]+", key, re.ASCII) or len(text) > 255:
         raise InputError(
-            f"'{key}' cannot be a key in ULog",
+            f"'{key}' is not allowed as a key in ULog",
             remedy="use letters, digits, '_', '-' and '.', at most 200",
         )
     return bytes([len(text)]) + text + content
@@ -142,7 +155,7 @@ def _series(topic: Topic, identity: int) -> _Series:
     named = _TOPIC.fullmatch(topic.name)
     if named is None or int(named[2] or 0) > 255:
         raise InputError(
-            f"'{topic.name}' cannot be a topic in ULog",
+            f"'{topic.name}' is not allowed as a topic in ULog",
             remedy="use letters, digits and '_', then '.instance'",
         )
     ordered = sorted(
@@ -185,7 +198,7 @@ def _split(topic: str, name: str) -> tuple[str, int]:
     found = _FIELD.fullmatch(name)
     if found is None or found[1] == "timestamp":
         raise InputError(
-            f"'{name}' cannot be a field in ULog",
+            f"'{name}' is not allowed as a field in ULog",
             topic,
             "use letters, digits and '_', then '[index]'",
         )
@@ -221,7 +234,7 @@ def _stamps(topic: Topic) -> NDArray[np.int64]:
         raise InputError(
             "times must be finite and not negative",
             topic.name,
-            "count seconds from the start of the log",
+            "give times in seconds from the start of the log",
         )
     return microseconds.astype(np.int64)
 

@@ -107,7 +107,7 @@ def test_a_full_disk_is_said_and_all_stays_readable(
     filler = _fill(disk, leave)
     with pytest.raises(StoreError, match="full") as caught:
         _update(workspace)
-    assert "make room" in caught.value.remedy
+    assert "free disk space" in caught.value.remedy
     now = stored(workspace)
     assert now["flights"] == kept["flights"]
     assert now["versions"][:1] == kept["versions"], "and a second one is there whole or not at all"
@@ -132,7 +132,7 @@ def test_a_log_for_which_there_is_no_room_is_not_begun(
     assert done.returncode == 1
     what, remedy = done.stderr.strip().splitlines()
     assert "MB are free, this log needs about" in what
-    assert remedy.startswith("make room")
+    assert remedy.startswith("free disk space")
     assert {
         name: sha for name, sha in state_of(workspace.root).items() if not name.startswith("locks")
     } == before
@@ -201,7 +201,7 @@ def test_a_limit_of_the_system_is_said_too_and_the_old_file_stays(tmp_path: Path
     command = [sys.executable, "-c", _LIMITED, str(path)]
     done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
     assert done.stdout.startswith(
-        "the file exceeds the maximum size of this file system | make room"
+        "the file exceeds the maximum size of this file system | free disk space"
     ), done.stderr
     assert ([entry.name for entry in tmp_path.iterdir()], path.read_bytes()) == (["f"], b"old")
 

@@ -197,7 +197,7 @@ def test_a_backup_is_the_whole_store_and_goes_back_into_either(
         "Body": b"newer than the backup",
     }
     service.client.put_object(**newer)
-    with pytest.raises(InputError, match="holds the files of a workspace already") as caught:
+    with pytest.raises(InputError, match="already contains the files of a workspace") as caught:
         restore(backup, tmp_path / "again")
     assert caught.value.where == url
     assert "--settings" in caught.value.remedy
@@ -260,7 +260,7 @@ def test_what_may_not_be_read_is_not_taken_for_damaged(
                 lambda catalogue=catalogue: transfer.pull(workspace, catalogue),
                 lambda _=None: back_up(workspace, tmp_path / "b"),
             ):
-                with pytest.raises(StoreError, match=r"refuses us|storage class") as caught:
+                with pytest.raises(StoreError, match=r"refuses access|storage class") as caught:
                     read()
                 assert not isinstance(caught.value, DamagedObject)
         assert (tmp_path / "b" / "backup.json").read_bytes() == manifest

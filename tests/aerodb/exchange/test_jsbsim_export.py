@@ -334,7 +334,7 @@ def test_what_jsbsim_cannot_carry_is_refused_by_name() -> None:
         export_jsbsim(database, name="d")
     with pytest.raises(InputError, match="no check cases"):
         check_in_jsbsim(database, None, [], {})
-    with pytest.raises(InputError, match="JSBSim does not load the file"):
+    with pytest.raises(InputError, match="JSBSim cannot load the file"):
         loaded_in_jsbsim(b"<fdm_config name='x'/>")
 
 

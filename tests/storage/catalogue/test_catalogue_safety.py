@@ -233,7 +233,7 @@ def test_what_is_no_catalogue_is_refused(tmp_path: Path) -> None:
     with sqlite3.connect(tmp_path / "newer.sqlite") as raw:
         raw.execute("UPDATE alembic_version SET version_num = 'r9999'")
     raw.close()
-    with pytest.raises(InputError, match="of a newer kind"):
+    with pytest.raises(InputError, match="by a newer version"):
         Catalogue.open(tmp_path / "newer.sqlite")
 
 

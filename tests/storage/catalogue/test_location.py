@@ -184,7 +184,7 @@ def test_a_database_that_is_no_catalogue_is_refused_and_not_changed(
         )
         assert dict(tables.fetchall()) == {"public": 1, "ours": len(metadata.tables) + 1}
     postgresql_server.execute("UPDATE alembic_version SET version_num = 'r9999'", database=database)
-    with pytest.raises(InputError, match="of a newer kind"):
+    with pytest.raises(InputError, match="by a newer version"):
         open_postgresql(postgresql_server.url(database))
     postgresql_server.drop(other)
 

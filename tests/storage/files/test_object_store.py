@@ -219,7 +219,7 @@ def test_a_store_that_is_away_costs_a_run_but_loses_nothing(
     workspace = prepared(tmp_path / "w", logs[0].parent)
     service.stop()
     try:
-        with pytest.raises(StoreBusyError, match="out of reach"):
+        with pytest.raises(StoreBusyError, match="cannot be reached"):
             run_flow(flight_flow, {"logs": [str(logs[0])], "vehicle": NAME}, workspace, "direct")
     finally:
         service.start()
@@ -323,7 +323,7 @@ def test_a_log_whose_flight_is_stored_waits_for_the_object_store_without_blame(
     service.stop()
     try:
         for _ in range(3):
-            with pytest.raises(StoreError, match="out of reach"):
+            with pytest.raises(StoreError, match="cannot be reached"):
                 run_flow(sweep_flow, {}, workspace, "direct")
             assert log.exists()
     finally:

@@ -294,8 +294,8 @@ def test_absent_file_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("topic", "what"),
     [
-        (Topic("a b", np.ones(1), {}), "cannot be a topic"),
-        (Topic("a", np.ones(1), {"x.y": np.ones(1)}), "cannot be a field"),
+        (Topic("a b", np.ones(1), {}), "is not allowed as a topic"),
+        (Topic("a", np.ones(1), {"x.y": np.ones(1)}), "is not allowed as a field"),
         (Topic("a", np.ones(1), {"x": np.ones(1, dtype=complex)}), "has type"),
         (Topic("a", np.ones(1), {"x[1]": np.ones(1)}), "has gaps"),
         (Topic("a", np.array([np.nan]), {"x": np.ones(1)}), "times must be finite"),

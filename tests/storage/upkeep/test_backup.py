@@ -256,7 +256,7 @@ def test_a_manifest_with_any_bit_flipped_is_refused(workspace: Workspace, tmp_pa
         written[: len(written) // 2],
     ):
         manifest.write_bytes(other)
-        with pytest.raises(InputError, match="not the one that was written"):
+        with pytest.raises(InputError, match="differs from the one that was written"):
             manifest_of(tmp_path / "b")
     assert not (tmp_path / "new").exists()
     assert back_up(workspace, tmp_path / "b").copied == 0
@@ -366,11 +366,11 @@ def test_a_place_that_is_taken_is_not_touched(
     empty = tmp_path / "empty"
     empty.mkdir()
     before = empty.stat()
-    with pytest.raises(InputError, match="there already"):
+    with pytest.raises(InputError, match="already exists"):
         restore(tmp_path / "b", empty)
     assert (empty.stat().st_ino, empty.stat().st_ctime_ns) == (before.st_ino, before.st_ctime_ns)
     (tmp_path / "dangling").symlink_to(tmp_path / "nothing")
-    with pytest.raises(InputError, match="there already"):
+    with pytest.raises(InputError, match="already exists"):
         restore(tmp_path / "b", tmp_path / "dangling")
 
     def meanwhile(*arguments: Any) -> Any:
@@ -379,7 +379,7 @@ def test_a_place_that_is_taken_is_not_touched(
         return verify(*arguments)
 
     monkeypatch.setattr("aerodb.storage.upkeep.backup.verify", meanwhile)
-    with pytest.raises(InputError, match="there already"):
+    with pytest.raises(InputError, match="already exists"):
         restore(tmp_path / "b", tmp_path / "late")
     assert [path.name for path in (tmp_path / "late").iterdir()] == ["mine.txt"]
     assert not list(tmp_path.glob(".late*"))
@@ -390,17 +390,17 @@ def test_places_that_are_taken_or_wrong_are_refused(workspace: Workspace, tmp_pa
     other.mkdir()
     (other / "mine.txt").write_text("keep me")
     for target, what in (
-        (other, "no backup"),
+        (other, "not a backup"),
         (workspace.root / "b", "inside"),
         (tmp_path, "inside"),
-        (other / "mine.txt", "no folder"),
+        (other / "mine.txt", "not a folder"),
     ):
         with pytest.raises(InputError, match=what):
             back_up(workspace, target)
     with pytest.raises(InputError, match="no backup here"):
         manifest_of(other)
     back_up(workspace, tmp_path / "b")
-    with pytest.raises(InputError, match="there already"):
+    with pytest.raises(InputError, match="already exists"):
         restore(tmp_path / "b", other)
     result = CliRunner().invoke(app, ["--workspace", str(tmp_path / "b"), "flight", "list"])
     assert "no workspace here" in str(result.exception), (
