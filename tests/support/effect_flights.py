@@ -1,5 +1,4 @@
-"""Flights whose forces and moments are exactly those of a database: what templates and sensor
-tangents are tried on.
+"""Test flights whose forces and moments are exactly those of a database.
 
 Air angles, speed and deflections are prescribed; body rates are integrated from the database's
 moments, so that a perfect log leaves no residual. Accelerometer and air-data probe sit off the CG,
@@ -91,7 +90,8 @@ values = [-0.4, 0.0, 0.4, 0.78, 1.14, 1.47, 1.75]
 arguments = ["beta", "alpha"]
 units = ["deg", "deg"]
 breakpoints = [[-20, -10, -5, 0, 5, 10, 20], [0, 10]]
-values = [[0.03, 0.05], [0.016, 0.024], [0.009, 0.011], [0.0, 0.0], [-0.008, -0.012], [-0.017, -0.023], [-0.03, -0.046]]
+values = [[0.03, 0.05], [0.016, 0.024], \
+[0.009, 0.011], [0.0, 0.0], [-0.008, -0.012], [-0.017, -0.023], [-0.03, -0.046]]
 [[terms]]
 name = "dihedral"
 axis = "Cl"
@@ -124,11 +124,13 @@ _BODY = """\
 [[terms]]
 name = "normal"
 axis = "CZ"
-expression = "-lift(alpha)*(1 - 2e-5*qbar) - 6*q_hat - 0.4*delta_elevator - 0.3*delta_flaperon - 0.5*delta_flap"
+expression = "-lift(alpha)*(1 - 2e-5*qbar) - 6*q_hat \
+- 0.4*delta_elevator - 0.3*delta_flaperon - 0.5*delta_flap"
 [[terms]]
 name = "axial"
 axis = "CX"
-expression = "-0.03 + 0.2*lift(alpha)*alpha - 0.3*beta^2 - 0.02*delta_landing_gear - 0.04*delta_speed_brake"
+expression = "-0.03 + 0.2*lift(alpha)*alpha - 0.3*beta^2 \
+- 0.02*delta_landing_gear - 0.04*delta_speed_brake"
 [derivatives.CY]
 beta = -0.5
 r_hat = 0.3
