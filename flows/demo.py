@@ -29,7 +29,7 @@ from aerodb.tasks.workspace_access import access_workspace
 VEHICLE = "phoenix"
 ENVELOPE = "envelope.json"
 
-#: Runs a flow with its parameters: the command line's way, or a test's.
+#: Runs a flow with its parameters, as the command line or a test does.
 Run = Callable[[Any, dict[str, Any]], Any]
 Say = Callable[[str], None]
 Agreement = Literal["named", "in_set", "missed"]

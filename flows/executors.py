@@ -26,11 +26,11 @@ from aerodb.tasks.provenance import code_version
 from aerodb.tasks.result_versions import RESULT_VERSION
 
 Step = Callable[..., Any]
-#: A step with its arguments; done, or waited for, when it is called. It may be called again after
-#: it has failed.
+#: A step with its arguments; calling it runs the step or waits for its result. It may be called
+#: again after it has failed.
 Call = Callable[[], Any]
 
-#: A scheduler that does not answer, or has no worker, after so long [s] is not there.
+#: Time limit [s] for the scheduler to answer and for a first worker to appear.
 _CONNECT_SECONDS: Final = 5.0
 _WHERE: Final = f"{FILE}: work"
 _GUIDE: Final = "see flows/deploy/many-machines.md"
@@ -92,7 +92,7 @@ class DaskExecutor:
         if not todo:
             return []
         job = partial(run_on_worker, RunSite.of(keywords, self._remote), step)
-        # All at once: how many are under way at a time is the cluster's business.
+        # Submit all at once: the cluster limits how many run at a time.
         return [_RemoteCall(self, partial(job, item, args, keywords), item) for item in todo]
 
     def submit(self, job: Call) -> Any:
@@ -161,9 +161,9 @@ class _RemoteCall:
         try:
             return future.result()
         except KilledWorker as error:
-            what = "one worker process after the other ended while it did this"
+            what = "several worker processes ended during this step"
             raise InputError(
-                what, str(self._item)[:200], "see what the workers wrote; they may need more memory"
+                what, str(self._item)[:200], "see the workers' output; they may need more memory"
             ) from error
         except (CancelledError, CommClosedError) as error:
             what = "the Dask cluster was lost while it worked"
@@ -171,7 +171,7 @@ class _RemoteCall:
                 what, _WHERE, "see whether its scheduler runs; the same run again goes on from here"
             ) from error
         finally:
-            # what ended is let go of: it is not done again when the worker that holds it ends
+            # release the result, so that it is not recomputed when its worker ends
             future.cancel()
             self._future = None
 
@@ -205,7 +205,7 @@ def run_on_worker(
     if site.machine != _machine() and not site.remote:
         what = (
             f"the worker on {here} is another machine than the run's, and the catalogue is a file"
-            " of that one"
+            " on the run's machine"
         )
         raise SettingsError(
             what,

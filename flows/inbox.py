@@ -27,10 +27,9 @@ from aerodb.tasks.steps import (
 )
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 
-#: Files of one vehicle that go through the per-flight run together: what is done is done, whatever
-#: comes after it.
+#: Files of one vehicle in one per-flight run; finished batches stay stored if a later one fails.
 BATCH: Final = 32
-#: So many files are named in one notification.
+#: Largest number of files named in one notification.
 _NAMED: Final = 20
 
 
@@ -147,7 +146,7 @@ def _dealt(
             note_failure(access, entry, run, "")
         if not (_is_its_fault(error) or _is_no_room(error)):
             raise
-        # Alone, it hurts nobody else.
+        # Process each file alone, so that a bad one affects no other.
         return [
             ending
             for entry in entries

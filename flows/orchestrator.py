@@ -15,13 +15,12 @@ from aerodb.storage.locks import is_held
 from aerodb.storage.workspace import Workspace
 from aerodb.storage.workspace_settings import authorization
 
-#: The event that says that logs wait in the inbox. Nothing depends on it: it only spares them the
-#: wait for the night.
+#: Event: logs wait in the inbox. Nothing depends on it; without it, they wait for the night.
 ARRIVED: Final = "aerodb.inbox.arrived"
 #: The deployment that the event starts.
 ARRIVAL: Final = "arrival"
 _SECONDS: Final = 10.0
-#: A run has this long from being handed out until its process holds its lock.
+#: Time from the submission of a run until its process must hold its lock.
 _TO_BEGIN: Final = timedelta(seconds=90)
 _MOST: Final = 200
 

@@ -25,10 +25,9 @@ from aerodb.storage.workspace_settings import (
     load_settings,
 )
 
-#: The wait [s] before a process that died is started again doubles from the first to the last of
-#: these.
+#: The delay [s] before a restart doubles from the first to the second value.
 _FIRST_WAIT, _LONGEST_WAIT = 1.0, 60.0
-#: One that lived this long [s] had started well.
+#: A process that has run this long [s] had started well: its next restart is not delayed.
 _WELL: Final = 120.0
 _LOG_BYTES: Final = 20_000_000
 _PR_SET_PDEATHSIG: Final = 1

@@ -16,7 +16,7 @@ from aerodb.storage.inbox import Quarantined, return_to_inbox
 from aerodb.tasks.steps import in_quarantine
 from aerodb.tasks.workspace_access import WorkspaceAccess
 
-#: Runs a flow with its parameters: the command line's way, or a test's.
+#: Runs a flow with its parameters, as the command line or a test does.
 Run = Callable[[Any, dict[str, Any]], Any]
 
 _BODIES: Final[dict[str, Callable[..., Any]]] = {
@@ -32,7 +32,7 @@ _BODIES: Final[dict[str, Callable[..., Any]]] = {
         import_flow,
     )
 }
-#: A shorter beginning of an id is more likely a mistyped name.
+#: Shortest prefix of an id; a shorter one is more likely a mistyped name.
 _SHORTEST: Final = 4
 
 

@@ -47,7 +47,7 @@ class Steps(Protocol):
         order."""
 
 
-#: Told of progress: which step, how many items are done, of how many.
+#: Progress callback: the step's name, the number of items done, the total number.
 Progress = Callable[[str, int, int], None]
 
 
@@ -111,7 +111,7 @@ class PrefectSteps:
         from prefect import task
         from prefect.cache_policies import NO_CACHE
 
-        # The catalogue's keys decide what is done already: a second cache beside it could only
+        # The catalogue's keys decide what is already computed: a second cache could only
         # disagree. A task is given its call alone: the orchestrator looks through whatever it is
         # given, and databases are large.
         prefect_task: Any = task(
@@ -146,7 +146,7 @@ def _run_call(given: _Opaque) -> Any:
     return given.call()
 
 
-#: A step is tried again after so many seconds, where that can help.
+#: Delays [s] before the retries of a step whose failure may be temporary.
 _AGAIN_AFTER: Final = (2.0, 15.0, 60.0)
 
 
@@ -235,7 +235,7 @@ def _recorded(
         try:
             result = call(run)
         except BaseException as error:
-            # Whoever stops a run (an interrupt, the end of the server) has not made it fail.
+            # A run that is stopped (by an interrupt, or the end of the server) has not failed.
             state: RunState = "failed" if isinstance(error, Exception) else "cancelled"
             with suppress(
                 StoreError

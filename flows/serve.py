@@ -27,15 +27,14 @@ from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 
 _BEAT: Final = 1.0
 _CLEAR_UP_EVERY: Final = 30.0
-#: Files are told of again only after this when they are the same, and after a shorter pause when
-#: more have come: the server needs a moment to make a run of an event.
+#: Delays [s] before files are announced again: the same files, and when more have arrived. The
+#: server needs a moment to turn an event into a run.
 _REMIND, _PAUSE = 20.0, 5.0
-#: After a sweep that failed (a full disk, say), the next one waits this long, and after many at
-#: most so long.
+#: Delay [s] after a failed sweep (a full disk, for example), and the longest after many failures.
 _AFTER_FAILURE: Final = 60.0
 _AT_MOST: Final = 3600.0
 _START_SECONDS: Final = 120.0
-#: A clock that was set back by more [s] keeps Prefect waiting for the times that it had noted.
+#: If the clock is set back by more than this [s], Prefect would wait for times already planned.
 _SET_BACK: Final = 60.0
 
 Say = Callable[[str], None]
@@ -137,8 +136,8 @@ class Server:
         except (AeroError, OSError) as error:
             self._say(
                 f"not now: {error}"
-            )  # the next beat tries again: nothing here may end the service
-        except Exception as error:  # nor may what nobody thought of
+            )  # the next beat tries again: no error may end the service
+        except Exception as error:  # nor may an unexpected error
             self._say(f"not now: {type(error).__name__}: {error}")
 
     def _follow_clock(self, stopping: threading.Event) -> None:

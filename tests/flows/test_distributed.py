@@ -154,7 +154,7 @@ def test_what_ends_every_worker_is_given_up_by_name(
     tmp_path: Path, logs: list[Path], dask: Running
 ) -> None:
     workspace = _made(tmp_path / "w", logs, dask)
-    with pytest.raises(InputError, match="one worker process after the other"):
+    with pytest.raises(InputError, match="several worker processes ended"):
         run_flow(mapped, {"items": [7], "fatal": 7, "always": True}, workspace, "direct")
     assert _begun(workspace) == [7, 7]
 
