@@ -122,7 +122,7 @@ def test_a_log_that_is_too_large_is_refused_by_its_size_and_not_read(
     assert time.monotonic() - begun < 600.0
     assert kinds(document) == {"sparse.ulg": "quarantined", "flight1.csv": "stored"}
     (entry,) = newest_quarantined(workspace)
-    assert "8796093 MB, and at most 20000 MB are read" in entry.reason
+    assert "its size is 8796093 MB, the limit is 20000 MB" in entry.reason
     assert (entry.can_return, entry.file.stat().st_size) == (True, 8 << 40)
     (workspace.root / "far.ulg").touch()
     os.truncate(workspace.root / "far.ulg", 8 << 40)

@@ -440,7 +440,7 @@ def test_what_others_could_reach_is_refused_without_a_token(tmp_path: Path) -> N
     )
     done = aerodb(workspace.root, "serve")
     assert (done.returncode, done.stdout) == (3, "")
-    assert "0.0.0.0, where others than this machine can reach it, without a token" in done.stderr
+    assert "0.0.0.0, where other machines can reach it, without a token" in done.stderr
     assert not any(workspace.prefect.iterdir()), "nothing was started"
 
 

@@ -167,7 +167,7 @@ def test_what_was_made_good_hides_no_other_failure_and_a_month_is_enough(
         assert [run.id for run in catalogue.unresolved_runs()] == [first]
         last = [ended("import_flow", "failed") for _ in range(3)]
         assert [run.id for run in catalogue.unresolved_runs(2)] == last[:0:-1]
-        monkeypatch.setattr("aerodb.storage.catalogue.run_queries._LET_BE", timedelta(0))
+        monkeypatch.setattr("aerodb.storage.catalogue.run_queries._MAXIMUM_AGE", timedelta(0))
         assert catalogue.unresolved_runs() == ()
 
 

@@ -52,7 +52,7 @@ def test_who_only_looks_keeps_nobody_from_taking_it(
     path = tmp_path / "lock"
     path.touch()
     monkeypatch.setattr(
-        "aerodb.storage.locks._LOOKING", 300.0
+        "aerodb.storage.locks._PROBE_SECONDS", 300.0
     )  # on a busy machine, the timer below may come late
     with path.open("rb") as looking:
         fcntl.flock(looking, fcntl.LOCK_SH)

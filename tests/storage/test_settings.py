@@ -73,8 +73,8 @@ def test_without_a_file_everything_has_its_default(tmp_path: Path) -> None:
             "inbox.settle: Input should be greater than or equal to 0",
             "got -3",
         ),
-        ("[nightly]\ncron = '61 2 * * *'", "cron '61 2 * * *': '61' cannot stand at place 1", ""),
-        ("[nightly]\ncron = '*-5 2 * * *'", "'*-5' cannot stand at place 1", ""),
+        ("[nightly]\ncron = '61 2 * * *'", "cron '61 2 * * *': '61' is not allowed as field 1", ""),
+        ("[nightly]\ncron = '*-5 2 * * *'", "'*-5' is not allowed as field 1", ""),
         ("[nightly]\nevery = inf", "nightly.every", "got inf"),
         ("[nightly]\nevery = '400 d'", "nightly.every", ""),
         ("[inbox]\nsettle = nan", "inbox.settle", "got nan"),
@@ -124,7 +124,7 @@ def test_whoever_can_be_reached_needs_a_token(tmp_path: Path, host: str) -> None
     serve = _load(tmp_path, f"[serve]\nhost = '{host}'\n").serve
     with pytest.raises(InputError, match="without a token"):
         checked_token(serve, {})
-    with pytest.raises(InputError, match="less than 16 characters"):
+    with pytest.raises(InputError, match="fewer than 16 characters"):
         checked_token(serve, {"AERODB_TOKEN": "short"})
     assert checked_token(serve, {"AERODB_TOKEN": "0123456789abcdef"}) == "0123456789abcdef"
     for own in ("127.0.0.1", "::1", "localhost"):

@@ -254,7 +254,7 @@ def test_hostile_names_are_refused_and_harmless(catalogue: Catalogue, name: str)
 
 
 def test_a_name_that_looks_like_a_label_is_refused(catalogue: Catalogue) -> None:
-    with pytest.raises(InputError, match="cannot be a name for versions"):
+    with pytest.raises(InputError, match="is not allowed as a name for versions"):
         catalogue.move_name(
             V, "v0001", add_version(catalogue, "a"), user="me", reason="r", expected=None
         )

@@ -173,7 +173,7 @@ def test_a_database_that_is_no_catalogue_is_refused_and_not_changed(
     with pytest.raises(InputError, match="no schema of the search path"):
         open_postgresql(f"{url}?options=-c search_path%3Dnowhere")
     postgresql_server.execute("CREATE TABLE theirs (a int)", database=other)
-    with pytest.raises(InputError, match=r"other tables already \(theirs\)"):
+    with pytest.raises(InputError, match=r"already contains other tables \(theirs\)"):
         open_postgresql(url)
     postgresql_server.execute("CREATE SCHEMA ours", database=other)
     open_postgresql(f"{url}?options=-c search_path%3Dours").close()
