@@ -282,8 +282,8 @@ def test_templates_of_a_wrong_shape(plain: Bank, trials: Trials, table: list[Tal
 
 
 def test_a_controller_that_answers_the_residual(trials: Trials, table: list[Tally]) -> None:
-    """A controller: q follows the noise of Cm. The test over flights cannot see it; instruments made from
-    commands do."""
+    """A controller: q follows the noise of Cm. The test over flights cannot see it; instruments
+    made from commands do."""
     plainly, helped = (
         tally(
             f"q answers Cm noise at gain 1, instruments: {given}",
