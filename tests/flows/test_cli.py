@@ -297,7 +297,7 @@ def test_retracting_a_flight_makes_versions_stale(
         (
             ["version", "show", "relased"],
             2,
-            "vehicle small-glider: no version 'relased'",
+            "vehicle small-glider: unknown version 'relased'",
             "did you mean 'released'?",
         ),
         (
