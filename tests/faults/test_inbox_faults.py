@@ -130,7 +130,7 @@ def test_a_log_that_is_too_large_is_refused_by_its_size_and_not_read(
         str(workspace.root / "far.ulg"), workspace=str(workspace.root), run="r", vehicle=NAME
     )
     assert (outcome["status"], outcome["sha256"]) == ("refused", "")
-    assert "at most 20000 MB are read" in outcome["what"]
+    assert "the limit is 20000 MB" in outcome["what"]
 
 
 @pytest.mark.parametrize("what", ["file", "folder"])

@@ -148,7 +148,7 @@ def test_what_declares_or_becomes_too_much_is_refused(
 def test_size_and_time_are_limited(tmp_path: Path) -> None:
     log = write_csv(tmp_path / "a.csv", channels(1, seconds=400.0))
     size = log.stat().st_size
-    assert "at most 1 MB are read" in refusal(log, Limits(size=1_000_000)).what
+    assert "the limit is 1 MB" in refusal(log, Limits(size=1_000_000)).what
     assert "stopped after 0.001 s" in refusal(log, Limits(wall=0.001)).what
     with parsed_log(log, tmp_path / "topics", Limits(size=size)) as parsed:
         parsed.keep(tmp_path / "topics")
