@@ -1,9 +1,9 @@
-"""Disturbs runs at random moments and runs them again: ``python -m tests.faults.faulting FOLDER
-SEED TRIALS FAULT...``.
+"""Runs disturbed at random moments, then repeated: ``python -m tests.faults.faulting FOLDER SEED
+TRIALS FAULT...``.
 
-The disk is full, the disk becomes read-only (as ext4 does after an error of the disk), the clock is
-set back by a day. Each run is a fork of this process. Prints one JSON line per trial; of a fault
-that cannot be had on this machine, one line that says so.
+Faults: the disk is full, the disk becomes read-only (as ext4 does after a disk error), the clock is
+set back by a day. Each run is a fork of this process. Prints one JSON line per trial, or one line
+that says so if a fault cannot be produced on this machine.
 """
 
 import json

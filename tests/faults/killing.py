@@ -1,8 +1,8 @@
-"""Kills runs at random moments (SIGKILL) and runs them again: ``python -m tests.faults.killing
-FOLDER SEED TRIALS``.
+"""Runs killed (SIGKILL) at random moments, then repeated: ``python -m tests.faults.killing FOLDER
+SEED TRIALS``.
 
-A process of its own, with one thread: each run is a fork of it, so that a trial costs no imports.
-Prints one JSON line per trial.
+A separate process with one thread: each run is a fork of it, so a trial costs no imports. Prints
+one JSON line per trial.
 """
 
 import json

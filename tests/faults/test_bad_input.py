@@ -1,5 +1,5 @@
-"""Bad input through the command line: refused in two lines, in quarantine with its reason,
-everything else as before."""
+"""Bad input on the command line: refused in two lines, quarantined with a reason, nothing else
+changed."""
 
 import hashlib
 import json

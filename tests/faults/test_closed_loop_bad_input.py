@@ -1,5 +1,5 @@
-"""Bad input for the closed loop, through the command line: refused in two lines, or answered with
-what can still be said."""
+"""Bad input of the closed loop on the command line: refused in two lines, or answered as far as
+possible."""
 
 import shutil
 from collections.abc import Mapping

@@ -1,5 +1,5 @@
-"""Disks that are full or read-only, catalogues that are locked: said in plain words with what to
-do, everything that is stored stays readable, and the same run works later."""
+"""Full and read-only disks and locked catalogues: reported with a remedy, stored data remain
+readable, and the same run works later."""
 
 import os
 import shutil

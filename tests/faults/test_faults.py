@@ -1,10 +1,10 @@
-"""Faults of the machine in the course of a per-flight run, a closed loop, an update and a
-promotion, and the same run again: every log is stored once, nothing is wrong, and all ids, keys,
-moves of names and files are those of an undisturbed run.
+"""Machine faults during a per-flight run, a closed loop, an update and a promotion, followed by the
+same run again: every log is stored once, verification finds nothing, and all ids, keys, name moves
+and files equal those of an undisturbed run.
 
-The disk is full, an error of the disk makes it read-only, the clock is set back. A kill is in
-`test_kill.py`, cut connections are in `test_postgresql_workspace.py`, and all that an orchestrator
-adds in `test_serve.py` and `test_serve_faults.py`.
+Faults: the disk is full, a disk error makes it read-only, the clock is set back. Kills are tested
+in `test_kill.py`, cut connections in `test_postgresql_workspace.py`, the orchestrator in
+`test_serve.py` and `test_serve_faults.py`.
 """
 
 import json

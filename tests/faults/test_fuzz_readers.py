@@ -1,5 +1,5 @@
-"""Readers against random damage: a Recording that accounts for the loss, or a refusal; never a
-traceback, never silence."""
+"""Readers on randomly damaged files: a Recording that accounts for the loss, or a refusal; never a
+traceback, never unreported loss."""
 
 from collections.abc import Callable
 from pathlib import Path

@@ -1,5 +1,4 @@
-"""Whoever is asked over HTTP may answer anything: what asks says so, goes on, and gives no address
-away."""
+"""HTTP servers that answer garbage: the client reports it, continues, and reveals no address."""
 
 import socket
 import threading

@@ -1,5 +1,5 @@
-"""What is not a log's fault is not held against it, and what is one's fault stops no other: room,
-time, settings, disks."""
+"""Faults in the inbox: a fault of space, time, settings or disk does not count against a log, and a
+bad log does not stop others."""
 
 import os
 import shutil

@@ -1,8 +1,8 @@
-"""kill -9 at random moments of a per-flight run, a closed loop, an update and a promotion, and the
-same again afterwards.
+"""kill -9 at random moments of a per-flight run, a closed loop, an update and a promotion, followed
+by the same run again.
 
-Every log is stored once, no version is half there, nothing is wrong, and all ids, keys, roles,
-moves of names and files are those of an undisturbed run.
+Every log is stored once, no version is incomplete, verification finds nothing, and all ids, keys,
+roles, name moves and files equal those of an undisturbed run.
 """
 
 import json

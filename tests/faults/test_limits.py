@@ -1,5 +1,5 @@
-"""Hostile logs: refused in plain words with what to do, whatever they do to who parses them, and
-nothing else changed."""
+"""Hostile logs: refused with a remedy, whatever they do to the process that parses them, and nothing
+else changed."""
 
 import os
 import signal

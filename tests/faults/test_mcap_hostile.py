@@ -1,5 +1,5 @@
-"""MCAP with JSON and protobuf messages whose text is hostile or damaged: it costs itself alone, and
-that is said."""
+"""MCAP files with hostile or damaged JSON and protobuf messages: only the affected messages are lost,
+and the loss is reported."""
 
 import struct
 from collections.abc import Callable

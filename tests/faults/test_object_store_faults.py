@@ -1,5 +1,5 @@
-"""What an object store may lose or spoil: told by name, refused by hash, mended by what is told;
-and copies of it."""
+"""Lost and damaged objects of an object store: reported by name, refused by hash, repaired by the
+reported remedy; and copies of an object store."""
 
 import hashlib
 from pathlib import Path

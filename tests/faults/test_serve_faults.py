@@ -1,7 +1,7 @@
-"""``aerodb serve`` when all goes wrong at once in a run: the server killed, the database cut off,
-the clock set back.
+"""``aerodb serve`` with several faults in one run: the server killed, the database disconnected, the
+clock set back.
 
-The runs after it do what was left, and the workspace is that of nights in which nothing happened.
+The next runs complete the work, and the workspace equals that of undisturbed nights.
 """
 
 import os

@@ -1,4 +1,4 @@
-"""Locks: who holds one is known, and whose process has ended holds none."""
+"""Locks: the holder is known, and a process that has ended holds none."""
 
 import subprocess
 import sys

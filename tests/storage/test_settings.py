@@ -1,4 +1,4 @@
-"""The settings of a workspace: what may stand in the file, and what is said of what may not."""
+"""Settings of a workspace: what the file may contain, and the messages for what it may not."""
 
 from pathlib import Path
 

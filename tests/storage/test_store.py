@@ -1,5 +1,4 @@
-"""The flight store gives back exactly what was put in, writes the same bytes twice, and never shows
-half a file."""
+"""Stored flights: exact round trip, identical bytes when written twice, and never half a file."""
 
 import hashlib
 import json

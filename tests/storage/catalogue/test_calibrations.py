@@ -1,5 +1,5 @@
-"""Calibrations: immutable versions of sensor parameters, made by an explicit event, to which
-flights are bound."""
+"""Calibrations: immutable versions of sensor parameters, created explicitly, to which flights are
+bound."""
 
 from datetime import UTC, datetime
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The catalogue: what is added comes back, once, and what is found is what was meant."""
+"""The catalogue: round trip of what is added, idempotence, and resolution of references."""
 
 from datetime import UTC, datetime
 from pathlib import Path

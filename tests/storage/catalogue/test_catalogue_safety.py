@@ -1,5 +1,4 @@
-"""The catalogue under attack: changes by hand, strange files, many writers at once, writers that
-are killed."""
+"""The catalogue against manual changes, invalid files, many concurrent writers and killed writers."""
 
 import multiprocessing
 import os

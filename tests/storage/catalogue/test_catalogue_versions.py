@@ -1,4 +1,4 @@
-"""Names of versions move by compare and swap, and every version knows what it rests on."""
+"""Names of versions move by compare and swap, and every version has its lineage."""
 
 from datetime import UTC, datetime, timedelta
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Where the catalogue is: what settings may say of it, and that no password is ever told."""
+"""Location of the catalogue: which settings are allowed, and that no password is ever shown."""
 
 import time
 from pathlib import Path

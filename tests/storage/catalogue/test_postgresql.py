@@ -1,6 +1,6 @@
-"""The catalogue in PostgreSQL where it is not like a file: connections that are cut, a server that
-goes away, a full disk, and moving. What both must do alike is in the tests of the catalogue,
-addresses are in those of places."""
+"""The catalogue in PostgreSQL where it differs from a file: cut connections, a server that goes away,
+a full disk, and moving it. Behaviour that both databases share is in the tests of the catalogue,
+addresses are in `test_location.py`."""
 
 import random
 import shutil

@@ -1,5 +1,5 @@
-"""A workspace whose store is on a real S3 service: the same results, any folder as good as another,
-faults said and mended."""
+"""A workspace with a real S3 service: same results, interchangeable folders, faults reported and
+repaired."""
 
 import hashlib
 import os

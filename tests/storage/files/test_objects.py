@@ -1,5 +1,5 @@
-"""One file as an object of a real S3 service: whole or not at all, with the bytes that were stored
-or not at all."""
+"""One file as an object of a real S3 service: stored completely or not at all, with the bytes that
+were written."""
 
 import hashlib
 import io

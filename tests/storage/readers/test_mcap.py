@@ -1,5 +1,5 @@
-"""MCAP with ROS 2 messages: what mcap's own writer wrote comes back, by name and in time; damage
-costs what it hit."""
+"""MCAP with ROS 2 messages: round trip with mcap's own writer, by name and time; damage costs only
+the affected records."""
 
 from pathlib import Path
 from typing import Any

@@ -1,4 +1,4 @@
-"""MCAP with JSON and protobuf messages: what was written comes back bit for bit."""
+"""MCAP with JSON and protobuf messages: bit-exact round trip."""
 
 import json
 import struct

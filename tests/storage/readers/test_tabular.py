@@ -1,5 +1,5 @@
-"""Readers of tables: against scipy and pandas, on measured files, and on files that are damaged or
-of another kind."""
+"""Readers of tables: compared with scipy and pandas, on measured files, and on damaged or foreign
+files."""
 
 import struct
 import zlib

@@ -1,5 +1,4 @@
-"""ULog: the same numbers as PX4's own reader; what is written comes back; every byte that is lost
-is accounted for."""
+"""ULog: same numbers as PX4's own reader; round trip; every lost byte is accounted for."""
 
 from collections.abc import Callable
 from datetime import UTC, datetime

@@ -1,5 +1,5 @@
-"""Backup and restore: consistent while others write, interrupted ones refused, only what is new
-copied, damage kept out."""
+"""Backup and restore: consistent while others write, interrupted backups refused, incremental, damaged
+files excluded."""
 
 import hashlib
 import json

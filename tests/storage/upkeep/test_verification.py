@@ -1,5 +1,5 @@
-"""`aerodb verify`: nothing wrong where nothing is, and each planted fault found, named once, with a
-repair that works."""
+"""`aerodb verify`: no problem in a sound workspace; each planted fault found and named once, with a
+remedy that works."""
 
 import hashlib
 import json
