@@ -22,25 +22,24 @@ def check_objects(
     report: VerificationReport,
     fetch: bool,
 ) -> None:
-    """Adds to `report`, which has what is wrong in the folder already, what is wrong in the object
-    store.
+    """Add the problems of the object store to `report`, which already has those of the folder.
 
-    fetch : also reads every object; else size and existence are checked, which costs a request per
-    thousand objects.
+    fetch : also read every object; otherwise only size and existence are checked, which costs one
+    request per thousand objects.
     """
     for part in parts(workspace, catalogue, objects):
         whole = [file for file in part.files if part.has(objects.address(file), file)]
         damaged = _damaged(objects, whole) if fetch else set()
         for file in filter(
             lambda file: file.sha256, part.files
-        ):  # that a hash is not known was said before
+        ):  # a missing hash is reported elsewhere
             _check(workspace, objects, part, file, damaged, report)
         _heal({file.path for file in whole} - damaged, report)
         _check_others(objects, part, report)
 
 
 def _damaged(objects: Objects, files: list[StoredFile]) -> set[str]:
-    """Paths of those whose objects' bytes are not what was stored."""
+    """Paths of the files whose objects are damaged."""
     found: set[str] = set()
 
     def read(file: StoredFile) -> None:
@@ -71,7 +70,7 @@ def _check(
         again = "run `aerodb store push`" if is_here else _back(file)
         report.add(
             "changed",
-            "the object's bytes are not those that were stored",
+            "the object's bytes differ from those that were stored",
             address,
             f"remove it, then {again}",
         )
@@ -81,37 +80,39 @@ def _check(
         )
     else:
         report.add(
-            "missing", "this file is neither here nor in the object store", file.path, _back(file)
+            "missing",
+            "this file is neither in the folder nor in the object store",
+            file.path,
+            _back(file),
         )
 
 
 def _back(file: StoredFile) -> str:
-    """How a file that is lost comes back."""
+    """Remedy for a lost file."""
     if file.path.startswith("logs/"):
         return (
             "put the log back into the inbox, from its source or a backup; its flight is not"
-            " touched"
+            " affected"
         )
     if file.path.endswith(f"/{INDEX}"):
         return "ingest its log again"
     if ".topics/" in file.path:
-        return "remove its folder here, if there is one, and ingest its log again"
-    return "run what needs it: it is made again"
+        return "remove its folder in the workspace, if there is one, and ingest its log again"
+    return "repeat a run that needs it: it is recomputed"
 
 
 def _heal(whole: set[str], report: VerificationReport) -> None:
-    """What is damaged in the folder, but whole in the object store, needs no more than to be
-    removed."""
+    """Set the remedy of files that are damaged in the folder but complete in the object store: just
+    remove them."""
     for number, problem in enumerate(report.problems):
         if problem.kind in _LOCAL and problem.where in whole:
             of = "the folder that it is in" if ".topics/" in problem.where else "it"
-            remedy = f"remove {of}: it is fetched from the object store when it is needed next"
+            remedy = f"remove {of}: it is downloaded from the object store when it is needed next"
             report.problems[number] = replace(problem, remedy=remedy)
 
 
 def _check_others(objects: Objects, part: Part, report: VerificationReport) -> None:
-    """Objects that no row names; whose index cannot be read, of that recording nobody knows
-    them."""
+    """Objects that no row names, except topics of recordings whose index cannot be read."""
     known = {objects.address(file) for file in part.files}
     for address, (file, put) in part.objects.items():
         if address in known or file.path.startswith(part.unread):
@@ -120,12 +121,12 @@ def _check_others(objects: Objects, part: Part, report: VerificationReport) -> N
             report.pending += 1
         else:
             what = (
-                "nothing in the catalogue names it: its writer ended before its row was there, or"
-                " another wrote the same"
+                "no row of the catalogue names it: its writer ended before the row was added, or"
+                " another writer stored the same file"
             )
             report.add(
                 ORPHAN_OBJECT,
                 what,
                 address,
-                "remove it, unless another workspace keeps its files below this prefix, too",
+                "remove it, unless another workspace stores its files below this prefix too",
             )

@@ -1,5 +1,5 @@
-"""Generator of a long log with the topics of a fixed-wing PX4 flight, for benchmarks. Size and rates
-are realistic, the physics is not."""
+"""Generator of a long log with the topics of a fixed-wing PX4 flight, for benchmarks. Size and
+rates are realistic, the physics is not."""
 
 from collections.abc import Iterator
 

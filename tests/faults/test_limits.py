@@ -1,5 +1,5 @@
-"""Hostile logs: refused with a remedy, whatever they do to the process that parses them, and nothing
-else changed."""
+"""Hostile logs: refused with a remedy, whatever they do to the process that parses them, and
+nothing else changed."""
 
 import os
 import signal

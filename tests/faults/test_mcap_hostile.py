@@ -1,5 +1,5 @@
-"""MCAP files with hostile or damaged JSON and protobuf messages: only the affected messages are lost,
-and the loss is reported."""
+"""MCAP files with hostile or damaged JSON and protobuf messages: only the affected messages are
+lost, and the loss is reported."""
 
 import struct
 from collections.abc import Callable

@@ -106,7 +106,7 @@ def test_a_damaged_object_is_refused_and_made_again_once_it_is_removed(
     assert "aerodb store push" in report.problems[0].remedy
     empty_cache(workspace)
     assert "made again" in checked(workspace, fetch=True).problems[0].remedy
-    with pytest.raises(StoreError, match="not those that were stored") as caught:
+    with pytest.raises(StoreError, match="differ from those that were stored") as caught:
         processed(workspace, flight_of(workspace))
     assert caught.value.where == f"{url}/{name(file)}"
     assert not list((workspace.root / "flights").rglob("*.parquet*"))
@@ -129,7 +129,7 @@ def test_a_lost_topic_makes_the_log_come_again(
     sha256 = Path(folder).name.partition(".")[0]
     with (
         Catalogue.open(workspace.catalogue) as catalogue,
-        pytest.raises(InputError, match="gone") as caught,
+        pytest.raises(InputError, match="missing") as caught,
     ):
         local_recording(workspace, catalogue, sha256)
     assert caught.value.remedy == "ingest the log again"
@@ -225,7 +225,7 @@ def test_a_backup_leaves_out_what_is_damaged_there_and_says_so(
     made = back_up(workspace, tmp_path / "b")
     said = {problem.where: problem.what for problem in made.problems}
     assert set(said) == {damaged.path, lost.path}
-    assert "not those that were stored" in said[damaged.path]
+    assert "differ from those that were stored" in said[damaged.path]
     assert "not in the object store" in said[lost.path]
     assert (tmp_path / "b" / here.path).read_bytes() == held, (
         "damaged in the cache only: the object is copied"

@@ -1,5 +1,5 @@
-"""``aerodb serve`` with several faults in one run: the server killed, the database disconnected, the
-clock set back.
+"""``aerodb serve`` with several faults in one run: the server killed, the database disconnected,
+the clock set back.
 
 The next runs complete the work, and the workspace equals that of undisturbed nights.
 """

@@ -221,7 +221,7 @@ def test_a_damaged_backup_leaves_an_empty_database(
     whole = damaged.read_bytes()
     damaged.write_bytes(whole[:-1])
     name_in_settings(tmp_path / "there", copies.empty())
-    with pytest.raises(InputError, match="not those that were stored"):
+    with pytest.raises(InputError, match="differ from those that were stored"):
         restore(tmp_path / "b", tmp_path / "new", tmp_path / "there" / "settings.toml")
     assert not (tmp_path / "new").exists()
     damaged.write_bytes(whole)

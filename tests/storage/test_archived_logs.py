@@ -1,5 +1,5 @@
-"""A log leaves the inbox only after its own bytes are archived; a file placed there meanwhile stays,
-and a damaged archived copy is replaced."""
+"""A log leaves the inbox only after its own bytes are archived; a file placed there meanwhile
+stays, and a damaged archived copy is replaced."""
 
 import hashlib
 import os

@@ -1,6 +1,6 @@
-"""The cost of a query grows with its answer, not with the catalogue: the same family of versions in a
-small and in a large catalogue costs the same work, counted in steps of SQLite's virtual machine and
-in rows, never in time."""
+"""The cost of a query grows with its answer, not with the catalogue: the same family of versions
+in a small and in a large catalogue costs the same work, counted in steps of SQLite's virtual
+machine and in rows, never in time."""
 
 import re
 import sqlite3

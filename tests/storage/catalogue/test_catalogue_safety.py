@@ -1,4 +1,5 @@
-"""The catalogue against manual changes, invalid files, many concurrent writers and killed writers."""
+"""The catalogue against manual changes, invalid files, many concurrent writers and killed
+writers."""
 
 import multiprocessing
 import os

@@ -1,6 +1,6 @@
-"""The catalogue in PostgreSQL where it differs from a file: cut connections, a server that goes away,
-a full disk, and moving it. Behaviour that both databases share is in the tests of the catalogue,
-addresses are in `test_location.py`."""
+"""The catalogue in PostgreSQL where it differs from a file: cut connections, a server that goes
+away, a full disk, and moving it. Behaviour that both databases share is in the tests of the
+catalogue, addresses are in `test_location.py`."""
 
 import random
 import shutil

@@ -105,7 +105,7 @@ def test_a_changed_object_is_refused_by_its_hash(
     service.spoil(objects.url, f"{PLACE}.{stored.sha256}")
     (tmp_path / "new").mkdir()
     (tmp_path / "new" / "kept").write_bytes(b"as it was")
-    with pytest.raises(StoreError, match="not those that were stored") as caught:
+    with pytest.raises(StoreError, match="differ from those that were stored") as caught:
         objects.fetch(stored, tmp_path / "new" / "kept")
     assert not isinstance(caught.value, StoreBusyError)
     assert caught.value.where == objects.address(stored)

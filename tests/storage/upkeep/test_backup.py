@@ -1,5 +1,5 @@
-"""Backup and restore: consistent while others write, interrupted backups refused, incremental, damaged
-files excluded."""
+"""Backup and restore: consistent while others write, interrupted backups refused, incremental,
+damaged files excluded."""
 
 import hashlib
 import json
@@ -311,7 +311,7 @@ def test_what_lacked_at_the_backup_does_not_keep_the_rest_from_being_restored(
     assert [path.parent.name for path in _wheres(new)] == ["quarantine"]
     # What was sound at the backup, and is not in it any more, is another matter.
     next((tmp_path / "b" / "results").rglob("*.parquet")).unlink()
-    with pytest.raises(InputError, match="gone"):
+    with pytest.raises(InputError, match="missing"):
         restore(tmp_path / "b", tmp_path / "another")
 
 
