@@ -105,7 +105,7 @@ def test_a_damaged_object_is_refused_and_made_again_once_it_is_removed(
     assert [(p.kind, p.where) for p in report.problems] == [("changed", f"{url}/{name(file)}")]
     assert "aerodb store push" in report.problems[0].remedy
     empty_cache(workspace)
-    assert "made again" in checked(workspace, fetch=True).problems[0].remedy
+    assert "recomputed" in checked(workspace, fetch=True).problems[0].remedy
     with pytest.raises(StoreError, match="differ from those that were stored") as caught:
         processed(workspace, flight_of(workspace))
     assert caught.value.where == f"{url}/{name(file)}"
@@ -164,7 +164,7 @@ def test_a_damaged_file_of_the_cache_needs_no_more_than_to_be_removed(
     path.write_bytes(path.read_bytes()[:-1])
     (problem,) = checked(workspace).problems
     assert (problem.kind, problem.where) == ("changed", workspace.relative(path))
-    assert problem.remedy.startswith("remove it: it is fetched")
+    assert problem.remedy.startswith("remove it: it is downloaded")
     path.unlink()
     assert checked(workspace).problems == []
     assert read_all(workspace) > 10
