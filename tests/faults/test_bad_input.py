@@ -142,7 +142,7 @@ FAULTY: dict[str, tuple[str, Callable[[Path], Any], str]] = {
     "another_type": (
         "photo.csv",
         lambda path: path.write_bytes(b"\x89PNG\r\n\x1a\n" + bytes(range(256))),
-        "is no text",
+        "not a text file",
     ),
     "unknown_type": (
         "log.xyz",
