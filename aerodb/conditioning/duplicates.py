@@ -86,19 +86,6 @@ def fingerprint(flight: Flight) -> frozenset[int]:
     return frozenset(_marks(flight))
 
 
-def duplicate_candidates(
-    marks: frozenset[int], stored: dict[str, frozenset[int]]
-) -> tuple[str, ...]:
-    """Return names of stored fingerprints worth `shared_samples`: most common marks first."""
-    common = {name: len(marks & others) for name, others in stored.items()}
-    return tuple(
-        sorted(
-            (name for name, count in common.items() if count >= FEWEST_MARKS),
-            key=lambda name: -common[name],
-        )
-    )
-
-
 def shared_samples(a: Flight, b: Flight) -> tuple[Shared, ...]:
     """Return the stretches of `a` that are also in `b`, each with its own offset in time.
 

@@ -13,7 +13,6 @@ from scipy.ndimage import gaussian_filter1d
 
 from aerodb.conditioning.duplicates import (
     FEWEST_MARKS,
-    duplicate_candidates,
     fingerprint,
     shared_samples,
 )
@@ -59,7 +58,8 @@ def resampled(
 def test_attas_ail_rud_repeats_both_records_sample_for_sample(records: dict[str, Flight]) -> None:
     both = records["attas/fAttasAilRud1.mat"]
     stored = {name: fingerprint(flight) for name, flight in records.items() if flight is not both}
-    assert set(duplicate_candidates(fingerprint(both), stored)) == {
+    common = {name: len(fingerprint(both) & marks) for name, marks in stored.items()}
+    assert {name for name, count in common.items() if count >= FEWEST_MARKS} == {
         "attas/fAttasAil1.mat",
         "attas/fAttasRud1.mat",
     }
@@ -86,7 +86,7 @@ def test_a_resampled_part_is_found_with_its_place(records: dict[str, Flight], ra
     for name, (start, end) in {ATTAS[0]: (3.013, 20.0), ATTAS[2]: (112.0071, 136.0)}.items():
         flight = records[name]
         part = resampled(flight, rate, start, end, rounding=4)
-        assert duplicate_candidates(fingerprint(part), {name: fingerprint(flight)}) == (name,)
+        assert len(fingerprint(part) & fingerprint(flight)) >= FEWEST_MARKS
         found = shared_samples(part, flight)
         assert sum(shared.end_a - shared.start_a for shared in found) > 0.9 * (end - start)
         assert found[0].start_b - found[0].start_a == pytest.approx(start - 700.0, abs=2e-3)
@@ -202,4 +202,3 @@ def test_fingerprints_fit_a_database_and_nothing_gives_none() -> None:
     )
     assert fingerprint(still) == frozenset()
     assert shared_samples(still, still) == ()
-    assert duplicate_candidates(frozenset(), {"a": marks}) == ()
