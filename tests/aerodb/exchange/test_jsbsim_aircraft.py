@@ -171,9 +171,9 @@ def test_parts_are_found_beside_the_aircraft_and_nowhere_else(tmp_path: Path) ->
     (tmp_path / "secret.xml").write_text("<metrics/>")
     (tmp_path / "F450" / "link.xml").symlink_to(tmp_path / "secret.xml")
     for name, message in (
-        ("link.xml", "outside the folder of the aircraft"),
+        ("link.xml", "in a file outside the aircraft's folder"),
         ("../secret", "outside"),
-        ("absent.xml", "no file"),
+        ("absent.xml", "file 'absent.xml' does not exist"),
     ):
         with pytest.raises(InputError, match=message):
             files_beside(aircraft)(name)
@@ -184,7 +184,7 @@ def test_aerodynamics_in_another_file_need_a_loader_and_stay_in_the_folder() -> 
     with pytest.raises(InputError, match=r"metrics are in another file, 'Metrics.xml'"):
         import_jsbsim(text, name="F450")
     for name in (b"/etc/passwd", b"../../secrets.xml", b"..\\secrets.xml", b"C:\\secrets.xml"):
-        with pytest.raises(InputError, match="outside the folder of the aircraft"):
+        with pytest.raises(InputError, match="in a file outside the aircraft's folder"):
             import_jsbsim(text.replace(b"Metrics.xml", name), name="F450", loader=loader("F450"))
     with pytest.raises(InputError, match="root element <aerodynamics>"):
         import_jsbsim(text.replace(b"Metrics.xml", b"Aero.xml"), name="F450", loader=loader("F450"))

@@ -430,7 +430,7 @@ def test_logs_that_no_mapping_fits_or_without_motion_are_refused(tmp_path: Path)
         choose_mapping(recording, builtin_mappings().values())
     assert "sidpac_fdata" in refusal.value.remedy
     (tmp_path / "y.csv").write_text("q [rad/s],b\n1,2\n3,4\n")
-    with pytest.raises(InputError, match="no time: topic .* has no field 'time'"):
+    with pytest.raises(InputError, match=r"no time: topic .* has no field 'time'"):
         map_recording(
             read_tabular(tmp_path / "y.csv"), load_mapping("canonical"), vehicle_with_elevator()
         )
