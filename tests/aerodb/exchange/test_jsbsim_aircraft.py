@@ -171,7 +171,7 @@ def test_parts_are_found_beside_the_aircraft_and_nowhere_else(tmp_path: Path) ->
     (tmp_path / "secret.xml").write_text("<metrics/>")
     (tmp_path / "F450" / "link.xml").symlink_to(tmp_path / "secret.xml")
     for name, message in (
-        ("link.xml", "in a file outside the aircraft's folder"),
+        ("link.xml", "is outside the folder of the aircraft"),
         ("../secret", "outside"),
         ("absent.xml", "file 'absent.xml' does not exist"),
     ):

@@ -360,7 +360,7 @@ def test_a_relay_goes_to_jsbsim_as_its_own_and_comes_back():
     assert theirs["CZ"] == pytest.approx(ours["CZ"], rel=1e-9)
     assert set(made.states_along(time, channels)["flow_attachment"]) == {0.0, 1.0}
     assert not states_for_jsbsim(made).states
-    with pytest.raises(InputError, match="does not move"):
+    with pytest.raises(InputError, match="does not switch"):
         export_jsbsim(database(state(Relay(0.0, 0.3))), name="wing")
     assert "flow_attachment" in import_daveml(export_daveml(made), name="wing").inputs
 

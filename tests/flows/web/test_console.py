@@ -221,7 +221,7 @@ def test_a_closed_loop_says_what_it_found_and_why_and_what_stays_open(client: Te
         "not excited",
     ):
         assert words in said, words
-    assert page.xpath("//dt[.='Votes']/following-sibling::dd[1]/text()") == ["2"]
+    assert page.xpath("//dt[.='Flights with an estimate']/following-sibling::dd[1]/text()") == ["2"]
     assert page.xpath("//tr[th/bdi='beta_slope@CY']/td[@class='n']/text()") == ["–", "5.73"]
     (entry, *_) = client.get("/api/findings").json()
     assert (entry["reference"], entry["label"], entry["verdicts"]) == (
@@ -338,12 +338,12 @@ def test_errors_say_what_where_and_what_to_do(client: TestClient, made: Made) ->
         f"/api/versions/{made.candidate}/tables/CZ9": (404, "no table"),
         f"/api/versions/{made.candidate}/export?format=doc": (422, ""),
         "/api/flights?limit=0": (422, "greater than"),
-        "/api/flights?after=x": (422, "no place"),
+        "/api/flights?after=x": (422, "not a position"),
         "/api/flights?vehicle=nobody": (404, "unknown vehicle"),
         f"/api/flights/{made.flight}/channels?names=Vv": (404, "no channel"),
         f"/api/flights/{h('hostile 0')}/channels": (422, "not stored"),
         f"/api/findings/{made.baseline}": (422, "was imported"),
-        "/api/findings?after=2026-01-01T00:00:00~x": (422, "no place"),
+        "/api/findings?after=2026-01-01T00:00:00~x": (422, "not a position"),
         "/api/nothing": (404, "nothing at this address"),
     }
     for address, (status, words) in expected.items():

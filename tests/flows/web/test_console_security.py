@@ -65,7 +65,7 @@ def test_a_console_that_others_reach_needs_a_token(prepared: Made) -> None:
         with pytest.raises(InputError, match="without a token"):
             guard_of(host, 8050, (), {})
         assert guard_of(host, 8050, (), {"AERODB_TOKEN": TOKEN}).token == TOKEN
-    with pytest.raises(InputError, match="less than 16 characters"):
+    with pytest.raises(InputError, match="fewer than 16 characters"):
         guard_of("127.0.0.1", 8050, (), {"AERODB_TOKEN": "short"})
     result = CliRunner().invoke(
         app,
