@@ -1,5 +1,5 @@
-"""The guides in docs/ do what they say: every command is run, every line of output that they show
-is there, in this order.
+"""The guides in docs/guides/ are exact: every command runs, and the output contains every line
+shown, in this order.
 
 `...` in a line stands for anything, a line of its own for any lines. Columns are compared without
 the width of their gaps.
@@ -21,6 +21,7 @@ from tests.support.guide_flights import blocks, prepare
 from tests.support.paths import ROOT
 
 DOCS = ROOT / "docs"
+FOLDER = DOCS / "guides"
 FAILED = Path("failed")
 GUIDES = ("px4-without-vanes", "with-a-boom", "first-finding", "simulators")
 
@@ -95,7 +96,7 @@ def follow(name: str, followed: dict[str, Path]) -> Path:
     """Runs a guide, after the one that it continues; returns its folder."""
     if name in followed:
         return followed[name]  # FAILED, where it began and did not end
-    guide = (DOCS / f"{name}.md").read_text(encoding="utf-8")
+    guide = (FOLDER / f"{name}.md").read_text(encoding="utf-8")
     continues = re.search(r"<!-- continues: (\S+) -->", guide)
     folder = follow(continues[1], followed) if continues else followed[""] / name
     if folder == FAILED:
@@ -121,13 +122,25 @@ def test_a_guide_does_what_it_says(name: str, followed: dict[str, Path]) -> None
 
 
 def test_every_guide_is_followed_and_linked() -> None:
-    assert {path.stem for path in DOCS.glob("*.md")} == {*GUIDES, "README"}, (
-        "an index beside the guides, nothing else"
-    )
+    assert {path.stem for path in FOLDER.glob("*.md")} == set(GUIDES), "nothing but guides"
+    assert [path.name for path in DOCS.glob("*.md")] == ["README.md"], "the list of documents"
     readme = (DOCS.parent / "README.md").read_text(encoding="utf-8")
     linked = set(re.findall(r"\]\((docs/[^)#]+)\)", readme))
-    assert {f"docs/{name}.md" for name in GUIDES} <= linked
+    assert {"docs/README.md", *(f"docs/guides/{name}.md" for name in GUIDES)} <= linked
     assert not [link for link in linked if not (DOCS.parent / link).exists()]
+
+
+def test_links_between_documents_lead_to_files() -> None:
+    pages = [*DOCS.rglob("*.md"), *(ROOT / "flows" / "deploy").glob("*.md")]
+    pages += [ROOT / "README.md", ROOT / "CONTRIBUTING.md"]
+    links = [
+        (page.relative_to(ROOT), link)
+        for page in pages
+        for link in re.findall(r"\]\(([^)#\s]+)(?:#[^)]*)?\)", page.read_text("utf-8"))
+        if "://" not in link
+    ]
+    assert len(links) > 20
+    assert not [(page, link) for page, link in links if not (ROOT / page.parent / link).exists()]
 
 
 def test_a_guide_that_shows_what_is_not_said_fails() -> None:

@@ -1,8 +1,8 @@
-"""Logs for the guides in docs/: a small glider flown by simulation, as PX4 would have logged it,
-with a boom or without.
+"""Logs for the guides in docs/guides/: a simulated small glider, logged as PX4 would log it, with or
+without a boom.
 
-The vehicle and its handbook are those that the guide lets the reader write down; what flies has a
-steeper lift curve.
+The vehicle and the handbook are those written in the guide; the simulated aircraft has a steeper
+lift curve.
 """
 
 import re
@@ -309,7 +309,7 @@ def prepare(guide: str, folder: Path) -> None:
         )
 
 
-if (
-    __name__ == "__main__"
-):  # python -m tests.support.guide_flights docs/with-a-boom.md FOLDER: to follow a guide by hand
+# To follow a guide by hand:
+# python -m tests.support.guide_flights docs/guides/with-a-boom.md FOLDER
+if __name__ == "__main__":
     prepare(Path(sys.argv[1]).read_text(encoding="utf-8"), Path(sys.argv[2]))

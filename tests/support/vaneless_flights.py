@@ -40,7 +40,7 @@ from tests.support.guide_flights import Flown, blocks, fly_glider, instruments, 
 from tests.support.paths import ROOT
 
 NAME = "my-glider"
-GUIDE = ROOT / "docs" / "px4-without-vanes.md"
+GUIDE = ROOT / "docs" / "guides" / "px4-without-vanes.md"
 #: Database -> what of the flown one it has wrong; and the hypothesis that says so, with its value.
 WRONG: Mapping[str, tuple[str, str]] = {
     "nothing": ("", ""),

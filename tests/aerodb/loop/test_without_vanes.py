@@ -1,7 +1,7 @@
 """Without vanes alpha is made of the motion: what lacks in the database is found all the same, and
 no sensor is blamed for it.
 
-The same glider, flights and handbook as in docs/px4-without-vanes.md. Full numbers under
+The same glider, flights and handbook as in docs/guides/px4-without-vanes.md. Full numbers under
 --full-campaign.
 """
 
