@@ -107,7 +107,7 @@ class DaskExecutor:
             import distributed
         except ImportError as error:
             raise SettingsError(
-                "Dask is not installed", _WHERE, "install aerodb[dask], or engine = 'threads'"
+                "Dask is not installed", _WHERE, "install aerodb[dask], or set engine = 'threads'"
             ) from error
         try:
             for name in (
@@ -119,9 +119,9 @@ class DaskExecutor:
             connect: Any = distributed.Client
             client = connect(self._address, timeout=_CONNECT_SECONDS, set_as_default=False)
         except OSError as error:
-            what = f"no scheduler of a Dask cluster answers at {self._address}"
+            what = f"no Dask scheduler answers at {self._address}"
             raise StoreBusyError(
-                what, _WHERE, 'start it (dask scheduler), or engine = "threads"'
+                what, _WHERE, 'start it (dask scheduler), or set engine = "threads"'
             ) from error
         try:
             client.wait_for_workers(1, timeout=_CONNECT_SECONDS)
@@ -163,12 +163,12 @@ class _RemoteCall:
         except KilledWorker as error:
             what = "several worker processes ended during this step"
             raise InputError(
-                what, str(self._item)[:200], "see the workers' output; they may need more memory"
+                what, str(self._item)[:200], "check the workers' output; they may need more memory"
             ) from error
         except (CancelledError, CommClosedError) as error:
-            what = "the Dask cluster was lost while it worked"
+            what = "the connection to the Dask cluster was lost during this step"
             raise StoreBusyError(
-                what, _WHERE, "see whether its scheduler runs; the same run again goes on from here"
+                what, _WHERE, "check that its scheduler runs; the same run resumes from here"
             ) from error
         finally:
             # release the result, so that it is not recomputed when its worker ends
@@ -204,13 +204,13 @@ def run_on_worker(
     here = socket.gethostname()
     if site.machine != _machine() and not site.remote:
         what = (
-            f"the worker on {here} is another machine than the run's, and the catalogue is a file"
-            " on the run's machine"
+            f"the worker on {here} is not on the run's machine, and the catalogue is a file on that"
+            " machine"
         )
         raise SettingsError(
             what,
             _WHERE,
-            f'[catalogue] url = "postgresql://..." and a shared workspace folder; {_GUIDE}',
+            f'set [catalogue] url = "postgresql://..." and share the workspace folder; {_GUIDE}',
         )
     if site.code != _code():
         raise SettingsError(

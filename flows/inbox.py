@@ -74,7 +74,7 @@ def _check_progress(files: Sequence[dict[str, Any]], faults: Sequence[SettingsEr
     if faults:
         raise faults[0]
     if files and all(ending["kind"] == "no_room" for ending in files):
-        others = f"; {len(files) - 1} more logs wait, too" if len(files) > 1 else ""
+        others = f"; {len(files) - 1} more logs are waiting" if len(files) > 1 else ""
         raise StoreError(f"{files[0]['reason']}{others}", files[0]["file"])
 
 
@@ -101,7 +101,7 @@ def _batches(
                         entry,
                         (
                             f"tried {times} times:"
-                            f" {error or 'each time, the process that read it was ended'}"
+                            f" {error or 'the process that read it died each time'}"
                         ),
                     )
                 ]

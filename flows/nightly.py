@@ -108,7 +108,7 @@ def _advanced(
     said |= {"candidate": document["candidate"], "label": document["label"]}
     if document["candidate"] and document["candidate"] != before:
         text = (
-            f"new candidate {document['label']} of {vehicle}: look at it, then promote it or"
+            f"new candidate {document['label']} of {vehicle}: review it, then promote it or"
             " leave it"
         )
         axes = {

@@ -55,7 +55,7 @@ class Client:
             return json.loads(text) if text else None
         except (HTTPException, ValueError) as error:
             raise OSError(
-                f"{self.url}{path} gave no answer that is one: {type(error).__name__}"
+                f"{self.url}{path} gave no valid answer: {type(error).__name__}"
             ) from error
 
 
@@ -96,7 +96,9 @@ def clear_up(client: Client, workspace: Workspace, at_start: bool) -> int:
         )  # below zero: the clock was set back, and the run is from before that
         begun = at_start or not -_TO_BEGIN < age <= _TO_BEGIN
         if begun and not is_held(workspace.lock(f"run-{_catalogue_id(run)}")):
-            _set_state(client, run["id"], "CRASHED", "Crashed", "its process ended without a word")
+            _set_state(
+                client, run["id"], "CRASHED", "Crashed", "its process ended without a message"
+            )
             count += 1
     if at_start:
         now = datetime.now(UTC).isoformat()
@@ -110,7 +112,7 @@ def clear_up(client: Client, workspace: Workspace, at_start: bool) -> int:
                 run["id"],
                 "CANCELLED",
                 "Missed",
-                "nobody was there to run it; a later run does its work",
+                "no runner was there to start it; a later run does its work",
             )
             count += 1
     return count

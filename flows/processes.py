@@ -75,13 +75,15 @@ def database_of(workspace: Workspace) -> str:
     catalogue = catalogue_location(workspace.catalogue).url
     if catalogue and shown(catalogue) == shown(url):
         raise InputError(
-            "is the catalogue's own", where, "make another database for Prefect: createdb prefect"
+            "is the catalogue's database",
+            where,
+            "make another database for Prefect: createdb prefect",
         )
     parts = urlsplit(url)
     options = dict(parse_qsl(parts.query))
     if unknown := sorted(set(options) - set(_OPTIONS)):
         raise InputError(
-            f"Prefect's driver knows no option '{unknown[0]}'",
+            f"Prefect's database driver does not know the option '{unknown[0]}'",
             where,
             f"known are {', '.join(_OPTIONS)}",
         )
@@ -149,10 +151,7 @@ class Child:
             self._wait = _FIRST_WAIT
         if lived < self._wait:
             return
-        say(
-            f"{self.name} ended with {self._process.returncode} and is started again; see"
-            f" {self._log}"
-        )
+        say(f"{self.name} ended with {self._process.returncode} and is restarted; see {self._log}")
         self._wait = min(2 * self._wait, _LONGEST_WAIT)
         self.start()
 

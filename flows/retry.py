@@ -79,7 +79,7 @@ def _logs_again(
         try:
             if whose[entry.key] not in names:
                 raise InputError(
-                    "it is not known which vehicle flew it",
+                    "the vehicle that flew it is unknown",
                     entry.name,
                     f"--vehicle {' or '.join(names[:6])}",
                 )
@@ -101,7 +101,7 @@ def _logs_again(
 def _run_again(row: RunRow, run: Run) -> dict[str, Any]:
     said = {"what": row.id, "kind": "run", "outcome": "completed", "reason": row.flow}
     if row.flow not in _BODIES:
-        return {**said, "outcome": "failed", "reason": f"{row.flow} cannot be run again by itself"}
+        return {**said, "outcome": "failed", "reason": f"{row.flow} cannot be retried on its own"}
     try:
         run(_BODIES[row.flow], dict(row.parameters))
     except Exception as error:  # the others are tried all the same; the record of runs has it, too

@@ -135,10 +135,10 @@ class Server:
                 self._deliver()
         except (AeroError, OSError) as error:
             self._say(
-                f"not now: {error}"
+                f"postponed: {error}"
             )  # the next beat tries again: no error may end the service
         except Exception as error:  # nor may an unexpected error
-            self._say(f"not now: {type(error).__name__}: {error}")
+            self._say(f"postponed: {type(error).__name__}: {error}")
 
     def _follow_clock(self, stopping: threading.Event) -> None:
         """Restart everything if the system clock was set back.
@@ -150,8 +150,8 @@ class Server:
         if self._clock > before - _SET_BACK:
             return
         self._say(
-            f"the clock was set back by {before - self._clock:.0f} s: server and runner are started"
-            " again"
+            f"the clock was set back by {before - self._clock:.0f} s: server and runner are"
+            " restarted"
         )
         self._runner.stop(4.0)
         self._server.stop(4.0)
@@ -173,7 +173,7 @@ class Server:
             return
         self._written = written
         self._settings = load_settings(self._workspace.root, self._vehicles())
-        self._say(f"{FILE} was read again")
+        self._say(f"{FILE} was reloaded")
         self._runner.stop(5.0)
         self._runner.start()
 
@@ -244,7 +244,7 @@ def _delivered(root: str, say: Say) -> None:
     try:
         deliver(root, workspace=root, run="")
     except Exception as error:  # the next one tries again
-        say(f"not delivered now: {type(error).__name__}: {error}")
+        say(f"not delivered yet: {type(error).__name__}: {error}")
 
 
 def serve(workspace: Workspace, say: Say) -> None:
@@ -259,7 +259,7 @@ def serve(workspace: Workspace, say: Say) -> None:
             else "a process that is just starting"
         )
         raise StoreError(
-            f"another aerodb serve is at this workspace: {who}",
+            f"another aerodb serve runs on this workspace: {who}",
             str(workspace.root),
             "stop that one first",
         )

@@ -73,7 +73,7 @@ def show(context: typer.Context, calibration: str, vehicle: Vehicle = None) -> N
     )
     session.say(f"from flights: {', '.join(labels.values())}")
     session.say(
-        f"valid from {row.content['valid_from'] or 'ever'} until"
+        f"valid from {row.content['valid_from'] or 'the first flight'} until"
         f" {row.content['valid_until'] or 'further notice'}"
     )
     _say_parameters(session, _parameters(row))
@@ -104,9 +104,7 @@ def recalibrate(
     catalogue = session.catalogue()
     owner = catalogue.vehicle(vehicle).name
     if not reason.strip():
-        raise InputError(
-            "a calibration needs a reason", f"vehicle {owner}", "say why: --reason TEXT"
-        )
+        raise InputError("a calibration requires a reason", f"vehicle {owner}", "add --reason TEXT")
     chosen = (
         [catalogue.flight(ref, owner).id for ref in flights]
         if flights

@@ -22,16 +22,16 @@ def say_repeats(session: Session, repeats: Sequence[Mapping[str, Any]], indent: 
     for entry in repeats:
         for s in entry["stretches"]:
             place = (
-                f"{s['start']:.6g} to {s['end']:.6g} s are its {s['original_start']:.6g} to"
+                f"{s['start']:.6g} to {s['end']:.6g} s match its {s['original_start']:.6g} to"
                 f" {s['original_end']:.6g} s"
             )
             session.say(
-                f"{indent}repeats flight {entry['label']}: {place} (equal to"
+                f"{indent}repeats flight {entry['label']}: {place} (difference"
                 f" {100 * s['difference']:.2g} % of the motion)"
             )
     if any(entry["counts"] for entry in repeats):
         remedy = "to use it instead, retract the other"
-        session.say(f"{indent}the same flight again: stored, but left out of updates ({remedy})")
+        session.say(f"{indent}a repeated flight: stored, but left out of updates ({remedy})")
 
 
 def say_segments(session: Session, segments: Sequence[Mapping[str, Any]]) -> None:
@@ -52,5 +52,5 @@ def say_delays(session: Session, delays: Sequence[Mapping[str, Any]]) -> None:
     for d in known:
         session.say(
             f"{d['channel']} is {1000 * d['seconds']:.0f} +- {1000 * d['standard_error']:.0f} ms"
-            " late by its kinematics"
+            " late according to the kinematics"
         )

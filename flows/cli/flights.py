@@ -17,8 +17,8 @@ from aerodb.storage.catalogue import FlightRow
 from aerodb.tasks.view import damage_document, flight_details, flights_document
 from aerodb.tasks.workspace_access import WorkspaceAccess
 
-logs = typer.Typer(name="log", no_args_is_help=True, help="Logs as they are.")
-app = typer.Typer(name="flight", no_args_is_help=True, help="Flights: logs that were taken in.")
+logs = typer.Typer(name="log", no_args_is_help=True, help="Raw logs.")
+app = typer.Typer(name="flight", no_args_is_help=True, help="Flights: ingested logs.")
 
 
 @logs.command()
@@ -79,7 +79,7 @@ def _look_into(session: Session, recording: Recording, mapping: str | None) -> N
     found, missing = channels_found(recording, chosen)
     sentences = consequences_of_missing(missing)
     session.say(f"mapping {chosen.name}: {', '.join(found)}")
-    session.say(f"not in the log: {', '.join(missing) or 'nothing that this mapping knows'}")
+    session.say(f"not in the log: {', '.join(missing) or 'none of the mapped channels'}")
     for sentence in sentences:
         session.say(f"  {sentence}")
     findings = look_over(recording, chosen)

@@ -52,7 +52,7 @@ def backup(
     target: Annotated[
         Path,
         typer.Argument(
-            help="A new folder, or that of an earlier backup: then only new files are copied."
+            help="A new folder, or an earlier backup, to which only new files are copied."
         ),
     ],
 ) -> None:

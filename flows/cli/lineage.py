@@ -26,7 +26,7 @@ def lineage(
     ] = None,
     at: Annotated[
         str | None,
-        typer.Option(help="A point: NAME=VALUE,... with units or SI; what is not given is 0."),
+        typer.Option(help="A point: NAME=VALUE,... with units or in SI; the rest are 0."),
     ] = None,
     prov: Annotated[
         Path | None, typer.Option(help="Also write it as W3C PROV-JSON to this file.")
@@ -198,7 +198,7 @@ def _say_diff(session: Session, document: dict[str, Any], labels: dict[str, str]
         session.say(f"table {name}: {what}")
     for name, largest in document["not_addressable"].items():
         session.say(
-            f"table {name}: values differ by up to {largest:.5g} (its arguments are no single"
+            f"table {name}: values differ by up to {largest:.5g} (its arguments are not single"
             " channels)"
         )
     for entry in document["nodes"]:

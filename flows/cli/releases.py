@@ -38,7 +38,7 @@ def promote(
             session.say(f"passed: {check}")
         _say_move(session, document)
     else:
-        session.say(f"{name} is {row.label} already")
+        session.say(f"{name} already points to {row.label}")
     session.answer(document)
 
 
@@ -93,6 +93,6 @@ def export(
 def _say_move(session: Session, document: dict[str, Any]) -> None:
     event = document["event"]
     session.say(
-        f"{document['name']} of {document['vehicle']} is {document['label']} now ({event['user']}:"
+        f"{document['name']} of {document['vehicle']} now points to {document['label']} ({event['user']}:"
         f" {event['reason']})"
     )

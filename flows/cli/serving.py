@@ -186,7 +186,7 @@ def retry(
     session: Session = context.obj
     if not what.strip():
         raise InputError(
-            "which log, run or flight?", "retry", "aerodb status lists what can be retried"
+            "no log, run or flight is named", "retry", "aerodb status lists what can be retried"
         )
     access = _access(session)
     done = do_again(

@@ -141,7 +141,7 @@ def say_flights(session: Session, document: dict[str, Any]) -> None:
     }
     if looks:
         session.say(
-            "held-out flights looked at before: "
+            "held-out flights already used to validate: "
             + ", ".join(f"{f[:12]} {n} times" for f, n in looks.items())
         )
     for entry in document["flights"]["excluded"]:

@@ -12,11 +12,15 @@ from aerodb.tasks.view import history_document, version_details, versions_docume
 if TYPE_CHECKING:
     from aerodb.tables import AeroDatabase
 
-app = typer.Typer(name="version", no_args_is_help=True, help="Database versions: list, ask, trace.")
+app = typer.Typer(
+    name="version",
+    no_args_is_help=True,
+    help="Database versions: list, evaluate, compare, release.",
+)
 
-Limit = Annotated[int, typer.Option(min=1, help="Number of newest entries.")]
-OneName = Annotated[str | None, typer.Option("--name", help="Of this name only.")]
-All = Annotated[bool, typer.Option("--all", help="All of them.")]
+Limit = Annotated[int, typer.Option(min=1, help="Number of entries, newest last.")]
+OneName = Annotated[str | None, typer.Option("--name", help="Moves of this name only.")]
+All = Annotated[bool, typer.Option("--all", help="All entries.")]
 
 
 @app.command("list")
@@ -51,7 +55,7 @@ def list_versions(
     )
     earlier = catalogue.count_versions(owner) - len(rows)
     if earlier:
-        session.say(f"{earlier} earlier ones: --limit N or --all")
+        session.say(f"{earlier} earlier entries: --limit N or --all")
     session.answer(documents)
 
 
@@ -147,7 +151,7 @@ def evaluate(
     context: typer.Context,
     version: str,
     at: Annotated[
-        str, typer.Option(help="Point: NAME=VALUE,... with units or SI; what is not given is 0.")
+        str, typer.Option(help="Point: NAME=VALUE,... with units or in SI; the rest are 0.")
     ],
     vehicle: Vehicle = None,
     as_of: AsOf = None,
@@ -201,7 +205,7 @@ def _consolidated(
         [
             str(f["axis"]),
             str(f["regressor"]),
-            str(f["table"] or f"beside the tables: {f['reason']}"),
+            str(f["table"] or f"not in a table: {f['reason']}"),
         ]
         for f in folds
     ]

@@ -21,7 +21,7 @@ def web(
     ] = 8050,
     known_as: Annotated[
         list[str] | None,
-        typer.Option(help="Additional host name under which the console may be called."),
+        typer.Option(help="Additional host name that the console accepts."),
     ] = None,
 ) -> None:
     """Serve the console until stopped: flights, versions, lineage, findings and status, with a JSON

@@ -58,13 +58,13 @@ _STATUS: Final[tuple[tuple[type[AeroError], int], ...]] = (
     (StoreError, 503),
 )
 _SAID: Final = {
-    404: "there is nothing at this address",
-    405: "this address is not asked in that way",
+    404: "there is no page at this address",
+    405: "this address does not accept this method",
 }
 _DESCRIPTION: Final = (
-    "The documents that the commands of aerodb print with --json. A list answers its first page and"
-    " names the next one in the header Link. A change carries the token of GET /api/session in the"
-    " header X-CSRF-Token, together with its cookie."
+    "The documents that the commands of aerodb print with --json. The header Link of a list gives the"
+    " address of the next page. A change requires the token from GET /api/session in the header"
+    " X-CSRF-Token, and its cookie."
 )
 
 
@@ -144,7 +144,7 @@ async def _malformed(request: Request, error: Exception) -> Response:
     first = error.errors()[0]
     where = ".".join(str(step) for step in first["loc"][1:])
     return _said(
-        request, 422, str(first["msg"]), where, "see the API's description for what it takes"
+        request, 422, str(first["msg"]), where, "see the description of the API for its parameters"
     )
 
 
@@ -161,7 +161,7 @@ def _said(request: Request, status: int, what: str, where: str, remedy: str) -> 
             if status == 409
             else "Not found"
             if status == 404
-            else "That does not work"
+            else "The request failed"
         )
         answer = page_of(request, "error.html", title, what=what, where=where, remedy=remedy)
         answer.status_code = status

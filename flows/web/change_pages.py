@@ -30,7 +30,9 @@ router = APIRouter(tags=["changes"])
 Token = Annotated[
     str,
     Header(
-        alias="X-CSRF-Token", max_length=200, description="Of GET /api/session, with its cookie."
+        alias="X-CSRF-Token",
+        max_length=200,
+        description="The token from GET /api/session; send its cookie, too.",
     ),
 ]
 _NOWHERE = "nothing"
@@ -57,7 +59,7 @@ async def _form(request: Request) -> dict[str, str]:
         request.headers.get("content-type", "").partition(";")[0].strip()
         != "application/x-www-form-urlencoded"
     ):
-        raise InputError("not a form", "a change", "send it from its page")
+        raise InputError("not a form", "a change", "submit it from its page")
     text = (await request.body()).decode("utf-8", "replace")
     try:
         return {
@@ -65,7 +67,7 @@ async def _form(request: Request) -> dict[str, str]:
             for name, values in parse_qs(text, keep_blank_values=True, max_num_fields=20).items()
         }
     except ValueError as error:
-        raise InputError(f"not a form: {error}", "a change", "send it from its page") from error
+        raise InputError(f"not a form: {error}", "a change", "submit it from its page") from error
 
 
 @router.get("/versions/{version}/promote", include_in_schema=False)
@@ -118,7 +120,7 @@ def rollback_page(request: Request, vehicle: Vehicle = None, name: Word = None) 
     rows = access.catalogue.versions_by_id(ids)
     now, back = (rows[ids[-1]] if ids else None), (rows[ids[0]] if len(ids) > 1 else None)
     stale = access.catalogue.stale(back.id) if back else ()
-    title = f"Take back the last move of '{moved}'"
+    title = f"Roll back '{moved}' of {owner}"
     return page_of(
         request, "rollback.html", title, vehicle=owner, name=moved, now=now, back=back, stale=stale
     )
@@ -157,7 +159,7 @@ def promote(
     return document(console_of(request).run(promote_flow, parameters))
 
 
-@router.post("/api/rollback", summary="Take the last move of a name back", responses=CONFLICTS)
+@router.post("/api/rollback", summary="Undo the last move of a name", responses=CONFLICTS)
 def roll_back(request: Request, asked: RollBack, token: Token = "") -> Response:
     """The document of `aerodb version rollback`."""
     check_csrf(request, console_of(request).guard, token)
@@ -174,7 +176,7 @@ def _check_seen(request: Request, vehicle: str, name: str, seen: str | None) -> 
     event = access_of(request).catalogue.named(vehicle, name)
     if seen != (event.version if event is not None else _NOWHERE):
         what = f"'{name}' was moved after this page was shown"
-        raise GateRefusal(what, f"vehicle {vehicle}", "look at its history, then decide again")
+        raise GateRefusal(what, f"vehicle {vehicle}", "check its history, then decide again")
 
 
 def _moved(request: Request, flow: Any, parameters: dict[str, Any]) -> dict[str, Any] | GateRefusal:

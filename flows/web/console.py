@@ -39,7 +39,7 @@ Point = Annotated[
     str,
     Query(
         max_length=2000,
-        description="NAME=VALUE,... with units or in SI; what is not given is zero.",
+        description="NAME=VALUE,... with units or in SI; inputs not given are zero.",
     ),
 ]
 Vehicle = Annotated[
@@ -52,7 +52,7 @@ AsOf = Annotated[
     BeforeValidator(given),
     Query(description="As it was at this date (ISO 8601, UTC)."),
 ]
-Limit = Annotated[int, Query(ge=1, le=500, description="How many at most.")]
+Limit = Annotated[int, Query(ge=1, le=500, description="Largest number of entries.")]
 
 
 @dataclass(frozen=True)
@@ -178,6 +178,6 @@ SECTIONS: Final[Mapping[str, str]] = {
     "/versions": "Versions",
     "/findings": "Findings",
     "/history": "History",
-    "/work": "Work",
+    "/work": "Status",
     "/api": "API",
 }

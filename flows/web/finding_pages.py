@@ -23,7 +23,7 @@ from aerodb.tasks.view import finding_document, findings_page, labels_of, refere
 
 router = APIRouter(tags=["findings"])
 After = Annotated[
-    str, Query(max_length=200, description="Where the page before ended, as its header Link says.")
+    str, Query(max_length=200, description="End of the previous page, from its header Link.")
 ]
 
 

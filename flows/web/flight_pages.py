@@ -54,7 +54,7 @@ Text = Annotated[
     Query(max_length=200, description="Part of a flight's name, of its log's name, or of its id."),
 ]
 After = Annotated[
-    str, Query(max_length=200, description="Where the page before ended, as its header Link says.")
+    str, Query(max_length=200, description="End of the previous page, from its header Link.")
 ]
 
 
@@ -111,7 +111,7 @@ def flights(
 
 @router.get(
     "/api/envelopes",
-    summary="What flights have covered",
+    summary="Envelopes of flights",
     responses=answers(dict[str, dict[str, list[float]]]),
 )
 def envelopes(
@@ -167,7 +167,7 @@ def flight_report(
 
 @router.get(
     "/api/flights/{flight}/channels",
-    summary="Channels of a flight for a screen",
+    summary="Channels of a flight, decimated for plots",
     tags=["flights"],
     responses=answers(models.Record),
 )
@@ -178,13 +178,14 @@ def channels(
         str,
         Query(
             max_length=4000,
-            description="Channels and axes, with commas; those shown first without it.",
+            description="Channels and axes, separated by commas; default: those shown first.",
         ),
     ] = "",
     start: Annotated[float, Query(alias="from", description="From this time [s].")] = -1e12,
     end: Annotated[float, Query(alias="to", description="To this time [s].")] = 1e12,
     points: Annotated[
-        int, Query(ge=FEWEST_POINTS, le=MOST_POINTS, description="At most so many per line.")
+        int,
+        Query(ge=FEWEST_POINTS, le=MOST_POINTS, description="Largest number of points per line."),
     ] = 2000,
     format: Annotated[
         Literal["json", "binary"], Query(description="binary: float64 arrays after a JSON heading.")

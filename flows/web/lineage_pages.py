@@ -37,9 +37,7 @@ def lineage_page(
     labels = access.catalogue.flight_labels(entry["flight"] for entry in found.get("flights", ()))
     what = node or at
     title = (
-        f"What is behind {what} of {row.label}"
-        if what
-        else f"What {row.label} of {row.vehicle} rests on"
+        f"Lineage of {what} in {row.label}" if what else f"Lineage of {row.label} of {row.vehicle}"
     )
     return page_of(
         request,
@@ -55,7 +53,7 @@ def lineage_page(
 
 
 @router.get(
-    "/api/versions/{version}/lineage", summary="What a version, or one number of it, rests on"
+    "/api/versions/{version}/lineage", summary="Lineage of a version, or of one of its numbers"
 )
 def lineage(
     request: Request, version: str, node: Node = None, at: Point = "", vehicle: Vehicle = None
@@ -87,10 +85,10 @@ def impact_page(request: Request, flight: str, vehicle: Vehicle = None) -> Respo
         for id, version in access.catalogue.versions_by_id(use.through for use in uses).items()
     }
     shown = {"row": row, "uses": uses, "through": through, "pointed": pointed}
-    return page_of(request, "impact.html", f"What rests on flight {row.label}", **shown)
+    return page_of(request, "impact.html", f"Versions based on flight {row.label}", **shown)
 
 
-@router.get("/api/flights/{flight}/impact", summary="Versions that rest on a flight")
+@router.get("/api/flights/{flight}/impact", summary="Versions based on a flight")
 def impact(request: Request, flight: str, vehicle: Vehicle = None) -> Response:
     """The document of `aerodb version impact`."""
     access = access_of(request)

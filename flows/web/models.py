@@ -53,7 +53,7 @@ class Version(_Document):
 
 
 class Vehicle(_Document):
-    """A vehicle and the versions at which its names point."""
+    """A vehicle and the versions its names point to."""
 
     vehicle: str
     sha256: str
@@ -151,18 +151,21 @@ class Session(_Document):
     csrf: str
 
 
-#: What every address may answer beside its own document.
+#: Errors that every endpoint may return.
 REFUSALS: dict[int | str, dict[str, Any]] = {
-    404: {"model": Refusal, "description": "Nothing answers to a name"},
+    404: {"model": Refusal, "description": "Unknown name"},
     422: {"model": Refusal, "description": "Refused, with the reason"},
     503: {
         "model": Refusal,
-        "description": "The catalogue or the store is out of reach for a moment",
+        "description": "The catalogue or the store is temporarily unavailable",
     },
 }
 CONFLICTS: dict[int | str, dict[str, Any]] = {
-    403: {"model": Refusal, "description": "Not of this session"},
-    409: {"model": Refusal, "description": "The gate refused, or the name was moved meanwhile"},
+    403: {"model": Refusal, "description": "The token does not belong to this session"},
+    409: {
+        "model": Refusal,
+        "description": "The gate refused, or the name was moved in the meantime",
+    },
 }
 
 

@@ -36,7 +36,7 @@ def overview(request: Request) -> Response:
 
 @router.get(
     "/api/vehicles",
-    summary="Vehicles, and what their names point at",
+    summary="Vehicles, and the versions their names point to",
     tags=["vehicles"],
     responses=answers(list[Vehicle]),
 )
@@ -47,7 +47,7 @@ def vehicles(request: Request) -> Response:
 
 @router.get(
     "/api/session",
-    summary="The token that a change carries",
+    summary="The token that a change requires",
     tags=["changes"],
     responses=answers(Session),
 )
@@ -61,7 +61,7 @@ def session(request: Request) -> Response:
 
 @router.get("/api", include_in_schema=False)
 def contents(request: Request) -> Response:
-    """The API's addresses for people; programs read /openapi.json."""
+    """The endpoints of the API for people; programs read /openapi.json."""
     paths: dict[str, dict[str, Any]] = request.app.openapi()["paths"]
     entries = [
         {

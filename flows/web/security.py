@@ -166,24 +166,28 @@ class Secured:
         hosts = headers.getlist("host")
         if len(hosts) != 1 or not self._guard.knows(hosts[0]):
             return PlainTextResponse(
-                "aerodb: this console is not called by that name; see aerodb web --known-as\n", 421
+                "aerodb: unknown host name for this console; see aerodb web --known-as\n", 421
             )
         if not self._guard.admits(headers.get("authorization", "")):
             ask = {"www-authenticate": 'Basic realm="aerodb", charset="UTF-8"'}
             return PlainTextResponse(
-                f"aerodb: name any user; the password is the token, ${TOKEN_VARIABLE}\n", 401, ask
+                f"aerodb: enter any user name; the password is the token, ${TOKEN_VARIABLE}\n",
+                401,
+                ask,
             )
         if scope["method"] not in ("GET", "HEAD", "OPTIONS") and not _same_origin(
             headers, hosts[0]
         ):
             return PlainTextResponse(
-                "aerodb: changes are made from pages of this console only\n", 403
+                "aerodb: changes are accepted only from pages of this console\n", 403
             )
         if (
             int(length if (length := headers.get("content-length", "0")).isdecimal() else 0)
             > LARGEST_BODY
         ):
-            return PlainTextResponse(f"aerodb: more than {LARGEST_BODY} bytes\n", 413)
+            return PlainTextResponse(
+                f"aerodb: the request is larger than {LARGEST_BODY} bytes\n", 413
+            )
         return None
 
 
@@ -231,7 +235,7 @@ def check_csrf(request: HTTPConnection, guard: Guard, presented: Any) -> None:
         given.encode("utf-8", "replace"), guard.csrf_token(session).encode()
     ):
         raise ForbiddenError(
-            "the form is not of this session",
+            "the form does not belong to this session",
             "a change",
-            "open its page again, then send it from there",
+            "reload its page, then submit it again",
         )

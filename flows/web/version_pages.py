@@ -49,7 +49,7 @@ from aerodb.tasks.workspace_access import WorkspaceAccess
 router = APIRouter(tags=["versions"])
 Before = Annotated[
     int | None,
-    Query(ge=1, le=2**53, description="Where the page before ended, as its header Link says."),
+    Query(ge=1, le=2**53, description="End of the previous page, from its header Link."),
 ]
 Reference = Annotated[
     str, Query(max_length=300, description="A version: id, label, name or prefix.")
@@ -227,11 +227,11 @@ def version_report(request: Request, version: str, vehicle: Vehicle = None) -> R
     return report(console_of(request).run(report_flow, {"kind": "version", "about": row.id}))
 
 
-@router.get("/api/versions/{version}/export", summary="A version for a simulator")
+@router.get("/api/versions/{version}/export", summary="Export of a version")
 def export(
     request: Request, version: str, format: Format, vehicle: Vehicle = None, as_of: AsOf = None
 ) -> Response:
-    """The file that `aerodb version export` writes: read back, and given only when its check cases
+    """The file that `aerodb version export` writes: read back, and returned only if its check cases
     pass."""
     access = access_of(request)
     row = version_at(access, version, vehicle, as_of)
@@ -315,7 +315,7 @@ def diff_page(
         return page_of(
             request,
             "diff.html",
-            "Difference of two versions",
+            "Compare versions",
             before=None,
             after=None,
             asked=(before, after, vehicle),
@@ -325,7 +325,7 @@ def diff_page(
     labels = access.catalogue.flight_labels(
         {flight for term in found["terms"] for flight in term["flights"]}
     )
-    title = f"From {old.label} to {new.label} of {new.vehicle}"
+    title = f"Changes from {old.label} to {new.label} of {new.vehicle}"
     context: dict[str, Any] = {
         "before": old,
         "after": new,
@@ -336,7 +336,7 @@ def diff_page(
     return page_of(request, "diff.html", title, **context)
 
 
-@router.get("/api/diff", summary="What differs between two versions")
+@router.get("/api/diff", summary="Differences between two versions")
 def diff(
     request: Request,
     before: Reference,

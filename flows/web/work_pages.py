@@ -1,4 +1,4 @@
-"""Work page: what waits, runs and failed, and what to do about it (as `aerodb status`)."""
+"""Status page: files that wait, runs in progress, failures and remedies (as `aerodb status`)."""
 
 from typing import Any
 
@@ -13,12 +13,12 @@ router = APIRouter(tags=["work"])
 
 @router.get("/work", include_in_schema=False)
 def work_page(request: Request) -> Response:
-    """What waits, runs and failed."""
+    """The status page."""
     status = status_of(access_of(request))
-    return page_of(request, "work.html", "Work", status=status, server=_server(status))
+    return page_of(request, "work.html", "Status", status=status, server=_server(status))
 
 
-@router.get("/api/status", summary="What waits, runs and failed")
+@router.get("/api/status", summary="What is waiting, running or failed")
 def status(request: Request) -> Response:
     """The document of `aerodb status`."""
     return document(status_of(access_of(request)))

@@ -1,2 +1,4 @@
-"""Schema migrations of the catalogue (Alembic). Each describes the tables as they were at its time
-and does not import the current ones."""
+"""Schema migrations of the catalogue (Alembic).
+
+Each migration defines the tables as of its revision and does not import the current ones.
+"""

@@ -181,7 +181,9 @@ def _inadmissible(
         return error
     taken = [row for row in access.catalogue.flights(vehicle) if row.name == name]
     return (
-        InputError(f"'{name}' is flight {taken[0].id[:12]} already", "", "choose another name")
+        InputError(
+            f"'{name}' is already the name of flight {taken[0].id[:12]}", "", "choose another name"
+        )
         if taken
         else None
     )

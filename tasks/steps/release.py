@@ -75,7 +75,7 @@ def roll_back(vehicle: str, *, workspace: str, run: str, name: str, reason: str)
 def _check_words(name: str, reason: str) -> None:
     checked(name, VERSION_NAME, "a name for versions")
     if not reason.strip():
-        raise InputError("moving a name needs a reason", f"'{name}'", "say why: --reason TEXT")
+        raise InputError("moving a name requires a reason", f"'{name}'", "add --reason TEXT")
 
 
 def _gate(access: WorkspaceAccess, row: VersionRow, released: NameEvent | None) -> Verdict:
@@ -122,8 +122,8 @@ def _enough_flights(access: WorkspaceAccess, row: VersionRow) -> tuple[Check, ..
     said = []
     for role, fewest in (("identified", asked.identified), ("held_out", asked.held_out)):
         if (count := roles.count(role)) < fewest:
-            said.append(f"{count} flights {role.replace('_', ' ')}, the settings ask for {fewest}")
-    return (Check("as many flights as the settings ask for", tuple(said)),)
+            said.append(f"{count} flights {role.replace('_', ' ')}, the settings require {fewest}")
+    return (Check("as many flights as the settings require", tuple(said)),)
 
 
 def _read(row: VersionRow, documents: VersionDocuments) -> AeroDatabase:
@@ -134,7 +134,7 @@ def _read(row: VersionRow, documents: VersionDocuments) -> AeroDatabase:
 
 
 def _refusal(row: VersionRow, reasons: tuple[str, ...]) -> GateRefusal:
-    remedy = f"it stays as it is; see: aerodb version show {row.label} --vehicle {row.vehicle}"
+    remedy = f"nothing changed; see: aerodb version show {row.label} --vehicle {row.vehicle}"
     return GateRefusal("; ".join(reasons), f"the gate refused {row.label} of {row.vehicle}", remedy)
 
 

@@ -11,7 +11,7 @@ from aerodb.tasks.workspace_access import WorkspaceAccess
 def mark_ended(
     access: WorkspaceAccess,
     state: RunState = "crashed",
-    why: str = "its process ended without a word",
+    why: str = "its process ended without a message",
 ) -> list[dict[str, Any]]:
     """Mark every run as ended that counts as running but whose lock is free.
 

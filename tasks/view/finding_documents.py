@@ -140,5 +140,5 @@ def _place(text: str) -> tuple[datetime, str]:
         return when, match[2]
     except ValueError as error:
         raise InputError(
-            "not a position in this list", "after", "leave it out for the first page"
+            "not a position in this list", "after", "omit it for the first page"
         ) from error

@@ -33,7 +33,7 @@ def status_of(access: WorkspaceAccess) -> dict[str, Any]:
     runs = access.catalogue.runs("running", limit=1000)
     alive = [run for run in runs if is_held(access.workspace.lock(f"run-{run.id}"))]
     dead = [run for run in runs if run not in alive]
-    failed = [_run(run, "its process ended without a word") for run in dead]
+    failed = [_run(run, "its process ended without a message") for run in dead]
     failed += [_run(run, run.error) for run in access.catalogue.unresolved_runs(_LISTED)]
     aside = in_quarantine(access, _LISTED)
     elsewhere = min(count_quarantined(access.workspace), _LISTED) - len(aside)

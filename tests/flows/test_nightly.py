@@ -181,7 +181,7 @@ def test_a_run_whose_process_is_gone_has_crashed_and_one_that_lives_has_not(
     assert [run["run"] for run in document["crashed"]] == [dead]
     with Catalogue.open(workspace.catalogue) as catalogue:
         assert (catalogue.run(dead).state, catalogue.run(alive).state) == ("crashed", "running")
-        assert "without a word" in catalogue.run(dead).error
+        assert "without a message" in catalogue.run(dead).error
 
 
 def test_what_cannot_be_delivered_waits_in_order(

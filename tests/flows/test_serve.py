@@ -218,7 +218,8 @@ def test_a_second_one_refuses_in_a_sentence(served: Served) -> None:
     second = aerodb(served.workspace.root, "serve")
     assert second.returncode == 1
     assert (
-        f"another aerodb serve is at this workspace: process {served.process.pid}" in second.stderr
+        f"another aerodb serve runs on this workspace: process {served.process.pid}"
+        in second.stderr
     )
     assert "Traceback" not in second.stderr
     assert served.process.poll() is None
@@ -293,7 +294,7 @@ def test_what_is_dropped_while_the_server_is_killed_ends_where_it_belongs(served
     (box / "damaged.csv").write_bytes(b"\x00\xffnothing")
     (box / "link.csv").symlink_to("/etc/passwd")
     wait_until(
-        lambda: "is started again" in served.said() and served.client.healthy(),
+        lambda: "is restarted" in served.said() and served.client.healthy(),
         served,
         "the server is back",
     )
@@ -317,7 +318,7 @@ def test_settings_are_read_again_and_a_bad_file_ends_nothing(served: Served) -> 
         BROKEN in json.loads(aerodb(served.workspace.root, "--json", "status").stdout)["settings"]
     )
     path.write_text(SETTINGS.replace("* * * * * */30", "0 0 29 2 *"), encoding="utf-8")
-    wait_until(lambda: "was read again" in served.said(), served, "the new settings are taken")
+    wait_until(lambda: "was reloaded" in served.said(), served, "the new settings are taken")
 
 
 def test_an_event_starts_the_run_of_a_log_that_appears(served: Served) -> None:

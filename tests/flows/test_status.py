@@ -202,7 +202,7 @@ def test_a_run_that_lost_its_process_counts_as_failed(workspace: Workspace) -> N
         run = catalogue.start_run("nightly_flow", how="server", parameters={"vehicle": None}).id
     said = asked(workspace.root, "status")
     assert [(entry["run"], entry["error"]) for entry in said["failed"]] == [
-        (run, "its process ended without a word")
+        (run, "its process ended without a message")
     ]
     assert said["running"] == []
     night = asked(workspace.root, "nightly", "--direct")
@@ -251,13 +251,13 @@ def test_the_gate_asks_for_the_flights_that_the_settings_ask_for(
         f"{SETTINGS}[vehicles.{NAME}.gate]\nidentified = 5\nheld_out = 2\n", encoding="utf-8"
     )
     where = {"workspace": str(workspace.root), "run": "", "name": "released", "reason": "proved"}
-    with pytest.raises(GateRefusal, match="4 flights identified, the settings ask for 5"):
+    with pytest.raises(GateRefusal, match="4 flights identified, the settings require 5"):
         promote(candidate, **where)
     path.write_text(
         f"{SETTINGS}[vehicles.{NAME}.gate]\nidentified = 4\nheld_out = 2\n", encoding="utf-8"
     )
     done = promote(candidate, **where)
-    assert (done["moved"], done["checks"][-1]) == (True, "as many flights as the settings ask for")
+    assert (done["moved"], done["checks"][-1]) == (True, "as many flights as the settings require")
 
 
 def test_accuracy_limits_of_the_settings_reach_the_verdict_and_belong_to_the_key(

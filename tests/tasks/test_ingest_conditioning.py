@@ -309,7 +309,7 @@ def test_a_repetition_is_kept_said_and_left_out_of_updates_until_the_other_is_re
         .invoke(app, ["--workspace", str(flown), "flight", "show", whole["flight"]])
         .stdout
     )
-    assert f"repeats flight {original[:12]}: 0 to 11.96 s are its 0 to 11.96 s" in shown
+    assert f"repeats flight {original[:12]}: 0 to 11.96 s match its 0 to 11.96 s" in shown
     assert "left out of updates" in shown
     listed = {row["flight"]: row["counts"] for row in asked(flown, "flight", "list")}
     assert [flight for flight, counts in listed.items() if not counts] == [

@@ -117,7 +117,7 @@ def test_a_stale_version_is_refused_and_says_why(flown: tuple[Path, Path], tmp_p
     assert "pitot cover left on" in refused.stderr
     assert released(workspace) == "v0001"
     unexplained = aerodb(workspace, "version", "promote", "candidate", "--reason", " ")
-    assert (unexplained.returncode, "needs a reason" in unexplained.stderr) == (3, True)
+    assert (unexplained.returncode, "requires a reason" in unexplained.stderr) == (3, True)
     # A name of the user's own needs no gate, and moves by events all the same.
     assert asked(
         workspace, "version", "promote", "candidate", "--name", "wind-tunnel-2", "--reason", "mine"

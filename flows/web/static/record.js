@@ -82,7 +82,7 @@
     event.preventDefault();
     const [low, high] = [Number(fields.from.value), Number(fields.to.value)];
     if (Number.isFinite(low) && Number.isFinite(high) && low < high) load(low, high);
-    else said.textContent = "Give two times in seconds, the earlier one first.";
+    else said.textContent = "Enter two times in seconds, the earlier one first.";
   });
   document.getElementById("choice").addEventListener("submit", (event) => { event.preventDefault(); load(from, to); });
   load(first, last);

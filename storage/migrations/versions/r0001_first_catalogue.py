@@ -1,5 +1,4 @@
-"""The first catalogue: vehicles, logs, flights, results, runs, versions, names, and the edges
-between them."""
+"""First catalogue: vehicles, logs, flights, results, runs, versions, names, and their relations."""
 
 import sqlalchemy as sa
 from alembic import op
@@ -33,7 +32,7 @@ _APPEND_ONLY: dict[str, list[tuple[str, ...]]] = {
     "name_events": [("sequence",), ("vehicle", "name", "step")],
 }
 
-#: Tables with one permitted change: a log tried again, a run that ends.
+#: Tables with one permitted change: retrying a log, ending a run.
 _UPDATE_WHEN = {
     "log_files": "OLD.status = 'quarantined' AND OLD.sha256 = NEW.sha256",
     "runs": "OLD.ended_utc IS NULL AND OLD.id = NEW.id",
@@ -41,7 +40,7 @@ _UPDATE_WHEN = {
 
 
 def upgrade() -> None:
-    """Makes every table, and the triggers that keep rows as they are."""
+    """Create all tables, and the triggers that make them append-only."""
     _logs_and_runs()
     _flights()
     _results()

@@ -1,6 +1,8 @@
-"""Indices for what would grow with the catalogue: all that a list of versions shows, so that it
-never reads past the documents, which are large; the moves of a vehicle's names in their order; and
-those to a version."""
+"""Indices for queries whose cost would grow with the catalogue.
+
+They cover the columns shown in a list of versions, so that listing does not read the large
+documents; the moves of a vehicle's names in order; and the moves to a version.
+"""
 
 from alembic import op
 
@@ -11,7 +13,7 @@ depends_on = None
 
 
 def upgrade() -> None:
-    """Adds the indices; rows stay as they are."""
+    """Add the indices; rows are unchanged."""
     columns = ["vehicle", "number", "id", "parent", "content_sha256", "run", "created_utc"]
     op.create_index("ix_versions_header", "versions", columns, unique=False)
     op.create_index("ix_name_events_order", "name_events", ["vehicle", "sequence"], unique=False)

@@ -1,5 +1,5 @@
-"""What conditioning and flight-path reconstruction keep: marks and repetitions of flights,
-calibrations and their bindings."""
+"""Results of conditioning and flight-path reconstruction: marks and repeats of flights, calibrations
+and their bindings."""
 
 import sqlalchemy as sa
 from alembic import op
@@ -25,7 +25,7 @@ _APPEND_ONLY: dict[str, list[tuple[str, ...]]] = {
 
 
 def upgrade() -> None:
-    """Adds the tables, and the triggers that keep their rows as they are."""
+    """Add the tables, and the triggers that make them append-only."""
     _repetitions()
     _calibrations()
     for table, keys in _APPEND_ONLY.items():

@@ -1,4 +1,4 @@
-"""The hash of every stored file, so that a file which is not as it was written can be told."""
+"""Hashes of all stored files, to detect files that have changed since they were written."""
 
 import sqlalchemy as sa
 from alembic import op
@@ -15,7 +15,7 @@ _WHOLE: sa.types.TypeEngine[int] = sa.BigInteger().with_variant(sa.Integer(), "s
 
 
 def upgrade() -> None:
-    """Adds the table, and the triggers that keep its rows as they are."""
+    """Add the table, and the triggers that make it append-only."""
     op.create_table(
         "stored_files",
         sa.Column("sequence", sa.Integer(), autoincrement=True, nullable=False),

@@ -1,4 +1,4 @@
-"""What happened to each file of the inbox, and an index for the newest flights of a vehicle."""
+"""Events of the files in the inbox, and an index for the newest flights of a vehicle."""
 
 import sqlalchemy as sa
 from alembic import op
@@ -15,7 +15,7 @@ _WHOLE: sa.types.TypeEngine[int] = sa.BigInteger().with_variant(sa.Integer(), "s
 
 
 def upgrade() -> None:
-    """Adds the table and the index, and the triggers that keep the rows as they are."""
+    """Add the table, the index, and the triggers that make the table append-only."""
     op.create_table(
         "inbox_events",
         sa.Column("sequence", sa.Integer(), autoincrement=True, nullable=False),

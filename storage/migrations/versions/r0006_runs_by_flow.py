@@ -1,5 +1,5 @@
-"""An index for the newest runs of a flow: lists of findings, and what asks for a flow's last run,
-read no other runs."""
+"""Index for the newest runs of a flow, so that lists of findings and queries for the last run of a
+flow read no other runs."""
 
 from alembic import op
 
@@ -10,5 +10,5 @@ depends_on = None
 
 
 def upgrade() -> None:
-    """Adds the index."""
+    """Add the index."""
     op.create_index("ix_runs_flow", "runs", ["flow", "started_utc"], unique=False)

@@ -1,5 +1,5 @@
-"""An index for the newest run of all: where the clock was set back, a run begins after it all the
-same."""
+"""Index for the newest run of all flows: if the clock was set back, a new run is still dated after
+it."""
 
 from alembic import op
 
@@ -10,5 +10,5 @@ depends_on = None
 
 
 def upgrade() -> None:
-    """Adds the index."""
+    """Add the index."""
     op.create_index(op.f("ix_runs_started_utc"), "runs", ["started_utc"], unique=False)

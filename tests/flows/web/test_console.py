@@ -40,21 +40,21 @@ def pages(made: Made) -> dict[str, str]:
         "/": "1 vehicle",
         "/flights": "limited",
         f"/flights?vehicle={NAME}&verdict=rejected&text=": "retracted",
-        f"/flights/{flight}": "Does the flight agree with itself?",
+        f"/flights/{flight}": "Kinematic consistency",
         f"/flights/{hostile}": "its channels are not stored",
-        f"/flights/{flight}/impact": "1 version rests",
+        f"/flights/{flight}/impact": "1 version is based on",
         f"/versions?vehicle={NAME}": "v0002",
         f"/versions/{version}": "2 increments from flights",
         f"/versions/{version}?at=alpha%3D5deg%2CV%3D25": "inside data",
         f"/versions/{version}?at=alhpa%3D5deg": "did you mean",
-        f"/versions/{version}?table=CZ0": "each value leads to what stands behind it",
-        f"/versions/{version}/lineage": "rests on 6 flights",
+        f"/versions/{version}?table=CZ0": "each value links to its lineage",
+        f"/versions/{version}/lineage": "is based on 6 flights",
         f"/versions/{version}/lineage?node=CZ0%5B2%5D&at=": "1 increment from flights acts",
         f"/versions/{made.baseline}/lineage?at=alpha%3D5deg": "No increment acts",
         f"/diff?before={made.baseline}&after={version}": "differ in 5 terms",
         "/diff?before=v0001&after=v0001": "No difference",
         "/findings": "The declared increments on CZ, CX were estimated",
-        f"/findings/{version}": "What was estimated",
+        f"/findings/{version}": "Estimated increments",
         f"/findings/{h('a loop')}": "Nothing was added to the database",
         f"/history?vehicle={NAME}": "declared increments estimated",
         "/work": "Nothing to do",
@@ -244,7 +244,7 @@ def test_running_work_leads_to_the_server_that_runs_it(client: TestClient, made:
                 assert len(page.xpath(f"//a[@href='{url}/flow_runs/{run.id}']")) == links
                 assert run.id[:12] in page.text_content()
         catalogue.end_run(run.id, "completed")
-    assert "no: aerodb serve" in " ".join(
+    assert "not running: aerodb serve" in " ".join(
         html.fromstring(client.get("/work").content).text_content().split()
     )
 
@@ -344,7 +344,7 @@ def test_errors_say_what_where_and_what_to_do(client: TestClient, made: Made) ->
         f"/api/flights/{h('hostile 0')}/channels": (422, "not stored"),
         f"/api/findings/{made.baseline}": (422, "was imported"),
         "/api/findings?after=2026-01-01T00:00:00~x": (422, "not a position"),
-        "/api/nothing": (404, "nothing at this address"),
+        "/api/nothing": (404, "no page at this address"),
     }
     for address, (status, words) in expected.items():
         answer = client.get(address)

@@ -289,7 +289,7 @@ def test_a_version_is_promoted_by_keyboard_alone(
         page.keyboard.type("proved on two flights")
         page.keyboard.press("Tab")
         page.keyboard.press("Enter")
-        page.wait_for_selector("main:has-text('is v0002 now')")
+        page.wait_for_selector("main:has-text('now points to v0002')")
         assert barriers(page) == []
 
 

@@ -203,8 +203,8 @@ def test_promotion_and_roll_back_through_their_pages(
         answer = client.post(path, data={**fields, "reason": "proved <b>twice</b>"})
         assert answer.status_code == 200, answer.text
         assert "released of" in answer.text
-        assert "is v0002 now" in answer.text
-        assert "The gate let it pass" in answer.text
+        assert "now points to v0002" in answer.text
+        assert "Checks passed by the gate" in answer.text
         assert "proved &lt;b&gt;twice&lt;/b&gt;" in answer.text
         assert moves(made)[-1].version == made.candidate
         assert "from v0002 to v0001?" in " ".join(client.get("/rollback").text.split()).replace(
@@ -217,7 +217,7 @@ def test_promotion_and_roll_back_through_their_pages(
             "vehicle": NAME,
             "reason": "diverges",
         }
-        assert "is v0001 now" in client.post("/rollback", data=back).text
+        assert "now points to v0001" in client.post("/rollback", data=back).text
         assert [(m.version, m.reason) for m in moves(made)[-2:]] == [
             (made.candidate, "proved <b>twice</b>"),
             (made.baseline, "diverges"),
@@ -237,7 +237,7 @@ def test_the_gate_refuses_with_its_reasons(prepared: Made) -> None:
         fields = {"csrf": csrf, "name": "released", "seen": prepared.baseline, "reason": "try"}
         answer = client.post(f"/versions/{child}/promote", data=fields)
         assert answer.status_code == 409
-        assert "The gate refused; nothing has changed" in answer.text
+        assert "The gate refused; nothing was changed" in answer.text
         refused = client.post(path, json={"reason": "try"}, headers=headers)
         assert refused.status_code == 409
         for reason in refused.json()["error"]["what"].split("; "):

@@ -278,7 +278,7 @@ def test_a_flight_processed_before_stays_without(tmp_path: Path) -> None:
 def test_recalibration_without_a_reason_or_flight_is_refused(tmp_path: Path) -> None:
     (tmp_path / "vehicle.toml").write_text(VEHICLE, encoding="utf-8")
     asked(tmp_path / "w", "vehicle", "add", str(tmp_path / "vehicle.toml"))
-    for reason, complaint in (("r", "no flight is stored"), (" ", "needs a reason")):
+    for reason, complaint in (("r", "no flight is stored"), (" ", "requires a reason")):
         command = [
             "--workspace",
             str(tmp_path / "w"),
