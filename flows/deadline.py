@@ -43,7 +43,7 @@ def at_most(seconds: float, where: str) -> Iterator[None]:
     try:
         yield
     except _TimeUp as up:
-        remedy = "run it again: it resumes where it stopped; or raise [limits] run in the workspace's settings"
+        remedy = "run it again: it resumes where it stopped; or raise [limits] run in settings.toml"
         raise OutOfTimeError(str(up), where, remedy) from up
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)

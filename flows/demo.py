@@ -59,9 +59,8 @@ def run_demo(workspace: Workspace, logs: list[Path], run: Run, say: Say) -> Demo
     ]
     outcomes = run(flight_flow, {"logs": [str(log) for log in logs], "vehicle": VEHICLE})
     ids = [outcome["flight"] for outcome in outcomes]
-    say(
-        f"ingested {len(ids)} logs: {', '.join(sorted({outcome['status'] for outcome in outcomes}))}"
-    )
+    statuses = sorted({outcome["status"] for outcome in outcomes})
+    say(f"ingested {len(ids)} logs: {', '.join(statuses)}")
     document = run(close_loop_flow, {"vehicle": VEHICLE, "baseline": baseline, "flights": ids})
     effects = open_envelope(logs[0].parent)
     told = [

@@ -93,6 +93,6 @@ def export(
 def _say_move(session: Session, document: dict[str, Any]) -> None:
     event = document["event"]
     session.say(
-        f"{document['name']} of {document['vehicle']} now points to {document['label']} ({event['user']}:"
-        f" {event['reason']})"
+        f"{document['name']} of {document['vehicle']} now points to {document['label']}"
+        f" ({event['user']}: {event['reason']})"
     )

@@ -62,8 +62,8 @@ _SAID: Final = {
     405: "this address does not accept this method",
 }
 _DESCRIPTION: Final = (
-    "The documents that the commands of aerodb print with --json. The header Link of a list gives the"
-    " address of the next page. A change requires the token from GET /api/session in the header"
+    "The documents that the commands of aerodb print with --json. The header Link of a list gives"
+    " the address of the next page. A change requires the token from GET /api/session in the header"
     " X-CSRF-Token, and its cookie."
 )
 

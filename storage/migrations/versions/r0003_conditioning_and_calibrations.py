@@ -1,5 +1,5 @@
-"""Results of conditioning and flight-path reconstruction: marks and repeats of flights, calibrations
-and their bindings."""
+"""Results of conditioning and flight-path reconstruction: marks and repeats of flights,
+calibrations and their bindings."""
 
 import sqlalchemy as sa
 from alembic import op
