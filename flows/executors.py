@@ -252,6 +252,8 @@ def executor_of(root: Path) -> Executor:
             address = settings.work.checked(os.environ.get(address[1:], ""))
         except ValueError as error:
             raise SettingsError(
-                f"{settings.work.address} holds no address: {error}", _WHERE, "set the variable"
+                f"{settings.work.address} does not contain an address: {error}",
+                _WHERE,
+                "set the variable",
             ) from error
     return DaskExecutor(address, remote=bool(settings.catalogue.url))

@@ -123,7 +123,7 @@ def open_log(path: Path, inbox: Path) -> BufferedReader:
             or not stat.S_ISREG(itself.st_mode)
             or (itself.st_dev, itself.st_ino) != (there.st_dev, there.st_ino)
         ):
-            raise OSError(errno.ELOOP, "not a file of the inbox, or no longer one")
+            raise OSError(errno.ELOOP, "not a file in the inbox, or no longer there")
         return os.fdopen(descriptor, "rb")
     except BaseException:
         os.close(descriptor)

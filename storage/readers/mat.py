@@ -110,7 +110,7 @@ def _element(view: memoryview, position: int, order: str) -> tuple[int, memoryvi
         kind, start = first, position + 8
         after = start + (size if kind == _COMPRESSED else -(-size // 8) * 8)
     if start + size > len(view):
-        raise Malformed(f"{size} bytes declared, {len(view) - start} there")
+        raise Malformed(f"{size} bytes declared, {len(view) - start} present")
     return kind, view[start : start + size], min(after, len(view))
 
 
@@ -126,7 +126,7 @@ def _inflate(payload: memoryview, order: str) -> memoryview:
     body = unpacker.decompress(unpacker.unconsumed_tail, size) if size else b""
     unpacker.decompress(unpacker.unconsumed_tail, 16)
     if len(body) != size or not unpacker.eof:
-        raise Malformed("compressed variable is not of the declared size")
+        raise Malformed("compressed variable does not have the declared size")
     return memoryview(body)
 
 
@@ -180,7 +180,7 @@ def _struct(
         member = joined[start : start + width].split(b"\x00")[0].decode("latin-1")
         kind, payload = next(parts)
         if kind != _MATRIX:
-            raise Malformed(f"member {member} of struct {name} is no matrix")
+            raise Malformed(f"member {member} of struct {name} is not a matrix")
         _matrix(payload, order, f"{name}.{member}", found, depth + 1)
 
 
@@ -241,7 +241,7 @@ def _is_array(item: Any) -> bool:
 def _dataset(item: Any, name: str, found: Variables) -> None:
     declared, stored = item.size * item.dtype.itemsize, item.id.get_storage_size()
     if declared > min(MOST_BYTES, MOST_EXPANSION * (stored + 64)):
-        raise Malformed(f"{declared} bytes declared, {stored} stored")
+        raise Malformed(f"{declared} bytes declared, {stored} present")
     values = np.asarray(item[()]).T
     if item.attrs.get("MATLAB_class") == b"char":
         found.add(name, "".join(chr(int(code)) for code in values.ravel(order="F")))

@@ -124,7 +124,7 @@ class _Reading:
 
     def _message(self, message: Message) -> None:
         if message.log_time >= 2**63:
-            raise ValueError("its time is beyond all clocks")
+            raise ValueError("its time is out of range")
         self.seen += 1
         channel = self.channels.get(message.channel_id)
         topic = channel.topic if channel is not None else ""
@@ -215,7 +215,7 @@ def read_mcap(path: Path) -> Recording:
         found.append(
             Damage(
                 "values",
-                "the checksum over the data does not hold: some bytes are not what was written",
+                "the checksum of the data does not match: some bytes differ from those written",
             )
         )
     if reading.counted is not None and reading.counted != reading.seen and not found and not damage:
@@ -224,7 +224,7 @@ def read_mcap(path: Path) -> Recording:
         found.append(
             Damage(
                 "values",
-                f"{reading.seen} messages are there, the file's own statistics count"
+                f"{reading.seen} messages are present, but the file's own statistics count"
                 f" {reading.counted}",
             )
         )
@@ -381,8 +381,8 @@ def _topics(reading: _Reading, start: int) -> tuple[dict[str, Topic], list[Damag
             )
         if series.not_finite:
             what = (
-                f"{series.not_finite} numbers are NaN or beyond all bounds, which JSON does not"
-                " have: read as missing"
+                f"{series.not_finite} numbers are NaN or infinite, which JSON does not"
+                " allow: read as missing"
             )
             damage.append(Damage("values", what, name))
         topics[name] = Topic(name, time, _columns(series))

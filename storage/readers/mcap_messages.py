@@ -87,14 +87,14 @@ def _limited(data: bytes) -> bytes:
 def _json_numbers(data: bytes) -> Numbers:
     message = json.loads(_limited(data).decode("utf-8"), object_pairs_hook=_once)
     if not isinstance(message, dict):
-        raise MessageError("no JSON object")
+        raise MessageError("not a JSON object")
     return _numbers(message, _json_parts, needs_finite=True)
 
 
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     found = dict(pairs)
     if len(found) < len(pairs):
-        raise MessageError("a name stands twice in them")
+        raise MessageError("a name occurs twice in them")
     return found
 
 
@@ -138,7 +138,9 @@ def _numbers(message: Any, parts: Callable[[Any], Parts | None], needs_finite: b
         for part, value in inner:
             longer = f"{name}.{part}" if name else part
             if len(longer) > LONGEST_NAME or not _is_text(longer):
-                found.skipped.add(f"a name that is no text, or longer than {LONGEST_NAME} letters")
+                found.skipped.add(
+                    f"a name that is not text, or longer than {LONGEST_NAME} characters"
+                )
             else:
                 collect(value, longer, depth + 1)
 
@@ -148,7 +150,7 @@ def _numbers(message: Any, parts: Callable[[Any], Parts | None], needs_finite: b
 
 def _put(found: Numbers, name: str, value: float | int | bool, needs_finite: bool) -> None:
     if name in found.values:  # {"a.b": 1, "a": {"b": 2}}
-        raise MessageError("a name stands twice in them")
+        raise MessageError("a name occurs twice in them")
     if isinstance(value, int) and not -(2**63) <= value < 2**64:
         value = float(value)
     if needs_finite and not math.isfinite(value):

@@ -62,12 +62,10 @@ def read_text(data: bytes, where: str) -> TextTable:
     units = {name: unit for name, unit in (_split_unit(name) for name in columns) if unit}
     named = {_split_unit(name)[0]: values for name, values in columns.items()}
     if len(named) < len(columns):
-        raise InputError(
-            "two columns have the same name", where, "give each column a name of its own"
-        )
+        raise InputError("two columns have the same name", where, "give each column a unique name")
     if not named:
         raise InputError(
-            "no column holds numbers", where, "check the delimiter and the decimal sign"
+            "no column contains numbers", where, "check the delimiter and the decimal sign"
         )
     return TextTable(named, units, damage + broken, {"skipped": ", ".join(text)} if text else {})
 
@@ -150,7 +148,7 @@ def _check_ragged(body: bytes, delimiter: str, offset: int, width: int | None, w
     if other.size:
         line = int(other[0])
         what = f"line {line + 1 + offset} has {counts[line]} fields, {width} were expected"
-        raise InputError(what, where, "repair that line, or quote texts that hold the delimiter")
+        raise InputError(what, where, "repair that line, or quote texts that contain the delimiter")
     return width
 
 
@@ -209,7 +207,7 @@ def _columns(
         if bad.any():
             row = int(np.argmax(bad))
             what = (
-                f"{bad.sum()} cells of column '{name}' are no numbers, the first in row {row + 1}:"
+                f"{bad.sum()} cells of column '{name}' are not numbers, the first in row {row + 1}:"
                 f" {series[row]!r:.40}"
             )
             damage.append(Damage("values", what, topic="table"))

@@ -28,7 +28,7 @@ MAGIC = b"ULog\x01\x12\x35"
 #: Maximum number of damaged intervals listed one by one; the rest is one entry.
 _LISTED = 200
 _TYPES = {name: np.dtype(entry[2]).newbyteorder("<") for name, entry in ULog._UNPACK_TYPES.items()}
-_NO_LOG = "check that the transfer was complete; the original on the vehicle may still be whole"
+_NO_LOG = "check that the transfer was complete; the original on the vehicle may still be intact"
 
 
 def read_ulog(path: Path, topics: Collection[str] | None = None) -> Recording:

@@ -63,7 +63,7 @@ def _send(target: Notification, message: Mapping[str, Any]) -> str:
 def _to_webhook(address: str, data: bytes) -> str:
     url = os.environ.get(address[1:], "") if address.startswith("$") else address
     if not url.startswith(("https://", "http://")):
-        return f"webhook: {address} holds no http(s) address"
+        return f"webhook: {address} does not contain an http(s) address"
     try:
         request = urllib.request.Request(
             url, data, {"Content-Type": "application/json"}, method="POST"
@@ -72,7 +72,7 @@ def _to_webhook(address: str, data: bytes) -> str:
             return ""
     except HTTPError as error:
         error.close()
-        return f"webhook: it answered {error.code}"
+        return f"webhook: the server answered {error.code}"
     except (OSError, ValueError, HTTPException) as error:
         return f"webhook: {type(error).__name__}"  # its text may hold the address or a part of it
 

@@ -152,7 +152,7 @@ FAULTY: dict[str, tuple[str, Callable[[Path], Any], str]] = {
     "prose": (
         "prose.csv",
         lambda path: path.write_text("once upon a time\nthere was a log\n"),
-        "no column holds numbers",
+        "no column contains numbers",
     ),
     "no_layout": (
         "other.csv",

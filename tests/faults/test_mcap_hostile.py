@@ -152,7 +152,7 @@ def test_hostile_names_are_names(tmp_path: Path) -> None:
         assert {name: values.tolist() for name, values in topic.fields.items()} == {
             name: [k] for k, name in enumerate(names)
         }
-        assert "is no text" in str(parsed.recording.metadata["not read: /../v"])
+        assert "is not text" in str(parsed.recording.metadata["not read: /../v"])
     assert {entry.name for entry in tmp_path.iterdir()} == {"a.mcap"}
 
 

@@ -216,7 +216,7 @@ def test_a_cluster_that_goes_away_is_said_and_the_same_run_works_afterwards(
         ('engine = "dask"', "requires the address"),
         ('engine = "dask"\naddress = "127.0.0.1:8786"', "as tcp://"),
         ('engine = "dask"\naddress = "tcp://192.0.2.7:8786"', "can run any code on its workers"),
-        ('engine = "dask"\naddress = "$NOT_SET"', "NOT_SET holds no address"),
+        ('engine = "dask"\naddress = "$NOT_SET"', "NOT_SET does not contain an address"),
         ('engine = "dask"\naddress = "$FAR"', "can run any code on its workers"),
     ],
 )

@@ -213,7 +213,7 @@ def test_damaged_cells_are_reported(tmp_path: Path) -> None:
         ("cut.h5", b"\x89HDF\r\n\x1a\n" + bytes(100), "HDF5"),
         ("ragged.csv", b"a,b\n1,2\n3,4,5\n6,7\n", "line 3 has 3 fields"),
         ("short.txt", b"# c\n1 2\n3\n4 5\n", "line 3 has 1 fields"),
-        ("words.csv", b"a,b\nx,y\nz,w\n", "no column holds numbers"),
+        ("words.csv", b"a,b\nx,y\nz,w\n", "no column contains numbers"),
         ("header.csv", b"a,b\n", "no rows"),
         ("twice.csv", b"a [m],a [ft]\n1,2\n", "same name"),
         ("short.mat", b"MATLAB 5.0 MAT-file" + bytes(20), "not a .mat file"),
