@@ -80,8 +80,8 @@ def page_of_ids(
 
 
 def _order(place: _Cursor) -> tuple[Any, ...]:
-    """Sorts newest first, ids within the same moment upwards: a time is text of digits, turned
-    round digit by digit."""
+    """Sort key: newest first, then ids in ascending order. A time is a text of digits; each digit
+    is inverted."""
     return tuple(-ord(digit) for digit in place[0]), place[1]
 
 
@@ -99,7 +99,7 @@ def _cursor(text: str) -> _Cursor:
 
 
 def _window(vehicle: str, start: _Cursor | None, most: int) -> sa.Select[Any]:
-    """The next `most` flights of a vehicle; an index holds them in this order."""
+    """The next `most` flights of a vehicle; an index contains them in this order."""
     c = s.flights.c
     query = sa.select(c.id, c.name, c.log_sha256, c.added_utc).where(c.vehicle == vehicle)
     if start is not None:
@@ -110,7 +110,7 @@ def _window(vehicle: str, start: _Cursor | None, most: int) -> sa.Select[Any]:
 def _last(
     connection: sa.Connection, vehicle: str, start: _Cursor | None, most: int
 ) -> _Cursor | None:
-    """The last flight of a window, None where the list ends within it."""
+    """The last flight of a window; None if the list ends within the window."""
     row = connection.execute(_window(vehicle, start, most).offset(most - 1).limit(1)).one_or_none()
     return None if row is None else (row.added_utc, row.id)
 
@@ -118,7 +118,7 @@ def _last(
 def _matching(
     connection: sa.Connection, window: sa.Select[Any], asked: FlightFilter, most: int
 ) -> list[_Cursor]:
-    """The first `most` flights of a window that are asked for."""
+    """The first `most` flights of a window that match the filter."""
     w = window.subquery()
     query = sa.select(w.c.added_utc, w.c.id).order_by(w.c.added_utc.desc(), w.c.id).limit(most)
     if asked.text:
@@ -138,7 +138,7 @@ def _matching(
 
 
 def _judged(flight: sa.ColumnElement[str], verdict: str) -> sa.ColumnElement[bool]:
-    """Whether the newest verdict on a flight is this one, or it was retracted."""
+    """Whether a flight has this newest verdict, or was retracted."""
     e = s.flight_events.c
     if verdict == RETRACTED:
         return sa.exists().where(e.flight == flight, e.kind == "retracted")
@@ -152,8 +152,8 @@ def _judged(flight: sa.ColumnElement[str], verdict: str) -> sa.ColumnElement[boo
 
 
 def _named(connection: sa.Connection, asked: FlightFilter) -> list[str]:
-    """Flights whose name is the text or whose id begins with it, wherever they stand in the list:
-    indices hold both."""
+    """Flights whose name is the text, or whose id begins with it, anywhere in the list; both are
+    indexed."""
     c, text = s.flights.c, asked.text
     if not enc.REFERENCE.fullmatch(text):
         return []

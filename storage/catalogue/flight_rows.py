@@ -179,7 +179,7 @@ class FlightLedger(Ledger):
         )
 
     def flights_by_id(self, ids: Iterable[str]) -> dict[str, FlightRow]:
-        """Id -> flight, for those of `ids` that there are."""
+        """Id -> flight, for those of `ids` that exist."""
         with self._database.reading() as connection:
             return {
                 row.id: row
@@ -188,8 +188,8 @@ class FlightLedger(Ledger):
             }
 
     def newest_flights(self, vehicle: str, limit: int) -> tuple[FlightRow, ...]:
-        """The flights of a vehicle that were added last, at most `limit`, newest first; the others
-        are not read."""
+        """The flights of a vehicle that were added last, at most `limit`, newest first; no others
+        are read."""
         c = s.flights.c
         query = (
             sa.select(c.id)
@@ -204,12 +204,11 @@ class FlightLedger(Ledger):
         return tuple(rows[id] for id in ids)
 
     def flight_page(self, asked: FlightFilter, limit: int, after: str = "") -> FlightPage:
-        """The flights that were added last, newest first, at most `limit` of those that are `asked`
-        for.
+        """The flights that were added last, newest first: at most `limit` that match `asked`.
 
-        after : the `further` of the page before. What it costs does not grow with the flights
-        stored: a search looks through so many at a time, and its page may hold fewer than there
-        are. InputError where `after` is no place in the list.
+        after : the `further` of the previous page. The cost does not grow with the number of stored
+        flights: a search examines a limited number per page, so a page may have fewer hits than
+        exist. InputError if `after` is not a position in the list.
         """
         with self._database.reading() as connection:
             if asked.vehicle is not None:
@@ -219,14 +218,14 @@ class FlightLedger(Ledger):
         return FlightPage(tuple(rows[id] for id in ids), further)
 
     def flight_labels(self, ids: Iterable[str]) -> dict[str, str]:
-        """Id -> what people call the flight."""
+        """Id -> display name of the flight."""
         return {id: row.label for id, row in self.flights_by_id(ids).items()}
 
     def flights(
         self, vehicle: str | None = None, log_sha256: str | None = None
     ) -> tuple[FlightRow, ...]:
-        """All flights, or those of a vehicle or a log, by start (unknown ones by when they were
-        added)."""
+        """All flights, or those of a vehicle or a log, by start time (by time of addition if the
+        start is unknown)."""
         where: sa.ColumnElement[bool] = sa.true()
         with self._database.reading() as connection:
             if vehicle is not None:

@@ -59,8 +59,8 @@ class RunQueries(Ledger):
     def runs_of(
         self, flows: Iterable[str], limit: int, before: tuple[datetime, str] | None = None
     ) -> tuple[RunRow, ...]:
-        """The newest `limit` runs of these flows, newest first; before : only those further down
-        than this start and id."""
+        """The newest `limit` runs of these flows, newest first; before : only those that follow
+        this start and id in the list."""
         c = s.runs.c
         found: list[RunRow] = []
         with self._database.reading() as connection:

@@ -76,8 +76,8 @@ def last_event(
 
 
 def names_of(connection: sa.Connection, vehicle: str) -> list[str]:
-    """Names that versions of a vehicle have had, sorted: from one to the next, past their
-    events."""
+    """Names that versions of a vehicle have had, sorted; each query skips to the next name without
+    reading the events."""
     c, names = s.name_events.c, [""]
     while True:
         query = (
@@ -122,7 +122,7 @@ def roles_of(connection: sa.Connection, version: str | None) -> dict[str, Role]:
 
 
 def no_version(id: str, vehicle: str = "") -> UnknownNameError:
-    """The error for an id that no version has."""
+    """The error for an unknown version id."""
     where = f"vehicle {vehicle}" if vehicle else ""
     return UnknownNameError(
         f"unknown version id {enc.shown(id)}", where, "list them: aerodb version list"

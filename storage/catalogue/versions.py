@@ -162,7 +162,7 @@ class VersionLedger(NameLedger, LineageLedger):
         return row
 
     def versions_by_id(self, ids: Iterable[str]) -> dict[str, VersionRow]:
-        """Id -> version, for those of `ids` that there are."""
+        """Id -> version, for those of `ids` that exist."""
         with self._database.reading() as connection:
             return {
                 row.id: row
@@ -182,7 +182,7 @@ class VersionLedger(NameLedger, LineageLedger):
         return VersionDocuments(row.content, enc.from_json(row.settings), enc.from_json(row.report))
 
     def reports_of(self, ids: Iterable[str]) -> dict[str, Mapping[str, Any]]:
-        """Id -> the report that the version was made with, for those of `ids` that there are."""
+        """Id -> the report that the version was made with, for those of `ids` that exist."""
         c = s.versions.c
         with self._database.reading() as connection:
             queries = [
@@ -195,7 +195,7 @@ class VersionLedger(NameLedger, LineageLedger):
             }
 
     def settings_of(self, ids: Iterable[str]) -> dict[str, Mapping[str, Any]]:
-        """Id -> the settings that made the version, for those of `ids` that there are."""
+        """Id -> the settings that made the version, for those of `ids` that exist."""
         c = s.versions.c
         with self._database.reading() as connection:
             queries = [

@@ -43,8 +43,8 @@ class StoredSeries:
         return int(self._file.metadata.num_rows)
 
     def ends(self) -> tuple[float, float]:
-        """First and last ``time`` [s] of a series on one rising time grid, from the file's own
-        statistics: nothing is read."""
+        """First and last ``time`` [s] of a series on one increasing time grid, from the statistics
+        in the file: no column is read."""
         place = self.columns.index("time")
         groups = [
             self._file.metadata.row_group(k).column(place).statistics
@@ -58,10 +58,10 @@ class StoredSeries:
     def read(
         self, names: Iterable[str], first: int = 0, last: int | None = None
     ) -> dict[str, NDArray[Any]]:
-        """Rows `first` to `last` (not included) of the columns `names`, each (rows,) with its own
+        """Rows `first` to `last` (exclusive) of the columns `names`, each (rows,) with its own
         dtype.
 
-        Raises UnknownNameError for a column that there is not, InputError for a damaged file.
+        Raises UnknownNameError for an unknown column, InputError for a damaged file.
         """
         wanted = list(dict.fromkeys(names))
         for name in wanted:

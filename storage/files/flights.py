@@ -32,10 +32,10 @@ INDEX: Final = "recording.json"
 
 
 def write_flight(path: Path, flight: Flight) -> None:
-    """Stores `flight` at `path`: column ``time``, one per channel, one ``flags_<channel>`` per
+    """Store `flight` at `path`: column ``time``, one per channel, and one ``flags_<channel>`` per
     flagged channel.
 
-    Raises UnknownNameError for a channel that the glossary does not know; then nothing is written.
+    Raises UnknownNameError for a channel that is not in the glossary; then nothing is written.
     """
     columns = [_registered("time", flight.time)]
     columns += [_registered(name, values) for name, values in flight.channels.items()]
@@ -57,10 +57,10 @@ def write_flight(path: Path, flight: Flight) -> None:
 
 
 def read_flight(path: Path, channels: Iterable[str] | None = None) -> Flight:
-    """The flight stored at `path`, with all channels or only those named (and their flags).
+    """The flight stored at `path`, with all channels or only the named ones (and their flags).
 
-    Raises InputError when there is no such file or it is damaged, UnknownNameError for a channel
-    that it lacks.
+    Raises InputError when the file is missing or damaged, UnknownNameError for a channel that it
+    does not contain.
     """
     stored = read_metadata(path, "flight")
     known, flags = stored["channels"], stored["flags"]
@@ -92,7 +92,7 @@ def read_flight(path: Path, channels: Iterable[str] | None = None) -> Flight:
 def write_results(
     path: Path, table: Mapping[str, NDArray[Any]], metadata: Mapping[str, Any]
 ) -> None:
-    """Stores a result in long form: columns of one length, each a registered result column or
+    """Store a result in long form: columns of one length, each a registered result column or
     channel.
 
     Raises UnknownNameError for a column that is not registered, ValueError for columns of unequal
@@ -106,18 +106,18 @@ def write_results(
 def read_results(
     path: Path, columns: Iterable[str] | None = None
 ) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-    """A stored result (all columns or those named) and its metadata; InputError when missing or
-    damaged."""
+    """A stored result (all columns or the named ones) and its metadata; InputError when it is
+    missing or damaged."""
     table, document = read_columns(path, "result", columns)
     return table, document["metadata"]
 
 
 def write_topics(folder: Path, recording: Recording) -> None:
-    """Makes `folder` and stores a log's topics in it as they are: one Parquet file per topic, and
-    an index that names them.
+    """Create `folder` and store a log's topics in it unchanged: one Parquet file per topic, and an
+    index that names them.
 
-    Topics are written one after another, as they come: not atomic. dtypes are preserved. A topic's
-    name never becomes a file name.
+    Topics are written one after another, so the folder is not written atomically. dtypes are
+    preserved. A topic's name never becomes a file name.
     """
     folder.mkdir()
     files = []
@@ -131,10 +131,10 @@ def write_topics(folder: Path, recording: Recording) -> None:
         "sha256": recording.sha256,
         "size": recording.size,
         "topics": list(recording.topics),
-        # Hash and size of each topic's file: who has the index's own hash has them all.
+        # Hash and size of each topic's file, so the hash of the index covers all of them.
         "files": files,
         "metadata": dict(recording.metadata),
-        # As a list too: the log's own order is not the sorted order of JSON keys.
+        # Also as a list, because the order in the log differs from the sorted order of JSON keys.
         "metadata_order": list(recording.metadata),
         "damage": [asdict(d) for d in recording.damage],
         "start_utc": _time_text(recording.start_utc),
@@ -144,10 +144,10 @@ def write_topics(folder: Path, recording: Recording) -> None:
 
 
 def files_of(folder: Path) -> dict[str, tuple[str, int]]:
-    """File name -> (sha256, size) of the topics' files of a stored recording, as its index says;
+    """File name -> (sha256, size) of the topic files of a stored recording, from its index;
     InputError without one.
 
-    The hash is empty where the index is of a time when it held none.
+    The hash is empty if the index is from a version that did not store hashes.
     """
     known = files_in(_index(folder))
     if all(sha256 for sha256, _ in known.values()):
@@ -160,7 +160,7 @@ def files_of(folder: Path) -> dict[str, tuple[str, int]]:
 
 
 def files_in(index: Mapping[str, Any]) -> dict[str, tuple[str, int]]:
-    """The same of an index that is read already; where it holds no hash, it holds no size either:
+    """The same for an index that has already been read; without a hash there is no size either:
     0."""
     names = [f"{number:04d}.parquet" for number in range(len(index["topics"]))]
     known = index.get("files") or [("", 0)] * len(names)
@@ -182,10 +182,10 @@ def _index(folder: Path) -> dict[str, Any]:
 def read_recording(
     folder: Path, topics: Iterable[str] | None = None, fields: bool = True
 ) -> Recording:
-    """The recording stored in `folder`, with all topics or only those named (UnknownNameError for
-    one it lacks).
+    """The recording stored in `folder`, with all topics or only the named ones (UnknownNameError
+    for an unknown one).
 
-    fields : without them, a topic is its time stamps alone, which is much quicker.
+    fields : if False, only time stamps are read, which is much faster.
     """
     index = _index(folder)
     wanted = index["topics"] if topics is None else list(topics)
@@ -203,8 +203,8 @@ def read_recording(
 
 
 def open_recording(folder: Path) -> Recording:
-    """The recording stored in `folder`, its topics and fields read when they are asked for: it must
-    stay there until then."""
+    """The recording stored in `folder`; its topics and fields are read on demand, so the folder
+    must stay in place until then."""
     index = _index(folder)
     return _recording(index, StoredTopics(folder, index["topics"]))
 

@@ -135,8 +135,8 @@ class Objects:
         return True
 
     def blocks(self, stored: StoredFile) -> Iterator[bytes] | None:
-        """The bytes of a file's object, block by block, None where there is none; raises as
-        `fetch`, at the end at the latest."""
+        """Iterate over the bytes of a file's object in blocks; None if there is no object. Raises
+        as `fetch`, at the end at the latest."""
         with self._faults(stored):
             try:
                 stream = self._service.open_input_stream(self._name(stored), compression=None)
@@ -158,7 +158,7 @@ class Objects:
             )
 
     def has(self, stored: StoredFile) -> bool:
-        """Whether the object of a file is there, whole."""
+        """Whether the complete object of a file exists."""
         is_whole = self._is_whole(stored)
         if not is_whole:
             self.require_bucket()
@@ -177,11 +177,11 @@ class Objects:
                 raise StoreError("the bucket does not exist", self.url, _WHERE)
 
     def below(self, folder: str) -> dict[str, tuple[StoredFile, float]]:
-        """Address -> file, and when its object was put [s since 1970], for all below a `folder` of
-        the store.
+        """Address -> file, and the time of its upload [s since 1970], for all objects below a
+        `folder` of the store.
 
-        What bears no hash is no file of ours: its `path` is the object's own then, and its hash is
-        empty.
+        An object without a hash in its name was not written by aerodb: its `path` is its own name,
+        and its hash is empty.
         """
         found = {}
         for entry in self._listed(folder, recursive=True):
@@ -197,7 +197,7 @@ class Objects:
         return found
 
     def folders(self, folder: str) -> list[str]:
-        """The folders in a `folder` of the store: those of its fan-out."""
+        """Subfolders of a `folder` of the store: the folders of its fan-out."""
         listed = self._listed(folder, recursive=False)
         return sorted(
             entry.path.removeprefix(f"{self._root}/") for entry in listed if not entry.is_file
@@ -216,7 +216,7 @@ class Objects:
         return listed
 
     def address(self, stored: StoredFile) -> str:
-        """The object of a file as the tools of S3 call it."""
+        """Address of a file's object, as used by S3 tools."""
         return f"s3://{self._name(stored)}"
 
     @property

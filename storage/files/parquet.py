@@ -28,7 +28,7 @@ _CHECK = b"aerodb.sha256"
 
 @dataclass(frozen=True)
 class Column:
-    """One column: its name, values (n,), and what to write beside them (unit, description)."""
+    """One column: its name, values (n,), and optional metadata (unit, description)."""
 
     name: str
     values: NDArray[Any]
@@ -36,10 +36,10 @@ class Column:
 
 
 def write_columns(path: Path, columns: Sequence[Column], metadata: Mapping[str, Any]) -> None:
-    """Writes columns of one length to `path`, with `metadata` (JSON) in the schema.
+    """Write columns of one length to `path`, with `metadata` (JSON) in the schema.
 
-    Values: bool, integers, floats, text or bytes, of any byte order; others are refused with
-    InputError, unequal lengths with ValueError.
+    Values: bool, integers, floats, text or bytes, of any byte order. Other types raise InputError,
+    unequal lengths ValueError.
     """
     rows = len(columns[0].values) if columns else 0
     for c in columns:
@@ -76,18 +76,18 @@ def write_columns(path: Path, columns: Sequence[Column], metadata: Mapping[str, 
 
 
 def read_metadata(path: Path, kind: str) -> dict[str, Any]:
-    """The metadata that `write_columns` was given; InputError when the file is absent, damaged or
-    of another kind."""
+    """The metadata given to `write_columns`; InputError when the file is missing, damaged or of
+    another kind."""
     return _metadata(_opened(path).schema_arrow, path, kind)
 
 
 def read_columns(
     path: Path, kind: str, names: Iterable[str] | None = None
 ) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-    """Columns (all, or those named) in stored order with their own dtypes, and the metadata.
+    """Columns (all, or the named ones) in stored order with their own dtypes, and the metadata.
 
-    Raises InputError when the file is absent, damaged or not of this `kind`, UnknownNameError for a
-    column it lacks.
+    Raises InputError when the file is missing, damaged or not of this `kind`, UnknownNameError for
+    an unknown column.
     """
     file = _opened(path)
     schema = file.schema_arrow
@@ -126,8 +126,8 @@ def _plain(value: Any) -> Any:
 
 def _opened(path: Path) -> Any:
     try:
-        # Strings come back as dictionary arrays: the few different axis names of a million rows are
-        # made once.
+        # Strings are read as dictionary arrays, so the few different axis names of a million rows
+        # are created once.
         schema = pq.read_schema(path)
         text = [
             name
@@ -196,7 +196,7 @@ def _to_arrow(values: NDArray[Any], kind: Any, name: str) -> Any:
     native = np.ascontiguousarray(values, dtype=values.dtype.newbyteorder("="))
     if native.dtype.kind not in "iuf":
         return pa.array(native, type=kind)
-    # `pa.array` and `to_numpy` ask pandas, whose import takes longer than to write or read ten
+    # `pa.array` and `to_numpy` import pandas, which takes longer than writing or reading ten
     # minutes of flight.
     return pa.Array.from_buffers(kind, len(native), [None, pa.py_buffer(native)])
 

@@ -22,10 +22,9 @@ _CACHED: Final = 16
 
 
 class StoredTopics(Mapping[str, Topic]):
-    """The topics of a stored recording by name, read on first access, and of each topic only the
-    fields used.
+    """Topics of a stored recording by name, read on first access; only the fields used are read.
 
-    folder : of the recording. names : its topics, in the order in which they are numbered.
+    folder : of the recording. names : its topics, in the order of their numbers.
     """
 
     def __init__(self, folder: Path, names: Sequence[str]) -> None:
@@ -51,7 +50,7 @@ class StoredTopics(Mapping[str, Topic]):
 
 
 class _StoredFields(Mapping[str, NDArray[Any]]):
-    """The fields of a stored topic by name; each is a column that is read once."""
+    """Fields of a stored topic by name; each is a column that is read once."""
 
     def __init__(self, path: Path, columns: Mapping[str, str]) -> None:
         self._path, self._columns = path, columns
@@ -81,7 +80,7 @@ def _open_topic(path: Path) -> Topic:
 
 
 def write_topic(path: Path, topic: Topic) -> None:
-    """Writes a topic to `path`, dtypes preserved."""
+    """Write a topic to `path`; dtypes are preserved."""
     time, clock = _compact_time(topic.time)
     # A field's name is the log's own and may be anything: columns carry it where Parquet can, the
     # metadata always does.
@@ -107,8 +106,8 @@ def write_topic(path: Path, topic: Topic) -> None:
 
 
 def read_topic(path: Path, with_fields: bool) -> Topic:
-    """The topic stored at `path`; without its fields it is its time stamps alone. InputError when
-    it is missing or damaged."""
+    """The topic stored at `path`; without fields, only its time stamps. InputError when it is
+    missing or damaged."""
     columns, stored = read_columns(path, "topic", None if with_fields else ["time"])
     time = columns["time"]
     if stored["clock"]:
@@ -124,8 +123,8 @@ _CLOCKS = {"divided": lambda ticks: ticks / 1e6, "multiplied": lambda ticks: tic
 
 
 def _compact_time(time: NDArray[np.float64]) -> tuple[NDArray[Any], str]:
-    """Time as int64 microseconds where that is exact to the last bit, and which clock undoes it;
-    else as it is."""
+    """Time as int64 microseconds if this is exact to the last bit, and the name of the inverse
+    conversion; otherwise unchanged."""
     if len(time) and np.all(np.abs(time) < 2**52 / 1e6):  # false for NaN and infinity too
         ticks = np.rint(time * 1e6).astype(np.int64)
         for clock, seconds in _CLOCKS.items():

@@ -33,9 +33,12 @@ _IN_USE: Final = 600.0
 
 @dataclass(frozen=True)
 class Part:
-    """One folder of the fan-out: files that the catalogue names (topics included), and what is in
-    the object store, by address, with the time when it was put [s since 1970]; and the folders of
-    recordings whose index is nowhere, or damaged: their topics are not among the files."""
+    """One folder of the fan-out.
+
+    Files that the catalogue names (topics included); objects in the object store by address, with
+    their upload times [s since 1970]; and folders of recordings whose index is missing everywhere
+    or damaged, so that their topics are not among the files.
+    """
 
     files: tuple[StoredFile, ...]
     objects: Mapping[str, tuple[StoredFile, float]]
@@ -79,12 +82,12 @@ def require_unused(objects: Objects) -> None:
 
 
 def parts(workspace: Workspace, catalogue: Catalogue, objects: Objects) -> Iterator[Part]:
-    """The whole store, folder by folder: memory use does not grow with it."""
+    """The whole store, folder by folder, so that memory use does not grow with it."""
     for folder in STORE:
         there = set(objects.folders(folder))
         for place in sorted({*there, *(f"{folder}/{number:02x}" for number in range(256))}):
-            # Rows first: what has one has been put, so that it is in a list made afterwards,
-            # whoever writes meanwhile.
+            # Rows first: a file with a row is already uploaded, so a later list contains it, even
+            # if others write meanwhile.
             rows = catalogue.stored_files(f"{place}/", f"{place}0")  # '0' follows '/'
             found = objects.below(place) if rows or place in there else {}
             if rows or found:
@@ -111,8 +114,8 @@ def _part(
 def _index(
     workspace: Workspace, objects: Objects, row: StoredFile, found: Mapping[str, object]
 ) -> bytes | None:
-    """The text of an index from where it is sound, None where it is nowhere: who checks that says
-    so."""
+    """The text of an index from the place where it is intact; None if there is none: verification
+    reports this."""
     with suppress(OSError):  # it is not here, or leaves the cache just now
         text = workspace.resolve(row.path).read_bytes()
         if hashlib.sha256(text).hexdigest() == row.sha256:
@@ -146,7 +149,7 @@ def push(workspace: Workspace, catalogue: Catalogue) -> TransferReport:
 
     for part in parts(workspace, catalogue, objects):
         absent = [file for file in part.files if not part.has(objects.address(file), file)]
-        # An index comes after its topics, and not without them: who sees it relies on them.
+        # The index is transferred after all its topics, because readers of the index rely on them.
         concurrently(move, [file for file in absent if not file.path.endswith(f"/{INDEX}")])
         lost = {f"{path.rpartition('/')[0]}/{INDEX}" for path in left}
         left.extend(file.path for file in absent if file.path in lost)
@@ -179,7 +182,7 @@ def pull(workspace: Workspace, catalogue: Catalogue) -> TransferReport:
         else:
             left.append(file.path)
 
-    # In portions, as there may be more rows than memory has room for.
+    # In batches, because all rows may not fit into memory.
     portion: list[StoredFile] = []
     for file in catalogue.every_stored_file():
         if not workspace.resolve(file.path).exists():
@@ -235,7 +238,7 @@ def trim(workspace: Workspace, catalogue: Catalogue, size: int | None = None) ->
 
 
 def _cached(workspace: Workspace) -> Iterator[tuple[float, int, Path]]:
-    """When each file or recording of the folder was used last, its bytes, and its place."""
+    """Time of last use of each file or recording in the folder, its size in bytes, and its path."""
     for folder in STORE:
         for place in (workspace.root / folder).glob("??/*"):
             if not is_temporary(place):
@@ -253,7 +256,7 @@ def _last_used(place: Path) -> float:
 
 
 def _is_put(workspace: Workspace, catalogue: Catalogue, objects: Objects, place: Path) -> bool:
-    """Whether all of a file or recording is in the object store."""
+    """Whether a file, or all files of a recording, are in the object store."""
     stored = catalogue.stored_file(workspace.relative(place / INDEX if place.is_dir() else place))
     if stored is None:
         return False

@@ -38,13 +38,15 @@ _PASSED: Final = (
 
 @dataclass(frozen=True)
 class Parsed:
-    """A log whose topics stand in `folder`, which is temporary until `keep` gives it its name."""
+    """A parsed log; its topics are in the temporary folder `folder` until `keep` moves them into
+    place."""
 
     folder: Path
     recording: Recording
 
     def keep(self, place: Path) -> None:
-        """Puts the topics at `place`; what another put there meanwhile stays."""
+        """Move the topics to `place`; topics that another process has put there in the meantime
+        stay."""
         from aerodb.storage.workspace import put_in_place
 
         put_in_place(self.folder, place, keep=True)
@@ -52,12 +54,12 @@ class Parsed:
 
 @contextmanager
 def parsed_log(path: Path, place: Path, limits: Limits) -> Iterator[Parsed]:
-    """The log at `path`, its topics in a temporary folder beside `place`, which is removed at the
-    end unless they were kept.
+    """Parse the log at `path` in another process; its topics are written to a temporary folder
+    beside `place`.
 
-    Raises InputError for a log that is damaged beyond use or takes more than its `limits`: the
-    process that parsed it may have died, nothing else has. StoreError when the topics cannot be
-    written.
+    The temporary folder is removed at the end unless its topics were kept. Raises InputError for a
+    log that is damaged beyond use or exceeds its `limits`; only the process that parsed it may have
+    died. Raises StoreError when the topics cannot be written.
     """
     from aerodb.storage.files import open_recording
 
@@ -103,7 +105,7 @@ class _Worker:
         return answer
 
     def close(self) -> None:
-        """Ends the worker, and with it what it is doing."""
+        """End the worker and its current job."""
         for pipe in (self._process.stdin, self._process.stdout):
             with suppress(OSError):
                 if pipe is not None:
@@ -119,8 +121,8 @@ _lock = threading.Lock()
 
 
 def start_reader() -> None:
-    """Starts a worker in the background, so that the first log finds it ready; nothing when one is
-    waiting already."""
+    """Start a worker in the background, so that it is ready for the first log; do nothing if one is
+    already waiting."""
     with _lock:
         if not any(owner == os.getpid() for owner, _ in _idle):
             _idle.append((os.getpid(), _Worker()))
@@ -136,8 +138,8 @@ def _take() -> _Worker:
 
 
 def _ask(log: Path, job: dict[str, Any]) -> None:
-    """Has a log parsed; raises what became of it. A worker that died is replaced once: it may have
-    died before this log came."""
+    """Have a log parsed, and raise its error if it failed. A dead worker is replaced once, because
+    it may have died before this log."""
     absolute = str(log.absolute())
     for _ in range(2):
         worker = _take()

@@ -46,32 +46,33 @@ _COMPLEX: Final = 0x0800
 
 
 class Malformed(Exception):
-    """Bytes that are no valid element: caught where the variable is named, never seen outside."""
+    """Bytes that are not a valid element; caught where the variable is named, never raised to
+    callers."""
 
 
 @dataclass
 class Variables:
-    """Arrays and texts by dotted name, as the file holds them; names of what is no array; what is
-    damaged."""
+    """Arrays and texts by dotted name, as stored in the file; names of variables that are not
+    arrays; damage."""
 
     values: dict[str, NDArray[Any] | str] = field(default_factory=dict)
     skipped: list[str] = field(default_factory=list)
     damage: list[Damage] = field(default_factory=list)
 
     def add(self, name: str, value: NDArray[Any] | str) -> None:
-        """Adds one variable; Malformed beyond the number that any log has."""
+        """Add one variable; Malformed if there are more than any log has."""
         if len(self.values) >= _MOST_VARIABLES:
             raise Malformed("too many variables")
         self.values[name] = value
 
 
 def is_mat5(data: bytes) -> bool:
-    """Whether the bytes begin as a MAT file of version 5 to 7."""
+    """Whether the bytes begin like a MAT file of version 5 to 7."""
     return len(data) >= 128 and data[124:128] in (b"\x00\x01IM", b"\x01\x00MI")
 
 
 def read_mat5(data: bytes) -> Variables:
-    """Variables of a MAT file of version 5 to 7; a cut or damaged variable is left out and
+    """Variables of a MAT file of version 5 to 7; a truncated or damaged variable is left out and
     reported."""
     order = "<" if data[126:128] == b"IM" else ">"
     found = Variables()
@@ -115,7 +116,7 @@ def _element(view: memoryview, position: int, order: str) -> tuple[int, memoryvi
 
 
 def _inflate(payload: memoryview, order: str) -> memoryview:
-    """The matrix inside a compressed element, its declared size checked before it is unpacked."""
+    """The matrix inside a compressed element; its declared size is checked before decompression."""
     unpacker = zlib.decompressobj()
     tag = unpacker.decompress(payload, 8)
     if len(tag) < 8:
@@ -131,7 +132,7 @@ def _inflate(payload: memoryview, order: str) -> memoryview:
 
 
 def _matrix(body: memoryview, order: str, prefix: str, found: Variables, depth: int) -> None:
-    """Adds the variable in `body` under its own name, or under `prefix` where it is a member of a
+    """Add the variable in `body` under its own name, or under `prefix` if it is a member of a
     struct."""
     if not body:
         return
@@ -192,8 +193,8 @@ def _encoding(stored: int, order: str) -> str:
 
 
 def read_hdf5(data: bytes, where: str) -> Variables:
-    """Variables of a MAT file of version 7.3, or of any HDF5 file: groups as structs, arrays turned
-    back (column first)."""
+    """Variables of a MAT file of version 7.3, or of any HDF5 file: groups as structs, arrays
+    transposed (MATLAB stores columns first)."""
     found = Variables()
     try:
         with h5py.File(io.BytesIO(data), "r") as file:

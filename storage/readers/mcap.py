@@ -42,7 +42,7 @@ from aerodb.storage.readers.mcap_messages import (
     message_reader,
 )
 
-#: Header stamps farther than this from the recorder's clock [s] are of another clock.
+#: Header stamps that differ from the recorder's clock by more than this [s] are from another clock.
 _CLOCKS_APART = 60.0
 _REMEDY = (
     "check that the transfer was complete; `mcap recover` may still save what this reader could not"
@@ -51,9 +51,12 @@ _REMEDY = (
 
 @dataclass
 class _Series:
-    """What one topic has collected: log times [ns], header stamps [ns] (0 without), values per
-    message; all names met, the length of each sequence and which of them change theirs; what is
-    left out; numbers that were none."""
+    """Messages collected for one topic.
+
+    Log times [ns], header stamps [ns] (0 if absent) and values per message; all names found, the
+    length of each sequence and the names of sequences whose length changes; omitted fields; and the
+    number of values that were not finite.
+    """
 
     log_times: list[int] = field(default_factory=list)
     stamps: list[int] = field(default_factory=list)
@@ -65,7 +68,7 @@ class _Series:
     not_finite: int = 0
 
     def add(self, log_time: int, numbers: Numbers) -> None:
-        """Adds a message; MessageError when it brings more names than a topic may have."""
+        """Add a message; MessageError if it has more names than a topic may have."""
         names = numbers.names()
         if not names <= self.names:
             names |= self.names
@@ -84,7 +87,7 @@ class _Series:
 
 @dataclass
 class _Reading:
-    """The state of a reading: definitions met so far, messages collected, damage found."""
+    """State of a reading: definitions so far, messages collected, damage found."""
 
     schemas: dict[int, Schema] = field(default_factory=dict)
     channels: dict[int, Channel] = field(default_factory=dict)
@@ -102,8 +105,7 @@ class _Reading:
     """Messages that the file's own statistics count."""
 
     def take(self, opcode: int, content: bytes) -> None:
-        """Uses one record; a damaged definition costs the messages that need it, which are
-        counted."""
+        """Process one record; messages whose definition is damaged are lost and counted."""
         stream = ReadDataStream(BytesIO(content))
         if opcode == Opcode.MESSAGE:
             self._message(Message.read(stream, len(content)))
@@ -148,7 +150,7 @@ class _Reading:
             self.series[topic] = series
 
     def _reader(self, channel_id: int) -> Reader | str:
-        """The reader of a channel's messages, or why there is none."""
+        """The reader of a channel's messages, or the reason why there is none."""
         if channel_id not in self.readers:
             self.readers[channel_id] = self._new_reader(channel_id)
         return self.readers[channel_id]
@@ -176,17 +178,17 @@ def _words(error: Exception) -> str:
 
 
 def read_mcap(path: Path) -> Recording:
-    """Reads an MCAP file with ROS 2, JSON or protobuf messages, damaged or not.
+    """Read an MCAP file with ROS 2, JSON or protobuf messages, damaged or not.
 
     Returns a Recording: nested fields joined by dots (``pose.orientation.x``), arrays as
-    ``covariance[0]``, joint states by the joint's name (``position.elevator``); times in s since
-    the first message's log time (`start_utc`), from the header's stamp (``header.stamp``,
-    Foxglove's ``timestamp``) where there is one on the recorder's clock, else the log time. Values
-    keep their bits: integers and booleans as such, where every message has one. Damage with an
-    empty topic is what happened to the file; entries with a topic say what of it is missing or
-    could not be decoded.
+    ``covariance[0]``, joint states by the name of the joint (``position.elevator``). Times are in s
+    since the log time of the first message (`start_utc`); they are the header's stamp
+    (``header.stamp``, Foxglove's ``timestamp``) if there is one on the recorder's clock, otherwise
+    the log time. Values keep their bits: integers and booleans keep their type if every message has
+    one. Damage with an empty topic concerns the file; entries with a topic say which of its
+    messages are missing or could not be decoded.
 
-    Raises InputError for what is no MCAP file, or holds no message that can be read. Source: MCAP
+    Raises InputError if the file is not an MCAP file, or contains no readable message. Source: MCAP
     specification.
     """
     size = path.stat().st_size
@@ -240,8 +242,8 @@ def _has_ros2(reading: _Reading) -> bool:
 
 
 def _read_records(handle: BinaryIO, size: int, reading: _Reading) -> bool:
-    """Reads all records into `reading`; returns whether the checksum over the data section, where
-    given, is wrong."""
+    """Read all records into `reading`; returns whether the checksum of the data section, if given,
+    is wrong."""
     is_wrong = False
     for found in walk(handle, size):
         before = reading.last
@@ -303,7 +305,7 @@ def _read_chunk(record: Record, chunk: Chunk, reading: _Reading) -> None:
 
 
 def _salvage(handle: BinaryIO, hole: Hole, reading: _Reading) -> Hole:
-    """Reads what a chunk that the end of the file cut still holds."""
+    """Read the remaining content of a chunk that the end of the file has truncated."""
     content = (
         read_content(handle, Record(Opcode.CHUNK, hole.start, hole.end))
         if hole.end > hole.start + 9
@@ -336,8 +338,8 @@ def _damage(entry: tuple[Hole | Chunk, int, int | None, int | None], start: int)
 
 
 def _left_out(reading: _Reading) -> dict[str, str]:
-    """Fields that cannot be channels, by topic: nothing is damaged there, but they are not read and
-    that is said."""
+    """Fields that cannot be channels, by topic: they are not damaged, but they are not read, and
+    this is reported."""
     notes = {
         name: sorted({*s.skipped, *(f"{v} of changing length" for v in s.varying)})
         for name, s in reading.series.items()
@@ -348,7 +350,7 @@ def _left_out(reading: _Reading) -> dict[str, str]:
 
 
 def _topics(reading: _Reading, start: int) -> tuple[dict[str, Topic], list[Damage]]:
-    """Topics by name, and what of them is damaged or in an encoding that is not read."""
+    """Topics by name, and those parts of them that are damaged or in an unsupported encoding."""
     topics: dict[str, Topic] = {}
     damage = [
         Damage("values", f"{n} messages not read: {why}", topic)
@@ -390,8 +392,8 @@ def _topics(reading: _Reading, start: int) -> tuple[dict[str, Topic], list[Damag
 
 
 def _columns(series: _Series) -> dict[str, np.ndarray[Any, Any]]:
-    """Values of all messages by field; nan where a message has none; sequences of changing length
-    are no fields."""
+    """Values of all messages by field, NaN where a message has none; sequences of changing length
+    are not fields."""
     names = dict.fromkeys(name for row in series.values for name in row)
     kept = (
         name

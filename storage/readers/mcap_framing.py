@@ -36,7 +36,7 @@ class Record:
 
 @dataclass(frozen=True)
 class Hole:
-    """Bytes [start, end) that belong to no record; `tail` when nothing follows them."""
+    """Bytes [start, end) that belong to no record; `tail` if nothing follows them."""
 
     start: int
     end: int
@@ -46,7 +46,7 @@ class Hole:
 @dataclass(frozen=True)
 class Chunk:
     """Records of a chunk, decompressed; times of its first and last message [ns]; `fault` says why
-    `data` may be short."""
+    `data` may be incomplete."""
 
     first: int
     last: int
@@ -55,8 +55,8 @@ class Chunk:
 
 
 def walk(handle: BinaryIO, size: int) -> Iterator[Record | Hole]:
-    """The records of an open file of `size` bytes from behind its magic to the end, and what lies
-    between them."""
+    """The records of an open file of `size` bytes, from after its magic bytes to the end, and the
+    holes between them."""
     at = len(MAGIC)
     while at < size:
         record = _record(handle, at, size)
@@ -78,8 +78,7 @@ def walk(handle: BinaryIO, size: int) -> Iterator[Record | Hole]:
 
 
 def _record(handle: BinaryIO, at: int, size: int) -> Record | None:
-    """The record at `at`, None when its header or its inner lengths contradict each other or the
-    file."""
+    """The record at `at`; None if its header or inner lengths contradict each other or the file."""
     handle.seek(at)
     head = handle.read(_HEAD.size + 64)
     if len(head) < _HEAD.size:
@@ -92,7 +91,7 @@ def _record(handle: BinaryIO, at: int, size: int) -> Record | None:
 
 
 def _is_plausible(opcode: int, length: int, content: bytes) -> bool:
-    """Whether a record's length fits its kind; `content` holds its first bytes."""
+    """Whether the length of a record fits its type; `content` is its first bytes."""
     exact = {Opcode.FOOTER: 20, Opcode.DATA_END: 4, Opcode.SUMMARY_OFFSET: 17}
     if opcode in exact:
         return length == exact[Opcode(opcode)]
@@ -109,7 +108,7 @@ def _is_plausible(opcode: int, length: int, content: bytes) -> bool:
 
 
 def _resume(handle: BinaryIO, at: int, size: int) -> int | None:
-    """The next offset from which three records follow each other (fewer only at the end of the
+    """The next offset at which three consecutive records follow (fewer only at the end of the
     file)."""
     while at < size:
         handle.seek(at)
@@ -147,8 +146,8 @@ def read_content(handle: BinaryIO, record: Record) -> bytes:
 
 
 def open_chunk(content: bytes) -> Chunk:
-    """A chunk, whole or cut, as far as it can be decompressed; records that fail the chunk's
-    checksum are not given."""
+    """A chunk, complete or truncated, decompressed as far as possible; records of a chunk with a
+    wrong checksum are not returned."""
     if len(content) < _CHUNK.size:
         return Chunk(0, 0, b"", "cut in its header")
     first, last, expected, crc, name = _CHUNK.unpack_from(content)
@@ -167,7 +166,7 @@ def open_chunk(content: bytes) -> Chunk:
 
 
 def _decompress(compression: bytes, packed: bytes) -> bytes:
-    """As much as `packed` yields; a cut stream gives its intact beginning."""
+    """Decompress as much of `packed` as possible; a truncated stream gives its intact beginning."""
     if compression == b"zstd":
         return zstandard.ZstdDecompressor().decompressobj().decompress(packed)
     if compression == b"lz4":
@@ -178,7 +177,7 @@ def _decompress(compression: bytes, packed: bytes) -> bytes:
 
 
 def inner_records(data: bytes) -> Iterator[tuple[int, bytes, int]]:
-    """Opcode, content and end offset of each whole record in decompressed chunk `data`."""
+    """Opcode, content and end offset of each complete record in the decompressed chunk `data`."""
     at = 0
     while at + _HEAD.size <= len(data):
         opcode, length = _HEAD.unpack_from(data, at)

@@ -17,13 +17,13 @@ from mcap_ros2.decoder import DecoderFactory
 
 from aerodb.storage.readers.mcap_protobuf import protobuf_parts, protobuf_type
 
-#: Longer sequences (images, point clouds) are no channels.
+#: Longer sequences (images, point clouds) are not channels.
 LONGEST_SEQUENCE: Final = 64
-#: Fields, sequences and what is left out of one topic, together.
+#: Maximum number of fields, sequences and omitted fields of one topic, together.
 MOST_NAMES: Final = 2000
 LONGEST_NAME: Final = 250
 DEEPEST: Final = 32
-#: A larger JSON or protobuf message [bytes] holds images or clouds; a larger schema is none.
+#: Larger JSON or protobuf messages [bytes] hold images or point clouds; a larger schema is invalid.
 LARGEST_MESSAGE: Final = 1 << 24
 LARGEST_SCHEMA: Final = 1 << 22
 _SECONDS: Final = ("sec", "secs", "seconds")
@@ -34,15 +34,15 @@ Parts = Iterable[tuple[str, Any]]
 
 
 class MessageError(Exception):
-    """A message or schema that is not used; the words are of a closed list, since messages are
+    """A message or schema that is not used; its texts are from a fixed set, because messages are
     counted by them."""
 
 
 @dataclass
 class Numbers:
-    """What one message holds: numbers by name, the header's stamp [ns] (0 without), the lengths of
-    its sequences, what was left out, and how many numbers were NaN or infinite although the
-    encoding has no such numbers."""
+    """Content of one message: numbers by name, the header's stamp [ns] (0 if absent), the lengths
+    of its sequences, omitted fields, and the number of NaN or infinite values in an encoding that
+    does not allow them."""
 
     values: Values = field(default_factory=dict)
     stamp: int = 0
@@ -58,10 +58,10 @@ Reader = Callable[[bytes], Numbers]
 
 
 def message_reader(channel: Channel, schema: Schema | None, ros2: DecoderFactory) -> Reader | None:
-    """The function that reads the messages of `channel`, None where the encoding is not supported.
+    """Function that reads the messages of `channel`; None if the encoding is not supported.
 
-    Raises MessageError, or what the libraries raise, for a schema that cannot be used. The reader
-    that is returned raises likewise for messages.
+    Raises MessageError, or an error of the decoding library, for an unusable schema. The returned
+    function raises the same errors for messages.
     """
     if (
         channel.message_encoding == MessageEncoding.JSON
@@ -103,8 +103,8 @@ def _json_parts(value: Any) -> Parts | None:
 
 
 def _numbers(message: Any, parts: Callable[[Any], Parts | None], needs_finite: bool) -> Numbers:
-    """The numbers of a nested message; `parts` gives names and values of a nested one, None for
-    what is not nested."""
+    """The numbers of a nested message; `parts` returns names and values of a nested value, None for
+    any other value."""
     found = Numbers()
 
     def collect(value: Any, name: str, depth: int) -> None:
@@ -159,13 +159,13 @@ def _put(found: Numbers, name: str, value: float | int | bool, needs_finite: boo
 
 
 def _is_text(name: str) -> bool:
-    """Whether a name can be written: JSON may hold halves of surrogate pairs."""
+    """Whether a name can be encoded: JSON may contain unpaired surrogates."""
     return name.isascii() or not any("\ud800" <= letter <= "\udfff" for letter in name)
 
 
 def _nanoseconds(stamp: dict[str, Any]) -> int | None:
-    """A stamp of whole seconds and nanoseconds under their usual names (ROS, Foxglove, protobuf)
-    [ns]; None for anything else."""
+    """A time stamp [ns] from whole seconds and nanoseconds under their usual names (ROS, Foxglove,
+    protobuf); None for anything else."""
     if len(stamp) != 2:
         return None
     seconds = next((stamp[name] for name in _SECONDS if name in stamp), None)
@@ -180,7 +180,8 @@ def _nanoseconds(stamp: dict[str, Any]) -> int | None:
 
 
 def _ros2_numbers(message: Any) -> Numbers:
-    """A decoded ROS 2 message; joint states by the joint's name (``position.elevator``)."""
+    """Numbers of a decoded ROS 2 message; joint states by the name of the joint
+    (``position.elevator``)."""
     stamp = getattr(getattr(message, "header", None), "stamp", None)
     found = Numbers(stamp=int(stamp.sec) * 10**9 + int(stamp.nanosec) if stamp is not None else 0)
     _flatten(message, "", found.values, found.skipped)
@@ -188,7 +189,7 @@ def _ros2_numbers(message: Any) -> Numbers:
 
 
 def _flatten(value: Any, name: str, into: Values, skipped: set[str]) -> None:
-    """Numbers of a ROS 2 message by dotted name; texts and long sequences are named in
+    """Numbers of a ROS 2 message by dotted name; texts and long sequences are listed in
     `skipped`."""
     if isinstance(value, (bool, int, float)):
         into[name] = value

@@ -18,11 +18,11 @@ from google.protobuf.message_factory import GetMessageClass
 
 
 def protobuf_type(name: str, descriptors: bytes) -> Callable[[bytes], Message]:
-    """The function that parses messages of type `name` (with its package), described by a
-    serialized FileDescriptorSet.
+    """Function that parses messages of type `name` (with its package), described by a serialized
+    FileDescriptorSet.
 
-    Raises what protobuf raises (DecodeError, TypeError), KeyError for a type or an imported file
-    that is not there, and graphlib's CycleError for files that import each other.
+    Raises protobuf's own errors (DecodeError, TypeError), KeyError for a missing type or imported
+    file, and graphlib's CycleError for files that import each other.
     """
     files = {file.name: file for file in FileDescriptorSet.FromString(descriptors).file}
     pool = DescriptorPool()
@@ -35,10 +35,11 @@ def protobuf_type(name: str, descriptors: bytes) -> Callable[[bytes], Message]:
 
 
 def protobuf_parts(value: Any) -> Iterable[tuple[str, Any]] | None:
-    """Names and values of what a message holds, maps by their keys; None for what is neither.
+    """Names and values in a message, maps by their keys; None if the value is neither a message nor
+    a map.
 
-    Fields that know whether they were set (submessages, ``optional``, ``oneof``) are left out when
-    they were not; others have their default, which is never transmitted.
+    Unset fields with presence (submessages, ``optional``, ``oneof``) are left out; other fields
+    have their default, which is never transmitted.
     """
     if isinstance(value, Message):
         return _parts(value)
@@ -56,7 +57,7 @@ def _parts(message: Message) -> Iterator[tuple[str, Any]]:
 
 @lru_cache(maxsize=256)
 def _fields(descriptor: Descriptor) -> tuple[tuple[str, bool, bool], ...]:
-    """Name, whether it knows that it was set, and whether it is a map, of each field."""
+    """Name of each field, whether it has presence, and whether it is a map."""
     return tuple((f.name, f.has_presence, _is_map(f.message_type)) for f in descriptor.fields)
 
 

@@ -29,19 +29,19 @@ SUFFIXES: Final = (".mat", ".h5", ".hdf5", ".parquet", *_TEXT_SUFFIXES)
 
 
 def read_tabular(path: Path) -> Recording:
-    """A table file as a Recording of format ``tabular``; its kind is told by its first bytes, then
-    by its suffix.
+    """Read a table file as a Recording of format ``tabular``; its kind is recognised by its first
+    bytes, else by its suffix.
 
     CSV, ASCII and Parquet give one topic ``table`` whose fields are the named columns, or ``"1"``,
-    ``"2"``, ... where there is no header. In a MAT file each numeric matrix is a topic with fields
-    ``"1"``, ``"2"``, ... (its columns, counted from 1; its rows where it is far wider than high),
-    members of structs have dotted names, all vectors of the longest length are fields of topic
-    ``table`` (of another length n: ``table_n``), numbers and texts are metadata. `Topic.time` is
-    the sample index.
+    ``"2"``, ... without a header. In a MAT file, each numeric matrix is a topic with fields
+    ``"1"``, ``"2"``, ... (its columns, counted from 1; its rows if it is far wider than high),
+    members of structs have dotted names, all vectors of the longest length are fields of the topic
+    ``table`` (of another length n: ``table_n``), and numbers and texts are metadata. `Topic.time`
+    is the sample index.
 
-    Units come from Parquet's field metadata ``unit`` and from headers such as ``alpha [deg]`` or
-    ``alpha (deg)``. Raises InputError for a file that is empty, of another type, ragged, or holds
-    no table; a cut end is reported as damage and what stands before it is kept.
+    Units come from the field metadata ``unit`` of Parquet and from headers such as ``alpha [deg]``
+    or ``alpha (deg)``. Raises InputError for a file that is empty, of another type, ragged, or
+    without a table; a truncated end is reported as damage, and the rows before it are kept.
     """
     where = str(path)
     try:
@@ -91,8 +91,8 @@ def _topic(
 
 
 def _from_variables(found: Variables) -> Parsed:
-    """Matrices as topics of their own, vectors gathered by length, numbers and texts as
-    metadata."""
+    """Topics from variables: matrices as separate topics, vectors grouped by length, numbers and
+    texts as metadata."""
     topics: dict[str, Topic] = {}
     metadata: dict[str, str | int | float] = {}
     vectors: dict[int, dict[str, NDArray[Any]]] = {}
@@ -165,8 +165,8 @@ def _parquet(data: bytes, where: str) -> Parsed:
 
 
 def _numbers(column: pa.ChunkedArray) -> NDArray[Any] | None:
-    """A Parquet column as numbers (nulls are nan, times are seconds since 1970); None where it
-    holds something else."""
+    """A Parquet column as numbers (nulls as NaN, times in s since 1970); None if it contains
+    anything else."""
     kind = column.type
     if pa.types.is_timestamp(kind):
         nanoseconds = column.cast(pa.timestamp("ns", kind.tz), safe=False).cast(pa.int64())

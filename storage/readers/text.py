@@ -21,8 +21,8 @@ _NEWLINE = 0x0A
 
 @dataclass(frozen=True)
 class TextTable:
-    """Columns (n,) by name as float64, units from the header, damage, and the names of columns that
-    hold text."""
+    """Columns (n,) by name as float64, units from the header, damage, and the names of text
+    columns."""
 
     columns: dict[str, NDArray[Any]]
     units: dict[str, str]
@@ -31,12 +31,12 @@ class TextTable:
 
 
 def read_text(data: bytes, where: str) -> TextTable:
-    """A text table from the bytes of its file.
+    """Read a text table from the bytes of its file.
 
-    Leading lines that begin with ``#`` or ``%`` are comments, the last of them the header if it has
-    as many words as there are columns. A last line without a line end may be cut in the middle of a
-    number: it is left out and reported. Raises InputError for binary files, ragged lines (with the
-    first such line), and files without numbers.
+    Leading lines that begin with ``#`` or ``%`` are comments; the last of them is the header if it
+    has as many words as there are columns. A last line without a line end may be truncated within a
+    number, so it is left out and reported. Raises InputError for binary files, ragged lines (naming
+    the first one), and files without numbers.
     """
     _refuse_binary(data, where)
     data = data.removeprefix(b"\xef\xbb\xbf").replace(b"\r\n", b"\n").replace(b"\r", b"\n")
@@ -78,7 +78,7 @@ def _refuse_binary(data: bytes, where: str) -> None:
 
 
 def _without_comments(data: bytes) -> tuple[bytes, list[str], int]:
-    """The table itself, the words of the last comment before it, and how many lines stood before
+    """The table itself, the words of the last comment before it, and the number of lines before
     it."""
     position, lines, comment = 0, 0, b""
     while position < len(data):
@@ -118,8 +118,8 @@ def _words(line: bytes, delimiter: str) -> list[str]:
 
 
 def _is_header(words: list[str]) -> bool:
-    """More than half of the words that are there are no numbers: one damaged number does not make a
-    header."""
+    """Whether more than half of the words in the line are not numbers: one damaged number does not
+    make a header."""
     said = [word for word in words if word]
     return sum(not _is_number(word) for word in said) > 0.5 * len(said)
 
@@ -133,8 +133,8 @@ def _is_number(word: str) -> bool:
 
 
 def _check_ragged(body: bytes, delimiter: str, offset: int, width: int | None, where: str) -> int:
-    """The number of columns, equal on all lines that are not blank; InputError names the first
-    other line."""
+    """The number of columns, equal on all lines that are not blank; InputError names the first line
+    that differs."""
     if b'"' in body:
         rows = csv.reader(
             io.StringIO(body.decode("latin-1")), delimiter=delimiter, skipinitialspace=True
@@ -153,7 +153,7 @@ def _check_ragged(body: bytes, delimiter: str, offset: int, width: int | None, w
 
 
 def _field_counts(text: NDArray[np.uint8], delimiter: str) -> NDArray[np.int64]:
-    """Fields of each line, 0 for blank lines."""
+    """Number of fields of each line, 0 for blank lines."""
     ends = np.flatnonzero(text == _NEWLINE)
     blank = (text == 0x20) | (text == 0x09) | (text == _NEWLINE)
     word_starts = ~blank & np.concatenate([[True], blank[:-1]])
@@ -190,7 +190,7 @@ def _frame(body: bytes, delimiter: str, where: str) -> pd.DataFrame:
 def _columns(
     frame: pd.DataFrame, names: list[str] | None
 ) -> tuple[dict[str, NDArray[Any]], list[str], list[Damage]]:
-    """Columns of numbers by name, names of columns of text, and damage where single cells are no
+    """Columns of numbers by name, names of text columns, and damage where single cells are not
     numbers."""
     columns: dict[str, NDArray[Any]] = {}
     text, damage = [], []

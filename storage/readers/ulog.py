@@ -102,8 +102,8 @@ def _check_header(head: bytes, size: int, path: Path) -> None:
 
 
 def _appended_offsets(head: bytes) -> list[int]:
-    """Where data were appended (flag bits message, which must be the first): increasing offsets,
-    nothing else."""
+    """Offsets at which data were appended (from the flag bits message, which must be first); only
+    increasing offsets are used."""
     body = head[HEADER_BYTES + 3 : HEADER_BYTES + 43]
     if head[HEADER_BYTES + 2 : HEADER_BYTES + 3] != b"B" or len(body) < 40 or not body[8] & 1:
         return []
@@ -113,7 +113,7 @@ def _appended_offsets(head: bytes) -> list[int]:
 
 
 def _parse_definitions(head: bytes, found: Survey, path: Path) -> ULog:
-    """pyulog's view of the definitions: all messages but data, with one blank data message per
+    """Let pyulog parse the definitions: all messages except data, with one blank data message per
     topic."""
     skeleton = io.BytesIO()
     # A known file version keeps pyulog from writing warnings to the terminal.
@@ -130,8 +130,7 @@ def _parse_definitions(head: bytes, found: Survey, path: Path) -> ULog:
                 + bytes(24)
             )
     for identity, topic in found.subscriptions.items():
-        # A topic without a timestamp makes pyulog stop, without a word, before all topics that
-        # follow.
+        # At a topic without a timestamp, pyulog silently stops and omits all following topics.
         if topic.layout is not None and _is_timed(found, identity) and found.count[identity]:
             blank = identity.to_bytes(2, "little") + bytes(topic.layout.trimmed)
             skeleton.write(len(blank).to_bytes(2, "little") + b"D" + blank)
@@ -147,7 +146,7 @@ def _parse_definitions(head: bytes, found: Survey, path: Path) -> ULog:
 def _places(
     definitions: ULog, found: Survey, topics: Collection[str] | None
 ) -> dict[str, TopicRecords]:
-    """Where the data of each topic are, by the topic's name."""
+    """Location of the data of each topic, by topic name."""
     places: dict[str, TopicRecords] = {}
     for item in definitions.data_list:
         if (topics is None or item.name in topics) and _is_timed(found, item.msg_id):
@@ -202,8 +201,8 @@ def _file_damage(found: Survey, is_cut: bool) -> Iterable[Damage]:
 
 
 def _dropouts(found: Survey) -> Iterable[Damage]:
-    """What the logger itself reported: its buffer was full between the message before the report
-    and the one after."""
+    """Dropouts that the logger itself reported: its buffer was full between the messages before and
+    after the report."""
     for before, after, milliseconds in found.dropouts:
         yield Damage(
             "dropout",
@@ -225,8 +224,8 @@ def _backwards(found: Survey, places: Mapping[str, TopicRecords]) -> Iterable[Da
 
 
 def _metadata(definitions: ULog) -> dict[str, str | int | float]:
-    """Information of one value, parameters at the start as ``param:NAME``, and ``param_last:NAME``
-    where changed later."""
+    """Single-value information, initial parameters as ``param:NAME``, and parameters changed later
+    as ``param_last:NAME``."""
     found: dict[str, Any] = dict(definitions.msg_info_dict)
     found |= {f"param:{name}": value for name, value in definitions.initial_parameters.items()}
     found |= {f"param_last:{name}": value for _, name, value in definitions.changed_parameters}
@@ -234,7 +233,7 @@ def _metadata(definitions: ULog) -> dict[str, str | int | float]:
 
 
 def _start_utc(definitions: ULog, read: Mapping[str, Topic]) -> datetime | None:
-    """UTC at time zero of the file's header, from the log's own statement or from satellite
+    """UTC at time zero of the file's header, from the log's own information or from satellite
     navigation."""
     stated = definitions.msg_info_dict.get("start_utc")
     if isinstance(stated, str):

@@ -15,8 +15,7 @@ SIZES = {
     **dict.fromkeys(("int64_t", "uint64_t", "double"), 8),
 }
 SYNC = b"\x2f\x73\x13\x20\x25\x0c\xbb\x12"
-#: A message's size is 16 bits wide, so that no topic can be larger; nor can nesting be deep in
-#: earnest.
+#: The size of a message has 16 bits, so no topic can be larger. Valid formats are not deep.
 LARGEST = 0xFFFF
 _DEEPEST = 16
 
@@ -27,8 +26,8 @@ _KEY = re.compile(rb"(\w+?)(?:\[(\d{1,5})\])? [\w\-.\[\]/ ]+")
 
 @dataclass(frozen=True)
 class Layout:
-    """Bytes of a topic's data: with trailing padding (`full`), without (`trimmed`), and where its
-    64-bit timestamp stands (`stamp`, -1 when there is none)."""
+    """Size of a topic's data in bytes, with trailing padding (`full`) and without (`trimmed`), and
+    the offset of its 64-bit timestamp (`stamp`, -1 if there is none)."""
 
     full: int
     trimmed: int
@@ -42,14 +41,14 @@ class Formats:
     fields: dict[str, tuple[tuple[str, int, str], ...]] = field(default_factory=dict)
 
     def add(self, text: str) -> None:
-        """Registers one format message, ``name:type field;type[3] field;``, already checked by
+        """Register one format message, ``name:type field;type[3] field;``, already checked by
         `is_format`."""
         name, body = text.split(":", 1)
         found = _FIELD.finditer(body)
         self.fields[name] = tuple((m[1], int(m[2]) if m[2] is not None else 1, m[3]) for m in found)
 
     def layout(self, name: str) -> Layout | None:
-        """Layout of topic `name`; None when its format is absent, refers to an absent one, to
+        """Layout of topic `name`; None if its format is missing, refers to a missing format or to
         itself, or is too large."""
         sizes = [self._bytes(kind, count, 0) for kind, count, _ in self.fields.get(name, ())]
         if not sizes or None in sizes:
@@ -84,8 +83,8 @@ def is_format(body: bytes) -> bool:
 
 
 def is_key_value(body: bytes) -> bool:
-    """Whether `body` is key length, ``type key``, and a value of exactly that type (information,
-    parameter)."""
+    """Whether `body` consists of key length, ``type key``, and a value of exactly that type
+    (information, parameter)."""
     if len(body) < 2 or not 0 < body[0] < len(body):
         return False
     found = _KEY.fullmatch(body[1 : 1 + body[0]])
@@ -97,8 +96,8 @@ def is_key_value(body: bytes) -> bool:
 
 
 def is_logged_text(body: bytes, prefix: int) -> bool:
-    """Whether `body` is level, (tag,) time and a text without control characters; `prefix` bytes
-    precede the text."""
+    """Whether `body` consists of level, (tag,) time and a text without control characters; `prefix`
+    bytes precede the text."""
     return len(body) >= prefix and body[0] in b"01234567" and min(body[prefix:], default=32) >= 8
 
 
@@ -108,7 +107,7 @@ def is_subscription(body: bytes) -> bool:
 
 
 def is_record(kind: int, body: bytes) -> bool:
-    """Whether a message of type `kind` (not data) is one as the specification describes it."""
+    """Whether a message of type `kind` (not data) conforms to the specification."""
     match chr(kind):
         case "F":
             return is_format(body)

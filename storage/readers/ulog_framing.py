@@ -26,8 +26,8 @@ _MARGIN = 3 * (3 + 0xFFFF)
 
 @dataclass(frozen=True)
 class Lost:
-    """Bytes [start, end) that belong to no record; `tail` when the file ends inside a record.
-    `before` and `after`: the timestamps [us] of the nearest data messages, -1 where there is
+    """Bytes [start, end) that belong to no record; `tail` if the file ends inside a record.
+    `before` and `after` are the timestamps [us] of the nearest data messages, -1 if there is
     none."""
 
     start: int
@@ -39,8 +39,8 @@ class Lost:
 
 @dataclass(frozen=True)
 class Subscription:
-    """An announced topic. `layout` is None when its format is damaged; `name` is empty when the
-    announcement is."""
+    """An announced topic. `layout` is None if its format is damaged; `name` is empty if the
+    announcement is damaged."""
 
     name: str
     instance: int
@@ -49,10 +49,13 @@ class Subscription:
 
 @dataclass(frozen=True)
 class Survey:
-    """What stands where in the file. `definitions` holds the messages other than data, in order,
-    with headers; by message id, `count` (65536,) is the number of data messages, `back` (65536, 2)
-    how often their time ran backwards and from which timestamp first; `intact` are byte ranges of
-    whole messages; `dropouts` are (timestamp before, timestamp after, reported ms)."""
+    """Positions of all messages in the file.
+
+    `definitions` holds the messages other than data, in order, with headers. By message id, `count`
+    (65536,) is the number of data messages, and `back` (65536, 2) how often their time ran
+    backwards and at which timestamp first. `intact` are byte ranges of complete messages;
+    `dropouts` are (timestamp before, timestamp after, reported ms).
+    """
 
     definitions: tuple[bytes, ...]
     subscriptions: Mapping[int, Subscription]
@@ -64,8 +67,8 @@ class Survey:
 
 
 class _Windows:
-    """The file in pieces: `view(at, end)` is an array whose first byte is the file's `base`, and
-    which reaches `end` or at least _MARGIN bytes beyond `at`."""
+    """The file in windows: `view(at, end)` returns an array whose first byte is at file offset
+    `base` and which reaches `end`, or at least _MARGIN bytes beyond `at`."""
 
     def __init__(self, handle: BinaryIO) -> None:
         self._handle, self._buffer = handle, bytearray(_WINDOW)
@@ -82,7 +85,7 @@ class _Windows:
 
 @dataclass
 class _Surveyor:
-    """The state of a survey: tables by message id, and what has been found."""
+    """State of a survey: tables by message id, and the results so far."""
 
     windows: _Windows
     formats: Formats = field(default_factory=Formats)
@@ -100,7 +103,7 @@ class _Surveyor:
     last: int = -1
 
     def segment(self, at: int, end: int, is_file_end: bool) -> None:
-        """Follows the messages of [at, end)."""
+        """Follow the messages of [at, end)."""
         good = at
         while at < end:
             block, base = self.windows.view(at, end)
@@ -123,7 +126,7 @@ class _Surveyor:
         self.intact.append((good, end))
 
     def _message(self, at: int, end: int) -> tuple[int, bytes] | None:
-        """Type and body of the message at `at`, None when it does not fit before `end`."""
+        """Type and body of the message at `at`; None if it does not fit before `end`."""
         block, base = self.windows.view(at, end)
         head = block[at - base : at - base + 3]
         if len(head) < 3:
@@ -140,7 +143,7 @@ class _Surveyor:
 
     def _chain(self, at: int, end: int) -> bool:
         """Whether two valid messages follow from `at`, or one data message and then the (possibly
-        cut) end."""
+        truncated) end."""
         for links in range(2):
             message = self._message(at, end)
             if message is None:
@@ -153,7 +156,7 @@ class _Surveyor:
         return True
 
     def _resume(self, at: int, end: int) -> int | None:
-        """The next position from which messages follow each other again; None when there is none
+        """The next position from which messages follow each other again; None if there is none
         before `end`."""
         while at < end:
             block, base = self.windows.view(at, end)
@@ -169,8 +172,8 @@ class _Surveyor:
         return None
 
     def _stamp_at(self, at: int, end: int) -> int:
-        """Timestamp of the first data message from `at` on, looking no further than a few messages;
-        -1 without one."""
+        """Timestamp of the first data message from `at` on, among the next few messages; -1 if
+        there is none."""
         for _ in range(8):
             message = self._message(at, end)
             if message is None:
@@ -189,7 +192,7 @@ class _Surveyor:
         return -1
 
     def _take(self, at: int, end: int) -> int:
-        """Uses the message at `at`; returns where it ends, or `at` when it is damaged."""
+        """Process the message at `at`; returns its end, or `at` if it is damaged."""
         message = self._message(at, end)
         if message is None:
             return at
@@ -211,8 +214,8 @@ class _Surveyor:
         return follows
 
     def _announce(self, body: bytes) -> bool:
-        """Enters a topic into the tables; false when nothing of it can be decoded, or its id is
-        taken already."""
+        """Add a topic to the tables; returns False if it cannot be decoded or its id is already in
+        use."""
         identity, name = int.from_bytes(body[1:3], "little"), body[3:].decode("ascii", "replace")
         if identity in self.subscriptions:
             return False
@@ -225,8 +228,8 @@ class _Surveyor:
         return layout is not None
 
     def _is_unannounced(self, body: bytes, follows: int, end: int) -> bool:
-        """Whether this is sound data of a topic whose announcement was lost: its id is new, and
-        sound messages, or more of its own, follow it."""
+        """Whether this is valid data of a topic whose announcement was lost: its id is new, and it
+        is followed by valid messages or by more of its own."""
         identity = int.from_bytes(body[:2], "little")
         if len(body) < 10 or identity in self.subscriptions:
             return False
@@ -240,10 +243,10 @@ class _Surveyor:
 
 
 def survey(handle: BinaryIO, size: int, appended: Iterable[int] = ()) -> Survey:
-    """Walks the messages of an open ULog file of `size` bytes from its header to its end.
+    """Walk through the messages of an open ULog file of `size` bytes, from its header to its end.
 
-    `appended` holds the offsets at which data were appended after a crash: there, a cut record
-    before the offset does not hide what follows it.
+    `appended` are the offsets at which data were appended after a crash: a record that is truncated
+    at such an offset does not hide the following ones.
     """
     surveyor = _Surveyor(_Windows(handle))
     edges = [HEADER_BYTES, *(offset for offset in appended if HEADER_BYTES < offset < size), size]
@@ -261,7 +264,7 @@ def survey(handle: BinaryIO, size: int, appended: Iterable[int] = ()) -> Survey:
 
 
 def gather(handle: BinaryIO, found: Survey, wanted: Iterable[int]) -> dict[int, Bytes]:
-    """The data of the `wanted` message ids: records without padding, one after another, by id."""
+    """The data of the `wanted` message ids, by id: records without padding, one after another."""
     take, cursor, limit = (np.zeros(65536, dtype=np.int64) for _ in range(3))
     total = 0
     for identity in wanted:

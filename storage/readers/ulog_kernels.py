@@ -25,11 +25,11 @@ def walk(
     back: Integers,
     last: int,
 ) -> tuple[int, int]:
-    """Follows data messages from `at`; stops at the first thing that is not one of a known topic,
-    whole, of right size.
+    """Follow data messages from `at`; stop at the first message that is not complete, of the right
+    size and of a known topic.
 
-    By message id: `count` of messages, `latest` timestamp, ``back[id]`` = how often time ran
-    backwards and, first, from when.
+    By message id: `count` of messages, `latest` timestamp, and ``back[id]``: how often time ran
+    backwards, and from which timestamp first.
     """
     n = len(block)
     while at + 5 <= n and block[at + 2] == 68:
@@ -61,7 +61,8 @@ def walk(
 
 @njit(cache=True)
 def candidate(block: Bytes, at: int, low: Integers, high: Integers) -> int:
-    """The next position that could be a header, judged by a few bytes; -1 when none is in view."""
+    """The next position that could be a header, judged by a few bytes; -1 if there is none in the
+    window."""
     n = len(block)
     while at + 5 <= n:
         size, kind = block[at] + 256 * block[at + 1], block[at + 2]
@@ -99,8 +100,8 @@ def candidate(block: Bytes, at: int, low: Integers, high: Integers) -> int:
 def copy(
     block: Bytes, at: int, take: Integers, cursor: Integers, limit: Integers, flat: Bytes
 ) -> int:
-    """Copies the first `take[id]` data bytes of every message from `at` on to
-    ``flat[cursor[id]:]``; returns the end."""
+    """Copy the first `take[id]` data bytes of every message from `at` on to ``flat[cursor[id]:]``;
+    returns the end."""
     n = len(block)
     while at + 3 <= n:
         size = block[at] + 256 * block[at + 1]

@@ -31,7 +31,7 @@ class TopicRecords:
 
     @property
     def size(self) -> int:
-        """Bytes that the topic takes in memory."""
+        """Memory used by the topic [bytes]."""
         return self.samples * (self.record.itemsize + _TIME_BYTES)
 
 
@@ -71,13 +71,13 @@ class LoggedTopics(Mapping[str, Topic]):
         return sum(self._places[name].size for name in names)
 
     def _evict(self, room: int) -> None:
-        """Forgets the groups not used for longest until what is kept fits into `room` bytes."""
+        """Drop the least recently used groups until the cache fits into `room` bytes."""
         while self._groups and sum(self._size(group) for group in self._groups) > room:
             del self._groups[0]
 
     def _together(self, name: str) -> list[str]:
-        """The topics to gather in one pass: all of a small log; the next ones too for who goes
-        through them in order."""
+        """The topics to gather in one pass: all topics of a small log; for access in order, also
+        the next ones."""
         names = list(self._places)
         if self._size(names) <= CACHE_BYTES:
             return names

@@ -40,8 +40,8 @@ _LATER: Final = (
 
 
 def main() -> None:
-    """Serves jobs until standard input ends."""
-    # What libraries print must not come between the answers.
+    """Serve jobs until standard input ends."""
+    # Output of libraries must not be mixed with the answers.
     answers = os.fdopen(os.dup(1), "w", encoding="ascii")
     os.dup2(2, 1)
     _warm()
@@ -53,7 +53,7 @@ def main() -> None:
 
 
 def _warm() -> None:
-    """Reads a log of our own, so that compiled loops are loaded once and not in every child."""
+    """Read a small built-in log, so that compiled loops are loaded once and not in every child."""
     with tempfile.TemporaryDirectory() as folder:
         log, time_ = Path(folder) / "own.ulg", np.arange(1, 50, dtype=np.float64) * 0.02
         write_ulog(log, [Topic("own", time_, {"x": time_, "y": time_.astype(np.float32)})])
@@ -61,8 +61,8 @@ def _warm() -> None:
 
 
 def answer(job: dict[str, Any]) -> dict[str, str]:
-    """Runs a job ``{log, folder, limits}`` in a child; says how it ended: ``done``, or ``refused``
-    or ``store`` with the words of an error."""
+    """Run a job ``{log, folder, limits}`` in a child, and return its result: ``done``, or
+    ``refused`` or ``store`` with the texts of an error."""
     limits = Limits(**job["limits"])
     reading, writing = os.pipe()
     child = os.fork()
@@ -85,8 +85,8 @@ def answer(job: dict[str, Any]) -> dict[str, str]:
 
 
 def _listen(reading: int, seconds: float) -> tuple[bytes, Literal["", "late", "master"]]:
-    """What the child says until it ends; or that it was still at work after `seconds`, or that the
-    worker's master died."""
+    """Output of the child until it ends; or a note that it was still running after `seconds`, or
+    that the worker's parent died."""
     until, said = time.monotonic() + seconds, b""
     while True:
         ready, _, _ = select.select([reading, 0], [], [], max(until - time.monotonic(), 0.0))
@@ -118,7 +118,7 @@ def _refusal(what: str, where: str, remedy: str, kind: str = "refused") -> dict[
 
 
 def _parse(log: Path, folder: Path, limits: Limits, writing: int) -> NoReturn:
-    """The child: reads the log under its limits, writes its topics, says how that went, and ends
+    """The child: read the log under its limits, write its topics, report the result, and exit
     without returning."""
     try:
         _confine(limits)
@@ -130,7 +130,7 @@ def _parse(log: Path, folder: Path, limits: Limits, writing: int) -> NoReturn:
 
 def _read(log: Path, folder: Path, limits: Limits) -> dict[str, str]:
     try:
-        # What is stored does not depend on where the log lay.
+        # Stored data do not depend on the location of the log.
         recording = replace(read_log(log), source=log.name)
         with translated_disk_errors(folder):
             write_topics(folder, recording)
@@ -148,7 +148,7 @@ def _read(log: Path, folder: Path, limits: Limits) -> dict[str, str]:
             str(log),
             "no recorder writes such a log: check its source",
         )
-    # a library's own fault on bytes that it did not expect: the log cannot be used, and that is all
+    # A library fails on bytes that it does not expect: only this log cannot be used.
     except Exception as error:
         what = f"its parsing failed: {type(error).__name__}: {str(error)[:200]}"
         return _refusal(what, str(log), "report it, with the log, as a bug of aerodb")
@@ -156,7 +156,8 @@ def _read(log: Path, folder: Path, limits: Limits) -> dict[str, str]:
 
 
 def _confine(limits: Limits) -> None:
-    """Limits of this process; of memory, beside what code and libraries take already."""
+    """Set the limits of this process; the memory limit is in addition to what code and libraries
+    already use."""
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_DEATH_SIGNAL, signal.SIGKILL)
         with suppress(OSError):  # where memory runs out all the same, this process goes first
@@ -170,7 +171,7 @@ def _confine(limits: Limits) -> None:
 
 
 def _address_space() -> int:
-    """Bytes of address space that this process has already, where the system tells."""
+    """Address space already used by this process [bytes], if the system tells."""
     try:
         return (
             int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])

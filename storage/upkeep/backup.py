@@ -65,12 +65,12 @@ class Backup:
 
 
 def back_up(workspace: Workspace, target: Path) -> Backup:
-    """Copies the workspace to the folder `target`, which is new, or holds an earlier backup.
+    """Copy the workspace to the folder `target`, which is new or contains an earlier backup.
 
-    A file whose bytes are not those that were stored is named in `problems` and not copied: what an
-    earlier backup has of it stays. Links and pipes in quarantine are not copied: they are not the
-    workspace's. Raises InputError for a folder that holds something else, StoreError when the disk
-    is full.
+    A file whose bytes differ from those that were stored is named in `problems` and not copied; a
+    copy in an earlier backup is kept. Links and pipes in quarantine are not copied, because they do
+    not belong to the workspace. Raises InputError for a folder with other content, StoreError when
+    the disk is full.
     """
     _claim(workspace, target)
     with translated_disk_errors(target):
@@ -108,14 +108,14 @@ def back_up(workspace: Workspace, target: Path) -> Backup:
 
 
 def restore(source: Path, root: Path, settings: Path | None = None) -> dict[str, Any]:
-    """Makes the workspace `root`, which must not exist yet, from the backup in the folder `source`.
+    """Restore the backup in the folder `source` as the workspace `root`, which must not exist yet.
 
-    settings : a file that takes the place of the backup's settings; the catalogue goes into the
-    database that they name, which must be empty, as an object store that only the backup's settings
-    name. All is verified before the folder gets its name. Returns the manifest, with `problems` (as
-    dictionaries of `Problem`): what is not as it was stored, as it was not when the backup was
-    made. Raises InputError for a backup that is not whole, and for a place that is taken; nothing
-    is changed then.
+    settings : file that replaces the settings of the backup. The catalogue goes into the database
+    that they name, which must be empty; so must an object store that is named by the backup's own
+    settings only. Everything is verified before the folder gets its name. Returns the manifest with
+    `problems` (`Problem` as dictionaries): differences that already existed when the backup was
+    made. Raises InputError for an incomplete backup and for an existing target; nothing is changed
+    then.
     """
     manifest = manifest_of(source)
     _require_free(root)
@@ -147,7 +147,7 @@ def restore(source: Path, root: Path, settings: Path | None = None) -> dict[str,
             if objects is not None:
                 push(workspace, snapshot)
             with _moved(snapshot, place) as catalogue:
-                # What is newer in the object store than the backup belongs to none of its rows.
+                # Objects newer than the backup do not belong to any of its rows.
                 found = [
                     problem
                     for problem in verify(workspace, catalogue).problems
@@ -170,7 +170,7 @@ def restore(source: Path, root: Path, settings: Path | None = None) -> dict[str,
 
 
 def _catalogue_file(source: Path, manifest: dict[str, Any]) -> Path:
-    """The file with the catalogue of a backup; InputError when it is not the one that was
+    """Path of the catalogue in a backup; InputError if its bytes differ from those that were
     written."""
     stated = manifest["catalogue"]
     file = source / Path(stated["name"]).name
@@ -183,8 +183,8 @@ def _catalogue_file(source: Path, manifest: dict[str, Any]) -> Path:
 
 @contextmanager
 def _moved(snapshot: Catalogue, place: CatalogueLocation) -> Iterator[Catalogue]:
-    """The catalogue of the new workspace: the file itself, or its rows in a database, where they
-    stay if all is well."""
+    """The catalogue of the new workspace: the file itself, or its rows in a database, which remain
+    there if all is well."""
     if not place.url:
         yield snapshot
         return
@@ -194,8 +194,8 @@ def _moved(snapshot: Catalogue, place: CatalogueLocation) -> Iterator[Catalogue]
 
 
 def manifest_of(folder: Path) -> dict[str, Any]:
-    """The manifest of a backup; InputError for a folder that is none, or whose backup was
-    interrupted or is damaged."""
+    """The manifest of a backup; InputError if the folder has none, or if the backup was interrupted
+    or is damaged."""
     try:
         text = (folder / _MANIFEST).read_bytes()
     except OSError as error:
@@ -229,8 +229,7 @@ def manifest_of(folder: Path) -> dict[str, Any]:
 
 
 def _sealed(manifest: dict[str, Any]) -> bytes:
-    """A manifest as it is written, with the hash of all else in it: other bytes are another
-    manifest."""
+    """A manifest as it is written, with a hash of its content, so that any change is detected."""
     sha256 = hashlib.sha256(json.dumps(manifest, indent=1).encode("ascii")).hexdigest()
     return (json.dumps({**manifest, "sha256": sha256}, indent=1) + "\n").encode("ascii")
 
@@ -245,8 +244,8 @@ def _require_free(root: Path) -> None:
 
 
 def _is_known(problem: Problem, workspace: Workspace, listed: Collection[str]) -> bool:
-    """Whether something was not as it should be when the backup was made: it, what is in it, or its
-    recording's index."""
+    """Whether a problem already existed when the backup was made: in the file, in its content, or
+    in the index of its recording."""
     if problem.kind == "catalogue":
         return False
     if problem.kind == "no hash":  # the catalogue and the index say so, and they are sound
@@ -262,7 +261,7 @@ def _is_known(problem: Problem, workspace: Workspace, listed: Collection[str]) -
 
 
 def _claim(workspace: Workspace, target: Path) -> None:
-    """Makes the folder, or makes sure that it holds nothing but an earlier backup."""
+    """Create the folder, or check that it contains nothing but an earlier backup."""
     here, there = workspace.root.resolve(), target.resolve()
     if there.is_relative_to(here) or here.is_relative_to(there):
         raise InputError(
@@ -286,7 +285,8 @@ def _claim(workspace: Workspace, target: Path) -> None:
 
 
 def _copy_catalogue(place: CatalogueLocation, target: Path) -> None:
-    """One consistent state of a database that others may write to meanwhile, into a file."""
+    """Copy one consistent state of a database into a file; others may write to the database
+    meanwhile."""
     for left in (
         target,
         target.with_name(f"{target.name}-wal"),
@@ -315,18 +315,18 @@ def _copy_catalogue(place: CatalogueLocation, target: Path) -> None:
 
 
 def _as_one_file(catalogue: Path) -> None:
-    """Takes what its write-ahead log holds into the file."""
+    """Merge the write-ahead log into the file."""
     connection = sqlite3.connect(catalogue)
     connection.execute("PRAGMA journal_mode = DELETE")
     connection.close()
 
 
 def _named(root: Path, catalogue: Catalogue, copied: Path) -> Iterator[StoredFile]:
-    """Every file of the store that a catalogue names, as it stands below `root`; `sha256` is empty
-    where none is known.
+    """All files of the store that a catalogue names, relative to `root`; `sha256` is empty if
+    unknown.
 
-    copied : where the index of a recording stands once who asks has dealt with it: it names the
-    files that come next.
+    copied : folder in which the index of a recording is found after the caller has processed it;
+    the index names the following files.
     """
     for file in catalogue.every_stored_file():
         yield file
@@ -339,8 +339,8 @@ def _named(root: Path, catalogue: Catalogue, copied: Path) -> Iterator[StoredFil
 
 
 def _in_quarantine(root: Path) -> Iterator[StoredFile]:
-    """What each folder in quarantine holds or should hold, a log and the reason; nothing of a link
-    or a pipe."""
+    """The files that each folder in quarantine contains or should contain: a log and the reason;
+    nothing for a link or a pipe."""
     for folder in sorted(entry for entry in (root / "quarantine").iterdir() if entry.is_dir()):
         held = next(
             (path for path in sorted(folder.iterdir()) if path.name.startswith(("aside", "log"))),
@@ -364,8 +364,8 @@ def _size(path: Path) -> int:
 
 
 def _take(source: Path, workspace: Workspace, file: StoredFile, listed: Collection[str]) -> None:
-    """Copies a file from a backup; not what was damaged when it was made, nor what is not there:
-    verifying finds it."""
+    """Copy a file from a backup, unless it was damaged when the backup was made, or is missing;
+    verification reports these."""
     copy, place = source / file.path, workspace.resolve(file.path)
     if copy.is_file() and (
         file.path not in listed or not file.sha256 or has_sha256(copy, file.sha256)
@@ -400,7 +400,8 @@ def _copy_files(workspace: Workspace, named: Iterable[StoredFile], target: Path)
 
 
 def _is_copied(source: Path, place: Path) -> bool:
-    """Whether an earlier backup copied this very file: one that was written again is younger."""
+    """Whether an earlier backup copied this file; a file that was written again is newer than its
+    copy."""
     if not (source.is_file() and place.is_file()):
         return False
     one, other = source.stat(), place.stat()
@@ -408,7 +409,7 @@ def _is_copied(source: Path, place: Path) -> bool:
 
 
 def _copied_wrongly(source: Path, place: Path, file: StoredFile) -> str:
-    """Copies a file if it has the bytes that were stored; else says what is wrong."""
+    """Copy a file if it has the bytes that were stored; otherwise return what is wrong."""
     if not source.is_file():
         return "it is missing in the store"
     try:
@@ -423,8 +424,8 @@ def _copied_wrongly(source: Path, place: Path, file: StoredFile) -> str:
 
 
 def _fetched_wrongly(objects: Objects, place: Path, file: StoredFile, what: str) -> str:
-    """Fetches a file that is not here as it was stored (`what` says why); else says what is wrong
-    with it here and there."""
+    """Download a file that is missing or damaged in the folder (`what` says which); otherwise
+    return what is wrong in both places."""
     try:
         return "" if objects.fetch(file, place) else f"{what}, and it is not in the object store"
     except DamagedObject as error:
