@@ -85,7 +85,7 @@ def database_of(workspace: Workspace) -> str:
         raise InputError(
             f"Prefect's database driver does not know the option '{unknown[0]}'",
             where,
-            f"known are {', '.join(_OPTIONS)}",
+            f"known options: {', '.join(_OPTIONS)}",
         )
     query = urlencode({_OPTIONS[name]: value for name, value in options.items()})
     return urlunsplit(parts._replace(scheme="postgresql+asyncpg", query=query))

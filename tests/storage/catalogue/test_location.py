@@ -201,7 +201,7 @@ def test_prefect_gets_an_address_of_its_own_kind(
     assert database_of(workspace) == f"postgresql+asyncpg://me:{SECRET}@host/prefect?ssl=require"
     for url, what in (
         (f"postgresql://me:{SECRET}@host/catalogue", "the catalogue's database"),
-        ("postgresql://h/p?options=x", "no option"),
+        ("postgresql://h/p?options=x", "does not know the option"),
     ):
         monkeypatch.setenv("TEST_PREFECT", url)
         with pytest.raises(InputError, match=what) as refusal:
