@@ -20,7 +20,7 @@ from aerodb.storage.workspace import Workspace
 from aerodb.storage.workspace_settings import (
     FILE,
     TOKEN_VARIABLE,
-    Serve,
+    ServeSettings,
     authorization,
     load_settings,
 )
@@ -95,7 +95,7 @@ def database_of(workspace: Workspace) -> str:
 _OPTIONS: Final = {"host": "host", "port": "port", "sslmode": "ssl"}
 
 
-def free_port(serve: Serve) -> int:
+def free_port(serve: ServeSettings) -> int:
     """Return the port of the settings, or a free one; InputError if it is taken."""
     family = socket.AF_INET6 if ":" in serve.host else socket.AF_INET
     with socket.socket(family) as probe:

@@ -84,7 +84,7 @@ class CatalogueSettings(Strict):
     url: DatabaseUrl = ""
 
 
-class Store(Strict):
+class StoreSettings(Strict):
     """Location of the stored files: objects below `url` (``s3://bucket/prefix``); empty: the
     workspace folder.
 
@@ -108,7 +108,7 @@ class Store(Strict):
         return text.rstrip("/")
 
 
-class Serve(Strict):
+class ServeSettings(Strict):
     """Address of the server: `host` (default: loopback) and `port` (0: any free port).
 
     database : of Prefect itself; empty: a file in the workspace.
@@ -132,7 +132,7 @@ def is_loopback(host: str) -> bool:
         return host == "localhost"
 
 
-class Work(Strict):
+class WorkSettings(Strict):
     """Executor of the per-flight steps: `threads` of the process of the run, or the workers of a
     Dask cluster whose scheduler listens at `address` (or ``"$NAME"`` of an environment variable
     that holds the address).
@@ -168,7 +168,7 @@ class Work(Strict):
         return address
 
 
-class Inbox(Strict):
+class InboxSettings(Strict):
     """When a file counts as completely copied (size and times unchanged for `settle` [s]), and how
     many times its ingestion is attempted."""
 
@@ -223,7 +223,7 @@ class Notification(Strict):
         return text
 
 
-class Loop(Strict):
+class LoopSettings(Strict):
     """When and how the database of a vehicle is updated automatically.
 
     after : number of new flights since the last update that triggers one. newest : maximum number
@@ -245,7 +245,7 @@ class Loop(Strict):
         return self
 
 
-class Gate(Strict):
+class GateSettings(Strict):
     """Additional conditions of the gate: minimum number of flights that identified a version, and
     of flights that validated it (`held_out`)."""
 
@@ -253,7 +253,7 @@ class Gate(Strict):
     held_out: int = Field(default=0, ge=0)
 
 
-class Accuracy(Strict):
+class AccuracySettings(Strict):
     """Limits of the consistency verdict that replace those of the vehicle file; see
     `aerodb.vehicle.Accuracy`."""
 
@@ -275,22 +275,22 @@ class VehicleSettings(Strict):
     mapping: str | None = None
     strict: bool = False
     schedule: Schedule | None = None
-    loop: Loop | None = None
+    loop: LoopSettings | None = None
     notification: Notification | None = None
-    gate: Gate = Gate()
-    accuracy: Accuracy = Accuracy()
+    gate: GateSettings = GateSettings()
+    accuracy: AccuracySettings = AccuracySettings()
 
 
 class Settings(Strict):
     """The settings of a workspace."""
 
-    serve: Serve = Serve()
+    serve: ServeSettings = ServeSettings()
     catalogue: CatalogueSettings = CatalogueSettings()
-    store: Store = Store()
-    work: Work = Work()
-    inbox: Inbox = Inbox()
+    store: StoreSettings = StoreSettings()
+    work: WorkSettings = WorkSettings()
+    inbox: InboxSettings = InboxSettings()
     nightly: Schedule = Schedule(cron="0 2 * * *")
-    loop: Loop = Loop()
+    loop: LoopSettings = LoopSettings()
     notification: Notification = Notification()
     limits: Limits = Limits()
     vehicles: dict[str, VehicleSettings] = {}
@@ -315,7 +315,7 @@ class Settings(Strict):
         """The section of a vehicle; defaults when there is none."""
         return self.vehicles.get(vehicle, VehicleSettings())
 
-    def loop_of(self, vehicle: str) -> Loop:
+    def loop_of(self, vehicle: str) -> LoopSettings:
         """The automatic update of a vehicle."""
         return self.of(vehicle).loop or self.loop
 
@@ -353,7 +353,7 @@ def load_settings(root: Path, vehicles: tuple[str, ...] | None = None) -> Settin
     return settings
 
 
-def checked_token(serve: Serve, environment: dict[str, str]) -> str:
+def checked_token(serve: ServeSettings, environment: dict[str, str]) -> str:
     """The token that clients of the server must present; empty for none. InputError when a token is
     required and missing."""
     token = environment.get(TOKEN_VARIABLE, "")

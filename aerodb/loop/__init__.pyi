@@ -3,7 +3,7 @@ from .evidence import evidence_beside
 from .flights import FlightSource, Reconstruction
 from .freezing import freeze_library
 from .library import Library
-from .rounds import Accept, Loop, run_loop
+from .rounds import Accept, LoopResult, run_loop
 from .unexplained import unexplained_residuals
 from .validation import validate_loop
 
@@ -11,7 +11,7 @@ __all__ = [
     "Accept",
     "FlightSource",
     "Library",
-    "Loop",
+    "LoopResult",
     "Reconstruction",
     "consider_parameters",
     "evidence_beside",

@@ -67,7 +67,7 @@ class Accept:
 
 
 @dataclass(frozen=True)
-class Loop:
+class LoopResult:
     """The result of a loop.
 
     The candidate, all findings and those that were added, the last round's tracing, and remarks.
@@ -95,7 +95,7 @@ def run_loop(
     baseline: AeroDatabase,
     library: Library,
     accept: Accept,
-) -> Loop:
+) -> LoopResult:
     """Run the loop on the flights (ids) that identify.
 
     Each round traces with the present candidate and admits confirmed findings, and those that
@@ -155,7 +155,7 @@ def run_loop(
             ),
         )
     remarks = (*library.remarks, *remarks)
-    return Loop(
+    return LoopResult(
         baseline,
         database,
         tuple(findings.values()),

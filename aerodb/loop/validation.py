@@ -10,13 +10,13 @@ from aerodb.increments import (
 )
 from aerodb.loop.flights import FlightSource
 from aerodb.loop.library import Library
-from aerodb.loop.rounds import Accept, Loop, run_loop
+from aerodb.loop.rounds import Accept, LoopResult, run_loop
 from aerodb.loop.stall import added_stall
 from aerodb.loop.within_flight import validated_within_flights
 
 
 def validate_loop(
-    source: FlightSource, hold_out: HoldOut, library: Library, loop: Loop, accept: Accept
+    source: FlightSource, hold_out: HoldOut, library: Library, loop: LoopResult, accept: Accept
 ) -> tuple[AxisValidation, ...]:
     """Return the error before and after on the flights held out, or by leaving out one flight at a
     time.

@@ -15,7 +15,7 @@ from aerodb.increments import AxisValidation, Update, keep_slope_signs, validate
 from aerodb.loop.flights import FlightSource
 from aerodb.loop.library import Library
 from aerodb.loop.manoeuvre_units import manoeuvre_spans
-from aerodb.loop.rounds import Loop
+from aerodb.loop.rounds import LoopResult
 from aerodb.tables import AeroDatabase
 from aerodb.tracing import LINEAR, evidence_of, joint_bands, joint_fit
 
@@ -37,7 +37,7 @@ def parts_of(time: NDArray[np.float64], spans: tuple[tuple[float, float], ...]) 
 def validated_within_flights(
     source: FlightSource,
     library: Library,
-    loop: Loop,
+    loop: LoopResult,
     before: Mapping[str, Comparison],
     after: Mapping[str, Comparison],
 ) -> tuple[AxisValidation, ...]:

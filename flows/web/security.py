@@ -24,7 +24,7 @@ from starlette.responses import PlainTextResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from aerodb.errors import AeroError, InputError
-from aerodb.storage.workspace_settings import TOKEN_VARIABLE, Serve, checked_token
+from aerodb.storage.workspace_settings import TOKEN_VARIABLE, ServeSettings, checked_token
 
 COOKIE: Final = "aerodb_session"
 HEADER: Final = "x-csrf-token"
@@ -101,7 +101,7 @@ def guard_of(
     host: str, port: int, known_as: Iterable[str] = (), environment: Mapping[str, str] | None = None
 ) -> Guard:
     """Return the guard for `host`; InputError if others can reach it and no token is set."""
-    serve = Serve(host=host, port=port)
+    serve = ServeSettings(host=host, port=port)
     try:
         token = checked_token(serve, dict(os.environ if environment is None else environment))
     except InputError as error:

@@ -22,7 +22,7 @@ from aerodb.errors import AeroError, InputError, StoreBusyError, StoreError
 from aerodb.storage.catalogue import StoredFile
 from aerodb.storage.disk_errors import remove, temporary_beside, translated_disk_errors
 from aerodb.storage.workspace import put_in_place
-from aerodb.storage.workspace_settings import FILE, SettingsError, Store
+from aerodb.storage.workspace_settings import FILE, SettingsError, StoreSettings
 from aerodb.support import validated
 
 _BLOCK: Final = 8 << 20
@@ -280,12 +280,12 @@ def objects_of(root: Path) -> Objects | None:
 
 
 @lru_cache(maxsize=16)
-def _store(root: Path, _written: int) -> Store:
+def _store(root: Path, _written: int) -> StoreSettings:
     """The section ``[store]`` alone: errors in other sections do not block access to the store."""
     path = root / FILE
     try:
         return validated(
-            Store,
+            StoreSettings,
             tomllib.loads(path.read_text(encoding="utf-8")).get("store", {}),
             f"{path}: store",
         )

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from aerodb.errors import InputError
-from aerodb.storage.workspace_settings import Loop
+from aerodb.storage.workspace_settings import LoopSettings
 from aerodb.tasks.result_versions import RELEASED
 from aerodb.tasks.workspace_access import WorkspaceAccess
 
@@ -31,7 +31,7 @@ class Due:
         return self.baseline is not None and self.new >= self.after
 
 
-def due(access: WorkspaceAccess, vehicle: str, loop: Loop, way: str) -> Due:
+def due(access: WorkspaceAccess, vehicle: str, loop: LoopSettings, way: str) -> Due:
     """Return whether an update of a vehicle's database is due in this way.
 
     The cost does not grow with the number of stored flights: only the newest are read, and the
@@ -47,7 +47,7 @@ def due(access: WorkspaceAccess, vehicle: str, loop: Loop, way: str) -> Due:
 
 
 def parameters_of(
-    access: WorkspaceAccess, vehicle: str, loop: Loop, way: str, asked: Due
+    access: WorkspaceAccess, vehicle: str, loop: LoopSettings, way: str, asked: Due
 ) -> dict[str, Any]:
     """Return the parameters of the flow; InputError if the model file of an update cannot be
     read."""

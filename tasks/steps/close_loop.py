@@ -1,7 +1,7 @@
 """The closed loop: its rounds, their validation, and the residual that stays unexplained."""
 
 from aerodb.increments import AxisValidation
-from aerodb.loop import Accept, Library, Loop, unexplained_residuals, validate_loop
+from aerodb.loop import Accept, Library, LoopResult, unexplained_residuals, validate_loop
 from aerodb.loop import run_loop as run_rounds
 from aerodb.tasks.loop_flights import flights_of
 from aerodb.tasks.steps.update import Plan
@@ -9,7 +9,9 @@ from aerodb.tasks.workspace_access import access_workspace
 from aerodb.tracing import UnexplainedResidual
 
 
-def run_loop(plan: Plan, library: Library, *, workspace: str, run: str, accept: Accept) -> Loop:
+def run_loop(
+    plan: Plan, library: Library, *, workspace: str, run: str, accept: Accept
+) -> LoopResult:
     """Run the closed loop on the plan's identification flights."""
     source, baseline = (
         flights_of(workspace, plan.vehicle, run),
@@ -19,7 +21,7 @@ def run_loop(plan: Plan, library: Library, *, workspace: str, run: str, accept: 
 
 
 def prove_loop(
-    plan: Plan, library: Library, loop: Loop, *, workspace: str, run: str, accept: Accept
+    plan: Plan, library: Library, loop: LoopResult, *, workspace: str, run: str, accept: Accept
 ) -> tuple[AxisValidation, ...]:
     """Validate the loop: error before and after on flights that were not used for identification.
 
@@ -31,7 +33,7 @@ def prove_loop(
 
 
 def what_is_left(
-    plan: Plan, library: Library, loop: Loop, *, workspace: str, run: str
+    plan: Plan, library: Library, loop: LoopResult, *, workspace: str, run: str
 ) -> tuple[UnexplainedResidual, ...]:
     """Return the unexplained residual that the identification flights share beside the candidate.
 

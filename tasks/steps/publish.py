@@ -19,7 +19,7 @@ from aerodb.exchange import (
     to_document,
 )
 from aerodb.increments import AxisValidation, Update, sign_reasons
-from aerodb.loop import Accept, Library, Loop
+from aerodb.loop import Accept, Library, LoopResult
 from aerodb.report import loop_document, update_document
 from aerodb.storage.catalogue import FlightRole, VersionRow
 from aerodb.storage.files import files_beside, write_document
@@ -152,7 +152,7 @@ def publish_candidate(
 def publish_loop(
     plan: Plan,
     library: Library,
-    loop: Loop,
+    loop: LoopResult,
     left: tuple[UnexplainedResidual, ...],
     proof: tuple[AxisValidation, ...],
     *,
@@ -218,7 +218,7 @@ def publish_loop(
     }
 
 
-def _loop_remarks(plan: Plan, loop: Loop) -> list[str]:
+def _loop_remarks(plan: Plan, loop: LoopResult) -> list[str]:
     said = list(loop.remarks)
     if loop.by_manoeuvre and plan.hold_out.kind == "cross-validated":
         said.append(

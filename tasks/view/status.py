@@ -7,7 +7,7 @@ from aerodb.errors import AeroError
 from aerodb.storage.catalogue import RunRow
 from aerodb.storage.inbox import count_quarantined, undelivered_notifications
 from aerodb.storage.locks import is_held, note_of
-from aerodb.storage.workspace_settings import Loop, Schedule, Settings, load_settings
+from aerodb.storage.workspace_settings import LoopSettings, Schedule, Settings, load_settings
 from aerodb.tasks.result_versions import CANDIDATE, RELEASED
 from aerodb.tasks.steps import Due, due, files_of_inbox, in_quarantine, parameters_of
 from aerodb.tasks.workspace_access import WorkspaceAccess
@@ -137,7 +137,7 @@ def _vehicle(access: WorkspaceAccess, settings: Settings, name: str) -> dict[str
     return {"vehicle": name, **labels, "loops": loops}
 
 
-def _fault(access: WorkspaceAccess, name: str, loop: Loop, way: str, asked: Due) -> str:
+def _fault(access: WorkspaceAccess, name: str, loop: LoopSettings, way: str, asked: Due) -> str:
     """Return why an update could not start; empty if it could."""
     try:
         parameters_of(access, name, loop, way, asked)

@@ -26,7 +26,7 @@ from aerodb.flows.update import update_flow
 from aerodb.storage import encoding
 from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.workspace import Workspace
-from aerodb.storage.workspace_settings import Loop
+from aerodb.storage.workspace_settings import LoopSettings
 from aerodb.tasks.steps.advance import due
 from aerodb.tasks.workspace_access import access_workspace
 from tests.support.glider_runs import ingest_and_update, prepared
@@ -98,7 +98,7 @@ def test_a_clock_that_is_set_back_reorders_nothing(
     follow the order of events."""
     logs, loop = (
         write_files(tmp_path / "logs", flights=5),
-        Loop(after=2, newest=2, run=("update",), model="m.toml"),
+        LoopSettings(after=2, newest=2, run=("update",), model="m.toml"),
     )
     workspace = prepared(tmp_path, tmp_path / "logs")
     first = ingest_and_update(workspace, logs[:3])
@@ -138,7 +138,7 @@ def test_a_last_run_that_names_no_flights_has_used_none(tmp_path: Path) -> None:
     asked = due(
         access_workspace(str(workspace.root)),
         NAME,
-        Loop(after=1, run=("update",), model="m.toml"),
+        LoopSettings(after=1, run=("update",), model="m.toml"),
         "update",
     )
     assert (asked.new, asked.flights, asked.is_due) == (0, (), False)

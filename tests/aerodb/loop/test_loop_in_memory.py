@@ -18,7 +18,7 @@ from aerodb.loop import (
     Accept,
     FlightSource,
     Library,
-    Loop,
+    LoopResult,
     Reconstruction,
     evidence_beside,
     freeze_library,
@@ -103,7 +103,7 @@ def hold_out(source: FlightsInMemory) -> HoldOut:
 
 def closed(
     source: FlightSource, identified: Sequence[str], baseline: AeroDatabase
-) -> tuple[Library, Loop]:
+) -> tuple[Library, LoopResult]:
     library = freeze_library(source, identified, baseline)
     return library, run_loop(source, identified, baseline, library, Accept())
 
