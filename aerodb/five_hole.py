@@ -69,12 +69,12 @@ def flow_angles(dp_alpha: Array, dp_beta: Array, q: Array, probe: FiveHole) -> t
             determinant = a * d - b * c
             angles[0] = angles[0] - (d * off[0] - b * off[1]) / determinant
             angles[1] = angles[1] - (a * off[1] - c * off[0]) / determinant
-        found = (
+        converged = (
             (np.abs(off[0]) < _TOLERANCE)
             & (np.abs(off[1]) < _TOLERANCE)
             & (np.hypot(*angles) < np.pi / 2)
         )
-    return np.where(found, angles[0], np.nan), np.where(found, angles[1], np.nan)
+    return np.where(converged, angles[0], np.nan), np.where(converged, angles[1], np.nan)
 
 
 def pressure_ratio(x: Signal, y: Signal, curve: Curve) -> Signal:

@@ -269,17 +269,17 @@ def add_combinations(flight: Flight, vehicle: Vehicle) -> Flight:
     A sample is flagged where either surface is. Source: "Data Analysis of Phoenix Reusable Launch
     Vehicle Demonstrator Flight Test", below eq. 6.
     """
-    made: dict[str, Array] = {}
+    deflections: dict[str, Array] = {}
     flags: dict[str, NDArray[np.uint8]] = {}
     for name, combination in vehicle.combinations.items():
         right, left = f"delta_{combination.right}", f"delta_{combination.left}"
         if right in flight and left in flight:
             sign = 1.0 if combination.kind == "symmetric" else -1.0
-            made[f"delta_{name}"] = 0.5 * (flight[right] + sign * flight[left])
+            deflections[f"delta_{name}"] = 0.5 * (flight[right] + sign * flight[left])
             bits = [flight.flags[side] for side in (right, left) if side in flight.flags]
             if bits:
                 flags[f"delta_{name}"] = np.bitwise_or.reduce(bits)
-    return replace(flight.with_channels(made), flags={**flight.flags, **flags})
+    return replace(flight.with_channels(deflections), flags={**flight.flags, **flags})
 
 
 def mass_channels(flight: Flight, vehicle: Vehicle) -> Mapping[str, Array]:

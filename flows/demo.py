@@ -23,7 +23,7 @@ from aerodb.flows.importing import import_flow
 from aerodb.nomenclature import AXES
 from aerodb.storage.workspace import Workspace
 from aerodb.storage.writers import write_ulog
-from aerodb.tasks.steps import compared
+from aerodb.tasks.steps import compare_with_database
 from aerodb.tasks.workspace_access import access_workspace
 
 VEHICLE = "phoenix"
@@ -138,7 +138,7 @@ def floors(
     }
     for id in document["flights"]["held_out"]:
         for name, database in models.items():
-            comparison = compared(access, id, database, "")
+            comparison = compare_with_database(access, id, database, "").comparison
             for axis in AXES:
                 residuals[axis][name].append(comparison.residual(axis)[comparison.usable[axis]])
     return {

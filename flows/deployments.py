@@ -57,19 +57,19 @@ def arrival(workspace: str) -> None:
 
 def schedules(settings: Settings, workspace: str) -> list[PrefectSchedule]:
     """Return the workspace's schedule, and one for each vehicle that has its own."""
-    made = [_schedule(settings.nightly, {"workspace": workspace})]
+    all_schedules = [_schedule(settings.nightly, {"workspace": workspace})]
     for name, own in settings.vehicles.items():
         if own.schedule is not None:
-            made.append(_schedule(own.schedule, {"workspace": workspace, "vehicle": name}))
-    return made
+            all_schedules.append(_schedule(own.schedule, {"workspace": workspace, "vehicle": name}))
+    return all_schedules
 
 
-def _schedule(asked: Schedule, parameters: dict[str, Any]) -> PrefectSchedule:
-    if asked.every is not None:
+def _schedule(settings: Schedule, parameters: dict[str, Any]) -> PrefectSchedule:
+    if settings.every is not None:
         return Interval(
-            timedelta(seconds=asked.every), timezone=asked.timezone, parameters=parameters
+            timedelta(seconds=settings.every), timezone=settings.timezone, parameters=parameters
         )
-    return Cron(asked.cron, timezone=asked.timezone, parameters=parameters)
+    return Cron(settings.cron, timezone=settings.timezone, parameters=parameters)
 
 
 def main() -> None:

@@ -31,9 +31,9 @@ def flight_flow(
         store_log, logs, **where, vehicle=vehicle, mapping=mapping, name=name, strict=strict
     )
     flights = list(dict.fromkeys(outcome["flight"] for outcome in outcomes if outcome["flight"]))
-    made = _beside_released(steps, flights, vehicle, workspace, run)
+    documents = _beside_released(steps, flights, vehicle, workspace, run)
     return [
-        {**outcome, **{name: step.get(outcome["flight"]) for name, step in made.items()}}
+        {**outcome, **{name: step.get(outcome["flight"]) for name, step in documents.items()}}
         for outcome in outcomes
     ]
 
@@ -42,8 +42,8 @@ def again_flow(steps: Steps, *, workspace: str, run: str, flight: str) -> dict[s
     """Repeat the per-flight steps on a stored flight (its id); only missing results are
     computed."""
     vehicle = access_workspace(workspace).catalogue.flight(flight).vehicle
-    made = _beside_released(steps, [flight], vehicle, workspace, run)
-    return {"flight": flight, **{name: step.get(flight) for name, step in made.items()}}
+    documents = _beside_released(steps, [flight], vehicle, workspace, run)
+    return {"flight": flight, **{name: step.get(flight) for name, step in documents.items()}}
 
 
 def _beside_released(

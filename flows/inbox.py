@@ -48,11 +48,11 @@ def sweep_flow(
     access = access_workspace(workspace)
     settings = load_settings(access.workspace.root)
     with holding(access.workspace.lock("inbox")):
-        seen = files_of_inbox(access, settings, vehicle)
+        entries = files_of_inbox(access, settings, vehicle)
         files: list[dict[str, Any]] = []
         faults: list[SettingsError] = []
         try:
-            for batch in _batches(access, settings, seen):
+            for batch in _batches(access, settings, entries):
                 try:
                     files += _dealt(steps, access, settings, batch, run)
                 except SettingsError as error:  # of one vehicle's mapping, perhaps
@@ -60,7 +60,7 @@ def sweep_flow(
         finally:
             _tell(access, files)
     _check_progress(files, faults)
-    left = [entry for entry in seen if entry.state in ("copying", "blocked")]
+    left = [entry for entry in entries if entry.state in ("copying", "blocked")]
     waiting = [
         {"file": e.file[0], "vehicle": e.vehicle, "state": e.state, "reason": e.reason}
         for e in left
@@ -79,16 +79,16 @@ def _check_progress(files: Sequence[dict[str, Any]], faults: Sequence[SettingsEr
 
 
 def _batches(
-    access: WorkspaceAccess, settings: Settings, seen: Sequence[InboxFile]
+    access: WorkspaceAccess, settings: Settings, entries: Sequence[InboxFile]
 ) -> Iterator[list[tuple[InboxFile, str]]]:
     """Yield the files to process together, each with the reason to quarantine it, if any.
 
     A file that was tried before is processed alone.
     """
-    attempts = access.catalogue.inbox_attempts(entry.relative for entry in seen)
+    attempts = access.catalogue.inbox_attempts(entry.relative for entry in entries)
     fresh: dict[str, list[tuple[InboxFile, str]]] = {}
     alone: list[list[tuple[InboxFile, str]]] = []
-    for entry in seen:
+    for entry in entries:
         times, error = attempts.get(entry.file, (0, ""))
         if entry.state == "refused":
             alone.append([(entry, entry.reason)])

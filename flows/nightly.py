@@ -80,20 +80,20 @@ def _advanced(
 ) -> dict[str, Any]:
     """Update one database in one way if it is due, and return the outcome."""
     loop = load_settings(access.workspace.root).loop_of(vehicle)
-    asked = due(access, vehicle, loop, way)
-    said: dict[str, Any] = {
+    state = due(access, vehicle, loop, way)
+    outcome: dict[str, Any] = {
         "vehicle": vehicle,
         "way": way,
-        "due": asked.is_due,
-        "new": asked.new,
-        "after": asked.after,
+        "due": state.is_due,
+        "new": state.new,
+        "after": state.after,
     }
-    said |= {"candidate": None, "label": None, "error": ""}
-    if not asked.is_due:
-        return said
+    outcome |= {"candidate": None, "label": None, "error": ""}
+    if not state.is_due:
+        return outcome
     before = access.named(vehicle, "candidate")
     try:
-        parameters = parameters_of(access, vehicle, loop, way, asked)
+        parameters = parameters_of(access, vehicle, loop, way, state)
         document = run_part(steps, _BODIES[way], parameters, str(access.workspace.root), run)
     except Exception as error:
         text = f"{way} of {vehicle} failed: {error}"
@@ -104,8 +104,8 @@ def _advanced(
             text,
             {"way": way, "error": f"{type(error).__name__}: {error}"},
         )
-        return {**said, "error": str(error)}
-    said |= {"candidate": document["candidate"], "label": document["label"]}
+        return {**outcome, "error": str(error)}
+    outcome |= {"candidate": document["candidate"], "label": document["label"]}
     if document["candidate"] and document["candidate"] != before:
         text = (
             f"new candidate {document['label']} of {vehicle}: review it, then promote it or"
@@ -117,4 +117,4 @@ def _advanced(
         }
         details = {"version": document["candidate"], "label": document["label"], "axes": axes}
         tell(access.workspace, "candidate", vehicle, text, details)
-    return said
+    return outcome

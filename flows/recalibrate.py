@@ -28,8 +28,8 @@ def recalibrate_flow(
     """
     where = {"workspace": workspace, "run": run}
     span = {"valid_from": valid_from, "valid_until": valid_until}
-    made = steps(calibrate, flights, **where, vehicle=vehicle, reason=reason, **span)
-    bound = steps.map(bind, made["flights"], **where, calibration=made["calibration"])
+    calibration = steps(calibrate, flights, **where, vehicle=vehicle, reason=reason, **span)
+    bound = steps.map(bind, calibration["flights"], **where, calibration=calibration["calibration"])
     consistency = {entry["flight"]: entry for entry in steps.map(check_consistency, bound, **where)}
     known = [
         entry["flight"]
@@ -43,7 +43,7 @@ def recalibrate_flow(
         else steps.map(compare_with_version, known, **where, version=released)
     )
     return {
-        **made,
+        **calibration,
         "consistency": consistency,
         "comparison": {entry["flight"]: entry for entry in compared},
     }

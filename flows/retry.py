@@ -99,14 +99,18 @@ def _logs_again(
 
 
 def _run_again(row: RunRow, run: Run) -> dict[str, Any]:
-    said = {"what": row.id, "kind": "run", "outcome": "completed", "reason": row.flow}
+    document = {"what": row.id, "kind": "run", "outcome": "completed", "reason": row.flow}
     if row.flow not in _BODIES:
-        return {**said, "outcome": "failed", "reason": f"{row.flow} cannot be retried on its own"}
+        return {
+            **document,
+            "outcome": "failed",
+            "reason": f"{row.flow} cannot be retried on its own",
+        }
     try:
         run(_BODIES[row.flow], dict(row.parameters))
     except Exception as error:  # the others are tried all the same; the record of runs has it, too
-        return {**said, "outcome": "failed", "reason": f"{row.flow}: {error}"}
-    return said
+        return {**document, "outcome": "failed", "reason": f"{row.flow}: {error}"}
+    return document
 
 
 def _flight_again(

@@ -196,12 +196,12 @@ class Server:
     def _look(self) -> list[InboxFile]:
         """Return the files in the inbox; one unchanged for long enough is ready, whatever its time
         stamps."""
-        seen, now = files_of_inbox(self._access, self._settings, wait=False), time.monotonic()
-        self._since = {entry.file: self._since.get(entry.file, now) for entry in seen}
+        entries, now = files_of_inbox(self._access, self._settings, wait=False), time.monotonic()
+        self._since = {entry.file: self._since.get(entry.file, now) for entry in entries}
         settle = self._settings.inbox.settle
         return [
             again
-            for entry in seen
+            for entry in entries
             for again in rescan_inbox([entry], now - self._since[entry.file], settle)
         ]
 

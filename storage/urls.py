@@ -43,21 +43,21 @@ def resolved(text: str, where: str, environment: Mapping[str, str] = os.environ)
     address."""
     if not text.startswith("$"):
         return text
-    found = environment.get(text[1:], "")
-    if not found:
+    address = environment.get(text[1:], "")
+    if not address:
         raise InputError(
             f"the environment variable {text[1:]} is not set",
             where,
             "set it to the address of the database, or change the setting",
         )
     try:
-        _parts(found)
+        _parts(address)
     except InputError as error:
         what = f"the environment variable {text[1:]} is not the address of a PostgreSQL database"
         raise InputError(
             what, where, "write it as postgresql://USER:PASSWORD@HOST:PORT/DATABASE"
         ) from error
-    return found
+    return address
 
 
 def shown(url: str) -> str:

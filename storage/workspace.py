@@ -206,7 +206,7 @@ class Workspace:
         keeps the bytes and updates the reason. Raises InputError when no bytes are in quarantine
         yet and the file at `path` no longer has this sha256.
         """
-        seen = _identity(path)
+        identity = _identity(path)
         folder = self.root / "quarantine" / checked_sha256(sha256)
         with translated_disk_errors(folder):
             folder.mkdir(exist_ok=True)
@@ -218,7 +218,7 @@ class Workspace:
             write_atomically(target, lambda temporary: _copy_checked(path, temporary, sha256))
         self.write_reason(folder, path.name, target.stat().st_size, reason, vehicle, sha256)
         in_inbox = path.parent.resolve().is_relative_to(self.inbox.resolve())
-        if in_inbox and (not is_held or has_sha256(path, sha256)) and _identity(path) == seen:
+        if in_inbox and (not is_held or has_sha256(path, sha256)) and _identity(path) == identity:
             path.unlink(missing_ok=True)
         return target
 
@@ -242,10 +242,10 @@ def _identity(path: Path) -> tuple[int, int, int] | None:
     """Inode, size and time of the file at `path`, without following links; a replaced file has
     others."""
     try:
-        found = path.lstat()
+        status = path.lstat()
     except FileNotFoundError:
         return None
-    return found.st_ino, found.st_size, found.st_mtime_ns
+    return status.st_ino, status.st_size, status.st_mtime_ns
 
 
 def has_sha256(path: Path, sha256: str) -> bool:

@@ -54,9 +54,9 @@ def _check_cron(text: str) -> None:
         )
     for place, field in enumerate(fields):
         for part in field.split(","):
-            found = _CRON_PART.fullmatch(part)
-            if found is None or not all(
-                _in_range(place, value) for value in found.groups() if value is not None
+            match = _CRON_PART.fullmatch(part)
+            if match is None or not all(
+                _in_range(place, value) for value in match.groups() if value is not None
             ):
                 raise ValueError(
                     f"cron '{text[:60]}': '{part[:20]}' is not allowed as field {place + 1}"

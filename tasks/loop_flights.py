@@ -13,7 +13,7 @@ from aerodb.storage.files import read_normal_equations, write_normal_equations
 from aerodb.tables import AeroDatabase
 from aerodb.tasks.steps import (
     applied_errors,
-    beside,
+    compare_with_database,
     load_coefficients,
     load_consistent,
     noise_of,
@@ -45,11 +45,12 @@ class StoredFlights:
 
     def flight(self, flight: str) -> Flight:
         """Return the consistent flight from which the coefficients are computed."""
-        return load_coefficients(self.access, self.access.catalogue.flight(flight), self.run)[0]
+        return load_coefficients(self.access, self.access.catalogue.flight(flight), self.run).flight
 
     def reconstruction(self, flight: str) -> Reconstruction:
         """Return the reconstruction, from the stored document of the consistent flight."""
-        document = load_consistent(self.access, self.access.catalogue.flight(flight), self.run)[1]
+        row = self.access.catalogue.flight(flight)
+        document = load_consistent(self.access, row, self.run).document
         errors = {
             entry["parameter"]: entry["standard_error"] for entry in document.get("estimates", ())
         }
@@ -67,8 +68,8 @@ class StoredFlights:
 
     def comparison(self, flight: str, database: AeroDatabase) -> tuple[Flight, Comparison]:
         """Return a flight and its comparison with a database; cached in memory, not stored."""
-        channels, comparison, _ = beside(self.access, flight, database, self.run)
-        return channels, comparison
+        compared = compare_with_database(self.access, flight, database, self.run)
+        return compared.flight, compared.comparison
 
     def normal_equations(
         self, flight: str, database: AeroDatabase, library: Library
@@ -76,7 +77,7 @@ class StoredFlights:
         """Return the normal equations of a flight; read back if stored, else computed and
         stored."""
         row = self.access.catalogue.flight(flight)
-        _, _, coefficients_key = load_coefficients(self.access, row, self.run)
+        coefficients_key = load_coefficients(self.access, row, self.run).key
         inputs = {"coefficients": coefficients_key, "database": database_document_sha256(database)}
         settings = {"library": library.sha256, "tracing": library.settings.sha256}
         if flight in library.stall:
@@ -87,11 +88,11 @@ class StoredFlights:
         path = result.stored()
         if path is not None:
             return read_normal_equations(path)
-        made = normal_equations_of(
+        equations = normal_equations_of(
             evidence_beside(self, flight, database, library), library.settings
         )
-        result.keep(self.run, lambda path: write_normal_equations(path, made))
-        return made
+        result.keep(self.run, lambda path: write_normal_equations(path, equations))
+        return equations
 
     def looked_before(self, flights: Sequence[str], library: Library) -> frozenset[str] | None:
         """Return the hypotheses that earlier libraries tested on all these flights, from stored

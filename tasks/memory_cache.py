@@ -29,9 +29,9 @@ def cached(key: Hashable, make: Callable[[], Value]) -> Value:
     may both compute the value; the results are equal.
     """
     with _lock:
-        found = _cache.get(key)
-    if found is not None:
-        value: Value = found[0]
+        entry = _cache.get(key)
+    if entry is not None:
+        value: Value = entry[0]
         return value
     value = make()
     size = _frozen_size(value)
@@ -46,8 +46,8 @@ def file_key(path: Path, *more: Hashable) -> Hashable:
 
     A file that is rewritten or damaged gets another key.
     """
-    found = path.stat()
-    return (str(path), found.st_ino, found.st_size, found.st_mtime_ns, *more)
+    status = path.stat()
+    return (str(path), status.st_ino, status.st_size, status.st_mtime_ns, *more)
 
 
 def _frozen_size(value: Any) -> int:

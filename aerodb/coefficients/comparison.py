@@ -158,13 +158,13 @@ def _with_flow_rates(
         for angle in ("alpha", "beta")
         if angle in flight and f"{angle}dot" not in flight
     ]
-    made = {
+    rates = {
         rate: smooth(flight[angle], flight.step, bandwidth).rate
         for rate, angle in wanted
         if rate in database.flight_inputs
     }
-    return flight.with_channels(made), [
-        f"{rate} from its angle, at a bandwidth of {bandwidth:g} Hz" for rate in made
+    return flight.with_channels(rates), [
+        f"{rate} from its angle, at a bandwidth of {bandwidth:g} Hz" for rate in rates
     ]
 
 

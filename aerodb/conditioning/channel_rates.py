@@ -12,9 +12,8 @@ import numpy as np
 
 from aerodb.conditioning.differentiation import bridge
 from aerodb.flight import Flight
+from aerodb.physics import GRAVITY
 from aerodb.support import Array
-
-GRAVITY: Final = 9.80665
 
 
 def alpha_rate(f: Mapping[str, Array]) -> Array:

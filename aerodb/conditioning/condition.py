@@ -33,9 +33,11 @@ def examine(flight: Flight, clocks: tuple[Suspicion, ...] = ()) -> Conditioning:
     clocks : suspicions about the time stamps of its recording (`clock_suspicions`). Delays are
     estimated over the longest airborne stretch.
     """
-    found = segments(flight)
+    flight_segments = segments(flight)
     return Conditioning(
-        (*clocks, *suspicions(flight)), found, delays(flight, during=_longest_in_the_air(flight))
+        (*clocks, *suspicions(flight)),
+        flight_segments,
+        delays(flight, during=_longest_in_the_air(flight)),
     )
 
 

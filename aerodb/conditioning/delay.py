@@ -224,7 +224,7 @@ def _channel_delay(
     lacking = [need for need in needed if need not in channels]
     if lacking:
         return _unobservable(name, f"{', '.join(lacking)} not in the flight")
-    found = _unobservable(name, "")
+    delay = _unobservable(name, "")
     inputs = dict(channels)
     clock = step * np.arange(len(channels[name]))
     before = np.zeros(0)
@@ -233,16 +233,16 @@ def _channel_delay(
         if np.array_equal(path, before):  # the channel is not in its own kinematics
             break
         before = path
-        found = delay_between(channels[name], path, step, band, largest, name)
-        if not found.observable:
+        delay = delay_between(channels[name], path, step, band, largest, name)
+        if not delay.observable:
             break
         inputs[name] = CubicSpline(clock, channels[name])(
-            np.clip(clock + found.seconds, clock[0], clock[-1])
+            np.clip(clock + delay.seconds, clock[0], clock[-1])
         )
-    if found.observable and abs(found.scale - 1.0) > SCALE_TOLERANCE:
+    if delay.observable and abs(delay.scale - 1.0) > SCALE_TOLERANCE:
         because = (
-            f"its motion is {found.scale:.2f} times that of the kinematics: something other than a"
+            f"its motion is {delay.scale:.2f} times that of the kinematics: something other than a"
             " delay is at work"
         )
-        return replace(found, standard_error=float("inf"), observable=False, because=because)
-    return found
+        return replace(delay, standard_error=float("inf"), observable=False, because=because)
+    return delay

@@ -96,7 +96,7 @@ def shared_samples(a: Flight, b: Flight) -> tuple[Shared, ...]:
     """
     offsets = _offsets(_marks(a), _marks(b))
     names = tuple(name for name in LANDMARK_CHANNELS if name in a and name in b)
-    found: list[Shared] = []
+    stretches: list[Shared] = []
     taken = np.zeros(len(a.time), dtype=bool)
     for offset in _common_offsets(offsets)[:MOST_OFFSETS]:
         if np.count_nonzero(~taken) * a.step < SHORTEST_SHARED:
@@ -109,7 +109,7 @@ def shared_samples(a: Flight, b: Flight) -> tuple[Shared, ...]:
             if a.time[last] - a.time[first] >= SHORTEST_SHARED:
                 taken[first : last + 1] = True
                 start, end = float(a.time[first]), float(a.time[last])
-                found.append(
+                stretches.append(
                     Shared(
                         start,
                         end,
@@ -120,21 +120,21 @@ def shared_samples(a: Flight, b: Flight) -> tuple[Shared, ...]:
                         difference,
                     )
                 )
-    return tuple(sorted(found, key=lambda shared: shared.start_a))
+    return tuple(sorted(stretches, key=lambda shared: shared.start_a))
 
 
 def _offsets(ours: dict[int, list[float]], theirs: dict[int, list[float]]) -> Array:
     """Differences in time [s] between equal marks of two records, at most about MOST_PAIRS."""
-    found: list[float] = []
+    offsets: list[float] = []
     for mark in sorted(
         ours.keys() & theirs.keys(), key=lambda mark: (len(ours[mark]) * len(theirs[mark]), mark)
     ):
         there = theirs[mark][:MOST_PAIRS]
         pairs = np.subtract.outer(there, ours[mark][: max(1, MOST_PAIRS // len(there))]).ravel()
-        if found and len(found) + len(pairs) > MOST_PAIRS:
+        if offsets and len(offsets) + len(pairs) > MOST_PAIRS:
             break
-        found += pairs.tolist()
-    return np.array(found)
+        offsets += pairs.tolist()
+    return np.array(offsets)
 
 
 def _marks(flight: Flight) -> dict[int, list[float]]:

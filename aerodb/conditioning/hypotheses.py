@@ -13,8 +13,9 @@ import numpy as np
 from scipy.fft import prev_fast_len
 from scipy.integrate import cumulative_simpson
 
-from aerodb.conditioning.channel_rates import GRAVITY, KINEMATICS, OPTIONAL
+from aerodb.conditioning.channel_rates import KINEMATICS, OPTIONAL
 from aerodb.conditioning.differentiation import low_passed
+from aerodb.physics import GRAVITY
 from aerodb.support import Array
 
 Channels = Mapping[str, Array]
@@ -83,7 +84,7 @@ def agreement(channels: Channels, step: float, names: Iterable[str] = ALL) -> di
     step : s
     names : channels to compare
     """
-    found = {}
+    agreements = {}
     for name in names:
         path = _path(name, channels, step)
         if path is None:
@@ -92,8 +93,8 @@ def agreement(channels: Channels, step: float, names: Iterable[str] = ALL) -> di
         size = float(ours @ ours + theirs @ theirs)
         moving = float(np.sqrt(size / len(ours))) > LEAST_MOTION.get(name, LEAST_ANGLE)
         if np.isfinite(size) and moving:
-            found[name] = 2.0 * float(ours @ theirs) / size
-    return found
+            agreements[name] = 2.0 * float(ours @ theirs) / size
+    return agreements
 
 
 def explain(channels: Channels, step: float) -> Explanation | None:
@@ -145,34 +146,36 @@ def _undone(
 
 def _faults(channels: Channels) -> list[Fault]:
     """Return every single fault that these channels could have."""
-    found = []
+    faults = []
     for name in _SIGNED:
         if name in channels:
-            found.append(
+            faults.append(
                 Fault("sign", (name,), f"the sign of {name} is flipped", _scaled(name, -1.0))
             )
     for name in _ANGLES:
         if name in channels:
             per = " per second" if name in "pqr" else ""
             words = f"{name} is in degrees{per}, declared as radians{per}"
-            found.append(Fault("degrees", (name,), words, _scaled(name, DEGREE)))
+            faults.append(Fault("degrees", (name,), words, _scaled(name, DEGREE)))
             words = f"{name} is in radians{per}, declared as degrees{per}"
-            found.append(Fault("radians", (name,), words, _scaled(name, 1.0 / DEGREE)))
+            faults.append(Fault("radians", (name,), words, _scaled(name, 1.0 / DEGREE)))
     if {"p", "q", "r"} <= channels.keys():
         words = "p, q and r are in degrees per second, declared as radians per second"
-        found.append(Fault("degrees", ("p", "q", "r"), words, _all_scaled(("p", "q", "r"), DEGREE)))
+        faults.append(
+            Fault("degrees", ("p", "q", "r"), words, _all_scaled(("p", "q", "r"), DEGREE))
+        )
     if {"phi", "theta"} <= channels.keys():
         names = tuple(name for name in ("phi", "theta", "psi") if name in channels)
         words = f"{' and '.join(names)} are in degrees, declared as radians"
-        found.append(Fault("degrees", names, words, _all_scaled(names, DEGREE)))
+        faults.append(Fault("degrees", names, words, _all_scaled(names, DEGREE)))
     for name in ("ax", "ay"):
         if name in channels:
-            found.append(
+            faults.append(
                 Fault("unit", (name,), f"{name} is in g, declared as m/s^2", _scaled(name, GRAVITY))
             )
     for one, other in _PAIRS:
         if one in channels and other in channels:
-            found.append(
+            faults.append(
                 Fault(
                     "swapped",
                     (one, other),
@@ -180,7 +183,7 @@ def _faults(channels: Channels) -> list[Fault]:
                     _exchanged(one, other),
                 )
             )
-    return found
+    return faults
 
 
 def _scaled(name: str, factor: float) -> Callable[[Channels], dict[str, Array]]:

@@ -78,7 +78,7 @@ def inputs(deflection: Array, step: float) -> tuple[Input, ...]:
     width = max(4, round(QUIET / step))
     activity = rolling_range(values, width)
     quiet = activity <= 0.5 * LEAST_INPUT
-    found: list[Input] = []
+    shapes: list[Input] = []
     at = int(np.argmax(quiet)) if quiet.any() else len(values)
     while at < len(values):
         moving = np.flatnonzero(~quiet[at:])
@@ -93,9 +93,9 @@ def inputs(deflection: Array, step: float) -> tuple[Input, ...]:
         if shape is not None and abs(shape.deflection) > ABOVE_ACTIVITY * _restlessness(
             activity, start, end, step
         ):
-            found.append(shape)
+            shapes.append(shape)
         at = end
-    return tuple(found)
+    return tuple(shapes)
 
 
 def _back(

@@ -11,13 +11,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from aerodb.conditioning.channel_rates import GRAVITY, KINEMATICS, airspeed_rate, with_accelerations
+from aerodb.conditioning.channel_rates import KINEMATICS, airspeed_rate, with_accelerations
 from aerodb.conditioning.differentiation import low_passed
 from aerodb.conditioning.hypotheses import explain
 from aerodb.conditioning.resampling import decimated
 from aerodb.conditioning.wild_points import stuck
 from aerodb.flight import Flight
 from aerodb.nomenclature import FLAGS
+from aerodb.physics import GRAVITY
 from aerodb.recording import Recording
 from aerodb.support import Array
 
@@ -72,17 +73,17 @@ def suspicions(flight: Flight) -> tuple[Suspicion, ...]:
     """
     hidden = np.uint8(FLAGS["stuck"] | FLAGS["implausible"])
     flight = replace(flight, flags={name: bits & ~hidden for name, bits in flight.flags.items()})
-    found = [*_without_samples(flight), *_standing_still(flight), *_too_large(flight)]
-    unusable = {suspicion.channel for suspicion in found}
+    listed = [*_without_samples(flight), *_standing_still(flight), *_too_large(flight)]
+    unusable = {suspicion.channel for suspicion in listed}
     channels = {
         name: values for name, values in with_accelerations(flight).items() if name not in unusable
     }
     vertical, channels = _weight(channels)
-    found += vertical
+    listed += vertical
     if len(flight.time) >= 32 and channels:
         thin, step = decimated(channels, flight.step, RATE)
-        found += _kinematic(thin, step) or _aerodynamic(thin, step)
-    return tuple(found)
+        listed += _kinematic(thin, step) or _aerodynamic(thin, step)
+    return tuple(listed)
 
 
 def clock_suspicions(recording: Recording) -> tuple[Suspicion, ...]:
@@ -97,7 +98,7 @@ def clock_suspicions(recording: Recording) -> tuple[Suspicion, ...]:
         if len(t.time) >= FEWEST_STAMPS and t.time[-1] > t.time[0]
     }
     spans = {name: (float(time[0]), float(time[-1])) for name, time in lasting.items()}
-    found = []
+    listed = []
     for name, (start, end) in spans.items():
         others = [span for other, span in spans.items() if other != name]
         apart = [span for span in others if span[0] > end or span[1] < start]
@@ -114,8 +115,8 @@ def clock_suspicions(recording: Recording) -> tuple[Suspicion, ...]:
             f" {high:.10g} s: {cause}"
         )
         evidence = {"start": start, "end": end, "others_start": low, "others_end": high}
-        found.append(Suspicion(name, "no_overlap", sentence, evidence))
-    return tuple(found)
+        listed.append(Suspicion(name, "no_overlap", sentence, evidence))
+    return tuple(listed)
 
 
 def _without_samples(flight: Flight) -> list[Suspicion]:
@@ -124,19 +125,19 @@ def _without_samples(flight: Flight) -> list[Suspicion]:
     reference = (
         np.any([flight.usable([name]) for name in core], axis=0) if core else flight.usable()
     )
-    found = []
+    suspicions = []
     for name in flight.channels:
         if reference.any() and not (flight.usable([name]) & reference).any():
             sentence = (
                 f"{name} has no usable sample at the times of rates and accelerations: their topics"
                 " do not overlap in time"
             )
-            found.append(
+            suspicions.append(
                 Suspicion(
                     name, "no_overlap", sentence, {"usable": float(flight.usable([name]).sum())}
                 )
             )
-    return found
+    return suspicions
 
 
 def _standing_still(flight: Flight) -> list[Suspicion]:
@@ -144,7 +145,7 @@ def _standing_still(flight: Flight) -> list[Suspicion]:
     present = {name: flight[name][flight.usable([name])] for name in _SENSORS if name in flight}
     present = {name: values for name, values in present.items() if len(values) > 1}
     moving = [name for name, values in present.items() if float(np.std(values)) > LEAST_MOTION]
-    found = []
+    suspicions = []
     for name, values in present.items():
         others = [other for other in moving if other != name]
         held = stuck(np.where(flight.usable([name]), flight[name], np.nan), flight.step, jump=False)
@@ -163,7 +164,7 @@ def _standing_still(flight: Flight) -> list[Suspicion]:
                 f"{name} {what} while {others[0]} and {others[1]} do: its sensor is stuck or was"
                 " not recorded"
             )
-            found.append(
+            suspicions.append(
                 Suspicion(
                     name,
                     "stuck",
@@ -171,19 +172,19 @@ def _standing_still(flight: Flight) -> list[Suspicion]:
                     {"share": share, "from": since, "value": float(values[-1])},
                 )
             )
-    return found
+    return suspicions
 
 
 def _too_large(flight: Flight) -> list[Suspicion]:
     """Return angles that exceed a right angle in a tenth of the record or more: degrees."""
-    found = []
+    suspicions = []
     for name in ("alpha", "beta", "theta"):
         if name in flight and (good := flight.usable([name])).any():
             size = float(np.quantile(np.abs(flight[name][good]), 0.9))
             if size > LARGEST_ANGLE:
                 words = f"{name} reaches {size:.3g} rad: it is in degrees, declared as radians"
-                found.append(Suspicion(name, "degrees", words, {"quantile_90": size}))
-    return found
+                suspicions.append(Suspicion(name, "degrees", words, {"quantile_90": size}))
+    return suspicions
 
 
 def _weight(channels: Mapping[str, Array]) -> tuple[list[Suspicion], dict[str, Array]]:
@@ -191,7 +192,7 @@ def _weight(channels: Mapping[str, Array]) -> tuple[list[Suspicion], dict[str, A
 
     Also returns the channels with these faults corrected.
     """
-    mended, found = dict(channels), []
+    mended, causes = dict(channels), []
     if "az" not in channels:
         return [], mended
     az = float(np.median(channels["az"]))
@@ -202,13 +203,13 @@ def _weight(channels: Mapping[str, Array]) -> tuple[list[Suspicion], dict[str, A
             f"ay balances the weight ({ay:.2f} m/s^2) and az does not ({az:.2f} m/s^2): y and z of"
             " the accelerations are swapped"
         )
-        found.append(("swapped", words))
+        causes.append(("swapped", words))
         mended["ay"], mended["az"] = channels["az"], -np.sign(ay) * channels["ay"]
     elif 0.6 * GRAVITY < az < 1.6 * GRAVITY:
-        found.append(("sign", f"{median}: its sign is flipped (z up)"))
+        causes.append(("sign", f"{median}: its sign is flipped (z up)"))
         mended["az"] = -channels["az"]
     elif 0.7 < abs(az) < 1.4 and float(np.median(np.abs(channels["az"] - az))) < LOAD_SPREAD:
-        found.append(
+        causes.append(
             ("unit", f"{median}: it is in g, declared as m/s^2{', with z up' if az > 0 else ''}")
         )
         mended.update(
@@ -216,7 +217,7 @@ def _weight(channels: Mapping[str, Array]) -> tuple[list[Suspicion], dict[str, A
         )
         mended["az"] = mended["az"] * -np.sign(az)
     elif abs(az) < 0.4 * GRAVITY:
-        found.append(
+        causes.append(
             (
                 "gravity",
                 f"{median}: gravity is missing (logged as nz - 1, or as acceleration without"
@@ -225,10 +226,10 @@ def _weight(channels: Mapping[str, Array]) -> tuple[list[Suspicion], dict[str, A
         )
         mended.pop("az")  # its sign is also unknown
     elif abs(az) > 5.0 * GRAVITY:
-        found.append(("unit", f"{median}: it is in another unit"))
+        causes.append(("unit", f"{median}: it is in another unit"))
         mended.pop("az")
     return [
-        Suspicion("az", kind, words, {"median_az": az, "median_ay": ay}) for kind, words in found
+        Suspicion("az", kind, words, {"median_az": az, "median_ay": ay}) for kind, words in causes
     ], mended
 
 
@@ -262,7 +263,7 @@ def _aerodynamic(channels: Mapping[str, Array], step: float) -> list[Suspicion]:
     changes the airspeed. Checked only if the kinematics agree, so that beta is correct when side
     force contradicts it.
     """
-    found = []
+    suspicions = []
     if "V" not in channels:
         return []
     flying = channels["V"] > 0.5 * np.max(channels["V"])
@@ -273,13 +274,13 @@ def _aerodynamic(channels: Mapping[str, Array], step: float) -> list[Suspicion]:
                 "ay grows with beta, but side force opposes sideslip: the sign of ay is flipped (or"
                 " that of beta)"
             )
-            found.append(Suspicion("ay", "sign", words, {"correlation": together}))
+            suspicions.append(Suspicion("ay", "sign", words, {"correlation": together}))
     if {"az", "alpha"} <= channels.keys():
         lift = -channels["az"] / np.maximum(channels["V"], 1.0) ** 2
         together = _correlation(lift, channels["alpha"], flying)
         if together < -STRONG and float(np.std(channels["alpha"][flying])) > LEAST_SWING:
             words = "lift falls as alpha rises over the record: the sign of alpha is flipped"
-            found.append(Suspicion("alpha", "sign", words, {"correlation": together}))
+            suspicions.append(Suspicion("alpha", "sign", words, {"correlation": together}))
     if {"r", "phi"} <= channels.keys():
         slow = 0.1 if 0.4 / step > 0.1 else 0.4 / step
         together = _correlation(low_passed(channels["r"], step, slow), channels["phi"], flying)
@@ -288,10 +289,10 @@ def _aerodynamic(channels: Mapping[str, Array], step: float) -> list[Suspicion]:
                 "the aircraft yaws away from the side to which it banks: the sign of r is flipped"
                 " (or those of p and phi)"
             )
-            found.append(Suspicion("r", "sign", words, {"correlation": together}))
+            suspicions.append(Suspicion("r", "sign", words, {"correlation": together}))
     if set(KINEMATICS["V"][1]) <= channels.keys():
-        found += _forward(channels, step, flying)
-    return found
+        suspicions += _forward(channels, step, flying)
+    return suspicions
 
 
 def _forward(

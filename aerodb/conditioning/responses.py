@@ -1,20 +1,54 @@
 """Detection of stall, pull-up, low g, slow oscillation (phugoid), spiral and steady flight.
 
-They are found in the motion, whatever the surfaces do. Functions return first and last sample and a
-reason in words; `segmentation` determines whether the aircraft is airborne.
+They are found in the motion, whatever the surfaces do. Functions return the `Response` that they
+detect; `segmentation` determines whether the aircraft is airborne.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d, median_filter
 from scipy.stats import spearmanr
 
-from aerodb.conditioning.channel_rates import GRAVITY
 from aerodb.conditioning.manoeuvres import DEGREE, rolling_range
+from aerodb.physics import GRAVITY
 from aerodb.support import Array, Mask
 
-Found = tuple[int, int, str]
+
+@dataclass(frozen=True)
+class Response:
+    """A stretch of motion: its first and last sample, and the reason in words."""
+
+    first: int
+    last: int
+    reason: str
+
+
+@dataclass(frozen=True)
+class _Oscillation:
+    """A slow oscillation of airspeed.
+
+    first, last : samples. period [s], amplitude [m/s] : of the best damped sine.
+    """
+
+    first: int
+    last: int
+    period: float
+    amplitude: float
+
+
+@dataclass(frozen=True)
+class _DampedSine:
+    """The best damped sine beside a straight line.
+
+    share : of the variance that it explains. period : s. amplitude : unit of the values.
+    """
+
+    share: float
+    period: float
+    amplitude: float
+
 
 #: Lift short of its straight line, as a part of it, for this long [s], is a stall; the line needs
 #: this range of alpha.
@@ -58,7 +92,7 @@ def runs(mask: Mask, shortest: int = 1, bridge: int = 0) -> list[tuple[int, int]
     return [(first, last) for first, last in joined if last - first + 1 >= shortest]
 
 
-def stalls(alpha: Array, az: Array, qbar: Array, step: float, flying: Mask) -> list[Found]:
+def stalls(alpha: Array, az: Array, qbar: Array, step: float, flying: Mask) -> list[Response]:
     """Return stalls: lift (-az over qbar) at least 10 % below the record's own lift line.
 
     The line is fitted over the lower three fifths of the alpha range, so that no aircraft data are
@@ -81,18 +115,18 @@ def stalls(alpha: Array, az: Array, qbar: Array, step: float, flying: Mask) -> l
         return []
     deficit, normal = _short_of_line(angle, lift, attached)
     lost = flying & (angle > low + 0.6 * (high - low)) & (deficit > max(LIFT_LOST, 3.0 * normal))
-    found = []
+    responses = []
     for first, last in runs(lost, max(2, round(STALL_TIME / step)), round(2.0 / step)):
         worst = 100 * float(np.max(deficit[first : last + 1]))
         peak = float(np.max(angle[first : last + 1])) / DEGREE
-        found.append(
-            (
+        responses.append(
+            Response(
                 first,
                 last,
                 f"lift up to {worst:.0f} % below its straight line, alpha to {peak:.1f} deg",
             )
         )
-    return found
+    return responses
 
 
 def _short_of_line(angle: Array, lift: Array, attached: Mask) -> tuple[Array, float]:
@@ -113,34 +147,26 @@ def _short_of_line(angle: Array, lift: Array, attached: Mask) -> tuple[Array, fl
     return deficit, normal
 
 
-def load_factors(
-    az: Array, phi: Array, step: float, flying: Mask
-) -> list[tuple[str, int, int, str]]:
-    """Return pull-ups (``pull_up``) and push-overs (``low_g``): kind, first, last, reason.
+def load_factors(az: Array, phi: Array, step: float, flying: Mask) -> list[tuple[str, Response]]:
+    """Return pull-ups and push-overs, each with its kind (``pull_up`` or ``low_g``).
 
     az [m/s^2], phi [rad], flying : (n,). step : s.
     """
     load = gaussian_filter1d(-az, 0.3 / step) / GRAVITY
     shortest = max(2, round(LOAD_TIME / step))
-    found = []
+    responses = []
     for kind, mask in (("pull_up", load * np.cos(phi) > PULL_UP), ("low_g", load < LOW_G)):
         for first, last in runs(mask & flying, shortest, shortest):
             part = load[first : last + 1]
             extreme = float(part.max() if kind == "pull_up" else part.min())
-            found.append(
-                (
-                    kind,
-                    first,
-                    last,
-                    f"load factor {'up' if kind == 'pull_up' else 'down'} to {extreme:.2f}",
-                )
-            )
-    return found
+            reason = f"load factor {'up' if kind == 'pull_up' else 'down'} to {extreme:.2f}"
+            responses.append((kind, Response(first, last, reason)))
+    return responses
 
 
 def slow_oscillations(
     speed: Array, altitude: Array | None, elevator: Array, step: float, flying: Mask
-) -> list[Found]:
+) -> list[Response]:
     """Return phugoid-like oscillations of airspeed [m/s] (n,) with the elevator [rad] fixed.
 
     The period searched is 0.7 to 1.4 times ``sqrt(2) pi V / g`` (Lanchester 1908); a damped sine
@@ -149,7 +175,7 @@ def slow_oscillations(
     for speed.
     """
     alone = flying & (rolling_range(median_filter(elevator, 3), round(2.0 / step)) < ALONE)
-    found = []
+    responses = []
     for first, last in runs(alone, round(10.0 / step), round(1.0 / step)):
         first, last = _left_alone(elevator, first, last)
         mean = float(np.mean(speed[first : last + 1]))
@@ -158,17 +184,15 @@ def slow_oscillations(
             continue
         best = _best_oscillation(speed[first : last + 1], step, expected)
         if best is not None:
-            begin, end, period, amplitude = best
-            if altitude is not None and not _exchanged(
-                speed, altitude, first + begin, first + end, step
-            ):
+            begin, end = first + best.first, first + best.last
+            if altitude is not None and not _exchanged(speed, altitude, begin, end, step):
                 continue
             reason = (
-                f"airspeed swings by +-{amplitude:.1f} m/s in {period:.0f} s (phugoid:"
+                f"airspeed swings by +-{best.amplitude:.1f} m/s in {best.period:.0f} s (phugoid:"
                 f" {expected:.0f} s), elevator left alone"
             )
-            found.append((first + begin, first + end, reason))
-    return found
+            responses.append(Response(begin, end, reason))
+    return responses
 
 
 def _left_alone(surface: Array, first: int, last: int) -> tuple[int, int]:
@@ -191,11 +215,8 @@ def _exchanged(speed: Array, altitude: Array, first: int, last: int, step: float
     return bool(np.corrcoef(swing[0], swing[1])[0, 1] < -EXCHANGE)
 
 
-def _best_oscillation(
-    speed: Array, step: float, expected: float
-) -> tuple[int, int, float, float] | None:
-    """First and last sample, period [s] and amplitude [m/s] of the longest part with a slow
-    oscillation."""
+def _best_oscillation(speed: Array, step: float, expected: float) -> _Oscillation | None:
+    """The longest part with a slow oscillation."""
     coarse = max(1, round(expected / 80 / step))
     thin = speed[::coarse]
     dt = step * coarse
@@ -203,28 +224,28 @@ def _best_oscillation(
         size = int(length * len(thin))
         for begin in range(0, len(thin) - size + 1, max(1, (len(thin) - size) // 6 or 1)):
             part = thin[begin : begin + size]
-            share, period, amplitude = _sine(part, dt, expected)
+            sine = _best_sine(part, dt, expected)
             if (
-                share > PHUGOID_SHARE
-                and amplitude > PHUGOID_SPEED
-                and size * dt > PHUGOID_PERIODS * period
+                sine.share > PHUGOID_SHARE
+                and sine.amplitude > PHUGOID_SPEED
+                and size * dt > PHUGOID_PERIODS * sine.period
             ):
-                return (
+                return _Oscillation(
                     begin * coarse,
                     min((begin + size) * coarse, len(speed)) - 1,
-                    period,
-                    amplitude,
+                    sine.period,
+                    sine.amplitude,
                 )
     return None
 
 
-def _sine(values: Array, step: float, expected: float) -> tuple[float, float, float]:
-    """Share explained, period [s] and amplitude of the best damped sine beside a straight line."""
+def _best_sine(values: Array, step: float, expected: float) -> _DampedSine:
+    """The damped sine of a period near `expected` [s] that explains the largest share."""
     time = step * np.arange(len(values))
     line = np.stack([np.ones_like(time), time / max(time[-1], step)], axis=1)
     rest = values - line @ np.linalg.lstsq(line, values)[0]
     total = float(rest @ rest)
-    best = (0.0, expected, 0.0)
+    best = _DampedSine(0.0, expected, 0.0)
     for period in expected * np.linspace(0.7, 1.4, 15):
         for decay in (0.0, 0.3, 0.8):
             wave = np.exp(-decay * time / period)
@@ -234,17 +255,17 @@ def _sine(values: Array, step: float, expected: float) -> tuple[float, float, fl
             share = (
                 1.0 - float(np.sum((values - basis @ solution) ** 2)) / total if total > 0 else 0.0
             )
-            if share > best[0]:
-                best = (share, float(period), float(np.hypot(*solution[2:])))
+            if share > best.share:
+                best = _DampedSine(share, float(period), float(np.hypot(*solution[2:])))
     return best
 
 
-def spirals(phi: Array, surfaces: Sequence[Array], step: float, flying: Mask) -> list[Found]:
+def spirals(phi: Array, surfaces: Sequence[Array], step: float, flying: Mask) -> list[Response]:
     """Return spirals: bank [rad] (n,) changes slowly and steadily by 15 deg, surfaces fixed."""
     alone = flying.copy()
     for surface in surfaces:
         alone &= rolling_range(median_filter(surface, 3), round(2.0 / step)) < ALONE
-    found = []
+    responses = []
     for first, last in runs(alone, round(SPIRAL_TIME / step), round(1.0 / step)):
         part = phi[first : last + 1 : max(1, round(0.5 / step))]
         change = float(part[-1] - part[0])
@@ -258,11 +279,11 @@ def spirals(phi: Array, surfaces: Sequence[Array], step: float, flying: Mask) ->
                 f"bank from {part[0] / DEGREE:.0f} to {part[-1] / DEGREE:.0f} deg with all surfaces"
                 " left alone"
             )
-            found.append((first, last, reason))
-    return found
+            responses.append(Response(first, last, reason))
+    return responses
 
 
-def steady(speed: Array, theta: Array, phi: Array, step: float, flying: Mask) -> list[Found]:
+def steady(speed: Array, theta: Array, phi: Array, step: float, flying: Mask) -> list[Response]:
     """Return stretches of ten seconds or more in which V [m/s], theta, phi [rad] hardly change."""
     window = round(STEADY_WINDOW / step)
     if len(speed) < window:
@@ -273,16 +294,10 @@ def steady(speed: Array, theta: Array, phi: Array, step: float, flying: Mask) ->
     )
     calm &= rolling_range(gaussian_filter1d(theta, blur), window) < STEADY_PITCH
     calm &= rolling_range(gaussian_filter1d(phi, blur), window) < STEADY_BANK
-    found = []
+    responses = []
     for first, last in runs(calm & flying, round(STEADY_TIME / step)):
         bank = float(np.mean(phi[first : last + 1])) / DEGREE
         kind = f"turn, bank {bank:.0f} deg" if abs(bank) > 5 else "flight"
         at = f"V {np.mean(speed[first : last + 1]):.1f} m/s"
-        found.append(
-            (
-                first,
-                last,
-                f"steady {kind}, {at}",
-            )
-        )
-    return found
+        responses.append(Response(first, last, f"steady {kind}, {at}"))
+    return responses

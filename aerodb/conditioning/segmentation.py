@@ -13,6 +13,7 @@ from scipy.ndimage import median_filter
 from aerodb.conditioning.differentiation import bridge
 from aerodb.conditioning.manoeuvres import DEGREE, PLAIN, Input, inputs
 from aerodb.conditioning.responses import (
+    Response,
     load_factors,
     runs,
     slow_oscillations,
@@ -73,12 +74,12 @@ def segments(flight: Flight) -> tuple[Segment, ...]:
     """
     flight = _with_ground(flight)
     view = _View(flight)
-    found = [*ground_and_air(flight), *configurations(flight)]
+    parts = [*ground_and_air(flight), *configurations(flight)]
     surfaces = _surfaces(view)
     manoeuvres = [*_inputs(view, surfaces), *_responses(view, surfaces)]
-    found += manoeuvres
-    found += _steady(view, manoeuvres)
-    return tuple(sorted(found, key=lambda segment: (segment.start, segment.end)))
+    parts += manoeuvres
+    parts += _steady(view, manoeuvres)
+    return tuple(sorted(parts, key=lambda segment: (segment.start, segment.end)))
 
 
 def manoeuvres(flight: Flight) -> tuple[Segment, ...]:
@@ -106,6 +107,9 @@ class _View:
 
     def segment(self, kind: str, first: int, last: int, reason: str, channel: str = "") -> Segment:
         return Segment(kind, float(self.time[first]), float(self.time[last]), reason, channel)
+
+    def response(self, kind: str, response: Response) -> Segment:
+        return self.segment(kind, response.first, response.last, response.reason)
 
 
 def ground_and_air(flight: Flight) -> tuple[Segment, ...]:
@@ -142,7 +146,7 @@ def ground_and_air(flight: Flight) -> tuple[Segment, ...]:
     reason = (
         f"slower than {SLOW * high:.0f} m/s, or not yet {ROLLING_HEIGHT:g} m above where it was"
     )
-    found = [
+    parts = [
         Segment("on_ground", float(flight.time[a]), float(flight.time[b]), reason) for a, b in down
     ]
     up = ~on_ground
@@ -153,11 +157,11 @@ def ground_and_air(flight: Flight) -> tuple[Segment, ...]:
         if down
         else "never slow: no ground in this record"
     )
-    found += [
+    parts += [
         Segment("airborne", float(flight.time[a]), float(flight.time[b]), reason)
         for a, b in runs(up)
     ]
-    return tuple(sorted(found, key=lambda segment: segment.start))
+    return tuple(sorted(parts, key=lambda segment: segment.start))
 
 
 def _with_ground(flight: Flight) -> Flight:
@@ -207,11 +211,11 @@ def _rolling(flight: Flight, first: int, last: int) -> tuple[int, int]:
 def configurations(flight: Flight) -> tuple[Segment, ...]:
     """Positions of gear, flaps, slats, speed brakes and spoilers, and the times at which they
     move."""
-    found: list[Segment] = []
+    parts: list[Segment] = []
     for name in sorted(flight.channels):
         if CONFIGURATION.fullmatch(name) and flight.usable([name]).any():
-            found += _positions(flight, name)
-    return tuple(sorted(found, key=lambda segment: segment.start))
+            parts += _positions(flight, name)
+    return tuple(sorted(parts, key=lambda segment: segment.start))
 
 
 def _positions(flight: Flight, name: str) -> list[Segment]:
@@ -228,20 +232,24 @@ def _positions(flight: Flight, name: str) -> list[Segment]:
         mode="nearest",
     )
     shortest = max(2, round(SHORTEST_POSITION / flight.step))
-    found: list[Segment] = []
+    segments: list[Segment] = []
     level: float | None = None
     for first, last in runs(np.abs(_change(values, shortest)) < 0.5 * least, shortest):
         here = float(np.median(values[first : last + 1]))
         start, end = float(flight.time[first]), float(flight.time[last])
         text = f"{what} {here:.2f}" if gear else f"{what} {here / DEGREE:.1f} deg"
         if level is not None and abs(here - level) < least:
-            found[-1] = Segment("configuration", found[-1].start, end, found[-1].reason, name)
+            segments[-1] = Segment(
+                "configuration", segments[-1].start, end, segments[-1].reason, name
+            )
             continue
-        if found:
-            found.append(Segment("configuration", found[-1].end, start, f"{what} moves", name))
+        if segments:
+            segments.append(
+                Segment("configuration", segments[-1].end, start, f"{what} moves", name)
+            )
         level = here
-        found.append(Segment("configuration", start, end, text, name))
-    return found
+        segments.append(Segment("configuration", start, end, text, name))
+    return segments
 
 
 def _change(values: Array, samples: int) -> Array:
@@ -255,42 +263,42 @@ def _change(values: Array, samples: int) -> Array:
 def _surfaces(view: _View) -> dict[str, Array]:
     """Primary surfaces: each name itself, else the asymmetric part of a left and a right one
     (ailerons) or the mean."""
-    found: dict[str, Array] = {}
+    deflections: dict[str, Array] = {}
     for name in PRIMARY:
         whole = view.get(f"delta_{name}")
         right, left = view.get(f"delta_{name}_right"), view.get(f"delta_{name}_left")
         if whole is not None:
-            found[f"delta_{name}"] = whole
+            deflections[f"delta_{name}"] = whole
         elif right is not None and left is not None:
-            found[f"delta_{name}"] = (
+            deflections[f"delta_{name}"] = (
                 0.5 * (right - left) if name == "aileron" else 0.5 * (right + left)
             )
             if name in ("elevon", "ruddervator"):
-                found[f"delta_{name}_asymmetric"] = 0.5 * (right - left)
-    return found
+                deflections[f"delta_{name}_asymmetric"] = 0.5 * (right - left)
+    return deflections
 
 
 def _inputs(view: _View, surfaces: dict[str, Array]) -> list[Segment]:
     """Inputs on all surfaces in the air, without the irregular companions of larger ones."""
-    made = [
+    detected = [
         (name, shape) for name, values in surfaces.items() for shape in inputs(values, view.step)
     ]
-    made = [
-        (name, shape) for name, shape in made if view.flying[shape.first : shape.last + 1].all()
+    detected = [
+        (name, shape) for name, shape in detected if view.flying[shape.first : shape.last + 1].all()
     ]
-    found = []
-    for name, shape in made:
+    segments = []
+    for name, shape in detected:
         others = [
             other
-            for owner, other in made
+            for owner, other in detected
             if owner != name and other.first <= shape.last and shape.first <= other.last
         ]
         largest = max((abs(other.deflection) for other in others), default=0.0)
         if shape.name not in PLAIN or largest < COMPANION * abs(shape.deflection):
-            found.append(
+            segments.append(
                 view.segment(shape.name, shape.first, shape.last, _described(shape, name), name)
             )
-    return found
+    return segments
 
 
 def _described(shape: Input, name: str) -> str:
@@ -304,18 +312,21 @@ def _described(shape: Input, name: str) -> str:
 
 def _responses(view: _View, surfaces: dict[str, Array]) -> list[Segment]:
     """Stall, load factor, slow oscillation and spiral, as far as their channels are there."""
-    found: list[Segment] = []
+    segments: list[Segment] = []
     az, phi, speed = view.get("az", "az_imu"), view.get("phi"), view.get("V")
     alpha, qbar = view.get("alpha"), view.get("qbar")
 
-    def add(kind: str, detected: list[tuple[int, int, str]]) -> None:
-        found.extend(view.segment(kind, *item) for item in detected)
+    def add(kind: str, detected: list[Response]) -> None:
+        segments.extend(view.response(kind, each) for each in detected)
 
     if az is not None and alpha is not None and qbar is not None:
         add("stall", stalls(alpha, az, qbar, view.step, view.flying & view.known("alpha")))
     if az is not None:
         level = np.zeros_like(az) if phi is None else phi
-        found += [view.segment(*item) for item in load_factors(az, level, view.step, view.flying)]
+        segments += [
+            view.response(kind, each)
+            for kind, each in load_factors(az, level, view.step, view.flying)
+        ]
     if speed is not None and "delta_elevator" in surfaces:
         add(
             "slow_oscillation",
@@ -332,7 +343,7 @@ def _responses(view: _View, surfaces: dict[str, Array]) -> list[Segment]:
             "spiral",
             spirals(phi, list(surfaces.values()), view.step, view.flying & view.known("phi")),
         )
-    return found
+    return segments
 
 
 def _steady(view: _View, busy: list[Segment]) -> list[Segment]:
@@ -343,4 +354,4 @@ def _steady(view: _View, busy: list[Segment]) -> list[Segment]:
     for segment in busy:
         free[(view.time >= segment.start) & (view.time <= segment.end)] = False
     bank = np.zeros_like(theta) if phi is None else phi
-    return [view.segment("steady", *item) for item in steady(speed, theta, bank, view.step, free)]
+    return [view.response("steady", each) for each in steady(speed, theta, bank, view.step, free)]

@@ -105,14 +105,14 @@ def spikes(values: Array, floor: float = 0.0) -> Mask:
     result = np.zeros(len(values), dtype=bool)
     for _ in range(2):  # a second round, without what the first found, sees what stood beside it
         index = np.flatnonzero(np.isfinite(values) & ~result)
-        found = (
+        wild = (
             _spikes(values[index], floor)
             if len(index) > 2 * NEARBY
             else np.zeros(len(index), dtype=bool)
         )
-        if not found.any():
+        if not wild.any():
             break
-        result[index[found]] = True
+        result[index[wild]] = True
     return result
 
 
@@ -120,7 +120,7 @@ def _spikes(values: Array, floor: float) -> Mask:
     """One round of `spikes` over finite values. Most channels have no candidate; what is costly is
     done for candidates only."""
     n = len(values)
-    found = np.zeros(n, dtype=bool)
+    wild = np.zeros(n, dtype=bool)
     least = floor
     for length in range(1, LONGEST_SPIKE + 1):
         before, after = values[: n - length - 1], values[length + 1 :]
@@ -139,8 +139,8 @@ def _spikes(values: Array, floor: float) -> Mask:
         at = at[np.abs(after[at] - before[at]) < 0.5 * departure[at]]
         at = at[departure[at] > SPIKE_FACTOR * 1.4826 * _usual_nearby(change, at)]
         for k in range(length):
-            found[at + 1 + k] = True
-    return found
+            wild[at + 1 + k] = True
+    return wild
 
 
 def _departure(values: Array, length: int, before: Array, after: Array) -> Array:

@@ -170,14 +170,14 @@ def drift(
     ----------
     names, values, standard_errors : (k,) estimates of one flight, made without the calibration, SI.
     """
-    known, found = calibration.by_name, []
+    known, drifts = calibration.by_name, []
     for name, value, error in zip(names, values, standard_errors, strict=True):
         if name in known:
             centre, spread = known[name]
             distance = abs(float(value) - centre) / float(np.hypot(error, spread))
             if distance > DRIFT:
-                found.append(Drift(name, float(value), centre, distance))
-    return tuple(found)
+                drifts.append(Drift(name, float(value), centre, distance))
+    return tuple(drifts)
 
 
 def _text(time: datetime | None) -> str | None:

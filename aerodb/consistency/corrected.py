@@ -156,15 +156,15 @@ def corrected_flight(
     for name in (*_AIR, *_ATTITUDE):
         if name == "V" and name not in sensors:
             continue
-        made, error = _at_full_rate(flight, smoothed, name)
+        smooth_channel, error = _at_full_rate(flight, smoothed, name)
         own = sensors.get(name)
-        choice = _choose_source(flight, result, vehicle, name, values, made, error, own)
+        choice = _choose_source(flight, result, vehicle, name, values, smooth_channel, error, own)
         used[name] = choice.source
         if name == "alpha" and own is not None and not choice.source.smoothed:
             source = "sensor"
         if choice.source.smoothed:
-            here = np.isfinite(made)
-            channels[name] = made if own is None else np.where(here, made, own)
+            here = np.isfinite(smooth_channel)
+            channels[name] = smooth_channel if own is None else np.where(here, smooth_channel, own)
             sigma[name] = np.where(here, np.hypot(error, choice.beside), choice.sensor)
             if name in flags:
                 flags[name] = np.where(here, 0, flags[name]).astype(flags[name].dtype)
@@ -172,7 +172,9 @@ def corrected_flight(
             sigma[name] = np.where(np.isfinite(own), choice.sensor, np.nan)
     channels |= _pressure(flight, moved, channels, values)
     changed = tuple(
-        name for name, made in channels.items() if not _unchanged(made, flight.channels.get(name))
+        name
+        for name, smooth_channel in channels.items()
+        if not _unchanged(smooth_channel, flight.channels.get(name))
     )
     note = (
         f"{', '.join(changed)} are those of the flight-path reconstruction"
@@ -225,10 +227,10 @@ def with_gusty_winds(result: Reconstruction, gusts: Gusts) -> Reconstruction:
                 if down
                 else (gusts.horizontal, gusts.horizontal_time)
             )
-            seen = sum(len(record.inputs) * record.step for record in records) * (
+            observed_time = sum(len(record.inputs) * record.step for record in records) * (
                 0.5 if blind else 1.0
             )
-            more = 2.0 * size**2 * min(time / seen, 0.5)
+            more = 2.0 * size**2 * min(time / observed_time, 0.5)
             spread[number, number] += more
             estimates[number] = replace(
                 entry, standard_error=float(np.hypot(entry.standard_error, np.sqrt(more)))
@@ -250,14 +252,14 @@ def _sensors(
     flight: Flight, vehicle: Vehicle, moved: InertialInputs, values: Mapping[str, float]
 ) -> dict[str, Array]:
     """The measured channels corrected; V, alpha and beta at the probe, then moved to the CG."""
-    made = {
+    corrected = {
         raw: _corrected_sensor(flight[raw], name, values, flight.step)
         for name, raw in zip(INPUTS, moved.names, strict=True)
     }
     for name in (*_ATTITUDE, *_OTHERS):
         if name in flight:
-            made[name] = _corrected_sensor(flight[name], name, values, flight.step)
-    rates = np.column_stack([bridge(made[name]) for name in moved.names[3:]])
+            corrected[name] = _corrected_sensor(flight[name], name, values, flight.step)
+    rates = np.column_stack([bridge(corrected[name]) for name in moved.names[3:]])
     arm = [
         known + values.get(f"air_data_{axis}", 0.0)
         for known, axis in zip(moved.arm, "xyz", strict=True)
@@ -275,8 +277,8 @@ def _sensors(
     if any(arm) or any(
         not np.array_equal(shown[name], air, equal_nan=True) for name, air in at_point.items()
     ):
-        return made | ports | air_data_from_probe(shown, rates, arm)
-    return made | {name: flight[name] for name in shown}
+        return corrected | ports | air_data_from_probe(shown, rates, arm)
+    return corrected | {name: flight[name] for name in shown}
 
 
 def _without_port_errors(
@@ -288,12 +290,12 @@ def _without_port_errors(
         return {}
     pressure = static_pressure(flight)
     air = correct_port_errors(shown["V"], flight["rho"], pressure, values)
-    found = {"V": air.V} if pressure is None else {"V": air.V, "rho": air.rho}
+    corrected = {"V": air.V} if pressure is None else {"V": air.V, "rho": air.rho}
     if "static_pressure" in flight:
-        found["static_pressure"] = flight["static_pressure"] - air.excess
+        corrected["static_pressure"] = flight["static_pressure"] - air.excess
     if "pressure_altitude" in flight:
-        found["pressure_altitude"] = correct_pressure_altitude(flight["pressure_altitude"], air)
-    return found
+        corrected["pressure_altitude"] = correct_pressure_altitude(flight["pressure_altitude"], air)
+    return corrected
 
 
 def _angles(
@@ -354,7 +356,7 @@ def _choose_source(
     vehicle: Vehicle,
     name: str,
     values: Mapping[str, float],
-    made: Array,
+    smooth_channel: Array,
     error: Array,
     own: Array | None,
 ) -> _SourceChoice:
@@ -364,7 +366,7 @@ def _choose_source(
     smoother: its standard error, and the part of its difference from the sensor that exceeds the
     sensor's noise, which is gusts too fast for the smoother.
 
-    made, error : (n,), smoothed channel and its standard error, SI.
+    smooth_channel, error : (n,), smoothed channel and its standard error, SI.
     own : (n,), corrected sensor, SI; None: no sensor.
     """
     size = float(np.sqrt(np.nanmean(error**2)))
@@ -387,9 +389,9 @@ def _choose_source(
             else ChannelSource(Origin.NOT_GIVEN, known)
         )
         return _SourceChoice(chosen, float("nan"), 0.0)
-    good = flight.usable((name,), despite=IGNORED_FLAGS) & np.isfinite(made)
+    good = flight.usable((name,), despite=IGNORED_FLAGS) & np.isfinite(smooth_channel)
     white = _white(flight, vehicle, name, good)
-    apart = float(np.var((own - made)[good])) if good.any() else np.inf
+    apart = float(np.var((own - smooth_channel)[good])) if good.any() else np.inf
     beside = float(
         np.sqrt(max(apart - white**2 + size**2, 0.0))
     )  # the sensor's noise is in both, with covariance size^2
@@ -439,5 +441,5 @@ def _at_full_rate(
     return values, sigma
 
 
-def _unchanged(made: Array, measured: Array | None) -> bool:
-    return measured is not None and np.array_equal(made, measured, equal_nan=True)
+def _unchanged(smooth_channel: Array, measured: Array | None) -> bool:
+    return measured is not None and np.array_equal(smooth_channel, measured, equal_nan=True)

@@ -107,36 +107,34 @@ def _slope_rotating(x: Array, u: Array, earth: Array, out: Array, jacobian: Arra
     local origin.
     """
     latitude, height = earth[0] + x[7] / earth[2], earth[1] + x[9]
-    down, by_latitude, by_height, bend = normal_gravity(latitude, height)
+    gravity = normal_gravity(latitude, height)
     jacobian[:, :] = 0.0
-    _slope(x, u, down, out, jacobian)
+    _slope(x, u, gravity.gravity, out, jacobian)
     s, c = np.sin(latitude), np.cos(latitude)
     spin, dspin = (
         np.array([EARTH_RATE * c, 0.0, -EARTH_RATE * s]),
         np.array([-EARTH_RATE * s, 0.0, -EARTH_RATE * c]) / earth[2],
     )
-    north = np.array([bend * height, 0.0, 0.0])
-    north_by = (
-        np.array([2.0 * PLUMB_LINE_CURVATURE * np.cos(2.0 * latitude) * height, 0.0, by_latitude])
-        / earth[2]
-    )
-    _velocity_by_earth(
-        x, spin, dspin, north, north_by, np.array([bend, 0.0, by_height]), out, jacobian
-    )
+    north = np.array([gravity.north_by_height * height, 0.0, 0.0])
+    bend = 2.0 * PLUMB_LINE_CURVATURE * np.cos(2.0 * latitude) * height
+    north_by = np.array([bend, 0.0, gravity.by_latitude]) / earth[2]
+    rise = np.array([gravity.north_by_height, 0.0, gravity.by_height])
+    _velocity_by_earth(x, spin, dspin, north, north_by, rise, out, jacobian)
     _attitude_by_earth(x, spin, dspin, latitude, height, earth, out, jacobian)
-    meridian, normal, dmeridian, dnormal = radii_of_curvature(latitude)
-    to_north, to_east = earth[2] / (meridian + height), earth[3] / ((normal + height) * c)
+    radii = radii_of_curvature(latitude)
+    meridian, normal = radii.meridian + height, radii.normal + height
+    to_north, to_east = earth[2] / meridian, earth[3] / (normal * c)
     for number in range(7):
         jacobian[7, number] *= to_north
         jacobian[8, number] *= to_east
     out[7] *= to_north
     out[8] *= to_east
     jacobian[7, 7], jacobian[7, 9] = (
-        -out[7] * dmeridian / (meridian + height) / earth[2],
-        -out[7] / (meridian + height),
+        -out[7] * radii.meridian_by_latitude / meridian / earth[2],
+        -out[7] / meridian,
     )
-    jacobian[8, 7] = out[8] * (s / c - dnormal / (normal + height)) / earth[2]
-    jacobian[8, 9] = -out[8] / (normal + height)
+    jacobian[8, 7] = out[8] * (s / c - radii.normal_by_latitude / normal) / earth[2]
+    jacobian[8, 9] = -out[8] / normal
 
 
 @njit(cache=True)
@@ -191,10 +189,10 @@ def _attitude_by_earth(
     """
     q = x[3:7]
     north, east = out[7], out[8]
-    meridian, normal, dmeridian, dnormal = radii_of_curvature(latitude)
+    radii = radii_of_curvature(latitude)
     a, b, slant, c = (
-        1.0 / (meridian + height),
-        1.0 / (normal + height),
+        1.0 / (radii.meridian + height),
+        1.0 / (radii.normal + height),
         np.tan(latitude),
         np.cos(latitude),
     )
@@ -207,8 +205,9 @@ def _attitude_by_earth(
             -along * a,
             -across * slant * b,
         )
-    change[0, 7], change[1, 7] = -east * dnormal * b * b, north * dmeridian * a * a
-    change[2, 7] = -east * (b / (c * c) - slant * dnormal * b * b)
+    change[0, 7] = -east * radii.normal_by_latitude * b * b
+    change[1, 7] = north * radii.meridian_by_latitude * a * a
+    change[2, 7] = -east * (b / (c * c) - slant * radii.normal_by_latitude * b * b)
     change[0, 9], change[1, 9], change[2, 9] = -east * b * b, north * a * a, east * slant * b * b
     for i in range(3):
         change[i, 7] = change[i, 7] / earth[2] + dspin[i]

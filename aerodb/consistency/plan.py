@@ -63,10 +63,10 @@ class Plan:
     @property
     def bounds(self) -> dict[str, tuple[float, float]]:
         """Bounds of scales and delays, SI; a value beyond them stands for some other error."""
-        found = [
+        bounded = [
             parameter(name) for name in self.free if parameter(name).kind in ("scale", "delay")
         ]
-        return {item.name: (-item.size, item.size) for item in found}
+        return {item.name: (-item.size, item.size) for item in bounded}
 
     def only(self, names: Collection[str]) -> "Plan":
         """The plan with these parameters alone, and with those of the flight (wind, weather)."""
@@ -118,8 +118,8 @@ class Plan:
             for name in self.free
             if parameter(name).kind in PER_FLIGHT or name in self.stated_priors
         ]
-        made = replace(self, free=tuple(dict.fromkeys([*known, *own])))
-        return made.in_moving_air() if self.moving_air else made
+        plan = replace(self, free=tuple(dict.fromkeys([*known, *own])))
+        return plan.in_moving_air() if self.moving_air else plan
 
 
 def make_plan(records: Sequence[Record], vehicle: Vehicle) -> Plan:
@@ -218,7 +218,7 @@ def _late(logged: Collection[str], vehicle: Vehicle) -> list[str]:
 def _least_pressures(records: Sequence[Record], accuracy: Accuracy) -> dict[str, float]:
     """Smallest credible noise of five-hole probe pressures: that of the flow angles at the mean
     dynamic pressure."""
-    found: dict[str, float] = {}
+    least: dict[str, float] = {}
     for record in records:
         probe, speed = record.installation.five_hole, record.outputs.get("V")
         if probe is not None and speed is not None and record.density is not None:
@@ -227,8 +227,8 @@ def _least_pressures(records: Sequence[Record], accuracy: Accuracy) -> dict[str,
                 pair: TRUST * accuracy.flow_angle * q * getattr(probe, angle).slope
                 for pair, angle in HOLES.items()
             }
-            found |= {pair: min(size, found.get(pair, size)) for pair, size in sizes.items()}
-    return found
+            least |= {pair: min(size, least.get(pair, size)) for pair, size in sizes.items()}
+    return least
 
 
 def _least_noise(accuracy: Accuracy) -> dict[str, float]:
@@ -245,8 +245,8 @@ def _least_noise(accuracy: Accuracy) -> dict[str, float]:
 
 
 def _sensor(vehicle: Vehicle, name: str) -> Sensor:
-    found = vehicle.sensors.get(name) or vehicle.sensors.get(f"{name}_imu")
-    return found if found is not None else Sensor()
+    sensor = vehicle.sensors.get(name) or vehicle.sensors.get(f"{name}_imu")
+    return sensor if sensor is not None else Sensor()
 
 
 def _turned(record: Record) -> bool:

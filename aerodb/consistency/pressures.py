@@ -50,8 +50,8 @@ def angles_from_holes(flight: Flight, vehicle: Vehicle, shown: Mapping[str, Arra
     )
     off = np.abs(
         [
-            made - shown[name][some]
-            for name, made in angles_from_pressures(thin, vehicle.air_data).items()
+            angle - shown[name][some]
+            for name, angle in angles_from_pressures(thin, vehicle.air_data).items()
         ]
     )
     off = off[:, np.isfinite(off).all(axis=0)]
@@ -82,9 +82,9 @@ def static_pressure(flight: Flight) -> Array | None:
     """(n,) measured static pressure [Pa] if the density was computed from it; otherwise None."""
     if not all(name in flight for name in ("rho", "static_pressure", "temperature")):
         return None
-    made = density(flight["static_pressure"], flight["temperature"])
-    good = np.isfinite(made) & np.isfinite(flight["rho"])
-    alike = good.any() and np.median(np.abs(flight["rho"][good] / made[good] - 1.0)) < _SAME
+    computed = density(flight["static_pressure"], flight["temperature"])
+    good = np.isfinite(computed) & np.isfinite(flight["rho"])
+    alike = good.any() and np.median(np.abs(flight["rho"][good] / computed[good] - 1.0)) < _SAME
     return flight["static_pressure"] if alike else None
 
 

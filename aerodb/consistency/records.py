@@ -154,8 +154,8 @@ def air_data_from_probe(
     u, v, w = velocity_at_cg(velocity.T, rates, np.broadcast_to(arm, rates.shape)).T
     total = np.sqrt(u * u + v * v + w * w)
     with np.errstate(invalid="ignore", divide="ignore"):
-        found = {"V": total, "alpha": np.arctan2(w, u), "beta": np.arcsin(v / total)}
-    return {name: found[name] for name in shown}
+        air_data = {"V": total, "alpha": np.arctan2(w, u), "beta": np.arcsin(v / total)}
+    return {name: air_data[name] for name in shown}
 
 
 def qbar_follows_airspeed(flight: Flight, shown: Mapping[str, Array]) -> bool:
@@ -168,10 +168,12 @@ def qbar_follows_airspeed(flight: Flight, shown: Mapping[str, Array]) -> bool:
         return "qbar" not in flight
     apart = []
     for speed in (flight["V"], shown["V"]):
-        made = 0.5 * flight["rho"] * speed**2
-        good = np.isfinite(made) & np.isfinite(flight["qbar"]) & (made > 0)
+        computed = 0.5 * flight["rho"] * speed**2
+        good = np.isfinite(computed) & np.isfinite(flight["qbar"]) & (computed > 0)
         apart.append(
-            float(np.median(np.abs(flight["qbar"][good] / made[good] - 1.0))) if good.any() else 0.0
+            float(np.median(np.abs(flight["qbar"][good] / computed[good] - 1.0)))
+            if good.any()
+            else 0.0
         )
     return min(apart) < _SAME
 
@@ -362,15 +364,15 @@ def _windows(n: int, longest: float) -> list[tuple[int, int]]:
 
 def _with_winds(records: Sequence[Record], step: float) -> tuple[Record, ...]:
     """The records of one flight; ``#<number>`` marks each new wind, by time or altitude."""
-    found, number = [], 0
+    split, number = [], 0
     began, height = records[0].first, _height(records[0])
     for record in records:
         here = _height(record)
         late = (record.first - began) * step > STEADY_WIND_TIME
         if late or abs(here - height) > STEADY_WIND_ALTITUDE:
             number, began, height = number + 1, record.first, here
-        found.append(replace(record, flight=f"{record.flight}#{number}") if number else record)
-    return tuple(found)
+        split.append(replace(record, flight=f"{record.flight}#{number}") if number else record)
+    return tuple(split)
 
 
 def _height(record: Record) -> float:

@@ -62,7 +62,7 @@ class Verdict:
 
 
 def judge(
-    result: Reconstruction, flight: str, accuracy: Accuracy, found: Sequence[Fault] = ()
+    result: Reconstruction, flight: str, accuracy: Accuracy, faults: Sequence[Fault] = ()
 ) -> Verdict:
     """The verdict on one flight of a joint reconstruction.
 
@@ -74,7 +74,7 @@ def judge(
     result : reconstruction of one or several flights.
     flight : id of the flight to judge.
     accuracy : limits of the vehicle.
-    found : gross faults (`expected.detect_faults`); each rejects the flight.
+    faults : gross faults (`expected.detect_faults`); each rejects the flight.
     """
     paths = [residuals_as_angles(path) for path in result.paths if flight_of(path.record) == flight]
     speed = float(np.mean(np.concatenate([path.V for path in paths])))
@@ -125,7 +125,7 @@ def judge(
                 f"{item.label} of {estimate.value:.3g} is beyond any serviceable sensor"
                 f" ({item.size:g}){beside}"
             )
-    for fault in found:
+    for fault in faults:
         words.append("rejected")
         reasons.append(fault.sentence)
     if not result.converged:
@@ -142,9 +142,9 @@ def judge(
 def moving_air(paths: Sequence[ReconstructedPath]) -> ProcessNoise:
     """Whether the air moved in at least a quarter of these records; the figures are those of the
     worst one."""
-    found = [_moving(residuals_as_angles(path)) for path in paths]
-    worst = max(found, key=lambda entry: (entry.matters, max(entry.gusts.values(), default=0.0)))
-    share = float(np.mean([entry.matters for entry in found]))
+    judged = [_moving(residuals_as_angles(path)) for path in paths]
+    worst = max(judged, key=lambda entry: (entry.matters, max(entry.gusts.values(), default=0.0)))
+    share = float(np.mean([entry.matters for entry in judged]))
     return worst if share >= LEAST_MOVING else replace(worst, matters=False)
 
 

@@ -96,11 +96,11 @@ def make_consistent(
 
 def common_faults(records: Sequence[Record]) -> tuple[Fault, ...]:
     """Gross faults that more than half of the records show."""
-    found: dict[str, list[Fault]] = {}
+    by_channels: dict[str, list[Fault]] = {}
     for record in records:
         for fault in detect_faults(record):
-            found.setdefault("/".join(fault.channels), []).append(fault)
-    return tuple(entries[0] for entries in found.values() if 2 * len(entries) > len(records))
+            by_channels.setdefault("/".join(fault.channels), []).append(fault)
+    return tuple(entries[0] for entries in by_channels.values() if 2 * len(entries) > len(records))
 
 
 def _drifted(own: SensorEstimates, calibration: Calibration) -> tuple[Drift, ...]:

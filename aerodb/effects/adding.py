@@ -82,7 +82,7 @@ def envelopes_of(
     Raises InputError where a flight lacks a channel of an accepted hypothesis, or no flight has a
     usable sample.
     """
-    found = {}
+    envelopes = {}
     for axis, members in _by_axis(accepted).items():
         names = frozenset[str]().union(
             *(accepted[number].increment[part][1].names for number, part in members)
@@ -102,14 +102,14 @@ def envelopes_of(
                 flown += [(view.channels, good)] if good.any() else []
         if not flown:
             raise InputError("no usable sample in any flight", f"effects on {axis}")
-        found[axis] = flown_envelope(names, flown, database)
-    return found
+        envelopes[axis] = flown_envelope(names, flown, database)
+    return envelopes
 
 
 def _check_states(accepted: Sequence[Hypothesis], database: AeroDatabase) -> None:
-    made = {state.name for state in database.states}
+    present = {state.name for state in database.states}
     for hypothesis in accepted:
-        if STATE_CHANNEL in hypothesis.drivers and STATE_CHANNEL not in made:
+        if STATE_CHANNEL in hypothesis.drivers and STATE_CHANNEL not in present:
             what = f"the database has no state model that makes {STATE_CHANNEL}"
             raise InputError(
                 what, hypothesis.id, "add it with its law: stall_hysteresis.with_stall"
@@ -118,7 +118,7 @@ def _check_states(accepted: Sequence[Hypothesis], database: AeroDatabase) -> Non
 
 def _by_axis(accepted: Sequence[Hypothesis]) -> dict[str, list[tuple[int, int]]]:
     """Axis -> (index of hypothesis, index of its increment part) of those that act there."""
-    found: dict[str, list[tuple[int, int]]] = {}
+    by_axis: dict[str, list[tuple[int, int]]] = {}
     for number, hypothesis in enumerate(accepted):
         if hypothesis.kind == "sensor":
             remedy = "correct the sensor or the vehicle file, and process the flights again"
@@ -134,5 +134,5 @@ def _by_axis(accepted: Sequence[Hypothesis]) -> dict[str, list[tuple[int, int]]]
                 "give its template a regressor",
             )
         for part, (axis, _) in enumerate(hypothesis.increment):
-            found.setdefault(axis, []).append((number, part))
-    return found
+            by_axis.setdefault(axis, []).append((number, part))
+    return by_axis

@@ -211,12 +211,12 @@ def view_of(
 def _with_flow_rates(flight: Flight, bandwidth: float) -> tuple[Flight, frozenset[str]]:
     """The flight with alphadot and betadot, and which of them were made from the angle."""
     angles = [name for name in ("alpha", "beta") if name in flight and f"{name}dot" not in flight]
-    made = {
+    rates = {
         f"{name}dot": smooth(flight[name], flight.step, bandwidth).rate
         for name in angles
         if np.isfinite(flight[name]).any()
     }
-    return flight.with_channels(made), frozenset(made)
+    return flight.with_channels(rates), frozenset(rates)
 
 
 def _unflagged(flight: Flight, name: str) -> NDArray[np.bool_]:

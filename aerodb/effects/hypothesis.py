@@ -89,8 +89,10 @@ class Hypothesis:
         """
         if not view.has(self.needs):
             return {}
-        found = self.tangent(view) if self.tangent is not None else _evaluated(self.increment, view)
-        return {axis: _finite(found[axis]) for axis in self.axes if axis in view.usable}
+        derivatives = (
+            self.tangent(view) if self.tangent is not None else _evaluated(self.increment, view)
+        )
+        return {axis: _finite(derivatives[axis]) for axis in self.axes if axis in view.usable}
 
 
 def _finite(values: Array) -> Array:

@@ -144,18 +144,18 @@ def hypotheses_for(
         for item in template.hypotheses(context)
     ]
     _check_priors(context.priors, possible)
-    found: dict[str, Hypothesis] = {}
+    by_id: dict[str, Hypothesis] = {}
     for hypothesis in possible:
-        if hypothesis.id in found:
+        if hypothesis.id in by_id:
             raise InputError(
                 f"hypothesis '{hypothesis.id}' stands twice",
                 "effect library",
                 "give one a subject of its own",
             )
-        found[hypothesis.id] = hypothesis
+        by_id[hypothesis.id] = hypothesis
     wanted = settings.effects or known
     return tuple(
-        item for item in found.values() if item.effect in wanted and context.knows(item.needs)
+        item for item in by_id.values() if item.effect in wanted and context.knows(item.needs)
     )
 
 

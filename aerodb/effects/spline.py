@@ -99,10 +99,10 @@ def ramp_terms(hypothesis: Hypothesis, spline: Spline) -> tuple[Hypothesis, ...]
     """The hypotheses that stand beside `hypothesis` for its shape: one per interval, of one
     increment each."""
     ((axis, regressor),) = hypothesis.increment
-    found = []
+    terms = []
     for place, expression in enumerate(spline.expressions(regressor)):
         where = f"{spline.variable} {spline.nodes[place]:g} to {spline.nodes[place + 1]:g}"
-        found.append(
+        terms.append(
             replace(
                 hypothesis,
                 subject=f"{hypothesis.subject} {where}".strip(),
@@ -113,7 +113,7 @@ def ramp_terms(hypothesis: Hypothesis, spline: Spline) -> tuple[Hypothesis, ...]
                 needs=tuple(sorted({*hypothesis.needs, spline.variable})),
             )
         )
-    return tuple(found)
+    return tuple(terms)
 
 
 def _ramped(view: FlightView, *, hypothesis: Hypothesis, spline: Spline, place: int) -> Columns:

@@ -64,7 +64,7 @@ def surfaces_of(vehicle: Vehicle, channels: Iterable[str]) -> tuple[Surface, ...
         for name in channels
         if is_surface(name) and name not in vehicle.configuration
     }
-    found, members = [], set[str]()
+    surfaces, members = [], set[str]()
     for name, combination in vehicle.combinations.items():
         if name not in names:
             continue
@@ -78,7 +78,7 @@ def surfaces_of(vehicle: Vehicle, channels: Iterable[str]) -> tuple[Surface, ...
             else by_name
         )
         role = by_name if combination.kind == "asymmetric" and by_name == "yaw" else usual
-        found.append(Surface(name, role, combination.right, combination.left))
-    single = names - members - {surface.name for surface in found}
-    found += [Surface(name, role_of(name)) for name in single]
-    return tuple(sorted(found, key=lambda surface: surface.name))
+        surfaces.append(Surface(name, role, combination.right, combination.left))
+    single = names - members - {surface.name for surface in surfaces}
+    surfaces += [Surface(name, role_of(name)) for name in single]
+    return tuple(sorted(surfaces, key=lambda surface: surface.name))

@@ -83,7 +83,7 @@ def registered_templates() -> tuple[Template, ...]:
 
     Raises InputError that names the entry point which cannot be loaded or gives something else.
     """
-    found: list[Template] = []
+    registered: list[Template] = []
     for point in sorted(entry_points(group=GROUP), key=lambda point: (point.name, point.value)):
         where, remedy = (
             f"entry point {GROUP}: {point.name} = {point.value}",
@@ -103,8 +103,8 @@ def registered_templates() -> tuple[Template, ...]:
                 raise InputError(
                     f"gives a {type(template).__name__}, not a Template", where, remedy
                 )
-            found.append(template)
-    return tuple(found)
+            registered.append(template)
+    return tuple(registered)
 
 
 def _parsed(text: str) -> Expression:

@@ -6,6 +6,7 @@ the text alone; only this module decodes it.
 """
 
 import re
+from dataclasses import dataclass
 from typing import Final
 
 from aerodb.tables import Increment, RefinedShape, Refit
@@ -15,6 +16,15 @@ _REFIT: Final = re.compile(
 )
 _SHAPE: Final = re.compile(r"(?:^|; )(.+?) over (.+?) \(left-out flights: (-?[\d.]+)% less error\)")
 _LENGTHENED: Final = re.compile(r"(?:^|; )held and faded over (\d+) table cells of alpha each: .*$")
+
+
+@dataclass(frozen=True)
+class DecodedNote:
+    """What a note says: its free text, the refit if any, and the number of lengthened cells."""
+
+    text: str
+    refit: Refit | None
+    lengthened_cells: int
 
 
 def note_without_structure(text: str, bare: Increment) -> str:
@@ -28,8 +38,8 @@ def note_without_structure(text: str, bare: Increment) -> str:
     return text.removesuffix(f"; {repeated}") if repeated else text
 
 
-def decode_note(text: str) -> tuple[str, Refit | None, int]:
-    """Return note, refit and number of lengthened cells from a note.
+def decode_note(text: str) -> DecodedNote:
+    """Return what a note says.
 
     The note is that of an earlier release's document, which has no other fields for them.
     """
@@ -38,12 +48,9 @@ def decode_note(text: str) -> tuple[str, Refit | None, int]:
     refit = _REFIT.search(text)
     cells = int(lengthened[1]) if lengthened else 0
     if refit is None:
-        return text, None, cells
-    return (
-        text[: refit.start()],
-        Refit(tuple(_shape(*found) for found in _SHAPE.findall(refit["shapes"] or ""))),
-        cells,
-    )
+        return DecodedNote(text, None, cells)
+    shapes = tuple(_shape(*match) for match in _SHAPE.findall(refit["shapes"] or ""))
+    return DecodedNote(text[: refit.start()], Refit(shapes), cells)
 
 
 def _shape(hypothesis: str, variables: str, percent: str) -> RefinedShape:

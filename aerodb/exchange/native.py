@@ -391,8 +391,8 @@ def _increment(file: IncrementFile, where: str) -> Increment:
     )
     if bare.full_note:
         return replace(bare, note=note_without_structure(file.note, bare))
-    note, refit, cells = decode_note(file.note)
-    return replace(bare, note=note, refit=refit, lengthened_cells=cells)
+    note = decode_note(file.note)
+    return replace(bare, note=note.text, refit=note.refit, lengthened_cells=note.lengthened_cells)
 
 
 def _refit(file: RefitFile | None) -> Refit | None:

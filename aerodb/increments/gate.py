@@ -180,22 +180,22 @@ def _pooled(axes: Mapping[str, Mapping[str, Any]], key: str) -> float:
 def _repeatability(axes: Mapping[str, Mapping[str, Any]]) -> tuple[str, ...]:
     """Axes that became worse on held-out flights by more than flights differ among themselves
     (`aerodb.increments.validation.repeatability`)."""
-    found = []
+    reasons = []
     for axis, entry in axes.items():
         before, after = entry["held_out_rms_before"], entry["held_out_rms_after"]
         if before is None or after is None:
             continue
         if "repeatability" not in entry:
-            found.append(
+            reasons.append(
                 f"{axis}: its report does not state how much flights differ among themselves:"
                 " create the version again"
             )
         elif after - before > max(entry["repeatability"], _ROUNDING * before):
             allowed = f"flights differ by {entry['repeatability']:.3g} among themselves"
-            found.append(
+            reasons.append(
                 f"{axis} is worse on held-out flights: {before:.4g} to {after:.4g} rms, {allowed}"
             )
-    return tuple(found)
+    return tuple(reasons)
 
 
 def sign_reasons(baseline: AeroDatabase, candidate: AeroDatabase) -> tuple[str, ...]:
@@ -204,12 +204,12 @@ def sign_reasons(baseline: AeroDatabase, candidate: AeroDatabase) -> tuple[str, 
     changes = new_sign_changes(baseline, candidate)
     sentences = []
     for quantity in dict.fromkeys(change.quantity for change in changes):
-        found = [change for change in changes if change.quantity == quantity]
-        alphas = sorted({round(float(np.rad2deg(change.alpha)), 1) for change in found})
+        of_quantity = [change for change in changes if change.quantity == quantity]
+        alphas = sorted({round(float(np.rad2deg(change.alpha)), 1) for change in of_quantity})
         shown = ", ".join(f"{alpha:.1f}" for alpha in alphas[:_LISTED]) + (
             ", ..." if len(alphas) > _LISTED else ""
         )
-        first = "".join(f", {name} = {value:.4g}" for name, value in found[0].at.items())
+        first = "".join(f", {name} = {value:.4g}" for name, value in of_quantity[0].at.items())
         sentences.append(
             f"new sign change of d{quantity}/dalpha outside the data at alpha = {shown} deg{first}"
         )

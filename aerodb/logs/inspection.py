@@ -127,17 +127,19 @@ def missing_by_topic(topics: Mapping[str, Topic], damage: Iterable[Damage]) -> t
         and place.start is not None
         and place.end is not None
     ]
-    found = []
+    gaps_as_damage = []
     for name in topics if places else ():
         time = topics[name].time
         for kind, start, end in places:
             gap = missing_samples(time, start, end)
             if gap is not None:
                 plural = "sample" if gap.samples == 1 else "samples"
-                found.append(
+                gaps_as_damage.append(
                     Damage(kind, f"about {gap.samples} {plural} missing", name, gap.start, gap.end)
                 )
-    return tuple(dict.fromkeys(found))  # one long gap may hold several dropouts of the file
+    return tuple(
+        dict.fromkeys(gaps_as_damage)
+    )  # one long gap may hold several dropouts of the file
 
 
 def _gap(time: NDArray[np.float64], k: int, usual: float) -> Gap:

@@ -133,16 +133,18 @@ class _Log:
         if time is None:
             stamps = self.recording.topics[topic].time
             return stamps if len(stamps) > 1 else None
-        found = self.locate(Source(topic=time.topic, field=time.field))
-        if found is None:
+        location = self.locate(Source(topic=time.topic, field=time.field))
+        if location is None:
             where = f"{self.recording.source}, mapping {self.mapping.name}"
             raise InputError(
                 f"no time: topic '{time.topic}' has no field '{time.field}'",
                 where,
                 "state the field that holds the time in [time] of the mapping file",
             )
-        values = np.asarray(self.recording.topics[found[0]].fields[found[1]], dtype=np.float64)
-        unit = time.unit or self.recording.topics[found[0]].units.get(found[1], "s")
+        values = np.asarray(
+            self.recording.topics[location[0]].fields[location[1]], dtype=np.float64
+        )
+        unit = time.unit or self.recording.topics[location[0]].units.get(location[1], "s")
         same_length = len(next(iter(self.recording.topics[topic].fields.values()))) == len(values)
         return convert(values * time.scale, unit, "s") if same_length else None
 
@@ -159,16 +161,16 @@ class _Log:
 
         None if the field is absent or holds no data.
         """
-        found = self.locate(source)
-        if found is None or (clock := self.clock(found[0])) is None:
+        location = self.locate(source)
+        if location is None or (clock := self.clock(location[0])) is None:
             return None
-        topic = self.recording.topics[found[0]]
-        raw = np.asarray(topic.fields[found[1]], dtype=np.float64)[clock[0]]
+        topic = self.recording.topics[location[0]]
+        raw = np.asarray(topic.fields[location[1]], dtype=np.float64)[clock[0]]
         if not np.any(np.isfinite(raw)) or (self.mapping.zero_is_missing and not np.any(raw)):
             return None
-        declared = source.unit if source.unit is not None else topic.units.get(found[1])
+        declared = source.unit if source.unit is not None else topic.units.get(location[1])
         if declared is None:
-            where = f"{self.recording.source}, field {found[0]}.{found[1]}"
+            where = f"{self.recording.source}, field {location[0]}.{location[1]}"
             raise InputError(
                 "no unit is declared",
                 where,
@@ -177,9 +179,9 @@ class _Log:
         if source.scale != 1.0 or source.offset:
             raw = source.offset + source.scale * raw
         try:
-            return found[0], convert(raw, declared, unit)
+            return location[0], convert(raw, declared, unit)
         except InputError as error:
-            where = f"{self.recording.source}, field {found[0]}.{found[1]}"
+            where = f"{self.recording.source}, field {location[0]}.{location[1]}"
             raise InputError(
                 error.what, where, error.remedy or f"state its unit in mapping {self.mapping.name}"
             ) from error
@@ -252,20 +254,20 @@ def channels_found(
     found here may still be empty, and derivable air data count as missing.
     """
     log = _Log(recording, mapping)
-    found = [
+    present = [
         entry.name
         for entry in mapping.channel
         if any(log.locate(source) for source in entry.sources)
     ]
     for derived in mapping.derived:
         if all(log.locate(source) for source in derived.sources):
-            found += [name for name in derived.channels if name not in found]
+            present += [name for name in derived.channels if name not in present]
     known = [
         *_EXPECTED,
         *(entry.name for entry in mapping.channel),
         *(name for d in mapping.derived for name in d.channels),
     ]
-    return tuple(found), tuple(name for name in dict.fromkeys(known) if name not in found)
+    return tuple(present), tuple(name for name in dict.fromkeys(known) if name not in present)
 
 
 def with_mapped_clock(recording: Recording, mapping: Mapping) -> Recording:
@@ -301,15 +303,15 @@ def _signals(log: _Log, vehicle: Vehicle) -> tuple[dict[str, _Signal], list[str]
     notes: list[str] = []
     for entry in entries.values():
         label = entry.name.removeprefix("delta_")
-        found = _first(log, entry)
-        if found is not None and entry.command and label not in vehicle.surfaces:
+        located = _first(log, entry)
+        if located is not None and entry.command and label not in vehicle.surfaces:
             notes.append(
                 f"{entry.name} is logged as a command and not used: the vehicle file has no"
                 f" [surfaces.{label}]"
             )
-        elif found is not None:
+        elif located is not None:
             signals[entry.name] = _Signal(
-                entry.name, *found, vehicle.surfaces[label] if entry.command else None
+                entry.name, *located, vehicle.surfaces[label] if entry.command else None
             )
         elif entry.name in (*_RATES, *_ACCELERATIONS):
             _refuse_broken_clock(log, entry)
@@ -322,23 +324,23 @@ def _signals(log: _Log, vehicle: Vehicle) -> tuple[dict[str, _Signal], list[str]
 def _refuse_broken_clock(log: _Log, entry: ChannelMapping) -> None:
     """Raise the clock error of a topic that has a rate or acceleration; others are optional."""
     for source in entry.sources:
-        found = log.locate(source)
-        if found is not None and found[0] in log.refused:
-            raise log.refused[found[0]]
+        location = log.locate(source)
+        if location is not None and location[0] in log.refused:
+            raise log.refused[location[0]]
 
 
 def _first(log: _Log, entry: ChannelMapping) -> tuple[str, Array] | None:
     for source in entry.sources:
         if entry.command:
             bare = source.unit in (None, "", "1", "-")
-            found = log.read(
+            signal = log.read(
                 source.model_copy(update={"unit": "1"}) if bare else source, "1" if bare else "rad"
             )
         else:
-            found = log.read(source, channel(entry.name).unit)
-        if found is not None:
-            values = found[1]
-            return found[0], _unwrapped(values) if entry.name in _WRAPPING else values
+            signal = log.read(source, channel(entry.name).unit)
+        if signal is not None:
+            values = signal[1]
+            return signal[0], _unwrapped(values) if entry.name in _WRAPPING else values
     return None
 
 
@@ -346,9 +348,9 @@ def _derive(log: _Log, derived: Derived) -> list[_Signal]:
     """Return the channels of a derivation; none unless all of its sources are present."""
     method = METHODS[derived.method]
     unit = method.input_unit or channel(derived.channels[0]).unit
-    found = [log.read(source, unit) for source in derived.sources]
-    present = [entry for entry in found if entry is not None]
-    if len(present) < len(found):
+    signals = [log.read(source, unit) for source in derived.sources]
+    present = [entry for entry in signals if entry is not None]
+    if len(present) < len(signals):
         return []
     results = method.compute(*(values for _, values in present))
     topic = present[0][0]

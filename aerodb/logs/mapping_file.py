@@ -131,10 +131,10 @@ class Mapping(Strict):
         """
         if recording.format not in self.formats or not self.detect:
             return False
-        found = [matching_topics(pattern, recording.topics) for pattern in self.detect]
-        if not all(found):
+        matches = [matching_topics(pattern, recording.topics) for pattern in self.detect]
+        if not all(matches):
             return False
-        return any(self._fits_topic(recording.topics[name]) for name in found[0])
+        return any(self._fits_topic(recording.topics[name]) for name in matches[0])
 
     def _fits_topic(self, topic: Topic) -> bool:
         return (self.columns is None or len(topic.fields) == self.columns) and all(

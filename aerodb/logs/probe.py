@@ -79,8 +79,10 @@ def angles_from_pressures(flight: Flight, probe: AirData) -> dict[str, Array]:
     missing.
     """
     bare = {name: flight[name] for name in _PRESSURES if name in flight}
-    made = _as_flow_angles(_from_pressures(replace(flight, channels=bare, flags={}), probe), probe)
-    return {name: made[name] for name in ("alpha", "beta") if name in made}
+    angles = _as_flow_angles(
+        _from_pressures(replace(flight, channels=bare, flags={}), probe), probe
+    )
+    return {name: angles[name] for name in ("alpha", "beta") if name in angles}
 
 
 def _velocity(flight: Flight) -> Array:
@@ -102,7 +104,7 @@ def _replaced(
     u, v, w = velocity
     total = np.sqrt(u * u + v * v + w * w)
     with np.errstate(invalid="ignore", divide="ignore"):
-        made = {"V": total, "alpha": np.arctan2(w, u), "beta": np.arcsin(v / total)}
+        computed = {"V": total, "alpha": np.arctan2(w, u), "beta": np.arcsin(v / total)}
     flags = dict(flight.flags)
     for name in names:
         own = (name, *(source for source in sources if source not in names))
@@ -111,7 +113,7 @@ def _replaced(
             flags[name] = np.bitwise_or.reduce(bits)
     note = f"{', '.join(names)} {how}"
     return replace(
-        flight.with_channels({name: made[name] for name in names}),
+        flight.with_channels({name: computed[name] for name in names}),
         flags=flags,
         notes=(*flight.notes, note),
     )
@@ -129,9 +131,9 @@ def _from_pressures(flight: Flight, probe: AirData) -> Flight:
         flight["probe_dp_alpha"], flight["probe_dp_beta"], flight["qbar"], probe.five_hole
     )
     bits = [flight.flags[name] for name in _PRESSURES if name in flight.flags]
-    made: Bits = np.bitwise_or.reduce(bits) if bits else np.zeros(len(alpha), dtype=np.uint8)
+    combined: Bits = np.bitwise_or.reduce(bits) if bits else np.zeros(len(alpha), dtype=np.uint8)
     note = "alpha and beta from the raw pressures of the five-hole probe"
-    flags = {**flight.flags, "alpha": made, "beta": made} if bits else flight.flags
+    flags = {**flight.flags, "alpha": combined, "beta": combined} if bits else flight.flags
     return replace(
         flight.with_channels({"alpha": alpha, "beta": beta}),
         flags=flags,

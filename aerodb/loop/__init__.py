@@ -5,8 +5,8 @@ The way through, with flights from any `FlightSource` (a store, or memory):
 1. `freeze_library(source, flights, baseline)` fixes the hypotheses and settings before any residual
    is read; it returns a `Library` with its hash.
 2. `run_loop(source, flights, baseline, library, Accept())` traces, adds what is found, and repeats
-   until nothing more is found; it returns a `LoopResult` with the candidate, all findings and those that
-   were added (`loop.added`, each with a sentence `because`).
+   until nothing more is found; it returns a `LoopResult` with the candidate, all findings and those
+   that were added (`loop.added`, each with a sentence `because`).
 3. `validate_loop(source, hold_out, library, loop, Accept())` gives the error before and after on
    flights, or parts of flights, that did not identify.
 4. `unexplained_residuals(source, flights, loop.candidate, library)` reports, per axis, what is

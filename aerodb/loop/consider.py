@@ -40,7 +40,7 @@ def consider_parameters(
     Errors that a flight estimated for itself are its own; those of a calibration, or known from the
     vehicle file only, are common to all flights. reconstructions : by flight (its id).
     """
-    found: dict[str, tuple[ConsiderParameter, ...]] = {}
+    parameters: dict[str, tuple[ConsiderParameter, ...]] = {}
     for flight, comparison in zip(flights, comparisons, strict=True):
         reconstruction = reconstructions[flight.id]
         noise, errors = reconstruction.noise, reconstruction.errors
@@ -57,12 +57,12 @@ def consider_parameters(
             }
             own = [] if reconstruction.calibrated else list(reconstruction.applied)
             view = view_of(flight, comparison, database, vehicle)
-            found[flight.id] = sensor_consider_parameters(view, sigma, own)
+            parameters[flight.id] = sensor_consider_parameters(view, sigma, own)
             if "alpha" in reconstruction.angles:
-                found[flight.id] += alpha_consider_parameters(
+                parameters[flight.id] += alpha_consider_parameters(
                     view, _bounded(noise, view, comparison, flight)
                 )
-    return found
+    return parameters
 
 
 def noisier_flights(

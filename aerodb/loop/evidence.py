@@ -51,8 +51,8 @@ def evidence_beside(
     evidence = with_shape_terms(evidence, channels, library.hypotheses)
     commanded = with_commanded_rates(channels, library.settings.bandwidth)
     if commanded is not None:
-        asked = evidence_of(commanded, comparison, database, vehicle, hypotheses)
+        evidence_commanded = evidence_of(commanded, comparison, database, vehicle, hypotheses)
         evidence = with_instruments(
-            evidence, with_shape_terms(asked, commanded, library.hypotheses)
+            evidence, with_shape_terms(evidence_commanded, commanded, library.hypotheses)
         )
     return evidence

@@ -41,11 +41,11 @@ def freeze_library(
     channels = set[str]().union(*(flight.channels for flight in flown))
     user = (*registered_templates(), *(parse_effects(effects) if effects else ()))
     reconstructions = [flights.reconstruction(id) for id in identified]
-    made = [each.angles for each in reconstructions]
-    reconstructed = frozenset({"alpha", "beta"}).intersection(*made)
+    angle_sets = [each.angles for each in reconstructions]
+    reconstructed = frozenset({"alpha", "beta"}).intersection(*angle_sets)
     hypotheses = hypotheses_for(database, vehicle, channels, user=user)
     hypotheses = with_reconstructed_angles(
-        hypotheses, {"alpha", "beta"} - reconstructed, frozenset[str]().union(*made)
+        hypotheses, {"alpha", "beta"} - reconstructed, frozenset[str]().union(*angle_sets)
     )
     stalled = stalled_flights(flights, identified)
     if stalled:

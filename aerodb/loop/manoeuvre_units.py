@@ -116,11 +116,11 @@ def with_few_flight_findings(traced: Traced, parts: Sequence[FewFlightFindings])
         f"Too few flights for the error rate: {what} ({short}); what they found so is suspected at"
         " most."
     )
-    found = {finding.hypothesis for finding in findings}
+    found_ids = {finding.hypothesis for finding in findings}
     return replace(
         traced,
         findings=(*traced.findings, *sorted(findings, key=lambda finding: finding.p_adjusted)),
-        not_found=tuple(item for item in traced.not_found if item.hypothesis not in found),
+        not_found=tuple(item for item in traced.not_found if item.hypothesis not in found_ids),
         notes=(*traced.notes, note),
     )
 
@@ -147,12 +147,12 @@ def _units(
     apart: Mapping[str, float],
 ) -> list[Evidence]:
     """The flights cut at their manoeuvres; a flight with one or none stays whole."""
-    found: list[Evidence] = []
+    parts: list[Evidence] = []
     for each in evidence:
         cut = (
             windows(spans[each.flight], (each.samples - 1) * each.step, apart.get(each.flight, 0.0))
             if spans[each.flight]
             else ()
         )
-        found += units(each, cut, 0.0) if len(cut) > 1 else (each,)
-    return found
+        parts += units(each, cut, 0.0) if len(cut) > 1 else (each,)
+    return parts

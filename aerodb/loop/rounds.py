@@ -320,14 +320,14 @@ def _added(
         known[closed_loop.id] = closed_loop
     accepted = [known[finding.hypothesis] for finding in new]
 
-    def seen(id: str) -> FlightView:
+    def view_beside_database(id: str) -> FlightView:
         return with_unused_states(
             view_of(*source.comparison(id, database), database, source.vehicle)
         )
 
     views = [
         view
-        for view in in_threads(seen, flights)
+        for view in in_threads(view_beside_database, flights)
         if all(view.has(hypothesis.needs) for hypothesis in accepted)
     ]
     values = np.array([finding.value for finding in new])

@@ -67,8 +67,8 @@ def stalled_flights(source: FlightSource, flights: Sequence[str]) -> tuple[str, 
     alphas = {flight: _alpha(source, flight) for flight in flights}
     onsets = [
         float(alphas[flight][0][_at(alphas[flight][1], each)])
-        for flight, found in spans.items()
-        for each in found
+        for flight, segments in spans.items()
+        for each in segments
     ]
     reached = tuple(
         flight
@@ -117,11 +117,14 @@ def with_laws(
     """Return the library with the columns of each flight's own law; ids, formulas and hash
     unchanged.
     """
-    made = {
+    fitted_stalls = {
         each.id: each
         for each in stall_hypotheses(LibraryContext(database, vehicle, frozenset()), laws)
     }
-    return tuple(replace(h, tangent=made[h.id].tangent) if h.id in made else h for h in hypotheses)
+    return tuple(
+        replace(h, tangent=fitted_stalls[h.id].tangent) if h.id in fitted_stalls else h
+        for h in hypotheses
+    )
 
 
 def cross_fitted_laws(
@@ -153,7 +156,7 @@ def added_stall(
     law = shape.law
     assert law is not None  # the family has memory
     columns = [shape.columns(each) for each in stalls]
-    made = replace(
+    with_state = replace(
         database,
         states=(
             *database.states,
@@ -185,7 +188,7 @@ def added_stall(
         increments.append(
             Increment(axis, names, values, covariance, envelope, tuple(flights), note)
         )
-    return replace(made, increments=(*made.increments, *increments))
+    return replace(with_state, increments=(*with_state.increments, *increments))
 
 
 def _view(source: FlightSource, flight: str, database: AeroDatabase) -> FlightView:

@@ -43,8 +43,8 @@ def loop_of_family(database: AeroDatabase, vehicle: Vehicle) -> Hypothesis:
         f"C_lift += k*{stall_loop.LOOP.format(from_zero_lift(database), 0, 0)}, angles of each"
         " flight from the others"
     )
-    made = replace(_with(_ANY, {}, database, vehicle), formula=formula)
-    return with_loops([made], {}, database, vehicle)[0]
+    family = replace(_with(_ANY, {}, database, vehicle), formula=formula)
+    return with_loops([family], {}, database, vehicle)[0]
 
 
 def with_loops(
@@ -55,13 +55,13 @@ def with_loops(
 ) -> tuple[Hypothesis, ...]:
     """Return the library with each flight's own angles; a flight without any has a zero column."""
     law = next(iter(laws.values()), _ANY)
-    made = _with(law, laws, database, vehicle)
+    replacement = _with(law, laws, database, vehicle)
 
     def tangent(view: FlightView) -> Columns:
         return (
-            made.columns(view)
+            replacement.columns(view)
             if view.flight in laws
-            else dict.fromkeys(made.axes, np.zeros(len(view.time)))
+            else dict.fromkeys(replacement.axes, np.zeros(len(view.time)))
         )
 
     return tuple(replace(h, tangent=tangent) if is_loop(h) else h for h in hypotheses)
@@ -77,10 +77,10 @@ def cross_fitted_loops(
     if len(flights) < FEWEST:
         return {}
     try:
-        seen = stall_flights(source, flights, database)
+        measured = stall_flights(source, flights, database)
         return {
-            one.flight: stall_loop.fitted([other for other in seen if other is not one])
-            for one in seen
+            one.flight: stall_loop.fitted([other for other in measured if other is not one])
+            for one in measured
         }
     except InputError:
         return {}
@@ -101,12 +101,12 @@ def added_loop(
 def with_unused_states(view: FlightView) -> FlightView:
     """Return the view with the channels of states that no term of its database uses yet."""
     chord = view.database.reference.chord
-    made = {
+    state_channels = {
         state.name: state.along(view.time, view.channels, chord)
         for state in view.database.states
         if view.has(state.needs)
     }
-    return replace(view, channels={**made, **view.channels})
+    return replace(view, channels={**state_channels, **view.channels})
 
 
 def one_stall(findings: Sequence[Finding]) -> list[Finding]:
@@ -127,7 +127,7 @@ def one_stall(findings: Sequence[Finding]) -> list[Finding]:
 def _with(
     law: Relay, others: Mapping[str, Relay], database: AeroDatabase, vehicle: Vehicle
 ) -> Hypothesis:
-    (made,) = stall_loop.template(law, others).hypotheses(
+    (hypothesis,) = stall_loop.template(law, others).hypotheses(
         LibraryContext(database, vehicle, frozenset())
     )
-    return made
+    return hypothesis

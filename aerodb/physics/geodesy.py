@@ -6,7 +6,7 @@ Inertial, and Multisensor Integrated Navigation Systems*, 2nd ed. (2013), sectio
 """
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -61,8 +61,9 @@ class Earth:
     @property
     def metres_per_radian(self) -> tuple[float, float]:
         """Metres per radian of latitude and of longitude at the origin."""
-        meridian, normal = radii_of_curvature(self.latitude)[:2]
-        return float(meridian + self.height), float((normal + self.height) * np.cos(self.latitude))
+        radii = radii_of_curvature(self.latitude)
+        to_east = (radii.normal + self.height) * np.cos(self.latitude)
+        return float(radii.meridian + self.height), float(to_east)
 
     def to_local(self, latitude: Array, longitude: Array) -> tuple[Array, Array]:
         """Return north and east [m] of positions [rad], each (n,); longitudes may pass 180 deg."""
@@ -71,18 +72,41 @@ class Earth:
         return (latitude - self.latitude) * to_north, turn * to_east
 
 
+class CurvatureRadii(NamedTuple):
+    """Radii of curvature of the ellipsoid; a named tuple, which compiled functions can return.
+
+    meridian, normal : radii in the meridian and across it (prime vertical), m
+    meridian_by_latitude, normal_by_latitude : their derivatives, m/rad
+    """
+
+    meridian: float
+    normal: float
+    meridian_by_latitude: float
+    normal_by_latitude: float
+
+
+class NormalGravity(NamedTuple):
+    """Normal gravity and its derivatives; a named tuple, which compiled functions can return.
+
+    gravity : along the ellipsoid's normal, positive down, m/s2
+    by_latitude, by_height : its derivatives, m/s2 per rad and 1/s2
+    north_by_height : derivative by height of the northward component, which is zero at the
+        ellipsoid, 1/s2
+    """
+
+    gravity: float
+    by_latitude: float
+    by_height: float
+    north_by_height: float
+
+
 @njit(cache=True)
-def radii_of_curvature(latitude: float) -> tuple[float, float, float, float]:
+def radii_of_curvature(latitude: float) -> CurvatureRadii:
     """Return the radii of curvature of the ellipsoid and their derivatives by latitude.
 
     Parameters
     ----------
     latitude : geodetic, rad
-
-    Returns
-    -------
-    meridian, normal : radii in the meridian and across it (prime vertical), m
-    meridian_by_latitude, normal_by_latitude : m/rad
 
     References
     ----------
@@ -93,11 +117,11 @@ def radii_of_curvature(latitude: float) -> tuple[float, float, float, float]:
     normal = SEMI_MAJOR / np.sqrt(square)
     meridian = normal * (1.0 - ECCENTRICITY_SQUARED) / square
     growth = ECCENTRICITY_SQUARED * s * c / square
-    return meridian, normal, 3.0 * growth * meridian, growth * normal
+    return CurvatureRadii(meridian, normal, 3.0 * growth * meridian, growth * normal)
 
 
 @njit(cache=True)
-def normal_gravity(latitude: float, height: float) -> tuple[float, float, float, float]:
+def normal_gravity(latitude: float, height: float) -> NormalGravity:
     """Return normal gravity and its derivatives by latitude and height.
 
     Somigliana's formula at the ellipsoid and its second-order expansion in height.
@@ -106,13 +130,6 @@ def normal_gravity(latitude: float, height: float) -> tuple[float, float, float,
     ----------
     latitude : geodetic, rad
     height : above the ellipsoid, m
-
-    Returns
-    -------
-    gravity : along the ellipsoid's normal, positive down, m/s2
-    by_latitude, by_height : its derivatives, m/s2 per rad and 1/s2
-    north_by_height : derivative by height of the northward component, which is zero at the
-        ellipsoid, 1/s2
 
     References
     ----------
@@ -129,7 +146,7 @@ def normal_gravity(latitude: float, height: float) -> tuple[float, float, float,
     bend = 3.0 / SEMI_MAJOR**2
     share = 1.0 + (fall + bend * height) * height
     turn = 8.0 * FLATTENING * s * c * height / SEMI_MAJOR
-    return (
+    return NormalGravity(
         ground * share,
         by_latitude * share + ground * turn,
         ground * (fall + 2.0 * bend * height),

@@ -10,7 +10,7 @@ from .loop_documents import loop_document
 from .page import pdf, render
 from .style import FLAGGED, FLIGHT, MEASURED, UPDATED, channel_scale, for_people, visible
 from .update_page import MEANS, UpdateStory, update_report
-from .version_page import VersionStory, version_report
+from .version_page import NameMove, UsedFlight, VersionStory, version_report
 
 __all__ = [
     "FLAGGED",
@@ -19,8 +19,10 @@ __all__ = [
     "MEASURED",
     "UPDATED",
     "FlightStory",
+    "NameMove",
     "Relative",
     "UpdateStory",
+    "UsedFlight",
     "VersionStory",
     "channel_scale",
     "decimated",

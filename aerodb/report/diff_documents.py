@@ -7,7 +7,7 @@ import numpy as np
 from aerodb.tables import DatabaseDiff, NodeChanges, TermChange
 
 
-def diff_document(found: DatabaseDiff) -> dict[str, Any]:
+def diff_document(difference: DatabaseDiff) -> dict[str, Any]:
     """Convert a diff to JSON values.
 
     ``terms``, ``tables`` (new, gone, of another shape), ``nodes`` and ``not_addressable``. Each
@@ -16,10 +16,10 @@ def diff_document(found: DatabaseDiff) -> dict[str, Any]:
     that change are listed; ``largest`` is the one that changes most.
     """
     return {
-        "terms": [_term(entry) for entry in found.terms],
-        "tables": dict(found.tables),
-        "nodes": [_nodes(entry) for entry in found.nodes],
-        "not_addressable": dict(found.not_addressable),
+        "terms": [_term(entry) for entry in difference.terms],
+        "tables": dict(difference.tables),
+        "nodes": [_nodes(entry) for entry in difference.nodes],
+        "not_addressable": dict(difference.not_addressable),
     }
 
 

@@ -100,7 +100,7 @@ def _panels(
     """
     point = {**neutral_point(before, increments), **neutral_point(after, increments)}
     ranges = _ranges(before, after, increments)
-    found: dict[str, list[_Panel]] = {}
+    by_axis: dict[str, list[_Panel]] = {}
     for axis in AXES:
         for variable, reach in ranges.items():
             for _ in range(2):  # over all that is known, then closer where something changes
@@ -120,9 +120,9 @@ def _panels(
             )
             if np.any(np.abs(change) > 1e-12) and varies:
                 values = old, new, _error(increments, axis, after, channels)
-                found.setdefault(axis, []).append((axis, variable, at, values))
-    share = max(1, MAX_PANELS // max(1, len(found)))
-    for panels in found.values():
+                by_axis.setdefault(axis, []).append((axis, variable, at, values))
+    share = max(1, MAX_PANELS // max(1, len(by_axis)))
+    for panels in by_axis.values():
         largest = sorted(panels, key=lambda panel: -float(np.ptp(panel[3][1] - panel[3][0])))[
             :share
         ]

@@ -102,43 +102,43 @@ def _increment(entry: AxisUpdate) -> dict[str, Any]:
 
 def _remarks(update: Update, proof: Sequence[AxisValidation], hold_out: HoldOut) -> list[str]:
     """Remarks that a reader must know before trusting the numbers."""
-    said, axes = [], update.axes
+    remarks, axes = [], update.axes
     added = update.candidate.increments[len(update.candidate.increments) - len(axes) :]
-    said += [
+    remarks += [
         f"{increment.axis}: the increment is {increment.full_note}."
         for increment in added
         if increment.full_note
     ]
     if hold_out.kind == "cross-validated":
-        said.append(
+        remarks.append(
             "Fewer than five flights: each was predicted from the others (cross-validated), none"
             " was held out."
         )
     if hold_out.kind == "not validated":
-        said.append(
+        remarks.append(
             "No flight was held out: the error after is that of the flights that identified, and"
             " proves nothing."
         )
     declared = {entry.axis for entry in axes}
     for entry in proof:
         if entry.axis in declared and entry.outcome == "not repaired":
-            said.append(_not_repaired(entry))
+            remarks.append(_not_repaired(entry))
     for axis in axes:
         for group in axis.aliases:
-            said.append(
+            remarks.append(
                 f"{axis.axis}: {' and '.join(group)} moved together in these flights and cannot be"
                 " told apart (alias group)."
             )
         if axis.not_excited:
-            said.append(
+            remarks.append(
                 f"{axis.axis}: {', '.join(axis.not_excited)} did not move in these flights and was"
                 " left out."
             )
         if axis.at_bound:
-            said.append(
+            remarks.append(
                 f"{axis.axis}: {', '.join(axis.at_bound)} ended on a bound of the model file."
             )
-    return said
+    return remarks
 
 
 def _not_repaired(entry: AxisValidation) -> str:
@@ -147,17 +147,17 @@ def _not_repaired(entry: AxisValidation) -> str:
     after = entry.held_out_rms_after if entry.held_out_rms_after is not None else entry.rms_after
     share = f"{entry.explained:.0%} of" if entry.explained > 0 else "nothing of"
     left = f"{after:.4g} rms remain, {share} the measured variance is explained."
-    said = f"{entry.axis} is not repaired by the declared structure: {left}"
+    statement = f"{entry.axis} is not repaired by the declared structure: {left}"
     if (
         held_out
         and entry.held_out_shape_after is not None
         and entry.held_out_shape_after < 0.5 * (after or 0.0)
     ):
         return (
-            f"{said} Most of it is a constant in each flight: look at sensor biases and thrust"
+            f"{statement} Most of it is a constant in each flight: look at sensor biases and thrust"
             " before the aerodynamics."
         )
     return (
-        f"{said} Either the database has a fault that no declared term describes, or these flights"
-        " do not agree."
+        f"{statement} Either the database has a fault that no declared term describes, or these"
+        " flights do not agree."
     )

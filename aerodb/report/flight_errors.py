@@ -44,9 +44,9 @@ def disagreements(
     if by_parts(document):
         return []
     side = "held_out_rms_before" if document["flights"]["held_out"] else "rms_before"
-    found = []
+    sentences = []
     for axis in axes:
         stored, now = document["axes"][axis][side], pooled_residual(axis, before)
         if stored and len(now) and abs(rms(now) - stored) > _SAME * stored:
-            found.append(f"{axis} {number(rms(now))} where {number(stored)} is stored")
-    return found
+            sentences.append(f"{axis} {number(rms(now))} where {number(stored)} is stored")
+    return sentences

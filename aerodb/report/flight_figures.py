@@ -240,7 +240,7 @@ def ranges(
 
     The range of the tables is None where no table depends on the channel.
     """
-    found = []
+    rows = []
     for name in (name for name in names if name in flight):
         values = flight[name][flight.usable([name])]
         if not len(values):
@@ -249,8 +249,8 @@ def ranges(
         tables = table_range(name, database)
         low, middle, high = (float(factor * np.quantile(values, at)) for at in (0.0, 0.5, 1.0))
         reach = None if tables is None else tuple(factor * end for end in tables)
-        found.append({"label": label, "low": low, "median": middle, "high": high, "tables": reach})
-    return found
+        rows.append({"label": label, "low": low, "median": middle, "high": high, "tables": reach})
+    return rows
 
 
 def _thinned(usable: Any) -> Any:

@@ -121,16 +121,16 @@ def verdict_sentence(
 ) -> str:
     """Summarize the verdict: what the flight can be used for, why not for more, its consistency."""
     why = "; ".join(dict.fromkeys(reason.partition(":")[0] for reason in reasons))
-    said = f"{_SAYS.get(verdict, 'Its verdict is ' + verdict)}{f': {why}' if why else ''}."
+    sentence = f"{_SAYS.get(verdict, 'Its verdict is ' + verdict)}{f': {why}' if why else ''}."
     channels = (consistency or {}).get("channels", ())
     checked = [
         entry for entry in channels if entry["limit"] is not None and math.isfinite(entry["limit"])
     ]
     if not checked:
-        return said
+        return sentence
     beyond = [entry["channel"] for entry in checked if entry["after"] > entry["limit"]]
     if beyond:
-        return f"{said} Outside their limits: {', '.join(beyond)}."
+        return f"{sentence} Outside their limits: {', '.join(beyond)}."
     closest = max(checked, key=lambda entry: entry["after"] / entry["limit"])
     factor, unit = _unit(closest["channel"])
     after, limit = number(factor * closest["after"], 2), number(factor * closest["limit"], 2)
@@ -140,7 +140,7 @@ def verdict_sentence(
         else "The one channel with a limit is consistent"
     )
     return (
-        f"{said} {count} with the reconstructed motion; {closest['channel']} is closest to its"
+        f"{sentence} {count} with the reconstructed motion; {closest['channel']} is closest to its"
         f" limit ({after} of {limit} {unit})."
     )
 

@@ -26,7 +26,7 @@ def headline(document: Mapping[str, Any]) -> str:
     if added:
         return f"{_lacked(added)}; with {'it' if len(added) == 1 else 'them'}, {_worth(document)}."
     if document["findings"]:
-        found = listed(
+        effects = listed(
             [
                 f"{effect_words(entry)} ({entry['verdict'].replace('_', ' ')})"
                 for entry in document["findings"]
@@ -34,11 +34,12 @@ def headline(document: Mapping[str, Any]) -> str:
         )
         if all(entry["verdict"] == "sensor" for entry in document["findings"]):
             return (
-                f"Nothing was added to the database: the errors found are in the sensors, {found}."
+                "Nothing was added to the database: the errors found are in the sensors,"
+                f" {effects}."
             )
         return (
             "Nothing was added to the database, because no single effect is confirmed; found:"
-            f" {found}."
+            f" {effects}."
         )
     count = len(document["not_found"])
     return (
@@ -50,26 +51,26 @@ def headline(document: Mapping[str, Any]) -> str:
 def _lacked(added: Sequence[Mapping[str, Any]]) -> str:
     """Clause about the added effects; an unconfirmed one, added on request, is no stated fact."""
     proved = [finding for finding in added if finding["verdict"] in ADDED]
-    asked = [finding for finding in added if finding not in proved]
-    said = []
+    requested = [finding for finding in added if finding not in proved]
+    clauses = []
     if proved:
         gloss = f" ({added[0]['because'].partition(':')[0]})" if len(added) == 1 else ""
-        said.append(
+        clauses.append(
             f"The database lacked {listed([effect_words(finding) for finding in proved])}{gloss}"
         )
-    if asked:
+    if requested:
         verdicts = listed(
-            list(dict.fromkeys(finding["verdict"].replace("_", " ") for finding in asked))
+            list(dict.fromkeys(finding["verdict"].replace("_", " ") for finding in requested))
         )
-        words = listed([effect_words(finding) for finding in asked])
-        one = len(asked) == 1
+        words = listed([effect_words(finding) for finding in requested])
+        one = len(requested) == 1
         note = f"only {verdicts}, added because you asked for {'it' if one else 'them'}"
-        said.append(
+        clauses.append(
             f"{words} {'is' if one else 'are'} {note}"
             if proved
             else f"The database may lack {words}: {note}"
         )
-    return "; ".join(said)
+    return "; ".join(clauses)
 
 
 def effect_words(finding: Mapping[str, Any]) -> str:
@@ -102,7 +103,7 @@ def _worth(document: Mapping[str, Any]) -> str:
     change = 1 - best["after"] / best["before"]
     verb = "falls" if change > 0 else "rises"
     comma = "" if document["flights"]["held_out"] else ","
-    said = (
+    sentence = (
         f"{on_which(document)}{comma} the error of {best['axis']} {verb} from {best['before']:.3g}"
         f" to {best['after']:.3g} rms ({100 * abs(change):.0f} %"
         f" {'less' if change > 0 else 'more'})"
@@ -112,7 +113,7 @@ def _worth(document: Mapping[str, Any]) -> str:
         for row in rows
         if row["after"] > (1 + UNCHANGED) * row["before"] and row is not best
     ]
-    return f"{said}, but that of {listed(worse)} rises" if worse else said
+    return f"{sentence}, but that of {listed(worse)} rises" if worse else sentence
 
 
 def on_which(document: Mapping[str, Any]) -> str:

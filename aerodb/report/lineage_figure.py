@@ -13,14 +13,14 @@ _ACROSS, _DOWN, _EDGE = 218, 118, 12
 class Relative:
     """A version in the lineage graph.
 
-    made : display text of its time. names : names that point to it now. flights : role -> number of
-    flights.
+    created : display text of its time. names : names that point to it now. flights : role -> number
+    of flights.
     """
 
     id: str
     label: str
     parent: str | None
-    made: str
+    created: str
     names: tuple[str, ...]
     flights: Mapping[str, int]
     stale: bool = False

@@ -115,5 +115,7 @@ def pdf(page: str) -> bytes:
             " a browser"
         )
         raise InputError("PDF needs WeasyPrint", "--pdf", remedy) from error
-    made: bytes = HTML(string=page, url_fetcher=URLFetcher(allowed_protocols=["data"])).write_pdf()
-    return made
+    content: bytes = HTML(
+        string=page, url_fetcher=URLFetcher(allowed_protocols=["data"])
+    ).write_pdf()
+    return content

@@ -269,8 +269,8 @@ def _binned(
     edges = _edges(x, count)
     place = np.digitize(x, edges[1:-1])
     bins = [(x[place == k], y[place == k]) for k in range(len(edges))]
-    found = np.array([[np.median(at), *np.quantile(left, _BAND)] for at, left in bins if len(at)])
-    return found[:, 0], found[:, 1], found[:, 2], found[:, 3]
+    summary = np.array([[np.median(at), *np.quantile(left, _BAND)] for at, left in bins if len(at)])
+    return summary[:, 0], summary[:, 1], summary[:, 2], summary[:, 3]
 
 
 def _edges(x: Array, count: int) -> Array:

@@ -223,7 +223,7 @@ def _axes(story: UpdateStory) -> list[str]:
         if good.any()
     }
     touched = {entry["axis"] for entry in story.document["increments"]}
-    found = {
+    added = {
         axis
         for finding in story.document["findings"]
         if len(finding["axis"]) < len(AXES)
@@ -235,5 +235,5 @@ def _axes(story: UpdateStory) -> list[str]:
         if row["axis"] in AXES and row["axis"] in shown and row["times_floor"]
     ]
     far = {row["axis"] for row in sorted(rows, key=lambda row: -row["times_floor"])[:_FARTHEST]}
-    chosen = next((axes & shown for axes in (touched, found, far) if axes & shown), set())
+    chosen = next((axes & shown for axes in (touched, added, far) if axes & shown), set())
     return [axis for axis in (*AXES, *WIND_AXES) if axis in chosen]

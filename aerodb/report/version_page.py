@@ -17,24 +17,46 @@ _MOST_NODES: Final = 24
 
 
 @dataclass(frozen=True)
+class NameMove:
+    """A move of a name to the version: when, which name, by whom and why."""
+
+    at: datetime
+    name: str
+    user: str
+    reason: str
+
+
+@dataclass(frozen=True, order=True)
+class UsedFlight:
+    """A flight that the version used: label, role, sha256 of its log, why retracted or empty.
+
+    Flights are ordered by label, then role.
+    """
+
+    label: str
+    role: str
+    log_sha256: str
+    retract_reason: str
+
+
+@dataclass(frozen=True)
 class VersionStory:
     """What there is to tell of a version.
 
-    moves : of names to it: (when, name, user, reason). flights : (label, role, sha256 of its log,
-    why retracted or empty), of its own. report : the document it was made with; `headline` its
-    sentence, empty for an imported one.
+    moves : of names to it. flights : its own, not those of its ancestors. report : the document it
+    was made with; `headline` its sentence, empty for an imported one.
     """
 
     id: str
     label: str
     vehicle: str
-    made: datetime
+    created: datetime
     content_sha256: str
     names: Sequence[str]
     stale: Sequence[str]
     headline: str
-    moves: Sequence[tuple[datetime, str, str, str]]
-    flights: Sequence[tuple[str, str, str, str]]
+    moves: Sequence[NameMove]
+    flights: Sequence[UsedFlight]
     database: AeroDatabase
     parent: tuple[str, AeroDatabase] | None
     graph: Graph

@@ -104,7 +104,7 @@ class Airframe:
         speed = np.sqrt(u * u + v * v + w * w)
         height = -state[POSITION][2]
         atmosphere = standard_atmosphere(self.ground_altitude + height)
-        found = {
+        values = {
             "V": speed,
             "alpha": np.arctan2(w, u),
             "beta": np.arcsin(v / speed),
@@ -119,10 +119,10 @@ class Airframe:
             "altitude": self.ground_altitude + height,
             "height_above_ground": height,
         }
-        found.update({f"delta_{name}": value for name, value in surfaces.items()})
+        values.update({f"delta_{name}": value for name, value in surfaces.items()})
         for name, (sign, right, left) in self.combinations.items():
-            found[f"delta_{name}"] = 0.5 * (surfaces[right] + sign * surfaces[left])
-        return found
+            values[f"delta_{name}"] = 0.5 * (surfaces[right] + sign * surfaces[left])
+        return values
 
     def loads(self, channels: Mapping[str, Array]) -> tuple[Array, Array]:
         """Return the loads of the aerodynamics; nothing else acts.
@@ -154,17 +154,19 @@ class Airframe:
 
         The channels (k,) include inertial motion and loads. Parameters as in `channels`.
         """
-        found = self.channels(state, air, surfaces)
-        force, moment = self.loads(found)
+        channels = self.channels(state, air, surfaces)
+        force, moment = self.loads(channels)
         acceleration = angular_acceleration(state[RATES], moment, self.inertia)
         earth = to_earth(state[QUATERNION], state[VELOCITY])
         angles = euler_321_from_quaternion(*state[QUATERNION])
-        found.update(zip(("ax", "ay", "az"), force, strict=True))
-        found.update(zip(("pdot", "qdot", "rdot"), acceleration, strict=True))
-        found.update(zip(("phi", "theta", "psi"), angles, strict=True))
-        found.update(zip(("velocity_north", "velocity_east", "velocity_down"), earth, strict=True))
-        found.update(zip(("north", "east"), state[POSITION], strict=False))
-        return found, derivative(state, force, moment, self.inertia)
+        channels.update(zip(("ax", "ay", "az"), force, strict=True))
+        channels.update(zip(("pdot", "qdot", "rdot"), acceleration, strict=True))
+        channels.update(zip(("phi", "theta", "psi"), angles, strict=True))
+        channels.update(
+            zip(("velocity_north", "velocity_east", "velocity_down"), earth, strict=True)
+        )
+        channels.update(zip(("north", "east"), state[POSITION], strict=False))
+        return channels, derivative(state, force, moment, self.inertia)
 
 
 def airframe(vehicle: Vehicle, database: Database, ground_altitude: float = 0.0) -> Airframe:

@@ -71,12 +71,12 @@ def _known_keys(model: type[BaseModel], path: tuple[int | str, ...]) -> list[str
     """Return the keys that the (nested) model at `path` accepts."""
     current: Any = model
     for part in path:
-        found = (
+        field = (
             current.model_fields.get(str(part))
             if isinstance(current, type) and issubclass(current, BaseModel)
             else None
         )
-        annotation = found.annotation if found is not None else current
+        annotation = field.annotation if field is not None else current
         models = _models_in(annotation)
         if models:
             current = models[0]

@@ -47,8 +47,8 @@ def scaled_channel(argument: Expression, database: AeroDatabase) -> ScaledChanne
 def channel_of(argument: Expression, database: AeroDatabase) -> str | None:
     """Name of the channel or free input that an argument is, directly or through variables that
     rename it; None for any other formula."""
-    found = scaled_channel(argument, database)
-    return found.name if found is not None and found == ScaledChannel(found.name) else None
+    scaled = scaled_channel(argument, database)
+    return scaled.name if scaled is not None and scaled == ScaledChannel(scaled.name) else None
 
 
 _Linear = tuple[str, float, float] | None
@@ -92,7 +92,7 @@ def _linear(node: Expression, database: AeroDatabase, known: dict[str, _Linear])
 
 def table_calls(database: AeroDatabase) -> list[TableCall]:
     """All table calls in terms and variables, in their order."""
-    found: list[TableCall] = []
+    calls: list[TableCall] = []
     pending = [term.expression for term in database.terms] + [
         v.expression for v in database.variables.values()
     ]
@@ -102,21 +102,21 @@ def table_calls(database: AeroDatabase) -> list[TableCall]:
             node = nodes.pop()
             nodes.extend(node.children)
             if isinstance(node, TableCall):
-                found.append(node)
-    return found
+                calls.append(node)
+    return calls
 
 
 def breakpoints_over(name: str, database: AeroDatabase) -> list[Array]:
     """Breakpoints of every table that is called with channel `name`, in the channel's own unit."""
-    found = []
+    grids = []
     for call in table_calls(database):
         if call.table in database.tables:
             axes = zip(call.arguments, database.tables[call.table].breakpoints, strict=True)
             for argument, points in axes:
                 scaled = scaled_channel(argument, database)
                 if scaled is not None and scaled.name == name:
-                    found.append(np.sort(scaled.channel(points)))
-    return found
+                    grids.append(np.sort(scaled.channel(points)))
+    return grids
 
 
 def coverage(database: AeroDatabase, table: str, channels: Mapping[str, Value]) -> Array:

@@ -69,16 +69,16 @@ class _Grid:
     axes: list[Array]
     shares: list[tuple[int, int, Expression]] = field(default_factory=list)
 
-    def grown(self, found: Mapping[str, set[float]]) -> "_Grid":
+    def grown(self, new_knots: Mapping[str, set[float]]) -> "_Grid":
         """The grid with the breakpoints of one more contribution; new axes come last."""
-        extra = sorted(found.keys() - {channel.name for channel in self.channels if channel})
+        extra = sorted(new_knots.keys() - {channel.name for channel in self.channels if channel})
         channels = [*self.channels, *map(ScaledChannel, extra)]
         axes = []
         for channel, axis in zip(
             channels, [*self.axes, *[np.empty(0) for _ in extra]], strict=True
         ):
             points = (
-                channel.argument(np.array(sorted(found.get(channel.name, ()))))
+                channel.argument(np.array(sorted(new_knots.get(channel.name, ()))))
                 if channel
                 else np.empty(0)
             )
@@ -183,18 +183,18 @@ def node_lineage(
     planned = {
         (fold.increment, fold.regressor): fold.table for fold in plan_consolidation(database)
     }
-    found = []
+    shares = []
     for i, increment in enumerate(database.increments):
         own = [k for k, name in enumerate(increment.folded) if (name or planned[i, k]) == table]
         share = _share_at(i, increment, own, where, mesh)
-        found += [share] if share is not None else []
-    return tuple(found)
+        shares += [share] if share is not None else []
+    return tuple(shares)
 
 
 def point_lineage(database: AeroDatabase, channels: Mapping[str, Value]) -> tuple[NodeShare, ...]:
     """The increments that act at one point (channels: numbers), with value and standard error on
     their axis."""
-    found = []
+    shares = []
     names = set[str]().union(*(increment.names for increment in database.increments))
     values = database.resolved(sorted(names), channels)
     for i, increment in enumerate(database.increments):
@@ -203,19 +203,19 @@ def point_lineage(database: AeroDatabase, channels: Mapping[str, Value]) -> tupl
             result = increment.evaluate(values)
             regressors = tuple(map(str, increment.regressors))
             value, error = float(result.value[0]), float(result.standard_error[0])
-            found.append(NodeShare(i, increment.axis, regressors, increment.flights, value, error))
-    return tuple(found)
+            shares.append(NodeShare(i, increment.axis, regressors, increment.flights, value, error))
+    return tuple(shares)
 
 
 def _share_at(
     i: int, increment: Increment, own: list[int], site: LinearTable, mesh: Mapping[str, Array]
 ) -> NodeShare | None:
-    found = {
+    within_table = {
         k: part for k in own if (part := _within_table(increment.regressors[k], site)) is not None
     }
-    own = list(found)
+    own = list(within_table)
     jacobian = (
-        _restricted(increment, list(found.values()), mesh or {"alpha": np.zeros(1)}, site)
+        _restricted(increment, list(within_table.values()), mesh or {"alpha": np.zeros(1)}, site)
         if own
         else np.zeros((1, 0))
     )
@@ -279,10 +279,10 @@ def _grown(
         raise NotMultilinearError(
             f"the envelope over {', '.join(fenced)} acts on a factor outside the table"
         )
-    found = knots(part, increment, increment.fading(k))
+    new_knots = knots(part, increment, increment.fading(k))
     table = database.tables[site.table]
     grid = grids.get(site.table) or _Grid(site, list(site.channels), list(table.breakpoints))
-    grown = grid.grown(found)
+    grown = grid.grown(new_knots)
     if grown.size > MAX_NODES or len(grown.axes) > MAX_DIMENSIONS:
         raise NotMultilinearError(f"table {site.table} would have {grown.size} nodes")
     return grown

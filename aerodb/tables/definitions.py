@@ -52,7 +52,7 @@ def check_definitions(
 
     database : its name, for messages. tables : key and table, on grids and on scattered points.
     """
-    seen: dict[str, str] = {}
+    defined: dict[str, str] = {}
     tables = list(tables)
     definitions: tuple[tuple[str, Iterable[str]], ...] = (
         ("variable", variables),
@@ -62,7 +62,7 @@ def check_definitions(
     for kind, names in definitions:
         for name in names:
             check_identifier(name)
-            other = seen.get(name) or (
+            other = defined.get(name) or (
                 "channel" if name in CHANNELS else "constant" if name in CONSTANTS else ""
             )
             if other:
@@ -71,7 +71,7 @@ def check_definitions(
                     f"database {database}",
                     "choose another name",
                 )
-            seen[name] = kind
+            defined[name] = kind
     for name, table in tables:
         if table.name != name:
             raise InputError(

@@ -153,7 +153,7 @@ def _nodes(
         if any(increment.axis in WIND_AXES for increment, _ in owned)
         else set[str]()
     )
-    found = []
+    changes = []
     for axis in (axis for axis in AXES if axis in body):
         change = new[axis] - old[axis]
         scale = np.nanmax(np.abs([old[axis], new[axis]]), initial=1e-12)
@@ -177,10 +177,10 @@ def _nodes(
         inside &= acting.any(axis=0)
         sources = tuple(increment.flights for increment, _ in owned)
         sigma, where = np.sqrt(variance).reshape(grid.shape), inside.reshape(grid.shape)
-        found.append(
+        changes.append(
             NodeChanges(axis, grid, change.reshape(grid.shape), sigma, where, acting, sources)
         )
-    return found
+    return changes
 
 
 def _effect(
@@ -212,7 +212,7 @@ def _reference(before: Reference, after: Reference) -> list[TermChange]:
 
 
 def _expressions(before: AeroDatabase, after: AeroDatabase) -> list[TermChange]:
-    found = []
+    changes = []
     old_terms, new_terms = (
         {term.name: term for term in database.terms} for database in (before, after)
     )
@@ -221,19 +221,19 @@ def _expressions(before: AeroDatabase, after: AeroDatabase) -> list[TermChange]:
         if old is None or new is None or (old.axis, old.expression) != (new.axis, new.expression):
             axes = list(dict.fromkeys(term.axis for term in (old, new) if term is not None))
             texts = [str(term.expression) if term is not None else "" for term in (old, new)]
-            found.append(TermChange("term", name, " to ".join(axes), texts[0], texts[1]))
+            changes.append(TermChange("term", name, " to ".join(axes), texts[0], texts[1]))
     for name in dict.fromkeys([*before.variables, *after.variables]):
         sides = [database.variables.get(name) for database in (before, after)]
         texts = [str(variable.expression) if variable is not None else "" for variable in sides]
         if texts[0] != texts[1]:
-            found.append(TermChange("variable", name, "", texts[0], texts[1]))
-    return found
+            changes.append(TermChange("variable", name, "", texts[0], texts[1]))
+    return changes
 
 
 def _regressors(before: AeroDatabase, after: AeroDatabase) -> list[TermChange]:
     """Coefficients of increments that only one of the databases has. Increments of several updates
     on the same regressor are listed separately."""
-    found = []
+    changes = []
     for increments, side in (
         (new_increments(after, before), -1.0),
         (new_increments(before, after), 1.0),
@@ -246,7 +246,7 @@ def _regressors(before: AeroDatabase, after: AeroDatabase) -> list[TermChange]:
                 text = f"{value:.6g} +- {error:.2g}"
                 old, new = ("", text) if side > 0 else (text, "")
                 change, sigma = side * float(value), float(error)
-                found.append(
+                changes.append(
                     TermChange(
                         "increment",
                         str(regressor),
@@ -258,40 +258,40 @@ def _regressors(before: AeroDatabase, after: AeroDatabase) -> list[TermChange]:
                         increment.flights,
                     )
                 )
-    return found
+    return changes
 
 
 def _table_forms(before: AeroDatabase, after: AeroDatabase) -> dict[str, str]:
-    found = {}
+    changes = {}
     for name in sorted({*before.tables, *after.tables}):
         old, new = before.tables.get(name), after.tables.get(name)
         if old is None or new is None:
-            found[name] = "new" if old is None else "gone"
+            changes[name] = "new" if old is None else "gone"
         elif old.values.shape != new.values.shape:
-            found[name] = f"{list(old.values.shape)} nodes before, {list(new.values.shape)} after"
+            changes[name] = f"{list(old.values.shape)} nodes before, {list(new.values.shape)} after"
         elif any(
             not np.array_equal(a, b) for a, b in zip(old.breakpoints, new.breakpoints, strict=True)
         ):
-            found[name] = "breakpoints moved"
+            changes[name] = "breakpoints moved"
     for name in sorted({*before.scattered, *after.scattered}):
         one, other = before.scattered.get(name), after.scattered.get(name)
         if one is None or other is None:
-            found[name] = "new" if one is None else "gone"
+            changes[name] = "new" if one is None else "gone"
         elif not np.array_equal(one.points, other.points):
-            found[name] = f"{len(one.points)} scattered points before, {len(other.points)} after"
-    return found
+            changes[name] = f"{len(one.points)} scattered points before, {len(other.points)} after"
+    return changes
 
 
 def _values_only(
     before: AeroDatabase, after: AeroDatabase, addressed: set[str]
 ) -> dict[str, float]:
-    found = {}
+    largest = {}
     for name in sorted((before.tables.keys() & after.tables.keys()) - addressed):
         old, new = before.tables[name].values, after.tables[name].values
         if old.shape == new.shape and not np.array_equal(old, new):
-            found[name] = float(np.max(np.abs(new - old)))
+            largest[name] = float(np.max(np.abs(new - old)))
     for name in sorted(before.scattered.keys() & after.scattered.keys()):
         old, new = before.scattered[name].values, after.scattered[name].values
         if old.shape == new.shape and not np.array_equal(old, new):
-            found[name] = float(np.max(np.abs(new - old)))
-    return found
+            largest[name] = float(np.max(np.abs(new - old)))
+    return largest

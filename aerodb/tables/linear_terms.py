@@ -42,7 +42,7 @@ def linear_tables(database: AeroDatabase) -> list[LinearTable]:
         for name in database.tables
         if reached[name] == written[name] == 1 and _foldable(database, name)
     }
-    found = []
+    linear = []
     for term in database.terms:
         for constant, factors, call in _products(term.expression, database, once, 1.0, ()):
             channels = tuple(scaled_channel(argument, database) for argument in call.arguments)
@@ -55,8 +55,8 @@ def linear_tables(database: AeroDatabase) -> list[LinearTable]:
                     if c and bounds is not None
                 )
                 renamed = tuple(_renamed(factor, database) for factor in factors)
-                found.append(LinearTable(term.axis, call.table, channels, own, constant, renamed))
-    return found
+                linear.append(LinearTable(term.axis, call.table, channels, own, constant, renamed))
+    return linear
 
 
 def factors_of(expression: Expression) -> tuple[float, list[Expression]]:
@@ -122,15 +122,15 @@ def table_uses(expressions: Iterable[Expression], database: AeroDatabase) -> Cou
 def depends_on(expression: Expression, database: AeroDatabase) -> frozenset[str]:
     """Names of all tables and variables of the database that `expression` uses, directly or through
     variables."""
-    found: set[str] = set()
+    dependencies: set[str] = set()
     pending = [expression]
     while pending:
         each = pending.pop()
-        found |= each.tables
-        fresh = (each.names & database.variables.keys()) - found
-        found |= fresh
+        dependencies |= each.tables
+        fresh = (each.names & database.variables.keys()) - dependencies
+        dependencies |= fresh
         pending += [database.variables[name].expression for name in fresh]
-    return frozenset(found)
+    return frozenset(dependencies)
 
 
 def _products(

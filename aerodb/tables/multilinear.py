@@ -74,26 +74,26 @@ def _call(expression: Call, ranges: Mapping[str, tuple[float, float]]) -> dict[s
         raise NotMultilinearError(
             f"'{expression}' bends along a line that follows no single variable"
         )
-    found: set[float] = set()
+    points: set[float] = set()
     for piece in pieces:
-        found = found.union(*breaks(piece, ranges).values())
+        points = points.union(*breaks(piece, ranges).values())
     for name in expression.names:
         low, high = ranges[name]
-        grid = np.array(sorted({low, high} | found))
+        grid = np.array(sorted({low, high} | points))
         for k, one in enumerate(pieces):
             for other in pieces[k + 1 :]:
-                found |= _crossings(Operation("-", one, other), name, grid)
-        return {name: {x for x in found if low < x < high}}
+                points |= _crossings(Operation("-", one, other), name, grid)
+        return {name: {x for x in points if low < x < high}}
     return {}
 
 
 def _crossings(difference: Expression, name: str, grid: Array) -> set[float]:
     """Zeros of a function that is linear between the points of `grid`."""
     y = np.broadcast_to(evaluate(difference, {name: grid}), grid.shape)
-    found = set(grid[y == 0.0].tolist())
+    crossings = set(grid[y == 0.0].tolist())
     for k in np.flatnonzero(y[:-1] * y[1:] < 0.0):
-        found.add(float(grid[k] - y[k] * (grid[k + 1] - grid[k]) / (y[k + 1] - y[k])))
-    return found
+        crossings.add(float(grid[k] - y[k] * (grid[k + 1] - grid[k]) / (y[k + 1] - y[k])))
+    return crossings
 
 
 def merged(points: Array, others: set[float]) -> Array:

@@ -34,19 +34,21 @@ def knots(
         raise NotMultilinearError(
             f"'{regressor}' goes on without end in {', '.join(free)}, which has no envelope"
         )
-    found = breaks(regressor, {name: (i.low, i.high) for name, i in increment.envelope.items()})
+    by_channel = breaks(
+        regressor, {name: (i.low, i.high) for name, i in increment.envelope.items()}
+    )
     for name in sorted(fading):
         interval = increment.envelope[name]
         if interval.cell == 0.0:
             raise NotMultilinearError(f"its envelope over {name} ends in a step")
         corners = {interval.low - 2 * interval.cell, interval.low - interval.cell}
         corners |= {interval.high + interval.cell, interval.high + 2 * interval.cell}
-        found[name] = (
-            found.get(name, set())
+        by_channel[name] = (
+            by_channel.get(name, set())
             | corners
-            | ({interval.low, interval.high} if name in found else set())
+            | ({interval.low, interval.high} if name in by_channel else set())
         )
-    return found
+    return by_channel
 
 
 def columns_at(increment: Increment, mesh: Mapping[str, Array]) -> tuple[Array, Array]:

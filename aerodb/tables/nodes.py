@@ -71,16 +71,20 @@ def table_axes(database: AeroDatabase) -> dict[str, frozenset[str]]:
     """Table name -> axes of the terms that use it, directly or through variables."""
     axes: dict[str, set[str]] = {name: set() for name in (*database.tables, *database.scattered)}
     for term in database.terms:
-        pending, seen = [term.expression], set[str]()
+        pending, visited = [term.expression], set[str]()
         while pending:
             node = pending.pop()
             pending.extend(node.children)
             if isinstance(node, TableCall):
                 axes[node.table].add(term.axis)
-            if isinstance(node, Name) and node.name in database.variables and node.name not in seen:
-                seen.add(node.name)
+            if (
+                isinstance(node, Name)
+                and node.name in database.variables
+                and node.name not in visited
+            ):
+                visited.add(node.name)
                 pending.append(database.variables[node.name].expression)
-    return {name: frozenset(found) for name, found in axes.items()}
+    return {name: frozenset(names) for name, names in axes.items()}
 
 
 def neutral_point(database: AeroDatabase, increments: Iterable[Increment] = ()) -> dict[str, float]:
@@ -109,13 +113,13 @@ def _grid(call: TableCall, database: AeroDatabase) -> TableGrid | None:
     if table is None:  # on scattered points, which are no grid
         return None
     breakpoints = table.breakpoints
-    found = [
+    inverses = [
         _inverse(argument, axis, database)
         for argument, axis in zip(call.arguments, breakpoints, strict=True)
     ]
-    known = [entry for entry in found if entry is not None]
+    known = [entry for entry in inverses if entry is not None]
     channels = tuple(name for name, _ in known)
-    if len(known) < len(found) or len(set(channels)) < len(channels):
+    if len(known) < len(inverses) or len(set(channels)) < len(channels):
         return None
     return TableGrid(call.table, channels, tuple(values for _, values in known))
 

@@ -75,7 +75,7 @@ def new_sign_changes(baseline: AeroDatabase, candidate: AeroDatabase) -> tuple[S
     if "alpha" not in {*baseline.inputs, *candidate.inputs}:
         return ()
     alpha, tolerance = _alphas((baseline, candidate), added)
-    found, flown = [], dict[str, list[tuple[float, bool]]]()
+    sign_changes, flown = [], dict[str, list[tuple[float, bool]]]()
     for at in _conditions((baseline, candidate), added):  # the neutral condition comes first
         point = {**neutral_point(baseline, added), **neutral_point(candidate, added), **at}
         channels = {
@@ -91,18 +91,18 @@ def new_sign_changes(baseline: AeroDatabase, candidate: AeroDatabase) -> tuple[S
             # sign to change, and the slope of any fade dominates.
             silent = np.abs(np.diff(before[quantity]) / np.diff(alpha)) <= flat
             outside = _changes(alpha, after[quantity], inside, flat, silent)
-            seen = [
+            alike = [
                 change
                 for change in _changes(alpha, after[quantity], nowhere, flat)
                 if change not in outside
             ]
             known = _changes(alpha, before[quantity], nowhere, flat) + flown.setdefault(
-                quantity, seen
+                quantity, alike
             )
             for where, rising in outside:
                 if not any(up == rising and abs(there - where) <= tolerance for there, up in known):
-                    found.append(SignChange(quantity, where, rising, at))
-    return tuple(found)
+                    sign_changes.append(SignChange(quantity, where, rising, at))
+    return tuple(sign_changes)
 
 
 def _identity(increment: Increment) -> tuple[object, ...]:
@@ -139,12 +139,12 @@ def _alphas(databases: Sequence[AeroDatabase], added: Iterable[Increment]) -> tu
 
 def _breakpoints(databases: Sequence[AeroDatabase]) -> dict[str, list[float]]:
     """Channel -> breakpoints of all tables over it, in the unit of the channel."""
-    found: dict[str, list[float]] = {}
+    by_channel: dict[str, list[float]] = {}
     for database in databases:
         for grid in table_grids(database).values():
             for name, values in zip(grid.channels, grid.values, strict=True):
-                found.setdefault(name, []).extend(values.tolist())
-    return found
+                by_channel.setdefault(name, []).extend(values.tolist())
+    return by_channel
 
 
 def _conditions(
@@ -221,12 +221,12 @@ def _changes(
     data = inside[:-1] & inside[1:]
     real = np.flatnonzero(np.isfinite(slopes) & (np.abs(slopes) > flat))
     quiet = np.zeros_like(data) if silent is None else silent
-    found = []
+    changes = []
     for one, next_one in pairwise(real):
         if slopes[one] * slopes[next_one] < 0 and not (
             data[one] or data[next_one] or quiet[one] or quiet[next_one]
         ):
-            found.append(
+            changes.append(
                 (float((alpha[one + 1] + alpha[next_one]) / 2.0), bool(slopes[next_one] > 0))
             )
-    return found
+    return changes

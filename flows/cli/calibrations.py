@@ -129,9 +129,9 @@ def recalibrate(
     for entry in document["skipped"]:
         session.say(f"skipped {entry['flight'][:12]}: {entry['reason']}")
     _say_parameters(session, document["parameters"])
-    for flight, found in document["consistency"].items():
+    for flight, consistency in document["consistency"].items():
         session.say(f"flight {flight[:12]}:")
-        say_consistency(session, found, "  ")
+        say_consistency(session, consistency, "  ")
     stale = {
         use.version.label for flight in document["flights"] for use in catalogue.impact(flight)
     }

@@ -76,9 +76,9 @@ def _look_into(session: Session, recording: Recording, mapping: str | None) -> N
             {**document, "mapping": None, "channels": [], "missing": [], "prevents": [refusal]}
         )
         return
-    found, missing = channels_found(recording, chosen)
+    present, missing = channels_found(recording, chosen)
     sentences = consequences_of_missing(missing)
-    session.say(f"mapping {chosen.name}: {', '.join(found)}")
+    session.say(f"mapping {chosen.name}: {', '.join(present)}")
     session.say(f"not in the log: {', '.join(missing) or 'none of the mapped channels'}")
     for sentence in sentences:
         session.say(f"  {sentence}")
@@ -87,8 +87,8 @@ def _look_into(session: Session, recording: Recording, mapping: str | None) -> N
         session.say(f"no flight: {findings['refused']}")
     say_segments(session, findings["segments"])
     say_suspicions(session, findings["suspicions"])
-    said = {"channels": found, "missing": missing, "prevents": sentences, **findings}
-    session.answer({**document, "mapping": chosen.name, **said})
+    summary = {"channels": present, "missing": missing, "prevents": sentences, **findings}
+    session.answer({**document, "mapping": chosen.name, **summary})
 
 
 def _contents(session: Session, recording: Recording) -> dict[str, Any]:
@@ -294,11 +294,11 @@ def show(
     say_delays(session, document["delays"])
     if document["consistency"] is not None:
         say_consistency(session, document["consistency"])
-    made = [
+    results = [
         [r["step"], r["key"][:12], r["created_utc"][:16].replace("T", " ")]
         for r in document["results"]
     ]
-    session.table(["step", "key", "made"], made)
+    session.table(["step", "key", "made"], results)
     for use in impact:
         session.say(f"{use.version.label} is based on it: {use.role.replace('_', ' ')}")
     session.answer(document)

@@ -66,15 +66,15 @@ def backup(
     session: Session = context.obj
     workspace = session.workspace()
     with session.waiting("copying"):
-        made = back_up(workspace, target)
-    for problem in made.problems:
+        outcome = back_up(workspace, target)
+    for problem in outcome.problems:
         session.say(f"not copied: {problem.where}: {problem.what}; {problem.remedy}")
     session.say(
-        f"{target} holds {made.files} files, {made.bytes / 1e6:.1f} MB; {made.copied} were"
+        f"{target} holds {outcome.files} files, {outcome.bytes / 1e6:.1f} MB; {outcome.copied} were"
         " copied now"
     )
-    session.answer({"target": str(target), **asdict(made)})
-    if made.problems:
+    session.answer({"target": str(target), **asdict(outcome)})
+    if outcome.problems:
         raise typer.Exit(1)
 
 

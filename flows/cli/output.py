@@ -78,14 +78,14 @@ class Session:
         self, columns: Sequence[str], rows: Sequence[Sequence[str]], numbers: Sequence[int] = ()
     ) -> None:
         """Print a table for people; columns whose indices are in `numbers` are right-aligned."""
-        made = Table(box=None, header_style="bold", pad_edge=False)
+        grid = Table(box=None, header_style="bold", pad_edge=False)
         for k, column in enumerate(columns):
-            made.add_column(
+            grid.add_column(
                 Text(column), justify="right" if k in numbers else "left", no_wrap=k in numbers
             )
         for row in rows:
-            made.add_row(*(Text(visible(cell)) for cell in row))
-        self.people.print(made)
+            grid.add_row(*(Text(visible(cell)) for cell in row))
+        self.people.print(grid)
 
     @contextmanager
     def waiting(self, what: str) -> Iterator[None]:

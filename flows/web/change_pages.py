@@ -150,31 +150,31 @@ def _roll_back(request: Request, fields: dict[str, str]) -> Response:
     "/api/versions/{version}/promote", summary="Point a name at a version", responses=CONFLICTS
 )
 def promote(
-    request: Request, version: str, asked: Promotion, vehicle: Vehicle = None, token: Token = ""
+    request: Request, version: str, promotion: Promotion, vehicle: Vehicle = None, token: Token = ""
 ) -> Response:
     """The document of `aerodb version promote`; 409 with the reasons if the gate refuses."""
     check_csrf(request, console_of(request).guard, token)
     row = version_at(access_of(request), version, vehicle)
-    parameters = {"version": row.id, "name": asked.name, "reason": asked.reason}
+    parameters = {"version": row.id, "name": promotion.name, "reason": promotion.reason}
     return document(console_of(request).run(promote_flow, parameters))
 
 
 @router.post("/api/rollback", summary="Undo the last move of a name", responses=CONFLICTS)
-def roll_back(request: Request, asked: RollBack, token: Token = "") -> Response:
+def roll_back(request: Request, reversal: RollBack, token: Token = "") -> Response:
     """The document of `aerodb version rollback`."""
     check_csrf(request, console_of(request).guard, token)
-    owner = vehicle_of(access_of(request).catalogue, asked.vehicle)
+    owner = vehicle_of(access_of(request).catalogue, reversal.vehicle)
     return document(
         console_of(request).run(
-            roll_back_flow, {"vehicle": owner, "name": asked.name, "reason": asked.reason}
+            roll_back_flow, {"vehicle": owner, "name": reversal.name, "reason": reversal.reason}
         )
     )
 
 
-def _check_seen(request: Request, vehicle: str, name: str, seen: str | None) -> None:
+def _check_seen(request: Request, vehicle: str, name: str, shown: str | None) -> None:
     """Raise GateRefusal if a name was moved since its page was shown."""
     event = access_of(request).catalogue.named(vehicle, name)
-    if seen != (event.version if event is not None else _NOWHERE):
+    if shown != (event.version if event is not None else _NOWHERE):
         what = f"'{name}' was moved after this page was shown"
         raise GateRefusal(what, f"vehicle {vehicle}", "check its history, then decide again")
 

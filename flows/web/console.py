@@ -74,8 +74,8 @@ class Console:
 
 def console_of(request: Request) -> Console:
     """Return the console that answers a request."""
-    found: Console = request.app.state.console
-    return found
+    console: Console = request.app.state.console
+    return console
 
 
 def access_of(request: Request) -> WorkspaceAccess:
@@ -106,10 +106,10 @@ def page_of(request: Request, template: str, title: str, **context: Any) -> Resp
     context["csrf"] = console_of(request).guard.csrf_token(session)
     context["here"] = request.url.path
     text = _engine().get_template(template).render(title=title, **context)
-    made = Response(text.encode("utf-8", "replace"), media_type="text/html; charset=utf-8")
+    response = Response(text.encode("utf-8", "replace"), media_type="text/html; charset=utf-8")
     if is_new:
-        keep_session(made, session)
-    return made
+        keep_session(response, session)
+    return response
 
 
 def report(text: str) -> Response:

@@ -55,15 +55,15 @@ def findings(request: Request, after: After = "", limit: Limit = PER_PAGE // 2) 
 def finding_page(request: Request, reference: str, vehicle: Vehicle = None) -> Response:
     """One update or closed loop: the finding first, the explanation set, error before and after."""
     access = access_of(request)
-    found = finding_document(access, reference, vehicle)
+    document = finding_document(access, reference, vehicle)
     return page_of(
         request,
         "finding.html",
-        f"{'Closed loop' if 'library' in found else 'Update'} of {found['vehicle']}",
-        found=found,
-        headline=headline(found),
-        errors=error_rows(found),
-        labels=labels_of(access, found),
+        f"{'Closed loop' if 'library' in document else 'Update'} of {document['vehicle']}",
+        found=document,
+        headline=headline(document),
+        errors=error_rows(document),
+        labels=labels_of(access, document),
         reference=reference_of(access, reference, vehicle),
         means=MEANS,
     )

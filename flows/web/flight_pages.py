@@ -68,16 +68,16 @@ def flights_page(
 ) -> Response:
     """The list of flights, filtered and paged."""
     access = access_of(request)
-    asked = {"vehicle": vehicle, "verdict": verdict, "text": text}
-    found = access.catalogue.flight_page(FlightFilter(vehicle, verdict, text), PER_PAGE, after)
+    filters = {"vehicle": vehicle, "verdict": verdict, "text": text}
+    page = access.catalogue.flight_page(FlightFilter(vehicle, verdict, text), PER_PAGE, after)
     return page_of(
         request,
         "flights.html",
         "Flights",
-        flights=flights_document(access.catalogue, found.rows),
-        asked=asked,
+        flights=flights_document(access.catalogue, page.rows),
+        asked=filters,
         after=after,
-        further=address("/flights", **asked, after=found.further) if found.further else "",
+        further=address("/flights", **filters, after=page.further) if page.further else "",
         vehicles=[row.name for row in access.catalogue.vehicles()],
         verdicts=[*VERDICTS, RETRACTED],
     )
@@ -95,17 +95,17 @@ def flights(
     """The documents of `aerodb flight list`, paged; a search reads a bounded number of flights per
     page."""
     access = access_of(request)
-    found = access.catalogue.flight_page(FlightFilter(vehicle, verdict, text), limit, after)
-    asked = {
+    page = access.catalogue.flight_page(FlightFilter(vehicle, verdict, text), limit, after)
+    filters = {
         "vehicle": vehicle,
         "verdict": verdict,
         "text": text,
         "limit": limit,
-        "after": found.further,
+        "after": page.further,
     }
     return document(
-        flights_document(access.catalogue, found.rows),
-        address("/api/flights", **asked) if found.further else "",
+        flights_document(access.catalogue, page.rows),
+        address("/api/flights", **filters) if page.further else "",
     )
 
 
@@ -161,8 +161,8 @@ def flight_report(
     version = (
         access.catalogue.version(row.vehicle, against).id if against else _released(access, row)
     )
-    asked = {"kind": "flight", "about": row.id, "version": version or ""}
-    return report(console_of(request).run(report_flow, asked))
+    parameters = {"kind": "flight", "about": row.id, "version": version or ""}
+    return report(console_of(request).run(report_flow, parameters))
 
 
 @router.get(
@@ -202,14 +202,14 @@ def channels(
         record_of(access, row).first
     )
     lines, ends = series_of(access, row, wanted, start, end, points)
-    said = {"flight": row.id, "start": ends[0], "end": ends[1]}
+    heading = {"flight": row.id, "start": ends[0], "end": ends[1]}
     if format == "binary":
-        return Response(_packed(said, lines), media_type="application/octet-stream")
+        return Response(_packed(heading, lines), media_type="application/octet-stream")
     arrays = [
         {**_heading(line), "time": line.time.tolist(), "values": line.values.tolist()}
         for line in lines
     ]
-    return document({**said, "series": arrays})
+    return document({**heading, "series": arrays})
 
 
 def _heading(line: Series) -> dict[str, Any]:
@@ -223,14 +223,14 @@ def _heading(line: Series) -> dict[str, Any]:
     }
 
 
-def _packed(said: dict[str, Any], lines: Sequence[Series]) -> bytes:
+def _packed(lead: dict[str, Any], lines: Sequence[Series]) -> bytes:
     """Return the heading's length (uint32), the JSON heading padded to 8 bytes, then time and
     values.
 
     All numbers are little-endian.
     """
     heading = json.dumps(
-        {**said, "series": [{**_heading(line), "samples": len(line.time)} for line in lines]}
+        {**lead, "series": [{**_heading(line), "samples": len(line.time)} for line in lines]}
     ).encode("ascii")
     heading += b" " * (-(len(heading) + 4) % 8)
     arrays = (

@@ -33,8 +33,8 @@ def lineage_page(
     """What a version, or one number of it, is based on."""
     access = access_of(request)
     row = version_at(access, version, vehicle)
-    found = _asked(access, row, node, at)
-    labels = access.catalogue.flight_labels(entry["flight"] for entry in found.get("flights", ()))
+    answer = _asked(access, row, node, at)
+    labels = access.catalogue.flight_labels(entry["flight"] for entry in answer.get("flights", ()))
     what = node or at
     title = (
         f"Lineage of {what} in {row.label}" if what else f"Lineage of {row.label} of {row.vehicle}"
@@ -44,7 +44,7 @@ def lineage_page(
         "lineage.html",
         title,
         row=row,
-        found=found,
+        found=answer,
         labels=labels,
         what=what,
         node=node or "",

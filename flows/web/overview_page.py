@@ -67,17 +67,17 @@ def contents(request: Request) -> Response:
         {
             "method": method.upper(),
             "path": path,
-            "summary": said.get("summary", ""),
-            "asked": said.get("parameters", []),
+            "summary": operation.get("summary", ""),
+            "asked": operation.get("parameters", []),
         }
         for path, methods in paths.items()
-        for method, said in methods.items()
+        for method, operation in methods.items()
     ]
     return page_of(request, "api.html", "API", entries=entries)
 
 
 def _vehicles(access: WorkspaceAccess) -> list[dict[str, Any]]:
-    found = []
+    rows = []
     for row in access.catalogue.vehicles():
         names = access.catalogue.names(row.name)
         versions = access.catalogue.versions_by_id(names.values())
@@ -90,11 +90,11 @@ def _vehicles(access: WorkspaceAccess) -> list[dict[str, Any]]:
             "sha256": row.sha256,
             "added_utc": row.added_utc.isoformat(),
         }
-        found.append(
+        rows.append(
             {
                 **entry,
                 "versions": access.catalogue.count_versions(row.name),
                 "names": {**first, **pointed},
             }
         )
-    return found
+    return rows

@@ -204,13 +204,13 @@ def _same_origin(headers: Headers, host: str) -> bool:
 
 def _bounded(receive: Receive) -> Receive:
     """Wrap `receive` so that a body that is too long ends as if the client had disconnected."""
-    seen = 0
+    received = 0
 
     async def bounded() -> Message:
-        nonlocal seen
+        nonlocal received
         message = await receive()
-        seen += len(message.get("body", b""))
-        return message if seen <= LARGEST_BODY else {"type": "http.disconnect"}
+        received += len(message.get("body", b""))
+        return message if received <= LARGEST_BODY else {"type": "http.disconnect"}
 
     return bounded
 

@@ -15,11 +15,11 @@ from aerodb.flows.web.security import Guard
 def listening(host: str, port: int) -> Iterator[socket.socket]:
     """Return a socket that listens at `host` and `port` (0: a free one); OSError if it cannot."""
     family, kind, protocol, _, place = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
-    with socket.socket(family, kind, protocol) as made:
-        made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        made.bind(place)
-        made.listen(128)
-        yield made
+    with socket.socket(family, kind, protocol) as listener:
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listener.bind(place)
+        listener.listen(128)
+        yield listener
 
 
 def server_of(root: Path, guard: Guard) -> uvicorn.Server:

@@ -132,10 +132,10 @@ def version_page(
     details = version_details(access.catalogue, row)
     database = database_of(access.catalogue, row)
     names = [name for name, id in access.catalogue.names(row.vehicle).items() if id == row.id]
-    found, fault = None, ""
+    evaluation, fault = None, ""
     if at:
         try:
-            found = evaluate_at(access.catalogue, row, at)
+            evaluation = evaluate_at(access.catalogue, row, at)
         except InputError as error:
             fault = f"{error.what}. {error.remedy}"
     parent = access.catalogue.versions_by_id([row.parent] if row.parent else [])
@@ -148,7 +148,7 @@ def version_page(
         names=sorted(names),
         parent=next(iter(parent.values()), None),
         at=at,
-        found=found,
+        found=evaluation,
         fault=fault,
         table=_table(database, table) if table else None,
         lines=_lines(database),
@@ -201,10 +201,10 @@ def along(
     access = access_of(request)
     row = version_at(access, version, vehicle, as_of)
     factor, label = channel_scale(over)
-    found = sweep(
+    values = sweep(
         access.catalogue, row, over, (value_of(over, start), value_of(over, end)), points, at
     )
-    return document({**found, "label": label, "factor": factor})
+    return document({**values, "label": label, "factor": factor})
 
 
 @router.get("/api/versions/{version}/tables/{table}", summary="A table of a version")
@@ -238,11 +238,11 @@ def export(
     name = f"{row.vehicle}-{row.label}.{_SUFFIX[format]}"
     with tempfile.TemporaryDirectory() as folder:
         target = Path(folder) / name
-        said = export_version(access.workspace, access.catalogue, row, format, target)
+        outcome = export_version(access.workspace, access.catalogue, row, format, target)
         data = target.read_bytes()
     headers = {
         "content-disposition": f'attachment; filename="{name}"',
-        "x-checked": said["checked"],
+        "x-checked": outcome["checked"],
     }
     return Response(data, 200, headers, "application/octet-stream")
 
@@ -298,9 +298,11 @@ def history(
     owner = vehicle_of(access.catalogue, vehicle)
     events = access.catalogue.name_history(owner, name, limit + 1, before)
     shown = events[-limit:]
-    asked = {"vehicle": owner, "name": name, "limit": limit}
+    parameters = {"vehicle": owner, "name": name, "limit": limit}
     further = (
-        address("/api/history", **asked, before=shown[0].sequence) if len(events) > limit else ""
+        address("/api/history", **parameters, before=shown[0].sequence)
+        if len(events) > limit
+        else ""
     )
     return document(history_document(shown), further)
 
@@ -321,15 +323,15 @@ def diff_page(
             asked=(before, after, vehicle),
         )
     old, new = version_at(access, before, vehicle), version_at(access, after, vehicle)
-    found, _ = compare_versions(access.catalogue, old, new)
+    difference, _ = compare_versions(access.catalogue, old, new)
     labels = access.catalogue.flight_labels(
-        {flight for term in found["terms"] for flight in term["flights"]}
+        {flight for term in difference["terms"] for flight in term["flights"]}
     )
     title = f"Changes from {old.label} to {new.label} of {new.vehicle}"
     context: dict[str, Any] = {
         "before": old,
         "after": new,
-        "diff": found,
+        "diff": difference,
         "labels": labels,
         "asked": _called(old, new),
     }
@@ -345,10 +347,10 @@ def diff(
 ) -> Response:
     """The document of `aerodb version diff`."""
     access = access_of(request)
-    found, _ = compare_versions(
+    difference, _ = compare_versions(
         access.catalogue, version_at(access, before, vehicle), version_at(access, after, vehicle)
     )
-    return document(found)
+    return document(difference)
 
 
 @router.get("/diff/figure.svg", include_in_schema=False)
@@ -367,16 +369,19 @@ def diff_figure(
 
 def _table(database: Any, name: str) -> dict[str, Any]:
     """Return a table with breakpoints in the units that are shown to people (angles in degrees)."""
-    found = table_document(database, name)
-    if found["channels"] is None:
-        return {**found, "heads": list(zip(found["arguments"], found["breakpoints"], strict=True))}
-    scales = [channel_scale(channel) for channel in found["channels"]]
+    content = table_document(database, name)
+    if content["channels"] is None:
+        return {
+            **content,
+            "heads": list(zip(content["arguments"], content["breakpoints"], strict=True)),
+        }
+    scales = [channel_scale(channel) for channel in content["channels"]]
     at = [
         [factor * value for value in values]
-        for (factor, _), values in zip(scales, found["nodes"], strict=True)
+        for (factor, _), values in zip(scales, content["nodes"], strict=True)
     ]
     return {
-        **found,
+        **content,
         "heads": [(label, values) for (_, label), values in zip(scales, at, strict=True)],
     }
 
@@ -391,7 +396,7 @@ def _called(old: VersionRow, new: VersionRow) -> tuple[str, str, str]:
 def _lines(database: Any) -> list[dict[str, Any]]:
     """Return the inputs along which a version can be drawn, and their range (SI) in tables and
     flights."""
-    found = []
+    lines = []
     for name in database.inputs:
         marks = [
             float(edge)
@@ -408,7 +413,7 @@ def _lines(database: Any) -> list[dict[str, Any]]:
             if marks and max(marks) > min(marks)
             else (0.0, 1.0 / factor if factor > 1 else 1.0)
         )
-        found.append(
+        lines.append(
             {
                 "name": name,
                 "label": label,
@@ -418,4 +423,4 @@ def _lines(database: Any) -> list[dict[str, Any]]:
                 "known": bool(marks),
             }
         )
-    return found
+    return lines

@@ -69,13 +69,13 @@ class CalibrationLedger(Ledger):
             return exact[0]
         mine = s.calibrations.c.vehicle == vehicle
         with self._database.reading() as connection:
-            found = (
+            id = (
                 self._by_prefix(connection, s.calibrations.c.id, ref, mine)
                 if enc.REFERENCE.fullmatch(ref)
                 else None
             )
         for row in rows:
-            if row.id == found:
+            if row.id == id:
                 return row
         labels = [row.label for row in rows[-NAMES_COMPARED:]]
         remedy = (
@@ -140,10 +140,10 @@ def _bound(connection: sa.Connection, flight: str) -> str | None:
 
 
 def _rows(connection: sa.Connection, where: sa.ColumnElement[bool]) -> list[CalibrationRow]:
-    found: Iterable[Any] = connection.execute(
+    rows: Iterable[Any] = connection.execute(
         sa.select(s.calibrations).where(where).order_by(s.calibrations.c.number)
     )
-    return [_row(row) for row in found]
+    return [_row(row) for row in rows]
 
 
 def _row(row: Any) -> CalibrationRow:

@@ -48,21 +48,21 @@ class FlightPage:
 
 
 def page_of_ids(
-    connection: sa.Connection, asked: FlightFilter, limit: int, after: str
+    connection: sa.Connection, wanted: FlightFilter, limit: int, after: str
 ) -> tuple[list[str], str]:
     """Ids of a page of flights, and the cursor of the next page (empty at the end)."""
     names = (
         connection.scalars(sa.select(s.vehicles.c.name)).all()
-        if asked.vehicle is None
-        else [asked.vehicle]
+        if wanted.vehicle is None
+        else [wanted.vehicle]
     )
     start = _cursor(after) if after else None
-    most = max(limit + 1, LOOKED_THROUGH // max(1, len(names))) if asked.searches else limit + 1
-    found: list[_Cursor] = []
+    most = max(limit + 1, LOOKED_THROUGH // max(1, len(names))) if wanted.searches else limit + 1
+    matching: list[_Cursor] = []
     horizons: list[_Cursor] = []
     for name in names:
         window = _window(name, start, most)
-        found += _matching(connection, window, asked, limit + 1)
+        matching += _matching(connection, window, wanted, limit + 1)
         last = _last(connection, name, start, most)
         if last is not None:
             horizons.append(last)
@@ -70,11 +70,11 @@ def page_of_ids(
     # newest of these times.
     horizon = min(horizons, key=_order, default=None)
     whole = sorted(
-        (p for p in found if horizon is None or _order(p) <= _order(horizon)), key=_order
+        (p for p in matching if horizon is None or _order(p) <= _order(horizon)), key=_order
     )
     page = whole[:limit]
     further = page[-1] if len(whole) > limit else horizon
-    named = _named(connection, asked) if asked.text and not after else []
+    named = _named(connection, wanted) if wanted.text and not after else []
     ids = list(dict.fromkeys([*named, *(id for _, id in page)]))
     return ids, "" if further is None else "~".join(further)
 
@@ -116,24 +116,24 @@ def _last(
 
 
 def _matching(
-    connection: sa.Connection, window: sa.Select[Any], asked: FlightFilter, most: int
+    connection: sa.Connection, window: sa.Select[Any], wanted: FlightFilter, most: int
 ) -> list[_Cursor]:
     """The first `most` flights of a window that match the filter."""
     w = window.subquery()
     query = sa.select(w.c.added_utc, w.c.id).order_by(w.c.added_utc.desc(), w.c.id).limit(most)
-    if asked.text:
+    if wanted.text:
         log = (
             sa.select(s.log_files.c.name)
             .where(s.log_files.c.sha256 == w.c.log_sha256)
             .scalar_subquery()
         )
         columns = (w.c.name, w.c.id, log)
-        text = enc.plain_text(asked.text)  # as names are stored
+        text = enc.plain_text(wanted.text)  # as names are stored
         query = query.where(
             sa.or_(*(column.icontains(text, autoescape=True) for column in columns))
         )
-    if asked.verdict is not None:
-        query = query.where(_judged(w.c.id, asked.verdict))
+    if wanted.verdict is not None:
+        query = query.where(_judged(w.c.id, wanted.verdict))
     return [(row.added_utc, row.id) for row in connection.execute(query)]
 
 
@@ -151,17 +151,17 @@ def _judged(flight: sa.ColumnElement[str], verdict: str) -> sa.ColumnElement[boo
     return sa.func.coalesce(newest.scalar_subquery(), "unchecked") == verdict
 
 
-def _named(connection: sa.Connection, asked: FlightFilter) -> list[str]:
+def _named(connection: sa.Connection, wanted: FlightFilter) -> list[str]:
     """Flights whose name is the text, or whose id begins with it, anywhere in the list; both are
     indexed."""
-    c, text = s.flights.c, asked.text
+    c, text = s.flights.c, wanted.text
     if not enc.REFERENCE.fullmatch(text):
         return []
-    within = sa.true() if asked.vehicle is None else c.vehicle == asked.vehicle
+    within = sa.true() if wanted.vehicle is None else c.vehicle == wanted.vehicle
     after = text[:-1] + chr(ord(text[-1]) + 1)
-    found: list[str] = []
+    ids: list[str] = []
     for condition in (c.name == text, (c.id >= text) & (c.id < after)):
         query = sa.select(c.id).where(within, condition)
-        query = query if asked.verdict is None else query.where(_judged(c.id, asked.verdict))
-        found += connection.scalars(query.order_by(c.id).limit(5)).all()
-    return found
+        query = query if wanted.verdict is None else query.where(_judged(c.id, wanted.verdict))
+        ids += connection.scalars(query.order_by(c.id).limit(5)).all()
+    return ids

@@ -81,10 +81,10 @@ class FlightLedger(Ledger):
         ).one_or_none()
         if stored is not None:
             # A log that comes again without a name is still the flight that was named before.
-            asked = {
+            expected = {
                 key: value for key, value in identity.items() if key != "name" or value is not None
             }
-            if any(stored._mapping[key] != value for key, value in asked.items()):
+            if any(stored._mapping[key] != value for key, value in expected.items()):
                 what = (
                     f"already stored for vehicle '{stored.vehicle}' as"
                     f" '{stored.name or stored.id[:12]}'"
@@ -163,9 +163,9 @@ class FlightLedger(Ledger):
                     raise UnknownNameError(
                         f"{enc.shown(ref)} names a flight of several vehicles", remedy=remedy
                     )
-                found = rows[0].id if rows else self._by_prefix(connection, c.id, ref, within)
-                if found is not None:
-                    return rows[0] if rows else _rows(connection, c.id == found)[0]
+                id = rows[0].id if rows else self._by_prefix(connection, c.id, ref, within)
+                if id is not None:
+                    return rows[0] if rows else _rows(connection, c.id == id)[0]
             known = connection.execute(
                 sa.select(c.name, c.id).where(within).limit(NAMES_COMPARED)
             ).all()
@@ -203,7 +203,7 @@ class FlightLedger(Ledger):
         rows = self.flights_by_id(ids)
         return tuple(rows[id] for id in ids)
 
-    def flight_page(self, asked: FlightFilter, limit: int, after: str = "") -> FlightPage:
+    def flight_page(self, wanted: FlightFilter, limit: int, after: str = "") -> FlightPage:
         """The flights that were added last, newest first: at most `limit` that match `asked`.
 
         after : the `further` of the previous page. The cost does not grow with the number of stored
@@ -211,9 +211,9 @@ class FlightLedger(Ledger):
         exist. InputError if `after` is not a position in the list.
         """
         with self._database.reading() as connection:
-            if asked.vehicle is not None:
-                self._require_vehicle(connection, asked.vehicle)
-            ids, further = page_of_ids(connection, asked, limit, after)
+            if wanted.vehicle is not None:
+                self._require_vehicle(connection, wanted.vehicle)
+            ids, further = page_of_ids(connection, wanted, limit, after)
         rows = self.flights_by_id(ids)
         return FlightPage(tuple(rows[id] for id in ids), further)
 

@@ -54,7 +54,7 @@ class InboxHistory(Ledger):
         A failure without a reason cancels one attempt: the file was not at fault.
         """
         c = s.inbox_events.c
-        found: dict[tuple[str, int, int], tuple[int, str]] = {}
+        attempts: dict[tuple[str, int, int], tuple[int, str]] = {}
         with self._database.reading() as connection:
             for part in in_parts({enc.plain_text(path) for path in paths}):
                 query = (
@@ -64,16 +64,16 @@ class InboxHistory(Ledger):
                 )
                 for row in connection.execute(query):
                     file = (row.path, row.size, row.mtime_ns)
-                    times, reason = found.get(file, (0, ""))
+                    times, reason = attempts.get(file, (0, ""))
                     if row.kind in ENDINGS:
-                        found.pop(file, None)
+                        attempts.pop(file, None)
                     else:
                         excused = row.kind == "failed" and not row.reason
-                        found[file] = (
+                        attempts[file] = (
                             times + (row.kind == "tried") - excused,
                             row.reason or reason,
                         )
-        return found
+        return attempts
 
     def inbox_events(
         self, kind: InboxKind | None = None, sha256: str | None = None, limit: int = 100

@@ -37,8 +37,8 @@ class Ledger:
 
     @staticmethod
     def _require_vehicle(connection: sa.Connection, name: str) -> None:
-        asked = sa.select(s.vehicles.c.name).where(s.vehicles.c.name == name)
-        if not enc.VEHICLE_NAME.fullmatch(name) or connection.execute(asked).scalar() is None:
+        query = sa.select(s.vehicles.c.name).where(s.vehicles.c.name == name)
+        if not enc.VEHICLE_NAME.fullmatch(name) or connection.execute(query).scalar() is None:
             known = connection.scalars(sa.select(s.vehicles.c.name).limit(NAMES_COMPARED)).all()
             remedy = (
                 nearest(name[:128], known)
@@ -96,11 +96,11 @@ class Ledger:
             .order_by(column)
             .limit(3)
         )
-        found = connection.scalars(query).all()
-        if len(found) > 1:
-            remedy = f"give more digits: {', '.join(f'{id[: len(prefix) + 8]}...' for id in found)}"
+        ids = connection.scalars(query).all()
+        if len(ids) > 1:
+            remedy = f"give more digits: {', '.join(f'{id[: len(prefix) + 8]}...' for id in ids)}"
             raise UnknownNameError(f"{enc.shown(prefix)} is not unique", remedy=remedy)
-        return found[0] if found else None
+        return ids[0] if ids else None
 
     @staticmethod
     def _run_row(row: sa.Row[Any]) -> RunRow:

@@ -40,14 +40,14 @@ class LineageLedger(Ledger):
                 connection, s.versions.c.id.in_(line([use.version for use in uses], down=True))
             )
         own: dict[str, Role] = {use.version: use.role for use in uses}
-        found: dict[str, Impact] = {}
+        impacts: dict[str, Impact] = {}
         for row in rows:  # a parent's number is always below its children's
             if row.id in own:
-                found[row.id] = Impact(row, own[row.id], row.id)
+                impacts[row.id] = Impact(row, own[row.id], row.id)
             elif row.parent is not None:
-                above = found[row.parent]
-                found[row.id] = Impact(row, above.role, above.through)
-        return tuple(found.values())
+                above = impacts[row.parent]
+                impacts[row.id] = Impact(row, above.role, above.through)
+        return tuple(impacts.values())
 
     def lineage(self, version: str) -> Lineage:
         """Ancestors, flights, log hashes, inputs and runs behind a version (its id)."""
@@ -95,11 +95,11 @@ class LineageLedger(Ledger):
             .join(behind, behind.c.key == result.key)
             .distinct()
         )
-        found: dict[str, list[int]] = {}
+        by_step: dict[str, list[int]] = {}
         with self._database.reading() as connection:
             for row in connection.execute(query.order_by(result.step, result.result_version)):
-                found.setdefault(row.step, []).append(row.result_version)
-        return {step: tuple(numbers) for step, numbers in found.items()}
+                by_step.setdefault(row.step, []).append(row.result_version)
+        return {step: tuple(numbers) for step, numbers in by_step.items()}
 
     def stale(self, version: str) -> tuple[str, ...]:
         """Why a version (its id) is stale: one sentence per retracted flight that it or an ancestor

@@ -34,7 +34,7 @@ class RepeatLedger(Ledger):
     def flights_with_marks(self, marks: Iterable[int], vehicle: str) -> dict[str, int]:
         """Id -> how many of `marks` it has, for flights of a vehicle that have any."""
         f = s.flight_fingerprints.c
-        found: dict[str, int] = {}
+        counts: dict[str, int] = {}
         with self._database.reading() as connection:
             for part in in_parts(set(marks)):
                 query = (
@@ -43,17 +43,17 @@ class RepeatLedger(Ledger):
                     .group_by(f.flight)
                 )
                 for row in connection.execute(query):
-                    found[row.flight] = found.get(row.flight, 0) + row.marks
+                    counts[row.flight] = counts.get(row.flight, 0) + row.marks
             flown = {
                 id
-                for ids in in_parts(found)
+                for ids in in_parts(counts)
                 for id in connection.scalars(
                     sa.select(s.flights.c.id).where(
                         s.flights.c.vehicle == vehicle, s.flights.c.id.in_(ids)
                     )
                 )
             }
-        return {flight: count for flight, count in found.items() if flight in flown}
+        return {flight: count for flight, count in counts.items() if flight in flown}
 
     def add_repeat(self, repeat: RepeatRow) -> None:
         """Record that a flight repeats samples of another. The newest record of a pair counts; the

@@ -62,7 +62,7 @@ class RunQueries(Ledger):
         """The newest `limit` runs of these flows, newest first; before : only those that follow
         this start and id in the list."""
         c = s.runs.c
-        found: list[RunRow] = []
+        runs: list[RunRow] = []
         with self._database.reading() as connection:
             for flow in flows:  # one after another: each is a stretch of an index
                 query = sa.select(s.runs).where(c.flow == flow)
@@ -72,9 +72,9 @@ class RunQueries(Ledger):
                         c.started_utc <= at, (c.started_utc < at) | (c.id > before[1])
                     )
                 rows = connection.execute(query.order_by(c.started_utc.desc(), c.id).limit(limit))
-                found += [self._run_row(row) for row in rows]
-        found.sort(key=lambda run: run.id)
-        return tuple(sorted(found, key=lambda run: run.started_utc, reverse=True)[:limit])
+                runs += [self._run_row(row) for row in rows]
+        runs.sort(key=lambda run: run.id)
+        return tuple(sorted(runs, key=lambda run: run.started_utc, reverse=True)[:limit])
 
     def made_by(
         self, runs: Iterable[str], step: str
@@ -82,15 +82,15 @@ class RunQueries(Ledger):
         """Run (its id) -> ids of the versions, and keys of the results of `step`, that it made or
         used."""
         v, r, result = s.run_versions.c, s.run_results.c, s.results.c
-        found: dict[str, tuple[list[str], list[str]]] = {run: ([], []) for run in runs}
+        results: dict[str, tuple[list[str], list[str]]] = {run: ([], []) for run in runs}
         with self._database.reading() as connection:
-            for part in in_parts(found):
+            for part in in_parts(results):
                 for row in connection.execute(sa.select(v.run, v.version).where(v.run.in_(part))):
-                    found[row.run][0].append(row.version)
+                    results[row.run][0].append(row.version)
                 query = sa.select(r.run, r.key).join(s.results, result.key == r.key)
                 for row in connection.execute(query.where(r.run.in_(part), result.step == step)):
-                    found[row.run][1].append(row.key)
-        return {run: (tuple(versions), tuple(keys)) for run, (versions, keys) in found.items()}
+                    results[row.run][1].append(row.key)
+        return {run: (tuple(versions), tuple(keys)) for run, (versions, keys) in results.items()}
 
     def newest_run(self, flows: Iterable[str]) -> RunRow | None:
         """The newest run of any of these flows, however it ended."""

@@ -91,11 +91,11 @@ class FileLedger(Ledger):
                 sa.select(c.path, c.sha256, c.size).where(c.sequence.in_(parts)).order_by(c.path)
             )
             with self._database.reading() as connection:
-                found = [StoredFile(*row) for row in connection.execute(query)]
-            yield from found
-            if len(found) < _PART:
+                files = [StoredFile(*row) for row in connection.execute(query)]
+            yield from files
+            if len(files) < _PART:
                 return
-            after = found[-1].path
+            after = files[-1].path
 
 
 #: Rows that are read at once.

@@ -45,8 +45,8 @@ def newest_headers(
 
 def header(connection: sa.Connection, where: sa.ColumnElement[bool]) -> VersionRow | None:
     """The one version for which `where` holds, or None."""
-    found = headers(connection, where)
-    return found[0] if found else None
+    rows = headers(connection, where)
+    return rows[0] if rows else None
 
 
 def _header(row: sa.Row[Any]) -> VersionRow:
@@ -96,10 +96,10 @@ def line(versions: Iterable[str], down: bool = False) -> sa.Select[Any]:
     """Ids of versions and their ancestors (or, `down`, their descendants): a recursive common table
     expression."""
     v = s.versions.c
-    found = sa.select(v.id, v.parent).where(v.id.in_(list(versions))).cte("line", recursive=True)
-    further = v.parent == found.c.id if down else v.id == found.c.parent
-    found = found.union(sa.select(v.id, v.parent).where(further))
-    return sa.select(found.c.id)
+    ancestry = sa.select(v.id, v.parent).where(v.id.in_(list(versions))).cte("line", recursive=True)
+    further = v.parent == ancestry.c.id if down else v.id == ancestry.c.parent
+    ancestry = ancestry.union(sa.select(v.id, v.parent).where(further))
+    return sa.select(ancestry.c.id)
 
 
 def flights_of(versions: sa.Select[Any]) -> sa.Select[Any]:

@@ -118,14 +118,14 @@ class VersionLedger(NameLedger, LineageLedger):
             if enc.REFERENCE.fullmatch(ref):
                 label = enc.LABEL.fullmatch(ref)
                 event = last_event(connection, vehicle, ref, as_of)
-                found = header(connection, mine & (c.id == (event.version if event else ref)))
-                if found is None and label is not None:
-                    found = header(connection, mine & (c.number == int(label[1])))
-                if found is None and event is None:
+                match = header(connection, mine & (c.id == (event.version if event else ref)))
+                if match is None and label is not None:
+                    match = header(connection, mine & (c.number == int(label[1])))
+                if match is None and event is None:
                     id = self._by_prefix(connection, c.id, ref, mine)
-                    found = header(connection, c.id == id) if id is not None else None
-                if found is not None:
-                    return found
+                    match = header(connection, c.id == id) if id is not None else None
+                if match is not None:
+                    return match
             labels = [row.label for row in newest_headers(connection, vehicle, NAMES_COMPARED)]
             names = names_of(connection, vehicle)
         remedy = (

@@ -169,14 +169,14 @@ def files_in(index: Mapping[str, Any]) -> dict[str, tuple[str, int]]:
 
 def _index(folder: Path) -> dict[str, Any]:
     try:
-        found: dict[str, Any] = json.loads((folder / INDEX).read_text(encoding="ascii"))
+        index: dict[str, Any] = json.loads((folder / INDEX).read_text(encoding="ascii"))
     except (OSError, ValueError) as error:
         raise InputError(
             "there is no stored recording here, or its index is damaged",
             str(folder),
             "ingest the log again",
         ) from error
-    return found
+    return index
 
 
 def read_recording(

@@ -166,8 +166,8 @@ class Objects:
 
     def _is_whole(self, stored: StoredFile) -> bool:
         with self._faults(stored):
-            found = self._service.get_file_info(self._name(stored))
-        return bool(found.is_file and found.size == stored.size)
+            status = self._service.get_file_info(self._name(stored))
+        return bool(status.is_file and status.size == stored.size)
 
     def require_bucket(self) -> None:
         """Raise StoreError when the bucket does not exist; a missing object means nothing then."""
@@ -183,7 +183,7 @@ class Objects:
         An object without a hash in its name was not written by aerodb: its `path` is its own name,
         and its hash is empty.
         """
-        found = {}
+        objects = {}
         for entry in self._listed(folder, recursive=True):
             if entry.is_file:
                 name = entry.path.removeprefix(f"{self._root}/")
@@ -193,8 +193,8 @@ class Objects:
                     if parts
                     else StoredFile(name, "", entry.size)
                 )
-                found[f"s3://{entry.path}"] = (file, entry.mtime_ns / 1e9)
-        return found
+                objects[f"s3://{entry.path}"] = (file, entry.mtime_ns / 1e9)
+        return objects
 
     def folders(self, folder: str) -> list[str]:
         """Subfolders of a `folder` of the store: the folders of its fan-out."""

@@ -89,30 +89,30 @@ def parts(workspace: Workspace, catalogue: Catalogue, objects: Objects) -> Itera
             # Rows first: a file with a row is already uploaded, so a later list contains it, even
             # if others write meanwhile.
             rows = catalogue.stored_files(f"{place}/", f"{place}0")  # '0' follows '/'
-            found = objects.below(place) if rows or place in there else {}
-            if rows or found:
-                yield _part(workspace, objects, rows, found)
+            present = objects.below(place) if rows or place in there else {}
+            if rows or present:
+                yield _part(workspace, objects, rows, present)
 
 
 def _part(
     workspace: Workspace,
     objects: Objects,
     rows: Mapping[str, StoredFile],
-    found: Mapping[str, tuple[StoredFile, float]],
+    present: Mapping[str, tuple[StoredFile, float]],
 ) -> Part:
     files, unread = list(rows.values()), []
     for row in rows.values():
         if row.path.endswith(f"/{INDEX}"):
-            text = _index(workspace, objects, row, found)
+            text = _index(workspace, objects, row, present)
             if text is None:
                 unread.append(row.path.removesuffix(INDEX))
             else:
                 files += topics_of(row, text)
-    return Part(tuple(files), found, tuple(unread))
+    return Part(tuple(files), present, tuple(unread))
 
 
 def _index(
-    workspace: Workspace, objects: Objects, row: StoredFile, found: Mapping[str, object]
+    workspace: Workspace, objects: Objects, row: StoredFile, present: Mapping[str, object]
 ) -> bytes | None:
     """The text of an index from the place where it is intact; None if there is none: verification
     reports this."""
@@ -121,7 +121,7 @@ def _index(
         if hashlib.sha256(text).hexdigest() == row.sha256:
             return text
     try:
-        blocks = objects.blocks(row) if objects.address(row) in found else None
+        blocks = objects.blocks(row) if objects.address(row) in present else None
         return b"".join(blocks) if blocks is not None else None
     except DamagedObject:
         return None
@@ -251,8 +251,8 @@ def _is_idle(place: Path) -> bool:
 
 
 def _last_used(place: Path) -> float:
-    found = os.stat(place / INDEX if place.is_dir() else place)
-    return max(found.st_atime, found.st_mtime)
+    status = os.stat(place / INDEX if place.is_dir() else place)
+    return max(status.st_atime, status.st_mtime)
 
 
 def _is_put(workspace: Workspace, catalogue: Catalogue, objects: Objects, place: Path) -> bool:

@@ -72,10 +72,10 @@ class InboxFile:
     def unchanged(self) -> bool:
         """Whether the file is still the same as when it was scanned."""
         try:
-            found = os.lstat(self.path)
+            status = os.lstat(self.path)
         except OSError:
             return False
-        now = (found.st_size, found.st_mtime_ns, found.st_ctime_ns, found.st_ino)
+        now = (status.st_size, status.st_mtime_ns, status.st_ctime_ns, status.st_ino)
         return now == (self.size, self.mtime_ns, self.ctime_ns, self.inode)
 
 
@@ -135,14 +135,14 @@ def may_settle(entry: InboxFile) -> bool:
     return entry.state == "copying" and not _unfinished(entry.path)
 
 
-def rescan_inbox(seen: list[InboxFile], waited: float, settle: float) -> list[InboxFile]:
+def rescan_inbox(entries: list[InboxFile], waited: float, settle: float) -> list[InboxFile]:
     """The files `seen` before, `waited` [s] later: those that did not change are ready, whatever
     their time stamps say."""
     return [
         replace(entry, state="ready", reason="")
         if may_settle(entry) and waited >= settle and entry.unchanged() and _closed(entry.path)
         else entry
-        for entry in seen
+        for entry in entries
     ]
 
 
@@ -167,15 +167,15 @@ def _files(folder: Path, inbox: Path, depth: int) -> Iterator[InboxFile]:
             yield from _files(path, inbox, depth + 1)
             continue
         try:
-            found = os.lstat(path)
+            status = os.lstat(path)
         except OSError:
             continue
         relative = path.relative_to(inbox)
         vehicle = relative.parts[0] if len(relative.parts) > 1 else ""
-        state: State = "copying" if stat.S_ISREG(found.st_mode) else "refused"
-        kind = "a symbolic link" if stat.S_ISLNK(found.st_mode) else "not a regular file"
+        state: State = "copying" if stat.S_ISREG(status.st_mode) else "refused"
+        kind = "a symbolic link" if stat.S_ISLNK(status.st_mode) else "not a regular file"
         reason = "" if state == "copying" else f"{kind}: copy the log itself into the inbox"
-        times = (found.st_size, found.st_mtime_ns, found.st_ctime_ns, found.st_ino)
+        times = (status.st_size, status.st_mtime_ns, status.st_ctime_ns, status.st_ino)
         yield InboxFile(path, relative.as_posix(), vehicle, *times, state, reason)
 
 

@@ -44,10 +44,10 @@ def count_quarantined(workspace: Workspace) -> int:
 
 def newest_quarantined(workspace: Workspace, limit: int | None = None) -> list[Quarantined]:
     """Entries in quarantine, newest first, at most `limit`."""
-    found = sorted(
+    folders = sorted(
         _folders(workspace), key=lambda folder: (-folder.stat().st_mtime_ns, folder.name)
     )
-    return [entry for entry in map(_entry, found[:limit]) if entry is not None]
+    return [entry for entry in map(_entry, folders[:limit]) if entry is not None]
 
 
 def _folders(workspace: Workspace) -> Iterator[Path]:

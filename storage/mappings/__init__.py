@@ -14,8 +14,8 @@ from aerodb.logs import Mapping, parse_mapping
 
 @lru_cache(maxsize=1)
 def _built_in() -> dict[str, Mapping]:
-    found = [entry for entry in files(__name__).iterdir() if entry.name.endswith(".toml")]
-    parsed = [parse_mapping(entry.read_text(encoding="utf-8"), entry.name) for entry in found]
+    entries = [entry for entry in files(__name__).iterdir() if entry.name.endswith(".toml")]
+    parsed = [parse_mapping(entry.read_text(encoding="utf-8"), entry.name) for entry in entries]
     return {mapping.name: mapping for mapping in sorted(parsed, key=lambda mapping: mapping.name)}
 
 

@@ -75,7 +75,7 @@ def read_mat5(data: bytes) -> Variables:
     """Variables of a MAT file of version 5 to 7; a truncated or damaged variable is left out and
     reported."""
     order = "<" if data[126:128] == b"IM" else ">"
-    found = Variables()
+    variables = Variables()
     view, position = memoryview(data), 128
     subsystem = struct.unpack(order + "Q", data[116:124])[0]
     while position < len(view):
@@ -83,19 +83,19 @@ def read_mat5(data: bytes) -> Variables:
             kind, payload, after = _element(view, position, order)
         except Malformed as error:
             what = f"the file ends inside a variable: {error}"
-            found.damage.append(Damage("lost_tail", what, bytes_lost=len(view) - position))
+            variables.damage.append(Damage("lost_tail", what, bytes_lost=len(view) - position))
             break
         try:
             if position != subsystem:
                 body = _inflate(payload, order) if kind == _COMPRESSED else payload
                 if kind not in (_MATRIX, _COMPRESSED):
                     raise Malformed(f"element of type {kind} where a variable should begin")
-                _matrix(body, order, "", found, 0)
+                _matrix(body, order, "", variables, 0)
         except (Malformed, zlib.error, UnicodeDecodeError, ValueError) as error:
             what = f"variable at byte {position} cannot be read: {error}"
-            found.damage.append(Damage("framing", what, bytes_lost=after - position))
+            variables.damage.append(Damage("framing", what, bytes_lost=after - position))
         position = after
-    return found
+    return variables
 
 
 def _element(view: memoryview, position: int, order: str) -> tuple[int, memoryview, int]:
@@ -131,7 +131,7 @@ def _inflate(payload: memoryview, order: str) -> memoryview:
     return memoryview(body)
 
 
-def _matrix(body: memoryview, order: str, prefix: str, found: Variables, depth: int) -> None:
+def _matrix(body: memoryview, order: str, prefix: str, variables: Variables, depth: int) -> None:
     """Add the variable in `body` under its own name, or under `prefix` if it is a member of a
     struct."""
     if not body:
@@ -139,7 +139,7 @@ def _matrix(body: memoryview, order: str, prefix: str, found: Variables, depth: 
     parts = _elements(body, order)
     flags = np.frombuffer(next(parts)[1], order + "u4", count=1)[0]
     if int(flags & 0xFF) in _UNSHAPED:
-        found.skipped.append(prefix or "an object")
+        variables.skipped.append(prefix or "an object")
         return
     shape = tuple(int(n) for n in np.frombuffer(next(parts)[1], order + "i4"))
     own = bytes(next(parts)[1]).decode("latin-1")
@@ -147,19 +147,19 @@ def _matrix(body: memoryview, order: str, prefix: str, found: Variables, depth: 
     if min(shape, default=0) < 0:
         raise Malformed(f"shape {shape} of variable {name}")
     if kind == _STRUCT and shape == (1, 1) and depth < _DEEPEST:
-        _struct(parts, order, name, found, depth)
+        _struct(parts, order, name, variables, depth)
     elif kind == _CHAR and len(shape) == 2 and shape[0] <= 1:
         stored, raw = next(parts)
         text = bytes(raw).decode(_encoding(stored, order), errors="replace")
-        found.add(name, text)
+        variables.add(name, text)
     elif kind in _NUMERIC and not flags & _COMPLEX:
         stored, raw = next(parts)
         if stored not in _STORED:
             raise Malformed(f"variable {name} stored as unknown type {stored}")
         values = np.frombuffer(raw, order + _STORED[stored])
-        found.add(name, values.reshape(shape, order="F"))
+        variables.add(name, values.reshape(shape, order="F"))
     else:
-        found.skipped.append(name)
+        variables.skipped.append(name)
 
 
 def _elements(body: memoryview, order: str) -> Iterator[tuple[int, memoryview]]:
@@ -171,7 +171,7 @@ def _elements(body: memoryview, order: str) -> Iterator[tuple[int, memoryview]]:
 
 
 def _struct(
-    parts: Iterator[tuple[int, memoryview]], order: str, name: str, found: Variables, depth: int
+    parts: Iterator[tuple[int, memoryview]], order: str, name: str, variables: Variables, depth: int
 ) -> None:
     width = int(np.frombuffer(next(parts)[1], order + "i4", count=1)[0])
     joined = bytes(next(parts)[1])
@@ -182,7 +182,7 @@ def _struct(
         kind, payload = next(parts)
         if kind != _MATRIX:
             raise Malformed(f"member {member} of struct {name} is not a matrix")
-        _matrix(payload, order, f"{name}.{member}", found, depth + 1)
+        _matrix(payload, order, f"{name}.{member}", variables, depth + 1)
 
 
 def _encoding(stored: int, order: str) -> str:
@@ -195,20 +195,20 @@ def _encoding(stored: int, order: str) -> str:
 def read_hdf5(data: bytes, where: str) -> Variables:
     """Variables of a MAT file of version 7.3, or of any HDF5 file: groups as structs, arrays
     transposed (MATLAB stores columns first)."""
-    found = Variables()
+    variables = Variables()
     try:
         with h5py.File(io.BytesIO(data), "r") as file:
-            _group(file, "", found, 0)
+            _group(file, "", variables, 0)
     except Exception as error:  # h5py passes on errors of many types from the HDF5 library
         raise InputError(
             f"not readable as HDF5: {str(error)[:200]}",
             where,
             "write the log again, or cut it to whole samples",
         ) from error
-    return found
+    return variables
 
 
-def _group(group: Any, prefix: str, found: Variables, depth: int) -> None:
+def _group(group: Any, prefix: str, variables: Variables, depth: int) -> None:
     for key in group:
         name = f"{prefix}{key}"
         if key.startswith("#"):
@@ -217,15 +217,15 @@ def _group(group: Any, prefix: str, found: Variables, depth: int) -> None:
             item = group[key]
             if isinstance(item, h5py.Group):
                 if depth < _DEEPEST:
-                    _group(item, f"{name}.", found, depth + 1)
+                    _group(item, f"{name}.", variables, depth + 1)
                 else:
-                    found.skipped.append(name)
+                    variables.skipped.append(name)
             elif _is_array(item):
-                _dataset(item, name, found)
+                _dataset(item, name, variables)
             else:
-                found.skipped.append(name)
+                variables.skipped.append(name)
         except Exception as error:  # as above; one damaged variable leaves the others
-            found.damage.append(
+            variables.damage.append(
                 Damage("framing", f"variable {name} cannot be read: {str(error)[:120]}")
             )
 
@@ -239,12 +239,12 @@ def _is_array(item: Any) -> bool:
     )
 
 
-def _dataset(item: Any, name: str, found: Variables) -> None:
+def _dataset(item: Any, name: str, variables: Variables) -> None:
     declared, stored = item.size * item.dtype.itemsize, item.id.get_storage_size()
     if declared > min(MOST_BYTES, MOST_EXPANSION * (stored + 64)):
         raise Malformed(f"{declared} bytes declared, {stored} present")
     values = np.asarray(item[()]).T
     if item.attrs.get("MATLAB_class") == b"char":
-        found.add(name, "".join(chr(int(code)) for code in values.ravel(order="F")))
+        variables.add(name, "".join(chr(int(code)) for code in values.ravel(order="F")))
     else:
-        found.add(name, values)
+        variables.add(name, values)

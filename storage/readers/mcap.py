@@ -119,8 +119,10 @@ class _Reading:
             header = Header.read(stream)
             self.metadata |= {"profile": header.profile, "library": header.library}
         elif opcode == Opcode.METADATA:
-            found = Metadata.read(stream)
-            self.metadata |= {f"{found.name}.{key}": value for key, value in found.metadata.items()}
+            metadata = Metadata.read(stream)
+            self.metadata |= {
+                f"{metadata.name}.{key}": value for key, value in metadata.metadata.items()
+            }
         elif opcode == Opcode.STATISTICS:
             self.counted = Statistics.read(stream).message_count
 
@@ -212,29 +214,34 @@ def read_mcap(path: Path) -> Recording:
             f"{topic or 'unknown topic'}: {reason}" for topic, reason in list(reading.unread)[:2]
         )
         raise InputError(f"no message can be read{f' ({why})' if why else ''}", str(path), _REMEDY)
-    found = [_damage(entry, start) for entry in reading.damage]
-    if sum_is_wrong and not found:
-        found.append(
+    losses = [_damage(entry, start) for entry in reading.damage]
+    if sum_is_wrong and not losses:
+        losses.append(
             Damage(
                 "values",
                 "the checksum of the data does not match: some bytes differ from those written",
             )
         )
-    if reading.counted is not None and reading.counted != reading.seen and not found and not damage:
+    if (
+        reading.counted is not None
+        and reading.counted != reading.seen
+        and not losses
+        and not damage
+    ):
         # A chunk whose record type was flipped looks like a private record, which every reader must
         # pass over.
-        found.append(
+        losses.append(
             Damage(
                 "values",
                 f"{reading.seen} messages are present, but the file's own statistics count"
                 f" {reading.counted}",
             )
         )
-    found += [*missing_by_topic(topics, found), *damage]
+    losses += [*missing_by_topic(topics, losses), *damage]
     layout = "ros2" if reading.metadata.get("profile") == "ros2" or _has_ros2(reading) else ""
     utc = datetime.fromtimestamp(start * 1e-9, UTC) if 1e18 < start < 1e19 else None  # 2001 to 2286
     metadata = {**reading.metadata, **_left_out(reading)}
-    return Recording(str(path), "mcap", sha256, size, topics, metadata, tuple(found), utc, layout)
+    return Recording(str(path), "mcap", sha256, size, topics, metadata, tuple(losses), utc, layout)
 
 
 def _has_ros2(reading: _Reading) -> bool:
@@ -245,15 +252,15 @@ def _read_records(handle: BinaryIO, size: int, reading: _Reading) -> bool:
     """Read all records into `reading`; returns whether the checksum of the data section, if given,
     is wrong."""
     is_wrong = False
-    for found in walk(handle, size):
+    for record in walk(handle, size):
         before = reading.last
-        if isinstance(found, Hole):
-            rest = _salvage(handle, found, reading) if found.tail else found
+        if isinstance(record, Hole):
+            rest = _salvage(handle, record, reading) if record.tail else record
             reading.damage.append((rest, rest.end - rest.start, before, None))
             continue
-        if found.opcode == Opcode.CHUNK:
-            _read_chunk(found, open_chunk(read_content(handle, found)), reading)
-        elif found.opcode in (
+        if record.opcode == Opcode.CHUNK:
+            _read_chunk(record, open_chunk(read_content(handle, record)), reading)
+        elif record.opcode in (
             Opcode.HEADER,
             Opcode.SCHEMA,
             Opcode.CHANNEL,
@@ -261,12 +268,12 @@ def _read_records(handle: BinaryIO, size: int, reading: _Reading) -> bool:
             Opcode.METADATA,
             Opcode.STATISTICS,
         ):
-            _take(reading, found.opcode, read_content(handle, found))
-        elif found.opcode == Opcode.DATA_END:
+            _take(reading, record.opcode, read_content(handle, record))
+        elif record.opcode == Opcode.DATA_END:
             stated = DataEnd.read(
-                ReadDataStream(BytesIO(read_content(handle, found)))
+                ReadDataStream(BytesIO(read_content(handle, record)))
             ).data_section_crc
-            is_wrong = stated != 0 and stated != _crc(handle, found.start)
+            is_wrong = stated != 0 and stated != _crc(handle, record.start)
     return is_wrong
 
 
@@ -345,7 +352,9 @@ def _left_out(reading: _Reading) -> dict[str, str]:
         for name, s in reading.series.items()
     }
     return {
-        f"not read: {name}": ", ".join(found[:4]) for name, found in sorted(notes.items()) if found
+        f"not read: {name}": ", ".join(topics[:4])
+        for name, topics in sorted(notes.items())
+        if topics
     }
 
 

@@ -61,11 +61,11 @@ def walk(handle: BinaryIO, size: int) -> Iterator[Record | Hole]:
     while at < size:
         record = _record(handle, at, size)
         if record is None:
-            found = _resume(handle, at + 1, size)
-            yield Hole(at, size if found is None else found, found is None)
-            if found is None:
+            start = _resume(handle, at + 1, size)
+            yield Hole(at, size if start is None else start, start is None)
+            if start is None:
                 return
-            at = found
+            at = start
             continue
         yield record
         at = record.end

@@ -92,10 +92,10 @@ def _json_numbers(data: bytes) -> Numbers:
 
 
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    found = dict(pairs)
-    if len(found) < len(pairs):
+    fields = dict(pairs)
+    if len(fields) < len(pairs):
         raise MessageError("a name occurs twice in them")
-    return found
+    return fields
 
 
 def _json_parts(value: Any) -> Parts | None:
@@ -105,14 +105,14 @@ def _json_parts(value: Any) -> Parts | None:
 def _numbers(message: Any, parts: Callable[[Any], Parts | None], needs_finite: bool) -> Numbers:
     """The numbers of a nested message; `parts` returns names and values of a nested value, None for
     any other value."""
-    found = Numbers()
+    numbers = Numbers()
 
     def collect(value: Any, name: str, depth: int) -> None:
         if isinstance(value, (bool, int, float)):
-            _put(found, name, value, needs_finite)
+            _put(numbers, name, value, needs_finite)
         elif isinstance(value, (str, bytes)):
             if value and not name.endswith("frame_id"):
-                found.skipped.add(f"{'text' if isinstance(value, str) else 'bytes'} {name}")
+                numbers.skipped.add(f"{'text' if isinstance(value, str) else 'bytes'} {name}")
         elif value is None:
             return
         elif depth > DEEPEST:
@@ -120,42 +120,42 @@ def _numbers(message: Any, parts: Callable[[Any], Parts | None], needs_finite: b
         elif (inner := parts(value)) is not None:
             nested(inner, name, depth)
         elif len(value) > LONGEST_SEQUENCE:
-            found.skipped.add(f"{name} of {len(value)} elements")
+            numbers.skipped.add(f"{name} of {len(value)} elements")
         else:
-            found.lengths[name] = len(value)
+            numbers.lengths[name] = len(value)
             for k, element in enumerate(value):
                 collect(element, f"{name}[{k}]", depth + 1)
-        if len(found.values) + len(found.lengths) + len(found.skipped) > MOST_NAMES:
+        if len(numbers.values) + len(numbers.lengths) + len(numbers.skipped) > MOST_NAMES:
             raise MessageError(f"more than {MOST_NAMES} fields")
 
     def nested(inner: Parts, name: str, depth: int) -> None:
         if name in ("header.stamp", "timestamp"):
             fields = dict(inner)
-            if not found.stamp and (stamp := _nanoseconds(fields)) is not None:
-                found.stamp = stamp
+            if not numbers.stamp and (stamp := _nanoseconds(fields)) is not None:
+                numbers.stamp = stamp
                 return
             inner = fields.items()
         for part, value in inner:
             longer = f"{name}.{part}" if name else part
             if len(longer) > LONGEST_NAME or not _is_text(longer):
-                found.skipped.add(
+                numbers.skipped.add(
                     f"a name that is not text, or longer than {LONGEST_NAME} characters"
                 )
             else:
                 collect(value, longer, depth + 1)
 
     collect(message, "", 0)
-    return found
+    return numbers
 
 
-def _put(found: Numbers, name: str, value: float | int | bool, needs_finite: bool) -> None:
-    if name in found.values:  # {"a.b": 1, "a": {"b": 2}}
+def _put(numbers: Numbers, name: str, value: float | int | bool, needs_finite: bool) -> None:
+    if name in numbers.values:  # {"a.b": 1, "a": {"b": 2}}
         raise MessageError("a name occurs twice in them")
     if isinstance(value, int) and not -(2**63) <= value < 2**64:
         value = float(value)
     if needs_finite and not math.isfinite(value):
-        value, found.not_finite = math.nan, found.not_finite + 1
-    found.values[name] = value
+        value, numbers.not_finite = math.nan, numbers.not_finite + 1
+    numbers.values[name] = value
 
 
 def _is_text(name: str) -> bool:
@@ -183,9 +183,9 @@ def _ros2_numbers(message: Any) -> Numbers:
     """Numbers of a decoded ROS 2 message; joint states by the name of the joint
     (``position.elevator``)."""
     stamp = getattr(getattr(message, "header", None), "stamp", None)
-    found = Numbers(stamp=int(stamp.sec) * 10**9 + int(stamp.nanosec) if stamp is not None else 0)
-    _flatten(message, "", found.values, found.skipped)
-    return found
+    numbers = Numbers(stamp=int(stamp.sec) * 10**9 + int(stamp.nanosec) if stamp is not None else 0)
+    _flatten(message, "", numbers.values, numbers.skipped)
+    return numbers
 
 
 def _flatten(value: Any, name: str, into: Values, skipped: set[str]) -> None:

@@ -90,14 +90,14 @@ def _topic(
     return Topic(name, np.arange(length, dtype=np.float64), fields, units or {})
 
 
-def _from_variables(found: Variables) -> Parsed:
+def _from_variables(variables: Variables) -> Parsed:
     """Topics from variables: matrices as separate topics, vectors grouped by length, numbers and
     texts as metadata."""
     topics: dict[str, Topic] = {}
     metadata: dict[str, str | int | float] = {}
     vectors: dict[int, dict[str, NDArray[Any]]] = {}
-    skipped = list(found.skipped)
-    for name, value in found.values.items():
+    skipped = list(variables.skipped)
+    for name, value in variables.values.items():
         if isinstance(value, str):
             metadata[name] = value
         elif value.size == 1:
@@ -118,7 +118,7 @@ def _from_variables(found: Variables) -> Parsed:
         topics[name] = _topic(name, vectors[length])
     if skipped:
         metadata["skipped"] = ", ".join(skipped)
-    return topics, metadata, found.damage
+    return topics, metadata, variables.damage
 
 
 def _parquet(data: bytes, where: str) -> Parsed:

@@ -66,20 +66,20 @@ def read_ulog(path: Path, topics: Collection[str] | None = None) -> Recording:
         head = handle.read(4096)
         _check_header(head, size, path)
         appended = _appended_offsets(head)
-        found = survey(handle, size, appended)
-        definitions = _parse_definitions(head, found, path)
+        survey_of_file = survey(handle, size, appended)
+        definitions = _parse_definitions(head, survey_of_file, path)
         handle.seek(0)
         sha256 = hashlib.file_digest(handle, "sha256").hexdigest()
-    places = _places(definitions, found, topics)
+    places = _places(definitions, survey_of_file, topics)
     if not places and topics is None:
         raise InputError("the log contains no data", str(path), _NO_LOG)
-    read = LoggedTopics(path, found, places)
+    read = LoggedTopics(path, survey_of_file, places)
     is_cut = any(offset > size for offset in appended)
     damage = [
-        *_file_damage(found, is_cut),
-        *_dropouts(found),
-        *_undecoded(found, definitions),
-        *_backwards(found, places),
+        *_file_damage(survey_of_file, is_cut),
+        *_dropouts(survey_of_file),
+        *_undecoded(survey_of_file, definitions),
+        *_backwards(survey_of_file, places),
     ]
     damage += missing_by_topic(read, damage)
     metadata = _metadata(definitions)
@@ -112,13 +112,13 @@ def _appended_offsets(head: bytes) -> list[int]:
     return used if used == sorted(set(used)) and used[0] > HEADER_BYTES else []
 
 
-def _parse_definitions(head: bytes, found: Survey, path: Path) -> ULog:
+def _parse_definitions(head: bytes, survey: Survey, path: Path) -> ULog:
     """Let pyulog parse the definitions: all messages except data, with one blank data message per
     topic."""
     skeleton = io.BytesIO()
     # A known file version keeps pyulog from writing warnings to the terminal.
     skeleton.write(head[:7] + bytes([min(head[7], 1)]) + head[8:HEADER_BYTES])
-    for k, message in enumerate(found.definitions):
+    for k, message in enumerate(survey.definitions):
         if message[2] != ord("B"):
             skeleton.write(message)
         elif k == 0:
@@ -129,9 +129,9 @@ def _parse_definitions(head: bytes, found: Survey, path: Path) -> ULog:
                 + message[12:19]
                 + bytes(24)
             )
-    for identity, topic in found.subscriptions.items():
+    for identity, topic in survey.subscriptions.items():
         # At a topic without a timestamp, pyulog silently stops and omits all following topics.
-        if topic.layout is not None and _is_timed(found, identity) and found.count[identity]:
+        if topic.layout is not None and _is_timed(survey, identity) and survey.count[identity]:
             blank = identity.to_bytes(2, "little") + bytes(topic.layout.trimmed)
             skeleton.write(len(blank).to_bytes(2, "little") + b"D" + blank)
     skeleton.seek(0)
@@ -144,36 +144,36 @@ def _parse_definitions(head: bytes, found: Survey, path: Path) -> ULog:
 
 
 def _places(
-    definitions: ULog, found: Survey, topics: Collection[str] | None
+    definitions: ULog, survey: Survey, topics: Collection[str] | None
 ) -> dict[str, TopicRecords]:
     """Location of the data of each topic, by topic name."""
     places: dict[str, TopicRecords] = {}
     for item in definitions.data_list:
-        if (topics is None or item.name in topics) and _is_timed(found, item.msg_id):
+        if (topics is None or item.name in topics) and _is_timed(survey, item.msg_id):
             record = np.dtype([(f.field_name, _TYPES[f.type_str]) for f in item.field_data])
             instance = item.multi_id
             while (name := f"{item.name}.{instance}" if instance else item.name) in places:
                 instance += 1
-            places[name] = TopicRecords(item.msg_id, record, int(found.count[item.msg_id]))
+            places[name] = TopicRecords(item.msg_id, record, int(survey.count[item.msg_id]))
     return dict(sorted(places.items()))
 
 
-def _is_timed(found: Survey, identity: int) -> bool:
-    layout = found.subscriptions[identity].layout
+def _is_timed(survey: Survey, identity: int) -> bool:
+    layout = survey.subscriptions[identity].layout
     return layout is not None and layout.stamp >= 0
 
 
-def _undecoded(found: Survey, definitions: ULog) -> Iterable[Damage]:
+def _undecoded(survey: Survey, definitions: ULog) -> Iterable[Damage]:
     known = {item.msg_id for item in definitions.data_list}
-    for identity, topic in found.subscriptions.items():
-        n = int(found.count[identity])
-        if n and (identity not in known or not _is_timed(found, identity)):
+    for identity, topic in survey.subscriptions.items():
+        n = int(survey.count[identity])
+        if n and (identity not in known or not _is_timed(survey, identity)):
             why = (
                 "their format is damaged"
                 if topic.name
                 else f"the announcement of message id {identity} is damaged"
             )
-            if topic.layout is not None and not _is_timed(found, identity):
+            if topic.layout is not None and not _is_timed(survey, identity):
                 why = "they have no 64-bit timestamp"
             yield Damage("values", f"{n} messages not decoded: {why}", topic.name)
 
@@ -182,28 +182,28 @@ def _seconds(stamp: int) -> float | None:
     return stamp * 1e-6 if stamp >= 0 else None
 
 
-def _file_damage(found: Survey, is_cut: bool) -> Iterable[Damage]:
-    for lost in found.lost[:_LISTED]:
+def _file_damage(survey: Survey, is_cut: bool) -> Iterable[Damage]:
+    for lost in survey.lost[:_LISTED]:
         n = lost.end - lost.start
         kind: DamageKind = "lost_tail" if lost.tail else "framing"
         place = "the file ends inside a record" if lost.tail else "bytes that belong to no record"
         what = f"{place}: {n} bytes from offset {lost.start}"
         yield Damage(kind, what, "", _seconds(lost.before), _seconds(lost.after), n)
-    rest = found.lost[_LISTED:]
+    rest = survey.lost[_LISTED:]
     if rest:
         n = sum(lost.end - lost.start for lost in rest)
         start, end = _seconds(rest[0].before), _seconds(rest[-1].after)
         yield Damage("framing", f"{len(rest)} more damaged places: {n} bytes", "", start, end, n)
-    if is_cut and not any(lost.tail for lost in found.lost):
+    if is_cut and not any(lost.tail for lost in survey.lost):
         yield Damage(
             "lost_tail", "the file ends before the data that its header announces", "", None, None
         )
 
 
-def _dropouts(found: Survey) -> Iterable[Damage]:
+def _dropouts(survey: Survey) -> Iterable[Damage]:
     """Dropouts that the logger itself reported: its buffer was full between the messages before and
     after the report."""
-    for before, after, milliseconds in found.dropouts:
+    for before, after, milliseconds in survey.dropouts:
         yield Damage(
             "dropout",
             f"the logger reported {milliseconds} ms lost",
@@ -213,9 +213,9 @@ def _dropouts(found: Survey) -> Iterable[Damage]:
         )
 
 
-def _backwards(found: Survey, places: Mapping[str, TopicRecords]) -> Iterable[Damage]:
+def _backwards(survey: Survey, places: Mapping[str, TopicRecords]) -> Iterable[Damage]:
     for name, place in places.items():
-        n, latest = (int(value) for value in found.back[place.identity])
+        n, latest = (int(value) for value in survey.back[place.identity])
         if n:
             where = latest * 1e-6
             yield Damage(
@@ -226,10 +226,10 @@ def _backwards(found: Survey, places: Mapping[str, TopicRecords]) -> Iterable[Da
 def _metadata(definitions: ULog) -> dict[str, str | int | float]:
     """Single-value information, initial parameters as ``param:NAME``, and parameters changed later
     as ``param_last:NAME``."""
-    found: dict[str, Any] = dict(definitions.msg_info_dict)
-    found |= {f"param:{name}": value for name, value in definitions.initial_parameters.items()}
-    found |= {f"param_last:{name}": value for _, name, value in definitions.changed_parameters}
-    return {name: value for name, value in found.items() if isinstance(value, (str, int, float))}
+    values: dict[str, Any] = dict(definitions.msg_info_dict)
+    values |= {f"param:{name}": value for name, value in definitions.initial_parameters.items()}
+    values |= {f"param_last:{name}": value for _, name, value in definitions.changed_parameters}
+    return {name: value for name, value in values.items() if isinstance(value, (str, int, float))}
 
 
 def _start_utc(definitions: ULog, read: Mapping[str, Topic]) -> datetime | None:

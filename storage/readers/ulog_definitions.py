@@ -44,8 +44,10 @@ class Formats:
         """Register one format message, ``name:type field;type[3] field;``, already checked by
         `is_format`."""
         name, body = text.split(":", 1)
-        found = _FIELD.finditer(body)
-        self.fields[name] = tuple((m[1], int(m[2]) if m[2] is not None else 1, m[3]) for m in found)
+        matches = _FIELD.finditer(body)
+        self.fields[name] = tuple(
+            (m[1], int(m[2]) if m[2] is not None else 1, m[3]) for m in matches
+        )
 
     def layout(self, name: str) -> Layout | None:
         """Layout of topic `name`; None if its format is missing, refers to a missing format or to
@@ -87,11 +89,11 @@ def is_key_value(body: bytes) -> bool:
     (information, parameter)."""
     if len(body) < 2 or not 0 < body[0] < len(body):
         return False
-    found = _KEY.fullmatch(body[1 : 1 + body[0]])
-    if found is None:
+    match = _KEY.fullmatch(body[1 : 1 + body[0]])
+    if match is None:
         return False
-    size = SIZES.get(found[1].decode("latin-1"))
-    count = int(found[2]) if found[2] is not None else 1
+    size = SIZES.get(match[1].decode("latin-1"))
+    count = int(match[2]) if match[2] is not None else 1
     return size is not None and len(body) == 1 + body[0] + size * count
 
 

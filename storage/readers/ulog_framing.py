@@ -116,11 +116,11 @@ class _Surveyor:
             if follows > at:
                 at = follows
                 continue
-            found = self._resume(at + 1, end)
+            resumed = self._resume(at + 1, end)
             self.intact.append((good, at))
-            at, gone = (end, at) if found is None else (found, at)
+            at, gone = (end, at) if resumed is None else (resumed, at)
             self.lost.append(
-                Lost(gone, at, is_file_end and found is None, self.last, self._stamp_at(at, end))
+                Lost(gone, at, is_file_end and resumed is None, self.last, self._stamp_at(at, end))
             )
             good = at
         self.intact.append((good, end))
@@ -160,15 +160,15 @@ class _Surveyor:
         before `end`."""
         while at < end:
             block, base = self.windows.view(at, end)
-            found = candidate(block, at - base, self.low, self.high)
-            if found < 0:
+            offset = candidate(block, at - base, self.low, self.high)
+            if offset < 0:
                 if base + len(block) >= end:
                     return None
                 at = max(at + 1, base + len(block) - _MARGIN + 1)
-            elif self._chain(base + found, end):
-                return base + int(found)
+            elif self._chain(base + offset, end):
+                return base + int(offset)
             else:
-                at = base + int(found) + 1
+                at = base + int(offset) + 1
         return None
 
     def _stamp_at(self, at: int, end: int) -> int:
@@ -263,19 +263,19 @@ def survey(handle: BinaryIO, size: int, appended: Iterable[int] = ()) -> Survey:
     )
 
 
-def gather(handle: BinaryIO, found: Survey, wanted: Iterable[int]) -> dict[int, Bytes]:
+def gather(handle: BinaryIO, survey: Survey, wanted: Iterable[int]) -> dict[int, Bytes]:
     """The data of the `wanted` message ids, by id: records without padding, one after another."""
     take, cursor, limit = (np.zeros(65536, dtype=np.int64) for _ in range(3))
     total = 0
     for identity in wanted:
-        layout = found.subscriptions[identity].layout
+        layout = survey.subscriptions[identity].layout
         if layout is not None:
             take[identity], cursor[identity] = layout.trimmed, total
-            total += layout.trimmed * int(found.count[identity])
+            total += layout.trimmed * int(survey.count[identity])
             limit[identity] = total
     starts, flat = cursor.copy(), np.empty(total, dtype=np.uint8)
     windows = _Windows(handle)
-    for at, end in found.intact:
+    for at, end in survey.intact:
         while at < end:
             block, base = windows.view(at, end)
             reached = base + int(copy(block, at - base, take, cursor, limit, flat))

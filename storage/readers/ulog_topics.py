@@ -38,8 +38,8 @@ class TopicRecords:
 class LoggedTopics(Mapping[str, Topic]):
     """Topics by name, in the order of their names."""
 
-    def __init__(self, path: Path, found: Survey, places: Mapping[str, TopicRecords]) -> None:
-        self._path, self._found, self._places = path, found, places
+    def __init__(self, path: Path, survey: Survey, places: Mapping[str, TopicRecords]) -> None:
+        self._path, self._survey, self._places = path, survey, places
         # A group is what one pass gathered into one allocation; the last used stands last.
         self._groups: list[dict[str, Topic]] = []
         self._previous = ""
@@ -97,7 +97,7 @@ class LoggedTopics(Mapping[str, Topic]):
             if _stamp(self._path) != self._stamp:
                 raise OSError("it changed while it was read")
             with self._path.open("rb") as handle:
-                data = gather(handle, self._found, [self._places[name].identity for name in names])
+                data = gather(handle, self._survey, [self._places[name].identity for name in names])
         except OSError as error:
             what = f"the topics cannot be read: {error.strerror or error}"
             raise InputError(

@@ -70,24 +70,24 @@ def answer(job: dict[str, Any]) -> dict[str, str]:
         os.close(reading)
         _parse(Path(job["log"]), Path(job["folder"]), limits, writing)
     os.close(writing)
-    said, end = _listen(reading, limits.wall)
+    reply, end = _listen(reading, limits.wall)
     os.close(reading)
-    if not said:
+    if not reply:
         os.kill(child, signal.SIGKILL)
     _, status = os.waitpid(child, 0)
     if end == "master":  # nobody waits for the answer any more
         remove(Path(job["folder"]))
         os._exit(0)
-    if said:
-        found: dict[str, str] = json.loads(said)
-        return found
+    if reply:
+        document: dict[str, str] = json.loads(reply)
+        return document
     return _refusal(_end_of(status, end == "late", limits), job["log"], _LATER)
 
 
 def _listen(reading: int, seconds: float) -> tuple[bytes, Literal["", "late", "master"]]:
     """Output of the child until it ends; or a note that it was still running after `seconds`, or
     that the worker's parent died."""
-    until, said = time.monotonic() + seconds, b""
+    until, received = time.monotonic() + seconds, b""
     while True:
         ready, _, _ = select.select([reading, 0], [], [], max(until - time.monotonic(), 0.0))
         if not ready:
@@ -95,9 +95,9 @@ def _listen(reading: int, seconds: float) -> tuple[bytes, Literal["", "late", "m
         if 0 in ready:
             return b"", "master"
         part = os.read(reading, 1 << 16)
-        said += part
-        if not part or len(said) > _ANSWER_BYTES:
-            return said, ""
+        received += part
+        if not part or len(received) > _ANSWER_BYTES:
+            return received, ""
 
 
 def _end_of(status: int, late: bool, limits: Limits) -> str:
@@ -122,8 +122,8 @@ def _parse(log: Path, folder: Path, limits: Limits, writing: int) -> NoReturn:
     without returning."""
     try:
         _confine(limits)
-        said = _read(log, folder, limits)
-        os.write(writing, json.dumps(said).encode("ascii"))
+        reply = _read(log, folder, limits)
+        os.write(writing, json.dumps(reply).encode("ascii"))
     finally:
         os._exit(0)
 

@@ -78,7 +78,7 @@ def back_up(workspace: Workspace, target: Path) -> Backup:
         _copy_catalogue(catalogue_location(workspace.catalogue), partial)
         quarantine = list(_in_quarantine(workspace.root))
         with Catalogue.in_file(partial) as snapshot:
-            made = _copy_files(
+            copy = _copy_files(
                 workspace, chain(_named(workspace.root, snapshot, target), quarantine), target
             )
         _as_one_file(partial)
@@ -95,16 +95,16 @@ def back_up(workspace: Workspace, target: Path) -> Backup:
             "workspace": str(workspace.root),
             "schema": HEAD,
             "catalogue": {"name": name, "sha256": sha256, "size": size},
-            "files": made.files,
-            "bytes": made.bytes,
-            "problems": [problem.where for problem in made.problems],
+            "files": copy.files,
+            "bytes": copy.bytes,
+            "problems": [problem.where for problem in copy.problems],
             "quarantine": [file.path for file in quarantine],
         }
         write_atomically(target / _MANIFEST, lambda temporary: _write(temporary, _sealed(manifest)))
         for older in target.glob("catalogue-*.backup"):
             if older.name != name:
                 older.unlink()
-    return made
+    return copy
 
 
 def restore(source: Path, root: Path, settings: Path | None = None) -> dict[str, Any]:
@@ -124,7 +124,7 @@ def restore(source: Path, root: Path, settings: Path | None = None) -> dict[str,
             "its parent folder does not exist", str(root), "name a path in an existing folder"
         )
     left: list[Problem] = []
-    made: list[int] = []
+    inodes: list[int] = []
 
     def write(temporary: Path) -> None:
         workspace = Workspace.open(temporary)
@@ -148,23 +148,23 @@ def restore(source: Path, root: Path, settings: Path | None = None) -> dict[str,
                 push(workspace, snapshot)
             with _moved(snapshot, place) as catalogue:
                 # Objects newer than the backup do not belong to any of its rows.
-                found = [
+                problems = [
                     problem
                     for problem in verify(workspace, catalogue).problems
                     if problem.kind != ORPHAN_OBJECT
                 ]
                 left.extend(
                     problem
-                    for problem in found
+                    for problem in problems
                     if _is_known(problem, workspace, manifest["problems"])
                 )
-                require_clean([problem for problem in found if problem not in left], str(source))
+                require_clean([problem for problem in problems if problem not in left], str(source))
         if place.url:
             file.unlink()
-        made.append(temporary.stat().st_ino)
+        inodes.append(temporary.stat().st_ino)
 
     write_atomically(root.absolute(), write, keep=True)
-    if root.stat().st_ino != made[0]:  # somebody else put a folder there meanwhile, which stays
+    if root.stat().st_ino != inodes[0]:  # somebody else put a folder there meanwhile, which stays
         _require_free(root)
     return {**manifest, "problems": [asdict(problem) for problem in left]}
 
@@ -209,23 +209,23 @@ def manifest_of(folder: Path) -> dict[str, Any]:
             "there is no backup here", str(folder), "name the folder that `aerodb backup` wrote"
         ) from error
     try:
-        found: dict[str, Any] = json.loads(text.decode("ascii"))
-        stated = found.pop("sha256", None)
+        manifest: dict[str, Any] = json.loads(text.decode("ascii"))
+        stated = manifest.pop("sha256", None)
     except (ValueError, AttributeError, TypeError):
-        found, stated = {}, None
-    if found.get("format") == 1 and stated is None:
+        manifest, stated = {}, None
+    if manifest.get("format") == 1 and stated is None:
         remedy = "run `aerodb backup` into it again: only what is new is copied"
         raise InputError("this backup has an older format", str(folder), remedy)
-    if _sealed(found) != text:
+    if _sealed(manifest) != text:
         remedy = (
             "use another backup, or, if the workspace still exists, back up into this folder again"
         )
         raise InputError(
             "its manifest differs from the one that was written", str(folder / _MANIFEST), remedy
         )
-    if found.get("format") != _FORMAT:
+    if manifest.get("format") != _FORMAT:
         raise InputError("this backup has a newer format", str(folder), "update aerodb")
-    return found
+    return manifest
 
 
 def _sealed(manifest: dict[str, Any]) -> bytes:

@@ -40,17 +40,17 @@ def check_objects(
 
 def _damaged(objects: Objects, files: list[StoredFile]) -> set[str]:
     """Paths of the files whose objects are damaged."""
-    found: set[str] = set()
+    damaged: set[str] = set()
 
     def read(file: StoredFile) -> None:
         try:
             for _ in objects.blocks(file) or ():
                 pass
         except DamagedObject:
-            found.add(file.path)
+            damaged.add(file.path)
 
     concurrently(read, files)
-    return found
+    return damaged
 
 
 def _check(

@@ -34,7 +34,7 @@ def loaded_in_jsbsim(xml: bytes) -> Any:
     class Collector(jsbsim.FGLogger):
         """Collects JSBSim's messages, which would otherwise go to standard output."""
 
-        said = ""
+        messages = ""
 
         def set_level(self, level: Any) -> None: ...
         def file_location(self, filename: str, line: int) -> None: ...
@@ -58,8 +58,8 @@ def loaded_in_jsbsim(xml: bytes) -> Any:
             ) as error:  # JSBSim raises types of its own, derived from RuntimeError or not
                 collector.said, loaded = str(error), False
         if not loaded:
-            said = " ".join(collector.said.split())[-300:]
-            raise InputError(f"JSBSim cannot load the file: {said}", "check of an export")
+            messages = " ".join(collector.said.split())[-300:]
+            raise InputError(f"JSBSim cannot load the file: {messages}", "check of an export")
         executive.set_debug_level(0)
         return executive
     finally:

@@ -195,14 +195,14 @@ def _series(topic: Topic, identity: int) -> _Series:
 
 def _split(topic: str, name: str) -> tuple[str, int]:
     """``q[2]`` as ``("q", 2)``, a plain field as ``(name, -1)``."""
-    found = _FIELD.fullmatch(name)
-    if found is None or found[1] == "timestamp":
+    match = _FIELD.fullmatch(name)
+    if match is None or match[1] == "timestamp":
         raise InputError(
             f"'{name}' is not allowed as a field in ULog",
             topic,
             "use letters, digits and '_', then '[index]'",
         )
-    return found[1], int(found[2]) if found[2] is not None else -1
+    return match[1], int(match[2]) if match[2] is not None else -1
 
 
 def _declare(topic: Topic, base: str, names: Sequence[str]) -> str:

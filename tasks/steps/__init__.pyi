@@ -2,7 +2,7 @@ from .advance import FLOWS, Due, due, parameters_of
 from .calibration import bind, calibrate
 from .close_loop import prove_loop, run_loop, what_is_left
 from .coefficients import load_coefficients, reconstruct
-from .compare import beside, compare_with_version, compared
+from .compare import compare_with_database, compare_with_version
 from .consistency import (
     applied_errors,
     check_consistency,
@@ -38,12 +38,11 @@ __all__ = [
     "FORMS",
     "Due",
     "applied_errors",
-    "beside",
     "bind",
     "calibrate",
     "check_consistency",
+    "compare_with_database",
     "compare_with_version",
-    "compared",
     "deliver",
     "due",
     "estimate",

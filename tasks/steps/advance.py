@@ -47,14 +47,14 @@ def due(access: WorkspaceAccess, vehicle: str, loop: LoopSettings, way: str) -> 
 
 
 def parameters_of(
-    access: WorkspaceAccess, vehicle: str, loop: LoopSettings, way: str, asked: Due
+    access: WorkspaceAccess, vehicle: str, loop: LoopSettings, way: str, state: Due
 ) -> dict[str, Any]:
     """Return the parameters of the flow; InputError if the model file of an update cannot be
     read."""
     given: dict[str, Any] = {
         "vehicle": vehicle,
-        "baseline": asked.baseline,
-        "flights": list(asked.flights),
+        "baseline": state.baseline,
+        "flights": list(state.flights),
     }
     if way == "close-loop":
         return given

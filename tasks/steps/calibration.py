@@ -54,13 +54,13 @@ def calibrate(
     span = [
         None if text is None else datetime.fromisoformat(text) for text in (valid_from, valid_until)
     ]
-    found = joint_calibration(loaded, described, *span)
+    calibration = joint_calibration(loaded, described, *span)
     stored = access.catalogue.add_calibration(
-        found.id, vehicle=vehicle, content=found.document(), reason=reason, run=run
+        calibration.id, vehicle=vehicle, content=calibration.document(), reason=reason, run=run
     )
     parameters = {
         name: {"value": value, "standard_error": error}
-        for name, (value, error) in found.by_name.items()
+        for name, (value, error) in calibration.by_name.items()
     }
     used = [flight.id for flight in loaded]
     return {

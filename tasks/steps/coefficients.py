@@ -1,6 +1,7 @@
 """Total coefficients of a stored flight, stored in long form: one row per time and axis."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,15 @@ from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 from aerodb.vehicle import Vehicle, cg_positions
 
 
+@dataclass(frozen=True)
+class FlightCoefficients:
+    """A consistent flight, its total coefficients, and their key."""
+
+    flight: Flight
+    coefficients: Coefficients
+    key: str
+
+
 def reconstruct(flight: str, *, workspace: str, run: str) -> dict[str, Any]:
     """Compute and store the total coefficients of a flight (its id).
 
@@ -26,43 +36,41 @@ def reconstruct(flight: str, *, workspace: str, run: str) -> dict[str, Any]:
     """
     access = access_workspace(workspace)
     try:
-        _, coefficients, key = load_coefficients(access, access.catalogue.flight(flight), run)
+        loaded = load_coefficients(access, access.catalogue.flight(flight), run)
     except InputError as error:
         return {"flight": flight, "key": None, "reason": str(error), "axes": [], "notes": []}
+    coefficients = loaded.coefficients
     axes, notes = list(coefficients.values), list(coefficients.notes)
     return {
         "flight": flight,
-        "key": key,
+        "key": loaded.key,
         "axes": axes,
         "bandwidth": coefficients.bandwidth,
         "notes": notes,
     }
 
 
-def load_coefficients(
-    access: WorkspaceAccess, row: FlightRow, run: str
-) -> tuple[Flight, Coefficients, str]:
-    """Return a consistent flight, its coefficients and their key; read back if stored, else
-    computed."""
-    flight, _, flight_key = load_consistent(access, row, run)
+def load_coefficients(access: WorkspaceAccess, row: FlightRow, run: str) -> FlightCoefficients:
+    """Return the total coefficients of a flight; read back if stored, else computed."""
+    consistent = load_consistent(access, row, run)
+    flight = consistent.flight
     vehicle, _ = access.vehicle(row.vehicle)
     settings = {
         "bandwidth": bandwidth_of(flight, vehicle),
         "angular_acceleration": "differentiated",
     }
     result = StoredResult(
-        access, "coefficients", "coefficients", {"flight": flight_key}, settings, flight=row.id
+        access, "coefficients", "coefficients", {"flight": consistent.key}, settings, flight=row.id
     )
     path = result.stored()
     if path is not None:
-        return (
-            flight,
-            cached(file_key(path, flight_key), lambda: _stored(path, flight, vehicle)),
-            result.key,
+        coefficients = cached(
+            file_key(path, consistent.key), lambda: _stored(path, flight, vehicle)
         )
+        return FlightCoefficients(flight, coefficients, result.key)
     coefficients = total_coefficients(flight, vehicle)
     result.keep(run, lambda path: _write(path, coefficients, settings))
-    return flight, coefficients, result.key
+    return FlightCoefficients(flight, coefficients, result.key)
 
 
 def _stored(path: Path, flight: Flight, vehicle: Vehicle) -> Coefficients:

@@ -1,5 +1,6 @@
 """Comparison of a stored flight with a database version."""
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,18 @@ from aerodb.tasks.stored_steps import StoredResult
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 
 
+@dataclass(frozen=True)
+class FlightComparison:
+    """A consistent flight and its comparison with a database.
+
+    key : of the stored comparison, or of the coefficients if the comparison is not stored.
+    """
+
+    flight: Flight
+    comparison: Comparison
+    key: str
+
+
 def compare_with_version(flight: str, *, workspace: str, run: str, version: str) -> dict[str, Any]:
     """Compare a flight (its id) with a version (its id), and store the result.
 
@@ -27,45 +40,48 @@ def compare_with_version(flight: str, *, workspace: str, run: str, version: str)
     """
     access = access_workspace(workspace)
     try:
-        _, comparison, key = load_comparison(access, flight, version, run)
+        loaded = load_comparison(access, flight, version, run)
     except InputError as error:
         return {"flight": flight, "key": None, "reason": str(error), "axes": {}, "notes": []}
+    comparison = loaded.comparison
     axes = {axis: _summary(comparison, axis) for axis in AXES if axis in comparison.usable}
-    return {"flight": flight, "key": key, "axes": axes, "notes": list(comparison.notes)}
+    return {"flight": flight, "key": loaded.key, "axes": axes, "notes": list(comparison.notes)}
 
 
 def load_comparison(
     access: WorkspaceAccess, flight: str, version: str, run: str
-) -> tuple[Flight, Comparison, str]:
-    """Return a flight, its comparison with a version (both by id) and the comparison's key; store
-    it."""
+) -> FlightComparison:
+    """Return the comparison of a flight with a version (both by id), and store it."""
     row = access.catalogue.flight(flight)
-    channels, comparison, coefficients_key = beside(access, flight, access.database(version), run)
-    inputs = {"coefficients": coefficients_key, "version": version}
+    compared = compare_with_database(access, flight, access.database(version), run)
+    comparison = compared.comparison
+    inputs = {"coefficients": compared.key, "version": version}
     result = StoredResult(access, "compare", "comparison", inputs, flight=row.id)
     if not result.is_stored():
         metadata = {"notes": list(comparison.notes), "version": version}
         result.keep(run, lambda path: write_results(path, _long(comparison), metadata))
-    return channels, comparison, result.key
+    return FlightComparison(compared.flight, comparison, result.key)
 
 
-def compared(access: WorkspaceAccess, flight: str, database: AeroDatabase, run: str) -> Comparison:
-    """Return the comparison of a flight (its id) with a database that need not be stored."""
-    return beside(access, flight, database, run)[1]
-
-
-def beside(
+def compare_with_database(
     access: WorkspaceAccess, flight: str, database: AeroDatabase, run: str
-) -> tuple[Flight, Comparison, str]:
-    """Return a flight (its id), its comparison with any database, and the key of its
-    coefficients."""
+) -> FlightComparison:
+    """Return the comparison of a flight (its id) with a database that need not be stored.
+
+    Its key is that of the flight's coefficients.
+    """
     row = access.catalogue.flight(flight)
-    channels, coefficients, key = load_coefficients(access, row, run)
-
-    def made() -> Comparison:
-        return compare(channels, coefficients, database, access.vehicle(row.vehicle)[0].reference)
-
-    return channels, cached(("comparison", key, database_document_sha256(database)), made), key
+    loaded = load_coefficients(access, row, run)
+    comparison = cached(
+        ("comparison", loaded.key, database_document_sha256(database)),
+        lambda: compare(
+            loaded.flight,
+            loaded.coefficients,
+            database,
+            access.vehicle(row.vehicle)[0].reference,
+        ),
+    )
+    return FlightComparison(loaded.flight, comparison, loaded.key)
 
 
 def _long(comparison: Comparison) -> dict[str, np.ndarray]:

@@ -53,19 +53,23 @@ def load_conditioning(
     path = result.stored()
     if path is not None:
         return from_document(read_results(path)[1]), result.key
-    found = examined(access, flight, mapping_of(access, row))
-    return found, keep_conditioning(
-        access, row.id, flight_key, write_conditioning(access, row.id, flight_key, found), run
+    conditioning = examined(access, flight, mapping_of(access, row))
+    return conditioning, keep_conditioning(
+        access,
+        row.id,
+        flight_key,
+        write_conditioning(access, row.id, flight_key, conditioning),
+        run,
     )
 
 
 def write_conditioning(
-    access: WorkspaceAccess, flight: str, flight_key: str, found: Conditioning
+    access: WorkspaceAccess, flight: str, flight_key: str, conditioning: Conditioning
 ) -> StoredFile | None:
     """Write the findings on a flight (its id and key), and return their object-store entry, if
     any."""
     return _result(access, flight, flight_key).write(
-        lambda path: write_results(path, {}, to_document(found))
+        lambda path: write_results(path, {}, to_document(conditioning))
     )
 
 

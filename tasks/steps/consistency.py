@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -26,6 +26,15 @@ from aerodb.tasks.stored_steps import StoredResult
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 
 
+@dataclass(frozen=True)
+class ConsistentFlight:
+    """A consistent flight, the document of its reconstruction, and the key of both."""
+
+    flight: Flight
+    document: dict[str, Any]
+    key: str
+
+
 def check_consistency(flight: str, *, workspace: str, run: str) -> dict[str, Any]:
     """Reconstruct a flight (its id) under its calibration, and record the verdict.
 
@@ -34,15 +43,14 @@ def check_consistency(flight: str, *, workspace: str, run: str) -> dict[str, Any
     """
     access = access_workspace(workspace)
     row = access.catalogue.flight(flight)
-    _, document, key = load_consistent(access, row, run)
+    loaded = load_consistent(access, row, run)
+    document = loaded.document
     access.catalogue.judge_flight(row.id, document["verdict"], document["reasons"])
-    return {"flight": flight, "key": key, **document}
+    return {"flight": flight, "key": loaded.key, **document}
 
 
-def load_consistent(
-    access: WorkspaceAccess, row: FlightRow, run: str
-) -> tuple[Flight, dict[str, Any], str]:
-    """Return a consistent flight, its document and their key; reconstruct and store it if needed.
+def load_consistent(access: WorkspaceAccess, row: FlightRow, run: str) -> ConsistentFlight:
+    """Return a consistent flight; reconstruct and store it if needed.
 
     A flight that is processed for the first time is bound to the newest calibration that is valid
     for it, and stays bound to it until it is recalibrated.
@@ -61,16 +69,19 @@ def load_consistent(
         restored, document = cached(
             file_key(path, flight_key), lambda: _restored(flight, *read_results(path))
         )
-        return restored, document, result.key
+        return ConsistentFlight(restored, document, result.key)
     vehicle, _ = access.vehicle(row.vehicle)
-    found = make_consistent(flight, vehicle, calibration)
+    consistent = make_consistent(flight, vehicle, calibration)
     # as it will be read back: a document does not depend on whether it was just made
-    document = json.loads(json.dumps({**found.document, "changed": list(found.changed)}))
+    document = json.loads(json.dumps({**consistent.document, "changed": list(consistent.changed)}))
     origins = [flight_key] if calibration is None else [flight_key, calibration.id]
     result.keep(
-        run, lambda path: write_results(path, _table(found), document), inputs=origins, settings={}
+        run,
+        lambda path: write_results(path, _table(consistent), document),
+        inputs=origins,
+        settings={},
     )
-    return found.flight, document, result.key
+    return ConsistentFlight(consistent.flight, document, result.key)
 
 
 def _bound(access: WorkspaceAccess, row: FlightRow, run: str) -> Calibration | None:
@@ -89,18 +100,20 @@ def _bound(access: WorkspaceAccess, row: FlightRow, run: str) -> Calibration | N
     return None
 
 
-def _table(found: Consistent) -> dict[str, np.ndarray]:
+def _table(consistent: Consistent) -> dict[str, np.ndarray]:
     """Return what reconstruction changed, as columns; empty if it changed nothing."""
-    flight = found.flight
-    flags = {f"flags_{name}": flight.flags[name] for name in found.changed if name in flight.flags}
-    sigma = {f"sigma_{name}": values for name, values in found.sigma.items()}
+    flight = consistent.flight
+    flags = {
+        f"flags_{name}": flight.flags[name] for name in consistent.changed if name in flight.flags
+    }
+    sigma = {f"sigma_{name}": values for name, values in consistent.sigma.items()}
     table = {
         "time": flight.time,
-        **{name: flight[name] for name in found.changed},
+        **{name: flight[name] for name in consistent.changed},
         **flags,
         **sigma,
     }
-    return table if found.changed or sigma else {}
+    return table if consistent.changed or sigma else {}
 
 
 def _restored(
@@ -109,9 +122,9 @@ def _restored(
     """Return the flight with its stored corrections, and their document."""
     changed = document["changed"]
     flags = {name: table[f"flags_{name}"] for name in changed if f"flags_{name}" in table}
-    made = flight.with_channels({name: table[name] for name in changed})
+    corrected = flight.with_channels({name: table[name] for name in changed})
     return replace(
-        made, flags={**flight.flags, **flags}, notes=(*flight.notes, *document["notes"])
+        corrected, flags={**flight.flags, **flags}, notes=(*flight.notes, *document["notes"])
     ), document
 
 

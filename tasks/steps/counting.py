@@ -30,13 +30,13 @@ def repeating(catalogue: Catalogue, flights: Iterable[str]) -> set[str]:
     Only the flights that they repeat are read, and what those repeat.
     """
     wanted = set(flights)
-    found: set[RepeatRow] = set()
-    seen, further = set(wanted), wanted
+    repeats_of_all: set[RepeatRow] = set()
+    visited, further = set(wanted), wanted
     while further:
-        found |= set(repeats := catalogue.repeats(further))
-        further = {row.original for row in repeats} - seen
-        seen |= further
-    return wanted & _decided(catalogue, tuple(found)).keys()
+        repeats_of_all |= set(repeats := catalogue.repeats(further))
+        further = {row.original for row in repeats} - visited
+        visited |= further
+    return wanted & _decided(catalogue, tuple(repeats_of_all)).keys()
 
 
 def _decided(
@@ -49,11 +49,11 @@ def _decided(
     for row in sorted(rows.values(), key=lambda row: (row.added_utc, row.id)):
         if not _could_count(row):
             continue
-        found = tuple(
+        deciding = tuple(
             repeat for repeat in repeats if repeat.flight == row.id and repeat.original in counting
         )
-        if found:
-            out[row.id] = found
+        if deciding:
+            out[row.id] = deciding
         else:
             counting.add(row.id)
     return out

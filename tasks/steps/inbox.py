@@ -36,13 +36,13 @@ def files_of_inbox(
     wait : give a file that changed a moment ago time to settle.
     """
     names = [row.name for row in access.catalogue.vehicles()]
-    seen = scan_inbox(access.workspace.inbox, names, settings.inbox.settle)
-    if wait and any(may_settle(entry) for entry in seen):
+    entries = scan_inbox(access.workspace.inbox, names, settings.inbox.settle)
+    if wait and any(may_settle(entry) for entry in entries):
         time.sleep(settings.inbox.settle)
-        seen = rescan_inbox(seen, settings.inbox.settle, settings.inbox.settle)
+        entries = rescan_inbox(entries, settings.inbox.settle, settings.inbox.settle)
     return [
         refuse_oversized(entry, settings.limits)
-        for entry in seen
+        for entry in entries
         if vehicle is None or entry.vehicle == vehicle
     ]
 

@@ -116,13 +116,13 @@ def store_log(
         if sha256:
             _quarantine(access, path, sha256, error, vehicle)
         return outcome | _refusal(error, log)
-    found = examined(access, flight, layout)
-    _keep(access, recording, flight, found, layout, run, name)
+    conditioning = examined(access, flight, layout)
+    _keep(access, recording, flight, conditioning, layout, run, name)
     repeats = repeat_documents(access.catalogue, sha256)
     whole = sum(entry["share"] for entry in repeats if entry["counts"]) > WHOLE
     status = "damaged" if broken else "duplicate" if whole else "stored"
     damage = [asdict(entry) for entry in recording.damage]
-    findings = {"suspicions": suspicion_documents(found.suspicions), "repeats": repeats}
+    findings = {"suspicions": suspicion_documents(conditioning.suspicions), "repeats": repeats}
     return outcome | {"status": status, "flight": sha256, "damage": damage} | findings
 
 
@@ -138,9 +138,9 @@ def _usable_mapping(access: WorkspaceAccess, vehicle: str, mapping: str | None) 
 def _findings(access: WorkspaceAccess, flight: str, run: str) -> dict[str, Any]:
     """Return the findings on a flight (its id) that is already stored."""
     row = access.catalogue.flight(flight)
-    found, _ = load_conditioning(access, row, *load_flight(access, row, run), run)
+    conditioning, _ = load_conditioning(access, row, *load_flight(access, row, run), run)
     return {
-        "suspicions": suspicion_documents(found.suspicions),
+        "suspicions": suspicion_documents(conditioning.suspicions),
         "repeats": repeat_documents(access.catalogue, flight),
     }
 
@@ -289,7 +289,7 @@ def _keep(
     access: WorkspaceAccess,
     recording: Recording,
     flight: Flight,
-    found: Conditioning,
+    conditioning: Conditioning,
     mapping: Mapping,
     run: str,
     name: str | None,
@@ -302,7 +302,7 @@ def _keep(
     topics = put_recording(access.workspace, access.workspace.recording_path(recording.sha256))
     channels, findings = (
         put(access.workspace, path),
-        write_conditioning(access, flight.id, key, found),
+        write_conditioning(access, flight.id, key, conditioning),
     )
     marks = fingerprint(flight)
     compared: dict[str, RepeatRow | None] = {}

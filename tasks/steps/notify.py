@@ -21,8 +21,8 @@ def tell(
     workspace: Workspace, occasion: Occasion, vehicle: str, text: str, details: Mapping[str, Any]
 ) -> bool:
     """Queue a notification if the settings ask for it, and return whether they do."""
-    asked = load_settings(workspace.root).notification_of(vehicle)
-    if occasion not in asked.on or not (asked.webhook or asked.command):
+    receivers = load_settings(workspace.root).notification_of(vehicle)
+    if occasion not in receivers.on or not (receivers.webhook or receivers.command):
         return False
     post_notification(workspace, occasion, vehicle, text, details)
     return True
@@ -52,12 +52,12 @@ def deliver(root: str, *, workspace: str, run: str) -> list[dict[str, str]]:
 def _send(target: Notification, message: Mapping[str, Any]) -> str:
     """Send one message, and return why it failed; empty if it was sent or there is no receiver."""
     data = json.dumps(message).encode("utf-8")
-    said = []
+    errors = []
     if target.webhook:
-        said.append(_to_webhook(target.webhook, data))
+        errors.append(_to_webhook(target.webhook, data))
     if target.command:
-        said.append(_to_command(target.command, data))
-    return "; ".join(filter(None, said))
+        errors.append(_to_command(target.command, data))
+    return "; ".join(filter(None, errors))
 
 
 def _to_webhook(address: str, data: bytes) -> str:

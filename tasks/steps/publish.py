@@ -219,30 +219,30 @@ def publish_loop(
 
 
 def _loop_remarks(plan: Plan, loop: LoopResult) -> list[str]:
-    said = list(loop.remarks)
+    remarks = list(loop.remarks)
     if loop.by_manoeuvre and plan.hold_out.kind == "cross-validated":
-        said.append(
+        remarks.append(
             "Heads and tails of flights were predicted from everything else (cross-validated within"
             " flights); none was held out."
         )
     elif plan.hold_out.kind == "cross-validated":
-        said.append(
+        remarks.append(
             "Fewer than five flights: each was predicted from what the others give"
             " (cross-validated), none was held out."
         )
     if plan.hold_out.kind == "not validated":
-        said.append(
+        remarks.append(
             "No flight was held out: the error after is that of the flights that identified, and"
             " proves nothing."
         )
     named = {f.hypothesis for f in loop.findings}
     marked = [f for f in loop.added if f.verdict != "confirmed" and f.hypothesis in named]
-    said += [
+    remarks += [
         f"{f.hypothesis} was added because you asked for it: its verdict is"
         f" {f.verdict.replace('_', ' ')}."
         for f in marked
     ]
-    return said
+    return remarks
 
 
 def _keep_report(

@@ -25,17 +25,17 @@ def promote(version: str, *, workspace: str, run: str, name: str, reason: str) -
     catalogue = access.catalogue
     row = catalogue.version_of_id(version)
     _check_words(name, reason)
-    seen = catalogue.named(row.vehicle, name)
-    if seen is not None and seen.version == row.id:
-        return _document(seen, row, moved=False)
-    verdict = _gate(access, row, seen) if name == RELEASED else Verdict(())
+    current = catalogue.named(row.vehicle, name)
+    if current is not None and current.version == row.id:
+        return _document(current, row, moved=False)
+    verdict = _gate(access, row, current) if name == RELEASED else Verdict(())
     if not verdict.passed:
         raise _refusal(row, verdict.reasons)
     with catalogue.transaction():
         # A flight may have been retracted while the gate was judging.
         if name == RELEASED and (stale := catalogue.stale(row.id)):
             raise _refusal(row, stale)
-        expected = seen.version if seen is not None else None
+        expected = current.version if current is not None else None
         event = catalogue.move_name(
             row.vehicle, name, row.id, user=user(), reason=reason, expected=expected
         )
@@ -115,15 +115,17 @@ def _enough_flights(access: WorkspaceAccess, row: VersionRow) -> tuple[Check, ..
 
     None if the settings set no minimum.
     """
-    asked = load_settings(access.workspace.root).of(row.vehicle).gate
-    if not (asked.identified or asked.held_out):
+    gate = load_settings(access.workspace.root).of(row.vehicle).gate
+    if not (gate.identified or gate.held_out):
         return ()
     roles: list[str] = [use.role for use in access.catalogue.version_flights(row.id)]
-    said = []
-    for role, fewest in (("identified", asked.identified), ("held_out", asked.held_out)):
+    shortfalls = []
+    for role, fewest in (("identified", gate.identified), ("held_out", gate.held_out)):
         if (count := roles.count(role)) < fewest:
-            said.append(f"{count} flights {role.replace('_', ' ')}, the settings require {fewest}")
-    return (Check("as many flights as the settings require", tuple(said)),)
+            shortfalls.append(
+                f"{count} flights {role.replace('_', ' ')}, the settings require {fewest}"
+            )
+    return (Check("as many flights as the settings require", tuple(shortfalls)),)
 
 
 def _read(row: VersionRow, documents: VersionDocuments) -> AeroDatabase:

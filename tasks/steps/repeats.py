@@ -14,10 +14,10 @@ def suspects_of(access: WorkspaceAccess, flight: Flight, marks: frozenset[int]) 
     """Return ids of the vehicle's flights, not retracted, that share enough marks to be
     compared."""
     counts = access.catalogue.flights_with_marks(marks, flight.vehicle)
-    found = [id for id, count in counts.items() if count >= FEWEST_MARKS and id != flight.id]
+    suspects = [id for id, count in counts.items() if count >= FEWEST_MARKS and id != flight.id]
     return {
         row.id
-        for row in access.catalogue.flights_by_id(found).values()
+        for row in access.catalogue.flights_by_id(suspects).values()
         if row.retracted_utc is None
     }
 

@@ -11,8 +11,10 @@ from aerodb.flight import Flight
 from aerodb.nomenclature import is_surface
 from aerodb.report import (
     FlightStory,
+    NameMove,
     Relative,
     UpdateStory,
+    UsedFlight,
     VersionStory,
     flight_report,
     headline,
@@ -25,7 +27,7 @@ from aerodb.storage.files import read_document
 from aerodb.storage.workspace import write_atomically
 from aerodb.support import Array
 from aerodb.tables import HAT_RATES, AeroDatabase, hat_rate
-from aerodb.tasks.steps.compare import compared, load_comparison
+from aerodb.tasks.steps.compare import compare_with_database, load_comparison
 from aerodb.tasks.steps.conditioning import load_conditioning
 from aerodb.tasks.steps.consistency import load_consistent
 from aerodb.tasks.steps.ingest import load_flight
@@ -42,18 +44,18 @@ def flight_page(flight: str, *, workspace: str, run: str, version: str = "") -> 
     access = access_workspace(workspace)
     row = access.catalogue.flight(flight)
     measured, key = load_flight(access, row, run)
-    consistent, document, _ = load_consistent(access, row, run)
+    consistent = load_consistent(access, row, run)
     comparison, why = (
         None,
         "This vehicle has no released database yet: import one, then make this page again.",
     )
     if version:
         try:
-            _, comparison, _ = load_comparison(access, row.id, version, run)
+            comparison = load_comparison(access, row.id, version, run).comparison
         except InputError as error:
             why = f"There are none: {error}."
     versions = access.catalogue.versions_by_id([version] if version else [])
-    found, _ = load_conditioning(access, row, measured, key, run)
+    conditioning, _ = load_conditioning(access, row, measured, key, run)
     return flight_report(
         FlightStory(
             id=row.id,
@@ -64,16 +66,16 @@ def flight_page(flight: str, *, workspace: str, run: str, version: str = "") -> 
             verdict=row.verdict,
             reasons=row.reasons,
             retracted=row.retract_reason if row.retracted_utc else "",
-            consistency=document,
+            consistency=consistent.document,
             measured=measured,
-            flight=consistent,
+            flight=consistent.flight,
             comparison=comparison,
             database=access.database(version) if version else None,
             version=versions[version].label if version else "",
             no_comparison=why,
             versions=[(use.version.label, use.role) for use in access.catalogue.impact(row.id)],
-            suspicions=found.suspicions,
-            segments=found.segments,
+            suspicions=conditioning.suspicions,
+            segments=conditioning.segments,
         )
     )
 
@@ -100,8 +102,15 @@ def update_page(reference: str, *, workspace: str, run: str) -> str:
         access.database(document["candidate"] or document["baseline"]),
     )
     shown = roles["held_out"] or roles["identified"]
-    before = {flight: compared(access, flight, databases[0], run) for flight in shown}
-    after = {flight: compared(access, flight, databases[1], run) for flight in shown if candidate}
+    before = {
+        flight: compare_with_database(access, flight, databases[0], run).comparison
+        for flight in shown
+    }
+    after = {
+        flight: compare_with_database(access, flight, databases[1], run).comparison
+        for flight in shown
+        if candidate
+    }
     channels = {
         flight: _variables(_consistent(access, flight, run), databases[1]) for flight in shown
     }
@@ -148,17 +157,17 @@ def version_page(version: str, *, workspace: str, run: str) -> str:
             id=row.id,
             label=row.label,
             vehicle=row.vehicle,
-            made=row.created_utc,
+            created=row.created_utc,
             content_sha256=row.content_sha256,
             names=sorted(name for name, id in names.items() if id == row.id),
             stale=catalogue.stale(row.id),
             headline=headline(report) if "axes" in report else "",
             moves=[
-                (m.at_utc, m.name, m.user, m.reason)
+                NameMove(m.at_utc, m.name, m.user, m.reason)
                 for m in catalogue.moves_to(row.vehicle, [row.id])
             ],
             flights=[
-                (
+                UsedFlight(
                     _label(access, use.flight),
                     use.role,
                     flights[use.flight].log_sha256,
@@ -187,7 +196,7 @@ def _family(access: WorkspaceAccess, row: VersionRow, names: dict[str, str]) -> 
                 id=entry.id,
                 label=entry.label,
                 parent=entry.parent,
-                made=f"{entry.created_utc:%Y-%m-%d %H:%M}",
+                created=f"{entry.created_utc:%Y-%m-%d %H:%M}",
                 names=tuple(sorted(name for name, id in names.items() if id == entry.id)),
                 flights={role: roles.count(role) for role in dict.fromkeys(roles)},
                 stale=bool(access.catalogue.stale(entry.id)),
@@ -200,8 +209,8 @@ def _document(access: WorkspaceAccess, reference: str) -> dict[str, Any]:
     """Return the document of an update or closed loop, by its version's id or its report's key."""
     result = access.catalogue.result(reference) if _KEY.fullmatch(reference) else None
     if result is not None and result.step == "close_loop":
-        found: dict[str, Any] = read_document(access.file_of(result.path))
-        return found
+        document: dict[str, Any] = read_document(access.file_of(result.path))
+        return document
     report = dict(access.catalogue.version_documents(reference).report)
     if "axes" not in report:
         what, remedy = (
@@ -213,7 +222,7 @@ def _document(access: WorkspaceAccess, reference: str) -> dict[str, Any]:
 
 
 def _consistent(access: WorkspaceAccess, flight: str, run: str) -> Flight:
-    return load_consistent(access, access.catalogue.flight(flight), run)[0]
+    return load_consistent(access, access.catalogue.flight(flight), run).flight
 
 
 def _variables(flight: Flight, database: AeroDatabase) -> dict[str, Array]:

@@ -12,8 +12,9 @@ def segments_of(access: WorkspaceAccess, flight: str, run: str) -> tuple[Segment
     """Return the segments of a flight (its id); start and end [s] from its first sample."""
     row = access.catalogue.flight(flight)
     channels, key = load_flight(access, row, run)
-    found, _ = load_conditioning(access, row, channels, key, run)
+    conditioning, _ = load_conditioning(access, row, channels, key, run)
     first = float(channels.time[0])
     return tuple(
-        replace(each, start=each.start - first, end=each.end - first) for each in found.segments
+        replace(each, start=each.start - first, end=each.end - first)
+        for each in conditioning.segments
     )

@@ -16,12 +16,12 @@ def trim_cache(root: str, *, workspace: str, run: str) -> dict[str, Any]:
     Returns files, bytes, and the error if the cache could not be trimmed now: the next call tries
     again, and nothing waits for it.
     """
-    asked = load_settings(Path(root)).store
-    if not (asked.url and asked.cache):
+    settings = load_settings(Path(root)).store
+    if not (settings.url and settings.cache):
         return {"files": 0, "bytes": 0, "error": ""}
     access = access_workspace(workspace)
     try:
-        moved = trim(access.workspace, access.catalogue, asked.cache)
+        moved = trim(access.workspace, access.catalogue, settings.cache)
     except StoreError as error:
         return {"files": 0, "bytes": 0, "error": str(error)}
     return {"files": moved.files, "bytes": moved.bytes, "error": ""}

@@ -25,7 +25,7 @@ from aerodb.loop import consider_parameters, noisier_flights
 from aerodb.storage.catalogue import FlightRow
 from aerodb.tables import AeroDatabase
 from aerodb.tasks.loop_flights import StoredFlights
-from aerodb.tasks.steps.compare import compared, load_comparison
+from aerodb.tasks.steps.compare import compare_with_database, load_comparison
 from aerodb.tasks.steps.counting import counted_out, sentence
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 from aerodb.tracing import TracingSettings
@@ -157,7 +157,10 @@ def validate(plan: Plan, update: Update, *, workspace: str, run: str) -> tuple[A
     access = access_workspace(workspace)
     flights, comparisons = _loaded(access, plan, plan.flights, run)
     before = {c.flight: c for c in comparisons}
-    after = {flight: compared(access, flight, update.candidate, run) for flight in plan.flights}
+    after = {
+        flight: compare_with_database(access, flight, update.candidate, run).comparison
+        for flight in plan.flights
+    }
     if plan.hold_out.kind != "cross-validated":
         return validate_on_held_out(before, after, plan.hold_out)
     model, baseline = parse_model_file(plan.model), access.database(plan.baseline)
@@ -167,7 +170,7 @@ def validate(plan: Plan, update: Update, *, workspace: str, run: str) -> tuple[A
         candidate = _estimated_where_possible(
             [flights[k] for k in others], [comparisons[k] for k in others], model, baseline
         )
-        return compared(access, left_out, candidate, run)
+        return compare_with_database(access, left_out, candidate, run).comparison
 
     return validate_by_leaving_one_out(before, after, without)
 

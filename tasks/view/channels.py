@@ -146,15 +146,15 @@ def envelopes_of(
 
     A flight whose file is lost has none.
     """
-    found: dict[str, dict[str, list[float]]] = {}
+    envelopes: dict[str, dict[str, list[float]]] = {}
     for row in rows:
-        found[row.id] = {}
+        envelopes[row.id] = {}
         with suppress(AeroError):
             stored = _open(access, row)
             names = [name for name in ENVELOPE if name in stored.flight.metadata["channels"]]
             for line in _whole(stored, names):
-                found[row.id][line[0]] = [float(np.min(line[1])), float(np.max(line[1]))]
-    return found
+                envelopes[row.id][line[0]] = [float(np.min(line[1])), float(np.max(line[1]))]
+    return envelopes
 
 
 def _whole(stored: _Stored, names: Sequence[str]) -> Iterator[tuple[str, Array]]:
@@ -204,9 +204,9 @@ def _open(access: WorkspaceAccess, row: FlightRow) -> _Stored:
 def _newest(access: WorkspaceAccess, results: Sequence[Any], rows: int) -> StoredSeries | None:
     """Return the newest result with series on the flight's own time grid."""
     for result in reversed(results):
-        found = StoredSeries.open(access.file_of(result.path), "result")
-        if "time" in found.columns and found.rows == rows:
-            return found
+        series = StoredSeries.open(access.file_of(result.path), "result")
+        if "time" in series.columns and series.rows == rows:
+            return series
     return None
 
 

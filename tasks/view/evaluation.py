@@ -28,18 +28,20 @@ def evaluate_at(catalogue: Catalogue, version: VersionRow, at: str) -> dict[str,
     """
     database = database_of(catalogue, version)
     point, assumed, channels = _point(database, at)
-    found = evaluate_database(
+    evaluation = evaluate_database(
         database, {name: np.array([value]) for name, value in channels.items()}
     )
     return {
         "version": version.id,
         "at": point,
         "taken_as_zero": assumed,
-        "coefficients": {axis: float(found.value[axis][0]) for axis in AXES},
-        "standard_errors": {axis: _known(float(found.standard_error[axis][0])) for axis in AXES},
-        "places": {axis: Place(int(found.place[axis][0])).label for axis in AXES},
-        "outside_tables": bool(found.prediction.outside[0]),
-        "outside_of": sorted(found.prediction.outside_tables),
+        "coefficients": {axis: float(evaluation.value[axis][0]) for axis in AXES},
+        "standard_errors": {
+            axis: _known(float(evaluation.standard_error[axis][0])) for axis in AXES
+        },
+        "places": {axis: Place(int(evaluation.place[axis][0])).label for axis in AXES},
+        "outside_tables": bool(evaluation.prediction.outside[0]),
+        "outside_of": sorted(evaluation.prediction.outside_tables),
     }
 
 
@@ -76,14 +78,14 @@ def sweep(
         )
     point, assumed, channels = _point(database, at)
     line = np.linspace(low, high, points)
-    found = evaluate_database(
+    evaluation = evaluate_database(
         database, {**{name: np.full(points, value) for name, value in channels.items()}, over: line}
     )
     axes = {
         axis: {
-            "value": [_known(value) for value in found.value[axis].tolist()],
-            "standard_error": [_known(value) for value in found.standard_error[axis].tolist()],
-            "place": [Place(int(code)).label for code in found.place[axis]],
+            "value": [_known(value) for value in evaluation.value[axis].tolist()],
+            "standard_error": [_known(value) for value in evaluation.standard_error[axis].tolist()],
+            "place": [Place(int(code)).label for code in evaluation.place[axis]],
         }
         for axis in AXES
     }

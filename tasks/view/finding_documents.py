@@ -34,12 +34,12 @@ def findings_page(
     """
     rows = access.catalogue.runs_of(FLOWS.values(), limit + 1, _place(after) if after else None)
     shown = rows[:limit]
-    made = access.catalogue.made_by([run.id for run in shown], "close_loop")
-    versions = access.catalogue.versions_by_id(id for ids, _ in made.values() for id in ids)
+    results = access.catalogue.made_by([run.id for run in shown], "close_loop")
+    versions = access.catalogue.versions_by_id(id for ids, _ in results.values() for id in ids)
     reports = access.catalogue.reports_of(versions)
     entries = []
     for run in shown:
-        ids, keys = made[run.id]
+        ids, keys = results[run.id]
         reference = next((id for id in ids if "axes" in reports.get(id, {})), None) or next(
             iter(keys), None
         )
@@ -63,8 +63,8 @@ def finding_document(
     if meant not in reports:
         row = access.catalogue.result(meant)
         assert row is not None
-        found: dict[str, Any] = read_document(access.file_of(row.path))
-        return found
+        document: dict[str, Any] = read_document(access.file_of(row.path))
+        return document
     report = {name: part for name, part in reports[meant].items() if name != "check_cases"}
     if "axes" not in report:
         label = access.catalogue.version_of_id(meant).label

@@ -78,8 +78,8 @@ def damage_document(entry: Damage) -> dict[str, Any]:
 def _conditioning(access: WorkspaceAccess, results: Sequence[ResultRow]) -> dict[str, Any]:
     """Return the conditioning findings of the last time the flight was processed."""
     stored = [result for result in results if result.step == "conditioning"]
-    found = read_results(access.file_of(stored[-1].path))[1] if stored else {}
-    return {name: found.get(name, []) for name in ("suspicions", "segments", "delays")}
+    conditioning = read_results(access.file_of(stored[-1].path))[1] if stored else {}
+    return {name: conditioning.get(name, []) for name in ("suspicions", "segments", "delays")}
 
 
 def _consistency(

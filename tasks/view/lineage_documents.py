@@ -25,16 +25,16 @@ FIGURE_KINDS: Final = ("png", "svg", "pdf")
 def lineage_document(catalogue: Catalogue, version: VersionRow) -> dict[str, Any]:
     """Return what a version is based on: ancestors, reasons why it is stale, flights, inputs and
     runs."""
-    found = catalogue.lineage(version.id)
+    lineage = catalogue.lineage(version.id)
     return {
-        "version": found.version.id,
-        "line": [version_document(ancestor) for ancestor in found.line],
+        "version": lineage.version.id,
+        "line": [version_document(ancestor) for ancestor in lineage.line],
         "stale": list(catalogue.stale(version.id)),
         "flights": [
-            {"flight": f, "role": role, "log_sha256": found.logs[f]}
-            for f, role in sorted(found.roles.items())
+            {"flight": f, "role": role, "log_sha256": lineage.logs[f]}
+            for f, role in sorted(lineage.roles.items())
         ],
-        "inputs": {key: list(values) for key, values in found.inputs.items()},
+        "inputs": {key: list(values) for key, values in lineage.inputs.items()},
         "runs": [
             {
                 "run": r.id,
@@ -43,7 +43,7 @@ def lineage_document(catalogue: Catalogue, version: VersionRow) -> dict[str, Any
                 "state": r.state,
                 "code_version": r.code_version,
             }
-            for r in found.runs
+            for r in lineage.runs
         ],
     }
 
@@ -123,9 +123,11 @@ def origin_of_point(
 
 def prov_of(catalogue: Catalogue, version: VersionRow) -> bytes:
     """Return the lineage of a version as PROV-JSON."""
-    found = catalogue.lineage(version.id)
-    line = [row.id for row in found.line]
-    return prov_json(found, catalogue.settings_of(line), catalogue.moves_to(version.vehicle, line))
+    lineage = catalogue.lineage(version.id)
+    line = [row.id for row in lineage.line]
+    return prov_json(
+        lineage, catalogue.settings_of(line), catalogue.moves_to(version.vehicle, line)
+    )
 
 
 def rebuilds(catalogue: Catalogue, stale: Sequence[Impact]) -> list[dict[str, Any]]:
@@ -137,23 +139,23 @@ def rebuilds(catalogue: Catalogue, stale: Sequence[Impact]) -> list[dict[str, An
     """
     made_again: dict[str, str] = {}
     settings = catalogue.settings_of(entry.version.id for entry in stale)
-    found = []
+    commands = []
     for entry in stale:
         row = entry.version
         if "model" not in settings[row.id]:
-            found.append({"version": row.id, "label": row.label, "command": ""})
+            commands.append({"version": row.id, "label": row.label, "command": ""})
             continue
         baseline = row.parent or ""
         if baseline in made_again:
             # `candidate` points at what was made last: named by itself, unless another branch came
             # between.
-            baseline = "candidate" if found[-1]["version"] == baseline else made_again[baseline]
+            baseline = "candidate" if commands[-1]["version"] == baseline else made_again[baseline]
         elif baseline:
             baseline = catalogue.version_of_id(baseline).label
         command = f"aerodb update --vehicle {row.vehicle} --like {row.label} --baseline {baseline}"
         made_again[row.id] = f"NEW-{row.label}"
-        found.append({"version": row.id, "label": row.label, "command": command})
-    return found
+        commands.append({"version": row.id, "label": row.label, "command": command})
+    return commands
 
 
 def _origins(

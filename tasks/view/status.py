@@ -91,8 +91,8 @@ def schedule_text(schedule: Schedule) -> str:
 
 
 def _waiting(access: WorkspaceAccess, settings: Settings) -> list[dict[str, Any]]:
-    seen = files_of_inbox(access, settings, wait=False)
-    tries = access.catalogue.inbox_attempts(entry.relative for entry in seen)
+    entries = files_of_inbox(access, settings, wait=False)
+    tries = access.catalogue.inbox_attempts(entry.relative for entry in entries)
     return [
         {
             "file": entry.file[0],
@@ -102,24 +102,29 @@ def _waiting(access: WorkspaceAccess, settings: Settings) -> list[dict[str, Any]
             "tries": tries.get(entry.file, (0, ""))[0],
             "reason": entry.reason or tries.get(entry.file, (0, ""))[1],
         }
-        for entry in seen
+        for entry in entries
     ]
 
 
 def _run(run: RunRow, error: str) -> dict[str, Any]:
     ended = run.ended_utc.isoformat() if run.ended_utc else None
-    said = {
+    document = {
         "run": run.id,
         "flow": run.flow,
         "vehicle": run.parameters.get("vehicle"),
         "state": run.state,
     }
-    return {**said, "started_utc": run.started_utc.isoformat(), "ended_utc": ended, "error": error}
+    return {
+        **document,
+        "started_utc": run.started_utc.isoformat(),
+        "ended_utc": ended,
+        "error": error,
+    }
 
 
 def _vehicle(access: WorkspaceAccess, settings: Settings, name: str) -> dict[str, Any]:
     loop = settings.loop_of(name)
-    asked = {way: due(access, name, loop, way) for way in loop.run}
+    states = {way: due(access, name, loop, way) for way in loop.run}
     labels = {}
     for pointer in (RELEASED, CANDIDATE):
         version = access.named(name, pointer)
@@ -132,51 +137,51 @@ def _vehicle(access: WorkspaceAccess, settings: Settings, name: str) -> dict[str
             "due": d.is_due,
             "fault": _fault(access, name, loop, way, d),
         }
-        for way, d in asked.items()
+        for way, d in states.items()
     ]
     return {"vehicle": name, **labels, "loops": loops}
 
 
-def _fault(access: WorkspaceAccess, name: str, loop: LoopSettings, way: str, asked: Due) -> str:
+def _fault(access: WorkspaceAccess, name: str, loop: LoopSettings, way: str, state: Due) -> str:
     """Return why an update could not start; empty if it could."""
     try:
-        parameters_of(access, name, loop, way, asked)
+        parameters_of(access, name, loop, way, state)
     except AeroError as error:
         return str(error)
-    return "" if asked.baseline else "no database is released: aerodb database import FILE"
+    return "" if state.baseline else "no database is released: aerodb database import FILE"
 
 
 def _todo(document: dict[str, Any]) -> list[str]:
-    said = []
+    items = []
     if document["settings"] != "valid":
-        said.append(f"fix the settings: {document['settings'].splitlines()[0]}")
+        items.append(f"fix the settings: {document['settings'].splitlines()[0]}")
     for entry in document["waiting"]:
         if entry["state"] == "blocked":
-            said.append(f"{entry['file']}: {entry['reason']}")
+            items.append(f"{entry['file']}: {entry['reason']}")
     ready = sum(entry["state"] in ("ready", "refused") for entry in document["waiting"])
     if ready and not document["serve"]["running"]:
-        said.append(
+        items.append(
             f"{ready} logs wait and no aerodb serve runs on this workspace: aerodb nightly ingests"
             " them once, aerodb serve continuously"
         )
     for run in document["failed"]:
-        said.append(
+        items.append(
             f"{run['flow']} failed ({(run['error'].splitlines() or ['?'])[0][:200]}): aerodb retry"
             f" {run['run'][:12]}"
         )
     for entry in document["vehicles"]:
-        said += [
+        items += [
             f"{d['way']} of {entry['vehicle']}: {d['fault'].splitlines()[0]}"
             for d in entry["loops"]
             if d["fault"]
         ]
     if document["quarantined"]["count"]:
-        said.append(
+        items.append(
             f"{document['quarantined']['count']} logs are in quarantine: see why, fix the cause"
             " (vehicle file, mapping), then aerodb retry KEY or aerodb retry all"
         )
-    said += [
+    items += [
         f"not delivered: {text}; see the webhook or command in the settings"
         for text in document["undelivered"]
     ]
-    return said
+    return items

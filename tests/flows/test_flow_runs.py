@@ -196,8 +196,8 @@ def test_stored_coefficients_are_read_back_as_they_were_computed(
     workspace, document = direct
     access = access_workspace(str(workspace.root))
     row = access.catalogue.flight(document["flights"]["identified"][0])
-    flight, read, _ = load_coefficients(access, row, "")
-    made = total_coefficients(flight, access.vehicle(NAME)[0])
+    loaded = load_coefficients(access, row, "")
+    read, made = loaded.coefficients, total_coefficients(loaded.flight, access.vehicle(NAME)[0])
     assert list(read.values) == list(made.values)
     for axis in made.values:
         for side in ("values", "sigma", "usable"):

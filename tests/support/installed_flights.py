@@ -122,7 +122,7 @@ def around_the_earth(
     ).inv()
     more_rate = to_body.apply((spin + turn).T)
     heavy = np.zeros_like(velocity)
-    heavy[2] = normal_gravity(latitude, 0.0)[0] - GRAVITY
+    heavy[2] = normal_gravity(latitude, 0.0).gravity - GRAVITY
     more_force = to_body.apply((np.cross(2.0 * spin + turn, velocity, axis=0) - heavy).T)
     columns = {
         "time": time,

@@ -99,7 +99,8 @@ class Fleet:
             load_comparison(self.access, flight, self.versions[wrong], self.run)
             for flight in self.flights
         ]
-        flights, comparisons = [entry[0] for entry in loaded], [entry[1] for entry in loaded]
+        flights = [entry.flight for entry in loaded]
+        comparisons = [entry.comparison for entry in loaded]
         source = StoredFlights(self.access, NAME, self.run)
         about = (
             {id: source.reconstruction(id) for id in self.flights},
@@ -119,10 +120,8 @@ class Fleet:
 
     def consistent(self, flight: str) -> tuple[Flight, dict[str, Any]]:
         """A flight after its reconstruction, and the document of that."""
-        found, document, _ = load_consistent(
-            self.access, self.access.catalogue.flight(flight), self.run
-        )
-        return found, document
+        loaded = load_consistent(self.access, self.access.catalogue.flight(flight), self.run)
+        return loaded.flight, loaded.document
 
     def error_of_alpha(self, flight: str) -> tuple[float, float]:
         """Root mean squares about the level: of the true error of a reconstructed alpha, and of
@@ -178,7 +177,8 @@ def fleet(
     run = access.catalogue.start_run("tracing", how="direct").id
     true_alpha, ids = {}, []
     for number, outcome in enumerate(outcomes):
-        found, _, _ = load_consistent(access, access.catalogue.flight(outcome["flight"]), run)
+        row = access.catalogue.flight(outcome["flight"])
+        found = load_consistent(access, row, run).flight
         if (
             "alpha" in found and "beta" in found
         ):  # others cannot be compared with the database, and are left out

@@ -124,7 +124,8 @@ def test_planted_errors_are_removed_and_the_flight_is_read_back(tmp_path: Path) 
     access = access_workspace(str(workspace))
     row = access.catalogue.flight(outcome["flight"])
     assert row.verdict == "good"
-    flight, document, key = load_consistent(access, row, "")
+    loaded = load_consistent(access, row, "")
+    flight, document, key = loaded.flight, loaded.document, loaded.key
     assert key == found["key"]
     true, sigma = exact(columns), stored_sigma(access, key)
     for name in ("V", "alpha", "beta"):
@@ -382,9 +383,9 @@ def test_citation_is_corrected_without_inventing_sideslip(
     assert found["earth"] == "flat"
     assert found["used"]["beta"].startswith("not given")
     access = access_workspace(str(workspace))
-    flight, _, key = load_consistent(access, access.catalogue.flight(outcome["flight"]), "")
-    assert "beta" not in flight
-    assert "beta" not in read_results(access.path_of(key))[0]
+    loaded = load_consistent(access, access.catalogue.flight(outcome["flight"]), "")
+    assert "beta" not in loaded.flight
+    assert "beta" not in read_results(access.path_of(loaded.key))[0]
     applied = {
         entry["parameter"]: entry["value"] for entry in found["estimates"] if entry["applied"]
     }

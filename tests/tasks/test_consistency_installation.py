@@ -57,8 +57,8 @@ def _ingested(
 def _consistent(outcome: dict[str, Any], workspace: Path) -> tuple[Flight, dict[str, np.ndarray]]:
     """The consistent flight as it is stored, and its standard errors."""
     access = access_workspace(str(workspace))
-    flight, _, key = load_consistent(access, access.catalogue.flight(outcome["flight"]), "")
-    return flight, stored_sigma(access, key)
+    loaded = load_consistent(access, access.catalogue.flight(outcome["flight"]), "")
+    return loaded.flight, stored_sigma(access, loaded.key)
 
 
 def _estimates(outcome: dict[str, Any]) -> dict[str, dict[str, Any]]:

@@ -176,22 +176,22 @@ def reconstruct_flight(
         }
         own = solve(most_active(records), plan, fixed=held)
         stated = {name: sigma for name, sigma in stated.items() if name not in calibration.names}
-    found = with_vehicle_priors(shared_estimates(own), stated)
+    estimates = with_vehicle_priors(shared_estimates(own), stated)
     if calibration is not None:
         # a calibration made from this flight already contains it: do not count the flight twice
         in_calibration = flight_of(records[0]) in calibration.flights
-        found = (
-            overridden_by_calibration(found, calibration)
+        estimates = (
+            overridden_by_calibration(estimates, calibration)
             if in_calibration
-            else with_calibration(found, calibration)
+            else with_calibration(estimates, calibration)
         )
-    fixed = {**held, **{name: value for name, (value, _) in found.by_name.items()}}
+    fixed = {**held, **{name: value for name, (value, _) in estimates.by_name.items()}}
     winds = [name for name in plan.free if parameter(name).kind in PER_FLIGHT]
     parts = [
         solve(list(group), plan, winds, fixed)
         for _, group in groupby(records, key=lambda record: record.flight)
     ]
-    return FlightReconstruction(_joined(own, parts, found), found, held)
+    return FlightReconstruction(_joined(own, parts, estimates), estimates, held)
 
 
 def most_active(records: Sequence[Record], most: int = MOST_STRETCHES) -> list[Record]:
@@ -234,7 +234,7 @@ def solve(
 
 
 def _joined(
-    own: Reconstruction, parts: Sequence[Reconstruction], found: SensorEstimates
+    own: Reconstruction, parts: Sequence[Reconstruction], estimates: SensorEstimates
 ) -> Reconstruction:
     """Join reconstructions of parts of a flight, with the sensor estimates and with the standard
     errors of the joint solution where these are larger."""
@@ -256,7 +256,7 @@ def _joined(
                 before=_uncorrected_residuals(path.record),
             )
         )
-    known = found.by_name
+    known = estimates.by_name
     sensors = [
         replace(entry, value=known[name][0], standard_error=known[name][1], at_bound=False)
         for entry in own.estimates
@@ -264,7 +264,7 @@ def _joined(
     ]
     others = [entry for part in parts for entry in part.estimates]
     converged = own.converged and sum(part.converged for part in parts) > 0.5 * len(parts)
-    spread = block_diag(found.covariance, *(part.covariance for part in parts))
+    spread = block_diag(estimates.covariance, *(part.covariance for part in parts))
     return replace(
         own,
         estimates=(*sensors, *others),
@@ -285,7 +285,7 @@ def independent_noise(paths: Sequence[ReconstructedPath]) -> dict[str, float]:
     n samples of a coloured residual count as n / (1 + 2 sum of its autocorrelation) independent
     ones (Bartlett 1946; here up to the first zero crossing).
     """
-    found = {}
+    noise = {}
     for name in AIR_DATA:
         pieces = [path.residuals[name] for path in paths if name in path.residuals]
         pieces = [bridge(piece) - np.nanmean(piece) for piece in pieces if np.isfinite(piece).any()]
@@ -293,8 +293,8 @@ def independent_noise(paths: Sequence[ReconstructedPath]) -> dict[str, float]:
             inflation = np.average(
                 [_inflation(piece) for piece in pieces], weights=[len(piece) for piece in pieces]
             )
-            found[name] = float(np.sqrt(inflation * np.mean(np.concatenate(pieces) ** 2)))
-    return found
+            noise[name] = float(np.sqrt(inflation * np.mean(np.concatenate(pieces) ** 2)))
+    return noise
 
 
 def _inflation(residual: Array) -> float:
@@ -340,8 +340,8 @@ def joint_calibration(
     if not records:
         raise InputError("no flight", f"calibration of {vehicle.name}", "give at least one flight")
     result, plan = estimate_sensors(records, make_plan(records, vehicle), vehicle.accuracy)
-    found = with_vehicle_priors(shared_estimates(result), plan.stated_priors)
-    if not found.names:
+    estimates = with_vehicle_priors(shared_estimates(result), plan.stated_priors)
+    if not estimates.names:
         raise InputError(
             "these flights determine no sensor parameter",
             f"calibration of {vehicle.name}",
@@ -349,7 +349,13 @@ def joint_calibration(
         )
     ids = tuple(sorted({flight.id for flight in flights}))
     return Calibration(
-        vehicle.name, found.names, found.values, found.covariance, ids, valid_from, valid_until
+        vehicle.name,
+        estimates.names,
+        estimates.values,
+        estimates.covariance,
+        ids,
+        valid_from,
+        valid_until,
     )
 
 

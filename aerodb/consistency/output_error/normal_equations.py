@@ -85,11 +85,13 @@ def usable_samples(
 
 def residuals(record: Record, response: Response) -> dict[str, Array]:
     """Measured minus reconstructed outputs, (n,) by channel; bank and heading modulo 360 deg."""
-    found = {}
+    differences = {}
     for name, shown in response.outputs.items():
         difference = record.outputs[name] - shown
-        found[name] = np.angle(np.exp(1j * difference)) if name in ("phi", "psi") else difference
-    return found
+        differences[name] = (
+            np.angle(np.exp(1j * difference)) if name in ("phi", "psi") else difference
+        )
+    return differences
 
 
 def record_values(

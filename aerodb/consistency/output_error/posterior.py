@@ -87,28 +87,30 @@ def shared_estimates(result: Reconstruction) -> SensorEstimates:
     )
 
 
-def with_vehicle_priors(found: SensorEstimates, stated: Mapping[str, float]) -> SensorEstimates:
+def with_vehicle_priors(estimates: SensorEstimates, stated: Mapping[str, float]) -> SensorEstimates:
     """The estimates updated by the vehicle file's priors (name -> one sigma about zero, SI)."""
-    names = tuple(name for name in found.names if name in stated)
+    names = tuple(name for name in estimates.names if name in stated)
     sigma = np.array([stated[name] for name in names])
-    return found.updated(names, np.zeros(len(names)), np.diag(sigma**2)) if names else found
+    return estimates.updated(names, np.zeros(len(names)), np.diag(sigma**2)) if names else estimates
 
 
-def with_calibration(found: SensorEstimates, calibration: Calibration) -> SensorEstimates:
+def with_calibration(estimates: SensorEstimates, calibration: Calibration) -> SensorEstimates:
     """The estimates updated by a calibration."""
-    part = calibration.only(found.names)
-    return found.updated(part.names, part.values, part.covariance) if part.names else found
+    part = calibration.only(estimates.names)
+    return estimates.updated(part.names, part.values, part.covariance) if part.names else estimates
 
 
-def overridden_by_calibration(found: SensorEstimates, calibration: Calibration) -> SensorEstimates:
+def overridden_by_calibration(
+    estimates: SensorEstimates, calibration: Calibration
+) -> SensorEstimates:
     """The estimates with those of a calibration in place of the flight's own."""
-    part = calibration.only(found.names)
-    index = [found.names.index(name) for name in part.names]
-    values, spread = found.values.copy(), found.covariance.copy()
+    part = calibration.only(estimates.names)
+    index = [estimates.names.index(name) for name in part.names]
+    values, spread = estimates.values.copy(), estimates.covariance.copy()
     values[index] = part.values
     spread[index, :] = spread[:, index] = 0.0
     spread[np.ix_(index, index)] = part.covariance
-    return SensorEstimates(found.names, values, spread)
+    return SensorEstimates(estimates.names, values, spread)
 
 
 def significant_parameters(
@@ -194,7 +196,7 @@ def _worthwhile_error(name: str, plan: Plan) -> float:
 
 
 def applied_corrections(
-    found: SensorEstimates, plan: Plan, calibration: Calibration | None
+    estimates: SensorEstimates, plan: Plan, calibration: Calibration | None
 ) -> dict[str, float]:
     """Name -> value (SI) of the corrections to apply.
 
@@ -204,7 +206,7 @@ def applied_corrections(
     known = {} if calibration is None else calibration.by_name
     worth = {
         name: value
-        for name, (value, error) in found.by_name.items()
+        for name, (value, error) in estimates.by_name.items()
         if name in known
         or abs(value) > SIGNIFICANT * error
         or error < _worthwhile_error(name, plan)

@@ -50,13 +50,13 @@ def expected_inputs(record: Record) -> Array:
     Klein & Morelli (2006), Aircraft System Identification, chapter 10.
     """
     n = len(record.inputs)
-    found = np.full((n, 6), np.nan)
+    expected = np.full((n, 6), np.nan)
     known = {
         name: bridge(values) for name, values in record.outputs.items() if np.isfinite(values).any()
     }
     known.update({name: bridge(values) for name, values in record.given.items()})
     if not {"phi", "theta"} <= set(known):
-        return found
+        return expected
     limit = min(BANDWIDTH, 0.125 / record.step)
 
     def rate(values: Array) -> Array:
@@ -69,25 +69,25 @@ def expected_inputs(record: Record) -> Array:
         psi = np.unwrap(known["psi"])
         states[5] = psi
         turn, pitch = rate(psi), rate(theta)
-        found[:, 3] = rate(np.unwrap(phi)) - turn * np.sin(theta)
-        found[:, 4] = pitch * np.cos(phi) + turn * np.cos(theta) * np.sin(phi)
-        found[:, 5] = -pitch * np.sin(phi) + turn * np.cos(theta) * np.cos(phi)
+        expected[:, 3] = rate(np.unwrap(phi)) - turn * np.sin(theta)
+        expected[:, 4] = pitch * np.cos(phi) + turn * np.cos(theta) * np.sin(phi)
+        expected[:, 5] = -pitch * np.sin(phi) + turn * np.cos(theta) * np.cos(phi)
     rotation = earth_to_body(states)
     gravity = rotation[:, 2] * record.gravity
     earth = [f"velocity_{axis}" for axis in ("north", "east", "down")]
     if set(earth) <= set(known) and "psi" in known:
         change = np.stack([rate(known[name]) for name in earth])
-        found[:, :3] = (np.einsum("ijn,jn->in", rotation, change) - gravity).T
+        expected[:, :3] = (np.einsum("ijn,jn->in", rotation, change) - gravity).T
     elif {"V", "alpha"} <= set(known):
         alpha, beta = known["alpha"], known.get("beta", np.zeros(n))
         air = known["V"] * np.stack(
             [np.cos(beta) * np.cos(alpha), np.sin(beta), np.cos(beta) * np.sin(alpha)]
         )
-        turning = found[:, 3:] if "psi" in known else record.inputs[:, 3:]
+        turning = expected[:, 3:] if "psi" in known else record.inputs[:, 3:]
         air = air - np.cross(turning, record.arm).T
         change = np.stack([rate(part) for part in air])
-        found[:, :3] = (change + np.cross(turning, air.T).T - gravity).T
-    return found
+        expected[:, :3] = (change + np.cross(turning, air.T).T - gravity).T
+    return expected
 
 
 def detect_faults(record: Record) -> tuple[Fault, ...]:
@@ -96,9 +96,9 @@ def detect_faults(record: Record) -> tuple[Fault, ...]:
     Stuck channels and angles in degrees are tested first; only if there are none, missing gravity,
     then signs, units and swapped axes of the inertial sensors.
     """
-    found = [*_stuck(record), *_units(record)]
-    if found:
-        return tuple(found)  # the further tests would report the same faults again
+    faults = [*_stuck(record), *_units(record)]
+    if faults:
+        return tuple(faults)  # the further tests would report the same faults again
     expected = expected_inputs(record)
     for first, names, least in ((3, INPUTS[3:], _LEAST[0]), (0, INPUTS[:3], _LEAST[1])):
         block = slice(first, first + 3)
@@ -107,10 +107,10 @@ def detect_faults(record: Record) -> tuple[Fault, ...]:
                 [_low(record.inputs[:, k], record.step) for k in range(first, first + 3)]
             )
             if first == 0:
-                found += _gravity(expected, smoothed, record.gravity)
-            if not found:
-                found += _axes(expected[:, block], smoothed, names, least)
-    return tuple(found)
+                faults += _gravity(expected, smoothed, record.gravity)
+            if not faults:
+                faults += _axes(expected[:, block], smoothed, names, least)
+    return tuple(faults)
 
 
 def _low(values: Array, step: float) -> Array:
@@ -133,21 +133,21 @@ def _stuck(record: Record) -> list[Fault]:
 
 
 def _units(record: Record) -> list[Fault]:
-    found = []
+    faults = []
     for name in ("phi", "theta", "alpha", "beta"):
         values = record.outputs.get(name)
         if (
             values is not None
             and np.nanmax(np.abs(values)) > (np.pi if name == "phi" else np.pi / 2) * 1.05
         ):
-            found.append(
+            faults.append(
                 Fault(
                     (name,),
                     f"{name} reaches {np.nanmax(np.abs(values)):.0f} rad: degrees declared as"
                     " radians",
                 )
             )
-    return found
+    return faults
 
 
 def _gravity(expected: Array, shown: Array, gravity: float) -> list[Fault]:
@@ -171,11 +171,11 @@ def _axes(expected: Array, shown: Array, names: Sequence[str], least: float) -> 
     """Compare each expected axis with each sensor (n, 3): the correlation tells which belong
     together, the slope tells sign and unit."""
     moves = expected - expected.mean(axis=0)
-    seen = shown - shown.mean(axis=0)
-    size, answer = moves.std(axis=0), seen.std(axis=0)
+    deviation = shown - shown.mean(axis=0)
+    size, answer = moves.std(axis=0), deviation.std(axis=0)
     with np.errstate(invalid="ignore", divide="ignore"):
-        alike = np.nan_to_num((moves.T @ seen) / len(moves) / np.outer(size, answer))
-    found: list[Fault] = []
+        alike = np.nan_to_num((moves.T @ deviation) / len(moves) / np.outer(size, answer))
+    faults: list[Fault] = []
     for k, name in enumerate(names):
         best = int(np.argmax(np.abs(alike[k])))
         if size[k] < least or abs(alike[k, best]) < 0.8:
@@ -183,14 +183,14 @@ def _axes(expected: Array, shown: Array, names: Sequence[str], least: float) -> 
         slope = alike[k, best] * answer[best] / size[k]
         if best != k and int(np.argmax(np.abs(alike[best]))) == k and abs(alike[k, k]) < 0.6:
             if k < best:
-                found.append(
+                faults.append(
                     Fault(
                         (name, names[best]),
                         f"{name} and {names[best]} are swapped: each shows the other's motion",
                     )
                 )
         elif best == k and slope < 0:
-            found.append(
+            faults.append(
                 Fault(
                     (name,),
                     f"{name} has the wrong sign: it runs against the motion that the other sensors"
@@ -198,17 +198,17 @@ def _axes(expected: Array, shown: Array, names: Sequence[str], least: float) -> 
                 )
             )
         elif best == k and 30.0 < slope < 90.0:
-            found.append(
+            faults.append(
                 Fault(
                     (name,), f"{name} is {slope:.0f} times too large: degrees declared as radians"
                 )
             )
         elif best == k and 1 / 90.0 < slope < 1 / 30.0:
-            found.append(
+            faults.append(
                 Fault(
                     (name,),
                     f"{name} is {1 / slope:.0f} times too small: radians converted to radians once"
                     " more",
                 )
             )
-    return found
+    return faults

@@ -245,11 +245,15 @@ class SensorModels:
     def dynamic_pressure(self) -> Signal:
         """True dynamic pressure at the air-data point, Pa; density is solved for with it if it was
         computed from the measured static pressure."""
-        made = self.speed * self.speed * (0.5 * self._density())
+        incompressible = self.speed * self.speed * (0.5 * self._density())
         if self.pressure is None or not self.acts(*_PORTS):
-            return made
+            return incompressible
         share = 1.0 - self.unknown("static_port_offset") / self.pressure
-        return made * share / (1.0 + self.unknown("static_port_error") * made / self.pressure)
+        return (
+            incompressible
+            * share
+            / (1.0 + self.unknown("static_port_error") * incompressible / self.pressure)
+        )
 
     @cached_property
     def shown_pressure(self) -> Signal:

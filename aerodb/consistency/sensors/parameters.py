@@ -190,7 +190,7 @@ def unknowns(
 
     names : parameter names without scope. flights : one per record. records : names of the records.
     """
-    found: list[Parameter] = []
+    parameters: list[Parameter] = []
     for name in dict.fromkeys(names):
         kind = parameter(name).kind
         scopes = (
@@ -200,5 +200,5 @@ def unknowns(
             if kind == "initial"
             else ("",)
         )
-        found += [parameter(name, scope) for scope in scopes]
-    return tuple(found)
+        parameters += [parameter(name, scope) for scope in scopes]
+    return tuple(parameters)

@@ -14,7 +14,7 @@ from aerodb.consistency.kinematics import INPUTS, STATES, integrate
 from aerodb.consistency.sensors.models import Installation, SensorModels
 from aerodb.consistency.sensors.parameters import FURTHER_OUTPUTS, OUTPUTS, Parameter, delays_of
 from aerodb.errors import InputError, UnknownNameError, nearest
-from aerodb.physics import Earth
+from aerodb.physics import GRAVITY, Earth
 from aerodb.support import Array, Signal
 
 #: Largest delay that is sought, s; for a delayed channel, samples this close to either end of a
@@ -59,7 +59,7 @@ class Record:
     given: Mapping[str, Array] = field(default_factory=dict)
     density: Array | None = None
     pivot: Mapping[str, float] = field(default_factory=dict)
-    gravity: float = 9.80665
+    gravity: float = GRAVITY
     held: bool = False
     first: int = 0
     installation: Installation = field(default_factory=Installation)

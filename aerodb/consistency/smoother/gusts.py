@@ -144,13 +144,13 @@ def estimate_intensities(
     span = np.r_[_SPAN[:6], np.full(len(names), _SPAN[6])]
     low, high = start - span, start + span
     low[6:] = np.log(least)
-    found = _most_likely(systems, names, start, low, high)
-    by = _intensities(found, names)
+    optimum = _most_likely(systems, names, start, low, high)
+    by = _intensities(optimum, names)
     slow = _slowest(systems, by, names)
-    coloured = slow > _COLOURED * np.exp(found[6:])
+    coloured = slow > _COLOURED * np.exp(optimum[6:])
     if coloured.any():
         low[6:] = np.where(coloured, np.log(slow), low[6:])
-        start[6:], high = np.where(coloured, np.log(slow), found[6:]), np.maximum(high, low + 1.0)
+        start[6:], high = np.where(coloured, np.log(slow), optimum[6:]), np.maximum(high, low + 1.0)
         by = _intensities(_most_likely(systems, names, start, low, high), names)
     return by
 
@@ -241,7 +241,7 @@ def _most_likely(
 
     gain = _ENOUGH / max(abs(cost(start)[0]), 1.0)
     limits = list(zip(low, high, strict=True))
-    found = minimize(
+    optimum = minimize(
         cost,
         start,
         jac=True,
@@ -250,7 +250,7 @@ def _most_likely(
         options={"maxiter": _PASSES, "ftol": gain},
     )
     return np.asarray(
-        np.clip(np.round(found.x, 3), low, high)
+        np.clip(np.round(optimum.x, 3), low, high)
     )  # finer than the data determine, coarser than rounding errors
 
 

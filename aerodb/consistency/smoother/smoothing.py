@@ -361,7 +361,7 @@ def _interpolated(values: Array, grid: np.ndarray, n: int, shift: float = 0.0) -
 def _residuals(system: PathError, error: Array, values: Mapping[str, float]) -> dict[str, Array]:
     """Measured minus smoothed outputs, (n,) by channel, at the record's own rate, with delays."""
     change = predicted_outputs(system, error[None])[0] - system.base
-    found, n = {}, len(system.path.record.inputs)
+    remaining, n = {}, len(system.path.record.inputs)
     for column, name in enumerate(system.channels):
         turned = (
             np.angle(np.exp(1j * change[:, column]))
@@ -369,7 +369,7 @@ def _residuals(system: PathError, error: Array, values: Mapping[str, float]) -> 
             else change[:, column]
         )
         late = delay_of_channel(name, values) / system.path.record.step
-        found[name] = (
+        remaining[name] = (
             system.path.residuals[name] - _interpolated(turned[:, None], system.at, n, late)[:, 0]
         )
-    return found
+    return remaining

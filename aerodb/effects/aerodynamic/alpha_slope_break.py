@@ -60,13 +60,13 @@ def sharpest_kink(context: LibraryContext, axis: str, widest: float = 0.21) -> f
 
 
 def _hypotheses(context: LibraryContext) -> list[Hypothesis]:
-    found = []
+    hypotheses = []
     for axis, size in SIZES.items():
         kink = sharpest_kink(context, context.axis(axis))
         breaks = {*context.settings.alpha_breaks, *(() if kink is None else (kink,))}
         for at in sorted(breaks):
             text = f"{at:.4g}"
-            found.append(
+            hypotheses.append(
                 additive(
                     context,
                     "alpha_slope_break",
@@ -80,7 +80,7 @@ def _hypotheses(context: LibraryContext) -> list[Hypothesis]:
                     source=SOURCE,
                 )
             )
-    return found
+    return hypotheses
 
 
 TEMPLATE = Template(

@@ -28,11 +28,11 @@ def per_surface(
     """
 
     def hypotheses(context: LibraryContext) -> list[Hypothesis]:
-        found = []
+        expanded = []
         for surface in context.surfaces:
             for axis, size in sizes.get(surface.role, {}).items():
-                found.append(_one(context, surface, axis, size))
-        return found
+                expanded.append(_one(context, surface, axis, size))
+        return expanded
 
     def _one(context: LibraryContext, surface: Surface, axis: str, size: float) -> Hypothesis:
         alone = sum(other.role == surface.role for other in context.surfaces) == 1

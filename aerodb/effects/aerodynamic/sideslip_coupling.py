@@ -25,13 +25,13 @@ def _hypotheses(context: LibraryContext) -> list[Hypothesis]:
         "abs_beta": "that grows with sideslip to either side",
         "alpha_beta": "due to sideslip that changes with angle of attack",
     }
-    found = []
+    hypotheses = []
     for axis, size in SIZES.items():
         name, regressor = (
             ("abs_beta", LONGITUDINAL) if axis in ("CX", "CZ", "Cm") else ("alpha_beta", LATERAL)
         )
         unit = "1/rad" if name == "abs_beta" else "1/rad^2"
-        found.append(
+        hypotheses.append(
             additive(
                 context,
                 EFFECT,
@@ -44,7 +44,7 @@ def _hypotheses(context: LibraryContext) -> list[Hypothesis]:
                 source=SOURCE,
             )
         )
-    return found
+    return hypotheses
 
 
 TEMPLATE = Template(

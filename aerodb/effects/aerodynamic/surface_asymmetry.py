@@ -22,13 +22,13 @@ SOURCE = "symmetry; 003, below eq. 6, for the combinations"
 
 
 def _hypotheses(context: LibraryContext) -> list[Hypothesis]:
-    found = []
+    hypotheses = []
     for surface in context.surfaces:
         combination = context.vehicle.combinations.get(surface.name)
         if combination is None:
             continue
         axis, size = FORBIDDEN[combination.kind]
-        found.append(
+        hypotheses.append(
             additive(
                 context,
                 "surface_asymmetry",
@@ -45,7 +45,7 @@ def _hypotheses(context: LibraryContext) -> list[Hypothesis]:
                 source=SOURCE,
             )
         )
-    return found
+    return hypotheses
 
 
 FORMULA = "Cl += k*delta_symmetric; Cm += k*delta_asymmetric"

@@ -72,7 +72,7 @@ def wrong_part(table: Table, axis: int, odd: bool) -> tuple[Array, Array]:
 def defects(context: LibraryContext) -> list[Defect]:
     """Tables with sideslip among their own arguments that enter a coefficient linearly, and what
     may be wrong with them."""
-    found = []
+    listed = []
     for site in linear_tables(context.database):
         names = [channel.name if channel else None for channel in site.channels]
         table = context.database.tables[site.table]
@@ -97,8 +97,8 @@ def defects(context: LibraryContext) -> list[Defect]:
         part = bool(np.max(np.abs(wrong)) > _RIGHT * np.max(np.abs(table.values)))
         regressor = _regressor(site, table, (k, points, wrong) if part and odd else None)
         if len(str(regressor)) <= MAX_LENGTH:
-            found.append(Defect(site, regressor, part))
-    return found
+            listed.append(Defect(site, regressor, part))
+    return listed
 
 
 def _usable_factors(site: LinearTable) -> bool:

@@ -80,9 +80,9 @@ def _flattened(axis: AxisUpdate, noisier: Sequence[AxisUpdate], factor: float) -
     """One axis with the doubt; a term that a noisier estimate lacks has moved by nothing there."""
     moved = np.zeros(len(axis.names))
     for other in noisier:
-        found = dict(zip(other.names, other.estimates, strict=True))
+        other_estimates = dict(zip(other.names, other.estimates, strict=True))
         moved += [
-            (found.get(name, value) - value) / len(noisier)
+            (other_estimates.get(name, value) - value) / len(noisier)
             for name, value in zip(axis.names, axis.estimates, strict=True)
         ]
     covariance = axis.covariance + factor**2 * np.outer(moved, moved)

@@ -31,18 +31,18 @@ def sensor_consider_parameters(
     own : names of errors of this flight alone; all others are common to all flights of the vehicle,
         like that of a calibration.
     """
-    found = []
+    parameters = []
     for name, columns in _COLUMNS.items():
         channel = name.rpartition("_")[0]
         if sigma.get(name, 0.0) > 0 and (
             channel in view.channels or f"{channel}_imu" in view.channels
         ):
-            found.append(
+            parameters.append(
                 ConsiderParameter(
                     name, sigma[name], name not in own, with_wind(view, columns(view))
                 )
             )
-    return tuple(found)
+    return tuple(parameters)
 
 
 def with_wind(view: FlightView, columns: Columns) -> Columns:

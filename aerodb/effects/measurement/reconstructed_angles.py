@@ -37,15 +37,17 @@ def with_reconstructed_angles(
     >>> with_reconstructed_angles((), (), ("alpha", "beta"))
     ()
     """
-    found: list[Hypothesis] = []
+    replaced: list[Hypothesis] = []
     for hypothesis in hypotheses:
         angle, _, kind = hypothesis.effect.partition("_")
         if angle in WORDS and kind in _SAYS:
-            found += [hypothesis] if angle in shown else []
-            found += [_of_reconstructed(hypothesis, angle, kind)] if angle in reconstructed else []
+            replaced += [hypothesis] if angle in shown else []
+            replaced += (
+                [_of_reconstructed(hypothesis, angle, kind)] if angle in reconstructed else []
+            )
         elif hypothesis.effect != _OF_PROBE or shown:
-            found.append(hypothesis)
-    return tuple(found)
+            replaced.append(hypothesis)
+    return tuple(replaced)
 
 
 def _of_reconstructed(hypothesis: Hypothesis, angle: str, kind: str) -> Hypothesis:

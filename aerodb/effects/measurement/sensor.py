@@ -56,12 +56,12 @@ def sensor(
 
 def bias_prior(context: LibraryContext, *channels: str) -> float:
     """The first bias prior that the vehicle file declares for one of `channels`, else 0."""
-    found = (
+    priors = (
         context.vehicle.sensors[name].bias_prior
         for name in channels
         if name in context.vehicle.sensors
     )
-    return next((sigma for sigma in found if sigma > 0), 0.0)
+    return next((sigma for sigma in priors if sigma > 0), 0.0)
 
 
 def delay_prior(context: LibraryContext, channel: str) -> float:

@@ -36,11 +36,11 @@ def fault(view: FlightView, surface: str, symmetric: str, asymmetric: str, side:
 
 def pairs(context: LibraryContext) -> dict[tuple[str, str], list[Surface]]:
     """(right, left) -> the combinations that flights have of these two surfaces."""
-    found: dict[tuple[str, str], list[Surface]] = {}
+    by_sides: dict[tuple[str, str], list[Surface]] = {}
     for surface in context.surfaces:
         if surface.right:
-            found.setdefault((surface.right, surface.left), []).append(surface)
-    return found
+            by_sides.setdefault((surface.right, surface.left), []).append(surface)
+    return by_sides
 
 
 def pair_name(right: str, left: str) -> str:
@@ -57,8 +57,8 @@ def pair_name(right: str, left: str) -> str:
 
 def _scale(context: LibraryContext) -> list[Hypothesis]:
     groups = {
-        pair_name(*sides): tuple(s.channel for s in found)
-        for sides, found in pairs(context).items()
+        pair_name(*sides): tuple(s.channel for s in surfaces)
+        for sides, surfaces in pairs(context).items()
     }
     groups |= {
         surface.name: (surface.channel,) for surface in context.surfaces if not surface.right
@@ -87,7 +87,7 @@ def _scale(context: LibraryContext) -> list[Hypothesis]:
 
 
 def _fault(context: LibraryContext) -> list[Hypothesis]:
-    found = []
+    hypotheses = []
     for sides, combined in pairs(context).items():
         kinds = {
             context.vehicle.combinations[surface.name].kind: surface.channel for surface in combined
@@ -95,7 +95,7 @@ def _fault(context: LibraryContext) -> list[Hypothesis]:
         symmetric, asymmetric = kinds.get("symmetric", ""), kinds.get("asymmetric", "")
         for name, side in zip(sides, (1.0, -1.0), strict=True):
             channel = f"delta_{name}"
-            found.append(
+            hypotheses.append(
                 sensor(
                     context,
                     "surface_asymmetry",
@@ -119,7 +119,7 @@ def _fault(context: LibraryContext) -> list[Hypothesis]:
                     subject=name,
                 )
             )
-    return found
+    return hypotheses
 
 
 SCALE = Template("surface_scale", "sensor", "-delta*dC/ddelta", SOURCE, _scale)

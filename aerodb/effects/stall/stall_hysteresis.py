@@ -123,10 +123,10 @@ def stall_hypotheses(
         if one
         else "; ".join(f"{flight}: {law}" for flight, law in sorted(states.items()))
     )
-    found = []
+    hypotheses = []
     for axis, regressor in stall_regressors(context.database).items():
         gain = _GAINS[axis]
-        found.append(
+        hypotheses.append(
             Hypothesis(
                 effect="stall_hysteresis",
                 axes=_BODY_AXES[axis],
@@ -144,7 +144,7 @@ def stall_hypotheses(
                 source=SOURCE,
             )
         )
-    return found
+    return hypotheses
 
 
 def template(laws: Sequence[Law]) -> Template:

@@ -183,8 +183,8 @@ class Family:
         if self.name != "relay":
             size = {"xatol": 1e-3, "fatol": 1e-2, "maxiter": 300}
             span = [(0.0, 1.0)] * len(share)
-            found = minimize(cost, share, method="Nelder-Mead", bounds=span, options=size)  # type: ignore[call-overload]
-            return np.asarray(found.x)
+            optimum = minimize(cost, share, method="Nelder-Mead", bounds=span, options=size)  # type: ignore[call-overload]
+            return np.asarray(optimum.x)
         for reach in (0.05, 0.01, 0.002):
             for number in range(len(share)):
                 tried = [
@@ -422,21 +422,23 @@ class _Problem:
 
     def solved(self, kind: Family, parameters: Parameters) -> dict[str, tuple[float, Array]]:
         """Axis -> (gain within its bounds, nuisance parameters (k,))."""
-        found = {}
+        solutions = {}
         for axis, column in self._columns(kind, parameters).items():
             gain = self._gain(kind, axis, self._without_nuisance(axis, column))
             rest: Array = np.linalg.lstsq(
                 self._nuisance[axis], self._response[axis] - gain * column, rcond=None
             )[0]
-            found[axis] = (gain, rest)
-        return found
+            solutions[axis] = (gain, rest)
+        return solutions
 
     def _columns(
         self, kind: Family, parameters: Parameters, quickly: bool = False
     ) -> dict[str, Array]:
-        found = [(flight, kind.columns(flight, parameters, quickly)) for flight in self._flights]
+        by_flight = [
+            (flight, kind.columns(flight, parameters, quickly)) for flight in self._flights
+        ]
         return {
-            axis: np.concatenate([blocked(f, each[axis]) for f, each in found])
+            axis: np.concatenate([blocked(f, each[axis]) for f, each in by_flight])
             for axis in self.axes
         }
 

@@ -121,13 +121,13 @@ def servo_channels(vehicle: Vehicle, history: History) -> dict[str, Array]:
     ``servo_0 .. servo_7`` are the commands within the limits (the last is not connected: nan, as in
     PX4 logs), ``gear_command`` is 1 up or -1 down, and ``q0 .. q3`` is the attitude quaternion.
     """
-    found = {}
+    channels = {}
     for number, name in enumerate(SERVOS):
         surface = vehicle.surfaces[name]
         commanded = np.clip(history.commands[name], *surface.limits)
-        found[f"servo_{number}"] = (commanded - surface.offset) / surface.scale
+        channels[f"servo_{number}"] = (commanded - surface.offset) / surface.scale
     gear = vehicle.surfaces["landing_gear"]
-    found["servo_7"] = np.full_like(found["servo_0"], np.nan)
-    found["gear_command"] = (history.commands["landing_gear"] - gear.offset) / gear.scale
-    found |= {f"q{n}": history.quaternion[:, n] for n in range(4)}
-    return found
+    channels["servo_7"] = np.full_like(channels["servo_0"], np.nan)
+    channels["gear_command"] = (history.commands["landing_gear"] - gear.offset) / gear.scale
+    channels |= {f"q{n}": history.quaternion[:, n] for n in range(4)}
+    return channels

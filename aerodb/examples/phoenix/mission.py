@@ -383,11 +383,11 @@ def logs(vehicle: Vehicle, history: History, seed: int) -> list[SimulatedLog]:
     """
     installed = instruments(vehicle, np.random.default_rng([seed, 2]))
     channels = at_instruments({**history.channels, **servo_channels(vehicle, history)}, vehicle)
-    found = []
+    simulated = []
     for number in range(len(history.samples)):
         generator = np.random.default_rng([seed, 3, number])
         start = round(float(generator.uniform(20.0, 60.0)), 3)
         topics = measure(history, channels, number, installed, generator, start)
         taken_off = datetime(2004, 5, 8, 9, 0, tzinfo=UTC) + timedelta(days=number)
-        found.append(SimulatedLog(f"phoenix-{number + 1:02d}", topics, taken_off))
-    return found
+        simulated.append(SimulatedLog(f"phoenix-{number + 1:02d}", topics, taken_off))
+    return simulated

@@ -258,9 +258,9 @@ def _document(contents: Contents, kind: str, where: str) -> dict[str, Any]:
     """Copy the manifest's document and check that the arrays have its tables and increments."""
     manifest = contents.manifest
     if manifest.get("file") != f"aerodb {kind}" or manifest.get("version") != FORMAT:
-        found = f"{manifest.get('file')!r}, version {manifest.get('version')!r}"
+        written_by = f"{manifest.get('file')!r}, version {manifest.get('version')!r}"
         raise InputError(
-            f"the manifest is for {found}",
+            f"the manifest is for {written_by}",
             where,
             f"this version reads 'aerodb {kind}', version {FORMAT}",
         )

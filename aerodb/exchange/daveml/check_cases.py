@@ -153,10 +153,10 @@ def _signal(
             raise InputError(f"no variable '{identity}'", where)
         return CheckSignal(identity, value, tolerance)
     unit = text.get("signalUnits", "")
-    found = _named(text.get("signalName", ""), unit, declared, roles, where)
-    scale, offset = _between(unit, found.unit) if unit else (1.0, 0.0)
+    meaning = _named(text.get("signalName", ""), unit, declared, roles, where)
+    scale, offset = _between(unit, meaning.unit) if unit else (1.0, 0.0)
     return CheckSignal(
-        found.identity,
+        meaning.identity,
         value * scale + offset,
         None if tolerance is None else tolerance * abs(scale),
     )
@@ -246,14 +246,14 @@ class SignalEvaluator:
         }
         values = self._database.resolved(self._program.inputs, channels)
         run = self._program.run(values)
-        found = dict(
+        outputs = dict(
             zip(
                 self._database.variables,
                 (float(np.ravel(value)[0]) for value in run.values),
                 strict=True,
             )
         )
-        signals = {identity: found[name] for identity, name in self._identities.items()}
+        signals = {identity: outputs[name] for identity, name in self._identities.items()}
         return {
             **self._constants,
             **{k: float(np.ravel(v)[0]) for k, v in values.items()},

@@ -419,8 +419,8 @@ def _unit_of(description: str) -> str:
 
     It is read from the description that the import wrote: ``meaning [unit, positive sign]``.
     """
-    found = re.search(r"\[([^\],]*)", description)
-    return found[1].strip() if found else "nd"
+    match = re.search(r"\[([^\],]*)", description)
+    return match[1].strip() if match else "nd"
 
 
 def _number(expression: Expression) -> float | None:

@@ -206,10 +206,13 @@ class Model:
             used.add(key)
             raw = self._bound(key, identity)
         if raw is None and (key is None):
-            found = input_channel(signal.declared, self.where)
-            if found is not None:
+            channel_and_scale = input_channel(signal.declared, self.where)
+            if channel_and_scale is not None:
                 raw = channel_in_unit(
-                    Name(found[0]), signal.declared.unit, channel(found[0]).unit, found[1]
+                    Name(channel_and_scale[0]),
+                    signal.declared.unit,
+                    channel(channel_and_scale[0]).unit,
+                    channel_and_scale[1],
                 )
         if raw is None:
             raw = Name(self._free(signal, free))
@@ -268,18 +271,18 @@ class Model:
 
     def _reference(self) -> Reference:
         """Reference geometry by standard names, in SI."""
-        found: dict[str, float] = {}
+        values: dict[str, float] = {}
         for key, attribute in CONSTANTS.items():
             if key in self.bindings:
                 bound = self._parsed(key)
                 if not isinstance(bound, Number):
                     raise InputError(f"the binding of {key} is not a number", self.where)
-                found[attribute] = bound.value
+                values[attribute] = bound.value
         for signal in self.signals.values():
             attribute = REFERENCES.get(signal.declared.name, "")
-            if attribute and attribute not in found and signal.initial is not None:
-                found[attribute] = self._metres(signal, "m^2" if attribute == "area" else "m")
-        missing = [key for key, attribute in CONSTANTS.items() if attribute not in found]
+            if attribute and attribute not in values and signal.initial is not None:
+                values[attribute] = self._metres(signal, "m^2" if attribute == "area" else "m")
+        missing = [key for key, attribute in CONSTANTS.items() if attribute not in values]
         if missing:
             names = {attribute: name for name, attribute in REFERENCES.items()}
             what = f"no variable named {names[CONSTANTS[missing[0]]]} with an initialValue"
@@ -292,9 +295,9 @@ class Model:
         for signal in self.signals.values():
             if signal.declared.name in POSITIONS and signal.initial is not None:
                 k = POSITIONS.index(signal.declared.name)
-                point[k] = self._position(signal, k, found["chord"])
+                point[k] = self._position(signal, k, values["chord"])
         return Reference(
-            found["area"], found["chord"], found["span"], (point[0], point[1], point[2])
+            values["area"], values["chord"], values["span"], (point[0], point[1], point[2])
         )
 
     def _metres(self, signal: Signal, unit: str) -> float:
@@ -336,20 +339,20 @@ class Model:
         marked = [s for s in self.signals.values() if "isOutput" in s.roles] or list(
             self.signals.values()
         )
-        found: dict[str, str] = {}
+        by_axis: dict[str, str] = {}
         for signal in marked:
             axis_sign = output_axis(signal.declared, self.where)
             if axis_sign is None or axis_sign[0] in self.bindings:
                 continue
             axis, sign = axis_sign
-            if axis in found:
-                both = f"{found[axis]} and {signal.declared.identity}"
+            if axis in by_axis:
+                both = f"{by_axis[axis]} and {signal.declared.identity}"
                 raise InputError(
                     f"two outputs are {axis}: {both}",
                     self.where,
                     f"bind the axis: {axis}=EXPRESSION",
                 )
-            found[axis] = signal.declared.identity
+            by_axis[axis] = signal.declared.identity
             axes[axis] = signed_name(self._identifiers[signal.declared.identity], sign)
         if not axes:
             outputs = ", ".join(s.declared.identity for s in marked[:12])
@@ -428,11 +431,15 @@ def _described(part: Expression, variables: Mapping[str, Variable]) -> str:
 
 def _named(terms: list[Term]) -> list[Term]:
     """Terms with unique names."""
-    seen: dict[str, int] = {}
+    counts: dict[str, int] = {}
     named = []
     for term in terms:
-        seen[term.name] = seen.get(term.name, 0) + 1
-        name = term.name if seen[term.name] == 1 else f"{term.name} ({term.axis} {seen[term.name]})"
+        counts[term.name] = counts.get(term.name, 0) + 1
+        name = (
+            term.name
+            if counts[term.name] == 1
+            else f"{term.name} ({term.axis} {counts[term.name]})"
+        )
         named.append(Term(name, term.axis, term.expression, term.description))
     return named
 

@@ -98,13 +98,13 @@ def read_unit(unit: str) -> str:
 
 
 def _factor(text: str) -> str:
-    found = _FACTOR.fullmatch(text)
-    if found is None:
+    match = _FACTOR.fullmatch(text)
+    if match is None:
         return text
     name = _UNITS.get(
-        found[1].lower() if found[1].lower() in ("nd", "sec", "pct") else found[1], found[1]
+        match[1].lower() if match[1].lower() in ("nd", "sec", "pct") else match[1], match[1]
     )
-    return f"{name}^{found[2]}" if name and found[2] else name
+    return f"{name}^{match[2]}" if name and match[2] else name
 
 
 def write_unit(unit: str) -> str:
@@ -174,16 +174,16 @@ def input_channel(declared: Declaration, where: str) -> tuple[str, int] | None:
 
 def _surface(declared: Declaration) -> tuple[str, int] | None:
     """A surface with a stated sign: trailing edge down or left is positive here."""
-    found = _DEFLECTION.fullmatch(declared.name)
+    match = _DEFLECTION.fullmatch(declared.name)
     sign = sign_factor(declared.sign, *_SURFACE_SIGNS) if declared.sign.strip() else 0
     if (
-        found is None
+        match is None
         or not sign
         or unit_conversion(declared.unit, "rad") is None
         or not read_unit(declared.unit)
     ):
         return None
-    name = "delta_" + re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", found[1]).lower()
+    name = "delta_" + re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", match[1]).lower()
     return (name, sign) if is_surface(name) else None
 
 

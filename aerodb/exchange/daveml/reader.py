@@ -202,38 +202,38 @@ class _FileReader:
         name = (element.get("name") or f"function {element.sourceline}").strip()
         where = f"{self.where}: function {name}"
         if find(element, "independentVarPts", "dependentVarPts") is not None:
-            arguments, table, dependent = read_point_lists(element, where)
-            self._call(dependent, name, table, arguments, where)
+            points = read_point_lists(element, where)
+            self._call(points.dependent, name, points.table, points.arguments, where)
             return
-        arguments, found, dependents = [], [], []
+        arguments, tables, dependents = [], [], []
         for child in children(element):
             if tag(child) == "independentVarRef":
                 arguments.append(read_argument(child, where))
             elif tag(child) == "dependentVarRef":
                 dependents.append(required(child, "varID", where))
             elif tag(child) == "functionDefn":
-                found += [each for each in children(child) if tag(each) not in METADATA]
+                tables += [each for each in children(child) if tag(each) not in METADATA]
             elif tag(child) not in METADATA:
                 raise unsupported(child, f"function {name}", self.where)
-        if len(found) != 1 or len(dependents) != 1:
+        if len(tables) != 1 or len(dependents) != 1:
             raise InputError(
-                f"{len(dependents)} dependent variables and {len(found)} tables",
+                f"{len(dependents)} dependent variables and {len(tables)} tables",
                 where,
                 "exactly one of each is needed",
             )
-        if tag(found[0]) in _TABLE_REFERENCES:
-            identity = required(found[0], _TABLE_REFERENCES[tag(found[0])], where)
+        if tag(tables[0]) in _TABLE_REFERENCES:
+            identity = required(tables[0], _TABLE_REFERENCES[tag(tables[0])], where)
             if identity not in self._tables:
                 raise InputError(f"no table '{identity}'", where)
-        elif tag(found[0]) in _TABLES:
+        elif tag(tables[0]) in _TABLES:
             identity = (
-                found[0].get("gtID") or found[0].get("utID") or found[0].get("name") or name
+                tables[0].get("gtID") or tables[0].get("utID") or tables[0].get("name") or name
             ).strip()
             if identity in self._tables:
                 identity = f"{identity} of {name}"
-            self._tables[identity] = self._table(found[0], identity)
+            self._tables[identity] = self._table(tables[0], identity)
         else:
-            raise unsupported(found[0], f"function {name}", self.where)
+            raise unsupported(tables[0], f"function {name}", self.where)
         self._call(dependents[0], identity, self._tables[identity], arguments, where)
         note = plain(find(element, "description"))
         self.model.annotate(dependents[0], " ".join(note.split()))

@@ -220,11 +220,17 @@ class TableReader:
         raise unsupported(inner, "<bounds>", where)
 
 
-def read_point_lists(element: Any, where: str) -> tuple[list[Argument], Grid, str]:
-    """Read a function that is written as lists of points.
+@dataclass(frozen=True)
+class PointLists:
+    """A function of point lists: arguments, table, and the id of the variable that it defines."""
 
-    Returns its arguments, its table, and the id of the variable that it defines.
-    """
+    arguments: list[Argument]
+    table: Grid
+    dependent: str
+
+
+def read_point_lists(element: Any, where: str) -> PointLists:
+    """Read a function that is written as lists of points."""
     arguments, axes = [], []
     dependent = None
     for child in children(element):
@@ -244,4 +250,5 @@ def read_point_lists(element: Any, where: str) -> tuple[list[Argument], Grid, st
             f"{values.size} numbers in <dependentVarPts>, the breakpoints need {math.prod(shape)}",
             where,
         )
-    return arguments, Grid(tuple(axes), values.reshape(shape)), required(dependent, "varID", where)
+    table = Grid(tuple(axes), values.reshape(shape))
+    return PointLists(arguments, table, required(dependent, "varID", where))

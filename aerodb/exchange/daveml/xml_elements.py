@@ -144,12 +144,12 @@ def plain(element: Any) -> str:
 
 def number(text: str | None, where: str) -> float:
     """Return a finite number; the exponent letter D of Fortran is accepted."""
-    found = (text or "").strip()
-    if _NUMBER.fullmatch(found) is None:
-        raise InputError(f"'{found[:40]}' is not a number", where)
-    value = float(found.replace("d", "e").replace("D", "e"))
+    digits = (text or "").strip()
+    if _NUMBER.fullmatch(digits) is None:
+        raise InputError(f"'{digits[:40]}' is not a number", where)
+    value = float(digits.replace("d", "e").replace("D", "e"))
     if not math.isfinite(value):
-        raise InputError(f"'{found[:40]}' is too large", where)
+        raise InputError(f"'{digits[:40]}' is too large", where)
     return value
 
 

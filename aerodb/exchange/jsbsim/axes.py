@@ -102,12 +102,12 @@ def check_systems(acting: Iterable[tuple[str, str, str]], where: str) -> None:
 
     acting : axis, frame and function of each function.
     """
-    found = list(acting)
-    forces = {axis for axis, _, _ in found if axis not in _MOMENTS}
+    systems = list(acting)
+    forces = {axis for axis, _, _ in systems if axis not in _MOMENTS}
     if not any(forces <= system for system in _SYSTEMS):
         raise InputError(f"force axes of different systems: {', '.join(sorted(forces))}", where)
     for moment in (False, True):
-        frames = {frame or "BODY" for axis, frame, _ in found if (axis in _MOMENTS) == moment}
+        frames = {frame or "BODY" for axis, frame, _ in systems if (axis in _MOMENTS) == moment}
         if len(frames) > 1:
             raise InputError(
                 f"{'moments' if moment else 'forces'} in different frames:"

@@ -200,8 +200,8 @@ def fly_cases(
         rows.append(_coefficients(executive))
         x, y, z = (executive[f"inertia/cg-{axis}-in"] * INCH for axis in "xyz")
         centres.append((-x, y, -z))
-    found = {axis: np.array([row[k] for row in rows]) for k, axis in enumerate(AXES)}
-    moved = transfer_moments(found, np.array(centres), reference.moment_reference, reference)
+    coefficients = {axis: np.array([row[k] for row in rows]) for k, axis in enumerate(AXES)}
+    moved = transfer_moments(coefficients, np.array(centres), reference.moment_reference, reference)
     return JsbsimRun({name: np.array(values) for name, values in inputs.items()}, moved)
 
 

@@ -111,7 +111,7 @@ def export_jsbsim(database: AeroDatabase, *, name: str, cases: Sequence[CheckCas
 
 def free_properties(database: AeroDatabase) -> dict[str, str]:
     """Return the JSBSim property of each free input: that of its source, or one of its own."""
-    found = {}
+    properties = {}
     for name, description in database.free_inputs.items():
         match = _SOURCE_PROPERTY.match(description)
         limits_missing = (
@@ -119,8 +119,8 @@ def free_properties(database: AeroDatabase) -> dict[str, str]:
             and match[1] == STALL_HYSTERESIS
             and hysteresis_limits(description) is None
         )
-        found[name] = match[1] if match and not limits_missing else f"{OWN_FREE}{name}"
-    return found
+        properties[name] = match[1] if match and not limits_missing else f"{OWN_FREE}{name}"
+    return properties
 
 
 def input_properties(database: AeroDatabase) -> dict[str, tuple[str, float]]:

@@ -147,10 +147,10 @@ class Functions:
             return self._interpolation(
                 [self._tree(child, function) for child in elements], function
             )
-        found = build_operation(
+        operation = build_operation(
             tag, [self._node(child, function) for child in elements], f"{self.where}: {function}"
         )
-        return found if found is not None else self.refuse(element, f"function {function}")
+        return operation if operation is not None else self.refuse(element, f"function {function}")
 
     def _property(self, name: str) -> Expression:
         if name.startswith("-"):
@@ -163,9 +163,11 @@ class Functions:
                 f"unsupported attributes of a table: {dict(element.attrib)}",
                 f"{self.where}: {function}",
             )
-        found = read_table(element, f"{self.where}: {function}")
-        arguments = tuple(self._property(each) for each in found.properties)
-        call = self._table(function, arguments, found.properties, found.breakpoints, found.values)
+        inline = read_table(element, f"{self.where}: {function}")
+        arguments = tuple(self._property(each) for each in inline.properties)
+        call = self._table(
+            function, arguments, inline.properties, inline.breakpoints, inline.values
+        )
         if element.get("name"):
             self.defined[element.get("name")] = (call, f"table of {function}")
         return call

@@ -329,7 +329,7 @@ def _relays(free: Mapping[str, str]) -> tuple[StateModel, ...]:
     """
     limits = {name: hysteresis_limits(text) for name, text in free.items()}
     return tuple(
-        StateModel(name, Relay(*found, separated=1.0)) for name, found in limits.items() if found
+        StateModel(name, Relay(*limit, separated=1.0)) for name, limit in limits.items() if limit
     )
 
 

@@ -243,21 +243,21 @@ class FunctionWriter:
 
     def _table(self, call: TableCall) -> Element:
         """A table without the axes of one breakpoint, along which it is constant."""
-        found = self._database.tables.get(call.table)
-        if found is None:
+        stored = self._database.tables.get(call.table)
+        if stored is None:
             raise self._unwritable(f"table '{call.table}' on scattered points")
-        kept = [k for k, axis in enumerate(found.breakpoints) if axis.size > 1]
-        if sum(word != "neither" for word in found.extrapolation) > _MOST_EXTRAPOLATED:
+        kept = [k for k, axis in enumerate(stored.breakpoints) if axis.size > 1]
+        if sum(word != "neither" for word in stored.extrapolation) > _MOST_EXTRAPOLATED:
             raise self._unwritable(
                 f"table '{call.table}' with more than {_MOST_EXTRAPOLATED} extrapolated axes"
             )
-        axes = [self._axis(found, k, call.arguments[k]) for k in kept]
-        return table(axes, found.values.reshape([axis.breakpoints.size for axis in axes]))
+        axes = [self._axis(stored, k, call.arguments[k]) for k in kept]
+        return table(axes, stored.values.reshape([axis.breakpoints.size for axis in axes]))
 
-    def _axis(self, found: Table, k: int, argument: Expression) -> Axis:
-        way = found.interpolation[k] if found.interpolation else "linear"
-        beyond = found.extrapolation[k] if found.extrapolation else "neither"
-        axis = Axis(self._property(argument), found.breakpoints[k], way, beyond)
+    def _axis(self, stored: Table, k: int, argument: Expression) -> Axis:
+        way = stored.interpolation[k] if stored.interpolation else "linear"
+        beyond = stored.extrapolation[k] if stored.extrapolation else "neither"
+        axis = Axis(self._property(argument), stored.breakpoints[k], way, beyond)
         if way == "linear":
             return axis
         return Axis(

@@ -87,12 +87,12 @@ def shortened(text: str | None) -> str:
 
 def only_child(parent: Any, tag: str, where: str) -> Any:
     """Return the one child of this tag. Raises InputError if there are none or several."""
-    found = parent.findall(tag)
-    if len(found) != 1:
+    matches = parent.findall(tag)
+    if len(matches) != 1:
         raise InputError(
-            f"{len(found)} elements <{tag}> in <{parent.tag}>", where, "exactly one is needed"
+            f"{len(matches)} elements <{tag}> in <{parent.tag}>", where, "exactly one is needed"
         )
-    return found[0]
+    return matches[0]
 
 
 def read_section(root: Any, tag: str, where: str, loader: Callable[[str], bytes] | None) -> Any:

@@ -69,15 +69,15 @@ def windows(
     >>> windows([(2.0, 6.0), (8.0, 10.0)], 20.0, 1.0)
     ((0.0, 20.0),)
     """
-    found: list[tuple[float, float]] = []
+    cut: list[tuple[float, float]] = []
     begin = 0.0
     ordered = sorted(spans)
     for (start, end), (following, _) in pairwise(ordered):
         stop = following - _APART * correlation_time
         if stop >= start + _SHARE * (end - start):
-            found.append((begin, stop))
+            cut.append((begin, stop))
             begin = following
-    return (*found, (begin, duration))
+    return (*cut, (begin, duration))
 
 
 @dataclass(frozen=True)
@@ -132,12 +132,12 @@ def few_flight_findings(
             break
         joint = best[1]
     test = _tested(joint)
-    found = [
+    indices = [
         i for i in joint.terms if hypotheses[i].id not in known and _holds(joint, test, i, evidence)
     ]
-    found.sort(key=lambda i: float(test.adjusted[i]))
-    sensors = believable_sensors(joint, found)
-    findings = tuple(_finding(joint, test, index, sensors[index]) for index in found)
+    indices.sort(key=lambda i: float(test.adjusted[i]))
+    sensors = believable_sensors(joint, indices)
+    findings = tuple(_finding(joint, test, index, sensors[index]) for index in indices)
     return FewFlightFindings(joint, findings, _correlation_times(joint))
 
 
@@ -154,8 +154,8 @@ def _correlation_times(joint: JointModel) -> dict[str, dict[str, float]]:
             total, weight = of_flight.get(axis, (0.0, 0.0))
             of_flight[axis] = (total + float(time) * float(samples), weight + float(samples))
     return {
-        flight: {axis: total / weight for axis, (total, weight) in found.items()}
-        for flight, found in sums.items()
+        flight: {axis: total / weight for axis, (total, weight) in of_axes.items()}
+        for flight, of_axes in sums.items()
     }
 
 
@@ -245,15 +245,15 @@ def _halves_agree(
 
     Blocks of one record: Ibragimov & Mueller, JBES 28(4), 2010.
     """
-    made = joint.normal_equations[int(np.flatnonzero(test.included[:, index])[0])]
+    equations = joint.normal_equations[int(np.flatnonzero(test.included[:, index])[0])]
     hypothesis = joint.tests.campaign.hypotheses[index]
-    noise = dict(zip(made.axes, made.spread.tolist(), strict=True))
+    noise = dict(zip(equations.axes, equations.spread.tolist(), strict=True))
     times = [
         float(time)
-        for axis, time in zip(made.axes, made.correlation, strict=True)
+        for axis, time in zip(equations.axes, equations.correlation, strict=True)
         if axis in hypothesis.axes
     ]
-    unit = next(each for each in evidence if each.flight == made.flight)
+    unit = next(each for each in evidence if each.flight == equations.flight)
     parts = under(joint, halves(unit, hypothesis.id, noise, max(times, default=0.0)))
     estimates = parts.flight_estimates(joint.terms, ())
     if len(parts.flights) != 2 or not np.all(estimates.information[:, index] > 0.0):
@@ -328,17 +328,17 @@ def _because(
     sensors: Sequence[str],
 ) -> str:
     size = f"{with_unit(value, h.unit)} (95 %: {value - half:.3g} to {value + half:.3g})"
-    said = f"{h.because}: {h.parameter} = {size} beside the linear set; "
-    said += (
+    sentence = f"{h.because}: {h.parameter} = {size} beside the linear set; "
+    sentence += (
         f"{flights} manoeuvres or flights"
         if flights > 1
         else "one manoeuvre, the only one made for it,"
     )
-    said += " voted, too few for an error rate"
-    said += f"; these manoeuvres cannot tell it from {', '.join(rivals)}" if rivals else ""
+    sentence += " voted, too few for an error rate"
+    sentence += f"; these manoeuvres cannot tell it from {', '.join(rivals)}" if rivals else ""
     if sensors:
-        return f"{said}; an error of believable size would explain it: {', '.join(sensors)}"
-    return f"{said}; no sensor error of believable size explains it"
+        return f"{sentence}; an error of believable size would explain it: {', '.join(sensors)}"
+    return f"{sentence}; no sensor error of believable size explains it"
 
 
 def _twins(
@@ -349,7 +349,7 @@ def _twins(
     No flight of this kind can tell them apart.
     """
     matrix, names = joint.tests.campaign.products.matrix, joint.tests.campaign.hypotheses
-    said = ""
+    clauses = ""
     for rival in rivals:
         alike = [
             g
@@ -361,8 +361,8 @@ def _twins(
             where = ", ".join(
                 SamplingUnit.parse(joint.tests.campaign.flights[g]).short for g in alike
             )
-            said += f"; {names[rival].id} is its exact twin in {where}"
-    return said
+            clauses += f"; {names[rival].id} is its exact twin in {where}"
+    return clauses
 
 
 def believable_sensors(joint: JointModel, indices: Sequence[int]) -> dict[int, tuple[int, ...]]:
@@ -377,7 +377,7 @@ def believable_sensors(joint: JointModel, indices: Sequence[int]) -> dict[int, t
     tests = joint.tests
     hypotheses, settings = tests.campaign.hypotheses, tests.settings
     before = _tested(joint)
-    found: dict[int, list[int]] = {index: [] for index in indices}
+    explaining: dict[int, list[int]] = {index: [] for index in indices}
     for sensor in tests.campaign.sensors:
         limit = max(abs(edge) for edge in hypotheses[sensor].plausible)
         loose = list(hypotheses)
@@ -388,10 +388,10 @@ def believable_sensors(joint: JointModel, indices: Sequence[int]) -> dict[int, t
         test = replace(tests, campaign=campaign(joint.normal_equations, loose)).tested(
             joint.terms, (), 1
         )
-        for index, sensors in found.items():
+        for index, sensors in explaining.items():
             if not (
                 test.p[index] < settings.level
                 and np.sign(test.mean[index]) == np.sign(before.mean[index])
             ):
                 sensors.append(sensor)
-    return {index: tuple(sensors) for index, sensors in found.items()}
+    return {index: tuple(sensors) for index, sensors in explaining.items()}

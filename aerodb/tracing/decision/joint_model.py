@@ -144,19 +144,19 @@ def _about(
         return {
             axis: [
                 np.column_stack([record[:, :-1], record[:, -1] - record[:, columns] @ values])
-                for record in found
+                for record in records_of_axis
             ]
-            for axis, found in records.items()
+            for axis, records_of_axis in records.items()
         }
 
     noisy = tuple(left(copy) for copy in band.noisy)
-    made = normal_equations_of_band(
+    equations = normal_equations_of_band(
         replace(band, records=left(band.records), noisy=noisy, instruments={}), settings
     )
-    back = np.eye(len(made.matrix))
-    back[[len(made.axes) + column - 1 for column in columns], -1] = values
-    again = None if made.noisy is None else back.T @ made.noisy @ back
-    return replace(made, matrix=back.T @ made.matrix @ back, noisy=again)
+    back = np.eye(len(equations.matrix))
+    back[[len(equations.axes) + column - 1 for column in columns], -1] = values
+    again = None if equations.noisy is None else back.T @ equations.noisy @ back
+    return replace(equations, matrix=back.T @ equations.matrix @ back, noisy=again)
 
 
 def _ordered(band: Band, hypotheses: Sequence[Hypothesis]) -> Band:
@@ -167,14 +167,14 @@ def _ordered(band: Band, hypotheses: Sequence[Hypothesis]) -> Band:
     indices = [0, *(names.index(name) + 1 for name in band.names), len(names) + 1]
 
     def wide(records: Records) -> dict[str, list[Array]]:
-        found = {
+        ordered = {
             axis: [np.zeros((len(record), len(names) + 2)) for record in each]
             for axis, each in records.items()
         }
         for axis, each in records.items():
-            for target, record in zip(found[axis], each, strict=True):
+            for target, record in zip(ordered[axis], each, strict=True):
                 target[:, indices] = record
-        return found
+        return ordered
 
     noisy = tuple(wide(copy) for copy in band.noisy)
     return replace(band, names=names, records=wide(band.records), noisy=noisy, instruments={})

@@ -163,13 +163,13 @@ class ShapeProblem:
 
     def solved(self, folds: Folds, active: Sequence[int], ridge: Array) -> Array:
         """Return the values (k,) that these folds give; zero where not active."""
-        found = np.zeros(len(self.unit))
+        solution = np.zeros(len(self.unit))
         square = self.square[folds].sum(axis=0)[np.ix_(active, active)]
         right = self.right[folds].sum(axis=0)[list(active)]
-        found[list(active)] = np.linalg.solve(
+        solution[list(active)] = np.linalg.solve(
             square + np.diag(len(folds) * ridge[list(active)] + _TRACE), right
         )
-        return found
+        return solution
 
     def gain(self, fold: int, values: Array) -> float:
         """Return the fall of the sum of squares of a fold under these values."""
@@ -208,20 +208,20 @@ class ShapeProblem:
         return values / unit, covariance / np.outer(unit, unit)
 
 
-def _problem(found: Campaign, of: Sequence[int], settings: TracingSettings) -> ShapeProblem:
+def _problem(flights: Campaign, of: Sequence[int], settings: TracingSettings) -> ShapeProblem:
     """The first columns of a campaign with its sensors eliminated.
 
     of : column -> index of its template among them.
     """
-    k, sensors = len(of), list(found.sensors)
-    matrix, wanted = found.products.matrix, [*range(k), -1]
-    among = matrix[:, sensors][:, :, sensors] + np.diag(found.precision[sensors])
+    k, sensors = len(of), list(flights.sensors)
+    matrix, wanted = flights.products.matrix, [*range(k), -1]
+    among = matrix[:, sensors][:, :, sensors] + np.diag(flights.precision[sensors])
     across = matrix[:, sensors][:, :, wanted]
     left = matrix[:, wanted][:, :, wanted] - across.transpose(0, 2, 1) @ np.linalg.solve(
         among, across
     )
-    unit = found.scale[list(of)]
-    ratio = np.r_[found.scale[:k] / unit, 1.0]
+    unit = flights.scale[list(of)]
+    ratio = np.r_[flights.scale[:k] / unit, 1.0]
     left = left * np.outer(ratio, ratio)
     folds = np.array_split(np.arange(len(left)), min(len(left), settings.folds))
     joined = np.stack([left[fold].sum(axis=0) for fold in folds])
@@ -251,10 +251,10 @@ class Choice:
 def _ridge(
     problem: ShapeProblem, groups: Sequence[tuple[int, ...]], chosen: Sequence[Choice]
 ) -> Array:
-    found = np.zeros(len(problem.unit))
+    ridge = np.zeros(len(problem.unit))
     for each in chosen:
-        found[list(groups[each.option])] = each.ridge
-    return found
+        ridge[list(groups[each.option])] = each.ridge
+    return ridge
 
 
 def search(
@@ -291,12 +291,12 @@ def _nested(
 ) -> Array:
     """Gain of each fold under values and a ridge that the others chose."""
     folds = np.arange(len(problem.total))
-    found = []
+    gains = []
     for out in folds.tolist():
         others = folds[folds != out]
         chosen = _with(ridge, group, _best_ridge(problem, others, active, group, ridge))
-        found.append(problem.gain(out, problem.solved(others, active, chosen)))
-    return np.array(found)
+        gains.append(problem.gain(out, problem.solved(others, active, chosen)))
+    return np.array(gains)
 
 
 def _best_ridge(
@@ -311,6 +311,6 @@ def _best_ridge(
 
 
 def _with(ridge: Array, group: tuple[int, ...], weight: float) -> Array:
-    found = ridge.copy()
-    found[list(group)] = weight
-    return found
+    changed = ridge.copy()
+    changed[list(group)] = weight
+    return changed

@@ -144,9 +144,9 @@ def _candidates(
     test = tests.tested(accepted, freed)
     sensors = set(tests.campaign.sensors)
     taken = {*accepted, *freed, *dropped, *tests.campaign.offsets}
-    found = [int(i) for i in np.flatnonzero(test.significant) if i not in taken]
-    terms = [i for i in found if i not in sensors]
-    wrong = [i for i in found if i in sensors and not _known_better(tests, test, i)]
+    significant = [int(i) for i in np.flatnonzero(test.significant) if i not in taken]
+    terms = [i for i in significant if i not in sensors]
+    wrong = [i for i in significant if i in sensors and not _known_better(tests, test, i)]
     wrong = wrong if len(freed) < tests.settings.most_freed else []
     return _largest(test.gain, terms), _largest(test.gain, wrong)
 
@@ -232,8 +232,8 @@ def _offsets(
 
     They come last: intercepts are in every model, and every lacking term leaves one.
     """
-    found = tests.tested(terms, freed).significant
-    return tuple(index for index in tests.campaign.offsets if found[index])
+    significant = tests.tested(terms, freed).significant
+    return tuple(index for index in tests.campaign.offsets if significant[index])
 
 
 def flight_gains(estimates: FlightEstimates, test: Tested, index: int) -> Array:

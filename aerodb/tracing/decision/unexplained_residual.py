@@ -140,13 +140,13 @@ def _judged(
     settings: TracingSettings,
 ) -> UnexplainedResidual:
     skill = float(skills.mean())
-    found = bool(p < settings.level)
+    is_found = bool(p < settings.level)
     variables: tuple[str, ...] = ()
     because = (
         f"nothing in {', '.join(names)} predicts what is left on {axis} of a flight that the model"
         " has not seen"
     )
-    if found:
+    if is_found:
         others = [_left_out_skills(problem.without(name), ridges)[0] for name in names]
         lost = {name: skill - float(left.mean()) for name, left in zip(names, others, strict=True)}
         variables = tuple(
@@ -158,7 +158,7 @@ def _judged(
             f" on {on}; no template fits"
         )
     return UnexplainedResidual(
-        axis, found, skill, p, variables, tuple(float(s) for s in skills), because
+        axis, is_found, skill, p, variables, tuple(float(s) for s in skills), because
     )
 
 
@@ -181,7 +181,7 @@ def _in_band(
     """
     evidence, variables = flight.evidence, [flight.variables[name] for name in names]
     known = np.logical_and.reduce([np.isfinite(row) for row in variables])
-    found: dict[str, Record] = {}
+    records: dict[str, Record] = {}
     for same in evidence.usable_alike(axes):
         usable = evidence.usable[same[0]]
         tangents = {
@@ -205,9 +205,9 @@ def _in_band(
         shared, first = np.ascontiguousarray(joined[:, : len(names)]), len(names)
         for axis in same:
             last = first + 1 + len(tangents[axis])
-            found[axis] = _record(shared, joined[:, first], joined[:, first + 1 : last])
+            records[axis] = _record(shared, joined[:, first], joined[:, first + 1 : last])
             first = last
-    return found
+    return records
 
 
 def _record(variables: Array, residual: Array, tangents: Array) -> Record:

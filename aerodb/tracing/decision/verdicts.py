@@ -81,11 +81,11 @@ def _once(normal_equations: Sequence[NormalEquations]) -> tuple[list[NormalEquat
     alike: dict[str, list[NormalEquations]] = {}
     notes = []
     for equations in normal_equations:
-        seen = alike.setdefault(f"{equations.matrix[-1, -1]:.6e}", [])
+        candidates = alike.setdefault(f"{equations.matrix[-1, -1]:.6e}", [])
         twin = next(
             (
                 g
-                for g in seen
+                for g in candidates
                 if g.hypotheses == equations.hypotheses
                 and np.allclose(g.matrix, equations.matrix, rtol=1e-9)
             ),
@@ -97,7 +97,7 @@ def _once(normal_equations: Sequence[NormalEquations]) -> tuple[list[NormalEquat
                 " out"
             )
         else:
-            seen.append(equations)
+            candidates.append(equations)
             kept.append(equations)
     return kept, notes
 

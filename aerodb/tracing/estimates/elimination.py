@@ -296,7 +296,7 @@ class ModelElimination:
             base.column[base.sensors],
             np.where(self.changed, 0.0, base.precision * error),
         )
-        found = np.empty((len(indices), len(after), len(sensors)))
+        biases = np.empty((len(indices), len(after), len(sensors)))
         which, of = self._sensors(indices)
         offsets = np.flatnonzero(column > k + len(base.sensors))
 
@@ -327,12 +327,12 @@ class ModelElimination:
                     ]
             sensor_bias[:, of, which] = 0.0
             np.multiply(
-                sensor_bias.transpose(2, 0, 1), factor[part].T[:, :, None], out=found[:, part]
+                sensor_bias.transpose(2, 0, 1), factor[part].T[:, :, None], out=biases[:, part]
             )
-            found[:, part] *= prior
+            biases[:, part] *= prior
 
         base.threads.each(fill, base.parts)
-        return found
+        return biases
 
     def _contracted(
         self, part: slice, positions: Indices, after: Indices, indices: Indices, among: Indices

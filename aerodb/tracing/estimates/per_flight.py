@@ -93,15 +93,15 @@ class FlightEstimates:
         """
         on = np.ascontiguousarray(included[:, list(indices)].T, dtype=np.float64)
         on /= np.maximum(on.sum(axis=1, keepdims=True), 1.0)
-        found = self.biases.at(indices)
+        biases = self.biases.at(indices)
         weights = on
         if self.chosen is not None:
-            weights = np.zeros((len(indices), len(found[0].simex_bias)))
+            weights = np.zeros((len(indices), len(biases[0].simex_bias)))
             weights[:, self.chosen] = on
         sensor_biases = np.array(
-            [weight @ each.sensor_bias for weight, each in zip(weights, found, strict=True)]
+            [weight @ each.sensor_bias for weight, each in zip(weights, biases, strict=True)]
         )
-        simex_biases = np.array([each.simex_bias for each in found])
+        simex_biases = np.array([each.simex_bias for each in biases])
         return sensor_biases, np.einsum(
             "pg,pg->p", weights, np.where(weights > 0.0, simex_biases, 0.0)
         )
@@ -216,15 +216,15 @@ class Campaign:
         """Column of a shape-misfit term -> its scaled prior precision, from the size of the effect
         (`value`).
         """
-        found = {}
+        precisions = {}
         for shape, (index, least) in self.shape_terms.items():
             if index not in value:
                 continue
             information_before, apart = self.total[index], self.total[shape]
             spread = np.sqrt(apart / information_before) if information_before > 0.0 else 0.0
             sigma = TOLERANCE * abs(value[index]) / max(float(spread), least) * self.scale[shape]
-            found[shape] = min(KNOWN, sigma**-2) if sigma > 0.0 else KNOWN
-        return found
+            precisions[shape] = min(KNOWN, sigma**-2) if sigma > 0.0 else KNOWN
+        return precisions
 
     @cached_property
     def _reduced(self) -> SensorElimination:

@@ -70,28 +70,28 @@ class Products:
             np.flatnonzero(self.base[rows] != rows),
             np.flatnonzero(self.base[columns] != columns),
         )
-        found = self._straight(
+        products = self._straight(
             np.r_[rows, self.base[rows[moved]]], np.r_[columns, self.base[columns[beside]]]
         )
-        found[:, moved] -= self.base_share[:, rows[moved], None] * found[:, len(rows) :]
-        found = found[:, : len(rows)]
-        found[:, :, beside] -= (
-            self.base_share[:, None, columns[beside]] * found[:, :, len(columns) :]
+        products[:, moved] -= self.base_share[:, rows[moved], None] * products[:, len(rows) :]
+        products = products[:, : len(rows)]
+        products[:, :, beside] -= (
+            self.base_share[:, None, columns[beside]] * products[:, :, len(columns) :]
         )
-        return found[:, :, : len(columns)] * np.outer(self.factor[rows], self.factor[columns])
+        return products[:, :, : len(columns)] * np.outer(self.factor[rows], self.factor[columns])
 
     def _straight(self, rows: Indices, columns: Indices) -> Array:
         """As `block`, nothing subtracted from shape-misfit terms and not scaled."""
-        found = np.empty((len(self.matrices), len(rows), len(columns)))
-        self._gather(found, rows[:, None], columns)
-        found -= (self.intercepts[:, :, rows] * self.weight[:, :, None]).transpose(
+        products = np.empty((len(self.matrices), len(rows), len(columns)))
+        self._gather(products, rows[:, None], columns)
+        products -= (self.intercepts[:, :, rows] * self.weight[:, :, None]).transpose(
             0, 2, 1
         ) @ self.intercepts[:, :, columns]
-        found *= self.varies[:, rows, None]
-        found *= self.varies[:, None, columns]
-        return found
+        products *= self.varies[:, rows, None]
+        products *= self.varies[:, None, columns]
+        return products
 
-    def _gather(self, found: Array, rows: Indices, columns: Indices) -> None:
+    def _gather(self, target_products: Array, rows: Indices, columns: Indices) -> None:
         """Fill (g, ...) with the elements at rows and columns (...) of the flights' matrices."""
         sizes = [
             len(self.matrices[self.order.index(number)]) for number in range(len(self.positions))
@@ -99,7 +99,7 @@ class Products:
         indices = [
             at[rows] * size + at[columns] for at, size in zip(self.positions, sizes, strict=True)
         ]
-        for target, matrix, order in zip(found, self.matrices, self.order, strict=True):
+        for target, matrix, order in zip(target_products, self.matrices, self.order, strict=True):
             matrix.take(indices[order], out=target, mode="clip")
 
 
@@ -189,18 +189,18 @@ def _aligned(
     for position, (rows, index) in zip(at, orders.values(), strict=True):
         position[index] = len(rows) + np.arange(len(index))
     k = columns - 1 - len(shape_terms)
-    made = Products(
+    products = Products(
         k, tuple(matrices), at, order, intercepts, weight, varies, base, zero, one, constants
     )
-    return made, diagonal * varies
+    return products, diagonal * varies
 
 
 def _pairs(products: Products, one: Indices, other: Indices) -> Array:
     """(g, n) of each column of `one` with that of `other` at the same index, not scaled."""
-    found = np.empty((len(products.matrices), len(one)))
-    products._gather(found, one, other)
+    pairs = np.empty((len(products.matrices), len(one)))
+    products._gather(pairs, one, other)
     intercepts = products.intercepts
-    found -= np.einsum(
+    pairs -= np.einsum(
         "gtn,gtn,gt->gn", intercepts[:, :, one], intercepts[:, :, other], products.weight
     )
-    return np.asarray(found * products.varies[:, one] * products.varies[:, other])
+    return np.asarray(pairs * products.varies[:, one] * products.varies[:, other])

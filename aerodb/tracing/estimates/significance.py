@@ -109,8 +109,8 @@ class Tested:
                     strict=True,
                 )
             )
-        found = np.array([self.cached[index] for index in indices]).reshape(-1, 2)
-        return found[:, 0], found[:, 1]
+        biases = np.array([self.cached[index] for index in indices]).reshape(-1, 2)
+        return biases[:, 0], biases[:, 1]
 
     @cached_property
     def significant(self) -> Mask:

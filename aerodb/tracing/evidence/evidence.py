@@ -107,15 +107,15 @@ def units(
     neighbours would share noise. Each unit has its own intercepts. Its name is that of its
     `SamplingUnit`, ``flight@start-end``. State in the result that manoeuvres were the units.
     """
-    found: list[Evidence] = []
+    parts: list[Evidence] = []
     whole, free_from = SamplingUnit.parse(evidence.flight), -np.inf
     for start, end in windows:
         if start < free_from or end <= start:
             continue
         first, last = max(0, round(start / evidence.step)), round(end / evidence.step) + 1
-        found.append(_cut(evidence, slice(first, last), str(whole.part(start, end))))
+        parts.append(_cut(evidence, slice(first, last), str(whole.part(start, end))))
         free_from = end + 5.0 * correlation_time
-    return tuple(found)
+    return tuple(parts)
 
 
 def halves(

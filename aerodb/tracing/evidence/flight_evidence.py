@@ -47,9 +47,9 @@ def evidence_of(
         residual={axis: np.nan_to_num(comparison.residual(axis)) for axis in axes},
         usable={axis: comparison.usable[axis] for axis in axes},
         columns={
-            name: {axis: found[axis] for axis in axes if axis in found}
-            for name, found in columns.items()
-            if found
+            name: {axis: by_axis[axis] for axis in axes if axis in by_axis}
+            for name, by_axis in columns.items()
+            if by_axis
         },
         noisy=tuple(
             evidence_of(

@@ -37,7 +37,7 @@ def with_commanded_rates(flight: Flight, bandwidth: float) -> Flight | None:
     bandwidth : of tracing, Hz; the filters' pole is at half of it. None where no logged command
     moved.
     """
-    made: dict[str, Array] = {}
+    rates: dict[str, Array] = {}
     for rate, commands in COMMANDS_FOR.items():
         responses = [
             response for name in commands for response in _responses(flight, name, bandwidth)
@@ -48,8 +48,10 @@ def with_commanded_rates(flight: Flight, bandwidth: float) -> Flight | None:
                 flight.usable([rate]),
             )
             if good.any():
-                made[rate] = basis @ np.linalg.lstsq(basis[good], flight[rate][good], rcond=None)[0]
-    return flight.with_channels(made) if made else None
+                rates[rate] = (
+                    basis @ np.linalg.lstsq(basis[good], flight[rate][good], rcond=None)[0]
+                )
+    return flight.with_channels(rates) if rates else None
 
 
 def with_instruments(evidence: Evidence, commanded: Evidence) -> Evidence:
@@ -59,8 +61,8 @@ def with_instruments(evidence: Evidence, commanded: Evidence) -> Evidence:
     """
     changed = {
         name: {
-            axis: found
-            for axis, found in commanded.columns.get(name, {}).items()
+            axis: by_axis
+            for axis, by_axis in commanded.columns.get(name, {}).items()
             if axis in columns
         }
         for name, columns in evidence.columns.items()
@@ -89,8 +91,8 @@ def _responses(flight: Flight, command: str, bandwidth: float) -> list[Array]:
     pole = np.pi * bandwidth * flight.step / 2.0  # a T / 2 of the bilinear rule, a = pi * bandwidth
     denominator = (pole + 1.0, pole - 1.0)
     current = lfilter((pole, pole), denominator, current - current[0])
-    found = [current]
-    while len(found) < _FILTERS:
+    responses = [current]
+    while len(responses) < _FILTERS:
         current = lfilter((pole - 1.0, pole + 1.0), denominator, current)
-        found.append(current)
-    return found
+        responses.append(current)
+    return responses

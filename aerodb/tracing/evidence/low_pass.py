@@ -41,8 +41,8 @@ def stretches(usable: Mask, step: float, bandwidth: float, order: int) -> list[s
     """Return the stretches that are long enough to whiten; short gaps inside are bridged later."""
     ratio = decimation(step, bandwidth)
     longest_gap = int(BRIDGED / (bandwidth * step))
-    found = runs(usable, (SHORTEST + order + 2 * ends_left_out(ratio)) * ratio, longest_gap)
-    return [slice(first, last + 1) for first, last in found]
+    usable_runs = runs(usable, (SHORTEST + order + 2 * ends_left_out(ratio)) * ratio, longest_gap)
+    return [slice(first, last + 1) for first, last in usable_runs]
 
 
 def band_limited(columns: Sequence[Array], usable: Mask, step: float, bandwidth: float) -> Array:
@@ -185,19 +185,19 @@ def in_band(evidence: Evidence, settings: TracingSettings) -> Band:
         axis: stretches(evidence.usable[axis], evidence.step, settings.bandwidth, settings.order)
         for axis in evidence.residual
     }
-    parts = {axis: found for axis, found in parts.items() if found}
+    parts = {axis: by_axis for axis, by_axis in parts.items() if by_axis}
 
     alike = evidence.usable_alike(parts)
 
     def records(residual: Mapping[str, Array], columns: Columns) -> dict[str, list[Array]]:
-        found: dict[str, list[Array]] = {axis: [] for axis in parts}
+        by_axis: dict[str, list[Array]] = {axis: [] for axis in parts}
         for axes in alike:
             for part in parts[axes[0]]:
                 for axis, record in _limited(
                     residual, columns, names, axes, evidence, part, settings.bandwidth
                 ).items():
-                    found[axis].append(record)
-        return found
+                    by_axis[axis].append(record)
+        return by_axis
 
     return Band(
         flight=evidence.flight,
@@ -239,15 +239,15 @@ def _limited(
         evidence.step,
         bandwidth,
     )
-    found, first = {}, 0
+    by_axis, first = {}, 0
     for axis, each in zip(axes, rows, strict=True):
         result = np.zeros((len(limited), len(names) + 2))
         result[:, 0] = 1.0
         result[:, [*(index + 1 for index in acting[axis]), len(names) + 1]] = limited[
             :, first : first + len(each)
         ]
-        found[axis], first = result, first + len(each)
-    return found
+        by_axis[axis], first = result, first + len(each)
+    return by_axis
 
 
 def centred(records: Sequence[Array]) -> list[Array]:

@@ -183,12 +183,12 @@ def first_stage(constant: Array, columns: Array, instruments: Array) -> Array:
     answer to the residual is not in the instrument, and no longer counts as the rate's effect. The
     regression on the constant (m,) is subtracted from both and added back to the result.
     """
-    found = columns.copy()
+    fitted = columns.copy()
     weight = float(constant @ constant)
     for index in np.flatnonzero(instruments.any(axis=0)):
         intercept = (constant @ columns[:, index]) / weight
         x = columns[:, index] - constant * intercept
         z = instruments[:, index] - constant * ((constant @ instruments[:, index]) / weight)
         power = float(z @ z)
-        found[:, index] = constant * intercept + (z * ((z @ x) / power) if power > 0.0 else 0.0)
-    return found
+        fitted[:, index] = constant * intercept + (z * ((z @ x) / power) if power > 0.0 else 0.0)
+    return fitted

@@ -24,11 +24,11 @@ class SamplingUnit:
     @classmethod
     def parse(cls, name: str) -> "SamplingUnit":
         """Return the unit of this name; a name without a window is a whole flight."""
-        found = _WINDOW.fullmatch(name)
+        match = _WINDOW.fullmatch(name)
         return (
             cls(name)
-            if found is None
-            else cls(found["flight"], (float(found["start"]), float(found["end"])))
+            if match is None
+            else cls(match["flight"], (float(match["start"]), float(match["end"])))
         )
 
     def __str__(self) -> str:

@@ -67,7 +67,7 @@ def without_shape_terms(evidence: Evidence) -> Evidence:
 
 
 def _joined(evidence: Evidence, alpha: Array | None, names: frozenset[str]) -> Evidence:
-    made: Columns = {
+    shape_columns: Columns = {
         name: {axis: column * along for axis, column in evidence.columns[parent(name)].items()}
         for name in sorted(names)
         if parent(name) in evidence.columns
@@ -75,7 +75,7 @@ def _joined(evidence: Evidence, alpha: Array | None, names: frozenset[str]) -> E
         if along is not None
     }
     noisy = tuple(_joined(copy, alpha, names) for copy in evidence.noisy)
-    return replace(evidence, columns={**evidence.columns, **made}, noisy=noisy)
+    return replace(evidence, columns={**evidence.columns, **shape_columns}, noisy=noisy)
 
 
 def _size(by_axis: Mapping[str, Array]) -> Array | None:
@@ -91,19 +91,19 @@ def all_shape_terms(hypotheses: Sequence[Hypothesis]) -> frozenset[str]:
     Effects that depend on alpha alone have none, nor shapes that the library holds itself.
     """
     own = [h for h in hypotheses if h.kind == "aerodynamic" and len(h.increment) == 1]
-    found = set[str]()
+    terms = set[str]()
     for hypothesis in own:
         axis, regressor = hypothesis.increment[0]
         beside = [
             h.increment[0][1] for h in own if h is not hypothesis and h.increment[0][0] == axis
         ]
         if regressor.names - {"alpha"}:
-            found |= {
+            terms |= {
                 name
                 for name in shape_term_columns(hypothesis.id)
                 if not any(_is(other, regressor, name) for other in beside)
             }
-    return frozenset(found)
+    return frozenset(terms)
 
 
 def _is(other: Expression, regressor: Expression, name: str) -> bool:
@@ -119,8 +119,8 @@ def _is(other: Expression, regressor: Expression, name: str) -> bool:
         n: generator.uniform(-0.3 if _signed(n) else 0.05, 0.3, _POINTS) for n in names
     }
     base, wanted = (np.broadcast_to(evaluate(each, at), (_POINTS,)) for each in (regressor, other))
-    made = base * (at["alpha"] if over_alpha else np.abs(base))
-    left = [each - base * ((base @ each) / (base @ base)) for each in (made, wanted)]
+    candidate = base * (at["alpha"] if over_alpha else np.abs(base))
+    left = [each - base * ((base @ each) / (base @ base)) for each in (candidate, wanted)]
     size = np.linalg.norm(left[0]) * np.linalg.norm(left[1])
     return bool(size > 0.0 and abs(left[0] @ left[1]) >= _SAME * size)
 

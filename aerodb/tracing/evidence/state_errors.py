@@ -39,15 +39,15 @@ def noisy_copies(
         if near is None
         else compare(flight, total_coefficients(flight, vehicle), database, vehicle.reference)
     )
-    found = []
+    noisy = []
     for number in range(copies):
         drawn = noise.draw(np.random.default_rng([seed, number]), len(flight.time), flight.step)
         copy = flight.with_channels(_added(flight, drawn))
         beside = compare(copy, total_coefficients(copy, vehicle), database, vehicle.reference)
-        found.append(
+        noisy.append(
             (copy, beside if near is None or clean is None else _on_top(near, beside, clean))
         )
-    return found
+    return noisy
 
 
 def _on_top(near: Comparison, beside: Comparison, clean: Comparison) -> Comparison:

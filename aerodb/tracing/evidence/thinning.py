@@ -72,11 +72,11 @@ def _slower_channels(flight: Flight, every: int) -> dict[str, Array]:
     finite = {name: np.isfinite(values) for name, values in flight.channels.items()}
     names = [name for name, good in finite.items() if good.any()]
     whole = np.ones(len(flight.time), dtype=np.bool_)
-    found = dict(
+    slow = dict(
         zip(names, slower([bridge(flight[name]) for name in names], whole, every), strict=True)
     )
     return {
-        name: np.where(finite[name][::every], found.get(name, np.nan), np.nan)
+        name: np.where(finite[name][::every], slow.get(name, np.nan), np.nan)
         for name in flight.channels
     }
 

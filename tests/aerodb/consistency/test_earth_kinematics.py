@@ -72,9 +72,9 @@ def place(latitude: np.ndarray, longitude: np.ndarray, height: np.ndarray) -> np
 
 
 def test_gravity_and_curvature_are_those_published():
-    assert normal_gravity(0.0, 0.0)[0] == pytest.approx(9.7803253359, abs=1e-10)
-    assert normal_gravity(np.pi / 2, 0.0)[0] == pytest.approx(9.8321849378, abs=1e-9)
-    assert radii_of_curvature(0.0)[0] == pytest.approx(6335439.3273, abs=1e-3)
+    assert normal_gravity(0.0, 0.0).gravity == pytest.approx(9.7803253359, abs=1e-10)
+    assert normal_gravity(np.pi / 2, 0.0).gravity == pytest.approx(9.8321849378, abs=1e-9)
+    assert radii_of_curvature(0.0).meridian == pytest.approx(6335439.3273, abs=1e-3)
     assert radii_of_curvature(np.pi / 2)[:2] == pytest.approx(
         (6399593.6258, 6399593.6258), abs=1e-3
     )
@@ -98,7 +98,7 @@ def test_eotvos_and_transport_rate():
     flat earth the same sensors would climb six kilometres."""
     latitude, height, speed = np.deg2rad(45.0), 8000.0, 250.0
     down, _, _, bend = normal_gravity(latitude, height)
-    across = radii_of_curvature(latitude)[1] + height
+    across = radii_of_curvature(latitude).normal + height
     eotvos = 2.0 * EARTH_RATE * speed * np.cos(latitude) + speed**2 / across
     assert eotvos == pytest.approx(0.03557, abs=2e-5)
     turn = EARTH_RATE + speed / (across * np.cos(latitude))
@@ -128,7 +128,7 @@ def test_a_falling_stone_lands_to_the_east():
     inputs = np.tile([0.0, 0.0, 0.0, 0.0, 0.0, 0.0], (3001, 1))
     first = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 5000.0])
     states, _ = integrate(inputs, 0.01, first, 0.0, earth=Earth(latitude))
-    gravity = normal_gravity(latitude, 3500.0)[0]
+    gravity = normal_gravity(latitude, 3500.0).gravity
     assert states[7, -1] == pytest.approx(
         EARTH_RATE * gravity * 30.0**3 * np.cos(latitude) / 3.0, rel=5e-3
     )
@@ -203,7 +203,7 @@ def test_the_inertial_frame_gives_the_same_motion():
     assert np.abs(states[8] - at["altitude"]).max() < 1.0
     for row, name in ((3, "phi"), (4, "theta"), (5, "psi")):
         assert np.abs(states[row] - at[name]).max() < 4e-6, name
-    flat, _ = integrate(inputs, 0.02, first, normal_gravity(ORIGIN.latitude, 6000.0)[0])
+    flat, _ = integrate(inputs, 0.02, first, normal_gravity(ORIGIN.latitude, 6000.0).gravity)
     assert np.hypot(flat[6] - north, flat[7] - east).max() > 3000.0
 
 

@@ -49,7 +49,8 @@ def _chosen(of: Fleet, trials: Trials, *sizes: int) -> list[list[int]]:
 
 
 def _bounded(of: Fleet, flight: str, wrong: str) -> StateNoise:
-    channels, comparison, _ = load_comparison(of.access, flight, of.versions[wrong], of.run)
+    loaded = load_comparison(of.access, flight, of.versions[wrong], of.run)
+    channels, comparison = loaded.flight, loaded.comparison
     view = view_of(
         channels, comparison, of.access.database(of.versions[wrong]), of.access.vehicle(NAME)[0]
     )
@@ -94,9 +95,8 @@ def test_nothing_but_alpha_is_bounded(glider: Fleet) -> None:
             "alpha": tuple(1e-12 * power for power in noise.density["alpha"]),
         },
     )
-    channels, comparison, _ = load_comparison(
-        glider.access, flight, glider.versions["nothing"], glider.run
-    )
+    loaded = load_comparison(glider.access, flight, glider.versions["nothing"], glider.run)
+    channels, comparison = loaded.flight, loaded.comparison
     view = view_of(
         channels,
         comparison,

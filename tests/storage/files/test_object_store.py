@@ -127,7 +127,7 @@ def test_without_the_cache_everything_is_readable_and_nothing_is_made_again(
     for _ in range(2):  # whether it is there is asked, not fetched
         key = load_comparison(
             access, held["flights"][0], version or "", access.catalogue.runs()[0].id
-        )[2]
+        ).key
         row = access.catalogue.result(key)
         assert row is not None
         assert access.has(key)
