@@ -1,5 +1,7 @@
 """The effect library: all templates, and the hypotheses they give for one database and one vehicle.
 
+`AERODYNAMIC` and `SENSORS` are the only list of the effects that exist, in the library's order.
+
 It is fixed and hashed before any residual is looked at; a finding is valid for the library with the
 hash under which it was made.
 """

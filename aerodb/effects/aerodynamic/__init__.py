@@ -1,7 +1,7 @@
 """Aerodynamic effect templates: one module per effect that a database can lack or have wrong.
 
 Each module states the effect, its model, the data needed to identify it, its believable size and
-its source, and defines one `TEMPLATE`; `aerodb.effects.library` lists them all. Most are made by
+its source, and defines one `TEMPLATE`; `aerodb.effects.library` alone lists them. Most are made by
 `template.per_axis` (one regressor on several axes) or `per_surface.per_surface` (one hypothesis per
 control surface and axis). `lift_like` gives the angle of attack from zero lift (`zero_lift_alpha`,
 `from_zero_lift`), which ground, Mach and dynamic-pressure effects share.

@@ -1,4 +1,4 @@
-from . import stall_hysteresis, stall_loop
+from . import stall_loop
 from .stall_hysteresis import stall_hypotheses, stall_regressors
 from .stall_shape import STALL_GAIN_BOUNDS, StallFlight, cross_fit_shapes, fit_shape
 
@@ -8,7 +8,6 @@ __all__ = [
     "cross_fit_shapes",
     "fit_shape",
     "stall_hypotheses",
-    "stall_hysteresis",
     "stall_loop",
     "stall_regressors",
 ]

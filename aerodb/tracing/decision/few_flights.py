@@ -17,15 +17,14 @@ from numpy.typing import NDArray
 
 from aerodb.effects import Hypothesis
 from aerodb.tracing.decision.explanation_sets import explain
-from aerodb.tracing.decision.findings import Finding, Verdict, with_unit
+from aerodb.tracing.decision.findings import Finding, with_unit
 from aerodb.tracing.decision.joint_model import JointModel, joint_bands, joint_fit, under
 from aerodb.tracing.decision.selection import (
     FEWEST_SUSPECTED,
     Decision,
     cross_validated,
-    left_out_gains,
-    reported_votes,
 )
+from aerodb.tracing.decision.verdicts import finding_of
 from aerodb.tracing.estimates import OFFSET, FlightEstimates, Tested, campaign
 from aerodb.tracing.evidence import Evidence, SamplingUnit, halves
 from aerodb.tracing.settings import TracingSettings
@@ -289,33 +288,23 @@ def accompanying_linear_terms(
 
 
 def _finding(joint: JointModel, test: Tested, index: int, behind: Sequence[int]) -> Finding:
-    tests, hypothesis = joint.tests, joint.tests.campaign.hypotheses[index]
-    estimates = tests.flight_estimates(joint.terms, ())
-    explanation = explain(tests, Decision((), joint.terms, ()), index)
-    names = tests.campaign.hypotheses
-    rivals = [names[i].id for i in explanation.rivals if set(names[i].axes) & set(hypothesis.axes)]
-    sensors = [names[i].id for i in behind]
-    verdict: Verdict = "ambiguous_sensor" if sensors else "suspected"
+    tests, decision = joint.tests, Decision((), joint.terms, ())
+    hypotheses, hypothesis = tests.campaign.hypotheses, tests.campaign.hypotheses[index]
+    explanation = explain(tests, decision, index)
+    rivals = tuple(i for i in explanation.rivals if set(hypotheses[i].axes) & set(hypothesis.axes))
     value, half = joint.value(index), 0.5 * float(np.ptp(test.interval(index)))
     on = np.flatnonzero(test.included[:, index])
-    gains = left_out_gains(estimates, test, index)
-    return Finding(
-        hypothesis=hypothesis.id,
-        effect=hypothesis.effect,
-        axis=tuple(hypothesis.axes),
-        subject=hypothesis.subject,
-        verdict=verdict,
-        parameter=hypothesis.parameter,
-        unit=hypothesis.unit,
+    rival_names, sensor_names = ([hypotheses[i].id for i in part] for part in (rivals, behind))
+    return finding_of(
+        tests,
+        decision,
+        test,
+        replace(explanation, rivals=rivals, sensors=tuple(behind)),
+        verdict="ambiguous_sensor" if behind else "suspected",
         value=value,
         ci95=(value - half, value + half),
-        p_adjusted=float(test.adjusted[index]),
-        votes=reported_votes(tests, estimates, test, index),
-        explanation_set=(hypothesis.id, *rivals, *sensors),
-        because=_because(hypothesis, value, half, len(on), rivals, sensors)
+        because=_because(hypothesis, value, half, len(on), rival_names, sensor_names)
         + _twins(joint, index, explanation.rivals, on),
-        fallen={names[i].id: why for i, why in explanation.fallen.items()},
-        held_out_share=float(np.mean(gains > 0.0)) if len(gains) else 0.0,
     )
 
 

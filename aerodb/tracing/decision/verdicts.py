@@ -56,7 +56,7 @@ def trace(
     repeated = _repeated(tests)
     findings = [_finding(tests, decision, explanation, repeated) for explanation in explanations]
     findings.sort(key=lambda finding: finding.p_adjusted)
-    test = _final(tests, decision)
+    test = tests.tested(decision.terms, decision.freed)
     explained = {*indices, *(i for e in explanations for i in (*e.rivals, *e.sensors))}
     rest = [i for i in range(len(hypotheses)) if i not in explained]
     if len(normal_equations) < settings.fewest:
@@ -111,10 +111,6 @@ def _repeated(tests: CrossFlightTests) -> list[tuple[tuple[int, ...], Decision]]
     return [(fold, decide(tests.without(fold))) for fold in folds]
 
 
-def _final(tests: CrossFlightTests, decision: Decision) -> Tested:
-    return tests.tested(decision.terms, decision.freed)
-
-
 def _finding(
     tests: CrossFlightTests,
     decision: Decision,
@@ -122,16 +118,45 @@ def _finding(
     repeated: list[tuple[tuple[int, ...], Decision]],
 ) -> Finding:
     index = explanation.index
-    hypotheses = tests.campaign.hypotheses
-    hypothesis = hypotheses[index]
     fewest = FEWEST_SUSPECTED if index in decision.suspected else tests.settings.fewest
     test = tests.tested(decision.terms, decision.freed, fewest)
-    estimates = tests.flight_estimates(decision.terms, decision.freed)
     verdict = _verdict(decision, explanation)
-    gains = left_out_gains(estimates, test, index)
     again = sum(index in (*d.terms, *d.freed) for _, d in repeated)
     on = np.flatnonzero(test.included[:, index])
-    names = (index, *explanation.rivals, *explanation.sensors)
+    return finding_of(
+        tests,
+        decision,
+        test,
+        explanation,
+        verdict=verdict,
+        value=float(test.mean[index]),
+        ci95=test.interval(index),
+        because=_because(tests, explanation, verdict, test, len(on)),
+        refound=(again, len(repeated)),
+    )
+
+
+def finding_of(
+    tests: CrossFlightTests,
+    decision: Decision,
+    test: Tested,
+    explanation: Explanation,
+    *,
+    verdict: Verdict,
+    value: float,
+    ci95: tuple[float, float],
+    because: str,
+    refound: tuple[int, int] = (0, 0),
+) -> Finding:
+    """Return the finding of an explained hypothesis, with its votes and its explanation set.
+
+    test : of the model of `decision`. value, ci95 : of the parameter, SI.
+    """
+    index, hypotheses = explanation.index, tests.campaign.hypotheses
+    hypothesis = hypotheses[index]
+    estimates = tests.flight_estimates(decision.terms, decision.freed)
+    gains = left_out_gains(estimates, test, index)
+    members = (index, *explanation.rivals, *explanation.sensors)
     return Finding(
         hypothesis=hypothesis.id,
         effect=hypothesis.effect,
@@ -140,14 +165,14 @@ def _finding(
         verdict=verdict,
         parameter=hypothesis.parameter,
         unit=hypothesis.unit,
-        value=float(test.mean[index]),
-        ci95=test.interval(index),
+        value=value,
+        ci95=ci95,
         p_adjusted=float(test.adjusted[index]),
         votes=reported_votes(tests, estimates, test, index),
-        explanation_set=tuple(hypotheses[i].id for i in names),
-        because=_because(tests, explanation, verdict, test, len(on)),
+        explanation_set=tuple(hypotheses[i].id for i in members),
+        because=because,
         fallen={hypotheses[i].id: reason for i, reason in explanation.fallen.items()},
-        refound=(again, len(repeated)),
+        refound=refound,
         held_out_share=float(np.mean(gains > 0.0)) if len(gains) else 0.0,
     )
 

@@ -21,7 +21,7 @@ from aerodb.loop.stall import added_stall, stall_flights
 from aerodb.loop.within_flight import estimated_without, parts_of
 from aerodb.tables.database import AeroDatabase
 from aerodb.tasks.loop_flights import StoredFlights
-from aerodb.tasks.steps.compare import compared
+from aerodb.tasks.steps.compare import compare_with_database
 from aerodb.tasks.steps.trace import freeze_library
 from aerodb.tasks.steps.update import plan_update
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
@@ -108,8 +108,12 @@ def test_after_acceptance_roll_and_yaw_are_as_good_as_the_records_allow(otter) -
     .0005."""
     access, flight, before, after = _lateral(otter)
     for axis, most in (("Cl", 0.0009), ("Cn", 0.0005)):
-        assert _spread(compared(access, flight, before, "test"), axis) > 0.012
-        assert _spread(compared(access, flight, after, "test"), axis) <= most
+        assert (
+            _spread(compare_with_database(access, flight, before, "test").comparison, axis) > 0.012
+        )
+        assert (
+            _spread(compare_with_database(access, flight, after, "test").comparison, axis) <= most
+        )
     assert otter[1]["axes"]["Cn"]["held_out_rms_after"] <= 0.0005
     assert (
         otter[1]["axes"]["Cl"]["held_out_without_constant_after"]
@@ -133,14 +137,14 @@ def test_the_first_manoeuvre_is_predicted_from_the_rest(otter) -> None:
         model="",
         hold_out=None,
     )
-    comparison = compared(access, flight, before, "test")
+    comparison = compare_with_database(access, flight, before, "test").comparison
     source = StoredFlights(access, "twin-otter", "test")
     head = parts_of(comparison.time, manoeuvre_spans(source, flight))["head"]
     library = freeze_library(plan, **where)
     candidate = estimated_without(
         source, library, before, document["added"], plan.flights, {flight: head}
     )
-    left = compared(access, flight, candidate, "test")
+    left = compare_with_database(access, flight, candidate, "test").comparison
     for axis, most in (("Cl", 0.0009), ("Cn", 0.0005)):
         good, residual = left.usable[axis], left.residual(axis)
         assert np.sqrt(np.mean(comparison.residual(axis)[good & head] ** 2)) > 0.016
@@ -297,7 +301,7 @@ def test_the_stall_is_predicted_on_the_other_record_through_the_flow(stalls) -> 
     seen = stall_flights(source, flights, database)
     for (fitted, predicted), goal in zip(((0, 1), (1, 0)), (0.027, 0.037), strict=True):
         candidate = added_stall(source, database, (flights[fitted],))
-        comparison = compared(access, flights[predicted], candidate, "test")
+        comparison = compare_with_database(access, flights[predicted], candidate, "test").comparison
         assert window_rms(comparison.residual("C_lift"), seen[predicted]) <= goal
         assert (
             window_rms(without_stall(seen[fitted], seen[predicted])["C_lift"], seen[predicted])
