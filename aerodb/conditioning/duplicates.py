@@ -104,8 +104,7 @@ def shared_samples(a: Flight, b: Flight) -> tuple[Shared, ...]:
         agreed = _agreement(a, b, offset, names)
         if agreed is None:
             continue
-        where, offset, difference = agreed
-        for first, last in _runs(where & ~taken):
+        for first, last in _runs(agreed.where & ~taken):
             if a.time[last] - a.time[first] >= SHORTEST_SHARED:
                 taken[first : last + 1] = True
                 start, end = float(a.time[first]), float(a.time[last])
@@ -113,11 +112,11 @@ def shared_samples(a: Flight, b: Flight) -> tuple[Shared, ...]:
                     Shared(
                         start,
                         end,
-                        start + offset,
-                        end + offset,
+                        start + agreed.offset,
+                        end + agreed.offset,
                         last - first + 1,
                         names,
-                        difference,
+                        agreed.difference,
                     )
                 )
     return tuple(sorted(stretches, key=lambda shared: shared.start_a))
@@ -227,11 +226,21 @@ def _common_offsets(offsets: Array) -> list[float]:
     return [float(np.median(group)) for group in sorted(groups, key=len, reverse=True)]
 
 
-def _agreement(
-    a: Flight, b: Flight, offset: float, names: tuple[str, ...]
-) -> tuple[NDArray[np.bool_], float, float] | None:
-    """Where all channels of `a` equal those of `b` at ``time + offset``, the offset refined, and
-    the largest relative rms difference there; None when they do nowhere."""
+@dataclass(frozen=True)
+class _Agreement:
+    """Where all channels of two flights are equal.
+
+    where : mask of the first flight's samples. offset : refined, s. difference : largest relative
+    rms difference there.
+    """
+
+    where: NDArray[np.bool_]
+    offset: float
+    difference: float
+
+
+def _agreement(a: Flight, b: Flight, offset: float, names: tuple[str, ...]) -> _Agreement | None:
+    """Where all channels of `a` equal those of `b` at ``time + offset``; None if nowhere."""
     pairs = [_Pair.of(a, b, name) for name in names]
     for near in (1.0, 4 * AGREEMENT, 2 * AGREEMENT, 2 * AGREEMENT):
         steps = [pair.step_of_offset(a.time + offset, near) for pair in pairs]
@@ -249,7 +258,7 @@ def _agreement(
     if not where.any():
         return None
     largest = float(np.sqrt(np.max(np.mean(differences[:, where] ** 2, axis=1))))
-    return _to_the_ends(a, b, where, offset, names), offset, largest
+    return _Agreement(_to_the_ends(a, b, where, offset, names), offset, largest)
 
 
 def _one_condition(a: Flight, b: Flight, part: slice, offset: float) -> bool:

@@ -228,7 +228,8 @@ def _axis(
             "fly a manoeuvre that excites one",
         )
     fit = _fitted(declared, matrix[:, excited], response, names, used, consider)
-    estimates, covariance, at_bound = _constrained(fit, declared)
+    constrained = _constrained(fit, declared)
+    estimates, covariance = constrained.estimates, constrained.covariance
     measured = np.concatenate([s.comparison.measured[axis][s.good] for s in used])
     predicted = measured - response + matrix[:, excited] @ estimates
     ids = tuple(s.comparison.flight for s in used)
@@ -253,7 +254,7 @@ def _axis(
         vif=fit.vif,
         r_squared=fit.r_squared,
         theil=theil(predicted, measured),
-        at_bound=at_bound,
+        at_bound=constrained.at_bound,
         not_excited=tuple(
             r.name for r, moves in zip(regressors, excited, strict=True) if not moves
         ),
@@ -383,10 +384,17 @@ def _excited(matrix: Array, regressors: Sequence[Regressor]) -> np.ndarray:
     return constant | (spread > 1e-9 * np.maximum(np.abs(matrix).max(axis=0), 1e-12))
 
 
-def _constrained(
-    fit: Regression, declared: DeclaredIncrement
-) -> tuple[Array, Array, tuple[str, ...]]:
-    """Estimates, covariance and names at a bound, with priors, bounds and fixed values applied.
+@dataclass(frozen=True)
+class _Constrained:
+    """Estimates, their covariance, and the names of those at a bound."""
+
+    estimates: Array
+    covariance: Array
+    at_bound: tuple[str, ...]
+
+
+def _constrained(fit: Regression, declared: DeclaredIncrement) -> _Constrained:
+    """The estimates of a fit with priors, bounds and fixed values applied.
 
     Minimises ``(x - x0)' C^-1 (x - x0)`` over the allowed x, with C the coloured covariance.
     """
@@ -416,17 +424,14 @@ def _constrained(
         covariance[index, :] = covariance[:, index] = 0.0
         estimates[index] = [held[k] for k in index]
     if np.all((estimates >= low) & (estimates <= high)):
-        return estimates, covariance, ()
+        return _Constrained(estimates, covariance, ())
     root = np.linalg.cholesky(np.linalg.inv(covariance[np.ix_(free, free)])).T
     bounded = lsq_linear(root, root @ estimates[free], bounds=(low[free], high[free]), tol=1e-12).x
     estimates = estimates.copy()
     estimates[free] = bounded
     touching = (np.isclose(estimates, low) | np.isclose(estimates, high)) & np.isfinite(low)
-    return (
-        estimates,
-        covariance,
-        tuple(name for name, touches in zip(names, touching, strict=True) if touches),
-    )
+    at_bound = tuple(name for name, touches in zip(names, touching, strict=True) if touches)
+    return _Constrained(estimates, covariance, at_bound)
 
 
 def _aliases(names: Sequence[str], correlation: Array) -> tuple[tuple[str, ...], ...]:

@@ -92,6 +92,30 @@ def choose_mapping(recording: Recording, mappings: Iterable[Mapping]) -> Mapping
     )
 
 
+@dataclass(frozen=True)
+class _Location:
+    """The topic and field of a source, as the recording names them."""
+
+    topic: str
+    field: str
+
+
+@dataclass(frozen=True)
+class _Clock:
+    """A cleaned clock: mask of the samples to keep, and their times [s]."""
+
+    keep: NDArray[np.bool_]
+    time: Array
+
+
+@dataclass(frozen=True)
+class _FieldValues:
+    """Values of a field on the cleaned clock of its topic."""
+
+    topic: str
+    values: Array
+
+
 @dataclass
 class _Log:
     """A recording read through a mapping: fields in SI on cleaned clocks; collects damage."""
@@ -101,10 +125,10 @@ class _Log:
     damage: list[Damage] = field(default_factory=list)
     refused: dict[str, InputError] = field(default_factory=dict)
     """Topics whose clock cannot be used -> the error."""
-    _clocks: dict[str, tuple[NDArray[np.bool_], Array] | None] = field(default_factory=dict)
+    _clocks: dict[str, _Clock | None] = field(default_factory=dict)
 
-    def clock(self, topic: str) -> tuple[NDArray[np.bool_], Array] | None:
-        """Return the samples of a topic to keep and their times [s].
+    def clock(self, topic: str) -> _Clock | None:
+        """Return the cleaned clock of a topic.
 
         None if the clock cannot be used or a table has no time base of that length.
         """
@@ -112,7 +136,7 @@ class _Log:
             self._clocks[topic] = self._cleaned(topic)
         return self._clocks[topic]
 
-    def _cleaned(self, topic: str) -> tuple[NDArray[np.bool_], Array] | None:
+    def _cleaned(self, topic: str) -> _Clock | None:
         stamps = self.stamps(topic)
         if stamps is None:
             return None
@@ -125,7 +149,7 @@ class _Log:
         if clean.dropped:
             what = f"{clean.dropped} samples left out whose time does not increase"
             self.damage.append(Damage("time", what, topic, clean.start, clean.end))
-        return clean.keep, stamps[clean.keep]
+        return _Clock(clean.keep, stamps[clean.keep])
 
     def stamps(self, topic: str) -> Array | None:
         """Return logged times [s] of a topic; None if a table has no time base of its length."""
@@ -141,36 +165,35 @@ class _Log:
                 where,
                 "state the field that holds the time in [time] of the mapping file",
             )
-        values = np.asarray(
-            self.recording.topics[location[0]].fields[location[1]], dtype=np.float64
-        )
-        unit = time.unit or self.recording.topics[location[0]].units.get(location[1], "s")
+        base = self.recording.topics[location.topic]
+        values = np.asarray(base.fields[location.field], dtype=np.float64)
+        unit = time.unit or base.units.get(location.field, "s")
         same_length = len(next(iter(self.recording.topics[topic].fields.values()))) == len(values)
         return convert(values * time.scale, unit, "s") if same_length else None
 
-    def locate(self, source: Source) -> tuple[str, str] | None:
+    def locate(self, source: Source) -> _Location | None:
         """Return topic and field of a source: the first match that exists and is numeric."""
         for topic in matching_topics(source.topic, self.recording.topics):
             values = self.recording.topics[topic].fields.get(source.field)
             if values is not None and np.asarray(values).dtype.kind in "fiub":
-                return topic, source.field
+                return _Location(topic, source.field)
         return None
 
-    def read(self, source: Source, unit: str) -> tuple[str, Array] | None:
+    def read(self, source: Source, unit: str) -> _FieldValues | None:
         """Return topic and values in `unit` of a source on its cleaned clock.
 
         None if the field is absent or holds no data.
         """
         location = self.locate(source)
-        if location is None or (clock := self.clock(location[0])) is None:
+        if location is None or (clock := self.clock(location.topic)) is None:
             return None
-        topic = self.recording.topics[location[0]]
-        raw = np.asarray(topic.fields[location[1]], dtype=np.float64)[clock[0]]
+        topic = self.recording.topics[location.topic]
+        raw = np.asarray(topic.fields[location.field], dtype=np.float64)[clock.keep]
         if not np.any(np.isfinite(raw)) or (self.mapping.zero_is_missing and not np.any(raw)):
             return None
-        declared = source.unit if source.unit is not None else topic.units.get(location[1])
+        declared = source.unit if source.unit is not None else topic.units.get(location.field)
         if declared is None:
-            where = f"{self.recording.source}, field {location[0]}.{location[1]}"
+            where = f"{self.recording.source}, field {location.topic}.{location.field}"
             raise InputError(
                 "no unit is declared",
                 where,
@@ -179,9 +202,9 @@ class _Log:
         if source.scale != 1.0 or source.offset:
             raw = source.offset + source.scale * raw
         try:
-            return location[0], convert(raw, declared, unit)
+            return _FieldValues(location.topic, convert(raw, declared, unit))
         except InputError as error:
-            where = f"{self.recording.source}, field {location[0]}.{location[1]}"
+            where = f"{self.recording.source}, field {location.topic}.{location.field}"
             raise InputError(
                 error.what, where, error.remedy or f"state its unit in mapping {self.mapping.name}"
             ) from error
@@ -311,7 +334,10 @@ def _signals(log: _Log, vehicle: Vehicle) -> tuple[dict[str, _Signal], list[str]
             )
         elif located is not None:
             signals[entry.name] = _Signal(
-                entry.name, *located, vehicle.surfaces[label] if entry.command else None
+                entry.name,
+                located.topic,
+                located.values,
+                vehicle.surfaces[label] if entry.command else None,
             )
         elif entry.name in (*_RATES, *_ACCELERATIONS):
             _refuse_broken_clock(log, entry)
@@ -325,11 +351,11 @@ def _refuse_broken_clock(log: _Log, entry: ChannelMapping) -> None:
     """Raise the clock error of a topic that has a rate or acceleration; others are optional."""
     for source in entry.sources:
         location = log.locate(source)
-        if location is not None and location[0] in log.refused:
-            raise log.refused[location[0]]
+        if location is not None and location.topic in log.refused:
+            raise log.refused[location.topic]
 
 
-def _first(log: _Log, entry: ChannelMapping) -> tuple[str, Array] | None:
+def _first(log: _Log, entry: ChannelMapping) -> _FieldValues | None:
     for source in entry.sources:
         if entry.command:
             bare = source.unit in (None, "", "1", "-")
@@ -339,8 +365,9 @@ def _first(log: _Log, entry: ChannelMapping) -> tuple[str, Array] | None:
         else:
             signal = log.read(source, channel(entry.name).unit)
         if signal is not None:
-            values = signal[1]
-            return signal[0], _unwrapped(values) if entry.name in _WRAPPING else values
+            if entry.name in _WRAPPING:
+                return replace(signal, values=_unwrapped(signal.values))
+            return signal
     return None
 
 
@@ -352,8 +379,8 @@ def _derive(log: _Log, derived: Derived) -> list[_Signal]:
     present = [entry for entry in signals if entry is not None]
     if len(present) < len(signals):
         return []
-    results = method.compute(*(values for _, values in present))
-    topic = present[0][0]
+    results = method.compute(*(entry.values for entry in present))
+    topic = present[0].topic
     return [
         _Signal(name, topic, _unwrapped(values) if name in _WRAPPING else values)
         for name, values in zip(derived.channels, results, strict=True)
@@ -371,7 +398,7 @@ def _unwrapped(values: Array) -> Array:
 def _times(log: _Log, topic: str) -> Array:
     clock = log.clock(topic)
     assert clock is not None  # a signal exists only where its clock does
-    return clock[1]
+    return clock.time
 
 
 def _grid(log: _Log, essential: Sequence[_Signal], vehicle: Vehicle) -> tuple[Array, str]:

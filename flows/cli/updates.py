@@ -1,5 +1,6 @@
 """``aerodb update``: estimate declared increments, store a candidate, report the error."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -48,10 +49,9 @@ def update(
         )
     catalogue = session.catalogue()
     if like is not None:
-        text, again, held_again = _as_before(
-            catalogue, catalogue.version(catalogue.vehicle(vehicle).name, like)
-        )
-        flights, hold_out = flights or again, hold_out or held_again
+        earlier = _as_before(catalogue, catalogue.version(catalogue.vehicle(vehicle).name, like))
+        text = earlier.model
+        flights, hold_out = flights or earlier.flights, hold_out or earlier.held_out
     elif model is not None:
         text = read_text(model)
         parse_model_file(text, str(model))
@@ -80,13 +80,17 @@ def update(
     session.answer(document)
 
 
-def _as_before(
-    catalogue: Catalogue, version: VersionRow
-) -> tuple[str, list[str], list[str] | None]:
-    """Return model file, flights and held-out flights of the update that made a version.
+@dataclass(frozen=True)
+class _EarlierUpdate:
+    """Model file, flights and held-out flights of the update that made a version."""
 
-    Retracted flights are left out.
-    """
+    model: str
+    flights: list[str]
+    held_out: list[str] | None
+
+
+def _as_before(catalogue: Catalogue, version: VersionRow) -> _EarlierUpdate:
+    """Return the update that made a version, without retracted flights."""
     settings = catalogue.settings_of([version.id])[version.id]
     if "model" not in settings:
         raise InputError(
@@ -98,7 +102,7 @@ def _as_before(
     rows = catalogue.flights_by_id(use.flight for use in used)
     standing = [use for use in used if rows[use.flight].retracted_utc is None]
     held = [use.flight for use in standing if use.role == "held_out"]
-    return settings["model"], [use.flight for use in standing], held or None
+    return _EarlierUpdate(settings["model"], [use.flight for use in standing], held or None)
 
 
 def print_update(session: Session, document: dict[str, Any]) -> None:

@@ -3,6 +3,7 @@
 import json
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -27,14 +28,14 @@ def evaluate_at(catalogue: Catalogue, version: VersionRow, at: str) -> dict[str,
     InputError for a name that is not an input and for a value that is not a number.
     """
     database = database_of(catalogue, version)
-    point, assumed, channels = _point(database, at)
+    point = _point(database, at)
     evaluation = evaluate_database(
-        database, {name: np.array([value]) for name, value in channels.items()}
+        database, {name: np.array([value]) for name, value in point.channels.items()}
     )
     return {
         "version": version.id,
-        "at": point,
-        "taken_as_zero": assumed,
+        "at": point.given,
+        "taken_as_zero": point.assumed,
         "coefficients": {axis: float(evaluation.value[axis][0]) for axis in AXES},
         "standard_errors": {
             axis: _known(float(evaluation.standard_error[axis][0])) for axis in AXES
@@ -76,10 +77,11 @@ def sweep(
             "from, to",
             "give two numbers, the lower one first",
         )
-    point, assumed, channels = _point(database, at)
+    point = _point(database, at)
     line = np.linspace(low, high, points)
     evaluation = evaluate_database(
-        database, {**{name: np.full(points, value) for name, value in channels.items()}, over: line}
+        database,
+        {**{name: np.full(points, value) for name, value in point.channels.items()}, over: line},
     )
     axes = {
         axis: {
@@ -89,8 +91,8 @@ def sweep(
         }
         for axis in AXES
     }
-    fixed = {name: value for name, value in point.items() if name != over}
-    taken = [name for name in assumed if name != over]
+    fixed = {name: value for name, value in point.given.items() if name != over}
+    taken = [name for name in point.assumed if name != over]
     return {
         "version": version.id,
         "over": over,
@@ -106,17 +108,24 @@ def database_of(catalogue: Catalogue, version: VersionRow) -> AeroDatabase:
     return from_document(json.loads(catalogue.version_documents(version.id).content))
 
 
-def _point(
-    database: AeroDatabase, at: str
-) -> tuple[dict[str, float], list[str], Mapping[str, float]]:
-    """Return the point, the inputs that it leaves out, and the channels to evaluate."""
+@dataclass(frozen=True)
+class _Point:
+    """A point of a database: its inputs as given, those left out, and the channels to evaluate."""
+
+    given: dict[str, float]
+    assumed: list[str]
+    channels: Mapping[str, float]
+
+
+def _point(database: AeroDatabase, at: str) -> _Point:
+    """Return the point that a text gives."""
     point = point_of(at, database.inputs)
     settled = {state.name for state in database.states}
     assumed = [name for name in database.inputs if name not in point and name not in settled]
     channels = {**dict.fromkeys(assumed, 0.0), **point}
     if "V" in assumed:
         channels["V"] = 1.0  # rates are zero where they are not given: any airspeed gives the same
-    return point, assumed, channels
+    return _Point(point, assumed, channels)
 
 
 def _known(value: float) -> float | None:
