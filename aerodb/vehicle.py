@@ -5,7 +5,6 @@ are in SI; text with a unit ("6.5 ft", "-25 deg") is converted when the file is 
 is an error that names the nearest known key.
 """
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Annotated, Any, Literal, Self
@@ -19,7 +18,7 @@ from aerodb.five_hole import FiveHole
 from aerodb.flight import Flight
 from aerodb.nomenclature import channel
 from aerodb.quantities import Inertia, Kilograms, Metres, Number, Point, Radians, Seconds, in_unit
-from aerodb.support import Array, Strict, validated
+from aerodb.support import Array, Strict, validated_toml
 from aerodb.units import quantity
 
 
@@ -256,11 +255,7 @@ def parse_vehicle(text: str, where: str = "vehicle file") -> Vehicle:
 
     Raises InputError with the key, the reason and the nearest known key.
     """
-    try:
-        data = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"not valid TOML: {error}", where) from error
-    return validated(Vehicle, data, where)
+    return validated_toml(Vehicle, text, where)
 
 
 def add_combinations(flight: Flight, vehicle: Vehicle) -> Flight:

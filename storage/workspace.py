@@ -34,7 +34,7 @@ _SUFFIX = re.compile(r"\.[a-z0-9]{1,8}")
 _CHUNK = 1 << 20
 
 
-def write_atomically(path: Path, write: Callable[[Path], None], keep: bool = False) -> None:
+def write_atomically(path: Path, write: Callable[[Path], object], keep: bool = False) -> None:
     """Call `write` with a temporary path beside `path`, then rename the file or folder to `path`.
 
     The bytes are on the disk (fsync) before the name appears, so an exception or a power cut never
@@ -297,7 +297,7 @@ def write_for_user(workspace: Workspace, target: Path, data: bytes) -> Path:
         if path.is_dir() or not path.parent.is_dir():
             what = "this is a folder" if path.is_dir() else "its folder does not exist"
             raise InputError(what, str(target), "name a file in an existing folder")
-        write_atomically(path, lambda temporary: _write_bytes(temporary, data))
+        write_atomically(path, lambda temporary: temporary.write_bytes(data))
     except (OSError, ValueError) as error:
         if isinstance(error, InputError):
             raise
@@ -306,7 +306,3 @@ def write_for_user(workspace: Workspace, target: Path, data: bytes) -> Path:
             f"the file cannot be written: {what}", str(target)[:200], "choose another path"
         ) from error
     return path
-
-
-def _write_bytes(path: Path, data: bytes) -> None:
-    path.write_bytes(data)

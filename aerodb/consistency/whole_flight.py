@@ -13,7 +13,6 @@ from aerodb.consistency.corrected import CorrectedFlight, corrected_flight
 from aerodb.consistency.output_error import (
     Estimate,
     Reconstruction,
-    SensorEstimates,
     applied_corrections,
     decimated_records,
     estimate_sensors,
@@ -80,11 +79,10 @@ def make_consistent(
         known = reconstruct_flight(records, own, plan, calibration)
     except InputError as error:
         return _unchecked(flight, vehicle, str(error))
-    drifted = (
-        ()
-        if calibration is None
-        else _drifted(with_vehicle_priors(shared_estimates(own), plan.stated_priors), calibration)
-    )
+    drifted: tuple[Drift, ...] = ()
+    if calibration is not None:
+        sensors = with_vehicle_priors(shared_estimates(own), plan.stated_priors)
+        drifted = drift(calibration, sensors.names, sensors.values, sensors.standard_errors)
     verdict = judge(known.reconstruction, flight.id, vehicle.accuracy, common_faults(records))
     values = applied_corrections(known.sensors, plan, calibration)
     corrected = corrected_flight(flight, vehicle, known.reconstruction, values, known.held)
@@ -101,10 +99,6 @@ def common_faults(records: Sequence[Record]) -> tuple[Fault, ...]:
         for fault in detect_faults(record):
             by_channels.setdefault("/".join(fault.channels), []).append(fault)
     return tuple(entries[0] for entries in by_channels.values() if 2 * len(entries) > len(records))
-
-
-def _drifted(own: SensorEstimates, calibration: Calibration) -> tuple[Drift, ...]:
-    return drift(calibration, own.names, own.values, own.standard_errors)
 
 
 def _unchecked(flight: Flight, vehicle: Vehicle, because: str) -> Consistent:

@@ -10,7 +10,6 @@ without arguments that gives some.
 """
 
 import re
-import tomllib
 from collections.abc import Iterable
 from importlib.metadata import entry_points
 from typing import Final
@@ -22,7 +21,7 @@ from aerodb.effects.template import LibraryContext, Template, on_axis
 from aerodb.errors import InputError, UnknownNameError, nearest
 from aerodb.increments import INCREMENT_AXES
 from aerodb.nomenclature import channel
-from aerodb.support import Strict, validated
+from aerodb.support import Strict, validated_toml
 from aerodb.tables import Expression, parse
 
 GROUP: Final = "aerodb.effects"
@@ -71,11 +70,7 @@ def parse_effects(text: str, where: str = "effect file") -> tuple[Template, ...]
     Raises InputError that names the key, the position in an expression or the unknown channel, with
     the nearest known one.
     """
-    try:
-        data = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"not valid TOML: {error}", where) from error
-    return tuple(_template(effect) for effect in validated(UserEffects, data, where).effect)
+    return tuple(_template(effect) for effect in validated_toml(UserEffects, text, where).effect)
 
 
 def registered_templates() -> tuple[Template, ...]:

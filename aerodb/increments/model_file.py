@@ -16,7 +16,6 @@ With one constant for all flights, differences between flights (trim, CG, loadin
 `own_constants` prevents that.
 """
 
-import tomllib
 from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import pairwise
@@ -25,7 +24,7 @@ from pydantic import Field, model_validator
 
 from aerodb.errors import InputError, nearest
 from aerodb.nomenclature import AXES
-from aerodb.support import Strict, validated
+from aerodb.support import Strict, validated_toml
 from aerodb.tables import Expression, parse
 
 #: Axes of an increment: the body axes, and the wind axes for the forces.
@@ -137,11 +136,7 @@ def parse_model_file(text: str, where: str = "model file") -> ModelFile:
 
     Raises InputError naming the wrong key, with the nearest known one.
     """
-    try:
-        data = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"not valid TOML: {error}", where) from error
-    return validated(ModelFile, data, where)
+    return validated_toml(ModelFile, text, where)
 
 
 def check_channels(model: ModelFile, known: Iterable[str], where: str = "model file") -> None:

@@ -3,18 +3,17 @@
 `aerodb.logs.mapping` applies it to a recording.
 """
 
-import tomllib
 from collections.abc import Iterable
 from fnmatch import fnmatchcase
 from typing import Annotated, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
-from aerodb.errors import InputError, UnknownNameError, nearest
+from aerodb.errors import UnknownNameError, nearest
 from aerodb.logs.derivations import METHODS
 from aerodb.nomenclature import channel
 from aerodb.recording import Recording, Topic
-from aerodb.support import Strict, validated
+from aerodb.support import Strict, validated_toml
 
 
 def _registered(name: str) -> str:
@@ -147,11 +146,7 @@ def parse_mapping(text: str, where: str = "mapping file") -> Mapping:
 
     Raises InputError with the key, the reason and the nearest known key.
     """
-    try:
-        data = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"not valid TOML: {error}", where) from error
-    return validated(Mapping, data, where)
+    return validated_toml(Mapping, text, where)
 
 
 def matching_topics(pattern: str, topics: Iterable[str]) -> list[str]:

@@ -13,7 +13,7 @@ from .signals import (
     root,
     sine,
 )
-from .strict import Strict, validated
+from .strict import Strict, validated, validated_toml
 
 __all__ = [
     "Array",
@@ -37,5 +37,6 @@ __all__ = [
     "root",
     "sine",
     "validated",
+    "validated_toml",
     "version_id",
 ]

@@ -3,6 +3,7 @@
 The models that derive from `Strict` define the keys: vehicle, mapping, model and database file.
 """
 
+import tomllib
 from collections.abc import Mapping
 from typing import Any, TypeVar
 
@@ -17,6 +18,18 @@ class Strict(BaseModel):
     """Base of file models: frozen; unknown keys are errors."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+def validated_toml(model: type[Model], text: str, where: str) -> Model:
+    """Return a TOML text as a `model`.
+
+    Raises InputError for text that is not TOML, and as `validated` does.
+    """
+    try:
+        data = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"not valid TOML: {error}", where) from error
+    return validated(model, data, where)
 
 
 def validated(model: type[Model], data: Any, where: str) -> Model:

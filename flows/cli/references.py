@@ -4,10 +4,6 @@ from typing import Annotated
 
 import typer
 
-from aerodb.tasks.references import vehicle_of, version_of
-
-__all__ = ["AsOf", "Vehicle", "vehicle_of", "version_of"]
-
 Vehicle = Annotated[str | None, typer.Option(help="The vehicle; optional if there is only one.")]
 AsOf = Annotated[
     str | None, typer.Option("--as-of", help="As it was at this date (ISO 8601, UTC).")
