@@ -3,8 +3,8 @@
 - `Array`, `Mask`, `Integers`: type names of the arrays that are passed around (`arrays`).
 - `result_key`, `version_id`, `content_sha256`, `canonical_json`: identities of stored results and
   versions, the same on every machine (`identity`).
-- `Strict` and `validated`: models of hand-written files; closed to unknown keys, one clear error
-  (`strict`).
+- `Strict`, `validated` and `validated_toml`: models of hand-written files; closed to unknown keys,
+  one clear error (`strict`).
 - `Signal`: a value with exact first derivatives (a dual number), for sensor models; `sine`,
   `angle`, `dead_zone`, `cross`, `body_to_earth` and others work on it (`signals`).
 - `in_threads` and `Threads`: one function over many items on all cores (`parallel`).
