@@ -41,7 +41,7 @@ def loaded_in_jsbsim(xml: bytes) -> Any:
         def format(self, format: Any) -> None: ...
         def flush(self) -> None: ...
         def message(self, message: str) -> None:
-            self.said += message
+            self.messages += message
 
     before, collector = jsbsim.get_logger(), Collector()
     jsbsim.set_logger(collector)
@@ -56,9 +56,9 @@ def loaded_in_jsbsim(xml: bytes) -> Any:
             except (
                 Exception
             ) as error:  # JSBSim raises types of its own, derived from RuntimeError or not
-                collector.said, loaded = str(error), False
+                collector.messages, loaded = str(error), False
         if not loaded:
-            messages = " ".join(collector.said.split())[-300:]
+            messages = " ".join(collector.messages.split())[-300:]
             raise InputError(f"JSBSim cannot load the file: {messages}", "check of an export")
         executive.set_debug_level(0)
         return executive

@@ -199,4 +199,4 @@ def _loaded(
     access: WorkspaceAccess, plan: Plan, ids: tuple[str, ...], run: str
 ) -> tuple[list[Flight], list[Comparison]]:
     loaded = [load_comparison(access, flight, plan.baseline, run) for flight in ids]
-    return [flight for flight, _, _ in loaded], [comparison for _, comparison, _ in loaded]
+    return [entry.flight for entry in loaded], [entry.comparison for entry in loaded]
