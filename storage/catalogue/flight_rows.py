@@ -204,7 +204,7 @@ class FlightLedger(Ledger):
         return tuple(rows[id] for id in ids)
 
     def flight_page(self, wanted: FlightFilter, limit: int, after: str = "") -> FlightPage:
-        """The flights that were added last, newest first: at most `limit` that match `asked`.
+        """The flights that were added last, newest first: at most `limit` that match `wanted`.
 
         after : the `further` of the previous page. The cost does not grow with the number of stored
         flights: a search examines a limited number per page, so a page may have fewer hits than

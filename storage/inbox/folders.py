@@ -136,7 +136,7 @@ def may_settle(entry: InboxFile) -> bool:
 
 
 def rescan_inbox(entries: list[InboxFile], waited: float, settle: float) -> list[InboxFile]:
-    """The files `seen` before, `waited` [s] later: those that did not change are ready, whatever
+    """The files `entries`, `waited` [s] later: those that did not change are ready, whatever
     their time stamps say."""
     return [
         replace(entry, state="ready", reason="")
