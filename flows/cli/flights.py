@@ -165,7 +165,8 @@ def ingest(
     """
     from aerodb.storage.readers import start_reader
 
-    start_reader()  # it starts while this process imports the science
+    # It gets ready while this process imports the science.
+    start_reader({Path(name).suffix.lower() for name in log})
     from aerodb.flows.flight import flight_flow
 
     session: Session = context.obj

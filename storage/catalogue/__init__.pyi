@@ -1,6 +1,7 @@
 from . import schema
 from .catalogue import Catalogue
 from .copying import copy_catalogue
+from .file_identity import StoredFile, measured
 from .flight_pages import RETRACTED, FlightFilter
 from .ledger import Ledger
 from .location import CatalogueLocation, catalogue_location
@@ -23,7 +24,6 @@ from .rows import (
     VersionRow,
 )
 from .schema import HEAD, POSTGRESQL_REFUSAL, VERDICTS, append_only_triggers
-from .stored_files import StoredFile, measured
 
 __all__ = [
     "HEAD",

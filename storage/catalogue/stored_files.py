@@ -1,31 +1,13 @@
 """Hash and size of every stored file, recorded when it was written."""
 
-import hashlib
 from collections.abc import Iterator
-from dataclasses import dataclass
-from pathlib import Path
 
 import sqlalchemy as sa
 
 from aerodb.storage import encoding as enc
 from aerodb.storage.catalogue import schema as s
+from aerodb.storage.catalogue.file_identity import StoredFile
 from aerodb.storage.catalogue.ledger import Ledger
-
-
-@dataclass(frozen=True)
-class StoredFile:
-    """A file of the store by its `path` (relative to the workspace), with the sha256 and size that
-    it was stored with."""
-
-    path: str
-    sha256: str
-    size: int
-
-
-def measured(path: Path) -> tuple[str, int]:
-    """sha256 and size of a file as it stands; read in blocks, whatever its size."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest(), file.tell()
 
 
 class FileLedger(Ledger):

@@ -5,11 +5,25 @@ Readers are imported on demand, because each depends on a library of its own.
 
 from collections.abc import Collection
 from pathlib import Path
+from typing import Final
 
 from aerodb.errors import InputError
 from aerodb.recording import Recording
 
 _ULOG, _MCAP = b"ULog", b"\x89MCAP"
+ULOG_SUFFIXES: Final = (".ulg", ".ulog")
+_MCAP_SUFFIX: Final = ".mcap"
+
+
+def import_reader(suffix: str) -> None:
+    """Import the reader of logs with this suffix (lower case), so that processes forked from this
+    one have it."""
+    if suffix in ULOG_SUFFIXES:
+        from aerodb.storage.readers import ulog  # noqa: F401
+    elif suffix == _MCAP_SUFFIX:
+        from aerodb.storage.readers import mcap  # noqa: F401
+    else:
+        from aerodb.storage.readers import tabular  # noqa: F401
 
 
 def read_log(path: Path, topics: Collection[str] | None = None) -> Recording:
@@ -30,11 +44,11 @@ def read_log(path: Path, topics: Collection[str] | None = None) -> Recording:
     try:
         with path.open("rb") as handle:
             head = handle.read(8)
-        if head.startswith(_ULOG) or path.suffix.lower() in (".ulg", ".ulog"):
+        if head.startswith(_ULOG) or path.suffix.lower() in ULOG_SUFFIXES:
             from aerodb.storage.readers.ulog import read_ulog
 
             return read_ulog(path, topics)
-        if head.startswith(_MCAP) or path.suffix.lower() == ".mcap":
+        if head.startswith(_MCAP) or path.suffix.lower() == _MCAP_SUFFIX:
             from aerodb.storage.readers.mcap import read_mcap
 
             return read_mcap(path)

@@ -10,7 +10,7 @@ import os
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -76,10 +76,10 @@ def parsed_log(path: Path, place: Path, limits: Limits) -> Iterator[Parsed]:
 class _Worker:
     """A worker process and the pipes to it."""
 
-    def __init__(self) -> None:
+    def __init__(self, suffixes: Collection[str] = ()) -> None:
         own = {"OPENBLAS_NUM_THREADS": "1", "PYTHONUTF8": "1"}
         environment = {name: os.environ[name] for name in _PASSED if name in os.environ} | own
-        command = [sys.executable, "-P", "-m", "aerodb.storage.readers.worker"]
+        command = [sys.executable, "-P", "-m", "aerodb.storage.readers.worker", *suffixes]
         # A session of its own: an interrupt at the terminal is this process' business, which then
         # ends the worker.
         self._process = subprocess.Popen(
@@ -120,12 +120,12 @@ _idle: list[tuple[int, _Worker]] = []
 _lock = threading.Lock()
 
 
-def start_reader() -> None:
-    """Start a worker in the background, so that it is ready for the first log; do nothing if one is
-    already waiting."""
+def start_reader(suffixes: Collection[str]) -> None:
+    """Start a worker in the background that prepares for logs with these suffixes (lower case), so
+    that it is ready when the first log comes; nothing if one is already waiting."""
     with _lock:
         if not any(owner == os.getpid() for owner, _ in _idle):
-            _idle.append((os.getpid(), _Worker()))
+            _idle.append((os.getpid(), _Worker(suffixes)))
 
 
 def _take() -> _Worker:

@@ -2,9 +2,10 @@
 
 It reads one job per line (JSON) from standard input, forks a child for it, and answers with one
 line. The child gets resource limits, reads the log and writes its topics in the format of the
-store; the worker itself never reads a log and supervises the child. The reader's modules are
-imported and compiled before the first job, so a child costs only a fork. When the process that
-started the worker dies, the worker and the child die too.
+store; the worker itself never reads a log and supervises the child. The modules that read a kind of
+log are imported and compiled once, before the first job of that kind or at the start for the
+suffixes given as arguments, so a child costs only a fork. When the process that started the worker
+dies, the worker and the child die too.
 """
 
 import ctypes
@@ -18,6 +19,7 @@ import tempfile
 import time
 from contextlib import suppress
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any, Final, Literal, NoReturn
 
@@ -28,8 +30,7 @@ from aerodb.recording import Topic
 from aerodb.storage.disk_errors import remove, translated_disk_errors
 from aerodb.storage.files import write_topics
 from aerodb.storage.limits import Limits
-from aerodb.storage.readers import mcap, tabular  # noqa: F401 - a child needs them after the fork
-from aerodb.storage.readers.any_format import read_log
+from aerodb.storage.readers.any_format import ULOG_SUFFIXES, import_reader, read_log
 from aerodb.storage.writers import write_ulog
 
 _DEATH_SIGNAL: Final = 1  # PR_SET_PDEATHSIG of prctl(2)
@@ -44,7 +45,8 @@ def main() -> None:
     # Output of libraries must not be mixed with the answers.
     answers = os.fdopen(os.dup(1), "w", encoding="ascii")
     os.dup2(2, 1)
-    _warm()
+    for suffix in sys.argv[1:]:
+        _prepare(suffix)
     while line := os.read(0, 1 << 16):
         while not line.endswith(b"\n") and (more := os.read(0, 1 << 16)):
             line += more
@@ -52,8 +54,13 @@ def main() -> None:
         answers.flush()
 
 
-def _warm() -> None:
-    """Read a small built-in log, so that compiled loops are loaded once and not in every child."""
+@cache
+def _prepare(suffix: str) -> None:
+    """Import the reader of logs with this suffix, once for all children; for ULog, read a log of
+    our own, which loads the compiled loops."""
+    import_reader(suffix)
+    if suffix not in ULOG_SUFFIXES:
+        return
     with tempfile.TemporaryDirectory() as folder:
         log, time_ = Path(folder) / "own.ulg", np.arange(1, 50, dtype=np.float64) * 0.02
         write_ulog(log, [Topic("own", time_, {"x": time_, "y": time_.astype(np.float32)})])
@@ -64,6 +71,7 @@ def answer(job: dict[str, Any]) -> dict[str, str]:
     """Run a job ``{log, folder, limits}`` in a child, and return its result: ``done``, or
     ``refused`` or ``store`` with the texts of an error."""
     limits = Limits(**job["limits"])
+    _prepare(Path(job["log"]).suffix.lower())
     reading, writing = os.pipe()
     child = os.fork()
     if child == 0:

@@ -11,7 +11,7 @@ from aerodb.errors import InputError, StoreError
 from aerodb.flows.flight import flight_flow
 from aerodb.flows.run import run_flow
 from aerodb.storage.catalogue.catalogue import Catalogue
-from aerodb.storage.catalogue.stored_files import StoredFile, measured
+from aerodb.storage.catalogue.file_identity import StoredFile, measured
 from aerodb.storage.disk_errors import is_temporary, remove
 from aerodb.storage.files import transfer
 from aerodb.storage.files.cache import local, local_recording

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from aerodb.flight import Flight
 from aerodb.storage.catalogue.catalogue import Catalogue
-from aerodb.storage.catalogue.stored_files import StoredFile, measured
+from aerodb.storage.catalogue.file_identity import StoredFile, measured
 from aerodb.storage.files.cache import local, local_recording
 from aerodb.storage.files.flights import INDEX, read_recording
 from aerodb.storage.upkeep.problems import VerificationReport

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from aerodb.errors import InputError, StoreBusyError, StoreError
-from aerodb.storage.catalogue.stored_files import StoredFile
+from aerodb.storage.catalogue.file_identity import StoredFile
 from aerodb.storage.files.objects import Objects, objects_of, opened
 from aerodb.storage.workspace_settings import SettingsError, load_settings
 from tests.support.object_service import ObjectService

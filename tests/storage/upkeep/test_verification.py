@@ -20,7 +20,7 @@ from aerodb.flows.close_loop import close_loop_flow
 from aerodb.flows.flight import flight_flow
 from aerodb.flows.run import run_flow
 from aerodb.storage.catalogue.catalogue import Catalogue
-from aerodb.storage.catalogue.stored_files import measured
+from aerodb.storage.catalogue.file_identity import measured
 from aerodb.storage.files.flights import INDEX
 from aerodb.storage.upkeep.backup import back_up, restore
 from aerodb.storage.upkeep.problems import VerificationReport
