@@ -50,8 +50,7 @@ class Demo:
 
 def run_demo(workspace: Workspace, logs: list[Path], run: Run, say: Say) -> Demo:
     """Ingest the logs of `write_logs`, close the loop on them, then open the envelope."""
-    database = logs[0].parent / "preflight.toml"
-    database.write_text(read_example("preflight.toml"), encoding="utf-8")
+    database = write_database(logs[0].parent)
     access = access_workspace(str(workspace.root))
     access.catalogue.add_vehicle(VEHICLE, read_example("vehicle.toml"))
     baseline = run(import_flow, {"file": str(database), "vehicle": VEHICLE, "bindings": {}})[
@@ -62,7 +61,20 @@ def run_demo(workspace: Workspace, logs: list[Path], run: Run, say: Say) -> Demo
     statuses = sorted({outcome["status"] for outcome in outcomes})
     say(f"ingested {len(ids)} logs: {', '.join(statuses)}")
     document = run(close_loop_flow, {"vehicle": VEHICLE, "baseline": baseline, "flights": ids})
-    effects = open_envelope(logs[0].parent)
+    return beside_truth(workspace, document, open_envelope(logs[0].parent))
+
+
+def write_database(folder: Path) -> Path:
+    """Write the preflight database, which lacks the effects, to `folder`, and return its file."""
+    file = folder / "preflight.toml"
+    file.write_text(read_example("preflight.toml"), encoding="utf-8")
+    return file
+
+
+def beside_truth(
+    workspace: Workspace, document: dict[str, Any], effects: tuple[Effect, ...]
+) -> Demo:
+    """Compare the document of a closed loop with the effects that flew."""
     told = [
         {**asdict(effect), "agreement": agreement(effect, document["findings"])}
         for effect in effects

@@ -9,32 +9,72 @@ from pathlib import Path
 import pytest
 
 from aerodb.examples.phoenix import read_example
+from aerodb.flows.demo import ENVELOPE, beside_truth, open_envelope, write_database, write_logs
 from aerodb.flows.demo import floors as floors_of
-from aerodb.flows.demo import open_envelope
 from aerodb.flows.run import run_flow
 from aerodb.flows.update import update_flow
 from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.workspace import Workspace
 
-AERODB = [str(Path(sys.executable).parent / "aerodb")]
+AERODB = Path(sys.executable).parent / "aerodb"
 
 
-def run_demo(workspace, *options):
-    command = [*AERODB, "--workspace", str(workspace), "--json", "demo", "--direct", *options]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
-    return workspace, json.loads(done.stdout)
+#: The product's own part of the demo, in a process that has the logs and what any user would have.
+BLIND = """
+import json
+import sys
+from pathlib import Path
+
+from aerodb.flows.close_loop import close_loop_flow
+from aerodb.flows.flight import flight_flow
+from aerodb.flows.importing import import_flow
+from aerodb.flows.run import run_flow
+from aerodb.storage.catalogue.catalogue import Catalogue
+from aerodb.storage.workspace import Workspace
+
+folder, root, vehicle = map(Path, sys.argv[1:])
+workspace = Workspace.open(root)
+Catalogue.open(workspace.catalogue).add_vehicle("phoenix", vehicle.read_text())
+logs = sorted(map(str, folder.glob("*.ulg")))
+
+
+def run(flow, **given):
+    return run_flow(flow, {"vehicle": "phoenix", **given}, workspace, "direct")
+
+
+baseline = run(import_flow, file=str(folder / "preflight.toml"), bindings={})["version"]
+flights = [outcome["flight"] for outcome in run(flight_flow, logs=logs)]
+document = run(close_loop_flow, baseline=baseline, flights=flights)
+print(json.dumps([sorted(sys.modules), document]))
+"""
 
 
 @pytest.fixture(scope="module")
-def sealed(tmp_path_factory):
-    """A campaign with undeclared effects that nobody knows but the envelope."""
-    return run_demo(tmp_path_factory.mktemp("sealed"), "--seed", "5")
+def blind(tmp_path_factory):
+    """A campaign with undeclared effects that nobody knows: modules that the process of the product
+    imported, and what was found, the envelope opened afterwards."""
+    folder = tmp_path_factory.mktemp("blind")
+    logs = folder / "logs"
+    write_logs(logs, flights=8, seed=5)
+    write_database(logs)
+    (folder / "vehicle.toml").write_text(read_example("vehicle.toml"), encoding="utf-8")
+    effects = open_envelope(logs)
+    (logs / ENVELOPE).unlink()
+    given = [logs, folder / "workspace", folder / "vehicle.toml"]
+    command = [sys.executable, "-c", BLIND, *map(str, given)]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    modules, document = json.loads(done.stdout.splitlines()[-1])
+    return modules, beside_truth(Workspace.open(folder / "workspace"), document, effects)
 
 
 @pytest.fixture(scope="module")
 def phoenix(tmp_path_factory):
-    """The case of 003."""
-    return run_demo(tmp_path_factory.mktemp("phoenix"))
+    """The case of 003, by the command."""
+    workspace = tmp_path_factory.mktemp("phoenix")
+    command = [str(AERODB), "--workspace", str(workspace), "--json", "demo", "--direct"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    return workspace, json.loads(done.stdout)
 
 
 @pytest.fixture(scope="module")
@@ -53,21 +93,30 @@ def declared(phoenix):
     return updated, floors_of(workspace, updated, open_envelope(root / "demo-logs"))
 
 
-def test_an_undeclared_effect_is_found_named_added_and_proved(sealed):
-    _, document = sealed
+def test_an_undeclared_effect_is_found_named_added_and_proved(blind):
+    _, demo = blind
+    document = demo.document
     assert document["candidate"]
-    assert document["agreement"] == ["named"] * len(document["truth"])
+    assert {effect["agreement"] for effect in demo.truth} == {"named"}
     confirmed = [f for f in document["findings"] if f["verdict"] == "confirmed"]
     assert {f["hypothesis"] for f in confirmed} == set(document["added"])
-    for effect in document["truth"]:
-        found = next(f for f in confirmed if f["parameter"] == effect["parameter"])
-        assert found["ci95"][0] <= effect["value"] <= found["ci95"][1]
+    for effect in demo.truth:
+        finding = next(f for f in confirmed if f["parameter"] == effect["parameter"])
+        assert finding["ci95"][0] <= effect["value"] <= finding["ci95"][1]
     # named, and nothing else claimed of the aerodynamics
-    assert {f["parameter"] for f in confirmed} == {
-        effect["parameter"] for effect in document["truth"]
-    }
-    for axis, rms in document["truth_floor"].items():
+    assert {f["parameter"] for f in confirmed} == {effect["parameter"] for effect in demo.truth}
+    for axis, rms in demo.floors.items():
         assert rms["after"] <= 1.05 * rms["floor"], axis
+
+
+def test_the_product_cannot_see_the_truth(blind):
+    """The envelope was not there to be read; nothing of the example was imported, nor what flew
+    it."""
+    modules, _ = blind
+    assert "aerodb.flows.close_loop" in modules
+    assert not [
+        name for name in modules if name.startswith(("aerodb.examples", "aerodb.simulation"))
+    ]
 
 
 def test_the_phoenix_case_finds_what_003_found(phoenix):
@@ -127,33 +176,3 @@ def test_declared_corrections_have_the_direction_that_the_mission_reported(decla
         terms["CX", "q_hat"]["ci95"][1] < 0
     )  # drag due to pitch rate, which the preflight database lacks
     assert terms["CX", "delta_speed_brake"]["ci95"][0] > 0  # brakes slow less than predicted
-
-
-def test_the_product_cannot_see_the_truth(sealed):
-    """Taking logs in and closing the loop imports nothing of the example, and the envelope is not
-    there to be read."""
-    workspace, document = sealed
-    logs = sorted((workspace / "demo-logs").glob("*.ulg"))
-    (workspace / "demo-logs" / "envelope.json").unlink()
-    program = f"""
-import sys
-from pathlib import Path
-from aerodb.flows.close_loop import close_loop_flow
-from aerodb.flows.flight import flight_flow
-from aerodb.flows.importing import import_flow
-from aerodb.flows.run import run_flow
-from aerodb.storage.catalogue.catalogue import Catalogue
-from aerodb.storage.workspace import Workspace
-there = Workspace.open(Path({str(workspace)!r}))
-mine = Workspace.open(Path({str(workspace)!r}) / "blind")
-Catalogue.open(mine.catalogue).add_vehicle("phoenix", Catalogue.open(there.catalogue).vehicle("phoenix").text)
-file = str(there.root / "demo-logs" / "preflight.toml")
-baseline = run_flow(import_flow, {{"file": file, "vehicle": "phoenix", "bindings": {{}}}}, mine, "direct")["version"]
-taken = run_flow(flight_flow, {{"logs": {[str(log) for log in logs]!r}, "vehicle": "phoenix"}}, mine, "direct")
-given = {{"vehicle": "phoenix", "baseline": baseline, "flights": [outcome["flight"] for outcome in taken]}}
-print(run_flow(close_loop_flow, given, mine, "direct")["candidate"])
-assert not [name for name in sys.modules if name.startswith("aerodb.examples") or name.startswith("aerodb.simulation")]
-"""
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.split()[-1] == document["candidate"]
