@@ -5,11 +5,14 @@ Uses HTTP; Prefect itself is not imported.
 
 import base64
 import json
+import time
 import urllib.request
 import uuid
 from datetime import UTC, datetime, timedelta
+from http import HTTPStatus
 from http.client import HTTPException
 from typing import Any, Final
+from urllib.error import HTTPError
 
 from aerodb.storage.locks import is_held
 from aerodb.storage.workspace import Workspace
@@ -20,6 +23,7 @@ ARRIVED: Final = "aerodb.inbox.arrived"
 #: The deployment that the event starts.
 ARRIVAL: Final = "arrival"
 _SECONDS: Final = 10.0
+_BETWEEN_REQUESTS: Final = 0.2
 #: Time from the submission of a run until its process must hold its lock.
 _TO_BEGIN: Final = timedelta(seconds=90)
 _MOST: Final = 200
@@ -46,17 +50,27 @@ class Client:
             return False
 
     def post(self, path: str, document: Any) -> Any:
-        """Post a document and return the answer."""
+        """Post a document and return the answer.
+
+        The server answers 503 while its database is locked. As Prefect's own client does, the
+        request is then repeated, for as long as an answer may take.
+        """
         data = json.dumps(document).encode("utf-8")
         request = urllib.request.Request(f"{self.url}{path}", data, self._headers, method="POST")
-        try:
-            with urllib.request.urlopen(request, timeout=_SECONDS) as response:
-                text = response.read()
-            return json.loads(text) if text else None
-        except (HTTPException, ValueError) as error:
-            raise OSError(
-                f"{self.url}{path} gave no valid answer: {type(error).__name__}"
-            ) from error
+        until = time.monotonic() + _SECONDS
+        while True:
+            try:
+                with urllib.request.urlopen(request, timeout=_SECONDS) as response:
+                    text = response.read()
+                return json.loads(text) if text else None
+            except HTTPError as error:
+                if error.code != HTTPStatus.SERVICE_UNAVAILABLE or time.monotonic() > until:
+                    raise
+                time.sleep(_BETWEEN_REQUESTS)
+            except (HTTPException, ValueError) as error:
+                raise OSError(
+                    f"{self.url}{path} gave no valid answer: {type(error).__name__}"
+                ) from error
 
 
 def emit_arrival(client: Client, vehicles: dict[str, int]) -> None:

@@ -20,11 +20,16 @@ NO_JSON = b"HTTP/1.1 200 OK\r\nContent-Length: 4\r\n\r\n{sim"
 ANOTHER_SHAPE = b'HTTP/1.1 200 OK\r\nContent-Length: 7\r\n\r\n{"a":1}'
 
 
-class Answering:
-    """Answers every connection on `port` with the same bytes, and counts them."""
+BUSY = b"HTTP/1.1 503 Service Unavailable\r\nContent-Length: 0\r\n\r\n"
+AN_ID = b'HTTP/1.1 200 OK\r\nContent-Length: 8\r\n\r\n{"id":7}'
 
-    def __init__(self, answer: bytes) -> None:
-        self._answer, self.asked = answer, 0
+
+class Answering:
+    """Answers every connection on `port` with the same bytes, the first ones with `first`, and
+    counts them."""
+
+    def __init__(self, answer: bytes, *first: bytes) -> None:
+        self._answer, self._first, self.asked = answer, list(first), 0
         self._socket = socket.create_server(("127.0.0.1", 0))
         self.port = int(self._socket.getsockname()[1])
         self._thread = threading.Thread(target=self._serve)
@@ -40,7 +45,7 @@ class Answering:
                 self.asked += 1
                 connection.settimeout(300.0)
                 _question(connection)
-                connection.sendall(self._answer)
+                connection.sendall(self._first.pop(0) if self._first else self._answer)
 
     def close(self) -> None:
         self._socket.shutdown(socket.SHUT_RDWR)
@@ -60,11 +65,11 @@ def _question(connection: socket.socket) -> None:
 
 
 @pytest.fixture
-def answering() -> Iterator[Callable[[bytes], Answering]]:
+def answering() -> Iterator[Callable[..., Answering]]:
     made: list[Answering] = []
 
-    def answer(with_what: bytes) -> Answering:
-        made.append(Answering(with_what))
+    def answer(*with_what: bytes) -> Answering:
+        made.append(Answering(*with_what))
         return made[-1]
 
     yield answer
@@ -74,7 +79,7 @@ def answering() -> Iterator[Callable[[bytes], Answering]]:
 
 @pytest.mark.parametrize("answer", [GARBAGE, b"", b"HTTP/1.1 two hundred\r\n\r\n"])
 def test_a_webhook_that_answers_garbage(
-    tmp_path: Path, answering: Callable[[bytes], Answering], answer: bytes
+    tmp_path: Path, answering: Callable[..., Answering], answer: bytes
 ) -> None:
     """It is asked once for three notifications, all of them wait, and nothing of its address is
     said."""
@@ -110,20 +115,20 @@ def test_an_address_that_is_none_is_not_said(
 
 @pytest.mark.parametrize("answer", [GARBAGE, SHORT, NO_JSON])
 def test_a_server_that_answers_garbage_is_out_of_reach(
-    answering: Callable[[bytes], Answering], answer: bytes
+    answering: Callable[..., Answering], answer: bytes
 ) -> None:
     client = Client(f"http://127.0.0.1:{answering(answer).port}/api", "")
     with pytest.raises(OSError, match="gave no valid answer"):
         client.post("/flow_runs/filter", {})
 
 
-def test_garbage_is_not_healthy(answering: Callable[[bytes], Answering]) -> None:
+def test_garbage_is_not_healthy(answering: Callable[..., Answering]) -> None:
     assert not Client(f"http://127.0.0.1:{answering(GARBAGE).port}/api", "").healthy()
 
 
 @pytest.mark.parametrize("answer", [GARBAGE, SHORT, NO_JSON, ANOTHER_SHAPE])
 def test_the_service_outlives_any_answer(
-    tmp_path: Path, answering: Callable[[bytes], Answering], answer: bytes
+    tmp_path: Path, answering: Callable[..., Answering], answer: bytes
 ) -> None:
     """A beat asks a server that answers anything at all: it is said, and the next beat comes."""
     workspace = Workspace.open(tmp_path / "w")
@@ -137,3 +142,19 @@ def test_the_service_outlives_any_answer(
     lock.release()
     assert len(beats) == 2
     assert said[0].startswith("postponed: "), said
+
+
+def test_a_server_that_is_busy_is_asked_again(answering: Callable[..., Answering]) -> None:
+    server = answering(AN_ID, BUSY, BUSY)
+    assert Client(f"http://127.0.0.1:{server.port}", "").post("/flow_runs/", {}) == {"id": 7}
+    assert server.asked == 3
+
+
+def test_a_server_that_stays_busy_is_given_up(
+    answering: Callable[..., Answering], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("aerodb.flows.orchestrator._SECONDS", 0.5)
+    server = answering(BUSY)
+    with pytest.raises(OSError, match="503"):
+        Client(f"http://127.0.0.1:{server.port}", "").post("/flow_runs/", {})
+    assert server.asked > 1
