@@ -2,9 +2,11 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from typing import Any
+from typing import Any, Final
 
 from aerodb.increments import AxisUpdate, AxisValidation, HoldOut, Update
+
+WITHIN_FLIGHTS: Final = "cross-validated within flights"
 
 
 def update_document(
@@ -100,6 +102,29 @@ def _increment(entry: AxisUpdate) -> dict[str, Any]:
     }
 
 
+def hold_out_remarks(hold_out: HoldOut, within_flights: bool = False) -> list[str]:
+    """Remark on what the errors after mean, if no flight was held out.
+
+    within_flights : whether parts of flights were predicted from the rest.
+    """
+    if hold_out.kind == "cross-validated" and within_flights:
+        return [
+            "The first and last parts of the flights were predicted from the rest"
+            f" ({WITHIN_FLIGHTS}); no flight was held out."
+        ]
+    return {
+        "held-out": [],
+        "cross-validated": [
+            "Fewer than five flights: each was predicted from the others (cross-validated), none"
+            " was held out."
+        ],
+        "not validated": [
+            "No flight was held out: the errors after are those of the flights used for"
+            " identification, and prove nothing."
+        ],
+    }[hold_out.kind]
+
+
 def _remarks(update: Update, proof: Sequence[AxisValidation], hold_out: HoldOut) -> list[str]:
     """Remarks that a reader must know before trusting the numbers."""
     remarks, axes = [], update.axes
@@ -109,16 +134,7 @@ def _remarks(update: Update, proof: Sequence[AxisValidation], hold_out: HoldOut)
         for increment in added
         if increment.full_note
     ]
-    if hold_out.kind == "cross-validated":
-        remarks.append(
-            "Fewer than five flights: each was predicted from the others (cross-validated), none"
-            " was held out."
-        )
-    if hold_out.kind == "not validated":
-        remarks.append(
-            "No flight was held out: the error after is that of the flights that identified, and"
-            " proves nothing."
-        )
+    remarks += hold_out_remarks(hold_out)
     declared = {entry.axis for entry in axes}
     for entry in proof:
         if entry.axis in declared and entry.outcome == "not repaired":

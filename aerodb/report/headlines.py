@@ -5,6 +5,7 @@ from typing import Any, Final
 
 from aerodb.increments import UNCHANGED
 from aerodb.nomenclature import AXES
+from aerodb.report.document import WITHIN_FLIGHTS
 from aerodb.tables import WIND_AXES
 from aerodb.tracing import ADDED
 
@@ -125,9 +126,15 @@ def on_which(document: Mapping[str, Any]) -> str:
 
 
 def by_parts(document: Mapping[str, Any]) -> bool:
-    """Whether validation was within flights: parts of them predicted from the rest."""
-    inside = any("cross-validated within flights" in remark for remark in document["remarks"])
-    return inside and document["validation"]["kind"] == "cross-validated"
+    """Whether validation was within flights: parts of them predicted from the rest.
+
+    Documents stored before the key existed say so only in a remark.
+    """
+    validation = document["validation"]
+    if "within_flights" in validation:
+        return bool(validation["within_flights"])
+    said_in_remarks = any(WITHIN_FLIGHTS in remark for remark in document["remarks"])
+    return said_in_remarks and validation["kind"] == "cross-validated"
 
 
 def error_rows(document: Mapping[str, Any]) -> list[dict[str, Any]]:

@@ -26,11 +26,13 @@ def loop_document(
     left: Sequence[UnexplainedResidual],
     proof: Sequence[AxisValidation],
     remarks: Sequence[str],
+    within_flights: bool,
 ) -> dict[str, Any]:
     """Make the document of a closed loop.
 
     findings : of all rounds. added : those that entered the candidate. traced : the last round,
-    which found nothing more to add. left : the unnamed remainder per axis. ``candidate`` is left
+    which found nothing more to add. left : the unnamed remainder per axis. within_flights : whether
+    parts of flights were predicted from the rest. ``candidate`` is left
     None: who stores the version fills it in.
     """
     by_axis: dict[str, list[Finding]] = {}
@@ -38,8 +40,11 @@ def loop_document(
         for axis in finding.axis:
             by_axis.setdefault(axis, []).append(finding)
     standing = {finding.hypothesis for finding in findings}
+    head = opening(vehicle, baseline, hold_out, excluded, looks)
+    if within_flights:
+        head["validation"]["within_flights"] = True
     return {
-        **opening(vehicle, baseline, hold_out, excluded, looks),
+        **head,
         "library": {"sha256": library, "rounds": rounds},
         "axes": {entry.axis: axis_document(entry) for entry in proof},
         "added": [finding.hypothesis for finding in added],

@@ -20,7 +20,7 @@ from aerodb.exchange import (
 )
 from aerodb.increments import AxisValidation, Update, sign_reasons
 from aerodb.loop import Accept, Library, LoopResult
-from aerodb.report import loop_document, update_document
+from aerodb.report import hold_out_remarks, loop_document, update_document
 from aerodb.storage.catalogue import FlightRole, VersionRow
 from aerodb.storage.files import files_beside, write_document
 from aerodb.support import canonical_json, version_id
@@ -188,6 +188,7 @@ def publish_loop(
         left=left,
         proof=proof,
         remarks=_loop_remarks(plan, loop),
+        within_flights=_is_within_flights(plan, loop),
     )
     document["remarks"] += [
         f"The gate will refuse this version: {reason}."
@@ -218,23 +219,15 @@ def publish_loop(
     }
 
 
+def _is_within_flights(plan: Plan, loop: LoopResult) -> bool:
+    return loop.by_manoeuvre and plan.hold_out.kind == "cross-validated"
+
+
 def _loop_remarks(plan: Plan, loop: LoopResult) -> list[str]:
-    remarks = list(loop.remarks)
-    if loop.by_manoeuvre and plan.hold_out.kind == "cross-validated":
-        remarks.append(
-            "Heads and tails of flights were predicted from everything else (cross-validated within"
-            " flights); none was held out."
-        )
-    elif plan.hold_out.kind == "cross-validated":
-        remarks.append(
-            "Fewer than five flights: each was predicted from what the others give"
-            " (cross-validated), none was held out."
-        )
-    if plan.hold_out.kind == "not validated":
-        remarks.append(
-            "No flight was held out: the error after is that of the flights that identified, and"
-            " proves nothing."
-        )
+    remarks = [
+        *loop.remarks,
+        *hold_out_remarks(plan.hold_out, _is_within_flights(plan, loop)),
+    ]
     named = {f.hypothesis for f in loop.findings}
     marked = [f for f in loop.added if f.verdict != "confirmed" and f.hypothesis in named]
     remarks += [

@@ -100,6 +100,7 @@ def test_manoeuvres_vote_and_the_answer_says_so(otter) -> None:
     assert "manoeuvres voted, not flights" in remarks
     assert re.search(r"@0-\d+\.\d+ s, .*@8\.12-20 s", remarks)
     assert "cross-validated within flights" in remarks
+    assert otter[1]["validation"]["within_flights"] is True
     assert "the linear terms beside which it was estimated were added: roll_damping@Cl" in remarks
 
 
@@ -310,7 +311,7 @@ def test_the_stall_is_predicted_on_the_other_record_through_the_flow(stalls) -> 
     lift = document["axes"]["C_lift"]
     assert lift["held_out_rms_after"] < 0.8 * lift["held_out_rms_before"]
     assert document["candidate"]
-    assert "each was predicted from what the others give" in " ".join(document["remarks"])
+    assert "each was predicted from the others" in " ".join(document["remarks"])
     assert "Kirchhoff" in " ".join(document["remarks"])
 
 

@@ -218,16 +218,25 @@ def test_only_what_is_proved_is_told_as_a_fact() -> None:
     )
 
 
+@pytest.mark.parametrize(
+    ("stated", "said"),
+    [
+        ({"within_flights": True}, "The first and last parts were predicted from the rest."),
+        (
+            {},
+            "Heads and tails were predicted from everything else (cross-validated within flights).",
+        ),
+    ],
+    ids=["by its key", "an older document, by its remark"],
+)
 def test_what_was_predicted_from_parts_of_flights_is_not_called_whole(
-    flown: Flight, sides: Any
+    flown: Flight, sides: Any, stated: dict[str, Any], said: str
 ) -> None:
     one = found(votes=())
     document = loop([one], [one], [proof("CX", 0.02, 0.005)])
-    document["validation"]["kind"], document["flights"]["held_out"] = "cross-validated", []
-    document["remarks"] = [
-        "Heads and tails of flights were predicted from everything else (cross-validated within"
-        " flights)."
-    ]
+    document["flights"]["held_out"] = []
+    document["validation"] |= {"kind": "cross-validated", **stated}
+    document["remarks"] = [said]
     assert (
         "with the first and last parts of the flights predicted from the rest, the error of CX"
         " falls" in headline(document)
