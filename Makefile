@@ -39,7 +39,7 @@ bench: install
 	$(BIN)/python -m tests.bench
 
 campaign: install
-	$(BIN)/python -m pytest -n 2 -m heavy --full-campaign
+	$(BIN)/python -m pytest -n 2 -m "heavy or campaign" --full-campaign
 
 clean:
 	rm -rf $(VENV) demo-workspace

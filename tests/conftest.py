@@ -32,7 +32,8 @@ def measured() -> Callable[[str], Path]:
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """`make campaign` runs the heavy tests with their full numbers of trials."""
+    """`make campaign` runs the heavy tests with their full numbers of trials, and those marked
+    campaign."""
     parser.addoption(
         "--full-campaign", action="store_true", help="full numbers of trials in tests marked heavy"
     )
@@ -52,9 +53,13 @@ def pytest_configure(config: pytest.Config) -> None:
     settings.load_profile("aerodb")
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Long files first."""
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Long files first; what only the campaign runs is skipped without it."""
     long_first(items)
+    if not config.getoption("--full-campaign"):
+        for item in items:
+            if item.get_closest_marker("campaign"):
+                item.add_marker(pytest.mark.skip(reason="runs in `make campaign`"))
 
 
 @pytest.hookimpl(optionalhook=True)

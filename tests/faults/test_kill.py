@@ -24,7 +24,7 @@ pytestmark = [pytest.mark.heavy, pytest.mark.skipif(os.name == "nt", reason="no 
 def test_whatever_is_killed_is_whole_after_the_next_run(
     trials: Callable[[int, int], int], tmp_path: Path
 ) -> None:
-    number = trials(8, 300)
+    number = trials(4, 300)
     command = [sys.executable, "-m", "tests.faults.killing", str(tmp_path), "6", str(number)]
     done = subprocess.run(
         command, capture_output=True, text=True, cwd=ROOT, timeout=60 + 30 * number

@@ -69,6 +69,7 @@ def _begun(workspace: Workspace) -> list[int]:
     return sorted(int(line) for line in (workspace.root / "begun.txt").read_text().split())
 
 
+@pytest.mark.campaign
 def test_from_logs_to_proof_by_commands_all_is_the_same(
     tmp_path: Path, logs: list[Path], direct: tuple[Workspace, dict[str, Any]], dask: Running
 ) -> None:

@@ -85,6 +85,7 @@ def by_commands(name: str, folder: Path) -> dict[str, Any]:
     return found
 
 
+@pytest.mark.campaign
 def test_by_commands_a_stall_that_is_a_closed_loop_is_told_from_flow_that_separates(
     tmp_path: Path,
 ) -> None:

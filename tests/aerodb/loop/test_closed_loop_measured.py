@@ -393,7 +393,11 @@ def test_what_the_short_set_of_the_side_force_lacks_is_suspected(attached, tmp_p
     assert "one manoeuvre, the only one made for it" in finding["because"]
 
 
-@pytest.mark.parametrize("kept", [("1", "alpha"), ("1", "alpha", "q_hat")])
+@pytest.mark.parametrize(
+    "kept",
+    [("1", "alpha"), pytest.param(("1", "alpha", "q_hat"), marks=pytest.mark.campaign)],
+    ids=["without q", "with q"],
+)
 def test_what_the_short_set_of_the_lift_lacks_is_suspected(
     attached, tmp_path, kept: tuple[str, ...]
 ) -> None:
