@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft
 from scipy.integrate import cumulative_simpson
 from scipy.interpolate import CubicSpline
-from scipy.signal import correlate
 
 from aerodb.conditioning.channel_rates import KINEMATICS, with_accelerations
 from aerodb.conditioning.differentiation import bridge, low_passed
@@ -92,6 +91,8 @@ def delay_between(
         < 1e-9
     ):
         return _unobservable(name, "nothing moves")
+    from scipy.signal import correlate  # slow to import
+
     spline = CubicSpline(time, theirs)
     reach = round(largest / step)
     match = correlate(ours, theirs, method="fft")[n - 1 - reach : n + reach]

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, median_filter, minimum_filter1d
-from scipy.stats import spearmanr
 
 from aerodb.conditioning.differentiation import bridge
 from aerodb.support import Array
@@ -173,6 +172,8 @@ def _name(durations: tuple[float, ...]) -> str:
     if distances and min(distances.values()) <= PATTERN_TOLERANCE:
         return PATTERNS[min(distances, key=distances.__getitem__)]
     if len(durations) >= FEWEST_OF_SWEEP:
+        from scipy.stats import spearmanr  # slow to import
+
         order = float(spearmanr(np.arange(len(durations)), durations).statistic)
         ends = float(abs(np.mean(logs[:2]) - np.mean(logs[-2:])))
         if abs(order) > 0.7 and ends > np.log(SWEEP_RATIO):

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import prev_fast_len
-from scipy.signal import firwin, kaiserord, lfilter, oaconvolve
 
 from aerodb.conditioning.clock import interval, is_uniform
 from aerodb.support import Array
@@ -38,6 +37,8 @@ def low_pass(values: Array, step: float, new_step: float) -> Array:
     sec. 7.5): flat to 0.35, 60 dB down from 0.5 of the new rate. The ends are continued by point
     reflection, which preserves value and slope.
     """
+    from scipy.signal import firwin, kaiserord, oaconvolve  # slow to import
+
     ratio = new_step / step
     taps, beta = kaiserord(RIPPLE_DB, 2.0 * (STOP_EDGE - PASS_EDGE) / ratio)
     half = taps // 2
@@ -142,6 +143,8 @@ def first_order_lag(command: Array, step: float, time_constant: float) -> Array:
     """
     if time_constant <= 0.0:
         return command
+    from scipy.signal import lfilter  # slow to import
+
     a = float(np.exp(-step / time_constant))
     response, _ = lfilter([0.0, 1.0 - a], [1.0, -a], command, zi=np.array([command[0]]))
     result: Array = response

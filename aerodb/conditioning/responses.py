@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d, median_filter
-from scipy.stats import spearmanr
 
 from aerodb.conditioning.manoeuvres import DEGREE, rolling_range
 from aerodb.physics import GRAVITY
@@ -265,6 +264,8 @@ def spirals(phi: Array, surfaces: Sequence[Array], step: float, flying: Mask) ->
     alone = flying.copy()
     for surface in surfaces:
         alone &= rolling_range(median_filter(surface, 3), round(2.0 / step)) < ALONE
+    from scipy.stats import spearmanr  # slow to import
+
     responses = []
     for first, last in runs(alone, round(SPIRAL_TIME / step), round(1.0 / step)):
         part = phi[first : last + 1 : max(1, round(0.5 / step))]

@@ -9,19 +9,7 @@ import numpy as np
 from aerodb.errors import InputError
 from aerodb.flight import Flight
 from aerodb.nomenclature import is_surface
-from aerodb.report import (
-    FlightStory,
-    NameMove,
-    Relative,
-    UpdateStory,
-    UsedFlight,
-    VersionStory,
-    flight_report,
-    headline,
-    lineage_graph,
-    update_report,
-    version_report,
-)
+from aerodb.report import Relative, headline, lineage_graph
 from aerodb.storage.catalogue import VersionRow
 from aerodb.storage.files import read_document
 from aerodb.storage.workspace import write_atomically
@@ -41,6 +29,9 @@ _ANCESTORS, _CHILDREN = 5, 6
 
 def flight_page(flight: str, *, workspace: str, run: str, version: str = "") -> str:
     """Return the report of a flight (its id) beside a version (its id; empty: none)."""
+    # Drawing is imported here, and below, because it is slow to import and most runs draw nothing.
+    from aerodb.report import FlightStory, flight_report
+
     access = access_workspace(workspace)
     row = access.catalogue.flight(flight)
     measured, key = load_flight(access, row, run)
@@ -85,6 +76,8 @@ def update_page(reference: str, *, workspace: str, run: str) -> str:
 
     Raises InputError for a version that no update made, UnknownNameError for an unknown reference.
     """
+    from aerodb.report import UpdateStory, update_report
+
     access = access_workspace(workspace)
     document = _document(access, reference)
     ids = [id for id in (document["baseline"], document["candidate"]) if id]
@@ -139,6 +132,8 @@ def write_update_page(document: dict[str, Any], *, workspace: str, run: str) -> 
 
 def version_page(version: str, *, workspace: str, run: str) -> str:
     """Return the report of a version (its id)."""
+    from aerodb.report import NameMove, UsedFlight, VersionStory, version_report
+
     access = access_workspace(workspace)
     catalogue = access.catalogue
     row = catalogue.version_of_id(version)

@@ -138,10 +138,24 @@ def test_a_query_imports_no_orchestrator(
 ) -> None:
     code = (
         "import sys; from aerodb.flows.cli.main import app; app(sys.argv[1:],"
-        " standalone_mode=False);heavy = {'prefect', 'matplotlib', 'numba', 'fastapi', 'pint'} &"
-        " set(sys.modules);sys.exit(str(heavy) if heavy else 0)"
+        " standalone_mode=False);heavy = {'prefect', 'matplotlib', 'jinja2', 'numba', 'fastapi',"
+        " 'pint', 'pandas', 'scipy', 'sqlalchemy.dialects.postgresql'} & set(sys.modules);"
+        "sys.exit(str(heavy) if heavy else 0)"
     )
     arguments = [sys.executable, "-c", code, "--workspace", str(direct[0].root), "--json", *command]
     done = subprocess.run(arguments, env=environment(), capture_output=True, text=True, timeout=600)
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)
+
+
+def test_a_run_that_draws_and_filters_nothing_does_not_import_what_does() -> None:
+    code = (
+        "import sys, aerodb.flows.close_loop, aerodb.flows.flight, aerodb.flows.update; heavy ="
+        " {'prefect', 'matplotlib', 'jinja2', 'scipy.signal', 'scipy.stats',"
+        " 'sqlalchemy.dialects.postgresql'} & set(sys.modules);"
+        "sys.exit(str(heavy) if heavy else 0)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=environment(), capture_output=True, text=True, timeout=600
+    )
+    assert done.returncode == 0, done.stderr

@@ -7,7 +7,7 @@ docs/method/tracing.md, section 15.
 from collections.abc import Sequence
 
 import numpy as np
-from scipy import stats
+from scipy.special import ndtri
 
 from aerodb.effects import Hypothesis
 from aerodb.tracing.decision.explanation_sets import Explanation
@@ -65,7 +65,7 @@ def excitation_needed(value: float, known: float, per_flight: float, level: floa
     >>> round(excitation_needed(2.0, 0.0, 1.0, 0.05), 2)  # (1.645 + 0.842) / 2
     1.24
     """
-    wanted = ((stats.norm.isf(level) + stats.norm.ppf(POWER)) / value) ** 2
+    wanted = ((ndtri(POWER) - ndtri(level)) / value) ** 2
     return float(np.sqrt(max(0.0, wanted - known) / per_flight))
 
 

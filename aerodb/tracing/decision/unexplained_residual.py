@@ -14,8 +14,8 @@ from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
-from scipy import stats
 from scipy.linalg import cho_factor, cho_solve
+from scipy.special import stdtr
 
 from aerodb.errors import InputError
 from aerodb.support import Array, in_threads
@@ -167,7 +167,7 @@ def _one_sided(skills: Array) -> float:
     spread = float(skills.std(ddof=1))
     if spread == 0.0:
         return 1.0
-    return float(stats.t.sf(skills.mean() / (spread / np.sqrt(len(skills))), len(skills) - 1))
+    return float(stdtr(len(skills) - 1, -skills.mean() / (spread / np.sqrt(len(skills)))))
 
 
 def _in_band(

@@ -14,7 +14,6 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from scipy.signal import lfilter
 
 from aerodb.flight import Flight
 from aerodb.support import Array
@@ -86,6 +85,8 @@ def _responses(flight: Flight, command: str, bandwidth: float) -> list[Array]:
     good = np.isfinite(values)
     if not good.any() or np.ptp(values[good]) == 0.0:
         return []
+    from scipy.signal import lfilter  # slow to import
+
     index = np.arange(len(values))
     current = np.interp(index, index[good], values[good])
     pole = np.pi * bandwidth * flight.step / 2.0  # a T / 2 of the bilinear rule, a = pi * bandwidth

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from scipy.signal import firwin, kaiserord
 
 from aerodb.conditioning import PASS_EDGE, RIPPLE_DB, STOP_EDGE, runs
 from aerodb.errors import InputError
@@ -143,6 +142,8 @@ def _kernel(ratio: int) -> tuple[Array, int]:
     """Taps of the low-pass, symmetric, and their half width."""
     if ratio == 1:
         return np.ones(1), 0
+    from scipy.signal import firwin, kaiserord  # slow to import
+
     taps, beta = kaiserord(RIPPLE_DB, 2.0 * (STOP_EDGE - PASS_EDGE) / ratio)
     half = taps // 2
     kernel = firwin(2 * half + 1, (PASS_EDGE + STOP_EDGE) / ratio, window=("kaiser", beta))
