@@ -8,14 +8,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from aerodb.support import Array
+from aerodb.tracing.decision.findings import Finding, Verdict
 from aerodb.tracing.decision.selection import (
     FEWEST_SUSPECTED,
     CrossFlightTests,
     Decision,
     flight_gains,
     implausible,
+    left_out_gains,
+    reported_votes,
 )
-from aerodb.tracing.estimates import paired_p
+from aerodb.tracing.estimates import Tested, paired_p
 
 #: A rival's gain is lost when less than this part of it is left once the term is in.
 LOST = 0.25
@@ -149,3 +152,44 @@ def _breaking(
         if not holds and not implausible(tests, absent, sensor):
             broken.append(sensor)
     return tuple(broken)
+
+
+def finding_of(
+    tests: CrossFlightTests,
+    decision: Decision,
+    test: Tested,
+    explanation: Explanation,
+    *,
+    verdict: Verdict,
+    value: float,
+    ci95: tuple[float, float],
+    because: str,
+    refound: tuple[int, int] = (0, 0),
+) -> Finding:
+    """Return the finding of an explained hypothesis, with its votes and its explanation set.
+
+    test : of the model of `decision`. value, ci95 : of the parameter, SI.
+    """
+    index, hypotheses = explanation.index, tests.campaign.hypotheses
+    hypothesis = hypotheses[index]
+    estimates = tests.flight_estimates(decision.terms, decision.freed)
+    gains = left_out_gains(estimates, test, index)
+    members = (index, *explanation.rivals, *explanation.sensors)
+    return Finding(
+        hypothesis=hypothesis.id,
+        effect=hypothesis.effect,
+        axis=tuple(hypothesis.axes),
+        subject=hypothesis.subject,
+        verdict=verdict,
+        parameter=hypothesis.parameter,
+        unit=hypothesis.unit,
+        value=value,
+        ci95=ci95,
+        p_adjusted=float(test.adjusted[index]),
+        votes=reported_votes(tests, estimates, test, index),
+        explanation_set=tuple(hypotheses[i].id for i in members),
+        because=because,
+        fallen={hypotheses[i].id: reason for i, reason in explanation.fallen.items()},
+        refound=refound,
+        held_out_share=float(np.mean(gains > 0.0)) if len(gains) else 0.0,
+    )

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerodb.effects import Hypothesis
-from aerodb.tracing.decision.explanation_sets import explain
+from aerodb.tracing.decision.explanation_sets import explain, finding_of
 from aerodb.tracing.decision.findings import Finding, with_unit
 from aerodb.tracing.decision.joint_model import JointModel, joint_bands, joint_fit, under
 from aerodb.tracing.decision.selection import (
@@ -24,7 +24,6 @@ from aerodb.tracing.decision.selection import (
     Decision,
     cross_validated,
 )
-from aerodb.tracing.decision.verdicts import finding_of
 from aerodb.tracing.estimates import OFFSET, FlightEstimates, Tested, campaign
 from aerodb.tracing.evidence import Evidence, SamplingUnit, halves
 from aerodb.tracing.settings import TracingSettings

@@ -6,7 +6,7 @@ import numpy as np
 
 from aerodb.effects import Hypothesis
 from aerodb.errors import InputError
-from aerodb.tracing.decision.explanation_sets import Explanation, explain
+from aerodb.tracing.decision.explanation_sets import Explanation, explain, finding_of
 from aerodb.tracing.decision.findings import Finding, NotFound, Traced, Verdict, with_unit
 from aerodb.tracing.decision.next_flight import next_flights
 from aerodb.tracing.decision.selection import (
@@ -14,8 +14,6 @@ from aerodb.tracing.decision.selection import (
     CrossFlightTests,
     Decision,
     decide,
-    left_out_gains,
-    reported_votes,
 )
 from aerodb.tracing.estimates import Tested, campaign
 from aerodb.tracing.evidence import NormalEquations
@@ -133,47 +131,6 @@ def _finding(
         ci95=test.interval(index),
         because=_because(tests, explanation, verdict, test, len(on)),
         refound=(again, len(repeated)),
-    )
-
-
-def finding_of(
-    tests: CrossFlightTests,
-    decision: Decision,
-    test: Tested,
-    explanation: Explanation,
-    *,
-    verdict: Verdict,
-    value: float,
-    ci95: tuple[float, float],
-    because: str,
-    refound: tuple[int, int] = (0, 0),
-) -> Finding:
-    """Return the finding of an explained hypothesis, with its votes and its explanation set.
-
-    test : of the model of `decision`. value, ci95 : of the parameter, SI.
-    """
-    index, hypotheses = explanation.index, tests.campaign.hypotheses
-    hypothesis = hypotheses[index]
-    estimates = tests.flight_estimates(decision.terms, decision.freed)
-    gains = left_out_gains(estimates, test, index)
-    members = (index, *explanation.rivals, *explanation.sensors)
-    return Finding(
-        hypothesis=hypothesis.id,
-        effect=hypothesis.effect,
-        axis=tuple(hypothesis.axes),
-        subject=hypothesis.subject,
-        verdict=verdict,
-        parameter=hypothesis.parameter,
-        unit=hypothesis.unit,
-        value=value,
-        ci95=ci95,
-        p_adjusted=float(test.adjusted[index]),
-        votes=reported_votes(tests, estimates, test, index),
-        explanation_set=tuple(hypotheses[i].id for i in members),
-        because=because,
-        fallen={hypotheses[i].id: reason for i, reason in explanation.fallen.items()},
-        refound=refound,
-        held_out_share=float(np.mean(gains > 0.0)) if len(gains) else 0.0,
     )
 
 
