@@ -5,7 +5,7 @@ missing channel of a flight is decided in `aerodb.logs.air_data`.
 """
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,7 +19,7 @@ PRESSURE_0, TEMPERATURE_0 = 101325.0, 288.15
 DENSITY_0: Final = PRESSURE_0 / (GAS_CONSTANT * TEMPERATURE_0)
 SOUND_0: Final = float(np.sqrt(HEAT_RATIO * GAS_CONSTANT * TEMPERATURE_0))
 #: Layers of ICAO Doc 7488: geopotential altitude of the base [m] and temperature gradient [K/m].
-_LAYERS: Final = (
+_GRADIENTS: Final = (
     (-5000.0, -0.0065),
     (11000.0, 0.0),
     (20000.0, 0.001),
@@ -28,6 +28,47 @@ _LAYERS: Final = (
     (51000.0, -0.0028),
 )
 TOP: Final = 71000.0
+
+
+class _Layer(NamedTuple):
+    """A layer from `bottom` to `top` [m], and the state of the air at its `base_altitude`.
+
+    The base is the bottom; that of the lowest layer is sea level.
+    """
+
+    bottom: float
+    top: float
+    gradient: float
+    base_altitude: float
+    base_temperature: float
+    base_pressure: float
+
+
+def _pressure_ratio(base_temperature: float, gradient: float, rise: Array) -> Array:
+    """Return pressure over that at the layer's base, `rise` [m] above it.
+
+    Hydrostatic equation of a perfect gas; temperature [K], gradient [K/m].
+    """
+    if gradient == 0.0:
+        return np.asarray(np.exp(-GRAVITY * rise / (GAS_CONSTANT * base_temperature)))
+    return np.asarray(
+        (1.0 + gradient * rise / base_temperature) ** (-GRAVITY / (GAS_CONSTANT * gradient))
+    )
+
+
+def _layers() -> tuple[_Layer, ...]:
+    """Return the layers, with the state at each base from the layer below."""
+    layers, altitude, temperature, pressure = [], 0.0, TEMPERATURE_0, PRESSURE_0
+    tops = [bottom for bottom, _ in _GRADIENTS[1:]] + [TOP]
+    for (bottom, gradient), top in zip(_GRADIENTS, tops, strict=True):
+        layers.append(_Layer(bottom, top, gradient, altitude, temperature, pressure))
+        rise = top - altitude
+        pressure = float(pressure * _pressure_ratio(temperature, gradient, np.asarray(rise)))
+        altitude, temperature = top, temperature + gradient * rise
+    return tuple(layers)
+
+
+_LAYERS: Final = _layers()
 
 
 @dataclass(frozen=True)
@@ -61,28 +102,16 @@ def standard_atmosphere(altitude: ArrayLike) -> Air:
     """
     h = np.asarray(altitude, dtype=np.float64)
     temperature, pressure = np.full(h.shape, np.nan), np.full(h.shape, np.nan)
-    base_t, base_p, base_h = TEMPERATURE_0, PRESSURE_0, 0.0
-    for number, (bottom, gradient) in enumerate(_LAYERS):
-        top = _LAYERS[number + 1][0] if number + 1 < len(_LAYERS) else TOP
-        inside = (h >= bottom) & (h <= top)
-        rise = h[inside] - base_h
-        temperature[inside] = base_t + gradient * rise
-        pressure[inside] = base_p * _pressure_ratio(base_t, gradient, rise)
-        base_p = float(base_p * _pressure_ratio(base_t, gradient, np.asarray(top - base_h)))
-        base_t, base_h = base_t + gradient * (top - base_h), top
+    for layer in _LAYERS:
+        inside = (h >= layer.bottom) & (h <= layer.top)
+        if not np.count_nonzero(inside):
+            continue
+        rise = h[inside] - layer.base_altitude
+        temperature[inside] = layer.base_temperature + layer.gradient * rise
+        pressure[inside] = layer.base_pressure * _pressure_ratio(
+            layer.base_temperature, layer.gradient, rise
+        )
     return Air(pressure, temperature, pressure / (GAS_CONSTANT * temperature))
-
-
-def _pressure_ratio(base_temperature: float, gradient: float, rise: Array) -> Array:
-    """Return pressure over that at the layer's base, `rise` [m] above it.
-
-    Hydrostatic equation of a perfect gas; temperature [K], gradient [K/m].
-    """
-    if gradient == 0.0:
-        return np.asarray(np.exp(-GRAVITY * rise / (GAS_CONSTANT * base_temperature)))
-    return np.asarray(
-        (1.0 + gradient * rise / base_temperature) ** (-GRAVITY / (GAS_CONSTANT * gradient))
-    )
 
 
 def density(pressure: Array, temperature: Array) -> Array:

@@ -13,12 +13,10 @@ from aerodb.simulation.motion import (
     QUATERNION,
     RATES,
     VELOCITY,
-    angular_acceleration,
     cross,
     derivative,
     inertia_matrix,
     to_body,
-    to_earth,
 )
 from aerodb.support import Array
 from aerodb.vehicle import Vehicle
@@ -138,8 +136,8 @@ class Airframe:
         """
         c = self.aerodynamics(channels)
         scale = channels["qbar"] * self.area
-        force = scale * np.stack([c["CX"], c["CY"], c["CZ"]])
-        moment = scale * self.lengths[:, None] * np.stack([c["Cl"], c["Cm"], c["Cn"]])
+        force = scale * np.array([c["CX"], c["CY"], c["CZ"]])
+        moment = scale * self.lengths[:, None] * np.array([c["Cl"], c["Cm"], c["Cn"]])
         return force / self.mass, moment + cross(self.reference_arm[:, None] + 0 * force, force)
 
     def state_rate(self, state: Array, air: MovingAir, surfaces: Mapping[str, Array]) -> Array:
@@ -156,17 +154,16 @@ class Airframe:
         """
         channels = self.channels(state, air, surfaces)
         force, moment = self.loads(channels)
-        acceleration = angular_acceleration(state[RATES], moment, self.inertia)
-        earth = to_earth(state[QUATERNION], state[VELOCITY])
+        rate = derivative(state, force, moment, self.inertia)
         angles = euler_321_from_quaternion(*state[QUATERNION])
         channels.update(zip(("ax", "ay", "az"), force, strict=True))
-        channels.update(zip(("pdot", "qdot", "rdot"), acceleration, strict=True))
+        channels.update(zip(("pdot", "qdot", "rdot"), rate[RATES], strict=True))
         channels.update(zip(("phi", "theta", "psi"), angles, strict=True))
         channels.update(
-            zip(("velocity_north", "velocity_east", "velocity_down"), earth, strict=True)
+            zip(("velocity_north", "velocity_east", "velocity_down"), rate[POSITION], strict=True)
         )
         channels.update(zip(("north", "east"), state[POSITION], strict=False))
-        return channels, derivative(state, force, moment, self.inertia)
+        return channels, rate
 
 
 def airframe(vehicle: Vehicle, database: Database, ground_altitude: float = 0.0) -> Airframe:

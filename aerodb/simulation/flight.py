@@ -1,6 +1,6 @@
 """Fly closed-loop flights in parallel: airframe, actuators, controller and moving air."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -40,27 +40,37 @@ class History:
     samples: NDArray[np.int64]
 
 
-def actuate(surface: Surface, position: Array, command: Array, step: float) -> Array:
-    """Return the deflection (k,) [rad] after a step under a held command.
+class Actuators:
+    """The actuators of m surfaces, moved together.
 
-    The command is limited, then passes an exact first-order lag.
+    A command is limited, then passes an exact first-order lag.
 
     Parameters
     ----------
-    surface : limits [rad] and lag [s]
-    position : (k,), deflection at the start [rad]
-    command : (k,) [rad]
+    surfaces : limits [rad] and lag [s] of each
     step : float, [s]
 
     >>> import numpy as np
-    >>> fin = Surface(limits=(-0.3, 0.3), lag=0.1)
-    >>> round(float(actuate(fin, np.zeros(1), np.ones(1), 0.1)[0]), 4)  # 0.3 (1 - 1/e)
+    >>> fin = Actuators([Surface(limits=(-0.3, 0.3), lag=0.1)], step=0.1)
+    >>> round(float(fin.moved(np.zeros((1, 1)), np.ones((1, 1)))[0, 0]), 4)  # 0.3 (1 - 1/e)
     0.1896
     """
-    target = np.clip(command, *surface.limits)
-    if surface.lag == 0.0:
-        return target
-    return target + (position - target) * np.exp(-step / surface.lag)
+
+    def __init__(self, surfaces: Sequence[Surface], step: float) -> None:
+        self._low, self._high = np.array([s.limits for s in surfaces]).T[:, :, None]
+        self._instant = np.array([[s.lag == 0.0] for s in surfaces])
+        self._decay = np.array([[np.exp(-step / s.lag) if s.lag else 0.0] for s in surfaces])
+
+    def moved(self, position: Array, command: Array) -> Array:
+        """Return the deflections (m, k) [rad] after a step under held commands.
+
+        Parameters
+        ----------
+        position : (m, k), deflections at the start [rad]
+        command : (m, k) [rad]
+        """
+        target = np.minimum(np.maximum(command, self._low), self._high)
+        return np.where(self._instant, target, target + (position - target) * self._decay)
 
 
 def fly(
@@ -97,14 +107,17 @@ def fly(
     -------
     History
     """
-    state, positions = initial, dict(deflections)
+    names = list(deflections)
+    half, whole = (Actuators([surfaces[n] for n in names], time) for time in (step / 2, step))
+    state, positions = initial, np.array([deflections[n] for n in names])
     gust = np.zeros_like(wind)
     active = np.ones(initial.shape[1], dtype=bool)
     samples = np.zeros(initial.shape[1], dtype=np.int64)
     rows: list[tuple[float, dict[str, Array], Mapping[str, Array], Array]] = []
     for number in range(round(duration / step) + 1):
         time = number * step
-        channels, rate = airframe.evaluate(state, MovingAir(wind, gust), positions)
+        deflected = dict(zip(names, positions, strict=True))
+        channels, rate = airframe.evaluate(state, MovingAir(wind, gust), deflected)
         commands = controller(time, channels)
         rows.append((time, channels, commands, state[QUATERNION]))
         samples += active
@@ -116,7 +129,8 @@ def fly(
             if gusts
             else gust
         )
-        halfway = {n: actuate(surfaces[n], x, commands[n], step / 2) for n, x in positions.items()}
+        commanded = np.array([commands[n] for n in names])
+        halfway = dict(zip(names, half.moved(positions, commanded), strict=True))
         middle = MovingAir(wind, 0.5 * (gust + following))
 
         def midway(
@@ -128,7 +142,7 @@ def fly(
         # The state of a flight that has ended is frozen, so that its numbers stay finite while the
         # others continue.
         state = np.where(active, moved, state)
-        positions = {n: actuate(surfaces[n], x, commands[n], step) for n, x in positions.items()}
+        positions = whole.moved(positions, commanded)
         gust = following
     return _history(rows, samples)
 

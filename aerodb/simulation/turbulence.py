@@ -41,8 +41,8 @@ def dryden_scales(height: Array, wind_at_6m: Array) -> tuple[Array, Array]:
     fade = np.clip((height / _FOOT - 1000.0) / 1000.0, 0.0, 1.0)
     horizontal = low_length + fade * (1750.0 - low_length)
     vertical = h + fade * (1750.0 - h)
-    lengths = _FOOT * np.stack([horizontal, horizontal, vertical])
-    return lengths, np.stack([low_sigma, low_sigma, sigma_w + 0 * h])
+    lengths = _FOOT * np.array([horizontal, horizontal, vertical])
+    return lengths, np.array([low_sigma, low_sigma, sigma_w + 0 * h])
 
 
 @dataclass

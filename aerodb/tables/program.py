@@ -76,7 +76,7 @@ class Program:
             slots[slot] = values[name]
         with np.errstate(all="ignore"):
             for written, function, arguments, tables, spent in self._steps:
-                result = function(*[slots[i] for i in arguments])
+                result = function(*map(slots.__getitem__, arguments))
                 for slot in spent:
                     slots[slot] = None
                 if not tables:

@@ -11,7 +11,7 @@ from scipy.special import ellipj
 from aerodb.errors import InputError
 from aerodb.physics.atmosphere import GRAVITY
 from aerodb.simulation.airframe_model import Airframe, MovingAir, airframe
-from aerodb.simulation.flight import History, actuate, fly
+from aerodb.simulation.flight import Actuators, History, fly
 from aerodb.simulation.inputs import Event, superposed
 from aerodb.simulation.linear import linearise, modes
 from aerodb.simulation.motion import (
@@ -358,7 +358,8 @@ def test_instruments_off_the_cg_see_rotation_and_show_their_delay_bias_and_noise
 
 def test_actuators_stop_at_their_limits() -> None:
     fin = Surface(limits=(-0.2, 0.3), lag=0.0)
-    assert actuate(fin, np.zeros(2), np.array([-1.0, 1.0]), 0.01).tolist() == [-0.2, 0.3]
+    moved = Actuators([fin], 0.01).moved(np.zeros((1, 2)), np.array([[-1.0, 1.0]]))
+    assert moved.tolist() == [[-0.2, 0.3]]
 
 
 @pytest.mark.parametrize("change", ["[thrust]\nsource = 'unknown'", "fuel"])
