@@ -13,6 +13,7 @@ from tests.support.order import ByFiles, long_first
 
 if TYPE_CHECKING:
     from tests.support.object_service import ObjectService
+    from tests.support.shared_workspace import SharedWorkspaces
 
 
 @pytest.fixture(scope="session")
@@ -74,6 +75,22 @@ def trials(request: pytest.FixtureRequest) -> Callable[[int, int], int]:
     --full-campaign."""
     full_campaign = request.config.getoption("--full-campaign")
     return lambda reduced, full: full if full_campaign else reduced
+
+
+@pytest.fixture(scope="session")
+def shared(tmp_path_factory: pytest.TempPathFactory) -> "SharedWorkspaces":
+    """Workspaces of the small glider, built once per session, to be copied."""
+    from tests.support.shared_workspace import (
+        SharedWorkspaces,
+    )  # imports the flows, for which other tests need not wait
+
+    return SharedWorkspaces(tmp_path_factory)
+
+
+@pytest.fixture(scope="session")
+def logs(shared: "SharedWorkspaces") -> list[Path]:
+    """The small glider's six logs, which stand beside its files and which nobody changes."""
+    return shared.logs
 
 
 @pytest.fixture(scope="session")

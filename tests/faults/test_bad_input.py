@@ -16,7 +16,8 @@ from aerodb.flows.cli.main import app
 from aerodb.recording import Topic
 from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.writers.ulog import write_ulog
-from tests.support.command import aerodb, asked, six_flights
+from tests.support.command import aerodb, asked
+from tests.support.shared_workspace import SharedWorkspaces
 from tests.support.small_glider import (
     DATABASE,
     MODEL,
@@ -33,10 +34,8 @@ OF_REFUSALS = {"runs", "log_files"}
 
 
 @pytest.fixture(scope="module")
-def workspace(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    root = tmp_path_factory.mktemp("made") / "w"
-    six_flights(tmp_path_factory.mktemp("files"), root)
-    return root
+def workspace(tmp_path_factory: pytest.TempPathFactory, shared: SharedWorkspaces) -> Path:
+    return shared.ingested(tmp_path_factory.mktemp("made") / "w").root
 
 
 def everything(root: Path) -> tuple[dict[str, str], dict[str, list[Any]]]:

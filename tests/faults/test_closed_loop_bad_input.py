@@ -12,7 +12,8 @@ from typer.testing import CliRunner
 
 from aerodb.flows.cli.main import app
 from tests.faults.test_bad_input import everything
-from tests.support.command import asked, six_flights
+from tests.support.command import asked
+from tests.support.shared_workspace import SharedWorkspaces
 from tests.support.small_glider import MODEL, NAME, channels, write_csv
 
 CLOSE = ("close-loop", "--vehicle", NAME, "--direct")
@@ -21,10 +22,8 @@ SILENT = {"not_excited", "not_separable", "not_testable"}
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    root = tmp_path_factory.mktemp("made") / "w"
-    six_flights(tmp_path_factory.mktemp("files"), root)
-    return root
+def made(tmp_path_factory: pytest.TempPathFactory, shared: SharedWorkspaces) -> Path:
+    return shared.ingested(tmp_path_factory.mktemp("made") / "w").root
 
 
 @pytest.fixture

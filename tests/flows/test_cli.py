@@ -19,6 +19,7 @@ from aerodb.recording import Topic
 from aerodb.storage.writers.ulog import write_ulog
 from aerodb.vehicle import parse_vehicle
 from tests.support.command import aerodb, asked, document
+from tests.support.shared_workspace import SharedWorkspaces
 from tests.support.small_glider import NAME, state_of, write_files
 
 COMMANDS = [
@@ -255,16 +256,10 @@ def test_inspect_stores_nothing_and_says_what_is_missing(
     assert not (tmp_path / "none").exists()
 
 
-def test_retracting_a_flight_makes_versions_stale(
-    made: tuple[Path, list[Path], dict[str, Any]], tmp_path: Path
-) -> None:
-    workspace, logs = tmp_path / "w", made[1]
-    folder = logs[0].parent
-    asked(workspace, "vehicle", "add", str(folder / "vehicle.toml"))
-    asked(workspace, "database", "import", str(folder / "database.toml"), "--vehicle", NAME)
-    asked(workspace, "flight", "ingest", *map(str, logs[:3]), "--vehicle", NAME, "--direct")
-    update = ("update", "--vehicle", NAME, "--model", str(folder / "model.toml"), "--direct")
-    first = asked(workspace, *update)
+def test_retracting_a_flight_makes_versions_stale(tmp_path: Path, shared: SharedWorkspaces) -> None:
+    opened, first = shared.updated(tmp_path / "w", flights=3)
+    workspace, model = opened.root, shared.logs[0].parent / "model.toml"
+    update = ("update", "--vehicle", NAME, "--model", str(model), "--direct")
     assert first["validation"]["kind"] == "cross-validated"
     flight = first["flights"]["identified"][0]
     assert asked(workspace, "version", "show", "candidate")["stale"] == []

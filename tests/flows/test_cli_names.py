@@ -11,7 +11,8 @@ from typer.testing import CliRunner
 
 from aerodb.errors import AeroError
 from aerodb.flows.cli.main import app
-from tests.support.command import aerodb, asked, six_flights
+from tests.support.command import aerodb, asked
+from tests.support.shared_workspace import SharedWorkspaces
 from tests.support.small_glider import NAME, VEHICLE, channels, state_of, write_csv
 
 HOSTILE = [
@@ -30,10 +31,8 @@ CONTROL = re.compile(r"[\x00-\x09\x0b-\x1f\x7f]")
 
 
 @pytest.fixture(scope="module")
-def workspace(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    root = tmp_path_factory.mktemp("made") / "w"
-    six_flights(tmp_path_factory.mktemp("files"), root)
-    return root
+def workspace(tmp_path_factory: pytest.TempPathFactory, shared: SharedWorkspaces) -> Path:
+    return shared.ingested(tmp_path_factory.mktemp("made") / "w").root
 
 
 @pytest.mark.parametrize("name", HOSTILE, ids=range(len(HOSTILE)))

@@ -21,8 +21,9 @@ from aerodb.storage.workspace import Workspace
 from aerodb.storage.workspace_settings import SettingsError
 from tests.support.clusters import Running, cluster, end, noting, slow
 from tests.support.end_to_end import by_commands, same_as_direct
-from tests.support.glider_runs import ingest_and_update, prepared, stored, ways
-from tests.support.small_glider import NAME, state_of, write_files
+from tests.support.glider_runs import stored, ways
+from tests.support.shared_workspace import SharedWorkspaces
+from tests.support.small_glider import NAME, state_of
 
 pytest.importorskip("distributed", reason="Dask is not installed (aerodb[dask])")
 
@@ -34,21 +35,15 @@ def dask(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
 
 
 @pytest.fixture(scope="module")
-def logs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
-    return write_files(tmp_path_factory.mktemp("logs"))
-
-
-@pytest.fixture(scope="module")
 def direct(
-    tmp_path_factory: pytest.TempPathFactory, logs: list[Path]
+    tmp_path_factory: pytest.TempPathFactory, shared: SharedWorkspaces
 ) -> tuple[Workspace, dict[str, Any]]:
-    """Workspace and update's document of the run in this process."""
-    workspace = prepared(tmp_path_factory.mktemp("direct"), logs[0].parent)
-    return workspace, ingest_and_update(workspace, logs)
+    """Workspace and update's document of the run without the cluster."""
+    return shared.updated(tmp_path_factory.mktemp("direct"))
 
 
-def _made(root: Path, logs: list[Path], dask: Running) -> Workspace:
-    workspace = prepared(root, logs[0].parent)
+def _made(root: Path, shared: SharedWorkspaces, dask: Running) -> Workspace:
+    workspace = shared.prepared(root)
     (root / "settings.toml").write_text(dask.settings(), encoding="utf-8")
     return workspace
 
@@ -71,10 +66,14 @@ def _begun(workspace: Workspace) -> list[int]:
 
 @pytest.mark.campaign
 def test_from_logs_to_proof_by_commands_all_is_the_same(
-    tmp_path: Path, logs: list[Path], direct: tuple[Workspace, dict[str, Any]], dask: Running
+    tmp_path: Path,
+    logs: list[Path],
+    shared: SharedWorkspaces,
+    direct: tuple[Workspace, dict[str, Any]],
+    dask: Running,
 ) -> None:
     """Under Prefect, whose ephemeral server the workers need not know."""
-    workspace = _made(tmp_path / "w", logs, dask)
+    workspace = _made(tmp_path / "w", shared, dask)
     done = by_commands(workspace.root, logs[0].parent, logs[::-1])
     same_as_direct(workspace, done, direct)
     assert {how for flow, how, _ in ways(workspace) if flow != "import_flow"} == {"ephemeral"}
@@ -83,9 +82,9 @@ def test_from_logs_to_proof_by_commands_all_is_the_same(
 
 
 def test_steps_are_done_by_the_workers_and_in_order(
-    tmp_path: Path, logs: list[Path], dask: Running
+    tmp_path: Path, shared: SharedWorkspaces, dask: Running
 ) -> None:
-    workspace = _made(tmp_path / "w", logs, dask)
+    workspace = _made(tmp_path / "w", shared, dask)
     done_by = run_flow(mapped, {"items": list(range(8))}, workspace, "direct")
     assert set(done_by) <= set(dask.at_work())
     assert os.getpid() not in done_by
@@ -93,20 +92,24 @@ def test_steps_are_done_by_the_workers_and_in_order(
 
 
 def test_a_worker_that_is_killed_costs_one_step_again(
-    tmp_path: Path, logs: list[Path], dask: Running
+    tmp_path: Path, shared: SharedWorkspaces, dask: Running
 ) -> None:
-    workspace = _made(tmp_path / "w", logs, dask)
+    workspace = _made(tmp_path / "w", shared, dask)
     done_by = run_flow(mapped, {"items": [0, 1, 2, 3], "fatal": 0}, workspace, "direct")
     assert len(done_by) == 4
     assert _begun(workspace) == [0, 0, 1, 2, 3]
 
 
 def test_a_worker_killed_amid_flights_changes_nothing(
-    tmp_path: Path, logs: list[Path], direct: tuple[Workspace, dict[str, Any]], dask: Running
+    tmp_path: Path,
+    logs: list[Path],
+    shared: SharedWorkspaces,
+    direct: tuple[Workspace, dict[str, Any]],
+    dask: Running,
 ) -> None:
     """kill -9 as soon as the first flight is stored: the same ids, keys and files as undisturbed,
     and nothing half there."""
-    workspace = _made(tmp_path / "w", logs, dask)
+    workspace = _made(tmp_path / "w", shared, dask)
     with dask.one_killed(
         when=lambda: any((workspace.root / "flights").glob("*/*.parquet"))
     ) as killed:
@@ -139,9 +142,9 @@ def _files(workspace: Workspace, folder: str) -> dict[str, str]:
 
 
 def test_a_refusal_comes_back_as_it_was_raised(
-    tmp_path: Path, logs: list[Path], dask: Running
+    tmp_path: Path, shared: SharedWorkspaces, dask: Running
 ) -> None:
-    workspace = _made(tmp_path / "w", logs, dask)
+    workspace = _made(tmp_path / "w", shared, dask)
     with pytest.raises(InputError) as caught:
         run_flow(mapped, {"items": [0, 1], "bad": 1}, workspace, "direct")
     assert (caught.value.what, caught.value.where, caught.value.remedy) == (
@@ -152,20 +155,20 @@ def test_a_refusal_comes_back_as_it_was_raised(
 
 
 def test_what_ends_every_worker_is_given_up_by_name(
-    tmp_path: Path, logs: list[Path], dask: Running
+    tmp_path: Path, shared: SharedWorkspaces, dask: Running
 ) -> None:
-    workspace = _made(tmp_path / "w", logs, dask)
+    workspace = _made(tmp_path / "w", shared, dask)
     with pytest.raises(InputError, match="several worker processes ended"):
         run_flow(mapped, {"items": [7], "fatal": 7, "always": True}, workspace, "direct")
     assert _begun(workspace) == [7, 7]
 
 
 def test_what_is_not_there_is_said_in_seconds(
-    tmp_path: Path, logs: list[Path], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, logs: list[Path], shared: SharedWorkspaces, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A scheduler that nobody started: the run is noted as failed, nothing is held against the log,
     and here it works."""
-    workspace = prepared(tmp_path / "w", logs[0].parent)
+    workspace = shared.prepared(tmp_path / "w")
     monkeypatch.setenv("DASK_CONFIG", str(tmp_path))
     with socket.socket() as closed:
         closed.bind(("127.0.0.1", 0))
@@ -186,12 +189,12 @@ def test_what_is_not_there_is_said_in_seconds(
 
 
 def test_a_cluster_that_goes_away_is_said_and_the_same_run_works_afterwards(
-    tmp_path: Path, logs: list[Path]
+    tmp_path: Path, shared: SharedWorkspaces
 ) -> None:
     """First its scheduler (kill -9) amid a step that would take an hour, then its worker before the
     run."""
     with cluster(tmp_path, workers=1) as gone:
-        workspace = _made(tmp_path / "w", logs, gone)
+        workspace = _made(tmp_path / "w", shared, gone)
         killer = threading.Thread(
             target=lambda: _until((workspace.root / "begun.txt").exists) and end(gone.scheduler)
         )
@@ -232,11 +235,11 @@ def test_addresses_that_cannot_be_or_must_not_be(
 
 
 def test_a_worker_that_has_not_the_same_in_common_does_nothing(
-    tmp_path: Path, logs: list[Path]
+    tmp_path: Path, shared: SharedWorkspaces
 ) -> None:
     """Another machine beside a catalogue in a file, another version, a workspace that it does not
     see."""
-    workspace = prepared(tmp_path / "w", logs[0].parent)
+    workspace = shared.prepared(tmp_path / "w")
     given: dict[str, Any] = {"workspace": str(workspace.root), "run": "r"}
     workspace.lock("run-r").touch()
     site = RunSite.of(given, remote=False)

@@ -22,22 +22,17 @@ from aerodb.tasks.steps.coefficients import load_coefficients
 from aerodb.tasks.steps.ingest import load_flight
 from aerodb.tasks.workspace_access import access_workspace
 from tests.support import small_glider
-from tests.support.glider_runs import ingest_and_update, prepared, rows, stored, ways
-from tests.support.small_glider import NAME, state_of, write_files
-
-
-@pytest.fixture(scope="module")
-def logs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
-    return write_files(tmp_path_factory.mktemp("logs"))
+from tests.support.glider_runs import ingest_and_update, rows, stored, ways
+from tests.support.shared_workspace import SharedWorkspaces
+from tests.support.small_glider import NAME, state_of
 
 
 @pytest.fixture(scope="module")
 def direct(
-    tmp_path_factory: pytest.TempPathFactory, logs: list[Path]
+    tmp_path_factory: pytest.TempPathFactory, shared: SharedWorkspaces
 ) -> tuple[Workspace, dict[str, Any]]:
-    """Workspace and update's document of the run without Prefect, in this process."""
-    workspace = prepared(tmp_path_factory.mktemp("direct"), logs[0].parent)
-    return workspace, ingest_and_update(workspace, logs)
+    """Workspace and update's document of the run without Prefect."""
+    return shared.updated(tmp_path_factory.mktemp("direct"))
 
 
 def test_everything_a_second_time_changes_nothing(
@@ -56,10 +51,12 @@ def test_everything_a_second_time_changes_nothing(
     assert rows(workspace) == counted
 
 
-def test_one_bad_log_stops_no_other(tmp_path: Path, logs: list[Path]) -> None:
+def test_one_bad_log_stops_no_other(
+    tmp_path: Path, logs: list[Path], shared: SharedWorkspaces
+) -> None:
     """Also one that is fine but belongs to another vehicle: its refusal once came as an exception
     and ended the run."""
-    workspace = prepared(tmp_path / "w", logs[0].parent)
+    workspace = shared.prepared(tmp_path / "w")
     other = small_glider.VEHICLE.replace(NAME, "other-glider")
     with Catalogue.open(workspace.catalogue) as catalogue:
         catalogue.add_vehicle("other-glider", other)
@@ -106,11 +103,11 @@ class ThreadedSteps(DirectSteps):
 
 
 def test_the_same_bytes_under_several_names_at_once_are_one_flight(
-    tmp_path: Path, logs: list[Path]
+    tmp_path: Path, logs: list[Path], shared: SharedWorkspaces
 ) -> None:
     """Copies of a log taken in side by side once met in the store, and the later ones died with an
     error of the disk."""
-    workspace = prepared(tmp_path / "w", logs[0].parent)
+    workspace = shared.prepared(tmp_path / "w")
     names = [tmp_path / f"{k}.csv" for k in range(6)] + [
         tmp_path / f"empty{k}.csv" for k in range(3)
     ]
@@ -120,7 +117,7 @@ def test_the_same_bytes_under_several_names_at_once_are_one_flight(
     outcomes = flight_flow(ThreadedSteps(), logs=[str(name) for name in names], **given)
     assert {outcome["status"] for outcome in outcomes[:6]} <= {"stored", "duplicate"}
     assert [outcome["status"] for outcome in outcomes[6:]] == ["refused"] * 3
-    alone = prepared(tmp_path / "alone", logs[0].parent)
+    alone = shared.prepared(tmp_path / "alone")
     run_flow(flight_flow, {"logs": [str(logs[0])], "vehicle": NAME}, alone, "direct")
     assert stored(workspace) == stored(alone)
     files = state_of(workspace.root)
@@ -133,8 +130,10 @@ def _run_of(workspace: Workspace) -> str:
         return catalogue.start_run("flight_flow", how="direct").id
 
 
-def test_a_run_that_fails_is_recorded_with_its_error(tmp_path: Path, logs: list[Path]) -> None:
-    workspace = prepared(tmp_path / "w", logs[0].parent)
+def test_a_run_that_fails_is_recorded_with_its_error(
+    tmp_path: Path, logs: list[Path], shared: SharedWorkspaces
+) -> None:
+    workspace = shared.prepared(tmp_path / "w")
     kept = stored(workspace)
     missing = {"file": str(tmp_path / "database.xyz"), "vehicle": NAME, "bindings": {}}
     (tmp_path / "database.xyz").write_text("x")
@@ -148,9 +147,11 @@ def test_a_run_that_fails_is_recorded_with_its_error(tmp_path: Path, logs: list[
     assert stored(workspace) == kept
 
 
-def test_progress_is_told_step_by_step(tmp_path: Path, logs: list[Path]) -> None:
+def test_progress_is_told_step_by_step(
+    tmp_path: Path, logs: list[Path], shared: SharedWorkspaces
+) -> None:
     told: list[tuple[str, int, int]] = []
-    workspace = prepared(tmp_path / "w", logs[0].parent)
+    workspace = shared.prepared(tmp_path / "w")
     parameters = {"logs": [str(log) for log in logs[:2]], "vehicle": NAME}
     run_flow(
         flight_flow,
@@ -168,9 +169,11 @@ def test_progress_is_told_step_by_step(tmp_path: Path, logs: list[Path]) -> None
     assert told == [(step, done, 2) for step in steps for done in (0, 1, 2)]
 
 
-def test_the_mapping_that_was_asked_for_last_counts(tmp_path: Path, logs: list[Path]) -> None:
+def test_the_mapping_that_was_asked_for_last_counts(
+    tmp_path: Path, logs: list[Path], shared: SharedWorkspaces
+) -> None:
     """Mapped one way, then another, then the first again: the flight once stayed on the second."""
-    workspace = prepared(tmp_path / "w", logs[0].parent)
+    workspace = shared.prepared(tmp_path / "w")
     text = (files("aerodb.storage.mappings") / "canonical.toml").read_text(encoding="utf-8")
     other = tmp_path / "halved.toml"
     doubled = text.replace('name = "canonical"', 'name = "halved"')

@@ -20,22 +20,17 @@ from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.workspace import Workspace
 from tests.support import small_glider
 from tests.support.end_to_end import by_commands, environment, prefect_server, same_as_direct
-from tests.support.glider_runs import ingest_and_update, prepared, stored, ways
-from tests.support.small_glider import NAME, write_files
-
-
-@pytest.fixture(scope="module")
-def logs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
-    return write_files(tmp_path_factory.mktemp("logs"))
+from tests.support.glider_runs import stored, ways
+from tests.support.shared_workspace import SharedWorkspaces
+from tests.support.small_glider import NAME
 
 
 @pytest.fixture(scope="module")
 def direct(
-    tmp_path_factory: pytest.TempPathFactory, logs: list[Path]
+    tmp_path_factory: pytest.TempPathFactory, shared: SharedWorkspaces
 ) -> tuple[Workspace, dict[str, Any]]:
-    """Workspace and update's document of the run without Prefect, in this process."""
-    workspace = prepared(tmp_path_factory.mktemp("direct"), logs[0].parent)
-    return workspace, ingest_and_update(workspace, logs)
+    """Workspace and update's document of the run without Prefect."""
+    return shared.updated(tmp_path_factory.mktemp("direct"))
 
 
 @pytest.fixture(scope="module")
@@ -81,11 +76,14 @@ def test_direct_run_finds_what_was_planted_and_records_it(
 
 
 def test_prefects_ephemeral_mode_stores_the_same(
-    tmp_path: Path, logs: list[Path], direct: tuple[Workspace, dict[str, Any]]
+    tmp_path: Path,
+    logs: list[Path],
+    shared: SharedWorkspaces,
+    direct: tuple[Workspace, dict[str, Any]],
 ) -> None:
     """The logs in another order: side by side they are taken in in any order, and the held-out
     flights must not depend on it."""
-    workspace = prepared(tmp_path / "w", logs[0].parent)
+    workspace = shared.prepared(tmp_path / "w")
     done = by_commands(workspace.root, logs[0].parent, logs[::-1])
     same_as_direct(workspace, done, direct)
     assert {how for flow, how, _ in ways(workspace) if flow != "import_flow"} == {"ephemeral"}
@@ -93,9 +91,13 @@ def test_prefects_ephemeral_mode_stores_the_same(
 
 
 def test_a_prefect_server_stores_the_same_and_knows_the_runs(
-    tmp_path: Path, logs: list[Path], direct: tuple[Workspace, dict[str, Any]], server: str
+    tmp_path: Path,
+    logs: list[Path],
+    shared: SharedWorkspaces,
+    direct: tuple[Workspace, dict[str, Any]],
+    server: str,
 ) -> None:
-    workspace = prepared(tmp_path / "w", logs[0].parent)
+    workspace = shared.prepared(tmp_path / "w")
     done = by_commands(workspace.root, logs[0].parent, logs, PREFECT_API_URL=server)
     same_as_direct(workspace, done, direct)
     done_by = [(flow, how, state) for flow, how, state in ways(workspace) if flow != "import_flow"]

@@ -24,27 +24,21 @@ from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.inbox.folders import rescan_inbox, scan_inbox
 from aerodb.storage.upkeep.verification import verify
 from aerodb.storage.workspace import Workspace
-from tests.support.glider_runs import prepared
 from tests.support.paths import ROOT
+from tests.support.shared_workspace import SharedWorkspaces
 from tests.support.small_glider import (
     NAME,
     channels,
     state_of,
     write_csv,
-    write_files,
     write_parquet,
 )
 from tests.support.sweeps import QUICK, events, kinds, left, swept
 
 
-@pytest.fixture(scope="module")
-def logs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
-    return write_files(tmp_path_factory.mktemp("logs"), 4)
-
-
 @pytest.fixture
-def workspace(tmp_path: Path, logs: list[Path]) -> Workspace:
-    made = prepared(tmp_path / "w", logs[0].parent)
+def workspace(tmp_path: Path, shared: SharedWorkspaces) -> Workspace:
+    made = shared.prepared(tmp_path / "w")
     (made.root / "settings.toml").write_text(QUICK, encoding="utf-8")
     (made.inbox / NAME).mkdir()
     return made
@@ -379,7 +373,7 @@ def test_what_is_not_the_files_fault_is_not_held_against_it(
 
 
 def test_two_sweeps_at_once_take_each_file_once(workspace: Workspace, logs: list[Path]) -> None:
-    for log in logs:
+    for log in logs[:4]:
         shutil.copy(log, workspace.inbox / NAME)
     documents: list[dict[str, Any]] = []
     sweeps = [threading.Thread(target=lambda: documents.append(swept(workspace))) for _ in range(2)]

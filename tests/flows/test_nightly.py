@@ -24,8 +24,8 @@ from aerodb.storage.locks import holding
 from aerodb.storage.workspace import Workspace
 from aerodb.tasks.steps.notify import deliver
 from tests.support.command import asked
-from tests.support.glider_runs import prepared
-from tests.support.small_glider import MODEL, NAME, channels, write_csv, write_files
+from tests.support.shared_workspace import SharedWorkspaces
+from tests.support.small_glider import MODEL, NAME, channels, write_csv
 
 SETTINGS = """\
 [inbox]
@@ -37,13 +37,8 @@ model = "increments.toml"
 """
 
 
-@pytest.fixture(scope="module")
-def logs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
-    return write_files(tmp_path_factory.mktemp("logs"), 5)
-
-
-def _made(root: Path, logs: list[Path], more: str = "") -> Workspace:
-    workspace = prepared(root, logs[0].parent)
+def _made(root: Path, shared: SharedWorkspaces, more: str = "") -> Workspace:
+    workspace = shared.prepared(root)
     (root / "settings.toml").write_text(SETTINGS + more, encoding="utf-8")
     (root / "increments.toml").write_text(MODEL, encoding="utf-8")
     (workspace.inbox / NAME).mkdir()
@@ -93,13 +88,17 @@ def hook() -> Iterator[Received]:
 
 
 def test_a_candidate_is_made_when_enough_is_new_and_told_once(
-    tmp_path: Path, logs: list[Path], hook: Received, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path,
+    logs: list[Path],
+    shared: SharedWorkspaces,
+    hook: Received,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Two flights are not enough, three are; the night after does nothing; two more are not enough
     again. A webhook that is down gets its notification later, and its address, which holds a
     secret, stands nowhere."""
     monkeypatch.setenv("HOOK", hook.address)
-    workspace = _made(tmp_path / "w", logs, '[notification]\nwebhook = "$HOOK"\n')
+    workspace = _made(tmp_path / "w", shared, '[notification]\nwebhook = "$HOOK"\n')
     for log in logs[:2]:
         shutil.copy(log, workspace.inbox / NAME)
     first = _night(workspace)
@@ -130,7 +129,7 @@ def test_a_candidate_is_made_when_enough_is_new_and_told_once(
         candidate["details"]["axes"]["CZ"]["rms_after"]
         < candidate["details"]["axes"]["CZ"]["rms_before"]
     )
-    for log in logs[3:]:
+    for log in logs[3:5]:
         shutil.copy(log, workspace.inbox / NAME)
     assert [(loop["due"], loop["new"]) for loop in _night(workspace)["loops"]] == [(False, 2)]
     assert len(hook.documents) == 2
@@ -142,12 +141,14 @@ def test_a_candidate_is_made_when_enough_is_new_and_told_once(
     assert found == []
 
 
-def test_one_loop_that_fails_is_said_and_stops_nothing(tmp_path: Path, logs: list[Path]) -> None:
+def test_one_loop_that_fails_is_said_and_stops_nothing(
+    tmp_path: Path, logs: list[Path], shared: SharedWorkspaces
+) -> None:
     """Its model file is missing: the sweep stands, a command is told, and the night ends well."""
     told = tmp_path / "told.json"
     code = f"import sys; open({str(told)!r}, 'ab').write(sys.stdin.buffer.read() + b'\\n')"
     command = json.dumps([sys.executable, "-c", code])
-    workspace = _made(tmp_path / "w", logs, f"[notification]\ncommand = {command}\n")
+    workspace = _made(tmp_path / "w", shared, f"[notification]\ncommand = {command}\n")
     (workspace.root / "increments.toml").unlink()
     for log in logs[:3]:
         shutil.copy(log, workspace.inbox / NAME)
@@ -163,16 +164,18 @@ def test_one_loop_that_fails_is_said_and_stops_nothing(tmp_path: Path, logs: lis
     )
 
 
-def test_a_vehicle_with_its_own_schedule_is_left_to_it(tmp_path: Path, logs: list[Path]) -> None:
-    workspace = _made(tmp_path / "w", logs, f'[vehicles.{NAME}.schedule]\nevery = "1 h"\n')
+def test_a_vehicle_with_its_own_schedule_is_left_to_it(
+    tmp_path: Path, shared: SharedWorkspaces
+) -> None:
+    workspace = _made(tmp_path / "w", shared, f'[vehicles.{NAME}.schedule]\nevery = "1 h"\n')
     assert _night(workspace, scheduled=True)["loops"] == []
     assert [loop["vehicle"] for loop in _night(workspace, vehicle=NAME)["loops"]] == [NAME]
 
 
 def test_a_run_whose_process_is_gone_has_crashed_and_one_that_lives_has_not(
-    tmp_path: Path, logs: list[Path]
+    tmp_path: Path, shared: SharedWorkspaces
 ) -> None:
-    workspace = _made(tmp_path / "w", logs)
+    workspace = _made(tmp_path / "w", shared)
     with Catalogue.open(workspace.catalogue) as catalogue:
         dead = catalogue.start_run("flight_flow", how="direct", parameters={"vehicle": NAME}).id
         alive = catalogue.start_run("flight_flow", how="direct").id
@@ -185,9 +188,9 @@ def test_a_run_whose_process_is_gone_has_crashed_and_one_that_lives_has_not(
 
 
 def test_what_cannot_be_delivered_waits_in_order(
-    tmp_path: Path, logs: list[Path], hook: Received
+    tmp_path: Path, shared: SharedWorkspaces, hook: Received
 ) -> None:
-    workspace = _made(tmp_path / "w", logs, f'[notification]\nwebhook = "{hook.address}"\n')
+    workspace = _made(tmp_path / "w", shared, f'[notification]\nwebhook = "{hook.address}"\n')
     for k in range(3):
         post_notification(workspace, "failed", NAME, f"sentence {k}", {})
     where = {"workspace": str(workspace.root), "run": ""}
@@ -202,9 +205,11 @@ def test_what_cannot_be_delivered_waits_in_order(
     assert list(workspace.outbox.iterdir()) == []
 
 
-def test_a_command_leaves_a_night_alone_that_is_under_way(tmp_path: Path, logs: list[Path]) -> None:
+def test_a_command_leaves_a_night_alone_that_is_under_way(
+    tmp_path: Path, shared: SharedWorkspaces
+) -> None:
     """The deployment's night holds the same lock; a vehicle's own night is another one."""
-    workspace = _made(tmp_path / "w", logs)
+    workspace = _made(tmp_path / "w", shared)
     with holding(night_lock(workspace, None)):
         done = CliRunner().invoke(app, ["--workspace", str(workspace.root), "nightly", "--direct"])
         assert "a nightly run of this workspace is already running" in str(done.exception)
@@ -230,10 +235,10 @@ def _statements(workspace: Workspace) -> int:
     return count
 
 
-def test_a_night_costs_what_is_new(tmp_path: Path, logs: list[Path]) -> None:
+def test_a_night_costs_what_is_new(tmp_path: Path, shared: SharedWorkspaces) -> None:
     """One new flight beside three stored ones and beside thirteen: the same number of statements,
     and no stored flight is opened again (their files are taken away meanwhile)."""
-    workspace = _made(tmp_path / "w", logs)
+    workspace = _made(tmp_path / "w", shared)
     (workspace.root / "settings.toml").write_text(
         SETTINGS.replace("after = 3", "after = 50"), encoding="utf-8"
     )

@@ -9,23 +9,21 @@ from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.upkeep.verification import verify
 from tests.support.clusters import cluster
 from tests.support.end_to_end import by_commands, same_as_direct
-from tests.support.glider_runs import ingest_and_update, prepared
+from tests.support.glider_runs import prepared
 from tests.support.postgresql import Server, name_in_settings
-from tests.support.small_glider import write_files
+from tests.support.shared_workspace import SharedWorkspaces
 
 pytest.importorskip("distributed", reason="Dask is not installed (aerodb[dask])")
 pytest.importorskip("moto", reason="no object store to test with (moto)")
 
 
 def test_all_three_together_store_the_same_though_a_worker_is_killed(
-    tmp_path: Path, postgresql_server: Server
+    tmp_path: Path, postgresql_server: Server, logs: list[Path], shared: SharedWorkspaces
 ) -> None:
     """kill -9 as soon as the first flight's file is an object."""
     from tests.support.object_service import object_service
 
-    logs = write_files(tmp_path / "logs")
-    here = prepared(tmp_path / "here", logs[0].parent)
-    direct = here, ingest_and_update(here, logs)
+    direct = shared.updated(tmp_path / "here")
     (tmp_path / "dask").mkdir()
     database = postgresql_server.empty()
     with object_service() as service, cluster(tmp_path / "dask") as dask:

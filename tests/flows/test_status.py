@@ -19,20 +19,15 @@ from aerodb.storage.workspace import Workspace
 from aerodb.tasks.steps.release import promote
 from aerodb.tasks.workspace_access import access_workspace
 from tests.support.command import asked, document
-from tests.support.glider_runs import ingest_and_update, prepared
-from tests.support.small_glider import NAME, VEHICLE, write_files
+from tests.support.shared_workspace import SharedWorkspaces
+from tests.support.small_glider import NAME, VEHICLE
 
 SETTINGS = '[inbox]\nsettle = "0.1 s"\n[loop]\nrun = []\n'
 
 
-@pytest.fixture(scope="module")
-def logs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
-    return write_files(tmp_path_factory.mktemp("logs"), 6)
-
-
 @pytest.fixture
-def workspace(tmp_path: Path, logs: list[Path]) -> Workspace:
-    made = prepared(tmp_path / "w", logs[0].parent)
+def workspace(tmp_path: Path, shared: SharedWorkspaces) -> Workspace:
+    made = shared.prepared(tmp_path / "w")
     (made.root / "settings.toml").write_text(SETTINGS, encoding="utf-8")
     (made.inbox / NAME).mkdir()
     return made
@@ -243,9 +238,10 @@ def test_settings_with_a_fault_are_said_and_stop_the_night(workspace: Workspace)
 
 
 def test_the_gate_asks_for_the_flights_that_the_settings_ask_for(
-    workspace: Workspace, logs: list[Path]
+    tmp_path: Path, shared: SharedWorkspaces
 ) -> None:
-    candidate = ingest_and_update(workspace, logs)["candidate"]
+    workspace, document = shared.updated(tmp_path / "w")
+    candidate = document["candidate"]
     path = workspace.root / "settings.toml"
     path.write_text(
         f"{SETTINGS}[vehicles.{NAME}.gate]\nidentified = 5\nheld_out = 2\n", encoding="utf-8"

@@ -13,7 +13,6 @@ from typer.testing import CliRunner
 
 from aerodb.flows.cli.main import app
 from tests.support.paths import ROOT
-from tests.support.small_glider import NAME, write_files
 
 
 def aerodb(
@@ -46,13 +45,3 @@ def asked(workspace: Path, *arguments: str) -> Any:
     result = CliRunner().invoke(app, ["--workspace", str(workspace), "--json", *arguments])
     assert result.exit_code == 0, (arguments, result.stderr, result.exception)
     return document(result.stdout)
-
-
-def six_flights(folder: Path, workspace: Path) -> list[Path]:
-    """A workspace made by commands: vehicle, database, and six flights from logs in `folder`;
-    returns the logs."""
-    logs = write_files(folder)
-    asked(workspace, "vehicle", "add", str(folder / "vehicle.toml"))
-    asked(workspace, "database", "import", str(folder / "database.toml"), "--vehicle", NAME)
-    asked(workspace, "flight", "ingest", *map(str, logs), "--vehicle", NAME, "--direct")
-    return logs

@@ -1,7 +1,6 @@
 """A workspace for the console's tests, and the console on it: in this process, or as a server for a
 browser."""
 
-import shutil
 import threading
 import time
 from collections.abc import Iterator
@@ -11,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
 from starlette.testclient import TestClient
 
 from aerodb.flight import Flight
@@ -25,8 +23,8 @@ from aerodb.storage.files.flights import write_flight
 from aerodb.storage.workspace import Workspace
 from aerodb.tasks.workspace_access import access_workspace
 from tests.support.catalogue_samples import h
-from tests.support.glider_runs import ingest_and_update, prepared
-from tests.support.small_glider import NAME, write_files
+from tests.support.shared_workspace import SharedWorkspaces
+from tests.support.small_glider import NAME
 
 #: Text that would be markup, rearrange a line, or fill a page.
 HOSTILE = "<script>alert(1)</script><img src=x onerror=alert(2)>\u202egnp.\u2066'\"&{{7*7}}"
@@ -54,30 +52,18 @@ class Made:
         return str(self.document["flights"]["identified"][0])
 
 
-_MADE: list[tuple[Path, dict[str, Any]]] = []
+def made_workspace(shared: SharedWorkspaces, root: Path) -> Made:
+    """A copy in `root` of the small glider's workspace after an update, with what somebody hostile
+    would leave beside it."""
 
+    def build(place: Path) -> dict[str, Any]:
+        made = Made(*shared.updated(place))
+        for k, name in enumerate((HOSTILE, LONG)):
+            add_named(made.workspace, h(f"hostile {k}"), name)
+        add_loop(made.workspace, made)
+        return made.document
 
-def made_workspace(factory: pytest.TempPathFactory) -> Made:
-    """A copy of its own of `_flown`, which a process makes once."""
-    if not _MADE:
-        first = _flown(factory.mktemp("flown"))
-        _MADE.append((first.workspace.root, first.document))
-    root, document = _MADE[0]
-    copy = factory.mktemp("console") / "workspace"
-    shutil.copytree(root, copy)
-    return Made(Workspace.open(copy), document)
-
-
-def _flown(folder: Path) -> Made:
-    """The small glider through the real flows, and what somebody hostile would leave beside it."""
-    logs = write_files(folder / "files")
-    workspace = prepared(folder / "workspace", folder / "files")
-    document = ingest_and_update(workspace, logs)
-    for k, name in enumerate((HOSTILE, LONG)):
-        add_named(workspace, h(f"hostile {k}"), name)
-    made = Made(workspace, document)
-    add_loop(workspace, made)
-    return made
+    return Made(*shared.copy("glider-console", build, root))
 
 
 def add_named(workspace: Workspace, id: str, log_name: str) -> None:

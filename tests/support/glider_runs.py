@@ -76,11 +76,21 @@ def rows(workspace: Workspace) -> dict[str, int]:
 def ingest_and_update(workspace: Workspace, logs: list[Path]) -> dict[str, Any]:
     """Takes the logs in and updates the released database, without the orchestrator; returns the
     update's document."""
+    return update(workspace, ingest(workspace, logs))
+
+
+def ingest(workspace: Workspace, logs: list[Path]) -> list[str]:
+    """Takes the logs in, without the orchestrator; returns the flights."""
     parameters: dict[str, Any] = {"logs": [str(log) for log in logs], "vehicle": NAME}
     outcomes = run_flow(flight_flow, parameters, workspace, "direct")
+    return [outcome["flight"] for outcome in outcomes if outcome["flight"]]
+
+
+def update(workspace: Workspace, flights: list[str]) -> dict[str, Any]:
+    """Updates the released database with these flights, without the orchestrator; returns the
+    update's document."""
     with Catalogue.open(workspace.catalogue) as catalogue:
         baseline = catalogue.version(NAME, "released").id
-    flights = [outcome["flight"] for outcome in outcomes if outcome["flight"]]
-    update = {"vehicle": NAME, "baseline": baseline, "flights": flights, "model": MODEL}
-    document: dict[str, Any] = run_flow(update_flow, update, workspace, "direct")
+    parameters = {"vehicle": NAME, "baseline": baseline, "flights": flights, "model": MODEL}
+    document: dict[str, Any] = run_flow(update_flow, parameters, workspace, "direct")
     return document

@@ -27,8 +27,9 @@ from aerodb.tasks.steps.ingest import load_flight, store_log
 from aerodb.tasks.workspace_access import access_workspace
 from tests.support.catalogue_samples import V as VEHICLE
 from tests.support.catalogue_samples import add_family, h
-from tests.support.command import asked, six_flights
+from tests.support.command import asked
 from tests.support.kinematic_flights import kinematic_flight
+from tests.support.shared_workspace import SharedWorkspaces
 from tests.support.small_glider import NAME, channels, write_csv, write_files, write_parquet
 
 DEGREE = np.pi / 180
@@ -271,11 +272,9 @@ def test_thinning_before_the_delay_loses_nothing() -> None:
 
 
 @pytest.fixture(scope="module")
-def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def flown(tmp_path_factory: pytest.TempPathFactory, shared: SharedWorkspaces) -> Path:
     """A workspace with the six flights of the small glider."""
-    workspace = tmp_path_factory.mktemp("made") / "w"
-    six_flights(tmp_path_factory.mktemp("files"), workspace)
-    return workspace
+    return shared.ingested(tmp_path_factory.mktemp("made") / "w").root
 
 
 def test_a_repetition_is_kept_said_and_left_out_of_updates_until_the_other_is_retracted(

@@ -26,24 +26,24 @@ from aerodb.storage.writers.prov import prov_json
 from aerodb.tasks.result_versions import RESULT_VERSION
 from aerodb.tasks.view.lineage_documents import rebuilds
 from tests.support.catalogue_samples import V, add_family, add_flight, add_version, h
-from tests.support.command import asked, six_flights
+from tests.support.command import asked
+from tests.support.shared_workspace import SharedWorkspaces
 from tests.support.small_glider import MODEL, NAME, TRUTH
 
 SECOND_MODEL = '[[increment]]\naxis = "Cm"\nterms = ["alpha"]\n'
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[dict[str, Any]]]:
+def made(
+    tmp_path_factory: pytest.TempPathFactory, shared: SharedWorkspaces
+) -> tuple[Path, list[dict[str, Any]]]:
     """A line of three versions: the handbook, increments on CZ and CX, and one on Cm on top; the
     updates' documents."""
-    workspace, folder = tmp_path_factory.mktemp("made") / "w", tmp_path_factory.mktemp("files")
-    six_flights(folder, workspace)
-    (folder / "second.toml").write_text(SECOND_MODEL, encoding="utf-8")
-    first = asked(
-        workspace, "update", "--vehicle", NAME, "--model", str(folder / "model.toml"), "--direct"
-    )
-    again = ("--model", str(folder / "second.toml"), "--baseline", "candidate", "--direct")
-    return workspace, [first, asked(workspace, "update", "--vehicle", NAME, *again)]
+    workspace, first = shared.updated(tmp_path_factory.mktemp("made") / "w")
+    second = tmp_path_factory.mktemp("files") / "second.toml"
+    second.write_text(SECOND_MODEL, encoding="utf-8")
+    again = ("--model", str(second), "--baseline", "candidate", "--direct")
+    return workspace.root, [first, asked(workspace.root, "update", "--vehicle", NAME, *again)]
 
 
 def test_from_a_table_node_to_log_hashes_settings_steps_and_run(

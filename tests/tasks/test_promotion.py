@@ -28,17 +28,16 @@ from aerodb.tables.increment import Increment, Interval
 from aerodb.tasks.steps.export import FORMS
 from aerodb.tasks.steps.release import promote, roll_back
 from tests.support.catalogue_samples import V, add_version, h
-from tests.support.command import aerodb, asked, six_flights
+from tests.support.command import aerodb, asked
+from tests.support.shared_workspace import SharedWorkspaces
 from tests.support.small_glider import DATABASE, NAME, state_of
 
 
 @pytest.fixture(scope="module")
-def flown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+def flown(tmp_path_factory: pytest.TempPathFactory, shared: SharedWorkspaces) -> tuple[Path, Path]:
     """A workspace with a proved candidate on the released handbook; and the folder of its files."""
-    workspace, folder = tmp_path_factory.mktemp("flown") / "w", tmp_path_factory.mktemp("files")
-    six_flights(folder, workspace)
-    asked(workspace, "update", "--vehicle", NAME, "--model", str(folder / "model.toml"), "--direct")
-    return workspace, folder
+    workspace, _ = shared.updated(tmp_path_factory.mktemp("flown") / "w")
+    return workspace.root, shared.logs[0].parent
 
 
 def released(workspace: Path) -> str:
@@ -99,11 +98,9 @@ def test_from_candidate_to_released_and_back(flown: tuple[Path, Path]) -> None:
     assert "its parent v0002 is not released" in attempts[0][2]
 
 
-def test_a_stale_version_is_refused_and_says_why(flown: tuple[Path, Path], tmp_path: Path) -> None:
-    workspace = tmp_path / "w"
-    six_flights(tmp_path / "files", workspace)
-    model = ("--model", str(tmp_path / "files" / "model.toml"), "--direct")
-    made = asked(workspace, "update", "--vehicle", NAME, *model)
+def test_a_stale_version_is_refused_and_says_why(tmp_path: Path, shared: SharedWorkspaces) -> None:
+    opened, made = shared.updated(tmp_path / "w")
+    workspace = opened.root
     asked(
         workspace,
         "flight",

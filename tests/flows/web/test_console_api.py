@@ -15,6 +15,7 @@ from aerodb.flows.web.console import part
 from aerodb.flows.web.security import guard_of
 from tests.support.catalogue_samples import h
 from tests.support.console_workspace import HOSTILE, Made, made_workspace
+from tests.support.shared_workspace import SharedWorkspaces
 from tests.support.small_glider import NAME
 
 #: Words that lead past the first check, and words that should lead nowhere.
@@ -47,8 +48,8 @@ STRANGE = [
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
-    return made_workspace(tmp_path_factory)
+def made(tmp_path_factory: pytest.TempPathFactory, shared: SharedWorkspaces) -> Made:
+    return made_workspace(shared, tmp_path_factory.mktemp("console") / "workspace")
 
 
 @pytest.fixture(scope="module")

@@ -22,6 +22,7 @@ from tests.support.catalogue_samples import h
 from tests.support.command import asked
 from tests.support.console_workspace import Made, add_long_flight, made_workspace, served
 from tests.support.paths import VEHICLES
+from tests.support.shared_workspace import SharedWorkspaces
 
 playwright = pytest.importorskip(
     "playwright.sync_api", reason="playwright is not installed: pip install 'aerodb[test]'"
@@ -70,8 +71,8 @@ OVERLAPS = """() => {
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
-    return made_workspace(tmp_path_factory)
+def made(tmp_path_factory: pytest.TempPathFactory, shared: SharedWorkspaces) -> Made:
+    return made_workspace(shared, tmp_path_factory.mktemp("console") / "workspace")
 
 
 @pytest.fixture(scope="module")
@@ -277,9 +278,9 @@ def test_curves_are_drawn_beside_the_parent(browser: Any, address: str, made: Ma
 
 
 def test_a_version_is_promoted_by_keyboard_alone(
-    browser: Any, tmp_path_factory: pytest.TempPathFactory
+    browser: Any, shared: SharedWorkspaces, tmp_path: Path
 ) -> None:
-    made = made_workspace(tmp_path_factory)
+    made = made_workspace(shared, tmp_path / "workspace")
     with served(made.workspace) as address, watched(browser, address) as page:
         visit(page, address, f"/versions/{made.candidate}")
         page.focus("text=Promote…")

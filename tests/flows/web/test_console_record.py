@@ -15,12 +15,13 @@ from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.workspace import Workspace
 from tests.support.catalogue_samples import h
 from tests.support.console_workspace import Made, add_long_flight, client_of, made_workspace
+from tests.support.shared_workspace import SharedWorkspaces
 from tests.support.small_glider import NAME
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
-    return made_workspace(tmp_path_factory)
+def made(tmp_path_factory: pytest.TempPathFactory, shared: SharedWorkspaces) -> Made:
+    return made_workspace(shared, tmp_path_factory.mktemp("console") / "workspace")
 
 
 @pytest.fixture(scope="module")

@@ -2,6 +2,7 @@
 says is shown."""
 
 import base64
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -14,14 +15,15 @@ from aerodb.flows.web.security import COOKIE, LARGEST_BODY, Guard, guard_of
 from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.catalogue.rows import NameEvent
 from tests.support.console_workspace import Made, add_child, client_of, made_workspace
+from tests.support.shared_workspace import SharedWorkspaces
 from tests.support.small_glider import NAME
 
 TOKEN = "a token of some length"
 
 
 @pytest.fixture(scope="module")
-def prepared(tmp_path_factory: pytest.TempPathFactory) -> Made:
-    return made_workspace(tmp_path_factory)
+def prepared(tmp_path_factory: pytest.TempPathFactory, shared: SharedWorkspaces) -> Made:
+    return made_workspace(shared, tmp_path_factory.mktemp("console") / "workspace")
 
 
 def moves(made: Made) -> tuple[NameEvent, ...]:
@@ -181,9 +183,9 @@ def test_a_change_from_another_page_is_refused_before_it_is_read(prepared: Made)
 
 
 def test_promotion_and_roll_back_through_their_pages(
-    tmp_path_factory: pytest.TempPathFactory,
+    shared: SharedWorkspaces, tmp_path: Path
 ) -> None:
-    made = made_workspace(tmp_path_factory)
+    made = made_workspace(shared, tmp_path / "workspace")
     with client_of(made.workspace) as client:
         page = client.get(f"/versions/{made.candidate}/promote").text
         csrf = page.partition('name="csrf" value="')[2].partition('"')[0]

@@ -40,21 +40,21 @@ from tests.support.object_store_runs import (
     settings,
     the,
 )
-from tests.support.small_glider import NAME, write_files
+from tests.support.shared_workspace import SharedWorkspaces
+from tests.support.small_glider import NAME
 
 
 @pytest.fixture(scope="module")
-def logs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
-    return write_files(tmp_path_factory.mktemp("logs"), flights=3)
+def logs(shared: SharedWorkspaces) -> list[Path]:
+    return shared.logs[:3]
 
 
 @pytest.fixture(scope="module")
 def plain(
-    tmp_path_factory: pytest.TempPathFactory, logs: list[Path]
+    tmp_path_factory: pytest.TempPathFactory, shared: SharedWorkspaces
 ) -> tuple[Workspace, dict[str, Any]]:
     """Workspace and update's document without an object store."""
-    workspace = prepared(tmp_path_factory.mktemp("plain"), logs[0].parent)
-    return workspace, ingest_and_update(workspace, logs)
+    return shared.updated(tmp_path_factory.mktemp("plain"), flights=3)
 
 
 @pytest.fixture(scope="module")

@@ -28,21 +28,23 @@ from aerodb.storage.files.flights import INDEX
 from aerodb.storage.upkeep.backup import back_up, manifest_of, restore
 from aerodb.storage.upkeep.verification import verify
 from aerodb.storage.workspace import Workspace
-from tests.support.glider_runs import ingest_and_update, prepared, stored
+from tests.support.glider_runs import stored
 from tests.support.paths import ROOT
-from tests.support.small_glider import NAME, state_of, write_files
+from tests.support.shared_workspace import SharedWorkspaces
+from tests.support.small_glider import NAME, state_of
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Path]]:
-    logs = write_files(tmp_path_factory.mktemp("logs"), flights=4)
-    workspace = prepared(tmp_path_factory.mktemp("w"), logs[0].parent)
-    ingest_and_update(workspace, logs[:3])
-    bad = logs[0].parent / "bad.csv"
+def made(
+    tmp_path_factory: pytest.TempPathFactory, shared: SharedWorkspaces
+) -> tuple[Path, list[Path]]:
+    """A workspace with three flights, an update, and a log in quarantine; and the logs."""
+    workspace, _ = shared.updated(tmp_path_factory.mktemp("w"), flights=3)
+    bad = tmp_path_factory.mktemp("bad") / "bad.csv"
     bad.write_text("no numbers\n")
     ingest(workspace, bad)
     (workspace.root / "settings.toml").write_text("[limits]\nreserve = 1000\n")
-    return workspace.root, logs
+    return workspace.root, shared.logs
 
 
 @pytest.fixture
@@ -170,10 +172,11 @@ def beside_a_writer(
     return numbers
 
 
-def test_backups_while_another_process_takes_logs_in(tmp_path: Path) -> None:
+def test_backups_while_another_process_takes_logs_in(
+    tmp_path: Path, shared: SharedWorkspaces, logs: list[Path]
+) -> None:
     """Each backup holds whole flights only, and later ones never fewer."""
-    logs = write_files(tmp_path / "logs", flights=6)
-    workspace = prepared(tmp_path / "w", logs[0].parent)
+    workspace = shared.prepared(tmp_path / "w")
     ingest(workspace, logs[0])
 
     def backup(k: int) -> int:

@@ -26,25 +26,26 @@ from aerodb.storage.upkeep.backup import back_up, restore
 from aerodb.storage.upkeep.problems import VerificationReport
 from aerodb.storage.upkeep.verification import verify
 from aerodb.storage.workspace import Workspace
-from tests.support.glider_runs import ingest_and_update, prepared, stored
+from tests.support.glider_runs import stored
 from tests.support.paths import ROOT
-from tests.support.small_glider import NAME, write_files
+from tests.support.shared_workspace import SharedWorkspaces
+from tests.support.small_glider import NAME
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Path]]:
+def made(
+    tmp_path_factory: pytest.TempPathFactory, shared: SharedWorkspaces
+) -> tuple[Path, list[Path]]:
     """A workspace after ingestion, update and closed loop, with a log in quarantine; and its
     logs."""
-    logs = write_files(tmp_path_factory.mktemp("logs"), flights=3)
-    workspace = prepared(tmp_path_factory.mktemp("w"), logs[0].parent)
-    document = ingest_and_update(workspace, logs)
+    workspace, document = shared.updated(tmp_path_factory.mktemp("w"), flights=3)
     flights = [*document["flights"]["identified"], *document["flights"]["held_out"]]
     loop = {"vehicle": NAME, "baseline": document["baseline"], "flights": flights}
     run_flow(close_loop_flow, loop, workspace, "direct")
-    bad = logs[0].parent / "bad.csv"
+    bad = tmp_path_factory.mktemp("bad") / "bad.csv"
     bad.write_text("no numbers\n")
     run_flow(flight_flow, {"logs": [str(bad)], "vehicle": NAME}, workspace, "direct")
-    return workspace.root, logs
+    return workspace.root, shared.logs[:3]
 
 
 @pytest.fixture

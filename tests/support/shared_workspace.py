@@ -1,0 +1,104 @@
+"""Workspaces of the small glider with which many test files begin: each kind is built once per test
+session, also where several processes share the session, and everybody works on copies."""
+
+import json
+import os
+import shutil
+import sqlite3
+from collections.abc import Callable
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from aerodb.storage.locks import holding
+from aerodb.storage.workspace import Workspace
+from tests.support import glider_runs
+from tests.support.small_glider import write_files
+
+#: Builds a workspace in a folder that does not exist yet; returns a JSON document about it.
+Build = Callable[[Path], Any]
+
+
+class SharedWorkspaces:
+    """Copies of workspaces that are built when they are first asked for.
+
+    Under pytest-xdist each process has a folder of its own below the session's; what is shared is
+    beside these. A lock lets one process build while the others wait. Only a complete workspace
+    gets its final name, so one whose building failed is built again by whoever asks next. Nobody
+    opens the shared workspace itself: its catalogue is in one file, without a write-ahead log.
+    """
+
+    def __init__(self, factory: pytest.TempPathFactory) -> None:
+        base = factory.getbasetemp()
+        self._folder = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+        self._factory = factory
+
+    @property
+    def logs(self) -> list[Path]:
+        """The six logs in the order flown, beside the files of vehicle, database and model; not to
+        be changed."""
+        folder = self._built("glider-files", write_files)
+        return [folder / f"flight{k + 1}.csv" for k in range(6)]
+
+    def prepared(self, root: Path) -> Workspace:
+        """A workspace in `root` with the vehicle and its handbook database."""
+        return self.copy("glider-prepared", self._prepare, root)[0]
+
+    def ingested(self, root: Path) -> Workspace:
+        """The same with all six flights."""
+        return self.copy("glider-ingested", self._ingest, root)[0]
+
+    def updated(self, root: Path, flights: int = 6) -> tuple[Workspace, dict[str, Any]]:
+        """The same with the first flights and an update that made a candidate, and the update's
+        document."""
+        return self.copy(
+            f"glider-updated-{flights}", lambda place: self._update(place, flights), root
+        )
+
+    def copy(self, name: str, build: Build, root: Path) -> tuple[Workspace, Any]:
+        """A copy in `root` of the workspace of this name, and its document."""
+
+        def make(place: Path) -> None:
+            original = self._factory.mktemp(name) / "w"
+            document = build(original)
+            shutil.copytree(
+                original, place / "w", ignore=shutil.ignore_patterns("catalogue.sqlite*")
+            )
+            with (
+                closing(sqlite3.connect(original / "catalogue.sqlite")) as source,
+                closing(sqlite3.connect(place / "w" / "catalogue.sqlite")) as target,
+            ):
+                source.backup(target)
+            (place / "document.json").write_text(json.dumps(document), encoding="utf-8")
+
+        folder = self._built(name, make)
+        shutil.copytree(folder / "w", root, dirs_exist_ok=True)
+        document = json.loads((folder / "document.json").read_text(encoding="utf-8"))
+        return Workspace.open(root), document
+
+    def _built(self, name: str, make: Callable[[Path], Any]) -> Path:
+        """The shared folder of this name, made by the first that asks for it."""
+        folder, unfinished = self._folder / name, self._folder / f"{name}.unfinished"
+        with holding(self._folder / f"{name}.lock"):
+            if not folder.exists():
+                shutil.rmtree(unfinished, ignore_errors=True)
+                unfinished.mkdir()
+                make(unfinished)
+                unfinished.rename(folder)
+        return folder
+
+    def _prepare(self, place: Path) -> None:
+        glider_runs.prepared(place, self.logs[0].parent)
+
+    def _ingest(self, place: Path) -> list[str]:
+        return glider_runs.ingest(self.prepared(place), self.logs)
+
+    def _update(self, place: Path, flights: int) -> dict[str, Any]:
+        if flights == len(self.logs):
+            workspace, ids = self.copy("glider-ingested", self._ingest, place)
+        else:
+            workspace = self.prepared(place)
+            ids = glider_runs.ingest(workspace, self.logs[:flights])
+        return glider_runs.update(workspace, ids)
