@@ -22,19 +22,14 @@ from aerodb.storage.inbox.folders import move_into_inbox
 from aerodb.storage.inbox.quarantined import newest_quarantined, return_to_inbox
 from aerodb.storage.workspace import Workspace
 from aerodb.tasks.steps.ingest import store_log
-from tests.support.glider_runs import prepared
-from tests.support.small_glider import MODEL, NAME, channels, write_csv, write_files
+from tests.support.shared_workspace import SharedWorkspaces
+from tests.support.small_glider import MODEL, NAME, channels, write_csv
 from tests.support.sweeps import QUICK, events, kinds, left, swept
 
 
-@pytest.fixture(scope="module")
-def logs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
-    return write_files(tmp_path_factory.mktemp("logs"), 4)
-
-
 @pytest.fixture
-def workspace(tmp_path: Path, logs: list[Path]) -> Workspace:
-    made = prepared(tmp_path / "w", logs[0].parent)
+def workspace(tmp_path: Path, shared: SharedWorkspaces) -> Workspace:
+    made = shared.prepared(tmp_path / "w")
     (made.root / "settings.toml").write_text(QUICK, encoding="utf-8")
     (made.inbox / NAME).mkdir()
     return made
