@@ -29,10 +29,11 @@ from tests.support.small_glider import NAME, state_of
 
 @pytest.fixture(scope="module")
 def direct(
-    tmp_path_factory: pytest.TempPathFactory, shared: SharedWorkspaces
+    tmp_path_factory: pytest.TempPathFactory, shared: SharedWorkspaces, logs: list[Path]
 ) -> tuple[Workspace, dict[str, Any]]:
-    """Workspace and update's document of the run without Prefect."""
-    return shared.updated(tmp_path_factory.mktemp("direct"))
+    """Workspace and update's document of the run without Prefect, in this process."""
+    workspace = shared.prepared(tmp_path_factory.mktemp("direct"))
+    return workspace, ingest_and_update(workspace, logs)
 
 
 def test_everything_a_second_time_changes_nothing(

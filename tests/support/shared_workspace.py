@@ -58,7 +58,8 @@ class SharedWorkspaces:
         )
 
     def copy(self, name: str, build: Build, root: Path) -> tuple[Workspace, Any]:
-        """A copy in `root` of the workspace of this name, and its document."""
+        """A copy in `root` of the workspace of this name, and its document; paths in it are those
+        of the copy."""
 
         def make(place: Path) -> None:
             original = self._factory.mktemp(name) / "w"
@@ -71,12 +72,15 @@ class SharedWorkspaces:
                 closing(sqlite3.connect(place / "w" / "catalogue.sqlite")) as target,
             ):
                 source.backup(target)
-            (place / "document.json").write_text(json.dumps(document), encoding="utf-8")
+            (place / "document.json").write_text(
+                json.dumps([str(original), document]), encoding="utf-8"
+            )
 
         folder = self._built(name, make)
         shutil.copytree(folder / "w", root, dirs_exist_ok=True)
-        document = json.loads((folder / "document.json").read_text(encoding="utf-8"))
-        return Workspace.open(root), document
+        text = (folder / "document.json").read_text(encoding="utf-8")
+        original, copied = (json.dumps(path)[1:-1] for path in (json.loads(text)[0], str(root)))
+        return Workspace.open(root), json.loads(text.replace(original, copied))[1]
 
     def _built(self, name: str, make: Callable[[Path], Any]) -> Path:
         """The shared folder of this name, made by the first that asks for it."""
