@@ -2,7 +2,7 @@
 versioned."""
 
 from datetime import UTC, datetime
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -10,8 +10,9 @@ from aerodb.errors import InputError
 from aerodb.flows.cli.consistency import angular, say_consistency
 from aerodb.flows.cli.output import Session
 from aerodb.flows.cli.references import Vehicle
-from aerodb.storage.catalogue import CalibrationRow
-from aerodb.tasks.references import vehicle_of
+
+if TYPE_CHECKING:
+    from aerodb.storage.catalogue import CalibrationRow
 
 app = typer.Typer(
     name="calibration",
@@ -34,6 +35,8 @@ def list_calibrations(context: typer.Context, vehicle: Vehicle = None) -> None:
 
     Example: aerodb calibration list --vehicle my-glider
     """
+    from aerodb.tasks.references import vehicle_of
+
     session: Session = context.obj
     catalogue = session.catalogue()
     rows = catalogue.calibrations(vehicle_of(catalogue, vehicle))
@@ -63,6 +66,8 @@ def show(context: typer.Context, calibration: str, vehicle: Vehicle = None) -> N
 
     Example: aerodb calibration show c0001
     """
+    from aerodb.tasks.references import vehicle_of
+
     session: Session = context.obj
     catalogue = session.catalogue()
     row = catalogue.calibration(vehicle_of(catalogue, vehicle), calibration)
@@ -171,7 +176,7 @@ def _say_parameters(session: Session, parameters: dict[str, dict[str, float]]) -
     session.table(["parameter", "value", "standard error", "unit"], rows, numbers=(1, 2))
 
 
-def _parameters(row: CalibrationRow) -> dict[str, dict[str, float]]:
+def _parameters(row: "CalibrationRow") -> dict[str, dict[str, float]]:
     names, spread = row.content["order"], row.content["covariance"]
     values = row.content["parameters"]
     return {
@@ -180,7 +185,7 @@ def _parameters(row: CalibrationRow) -> dict[str, dict[str, float]]:
     }
 
 
-def _document(row: CalibrationRow) -> dict[str, Any]:
+def _document(row: "CalibrationRow") -> dict[str, Any]:
     return {
         "calibration": row.id,
         "label": row.label,

@@ -3,7 +3,7 @@
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -11,11 +11,11 @@ from aerodb.errors import InputError
 from aerodb.flows.cli.consistency import say_consistency
 from aerodb.flows.cli.findings import say_delays, say_repeats, say_segments, say_suspicions
 from aerodb.flows.cli.output import Session, complaint, visible
-from aerodb.logs import TopicSummary, describe
-from aerodb.recording import Damage, Recording
-from aerodb.storage.catalogue import FlightRow
-from aerodb.tasks.view import damage_document, flight_details, flights_document
-from aerodb.tasks.workspace_access import WorkspaceAccess
+
+if TYPE_CHECKING:
+    from aerodb.logs import TopicSummary
+    from aerodb.recording import Damage, Recording
+    from aerodb.storage.catalogue import FlightRow
 
 logs = typer.Typer(name="log", no_args_is_help=True, help="Raw logs.")
 app = typer.Typer(name="flight", no_args_is_help=True, help="Flights: ingested logs.")
@@ -49,7 +49,7 @@ def inspect(
         _look_into(session, parsed.recording, mapping)
 
 
-def _look_into(session: Session, recording: Recording, mapping: str | None) -> None:
+def _look_into(session: Session, recording: "Recording", mapping: str | None) -> None:
     from aerodb.logs import (
         channels_found,
         choose_mapping,
@@ -91,8 +91,11 @@ def _look_into(session: Session, recording: Recording, mapping: str | None) -> N
     session.answer({**document, "mapping": chosen.name, **summary})
 
 
-def _contents(session: Session, recording: Recording) -> dict[str, Any]:
+def _contents(session: Session, recording: "Recording") -> dict[str, Any]:
     """Print the topics and the damage of a recording, and return them as a document."""
+    from aerodb.logs import describe
+    from aerodb.tasks.view import damage_document
+
     summary = describe(recording)
     session.say(
         f"{visible(recording.source)}: {recording.format}, {recording.size / 1e6:.1f} MB, sha256"
@@ -139,7 +142,7 @@ def _contents(session: Session, recording: Recording) -> dict[str, Any]:
     }
 
 
-def _gaps(topic: TopicSummary) -> tuple[str, str]:
+def _gaps(topic: "TopicSummary") -> tuple[str, str]:
     return str(len(topic.gaps)), f"{topic.longest_gap:.3g}"
 
 
@@ -191,6 +194,8 @@ def ingest(
 
 
 def _report(session: Session, outcome: dict[str, Any]) -> None:
+    from aerodb.recording import Damage
+
     if outcome["status"] == "refused":
         typer.echo(complaint(outcome["what"], outcome["where"], outcome["remedy"]), err=True)
         return
@@ -235,6 +240,8 @@ def list_flights(
 
     Example: aerodb flight list --vehicle my-glider
     """
+    from aerodb.tasks.view import flights_document
+
     session: Session = context.obj
     catalogue = session.catalogue()
     rows = catalogue.flights(vehicle)
@@ -275,6 +282,9 @@ def show(
 
     Example: aerodb flight show 1a2b3c
     """
+    from aerodb.tasks.view import flight_details
+    from aerodb.tasks.workspace_access import WorkspaceAccess
+
     session: Session = context.obj
     catalogue = session.catalogue()
     row = catalogue.flight(flight, vehicle)
@@ -350,7 +360,7 @@ def retract(
     )
 
 
-def _when(row: FlightRow) -> str:
+def _when(row: "FlightRow") -> str:
     return f"{row.start_utc:%Y-%m-%d %H:%M:%S}" if row.start_utc else "start unknown"
 
 
@@ -358,14 +368,14 @@ def _when(row: FlightRow) -> str:
 _LISTED = 10
 
 
-def _say_damage(session: Session, damage: Sequence[Damage], heading: str) -> None:
+def _say_damage(session: Session, damage: Sequence["Damage"], heading: str) -> None:
     for entry in damage[:_LISTED]:
         session.say(f"{heading}: {_damage_text(entry)}")
     if len(damage) > _LISTED:
         session.say(f"{heading}: and {len(damage) - _LISTED} more places (--json lists them)")
 
 
-def _damage_text(entry: Damage) -> str:
+def _damage_text(entry: "Damage") -> str:
     where = f" in {entry.topic}" if entry.topic else ""
     when = f" from {entry.start:.3f} s" if entry.start is not None else ""
     until = f" to {entry.end:.3f} s" if entry.end is not None else ""

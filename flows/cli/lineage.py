@@ -2,16 +2,17 @@
 changes."""
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from aerodb.errors import InputError
 from aerodb.flows.cli.output import Session
 from aerodb.flows.cli.references import Vehicle
-from aerodb.storage.catalogue import Catalogue, VersionRow
-from aerodb.storage.workspace import Workspace, write_for_user
-from aerodb.tasks.references import version_of
+
+if TYPE_CHECKING:
+    from aerodb.storage.catalogue import Catalogue, VersionRow
+    from aerodb.storage.workspace import Workspace
 
 #: Largest number of nodes printed; `--json` lists them all.
 _LISTED = 12
@@ -37,6 +38,8 @@ def lineage(
 
     Example: aerodb version lineage candidate --node CZ0[2]
     """
+    from aerodb.tasks.references import version_of
+
     session: Session = context.obj
     workspace = session.workspace()
     catalogue = session.catalogue()
@@ -52,15 +55,20 @@ def lineage(
 
 
 def _write_prov(
-    session: Session, workspace: Workspace, catalogue: Catalogue, row: VersionRow, target: Path
+    session: Session,
+    workspace: "Workspace",
+    catalogue: "Catalogue",
+    row: "VersionRow",
+    target: Path,
 ) -> None:
+    from aerodb.storage.workspace import write_for_user
     from aerodb.tasks.view import prov_of
 
     written = write_for_user(workspace, target, prov_of(catalogue, row))
     session.say(f"PROV-JSON: {written}")
 
 
-def _whole(session: Session, catalogue: Catalogue, row: VersionRow) -> None:
+def _whole(session: Session, catalogue: "Catalogue", row: "VersionRow") -> None:
     from aerodb.tasks.view import lineage_document
 
     document = lineage_document(catalogue, row)
@@ -90,7 +98,7 @@ def _whole(session: Session, catalogue: Catalogue, row: VersionRow) -> None:
 
 
 def _origins(
-    session: Session, catalogue: Catalogue, row: VersionRow, node: str | None, at: str
+    session: Session, catalogue: "Catalogue", row: "VersionRow", node: str | None, at: str
 ) -> None:
     from aerodb.tasks.view import origins_document
 
@@ -160,6 +168,8 @@ def diff(
 
     Example: aerodb version diff v0001 candidate --figure diff.png
     """
+    from aerodb.storage.workspace import write_for_user
+    from aerodb.tasks.references import version_of
     from aerodb.tasks.view import compare_versions
 
     session: Session = context.obj

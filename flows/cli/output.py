@@ -7,7 +7,7 @@ import unicodedata
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.progress import (
@@ -21,10 +21,13 @@ from rich.progress import (
 from rich.table import Table
 from rich.text import Text
 
-from aerodb.flows.run import How, run_flow
-from aerodb.storage.catalogue import Catalogue
-from aerodb.storage.workspace import Workspace
 from aerodb.tasks.view import as_json
+
+# Help must not wait for the catalogue to import: what needs it is imported where it is used.
+if TYPE_CHECKING:
+    from aerodb.flows.run import How
+    from aerodb.storage.catalogue import Catalogue
+    from aerodb.storage.workspace import Workspace
 
 
 def visible(text: str, keep: str = "") -> str:
@@ -62,12 +65,16 @@ class Session:
                 160  # a file or a pipe has no width of its own, and must not be cut to 80
             )
 
-    def workspace(self, create: bool = False) -> Workspace:
+    def workspace(self, create: bool = False) -> "Workspace":
         """Return the workspace; InputError if there is none and `create` is false."""
+        from aerodb.storage.workspace import Workspace
+
         return Workspace.open(self.root, create)
 
-    def catalogue(self, create: bool = False) -> Catalogue:
+    def catalogue(self, create: bool = False) -> "Catalogue":
         """Return the workspace's catalogue."""
+        from aerodb.storage.catalogue import Catalogue
+
         return Catalogue.open(self.workspace(create).catalogue, create)
 
     def say(self, text: str = "") -> None:
@@ -100,6 +107,8 @@ class Session:
 
     def run(self, body: Any, parameters: dict[str, Any], direct: bool) -> Any:
         """Run a flow, with a progress bar for steps that take longer than two seconds."""
+        from aerodb.flows.run import run_flow
+
         how: How = "direct" if direct else "auto"
         with _progress(self.as_json) as report:
             return run_flow(body, parameters, self.workspace(create=True), how, report)

@@ -7,7 +7,6 @@ import typer
 
 from aerodb.flows.cli.output import Session
 from aerodb.flows.cli.references import AsOf, Vehicle
-from aerodb.tasks.references import vehicle_of, version_of
 
 Reason = Annotated[str, typer.Option(help="Reason; it is stored with the move.")]
 Name = Annotated[
@@ -27,6 +26,7 @@ def promote(
     Example: aerodb version promote candidate --reason "lift slope validated on two flights"
     """
     from aerodb.flows.release import promote_flow
+    from aerodb.tasks.references import version_of
 
     session: Session = context.obj
     row = version_of(session.catalogue(), version, vehicle)
@@ -50,6 +50,7 @@ def rollback(
     Example: aerodb version rollback --vehicle my-glider --reason "simulator diverges above 10 deg"
     """
     from aerodb.flows.release import roll_back_flow
+    from aerodb.tasks.references import vehicle_of
 
     session: Session = context.obj
     parameters = {
@@ -77,6 +78,7 @@ def export(
 
     Example: aerodb version export released --format jsbsim --output my-glider.xml
     """
+    from aerodb.tasks.references import version_of
     from aerodb.tasks.steps import export_version
 
     session: Session = context.obj

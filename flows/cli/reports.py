@@ -8,8 +8,6 @@ import typer
 
 from aerodb.flows.cli.output import Session
 from aerodb.flows.cli.references import Vehicle
-from aerodb.storage.workspace import write_for_user
-from aerodb.tasks.references import version_of
 
 app = typer.Typer(
     name="report", no_args_is_help=True, help="Reports as one self-contained HTML page, or as PDF."
@@ -56,6 +54,8 @@ def update(
 
     Example: aerodb report update candidate --output update.html
     """
+    from aerodb.tasks.references import version_of
+
     session: Session = context.obj
     catalogue = session.catalogue()
     result = catalogue.result(version) if _KEY.fullmatch(version) else None
@@ -75,6 +75,8 @@ def version(
 
     Example: aerodb report version released --output version.html
     """
+    from aerodb.tasks.references import version_of
+
     session: Session = context.obj
     row = version_of(session.catalogue(), version, vehicle)
     _write(session, {"kind": "version", "about": row.id}, output, pdf)
@@ -83,6 +85,7 @@ def version(
 def _write(session: Session, parameters: dict[str, Any], output: Path, as_pdf: bool) -> None:
     from aerodb.flows.report import report_flow
     from aerodb.report import pdf
+    from aerodb.storage.workspace import write_for_user
 
     page: str = session.run(report_flow, parameters, direct=True)
     data = pdf(page) if as_pdf else page.encode("utf-8")

@@ -1,14 +1,16 @@
 """``aerodb serve``, ``nightly``, ``status`` and ``retry``: unattended operation, and its status."""
 
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from aerodb.errors import InputError, StoreBusyError
 from aerodb.flows.cli.output import Session
 from aerodb.storage.locks import take
-from aerodb.storage.workspace import Workspace
-from aerodb.tasks.workspace_access import WorkspaceAccess
+
+if TYPE_CHECKING:
+    from aerodb.storage.workspace import Workspace
+    from aerodb.tasks.workspace_access import WorkspaceAccess
 
 _Direct = Annotated[bool, typer.Option(help="Run without Prefect; steps and keys are the same.")]
 
@@ -21,7 +23,9 @@ def _first_line(text: str) -> str:
     return next(iter(text.splitlines()), "")
 
 
-def _access(session: Session) -> WorkspaceAccess:
+def _access(session: Session) -> "WorkspaceAccess":
+    from aerodb.tasks.workspace_access import WorkspaceAccess
+
     return WorkspaceAccess(session.workspace(), session.catalogue())
 
 

@@ -2,14 +2,16 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from aerodb.errors import InputError
 from aerodb.flows.cli.output import Session
 from aerodb.flows.cli.vehicles import read_text
-from aerodb.storage.catalogue import Catalogue, VersionRow
+
+if TYPE_CHECKING:
+    from aerodb.storage.catalogue import Catalogue, VersionRow
 
 
 def update(
@@ -89,7 +91,7 @@ class _EarlierUpdate:
     held_out: list[str] | None
 
 
-def _as_before(catalogue: Catalogue, version: VersionRow) -> _EarlierUpdate:
+def _as_before(catalogue: "Catalogue", version: "VersionRow") -> _EarlierUpdate:
     """Return the update that made a version, without retracted flights."""
     settings = catalogue.settings_of([version.id])[version.id]
     if "model" not in settings:

@@ -7,8 +7,6 @@ import typer
 
 from aerodb.errors import InputError
 from aerodb.flows.cli.output import Session
-from aerodb.storage.encoding import VEHICLE_NAME, checked
-from aerodb.vehicle import parse_vehicle, vehicle_template
 
 app = typer.Typer(
     name="vehicle", no_args_is_help=True, help="Vehicles: geometry, mass, surfaces, sensors."
@@ -21,6 +19,9 @@ def init(context: typer.Context, name: str) -> None:
 
     Example: aerodb vehicle init my-glider
     """
+    from aerodb.storage.encoding import VEHICLE_NAME, checked
+    from aerodb.vehicle import vehicle_template
+
     session: Session = context.obj
     checked(name, VEHICLE_NAME, "the name of a vehicle")  # before it becomes that of a file
     path = Path(f"{name}.toml")
@@ -41,6 +42,8 @@ def add(
 
     Example: aerodb vehicle add my-glider.toml
     """
+    from aerodb.vehicle import parse_vehicle
+
     session: Session = context.obj
     text = read_text(file)
     vehicle = parse_vehicle(text, file.name)

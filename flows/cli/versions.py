@@ -6,8 +6,6 @@ import typer
 
 from aerodb.flows.cli.output import Session
 from aerodb.flows.cli.references import AsOf, Vehicle
-from aerodb.tasks.references import vehicle_of, version_of
-from aerodb.tasks.view import history_document, version_details, versions_document
 
 if TYPE_CHECKING:
     from aerodb.tables import AeroDatabase
@@ -31,6 +29,9 @@ def list_versions(
 
     Example: aerodb version list --vehicle my-glider
     """
+    from aerodb.tasks.references import vehicle_of
+    from aerodb.tasks.view import versions_document
+
     session: Session = context.obj
     catalogue = session.catalogue()
     owner = vehicle_of(catalogue, vehicle)
@@ -75,7 +76,8 @@ def show(
     """
     import numpy as np
 
-    from aerodb.tasks.view import database_of
+    from aerodb.tasks.references import version_of
+    from aerodb.tasks.view import database_of, version_details
 
     session: Session = context.obj
     catalogue = session.catalogue()
@@ -121,6 +123,9 @@ def history(
 
     Example: aerodb version history --name released
     """
+    from aerodb.tasks.references import vehicle_of
+    from aerodb.tasks.view import history_document
+
     session: Session = context.obj
     catalogue = session.catalogue()
     owner = vehicle_of(catalogue, vehicle)
@@ -161,6 +166,7 @@ def evaluate(
 
     Example: aerodb version evaluate released --at alpha=5deg,V=70,mach=0.2
     """
+    from aerodb.tasks.references import version_of
     from aerodb.tasks.view import evaluate_at
 
     session: Session = context.obj

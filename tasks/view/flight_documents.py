@@ -5,7 +5,6 @@ from typing import Any
 
 from aerodb.recording import Damage
 from aerodb.storage.catalogue import Catalogue, FlightRow, ResultRow
-from aerodb.storage.files import read_results
 from aerodb.tasks.steps import repeat_documents, repeating
 from aerodb.tasks.workspace_access import WorkspaceAccess
 
@@ -77,6 +76,8 @@ def damage_document(entry: Damage) -> dict[str, Any]:
 
 def _conditioning(access: WorkspaceAccess, results: Sequence[ResultRow]) -> dict[str, Any]:
     """Return the conditioning findings of the last time the flight was processed."""
+    from aerodb.storage.files import read_results  # slow to import
+
     stored = [result for result in results if result.step == "conditioning"]
     conditioning = read_results(access.file_of(stored[-1].path))[1] if stored else {}
     return {name: conditioning.get(name, []) for name in ("suspicions", "segments", "delays")}
@@ -87,6 +88,8 @@ def _consistency(
 ) -> Mapping[str, Any] | None:
     """Return the consistency document under the flight's present calibration; None if there is
     none."""
+    from aerodb.storage.files import read_results  # slow to import
+
     bound = access.catalogue.calibration_of(row.id)
     for result in reversed([entry for entry in results if entry.step == "consistency"]):
         document = read_results(access.file_of(result.path), ())[1]
