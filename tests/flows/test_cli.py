@@ -6,7 +6,10 @@ the rest goes through the runner of the library that the command line is made wi
 same application.
 """
 
+import os
 import re
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +22,7 @@ from aerodb.recording import Topic
 from aerodb.storage.writers.ulog import write_ulog
 from aerodb.vehicle import parse_vehicle
 from tests.support.command import aerodb, asked, document
+from tests.support.paths import ROOT
 from tests.support.shared_workspace import SharedWorkspaces
 from tests.support.small_glider import NAME, state_of, write_files
 
@@ -383,6 +387,40 @@ def test_wrong_usage_and_an_absent_workspace(tmp_path: Path) -> None:
         == "name an existing workspace with --workspace or $AERODB_WORKSPACE"
     )
     assert not (tmp_path / "w").exists(), "a query makes no workspace"
+
+
+@pytest.mark.parametrize(
+    "arguments", [["--help"], ["version", "list"], ["nonsense"], ["--debug", "flight", "list"]]
+)
+def test_a_forked_command_ends_as_the_installed_one(tmp_path: Path, arguments: list[str]) -> None:
+    """Output, errors and exit code (0, 3, 2, and 1 with a traceback) of the script ``aerodb``."""
+    script = Path(sys.executable).with_name("aerodb")
+    kept = {name: value for name, value in os.environ.items() if not name.startswith("AERODB_")}
+    environment = {**kept, "PYTHONPATH": str(ROOT), "PYTHONUTF8": "1"}
+    installed = subprocess.run(
+        [script, "--workspace", str(tmp_path), *arguments],
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=600,
+    )
+    forked = aerodb(tmp_path, *arguments)
+    assert (forked.returncode, forked.stdout) == (installed.returncode, installed.stdout)
+    last = [done.stderr.splitlines()[-1:] for done in (forked, installed)]
+    assert last[0] == last[1]
+    assert ("Traceback" in forked.stderr) == ("Traceback" in installed.stderr)
+
+
+def test_help_waits_for_no_catalogue_and_no_science() -> None:
+    code = (
+        "import sys; from aerodb.flows.cli.main import app; app(['--help'], standalone_mode=False);"
+        " heavy = {'numpy', 'sqlalchemy', 'pydantic', 'pyarrow', 'prefect'} & set(sys.modules);"
+        " sys.exit(str(heavy) if heavy else 0)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, timeout=600
+    )
+    assert done.returncode == 0, done.stderr
 
 
 def test_debug_shows_the_traceback(made: tuple[Path, list[Path], dict[str, Any]]) -> None:

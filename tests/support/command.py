@@ -12,23 +12,20 @@ import pytest
 from typer.testing import CliRunner
 
 from aerodb.flows.cli.main import app
+from tests.support.forking import run_forked
 from tests.support.paths import ROOT
 
 
 def aerodb(
     workspace: Path, *arguments: str, folder: Path | None = None
 ) -> subprocess.CompletedProcess[str]:
-    """The command as the shell runs it."""
+    """The command as the shell runs it: in a process of its own, forked where the system forks."""
     kept = {name: value for name, value in os.environ.items() if not name.startswith("AERODB_")}
     environment = {**kept, "PYTHONPATH": str(ROOT), "PYTHONUTF8": "1"}
-    command = [
-        sys.executable,
-        "-c",
-        "from aerodb.flows.cli import main; main()",
-        "--workspace",
-        str(workspace),
-        *arguments,
-    ]
+    given = ["--workspace", str(workspace), *arguments]
+    if hasattr(os, "fork"):
+        return run_forked(given, environment, folder)
+    command = [sys.executable, "-c", "from aerodb.flows.cli import main; main()", *given]
     return subprocess.run(
         command, capture_output=True, text=True, env=environment, cwd=folder, timeout=600
     )
