@@ -2,6 +2,7 @@
 writers."""
 
 import multiprocessing
+import multiprocessing.context
 import os
 import signal
 import sqlite3
@@ -281,11 +282,18 @@ def _write_many(path: Path, worker: int) -> tuple[list[str], int]:
     return ids, won
 
 
+def _processes() -> multiprocessing.context.ForkServerContext:
+    """Processes that share nothing but the disk, forked from one that has imported this module."""
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload([__name__])
+    return context
+
+
 def test_eight_processes_write_at_once_from_the_first_moment(kept_in: str, tmp_path: Path) -> None:
     """Deferred transactions lose about half of these to 'database is locked', whatever the
     timeout."""
     path = tmp_path / "catalogue.sqlite"
-    with ProcessPoolExecutor(8, mp_context=multiprocessing.get_context("spawn")) as pool:
+    with ProcessPoolExecutor(8, mp_context=_processes()) as pool:
         outcomes = list(pool.map(_write_many, [path] * 8, range(8)))
     with Catalogue.open(path) as catalogue:
         rows, history = catalogue.versions(V), catalogue.name_history(V, "candidate")
@@ -316,7 +324,7 @@ def test_of_eight_that_swap_the_same_name_one_wins(catalogue: Catalogue, tmp_pat
     targets = [add_version(catalogue, f"t{k}") for k in range(9)]
     catalogue.move_name(V, "released", current, user="me", reason="r", expected=None)
     path = tmp_path / "catalogue.sqlite"
-    with ProcessPoolExecutor(4, mp_context=multiprocessing.get_context("spawn")) as pool:
+    with ProcessPoolExecutor(4, mp_context=_processes()) as pool:
         for _ in range(5):
             won = list(
                 pool.map(_race, [path] * 8, [current] * 8, [t for t in targets if t != current][:8])
