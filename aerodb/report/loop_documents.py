@@ -26,7 +26,7 @@ def loop_document(
     left: Sequence[UnexplainedResidual],
     proof: Sequence[AxisValidation],
     remarks: Sequence[str],
-    within_flights: bool,
+    within_flights: bool = False,
 ) -> dict[str, Any]:
     """Make the document of a closed loop.
 
