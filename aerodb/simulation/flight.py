@@ -57,7 +57,7 @@ class Actuators:
     """
 
     def __init__(self, surfaces: Sequence[Surface], step: float) -> None:
-        self._low, self._high = np.array([s.limits for s in surfaces]).T[:, :, None]
+        self._low, self._high = np.array([s.limits for s in surfaces]).reshape(-1, 2).T[:, :, None]
         self._instant = np.array([[s.lag == 0.0] for s in surfaces])
         self._decay = np.array([[np.exp(-step / s.lag) if s.lag else 0.0] for s in surfaces])
 

@@ -312,10 +312,7 @@ class AeroDatabase:
             parts = wind_to_body(wind[0], wind[1], wind[2], values["alpha"], values["beta"])
             for axis, part in zip(FORCE_AXES, parts, strict=True):
                 totals[axis] += part
-        beyond = {
-            table: where if where.shape == (n,) else np.broadcast_to(where, (n,))
-            for table, where in run.outside.items()
-        }
+        beyond = {table: np.broadcast_to(where, (n,)) for table, where in run.outside.items()}
         outside = np.zeros(n, dtype=np.bool_)
         for where in beyond.values():
             outside |= where
@@ -323,8 +320,7 @@ class AeroDatabase:
 
 
 def _length(channels: Mapping[str, Value]) -> int:
-    sizes = [v.size if isinstance(v, np.ndarray) else np.size(v) for v in channels.values()]
-    return max(sizes, default=1)
+    return max((np.size(value) for value in channels.values()), default=1)
 
 
 def _blocks(values: Mapping[str, Value], n: int) -> Iterator[tuple[int, dict[str, Value]]]:

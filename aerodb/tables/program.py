@@ -76,7 +76,7 @@ class Program:
             slots[slot] = values[name]
         with np.errstate(all="ignore"):
             for written, function, arguments, tables, spent in self._steps:
-                result = function(*map(slots.__getitem__, arguments))
+                result = function(*[slots[i] for i in arguments])
                 for slot in spent:
                     slots[slot] = None
                 if not tables:

@@ -362,6 +362,10 @@ def test_actuators_stop_at_their_limits() -> None:
     assert moved.tolist() == [[-0.2, 0.3]]
 
 
+def test_a_vehicle_without_surfaces_has_nothing_to_move() -> None:
+    assert len(Actuators([], 0.01).moved(np.array([]), np.array([]))) == 0
+
+
 @pytest.mark.parametrize("change", ["[thrust]\nsource = 'unknown'", "fuel"])
 def test_a_vehicle_that_cannot_be_simulated_is_refused(change: str) -> None:
     text = (
