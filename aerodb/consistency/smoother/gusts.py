@@ -239,10 +239,11 @@ def _most_likely(
             slope -= _slope(system, by, result.score, names)
         return value, slope
 
-    gain = _ENOUGH / max(abs(cost(start)[0]), 1.0)
+    at_start = cost(start)
+    gain = _ENOUGH / max(abs(at_start[0]), 1.0)
     limits = list(zip(low, high, strict=True))
     optimum = minimize(
-        cost,
+        lambda vector: at_start if np.array_equal(vector, start) else cost(vector),
         start,
         jac=True,
         method="L-BFGS-B",

@@ -125,13 +125,17 @@ def _predict_covariance(
         for b in range(m):
             half[a, b] = diagonal[a] * p[a, b]
     for e in range(rows.shape[0]):
+        row, column, value = rows[e], columns[e], values[e]
         for b in range(m):
-            half[rows[e], b] += values[e] * p[columns[e], b]
+            half[row, b] += value * p[column, b]
     for a in range(m):
         for b in range(m):
             p[a, b] = half[a, b] * diagonal[b]
-        for e in range(rows.shape[0]):
-            p[a, rows[e]] += values[e] * half[a, columns[e]]
+    for e in range(rows.shape[0]):
+        row, column, value = rows[e], columns[e], values[e]
+        for a in range(m):
+            p[a, row] += value * half[a, column]
+    for a in range(m):
         p[a, a] += noise[a]
     for a in range(block.shape[0]):
         for b in range(block.shape[0]):
@@ -155,6 +159,7 @@ def _forward(
         np.empty((m, m)),
         np.empty(m),
     )
+    places = np.empty(m, np.int64)
     for a in range(m):
         p[a, a] = first[a]
     total = 0.0
@@ -174,25 +179,33 @@ def _forward(
             if not variance[i, j] > 0.0:
                 continue
             ph[:] = 0.0
+            count = 0
             for b in range(m):
-                if observation[i, j, b] != 0.0:
+                seen = observation[i, j, b]
+                if seen != 0.0:
+                    places[count] = b
+                    count += 1
                     for a in range(m):
-                        ph[a] += observation[i, j, b] * p[b, a]
+                        ph[a] += seen * p[b, a]
             s = variance[i, j]
-            for a in range(m):
+            for number in range(count):
+                a = places[number]
                 s += observation[i, j, a] * ph[a]
             spread[i, j] = s
             for q in range(k):
                 e_q = measured[i, j, q]
-                for a in range(m):
+                for number in range(count):
+                    a = places[number]
                     e_q -= observation[i, j, a] * x[a, q]
                 error[i, j, q] = e_q
             for a in range(m):
                 gain[i, j, a] = ph[a] / s
+            for a in range(m):
+                weight = gain[i, j, a]
                 for q in range(k):
-                    x[a, q] += gain[i, j, a] * error[i, j, q]
+                    x[a, q] += weight * error[i, j, q]
                 for b in range(m):
-                    p[a, b] -= gain[i, j, a] * ph[b]
+                    p[a, b] -= weight * ph[b]
             total -= 0.5 * (np.log(2.0 * np.pi * s) + error[i, j, 0] ** 2 / s)
         filtered[i] = x
         known[i] = p
@@ -202,27 +215,36 @@ def _forward(
 @njit(cache=True)
 def _adjoint_step(
     rows: NDArray[np.int64], columns: NDArray[np.int64], values: Array, diagonal: Array,
-    pull: Array, load: Array, half: Array, moved: Array,
+    pull: Array, load: Array, half: Array, turned: Array, moved: Array,
 ) -> None:  # fmt: skip
-    """Replace pull (m, k) by F' pull and load (m, m) by F' load F; half and moved are working
-    space."""
+    """Replace pull (m, k) by F' pull and load by F' load F; load (m, m) is stored transposed, half,
+    turned (m, m) and moved are working space."""
     m, k = pull.shape
     for a in range(m):
         for q in range(k):
             moved[a, q] = diagonal[a] * pull[a, q]
         for b in range(m):
-            half[a, b] = diagonal[a] * load[a, b]
-    for e in range(rows.shape[0]):
-        for q in range(k):
-            moved[columns[e], q] += values[e] * pull[rows[e], q]
-        for b in range(m):
-            half[columns[e], b] += values[e] * load[rows[e], b]
-    pull[:] = moved
+            turned[a, b] = load[b, a]
     for a in range(m):
         for b in range(m):
-            load[a, b] = half[a, b] * diagonal[b]
-        for e in range(rows.shape[0]):
-            load[a, columns[e]] += values[e] * half[a, rows[e]]
+            half[a, b] = diagonal[a] * turned[a, b]
+    for e in range(rows.shape[0]):
+        row, column, value = rows[e], columns[e], values[e]
+        for q in range(k):
+            moved[column, q] += value * pull[row, q]
+        for b in range(m):
+            half[column, b] += value * turned[row, b]
+    pull[:] = moved
+    for b in range(m):
+        for a in range(m):
+            turned[b, a] = half[a, b]
+    for b in range(m):
+        for a in range(m):
+            load[b, a] = turned[b, a] * diagonal[b]
+    for e in range(rows.shape[0]):
+        row, column, value = rows[e], columns[e], values[e]
+        for a in range(m):
+            load[column, a] += value * turned[row, a]
 
 
 @njit(cache=True)
@@ -237,17 +259,19 @@ def _adjoint_measurements(
     by_channel: Array,
 ) -> None:
     """Process the measurements of one step in reverse: observation and gain (c, m), error (c, k);
-    adds to `by_channel`."""
+    load (m, m) is stored transposed; adds to `by_channel`."""
     m, k = pull.shape
     tied = np.empty(m)
     for j in range(observation.shape[0] - 1, -1, -1):
         if not spread[j] > 0.0:
             continue
+        tied[:] = 0.0
+        for b in range(m):
+            weight = gain[j, b]
+            for a in range(m):
+                tied[a] += load[b, a] * weight
         quadratic = 1.0 / spread[j]
         for a in range(m):
-            tied[a] = 0.0
-            for b in range(m):
-                tied[a] += load[a, b] * gain[j, b]
             quadratic += gain[j, a] * tied[a]
         for q in range(k):
             push = error[j, q] / spread[j]
@@ -257,14 +281,14 @@ def _adjoint_measurements(
                 by_channel[j] += 0.5 * (push * push - quadratic) * variance[j]
             for a in range(m):
                 pull[a, q] += observation[j, a] * push
-        for a in range(m):
-            if observation[j, a] != 0.0:
-                for b in range(m):
-                    load[a, b] += observation[j, a] * (quadratic * observation[j, b] - tied[b])
         for b in range(m):
-            if observation[j, b] != 0.0:
+            seen = observation[j, b]
+            weight = quadratic * seen - tied[b]
+            for a in range(m):
+                load[b, a] += observation[j, a] * weight
+            if seen != 0.0:
                 for a in range(m):
-                    load[a, b] -= tied[a] * observation[j, b]
+                    load[b, a] -= tied[a] * seen
 
 
 @njit(cache=True)
@@ -275,23 +299,28 @@ def _backward(
 ) -> None:  # fmt: skip
     """Backward pass of the smoother: fills states, covariances and the sums of the score."""
     n, m, k = filtered.shape
-    pull, load, half, moved = np.zeros((m, k)), np.zeros((m, m)), np.empty((m, m)), np.empty((m, k))
+    pull, load, half, turned = np.zeros((m, k)), np.zeros((m, m)), np.empty((m, m)), np.empty((m, m))
+    moved, column = np.empty((m, k)), np.empty(m)
     for i in range(n - 1, -1, -1):
+        p = known[i]
         if i < n - 1:
-            _adjoint_step(rows, columns, values[i], diagonal, pull, load, half, moved)
-        for a in range(m):
-            for q in range(k):
-                states[i, a, q] = filtered[i, a, q]
+            _adjoint_step(rows, columns, values[i], diagonal, pull, load, half, turned, moved)
+        for q in range(k):
+            column[:] = filtered[i, :, q]
             for b in range(m):
-                for q in range(k):
-                    states[i, a, q] += known[i, a, b] * pull[b, q]
+                weight = pull[b, q]
+                for a in range(m):
+                    column[a] += p[a, b] * weight
+            states[i, :, q] = column
         if after.shape[0] > 0:
-            _posterior(known[i], load, half, after[i])
+            _posterior(p, load, half, turned, after[i])
         for a in range(m):
-            own = pull[a, 0] * states[i, a, 0]
-            for b in range(m):
-                own -= load[a, b] * known[i, b, a]
-            sums[2, a] += own / diagonal[a]
+            column[a] = pull[a, 0] * states[i, a, 0]
+        for b in range(m):
+            for a in range(m):
+                column[a] -= load[b, a] * p[b, a]
+        for a in range(m):
+            sums[2, a] += column[a] / diagonal[a]
         _adjoint_measurements(
             variance[i], observation[i], gain[i], spread[i], error[i], pull, load, by_channel
         )
@@ -300,19 +329,25 @@ def _backward(
 
 
 @njit(cache=True)
-def _posterior(p: Array, load: Array, half: Array, out: Array) -> None:
-    """Write p - p load p to out."""
+def _posterior(p: Array, load: Array, half: Array, turned: Array, out: Array) -> None:
+    """Write p - p load p to out; load is stored transposed, half and turned are working space."""
     m = p.shape[0]
     for a in range(m):
         for b in range(m):
+            turned[a, b] = load[b, a]
             half[a, b] = 0.0
+    for a in range(m):
         for d in range(m):
+            weight = p[a, d]
             for b in range(m):
-                half[a, b] += p[a, d] * load[d, b]
+                half[a, b] += weight * turned[d, b]
     for a in range(m):
         for b in range(a, m):
-            value = p[a, b]
-            for d in range(m):
-                value -= half[a, d] * p[d, b]
-            out[a, b] = value
-            out[b, a] = value
+            out[a, b] = p[a, b]
+        for d in range(m):
+            weight = half[a, d]
+            for b in range(a, m):
+                out[a, b] -= weight * p[d, b]
+    for a in range(m):
+        for b in range(a):
+            out[a, b] = out[b, a]
