@@ -1,0 +1,53 @@
+"""Compile the numerical kernels: ``python -m aerodb.flows.compile_kernels``, a step of ``make
+install``.
+
+Numba compiles a kernel at its first call and keeps the code beside the source file. For flight-path
+reconstruction and tables that takes about 30 s of processor time, which every process would spend
+that starts before the code is there.
+"""
+
+import numpy as np
+
+from aerodb.consistency import make_consistent
+from aerodb.examples.phoenix import read_example
+from aerodb.exchange import read_native
+from aerodb.flight import Flight
+from aerodb.vehicle import parse_vehicle
+
+#: Duration and step of the flight, s.
+_DURATION, _STEP = 12.0, 0.05
+
+
+def compile_kernels() -> None:
+    """Reconstruct and predict a short flight of the built-in example, so that later processes find
+    the compiled code."""
+    vehicle = parse_vehicle(read_example("vehicle.toml"))
+    flight = _flight(vehicle.name)
+    make_consistent(flight, vehicle)
+    database = read_native(read_example("preflight.toml"))
+    database.predict({name: np.zeros(len(flight.time)) for name in database.inputs})
+
+
+def _flight(vehicle: str) -> Flight:
+    """Level flight at 60 m/s with a small oscillation in pitch, and noise."""
+    time = np.arange(0.0, _DURATION, _STEP)
+    rng, n = np.random.default_rng(0), len(time)
+    pitch = 0.05 + 0.01 * np.sin(time)
+    names = ("ax", "ay", "p", "r", "beta", "phi", "psi", "velocity_east", "velocity_down")
+    level = dict.fromkeys(names, np.zeros(n)) | {
+        "az": np.full(n, -9.81),
+        "q": 0.01 * np.cos(time),
+        "V": np.full(n, 60.0),
+        "alpha": pitch,
+        "theta": pitch,
+        "velocity_north": np.full(n, 60.0),
+        "altitude": np.full(n, 1000.0),
+    }
+    channels = {name: values + 1e-3 * rng.standard_normal(n) for name, values in level.items()}
+    channels["rho"] = np.full(n, 1.1)
+    channels["qbar"] = 0.5 * channels["rho"] * channels["V"] ** 2
+    return Flight("0" * 64, vehicle, time, channels)
+
+
+if __name__ == "__main__":
+    compile_kernels()
