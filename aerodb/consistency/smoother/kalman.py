@@ -299,7 +299,12 @@ def _backward(
 ) -> None:  # fmt: skip
     """Backward pass of the smoother: fills states, covariances and the sums of the score."""
     n, m, k = filtered.shape
-    pull, load, half, turned = np.zeros((m, k)), np.zeros((m, m)), np.empty((m, m)), np.empty((m, m))
+    pull, load, half, turned = (
+        np.zeros((m, k)),
+        np.zeros((m, m)),
+        np.empty((m, m)),
+        np.empty((m, m)),
+    )
     moved, column = np.empty((m, k)), np.empty(m)
     for i in range(n - 1, -1, -1):
         p = known[i]
