@@ -1,5 +1,5 @@
-"""Runs disturbed at random moments, then repeated: ``python -m tests.faults.faulting FOLDER SEED
-TRIALS FAULT...``.
+"""Runs disturbed at random moments, then repeated: ``python -m tests.faults.faulting UNDISTURBED
+FOLDER SEED TRIALS FAULT...``; what the runs end as is in UNDISTURBED (`make_undisturbed`).
 
 Faults: the disk is full, the disk becomes read-only (as ext4 does after a disk error), the clock is
 set back by a day. Each run is a fork of this process. Prints one JSON line per trial, or one line
@@ -24,15 +24,14 @@ from aerodb.storage.workspace import Workspace
 from tests.faults.killing import (
     HARMLESS,
     STAGES,
+    Undisturbed,
     begun,
     cleared,
     forked,
     picture,
     problems,
-    undisturbed,
 )
 from tests.support.set_clock import set_clock
-from tests.support.small_glider import write_files
 
 _SIZE = 32_000_000
 #: The room that is left on a full disk is somewhere below this.
@@ -201,14 +200,10 @@ def trial(
 
 
 def main() -> None:
-    folder, generator, trials = (
-        Path(sys.argv[1]),
-        np.random.default_rng(int(sys.argv[2])),
-        int(sys.argv[3]),
-    )
-    logs = write_files(folder / "logs", flights=3)
-    expected = undisturbed(folder, logs)
-    for first, fault in enumerate(sys.argv[4:]):
+    undisturbed, folder = Undisturbed.read(Path(sys.argv[1])), Path(sys.argv[2])
+    generator, trials = np.random.default_rng(int(sys.argv[3])), int(sys.argv[4])
+    logs, expected = undisturbed.logs, undisturbed.stages
+    for first, fault in enumerate(sys.argv[5:]):
         try:
             with FAULTS[fault](folder, generator) as at:
                 for number in range(trials):

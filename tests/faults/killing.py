@@ -1,5 +1,5 @@
-"""Runs killed (SIGKILL) at random moments, then repeated: ``python -m tests.faults.killing FOLDER
-SEED TRIALS``.
+"""Runs killed (SIGKILL) at random moments, then repeated: `main` with ``UNDISTURBED FOLDER SEED
+TRIALS`` as arguments, where `make_undisturbed` has left in UNDISTURBED what the runs end as.
 
 A separate process with one thread: each run is a fork of it, so a trial costs no imports. Prints
 one JSON line per trial.
@@ -12,14 +12,13 @@ import signal
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-import matplotlib.backends.backend_svg
 import numpy as np
-import pandas
 
-import aerodb.tables.state_kernel
 from aerodb.errors import AeroError
 from aerodb.flows.close_loop import close_loop_flow
 from aerodb.flows.flight import flight_flow
@@ -29,11 +28,12 @@ from aerodb.flows.update import update_flow
 from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.upkeep.verification import verify
 from aerodb.storage.workspace import Workspace
+from tests.support.forking import IMPORTED
 from tests.support.glider_runs import prepared, rows, stored
 from tests.support.small_glider import MODEL, NAME, state_of, write_files
 
-#: What runs import when they need it: here once, so that no fork does.
-IMPORTED = (matplotlib.backends.backend_svg, pandas, aerodb.tables.state_kernel)
+for _name in IMPORTED:  # what runs import when they need it: here once, so that no fork does
+    import_module(_name)
 #: What a kill may leave behind until the run is done again: nothing that anybody could take for the
 #: truth.
 HARMLESS = {"half-written", "orphan"}
@@ -131,13 +131,15 @@ def picture(workspace: Workspace) -> dict[str, Any]:
         for name, sha256 in state_of(workspace.root).items()
         if name.startswith(("flights/", "results/"))
     }
-    return {
+    shown = {
         **stored(workspace),
         "moves": moves,
         "logs": sorted(logs),
         "files": files,
         "rows": rows(workspace),
     }
+    found: dict[str, Any] = json.loads(json.dumps(shown))
+    return found
 
 
 def problems(workspace: Workspace) -> list[tuple[str, str, str]]:
@@ -148,8 +150,24 @@ def problems(workspace: Workspace) -> list[tuple[str, str, str]]:
         ]
 
 
-def undisturbed(folder: Path, logs: list[Path]) -> dict[str, tuple[Path, float, dict[str, Any]]]:
-    """Stage -> a copy of the workspace before it, how long it takes, and the picture after it."""
+@dataclass(frozen=True)
+class Undisturbed:
+    """Stage -> a copy of the workspace before it, how long it takes, and the picture after it; and
+    the logs."""
+
+    logs: list[Path]
+    stages: dict[str, tuple[Path, float, dict[str, Any]]]
+
+    @classmethod
+    def read(cls, folder: Path) -> "Undisturbed":
+        told = json.loads((folder / "undisturbed.json").read_text())
+        stages = {name: (folder / f"before-{name}", *entry) for name, entry in told.items()}
+        return cls(sorted((folder / "logs").glob("*.csv")), stages)
+
+
+def make_undisturbed(folder: Path) -> None:
+    """Run all stages, and leave in `folder` what `Undisturbed` reads."""
+    logs = write_files(folder / "logs", flights=3)
     workspace = prepared(folder / "undisturbed", logs[0].parent)
     found = {}
     for name, stage in STAGES.items():
@@ -158,8 +176,8 @@ def undisturbed(folder: Path, logs: list[Path]) -> dict[str, tuple[Path, float, 
         seconds, code = forked(stage, workspace, logs)
         assert code == 0, name
         assert problems(workspace) == [], name
-        found[name] = (before, seconds, picture(workspace))
-    return found
+        found[name] = (seconds, picture(workspace))
+    (folder / "undisturbed.json").write_text(json.dumps(found))
 
 
 def cleared(folder: Path) -> None:
@@ -197,9 +215,9 @@ def trial(
 
 
 def main() -> None:
-    folder, seed, trials = Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])
-    logs = write_files(folder / "logs", flights=3)
-    expected = undisturbed(folder, logs)
+    undisturbed, folder = Undisturbed.read(Path(sys.argv[1])), Path(sys.argv[2])
+    seed, trials = int(sys.argv[3]), int(sys.argv[4])
+    logs, expected = undisturbed.logs, undisturbed.stages
     generator = np.random.default_rng(seed)
     for number in range(trials):
         name = list(STAGES)[number % len(STAGES)]
@@ -225,7 +243,3 @@ def main() -> None:
             **said,
         }
         print(json.dumps(told), flush=True)
-
-
-if __name__ == "__main__":
-    main()

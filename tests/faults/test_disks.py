@@ -27,6 +27,7 @@ from aerodb.storage.workspace import Workspace, write_atomically
 from tests.support.command import aerodb
 from tests.support.glider_runs import prepared, stored
 from tests.support.paths import ROOT
+from tests.support.shared_workspace import SharedWorkspaces
 from tests.support.small_glider import MODEL, NAME, state_of, write_files
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="no mounts, no limits")
@@ -240,11 +241,14 @@ TRIED: list[str] = []
 REFUSED, LET_GO = threading.Event(), threading.Event()
 
 
-def test_a_lock_is_waited_for_and_what_is_wrong_is_not_tried_again(tmp_path: Path) -> None:
+def test_a_lock_is_waited_for_and_what_is_wrong_is_not_tried_again(
+    tmp_path: Path, shared: SharedWorkspaces
+) -> None:
     """Under Prefect: a step meets a catalogue that another process holds, a refusal, and a step
     that never ends."""
     workspace = Workspace.open(tmp_path / "w")
     Catalogue.open(workspace.catalogue).close()
+    shared.add_prefect_database(workspace.prefect)
 
     def held_flow(steps: Any, *, workspace: str, run: str) -> int:
         holder = sqlite3.connect(

@@ -32,6 +32,7 @@ from aerodb.tasks.workspace_access import access_workspace
 from tests.support.glider_runs import ingest_and_update, prepared
 from tests.support.paths import ROOT
 from tests.support.set_clock import Clock, can_be_set
+from tests.support.shared_workspace import SharedWorkspaces
 from tests.support.small_glider import MODEL, NAME, write_files
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="mounts and clocks of Linux")
@@ -42,7 +43,9 @@ FAULTS = ["full", "read_only", "set_back"]
 
 @pytest.fixture(scope="module")
 def told(
-    tmp_path_factory: pytest.TempPathFactory, trials: Callable[[int, int], int]
+    tmp_path_factory: pytest.TempPathFactory,
+    trials: Callable[[int, int], int],
+    shared: SharedWorkspaces,
 ) -> list[dict[str, Any]]:
     """What became of each disturbed run."""
     number, folder = trials(2, 60), tmp_path_factory.mktemp("faults")
@@ -51,6 +54,7 @@ def told(
         sys.executable,
         "-m",
         "tests.faults.faulting",
+        str(shared.undisturbed),
         str(folder),
         "7",
         str(number),

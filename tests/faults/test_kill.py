@@ -8,26 +8,30 @@ roles, name moves and files equal those of an undisturbed run.
 import json
 import os
 import signal
-import subprocess
-import sys
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
+from tests.support.end_to_end import environment
+from tests.support.forking import run_forked
 from tests.support.paths import ROOT
+from tests.support.shared_workspace import SharedWorkspaces
 
 pytestmark = [pytest.mark.heavy, pytest.mark.skipif(os.name == "nt", reason="no SIGKILL")]
 
 
 def test_whatever_is_killed_is_whole_after_the_next_run(
-    trials: Callable[[int, int], int], tmp_path: Path
+    trials: Callable[[int, int], int], shared: SharedWorkspaces, tmp_path: Path
 ) -> None:
     number = trials(4, 300)
-    command = [sys.executable, "-m", "tests.faults.killing", str(tmp_path), "6", str(number)]
-    done = subprocess.run(
-        command, capture_output=True, text=True, cwd=ROOT, timeout=60 + 30 * number
+    done = run_forked(
+        [str(shared.undisturbed), str(tmp_path), "6", str(number)],
+        environment(),
+        ROOT,
+        timeout=60 + 30 * number,
+        code="from tests.faults.killing import main; main()",
     )
     assert done.returncode == 0, done.stderr
     told = [json.loads(line) for line in done.stdout.splitlines()]

@@ -46,7 +46,7 @@ _PLACES = (
 @pytest.fixture(scope="module")
 def clones(tmp_path_factory: pytest.TempPathFactory) -> list[list[Any]]:
     """Of each clone the versions: id, content hash, content and report."""
-    made, logs = [], write_files(tmp_path_factory.mktemp("logs"))
+    made, logs = [], write_files(tmp_path_factory.mktemp("logs"), flights=3)
     root = ROOT
     for number, place in enumerate(_PLACES):
         folder = tmp_path_factory.mktemp(f"clone{number}") / f"files {number}"

@@ -8,8 +8,6 @@ import os
 import random
 import shutil
 import signal
-import subprocess
-import sys
 import threading
 import time
 from collections import Counter
@@ -24,6 +22,8 @@ from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.inbox.folders import rescan_inbox, scan_inbox
 from aerodb.storage.upkeep.verification import verify
 from aerodb.storage.workspace import Workspace
+from tests.support.end_to_end import environment
+from tests.support.forking import run_forked
 from tests.support.paths import ROOT
 from tests.support.shared_workspace import SharedWorkspaces
 from tests.support.small_glider import (
@@ -276,13 +276,10 @@ def test_one_that_ends_every_process_is_put_aside_and_stops_no_other(
         " store(log, **given)\nflight.store_log = deadly\nrun_flow(sweep_flow, {},"
         " Workspace.open(Path(sys.argv[1])), 'direct')\n"
     )
-    folder = ROOT
-    ended = []
-    for _ in range(3):
-        command = [sys.executable, "-c", code, str(workspace.root)]
-        ended.append(
-            subprocess.run(command, cwd=folder, capture_output=True, timeout=600).returncode
-        )
+    ended = [
+        run_forked([str(workspace.root)], environment(), ROOT, code=code).returncode
+        for _ in range(3)
+    ]
     assert ended == [-signal.SIGKILL] * 2 + [0]
     assert events(workspace, "quarantined") == [f"{NAME}/1-deadly.csv"]
     assert events(workspace, "stored") == [
@@ -333,12 +330,9 @@ def test_a_kill_at_any_step_of_the_ending_loses_and_doubles_nothing(
         ("aerodb.tasks.steps.inbox", "archive_log", "before"),
         ("aerodb.tasks.steps.inbox", "archive_log", "after"),
     ):
-        command = [sys.executable, "-c", KILLED, str(workspace.root), owner, name, when]
-        folder = ROOT
-        assert (
-            subprocess.run(command, cwd=folder, capture_output=True, timeout=600).returncode
-            == -signal.SIGKILL
-        ), (owner, when)
+        given = [str(workspace.root), owner, name, when]
+        killed = run_forked(given, environment(), ROOT, code=KILLED)
+        assert killed.returncode == -signal.SIGKILL, (owner, when, killed.stderr)
     assert swept(workspace)["files"] == []
     assert left(workspace) == []
     assert events(workspace, "stored") == [f"{NAME}/good.csv"]

@@ -31,9 +31,9 @@ from aerodb.storage.catalogue.rows import RunRow
 from aerodb.storage.locks import holding, is_held, note_of
 from aerodb.storage.workspace import Workspace
 from tests.support.command import aerodb
-from tests.support.glider_runs import prepared
 from tests.support.paths import ROOT
-from tests.support.small_glider import NAME, channels, write_csv, write_files
+from tests.support.shared_workspace import SharedWorkspaces
+from tests.support.small_glider import NAME, channels, write_csv
 
 TOKEN = "a-token-for-tests-only"
 SETTINGS = """\
@@ -125,8 +125,8 @@ def end_service(process: "subprocess.Popen[bytes]") -> None:
             process.wait(timeout=120)
 
 
-def _workspace(root: Path, logs: list[Path]) -> Workspace:
-    workspace = prepared(root, logs[0].parent)
+def _workspace(root: Path, shared: SharedWorkspaces) -> Workspace:
+    workspace = shared.prepared(root)
     (root / "settings.toml").write_text(SETTINGS, encoding="utf-8")
     (workspace.inbox / NAME).mkdir()
     return workspace
@@ -139,10 +139,10 @@ def patient(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture(scope="module")
-def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
-    folder = tmp_path_factory.mktemp("served")
-    logs = write_files(folder / "logs", 4)
-    workspace = _workspace(folder / "w", logs)
+def served(tmp_path_factory: pytest.TempPathFactory, shared: SharedWorkspaces) -> Iterator[Served]:
+    folder, logs = tmp_path_factory.mktemp("served"), shared.logs
+    workspace = _workspace(folder / "w", shared)
+    shared.add_prefect_database(workspace.prefect)
     shutil.copy(logs[0], workspace.inbox / NAME / "missed.csv")  # whoever told of it told nobody
     (folder / "home").mkdir()
     one = Served(
@@ -246,6 +246,19 @@ def test_status_says_what_it_does(served: Served) -> None:
     assert document["failed"] == []
 
 
+def test_settings_are_read_again_and_a_bad_file_ends_nothing(served: Served) -> None:
+    path = served.workspace.root / "settings.toml"
+    path.write_text(SETTINGS + f"[{BROKEN}]\nstrict = true\n", encoding="utf-8")
+    wait_until(
+        lambda: "unknown vehicle" in served.said(), served, "the fault in the settings is said"
+    )
+    assert (
+        BROKEN in json.loads(aerodb(served.workspace.root, "--json", "status").stdout)["settings"]
+    )
+    path.write_text(SETTINGS.replace("* * * * * */30", "0 0 29 2 *"), encoding="utf-8")
+    wait_until(lambda: "was reloaded" in served.said(), served, "the new settings are taken")
+
+
 def test_a_run_without_a_process_is_marked_crashed_and_one_with_is_not(served: Served) -> None:
     """Real runs of the deployment, in the state in which a power cut leaves them."""
     deployments = served.client.post(
@@ -308,22 +321,9 @@ def test_what_is_dropped_while_the_server_is_killed_ends_where_it_belongs(served
     assert list(box.iterdir()) == []
 
 
-def test_settings_are_read_again_and_a_bad_file_ends_nothing(served: Served) -> None:
-    path = served.workspace.root / "settings.toml"
-    path.write_text(SETTINGS + f"[{BROKEN}]\nstrict = true\n", encoding="utf-8")
-    wait_until(
-        lambda: "unknown vehicle" in served.said(), served, "the fault in the settings is said"
-    )
-    assert (
-        BROKEN in json.loads(aerodb(served.workspace.root, "--json", "status").stdout)["settings"]
-    )
-    path.write_text(SETTINGS.replace("* * * * * */30", "0 0 29 2 *"), encoding="utf-8")
-    wait_until(lambda: "was reloaded" in served.said(), served, "the new settings are taken")
-
-
 def test_an_event_starts_the_run_of_a_log_that_appears(served: Served) -> None:
-    """The schedule of the test before comes on leap days only: what takes this log in, an event has
-    started."""
+    """The schedule comes on leap days only since the settings were read again: what takes this log
+    in, an event has started."""
     write_csv(served.workspace.inbox / NAME / "told.csv", channels(400, seconds=6.0))
     wait_until(lambda: has_ended(served).get("told.csv") == "stored", served, "the log is stored")
     runs = wait_until(lambda: _runs(served, "sweep_flow"), served, "the run has ended")
@@ -368,13 +368,12 @@ def _at_work(run: RunRow, since: datetime, until: datetime) -> bool:
     return run.started_utc <= until and run.ended_utc is not None and run.ended_utc >= since
 
 
-def test_killed_it_takes_its_processes_along(tmp_path: Path) -> None:
+def test_killed_it_takes_its_processes_along(tmp_path: Path, shared: SharedWorkspaces) -> None:
     """kill -9 on `aerodb serve` itself: the next one finds no orphan that still serves the
     workspace."""
     if sys.platform != "linux":
         pytest.skip("only Linux ends a process with its parent")
-    logs = write_files(tmp_path / "logs", 1)
-    workspace = _workspace(tmp_path / "w", logs)
+    workspace = _workspace(tmp_path / "w", shared)
     process = start_service(workspace)
 
     def children() -> list[str]:
@@ -383,7 +382,7 @@ def test_killed_it_takes_its_processes_along(tmp_path: Path) -> None:
         ).stdout.split()
 
     try:
-        begun = wait_until(children, Served(workspace, process, logs), "the server's process began")
+        begun = wait_until(children, Served(workspace, process, []), "the server's process began")
         time.sleep(1.0)  # the server's own start, so that the signal meets it there
         process.kill()
         process.wait(timeout=120)
@@ -397,11 +396,11 @@ def test_killed_it_takes_its_processes_along(tmp_path: Path) -> None:
 
 
 def test_without_a_token_of_the_users_it_makes_one_that_only_the_user_can_read(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, shared: SharedWorkspaces
 ) -> None:
     """Other users of the machine can reach a loopback port, too: they are not served, and the
-    user's own commands are."""
-    workspace = _workspace(tmp_path / "w", write_files(tmp_path / "logs", 1))
+    user's own commands are. Prefect makes a new database here."""
+    workspace = _workspace(tmp_path / "w", shared)
     one = Served(workspace, start_service(workspace), [])
     lock = workspace.lock("serve")
     try:

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from aerodb.storage.workspace import Workspace
+from tests.support.forking import run_forked
 from tests.support.glider_runs import stored
 from tests.support.paths import ROOT
 from tests.support.ports import free_port
@@ -48,7 +49,10 @@ def by_commands(
     common = ["--workspace", str(root), "--json"]
     ingest = [*common, "flight", "ingest", *map(str, logs), "--vehicle", NAME, *options]
     update = [*common, "update", "--vehicle", NAME, "--model", str(folder / "model.toml"), *options]
-    command = [sys.executable, "-c", BOTH, *ingest, "--then", *update]
+    given = [*ingest, "--then", *update]
+    if hasattr(os, "fork"):
+        return run_forked(given, environment(**more), code=BOTH)
+    command = [sys.executable, "-c", BOTH, *given]
     return subprocess.run(
         command, env=environment(**more), capture_output=True, text=True, timeout=600
     )

@@ -1,8 +1,9 @@
 """Commands in processes forked from a server that has imported the product: a process of its own
 for each command, without the second or two that the imports take.
 
-The command runs as after ``python -c "from aerodb.flows.cli import main; main()"``, to the real end
-of the interpreter: exit handlers, the traceback of an uncaught exception, exit code, and signals.
+The command runs as after ``python -c "from aerodb.flows.cli import main; main()"``, or after
+``python -c`` with code of the caller's, to the real end of the interpreter: exit handlers, the
+traceback of an uncaught exception, exit code, and signals.
 It differs in what a process reads only when it starts: the hash seed, ``OPENBLAS_NUM_THREADS``,
 ``LD_PRELOAD``, limits and umask are those of the server.
 """
@@ -26,16 +27,19 @@ from typing import IO
 
 from tests.support.paths import ROOT
 
-#: What commands import. Not Prefect: it starts threads, which a fork does not take along.
-_IMPORTED = (
+#: What commands and flows import. Not Prefect: it starts threads, which a fork does not take along.
+IMPORTED = (
     "aerodb.flows.cli.main",
     "aerodb.flows.close_loop",
     "aerodb.flows.flight",
     "aerodb.flows.importing",
+    "aerodb.flows.inbox",
     "aerodb.flows.release",
     "aerodb.flows.update",
+    "aerodb.flows.web.server",
     "aerodb.report.update_page",
     "aerodb.storage.catalogue.catalogue",
+    "matplotlib.backends.backend_svg",
     "scipy.signal",
 )
 _START = "from tests.support.forking import serve; serve()"
@@ -46,36 +50,73 @@ def run_forked(
     environment: Mapping[str, str],
     folder: Path | None = None,
     timeout: float = 600.0,
+    code: str = "",
 ) -> subprocess.CompletedProcess[str]:
-    """Run the command line with `arguments` in `folder` (None: the current one), and return what
-    `subprocess.run` returns; subprocess.TimeoutExpired after `timeout` [s]."""
-    ours, theirs = socket.socketpair()
-    with (
-        ours,
-        tempfile.TemporaryFile() as given,
-        tempfile.TemporaryFile() as output,
-        tempfile.TemporaryFile() as errors,
-    ):
+    """Run the command line (or `code`) with `arguments` in `folder` (None: the current one), and
+    return what `subprocess.run` returns; subprocess.TimeoutExpired after `timeout` [s]."""
+    with tempfile.TemporaryFile() as output, tempfile.TemporaryFile() as errors:
+        with Forked(arguments, environment, output, errors, folder, code) as process:
+            try:
+                ended = process.wait(timeout)
+            except subprocess.TimeoutExpired:
+                process.send_signal(signal.SIGKILL)
+                raise subprocess.TimeoutExpired(
+                    list(arguments), timeout, _bytes(output), _bytes(errors)
+                ) from None
+        return subprocess.CompletedProcess(list(arguments), ended, _text(output), _text(errors))
+
+
+class Forked:
+    """A command (or `code`) that runs; what it says goes into the files `output` and `errors`."""
+
+    def __init__(
+        self,
+        arguments: Sequence[str],
+        environment: Mapping[str, str],
+        output: IO[bytes],
+        errors: IO[bytes],
+        folder: Path | None = None,
+        code: str = "",
+    ) -> None:
+        self._arguments = list(arguments)
+        self._answers, theirs = socket.socketpair()
         request = {
-            "arguments": list(arguments),
+            "arguments": self._arguments,
             "environment": dict(environment),
             "folder": str(folder or Path.cwd()),
+            "code": code,
         }
-        given.write(json.dumps(request).encode())
-        given.flush()
-        files = [theirs.fileno(), *(file.fileno() for file in (given, output, errors))]
-        with theirs:
+        with tempfile.TemporaryFile() as given, theirs:
+            given.write(json.dumps(request).encode())
+            given.flush()
+            files = [theirs.fileno(), *(file.fileno() for file in (given, output, errors))]
             socket.send_fds(_server(), [b"."], files)
-        ours.settimeout(timeout)
-        pid = int(_line(ours))
-        try:
-            code = int(_line(ours))
-        except TimeoutError:
-            os.kill(pid, signal.SIGKILL)
-            raise subprocess.TimeoutExpired(
-                list(arguments), timeout, _bytes(output), _bytes(errors)
-            ) from None
-        return subprocess.CompletedProcess(list(arguments), code, _text(output), _text(errors))
+        self.pid = int(_line(self._answers))
+        self.returncode: int | None = None
+
+    def __enter__(self) -> "Forked":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._answers.close()
+
+    def wait(self, timeout: float | None = None) -> int:
+        """Return the exit code when it has ended; subprocess.TimeoutExpired after `timeout` [s]."""
+        if self.returncode is None:
+            self._answers.settimeout(timeout)
+            try:
+                self.returncode = int(_line(self._answers))
+            except TimeoutError:
+                raise subprocess.TimeoutExpired(self._arguments, timeout or 0.0) from None
+        return self.returncode
+
+    def send_signal(self, number: int) -> None:
+        """Send a signal, unless it is known to have ended."""
+        if self.returncode is None:
+            os.kill(self.pid, number)
+
+    def kill(self) -> None:
+        self.send_signal(signal.SIGKILL)
 
 
 @cache
@@ -126,7 +167,7 @@ def serve() -> None:
     """Fork a process for each request that comes, until nobody can send one; in that process, run
     the command, and return."""
     requests = socket.socket(fileno=int(sys.argv[1]))
-    for name in _IMPORTED:
+    for name in IMPORTED:
         import_module(name)
     gc.freeze()
     while True:
@@ -161,8 +202,6 @@ def _forked() -> int:
 
 def _become(given: int, output: int, errors: int) -> None:
     """Take the place of the command that is asked for, and run it."""
-    from aerodb.flows.cli import main
-
     with open(given, "rb") as file:
         request = json.loads(_bytes(file))
     for number, stream in ((output, sys.stdout), (errors, sys.stderr)):
@@ -171,5 +210,6 @@ def _become(given: int, output: int, errors: int) -> None:
     os.environ.clear()
     os.environ.update(request["environment"])
     os.chdir(request["folder"])
-    sys.argv = ["aerodb", *request["arguments"]]
-    main()
+    code = request["code"]
+    sys.argv = ["-c" if code else "aerodb", *request["arguments"]]
+    exec(code or "from aerodb.flows.cli import main; main()", {"__name__": "__main__"})

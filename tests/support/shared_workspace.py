@@ -5,6 +5,8 @@ import json
 import os
 import shutil
 import sqlite3
+import subprocess
+import sys
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
@@ -15,6 +17,9 @@ import pytest
 from aerodb.storage.locks import holding
 from aerodb.storage.workspace import Workspace
 from tests.support import glider_runs
+from tests.support.end_to_end import environment
+from tests.support.forking import run_forked
+from tests.support.paths import ROOT
 from tests.support.small_glider import write_files
 
 #: Builds a workspace in a folder that does not exist yet; returns a JSON document about it.
@@ -56,6 +61,19 @@ class SharedWorkspaces:
         return self.copy(
             f"glider-updated-{flights}", lambda place: self._update(place, flights), root
         )
+
+    @property
+    def undisturbed(self) -> Path:
+        """What runs end as that nobody kills or disturbs (`tests.faults.killing.Undisturbed`); not
+        to be changed."""
+        return self._built("undisturbed", _run_undisturbed)
+
+    def add_prefect_database(self, root: Path) -> None:
+        """Put Prefect's database, migrated and empty, into the folder `root`: Prefect's own
+        migrations of a new one take ten seconds of processor time."""
+        file = self._built("prefect-database", _migrate) / "prefect.db"
+        root.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(file, root / "prefect.db")
 
     def copy(self, name: str, build: Build, root: Path) -> tuple[Workspace, Any]:
         """A copy in `root` of the workspace of this name, and its document; paths in it are those
@@ -106,3 +124,19 @@ class SharedWorkspaces:
             workspace = self.prepared(place)
             ids = glider_runs.ingest(workspace, self.logs[:flights])
         return glider_runs.update(workspace, ids)
+
+
+def _run_undisturbed(place: Path) -> None:
+    code = "import pathlib, sys; from tests.faults.killing import make_undisturbed;"
+    code += " make_undisturbed(pathlib.Path(sys.argv[1]))"
+    run_forked([str(place)], environment(), ROOT, code=code).check_returncode()
+
+
+def _migrate(place: Path) -> None:
+    settings = {
+        "PREFECT_HOME": str(place),
+        "DO_NOT_TRACK": "1",
+        "PREFECT_SERVER_ANALYTICS_ENABLED": "false",
+    }
+    command = [sys.executable, "-m", "prefect", "server", "database", "upgrade", "--yes"]
+    subprocess.run(command, env=environment(**settings), check=True, capture_output=True)

@@ -6,8 +6,7 @@ import os
 import re
 import signal
 import socket
-import subprocess
-import sys
+import tempfile
 import urllib.error
 import urllib.request
 from collections.abc import Iterator
@@ -19,6 +18,7 @@ import pytest
 from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.workspace import Workspace
 from tests.support.command import aerodb
+from tests.support.forking import Forked
 from tests.support.paths import ROOT
 
 TOKEN = "a token of some length"
@@ -33,39 +33,26 @@ def workspace(tmp_path: Path) -> Path:
 
 
 @contextmanager
-def running(
-    workspace: Path, *options: str, token: str = ""
-) -> Iterator[tuple[subprocess.Popen[str], str]]:
+def running(workspace: Path, *options: str, token: str = "") -> Iterator[tuple[Forked, str]]:
     """The command with a port of its own, and the address that it says."""
     kept = {name: value for name, value in os.environ.items() if not name.startswith("AERODB_")}
     environment = {**kept, "PYTHONPATH": str(ROOT), "PYTHONUNBUFFERED": "1"}
     environment |= {"AERODB_TOKEN": token} if token else {}
-    command = [
-        sys.executable,
-        "-c",
-        "from aerodb.flows.cli import main; main()",
-        "--workspace",
-        str(workspace),
-        "web",
-        "--port",
-        "0",
-    ]
-    process = subprocess.Popen(
-        [*command, *options],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        env=environment,
-    )
-    try:
-        assert process.stdout is not None
-        said = process.stdout.readline()
-        found = re.search(r"http://\S+?:(\d+)/", said)
-        assert found, (said, process.stderr.read() if process.stderr else "")
-        yield process, f"http://127.0.0.1:{found[1]}"
-    finally:
-        process.kill()
-        process.wait(300)
+    given = ["--workspace", str(workspace), "web", "--port", "0", *options]
+    reading, writing = os.pipe()
+    with open(reading) as output, tempfile.TemporaryFile() as errors:
+        with open(writing, "wb") as written:
+            process = Forked(given, environment, written, errors)
+        with process:
+            try:
+                said = output.readline()
+                found = re.search(r"http://\S+?:(\d+)/", said)
+                errors.seek(0)
+                assert found, (said, errors.read())
+                yield process, f"http://127.0.0.1:{found[1]}"
+            finally:
+                process.kill()
+                process.wait(300)
 
 
 @pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGINT])

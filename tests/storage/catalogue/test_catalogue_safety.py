@@ -8,6 +8,7 @@ import signal
 import sqlite3
 import subprocess
 import sys
+import tempfile
 import time
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import closing
@@ -31,6 +32,8 @@ from aerodb.storage.catalogue.names import NameMovedError
 from aerodb.storage.catalogue.rows import InboxEvent, RepeatRow, Stretch
 from aerodb.storage.upkeep.audit import Audit
 from tests.support.catalogue_samples import V, add_family, add_version, h
+from tests.support.end_to_end import environment
+from tests.support.forking import Forked
 from tests.support.paths import ROOT
 from tests.support.postgresql import by_hand
 
@@ -357,15 +360,17 @@ with Catalogue.open(pathlib.Path(sys.argv[1])) as catalogue:
 def test_a_killed_writer_leaves_whole_transactions_and_no_lock(
     catalogue: Catalogue, tmp_path: Path, when: str
 ) -> None:
-    run = [sys.executable, "-c", _KILLED, str(tmp_path / "catalogue.sqlite"), when]
-    process = subprocess.Popen(run, stdout=subprocess.PIPE, cwd=ROOT)
-    assert process.stdout is not None
-    assert process.stdout.readline() == b"inside\n"
-    if when != "inside":
-        time.sleep(float(when))
-        process.kill()
-    assert process.wait(300) == -signal.SIGKILL
-    process.stdout.close()
+    reading, writing = os.pipe()
+    with open(reading, "rb") as said, tempfile.TemporaryFile() as errors:
+        with open(writing, "wb") as output:
+            given = [str(tmp_path / "catalogue.sqlite"), when]
+            process = Forked(given, environment(), output, errors, ROOT, _KILLED)
+        with process:
+            assert said.readline() == b"inside\n"
+            if when != "inside":
+                time.sleep(float(when))
+                process.kill()
+            assert process.wait(300) == -signal.SIGKILL
     before = catalogue.versions(V)
     assert (len(before) == 0) == (when == "inside")
     assert [row.id for row in before] == [event.version for event in catalogue.name_history(V)]

@@ -28,6 +28,8 @@ from aerodb.storage.files.flights import INDEX
 from aerodb.storage.upkeep.backup import back_up, manifest_of, restore
 from aerodb.storage.upkeep.verification import verify
 from aerodb.storage.workspace import Workspace
+from tests.support.end_to_end import environment
+from tests.support.forking import run_forked
 from tests.support.glider_runs import stored
 from tests.support.paths import ROOT
 from tests.support.shared_workspace import SharedWorkspaces
@@ -113,8 +115,9 @@ backup.back_up(Workspace.open(Path(sys.argv[1])), Path(sys.argv[2]))
 
 def _killed_backup(workspace: Workspace, target: Path, after: int) -> None:
     """A backup whose process is killed when it is about to copy one more file than `after`."""
-    command = [sys.executable, "-c", _KILLED, str(workspace.root), str(target), str(after)]
-    assert subprocess.run(command, cwd=ROOT, timeout=60).returncode == -signal.SIGKILL
+    given = [str(workspace.root), str(target), str(after)]
+    killed = run_forked(given, environment(), ROOT, code=_KILLED)
+    assert killed.returncode == -signal.SIGKILL, killed.stderr
 
 
 @pytest.mark.skipif(os.name == "nt", reason="no SIGKILL")
