@@ -96,20 +96,24 @@ def test_the_same_run_again_ends_as_if_nothing_had_happened(
 
 
 def test_a_clock_that_is_set_back_reorders_nothing(
-    tmp_path: Path, kept_in: str, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path,
+    kept_in: str,
+    monkeypatch: pytest.MonkeyPatch,
+    shared: SharedWorkspaces,
+    logs: list[Path],
 ) -> None:
     """By a day, between two nights: what is due, what failed, lists, names and what was known when
     follow the order of events."""
-    logs, loop = (
-        write_files(tmp_path / "logs", flights=5),
-        LoopSettings(after=2, newest=2, run=("update",), model="m.toml"),
-    )
-    workspace = prepared(tmp_path, tmp_path / "logs")
-    first = ingest_and_update(workspace, logs[:3])
+    loop = LoopSettings(after=2, newest=2, run=("update",), model="m.toml")
+    if kept_in == "sqlite":
+        workspace, first = shared.updated(tmp_path, flights=3)
+    else:
+        workspace = prepared(tmp_path, logs[0].parent)
+        first = ingest_and_update(workspace, logs[:3])
     _release(workspace, first["candidate"])
     monkeypatch.setattr(encoding, "now", lambda before=encoding.now: before() - timedelta(days=1))
     taken_in = run_flow(
-        flight_flow, {"logs": list(map(str, logs[3:])), "vehicle": NAME}, workspace, "direct"
+        flight_flow, {"logs": list(map(str, logs[3:5])), "vehicle": NAME}, workspace, "direct"
     )
     new = {outcome["flight"] for outcome in taken_in}
     asked = due(access_workspace(str(workspace.root)), NAME, loop, "update")

@@ -29,11 +29,10 @@ from tests.support.small_glider import NAME, state_of
 
 @pytest.fixture(scope="module")
 def direct(
-    tmp_path_factory: pytest.TempPathFactory, shared: SharedWorkspaces, logs: list[Path]
+    tmp_path_factory: pytest.TempPathFactory, shared: SharedWorkspaces
 ) -> tuple[Workspace, dict[str, Any]]:
-    """Workspace and update's document of the run without Prefect, in this process."""
-    workspace = shared.prepared(tmp_path_factory.mktemp("direct"))
-    return workspace, ingest_and_update(workspace, logs)
+    """Workspace and update's document of the run of three flights without Prefect."""
+    return shared.updated(tmp_path_factory.mktemp("direct"), flights=3)
 
 
 def test_everything_a_second_time_changes_nothing(
@@ -42,7 +41,7 @@ def test_everything_a_second_time_changes_nothing(
     workspace, document = direct
     files, counted, kept = state_of(workspace.root), rows(workspace), stored(workspace)
     assert any(name.startswith("reports/") for name in files)
-    again = ingest_and_update(workspace, logs)
+    again = ingest_and_update(workspace, logs[:3])
     assert again == document
     assert state_of(workspace.root) == files
     assert rows(workspace) == counted
