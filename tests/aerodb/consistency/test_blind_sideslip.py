@@ -37,7 +37,7 @@ def test_intervals_of_a_sideslip_without_a_vane_cover_it(
 ) -> None:
     """95 % intervals of every sample, and those of the winds, over independent flights in
     turbulence after Dryden."""
-    runs = trials(5, 60)
+    runs = trials(3, 60)
     inside, winds = [], []
     for seed in range(runs):
         found, true = _reconstructed(seed, strength)

@@ -63,7 +63,7 @@ def test_every_planted_error_comes_back_without_noise(flight):
 @pytest.mark.heavy
 def test_intervals_cover_the_truth(flight, trials):
     """95 % intervals under white noise of all sensors, inertial ones included."""
-    runs = trials(8, 300)
+    runs = trials(4, 300)
     inside = []
     for seed in range(runs):
         found = _found(_solve(_record(flight, seed=5000 + seed)))

@@ -121,7 +121,7 @@ def test_a_dynamic_pressure_error_is_found_as_such():
 def test_intervals_cover_the_truth(trials):
     """95 % intervals under white noise of all sensors, inertial ones included, whose drift
     dominates the biases' error."""
-    runs = trials(30, 300)
+    runs = trials(15, 300)
     inside = []
     for seed in range(runs):
         result = _solve(simulated(np.random.default_rng(1000 + seed), PLANTED, arm=BOOM))

@@ -202,14 +202,15 @@ CONFUSED = {
 }
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("case", CONFUSED)
-def test_what_cannot_be_observed_is_never_reported_with_a_small_error(case):
+def test_what_cannot_be_observed_is_never_reported_with_a_small_error(case, trials):
     """Several explanations of one mismatch, all of them true at once, of usual size: what the
     flight does not tell apart keeps the uncertainty of its prior, and no estimate is further from
     the truth than its standard error says."""
     channels, free = CONFUSED[case]
     distance, vague = [], set()
-    for seed in range(6):
+    for seed in range(trials(3, 6)):
         rng = np.random.default_rng(seed)
         planted = {name: 0.4 * parameter(name).size * rng.standard_normal() for name in free}
         record = instrumented(rng, planted, channels, step=0.04, seconds=30.0)
