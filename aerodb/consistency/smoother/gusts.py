@@ -242,8 +242,12 @@ def _most_likely(
     at_start = cost(start)
     gain = _ENOUGH / max(abs(at_start[0]), 1.0)
     limits = list(zip(low, high, strict=True))
+
+    def known_at_start(vector: Array) -> tuple[float, Array]:
+        return at_start if np.array_equal(vector, start) else cost(vector)
+
     optimum = minimize(
-        lambda vector: at_start if np.array_equal(vector, start) else cost(vector),
+        known_at_start,
         start,
         jac=True,
         method="L-BFGS-B",
