@@ -7,6 +7,8 @@ import re
 import threading
 import unicodedata
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -61,14 +63,40 @@ def picture(figure: Figure, alt: str, caption: str = "") -> Picture:
     with _writing, matplotlib.rc_context(_LOOK), warnings.catch_warnings():
         # the viewer's fonts draw what the fonts here do not have
         warnings.filterwarnings("ignore", message="Glyph .* missing from")
-        figure.savefig(
-            buffer,
-            format="svg",
-            metadata=dict.fromkeys(("Date", "Creator", "Format", "Type")),
-            dpi=150,
-        )
+        with _drawn_once(figure):
+            figure.savefig(
+                buffer,
+                format="svg",
+                metadata=dict.fromkeys(("Date", "Creator", "Format", "Type")),
+                dpi=150,
+            )
     svg = _PATH.sub(lambda found: _DIGITS.sub(r"\1", found[1]), buffer.getvalue())
     return Picture(svg[svg.index("<svg") :], alt, caption)
+
+
+@contextmanager
+def _drawn_once(figure: Figure) -> Iterator[None]:
+    """Halve the drawing in `Figure.savefig`, with the same result.
+
+    For a figure with a layout engine, savefig draws twice: first without output, so that the
+    engine runs, then into the file with the positions found. Here the first time only runs the
+    engine.
+    """
+    draw, engine = figure.draw, figure.get_layout_engine()
+    if engine is None:
+        yield
+        return
+
+    def lay_out(_renderer: Any) -> None:
+        vars(figure)["draw"] = draw
+        with suppress(ValueError):  # as Figure.draw does
+            engine.execute(figure)
+
+    vars(figure)["draw"] = lay_out
+    try:
+        yield
+    finally:
+        del vars(figure)["draw"]
 
 
 def visible(text: str) -> str:

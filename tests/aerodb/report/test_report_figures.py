@@ -3,6 +3,7 @@ lineage graph do not overlap."""
 
 import base64
 import re
+from contextlib import nullcontext
 from dataclasses import replace
 from itertools import combinations
 from typing import Any
@@ -269,6 +270,14 @@ def test_a_hostile_name_is_text_in_a_figure(text: str) -> None:
     assert all(len(entry) < 60 for entry in texts if entry)
     assert "\u202e" not in shown
     assert visible(text).isprintable() or text == "名前"
+
+
+def test_a_layout_without_the_first_drawing_gives_the_same_bytes(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    once = picture(forest_figure(finding(), {}), "votes").svg
+    monkeypatch.setattr("aerodb.report.style._drawn_once", lambda _figure: nullcontext())
+    assert picture(forest_figure(finding(), {}), "votes").svg == once
 
 
 def test_the_same_figure_gives_the_same_bytes() -> None:
