@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from aerodb.nomenclature import AXES, axis_description
-from aerodb.report.style import DATABASE, channel_scale, plain_panel
+from aerodb.report.style import DATABASE, channel_scale, panel_grid, plain_panel
 from aerodb.support import Array
 from aerodb.tables import AeroDatabase, breakpoints_over, neutral_point, vary
 
@@ -21,10 +21,9 @@ _POINTS: Final = 161
 
 def database_figure(database: AeroDatabase) -> Figure:
     """Draw one panel per body axis, all other inputs neutral; dots are the tables' breakpoints."""
-    figure = Figure(figsize=(11, 5.6), layout="constrained")
-    panels = figure.subplots(2, 3).ravel()
+    figure, panels = panel_grid((11, 5.6), 2, 3, between=(0.85, 0.7))
     order = ("CX", "CZ", "Cm", "CY", "Cl", "Cn")
-    for panel, axis in zip(panels, order, strict=True):
+    for panel, axis in zip(panels.ravel(), order, strict=True):
         _curve(panel, axis, _OVER[axis], database)
     return figure
 

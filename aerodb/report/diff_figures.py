@@ -13,6 +13,7 @@ from aerodb.report.style import (
     UPDATED,
     channel_scale,
     in_figure,
+    panel_grid,
     plain_panel,
 )
 from aerodb.support import Array
@@ -70,10 +71,16 @@ def diff_figure(
     panels = list(_panels(before, after, increments))
     columns = min(3, max(1, len(panels)))
     rows = max(1, -(-len(panels) // columns))
-    figure = Figure(figsize=(1.0 + 4.2 * columns, 1.0 + 3.0 * rows), layout="constrained")
+    figure, grid = panel_grid(
+        (1.0 + 4.2 * columns, 1.0 + 3.0 * rows),
+        rows,
+        columns,
+        top=0.75 if title else 0.3,
+        between=(0.85, 0.75),
+    )
     if title:
         figure.suptitle(title)
-    spaces = figure.subplots(rows, columns, squeeze=False).ravel()
+    spaces = grid.ravel()
     for space in spaces[len(panels) :]:
         space.set_axis_off()
     for space, (axis, variable, at, values) in zip(spaces, panels, strict=False):

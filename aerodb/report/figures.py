@@ -11,7 +11,15 @@ from aerodb.coefficients import Comparison
 from aerodb.estimation import rms
 from aerodb.nomenclature import axis_description
 from aerodb.report.decimation import extremes
-from aerodb.report.style import DATABASE, DATABASE_LINE, FLIGHT, UPDATED, in_figure, plain_panel
+from aerodb.report.style import (
+    DATABASE,
+    DATABASE_LINE,
+    FLIGHT,
+    UPDATED,
+    in_figure,
+    panel_grid,
+    plain_panel,
+)
 from aerodb.support import Array
 
 #: Most points per curve: more than a print can show. Extremes are kept.
@@ -38,13 +46,19 @@ def update_figure(
     labels : flight id -> display name.
     errors : whether to print the rms of the residuals.
     """
-    figure = Figure(figsize=(11, 1.2 + 2.1 * len(axes)), layout="constrained")
-    panels = figure.subplots(len(axes), 2, squeeze=False, width_ratios=(2, 1))
+    figure, panels = panel_grid(
+        (11, 1.2 + 2.1 * len(axes)),
+        len(axes),
+        2,
+        top=0.55,
+        between=(0.3, 0.42),
+        width_ratios=(2, 1),
+    )
     for row, axis in enumerate(axes):
         _time_history(panels[row][0], axis, before, after, labels, first=row == 0)
         _residuals(panels[row][1], axis, before, after, errors)
     handles, texts = panels[0][0].get_legend_handles_labels()
-    figure.legend(handles, texts, loc="outside upper right", fontsize=8, ncols=3, frameon=False)
+    figure.legend(handles, texts, loc="upper right", fontsize=8, ncols=3, frameon=False)
     panels[-1][0].set_xlabel("time, flights one after another [s]")
     panels[-1][1].set_xlabel("residual: flight - database [-]")
     return figure
@@ -128,4 +142,5 @@ def _residuals(
     plain_panel(panel)
     panel.set_title(axis_description(axis), fontsize=8, loc="left", color="0.35", pad=3)
     panel.set_yticks([])
+    panel.locator_params(axis="x", nbins=6)
     panel.legend(fontsize=8, frameon=False)

@@ -18,6 +18,7 @@ from aerodb.report.style import (
     FLIGHT,
     MEASURED,
     channel_scale,
+    panel_grid,
     plain_panel,
 )
 from aerodb.tables import AeroDatabase, breakpoints_over
@@ -46,8 +47,9 @@ def channel_figure(names: Sequence[str], measured: Flight, flight: Flight) -> Fi
     """Draw each channel as measured (grey) and reconstructed (black); unused parts are shaded."""
     columns = min(3, max(1, len(names)))
     rows = max(1, -(-len(names) // columns))
-    figure = Figure(figsize=(11, 0.6 + 1.5 * rows), layout="constrained")
-    panels = figure.subplots(rows, columns, squeeze=False, sharex=True)
+    figure, panels = panel_grid(
+        (11, 0.6 + 1.5 * rows), rows, columns, left=0.6, between=(0.65, 0.32), sharex=True
+    )
     for panel, name in zip(panels.ravel(), names, strict=False):
         _channel(panel, name, measured, flight)
     for panel in panels.ravel()[len(names) :]:
@@ -82,8 +84,10 @@ def coefficient_figure(comparison: Comparison, flight: Flight) -> Figure:
     The angle is alpha on longitudinal and beta on lateral axes.
     """
     axes = [axis for axis in AXES if axis in comparison.usable]
-    figure = Figure(figsize=(11, 0.6 + 1.75 * max(1, len(axes))), layout="constrained")
-    panels = figure.subplots(max(1, len(axes)), 3, squeeze=False, width_ratios=(1.5, 1.2, 1))
+    rows = max(1, len(axes))
+    figure, panels = panel_grid(
+        (11, 0.6 + 1.75 * rows), rows, 3, top=0.4, between=(0.85, 0.5), width_ratios=(1.5, 1.2, 1)
+    )
     for (left, middle, right), axis in zip(panels, axes, strict=False):
         _coefficient(left, axis, comparison)
         _left(middle, axis, comparison)
@@ -92,7 +96,7 @@ def coefficient_figure(comparison: Comparison, flight: Flight) -> Figure:
         panel.set_xlabel("time [s]")
     if axes:
         handles, texts = panels[0][0].get_legend_handles_labels()
-        figure.legend(handles, texts, loc="outside upper right", fontsize=8, ncols=2, frameon=False)
+        figure.legend(handles, texts, loc="upper right", fontsize=8, ncols=2, frameon=False)
         panels[0][1].set_title("flight - database", fontsize=8, loc="left", color="0.35")
     return figure
 
@@ -182,13 +186,12 @@ def envelope_figure(flight: Flight, database: AeroDatabase | None) -> Figure:
     Dashed lines are the edges of the database's tables, where they are near.
     """
     planes = [(x, y) for x, y in PLANES if x in flight and y in flight]
-    figure = Figure(figsize=(11, 3.0), layout="constrained")
-    panels = figure.subplots(1, max(1, len(planes)), squeeze=False)[0]
-    for panel, (x, y) in zip(panels, planes, strict=False):
+    figure, panels = panel_grid((11, 3.0), 1, max(1, len(planes)), top=0.12)
+    for panel, (x, y) in zip(panels[0], planes, strict=False):
         _plane(panel, x, y, flight, database)
     if not planes:
-        panels[0].set_axis_off()
-        panels[0].text(0.5, 0.5, "the log holds no air data", ha="center")
+        panels[0][0].set_axis_off()
+        panels[0][0].text(0.5, 0.5, "the log holds no air data", ha="center")
     return figure
 
 

@@ -99,6 +99,45 @@ def _drawn_once(figure: Figure) -> Iterator[None]:
         del vars(figure)["draw"]
 
 
+def panel_grid(
+    size: tuple[float, float],
+    rows: int,
+    columns: int,
+    *,
+    left: float = 0.75,
+    right: float = 0.12,
+    top: float = 0.3,
+    bottom: float = 0.45,
+    between: tuple[float, float] = (0.75, 0.45),
+    **options: Any,
+) -> tuple[Figure, Any]:
+    """A figure with its panels (rows, columns) at fixed places, for labels of known size.
+
+    Matplotlib's constrained layout, which measures every label, takes as long as the drawing; it is
+    for labels whose length is unknown.
+
+    Parameters
+    ----------
+    size : width and height of the figure [in].
+    left, right, top, bottom : margins outside the panels [in].
+    between : gaps between columns and between rows [in].
+    options : as in `matplotlib.figure.Figure.subplots`.
+    """
+    (width, height), (across, down) = size, between
+    panel_width = (width - left - right - across * (columns - 1)) / columns
+    panel_height = (height - top - bottom - down * (rows - 1)) / rows
+    figure = Figure(figsize=size)
+    figure.subplots_adjust(
+        left / width,
+        bottom / height,
+        1.0 - right / width,
+        1.0 - top / height,
+        across / panel_width,
+        down / panel_height,
+    )
+    return figure, figure.subplots(rows, columns, squeeze=False, **options)
+
+
 def visible(text: str) -> str:
     """Escape control, formatting and broken characters; log text cannot alter a page.
 

@@ -15,6 +15,7 @@ from aerodb.report.style import (
     UPDATED,
     channel_scale,
     in_figure,
+    panel_grid,
     parameter_scale,
     plain_panel,
 )
@@ -187,11 +188,13 @@ def residual_figure(
     blocks = [variables[k : k + _COLUMNS] for k in range(0, len(variables), _COLUMNS)]
     rows = [(axis, block) for block in blocks for axis in axes]
     columns = max((len(block) for block in blocks), default=1)
-    figure = Figure(
-        figsize=(max(5.0, 1.0 + 2.0 * columns), 0.7 + 1.75 * max(1, len(rows))),
-        layout="constrained",
+    figure, panels = panel_grid(
+        (max(5.0, 1.0 + 2.0 * columns), 0.7 + 1.8 * max(1, len(rows))),
+        max(1, len(rows)),
+        columns,
+        between=(0.2, 0.42),
+        sharey="row",
     )
-    panels = figure.subplots(max(1, len(rows)), columns, squeeze=False, sharey="row")
     for panel in panels.ravel():
         panel.set_visible(False)
     for row, (axis, block) in zip(panels, rows, strict=False):
@@ -212,7 +215,7 @@ def residual_figure(
         row[0].set_ylabel(f"{axis}: flight - model [-]")
     if rows:
         handles, texts = panels[0][0].get_legend_handles_labels()
-        figure.legend(handles, texts, loc="outside upper right", fontsize=8, ncols=3, frameon=False)
+        figure.legend(handles, texts, loc="upper right", fontsize=8, ncols=3, frameon=False)
     return figure
 
 
