@@ -105,7 +105,7 @@ def panel_grid(
     columns: int,
     *,
     left: float = 0.75,
-    right: float = 0.12,
+    right: float = 0.25,
     top: float = 0.3,
     bottom: float = 0.45,
     between: tuple[float, float] = (0.75, 0.45),

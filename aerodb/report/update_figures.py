@@ -192,7 +192,7 @@ def residual_figure(
         (max(5.0, 1.0 + 2.0 * columns), 0.7 + 1.8 * max(1, len(rows))),
         max(1, len(rows)),
         columns,
-        between=(0.2, 0.42),
+        between=(0.2, 0.45),
         sharey="row",
     )
     for panel in panels.ravel():
