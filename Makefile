@@ -2,6 +2,8 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+# Test processes: one more than cores, as some tests wait for servers and disks.
+JOBS ?= $(shell $(PYTHON) -c 'import os; print((os.cpu_count() or 1) + 1)')
 READY := $(VENV)/.ready
 # aerodb with flows, tasks and storage in it, as it is installed: what mypy and lint-imports read.
 WHOLE := $(VENV)/whole
@@ -25,7 +27,7 @@ pictures: demo
 	$(BIN)/python -m tests.support.demo_pictures demo-workspace docs/pictures
 
 test: install
-	$(BIN)/python -m pytest -n 3 --dist loadfile
+	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile
 
 lint: install
 	$(BIN)/ruff check .
@@ -40,7 +42,7 @@ bench: install
 	$(BIN)/python -m tests.bench
 
 campaign: install
-	$(BIN)/python -m pytest -n 2 -m "heavy or campaign" --full-campaign
+	$(BIN)/python -m pytest -n $(JOBS) -m "heavy or campaign" --full-campaign
 
 clean:
 	rm -rf $(VENV) demo-workspace
