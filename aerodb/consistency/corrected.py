@@ -184,7 +184,7 @@ def corrected_flight(
     made_flight = replace(
         flight, channels={**flight.channels, **channels}, flags=flags, notes=(*flight.notes, note)
     )
-    return CorrectedFlight(made_flight, sigma, changed, used, _noise(stretches, source), result)
+    return CorrectedFlight(made_flight, sigma, changed, used, _noise(stretches, source, used), result)
 
 
 def _smoothed(
@@ -238,14 +238,19 @@ def with_gusty_winds(result: Reconstruction, gusts: Gusts) -> Reconstruction:
     return replace(result, covariance=spread, estimates=tuple(estimates))
 
 
-def _noise(stretches: Sequence[Smoothed], source: Source) -> StateNoise:
+def _noise(
+    stretches: Sequence[Smoothed], source: Source, used: Mapping[str, ChannelSource]
+) -> StateNoise:
+    own: dict[str, Source] = {
+        name: "smoother" if each.smoothed else "sensor" for name, each in used.items()
+    }
     drawn = [stretch for stretch in stretches if stretch.drawn]
     paths = tuple(
         replace(entry, path=residuals_as_angles(entry.path))
         for stretch in drawn
         for entry in stretch.paths
     )
-    return state_noise(replace(drawn[0], paths=paths), source)
+    return state_noise(replace(drawn[0], paths=paths), source, own=own)
 
 
 def _sensors(

@@ -18,6 +18,7 @@ from aerodb.tracing import (
     evidence_of,
     noisy_copies,
     thinned,
+    with_air_data_noise,
     with_commanded_rates,
     with_instruments,
     with_shape_terms,
@@ -42,6 +43,8 @@ def evidence_beside(
             view, air_data_arm=np.zeros_like(view.cg)
         )  # the angles are those at the CG, from the motion there
         noise = None if noise is None else bounded_noise(noise, view, comparison, library.settings)
+    elif noise is not None:
+        noise = with_air_data_noise(noise, view, comparison, library.settings)
     copies, near = library.settings.noisy_copies, None
     if whole.duration >= LONG:
         copies, near = min(copies, 1), comparison

@@ -10,7 +10,7 @@ which follows V.
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -25,6 +25,9 @@ from aerodb.support import Array
 
 #: Channels whose error spectrum is estimated.
 DESCRIBED: Final = ("V", "alpha", "beta", "phi", "theta", "psi", *INPUTS)
+
+#: Channels of the air data, whose sensors' noise looks like gusts.
+AIR: Final = ("V", "alpha", "beta")
 
 #: Estimate of the channels: smoothed; reconstructed path in steady wind; corrected sensors (air
 #: data and attitude).
@@ -43,6 +46,9 @@ class StateNoise:
     offset : channel -> one sigma of the error that is constant over a record, SI.
     density : channel -> one-sided power spectral density in each band, unit^2/Hz.
     pressure_slope : error of qbar per error of V [Pa s/m]; zero if the air density is unknown.
+    unsteady : air-data channel -> density of its difference from the path in steady wind, the same
+        bands and unit. It holds gusts and the sensor's noise, which kinematics cannot tell apart:
+        an upper bound of the channel's error, whatever its colour.
     """
 
     source: Source
@@ -50,6 +56,7 @@ class StateNoise:
     offset: Mapping[str, float]
     density: Mapping[str, tuple[float, ...]]
     pressure_slope: float = 0.0
+    unsteady: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
 
     def rms(self, channel: str, low: float = 0.0, high: float = np.inf) -> float:
         """One sigma of a channel's error between two frequencies [Hz], including the constant part
@@ -86,6 +93,7 @@ class StateNoise:
             "offset": dict(self.offset),
             "density": {name: list(values) for name, values in self.density.items()},
             "pressure_slope": self.pressure_slope,
+            "unsteady": {name: list(values) for name, values in self.unsteady.items()},
         }
 
 
@@ -98,10 +106,16 @@ def state_noise_from(document: Mapping[str, Any]) -> StateNoise:
         document["offset"],
         density,
         document["pressure_slope"],
+        {name: tuple(values) for name, values in document.get("unsteady", {}).items()},
     )
 
 
-def state_noise(smoothed: Smoothed, source: Source = "smoother", seed: int = 0) -> StateNoise:
+def state_noise(
+    smoothed: Smoothed,
+    source: Source = "smoother",
+    seed: int = 0,
+    own: Mapping[str, Source] | None = None,
+) -> StateNoise:
     """Estimate the error spectrum of a flight's channels from the draws of its smoother.
 
     Parameters
@@ -110,6 +124,7 @@ def state_noise(smoothed: Smoothed, source: Source = "smoother", seed: int = 0) 
     source : the estimate whose error is sought; for ``sensor``, channels without a sensor are left
         out.
     seed : of the inertial sensors' noise.
+    own : channel -> its estimate, where it is another one than `source`.
 
     Raises InputError when the flight was smoothed without draws.
     """
@@ -119,6 +134,7 @@ def state_noise(smoothed: Smoothed, source: Source = "smoother", seed: int = 0) 
             f"flight {smoothed.flight}",
             "give smooth_flight draws=8 or more",
         )
+    own = own or {}
     generator = np.random.default_rng(seed)
     shortest = min(
         len(entry.path.record.inputs) * entry.path.record.step for entry in smoothed.paths
@@ -131,19 +147,42 @@ def state_noise(smoothed: Smoothed, source: Source = "smoother", seed: int = 0) 
     for name in DESCRIBED:
         power, count, constant = np.zeros(_BANDS), np.zeros(_BANDS), []
         for entry in smoothed.paths:
-            for error in _errors(entry, smoothed, name, source, generator):
+            for error in _errors(entry, smoothed, name, own.get(name, source), generator):
                 constant.append(float(error.mean()) ** 2)
                 _add_periodogram(error, entry.path.record.step, edges, power, count)
         if constant:
             offset[name] = float(np.sqrt(np.mean(constant)))
             density[name] = tuple(_filled(power, count))
+    unsteady: dict[str, tuple[float, ...]] = {}
+    for name in AIR:
+        power, count = np.zeros(_BANDS), np.zeros(_BANDS)
+        for entry in smoothed.paths:
+            series = _from_steady_path(entry, smoothed, name, own.get(name, source))
+            if series is not None:
+                _add_periodogram(series, entry.path.record.step, edges, power, count)
+        if count.any():
+            unsteady[name] = tuple(_filled(power, count))
     slopes = [
         entry.path.record.density * entry.path.V
         for entry in smoothed.paths
         if entry.path.record.density is not None
     ]
     slope = float(np.mean(np.concatenate(slopes))) if slopes else 0.0
-    return StateNoise(source, tuple(edges.tolist()), offset, density, slope)
+    return StateNoise(source, tuple(edges.tolist()), offset, density, slope, unsteady)
+
+
+def _from_steady_path(
+    entry: SmoothedPath, smoothed: Smoothed, name: str, source: Source
+) -> Array | None:
+    """Difference (n,) of an air-data channel of the estimate from the path in steady wind; None
+    where no sensor measured the channel."""
+    measured = entry.path.residuals.get(name)
+    if measured is None or not np.isfinite(measured).any():
+        return None
+    moved = _channel(entry.path, name) - _channel(entry.steady, name)
+    if source == "smoother":
+        return moved
+    return moved + bridge(measured) / (1.0 + smoothed.values.get(f"{name}_scale", 0.0))
 
 
 def _errors(

@@ -14,6 +14,7 @@ from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 from scipy.special import stdtr
 
@@ -117,7 +118,10 @@ def unexplained_by_axis(
     problems = dict(
         zip(
             parts,
-            in_threads(lambda r: _problem(r, features[_which(r)]), parts.values()),
+            in_threads(
+                lambda r: _problem(r, features[_which(r)], settings.inflation_limit),
+                parts.values(),
+            ),
             strict=True,
         )
     )
@@ -234,7 +238,10 @@ class _Problem:
 
     def without(self, name: str) -> "_Problem":
         """The same without what is made of one variable."""
-        kept = [k for k, names in enumerate(self.made_of) if name not in names]
+        return self.only([k for k, names in enumerate(self.made_of) if name not in names])
+
+    def only(self, kept: Sequence[int] | NDArray[np.intp]) -> "_Problem":
+        """The same with these features."""
         return _Problem(
             self.square[:, kept][:, :, kept],
             self.right[:, kept],
@@ -280,16 +287,27 @@ def _features(variables: Sequence[Array], names: Sequence[str]) -> _Features:
     return _Features(blocks, tuple(made_of))
 
 
-def _problem(records: Sequence[Record], features: _Features) -> _Problem:
+def _problem(
+    records: Sequence[Record], features: _Features, inflation_limit: float
+) -> _Problem:
     """Per flight: the features' products without the flight's own level, and without what sensors
-    could explain, which is taken out of them as it is out of the residual."""
+    could explain, which is taken out of them as it is out of the residual.
+
+    A feature is left out if sensors could explain all but a part ``1 / inflation_limit`` of its
+    variance over the flights: what remains of it is noise, which it shares with the residual.
+    """
     squares, right = [], []
+    before = np.zeros(len(features.made_of))
     for record, whole in zip(records, features.blocks, strict=True):
         block = whole - record.basis @ (record.basis.T @ whole)
+        before += np.sum(np.square(whole - whole.mean(axis=0)), axis=0)
         squares.append(block.T @ block)
         right.append(block.T @ record.residual)
     total = np.array([float(record.residual @ record.residual) for record in records])
-    return _Problem(np.stack(squares), np.stack(right), total, features.made_of)
+    after = np.einsum("gff->f", np.stack(squares))
+    return _Problem(np.stack(squares), np.stack(right), total, features.made_of).only(
+        np.flatnonzero(after * inflation_limit >= before)
+    )
 
 
 def _left_out_skills(problem: _Problem, ridges: Array | None = None) -> tuple[Array, Array]:

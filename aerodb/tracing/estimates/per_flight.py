@@ -20,6 +20,10 @@ from aerodb.tracing.evidence import TOLERANCE
 #: Largest scaled precision of a shape-misfit term.
 KNOWN = 1e9
 
+#: Where less than this part of a column's information is signal, noise may have made the whole
+#: estimate.
+_LEAST_SIGNAL = 0.5
+
 #: Places of accepted terms, of freed and of fixed sensors, and of the terms whose shape may be
 #: wrong.
 Model = tuple[tuple[int, ...], tuple[int, ...], tuple[int, ...], tuple[int, ...]]
@@ -302,5 +306,13 @@ class ModelBiases:
         """(hypotheses, flights)."""
         if self.noisy is None:
             return np.zeros((len(indices), len(self.estimate)))
-        again, _ = in_units(self.noisy, indices, self.scale)
-        return (again - self.estimate[:, indices]).T
+        once, twice, estimate = self.plain.at(indices), self.noisy.at(indices), self.estimate[:, indices]
+        signal = 2.0 * once.after - twice.after
+        trusted = once.informative & twice.informative & (signal > _LEAST_SIGNAL * once.after)
+        without = np.divide(
+            2.0 * once.cross - twice.cross,
+            signal * self.scale[indices],
+            out=np.zeros_like(signal),
+            where=trusted,
+        )
+        return (estimate - without).T

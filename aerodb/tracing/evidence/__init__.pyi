@@ -3,7 +3,7 @@ from .evidence import Evidence, halves, units
 from .flight_evidence import evidence_of
 from .instrumental_variables import with_commanded_rates, with_instruments
 from .low_pass import Band, Records, band_limited, in_band, stretches
-from .noise_limits import bounded_noise
+from .noise_limits import bounded_noise, with_air_data_noise
 from .normal_equations import (
     NormalEquations,
     normal_equations_from_arrays,
@@ -31,6 +31,7 @@ __all__ = [
     "SamplingUnit",
     "band_limited",
     "bounded_noise",
+    "with_air_data_noise",
     "evidence_of",
     "halves",
     "in_band",

@@ -1,4 +1,5 @@
-"""Limit the error of a reconstructed flow angle by what it would leave in the residual.
+"""Limit the errors of air data and reconstructed flow angles by what they would leave in the
+residual.
 
 Without a vane no sensor shows the gusts; the smoother then allows for any gust of the assumed
 spectrum. But an angle that is wrong by e moves the prediction by ``dC/dalpha e``, on every axis
@@ -83,3 +84,34 @@ def _residual_power(
         if parts:
             power[axis] = float(np.concatenate(parts).var())
     return power
+
+
+def with_air_data_noise(
+    noise: StateNoise, view: FlightView, comparison: Comparison, settings: TracingSettings
+) -> StateNoise:
+    """Return the noise with errors of V, alpha and beta as large as the flight itself allows.
+
+    The smoother takes slow noise of a vane for gusts, and then believes the vane. Two bounds hold
+    whatever the colour of the noise is: the channel's difference from the path in steady wind,
+    which is small in calm air, and what the residual allows, which is small in gusts that are
+    really there, since the aircraft answers to them. The smaller of the two is taken, the
+    smoother's own spectrum at least.
+
+    view, comparison : of the flight and the current model.
+    """
+    residual = _residual_power(comparison, view.step, settings)
+    density = dict(noise.density)
+    for name, unsteady in noise.unsteady.items():
+        candidate = replace(noise, density={**noise.density, name: unsteady})
+        power = candidate.rms(name, noise.edges[0], settings.bandwidth) ** 2
+        if name in density and power > 0.0:
+            share = min(1.0, _share(power, _slopes(name, view, comparison), residual))
+            density[name] = tuple(np.maximum(density[name], share * np.asarray(unsteady)).tolist())
+    return replace(noise, density=density)
+
+
+def _slopes(name: str, view: FlightView, comparison: Comparison) -> Mapping[str, Array]:
+    """Axis -> change of the residual by the channel (n,); an error of V acts through qbar."""
+    if name != "V":
+        return view.slope(name)
+    return {axis: 2.0 * values / view.channels["V"] for axis, values in comparison.predicted.items()}

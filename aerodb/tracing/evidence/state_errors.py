@@ -41,8 +41,11 @@ def noisy_copies(
     )
     noisy = []
     for number in range(copies):
-        drawn = noise.draw(np.random.default_rng([seed, number]), len(flight.time), flight.step)
-        copy = flight.with_channels(_added(flight, drawn))
+        drawn = noise.draw(np.random.default_rng([seed, number // 2]), len(flight.time), flight.step)
+        sign = -1.0 if number % 2 else 1.0
+        # The intercepts take what is constant; a mean of matrices with other means would not.
+        centred = {name: sign * (error - error.mean()) for name, error in drawn.items()}
+        copy = flight.with_channels(_added(flight, centred))
         beside = compare(copy, total_coefficients(copy, vehicle), database, vehicle.reference)
         noisy.append(
             (copy, beside if near is None or clean is None else _on_top(near, beside, clean))

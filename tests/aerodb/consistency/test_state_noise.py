@@ -2,6 +2,7 @@
 corrected sensors."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from aerodb.consistency.smoother.state_error_spectrum import (
 )
 from aerodb.errors import InputError
 from tests.support.moving_air import FIRST, FREE, moving_air
+from tests.support.tracing_flights import coloured
 
 BANDS = ((0.03, 0.15), (0.15, 0.6), (0.6, 2.0), (2.0, 8.0))
 STEP = 0.02
@@ -92,6 +94,35 @@ def test_dynamic_pressure_follows_airspeed(noise):
     drawn = noise.draw(np.random.default_rng(2), 100, STEP)
     assert drawn["qbar"] == pytest.approx(noise.pressure_slope * drawn["V"])
     assert noise.pressure_slope == pytest.approx(1.1 * 60.0, rel=0.05)
+
+
+def test_slow_noise_of_a_vane_is_bounded_by_the_path_in_steady_wind():
+    """In calm air an alpha vane has noise of .3 deg that lasts half a second, and no sensor says so:
+    the smoother takes it for gusts; the difference from the path in steady wind holds it."""
+    true, smoother, bound = [], [], []
+    for seed in range(3):
+        record, exact = moving_air(40 + seed, 0.0)
+        slow = coloured(np.random.default_rng(seed), len(record.inputs), 0.5, STEP)
+        shown = record.outputs["alpha"] + np.deg2rad(0.3) * slow
+        record = replace(record, outputs={**record.outputs, "alpha": shown})
+        smoothed = smooth_flight(reconstruct([record], FREE, initial=FIRST), "gusty", draws=8)
+        stated = state_noise(smoothed, "sensor")
+        unsteady = replace(stated, density=stated.unsteady)
+        true.append(band_power(shown - exact["alpha"]))
+        smoother.append([stated.rms("alpha", *band) ** 2 for band in BANDS])
+        bound.append([unsteady.rms("alpha", *band) ** 2 for band in BANDS])
+    truth, believed, bounded = (np.sqrt(np.mean(each, axis=0)) for each in (true, smoother, bound))
+    assert np.all(believed[:3] < 0.5 * truth[:3])
+    assert bounded[1:3] == pytest.approx(truth[1:3], rel=0.2)
+    assert np.all(bounded > 0.7 * truth)
+
+
+def test_each_channel_has_the_error_of_its_own_estimate():
+    record, _ = moving_air(20, 0.0)
+    smoothed = smooth_flight(reconstruct([record], FREE, initial=FIRST), "gusty", draws=8)
+    plain, mixed = state_noise(smoothed), state_noise(smoothed, own={"alpha": "sensor"})
+    assert mixed.rms("alpha", 2.0, 8.0) > 3.0 * plain.rms("alpha", 2.0, 8.0)
+    assert mixed.rms("V", 2.0, 8.0) == pytest.approx(plain.rms("V", 2.0, 8.0), rel=0.2)
 
 
 def test_it_is_plain_values(noise):

@@ -235,6 +235,27 @@ def test_what_no_template_fits_is_unnamed_with_its_variables() -> None:
     assert cz.variables == ()
 
 
+def test_noise_that_a_variable_shares_with_the_residual_is_not_unnamed() -> None:
+    """A sensor's column is a variable without its noise, and the residual holds that noise: of the
+    variable nothing but the noise is left beside the sensor."""
+    column = term("sensor", "CX")
+    given = []
+    for flight in left(6, 0.0):
+        rng = np.random.default_rng([int(flight.evidence.flight[1:]), 4])
+        noise = 0.3 * coloured(rng, 1500, 0.5)
+        residual = {axis: values + noise for axis, values in flight.evidence.residual.items()}
+        u = 6.0 * flight.variables["u"]
+        evidence = replace(
+            flight.evidence,
+            residual=residual,
+            columns={column.id: dict.fromkeys(residual, u)},
+        )
+        given.append(FlightResidual(evidence, {"u": u + noise}))
+    assert not any(r.found for r in unexplained_by_axis(given, SETTINGS))
+    looser = replace(SETTINGS, inflation_limit=1e6)
+    assert all(r.found for r in unexplained_by_axis(given, looser))
+
+
 def test_of_noise_nothing_is_left() -> None:
     false = sum(
         r.found
