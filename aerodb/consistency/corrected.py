@@ -184,7 +184,9 @@ def corrected_flight(
     made_flight = replace(
         flight, channels={**flight.channels, **channels}, flags=flags, notes=(*flight.notes, note)
     )
-    return CorrectedFlight(made_flight, sigma, changed, used, _noise(stretches, source, used), result)
+    return CorrectedFlight(
+        made_flight, sigma, changed, used, _noise(stretches, source, used), result
+    )
 
 
 def _smoothed(

@@ -14,8 +14,7 @@ from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import cho_factor, cho_solve, eigh
 from scipy.special import stdtr
 
 from aerodb.errors import InputError
@@ -229,25 +228,41 @@ def _record(variables: Array, residual: Array, tangents: Array) -> Record:
 @dataclass(frozen=True)
 class _Problem:
     """Products of the features: square (g, f, f), right (g, f) with the residual, total (g,) of it,
-    by flight; and the variables that each feature is made of."""
+    by flight; and the variables that each feature is made of. before (f, f) : square over all
+    flights before what sensors could explain was taken out; inflation_limit : see `separable`."""
 
     square: Array
     right: Array
     total: Array
     made_of: tuple[frozenset[str], ...]
+    before: Array
+    inflation_limit: float
 
     def without(self, name: str) -> "_Problem":
         """The same without what is made of one variable."""
-        return self.only([k for k, names in enumerate(self.made_of) if name not in names])
-
-    def only(self, kept: Sequence[int] | NDArray[np.intp]) -> "_Problem":
-        """The same with these features."""
+        kept = [k for k, names in enumerate(self.made_of) if name not in names]
         return _Problem(
             self.square[:, kept][:, :, kept],
             self.right[:, kept],
             self.total,
             tuple(self.made_of[k] for k in kept),
+            self.before[np.ix_(kept, kept)],
+            self.inflation_limit,
         )
+
+    def separable(self) -> tuple[Array, Array]:
+        """Square and right without the combinations of features that sensors explain but for a part
+        ``1 / inflation_limit`` of their variance: what is left of those is noise, and the residual
+        shares it.
+        """
+        size = np.sqrt(np.maximum(np.diagonal(self.before), 1e-300))
+        before = self.before / np.outer(size, size) + 1e-9 * np.eye(len(size))
+        after = self.square.sum(axis=0) / np.outer(size, size)
+        share, combination = eigh(after, before)
+        explained = combination[:, share * self.inflation_limit < 1.0]
+        keep = np.eye(len(size)) - explained @ (explained.T @ before)
+        keep = keep * size / size[:, None]
+        return np.asarray(keep.T @ self.square @ keep), np.asarray(self.right @ keep)
 
 
 @dataclass(frozen=True)
@@ -287,35 +302,29 @@ def _features(variables: Sequence[Array], names: Sequence[str]) -> _Features:
     return _Features(blocks, tuple(made_of))
 
 
-def _problem(
-    records: Sequence[Record], features: _Features, inflation_limit: float
-) -> _Problem:
+def _problem(records: Sequence[Record], features: _Features, inflation_limit: float) -> _Problem:
     """Per flight: the features' products without the flight's own level, and without what sensors
-    could explain, which is taken out of them as it is out of the residual.
-
-    A feature is left out if sensors could explain all but a part ``1 / inflation_limit`` of its
-    variance over the flights: what remains of it is noise, which it shares with the residual.
-    """
+    could explain, which is taken out of them as it is out of the residual."""
     squares, right = [], []
-    before = np.zeros(len(features.made_of))
+    before = np.zeros((len(features.made_of), len(features.made_of)))
     for record, whole in zip(records, features.blocks, strict=True):
         block = whole - record.basis @ (record.basis.T @ whole)
-        before += np.sum(np.square(whole - whole.mean(axis=0)), axis=0)
         squares.append(block.T @ block)
         right.append(block.T @ record.residual)
+        apart = whole - whole.mean(axis=0)
+        before += apart.T @ apart
     total = np.array([float(record.residual @ record.residual) for record in records])
-    after = np.einsum("gff->f", np.stack(squares))
-    return _Problem(np.stack(squares), np.stack(right), total, features.made_of).only(
-        np.flatnonzero(after * inflation_limit >= before)
-    )
+    made_of = features.made_of
+    return _Problem(np.stack(squares), np.stack(right), total, made_of, before, inflation_limit)
 
 
 def _left_out_skills(problem: _Problem, ridges: Array | None = None) -> tuple[Array, Array]:
     """Per flight, 1 - SSE / SST of the prediction by the others, and the ridge; it is chosen inside
     the others, unless given."""
-    squares, right, total = problem.square, problem.right, problem.total
+    total = problem.total
     if not problem.made_of:
         return np.zeros(len(total)), np.zeros(len(total))
+    squares, right = problem.separable()
     every, driving, count = squares.sum(axis=0), right.sum(axis=0), len(total)
 
     def skill(out: int, weight: Array) -> float:

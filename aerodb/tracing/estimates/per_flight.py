@@ -306,7 +306,11 @@ class ModelBiases:
         """(hypotheses, flights)."""
         if self.noisy is None:
             return np.zeros((len(indices), len(self.estimate)))
-        once, twice, estimate = self.plain.at(indices), self.noisy.at(indices), self.estimate[:, indices]
+        once, twice, estimate = (
+            self.plain.at(indices),
+            self.noisy.at(indices),
+            self.estimate[:, indices],
+        )
         signal = 2.0 * once.after - twice.after
         trusted = once.informative & twice.informative & (signal > _LEAST_SIGNAL * once.after)
         without = np.divide(

@@ -114,4 +114,6 @@ def _slopes(name: str, view: FlightView, comparison: Comparison) -> Mapping[str,
     """Axis -> change of the residual by the channel (n,); an error of V acts through qbar."""
     if name != "V":
         return view.slope(name)
-    return {axis: 2.0 * values / view.channels["V"] for axis, values in comparison.predicted.items()}
+    return {
+        axis: 2.0 * values / view.channels["V"] for axis, values in comparison.predicted.items()
+    }

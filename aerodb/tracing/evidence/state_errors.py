@@ -41,7 +41,9 @@ def noisy_copies(
     )
     noisy = []
     for number in range(copies):
-        drawn = noise.draw(np.random.default_rng([seed, number // 2]), len(flight.time), flight.step)
+        drawn = noise.draw(
+            np.random.default_rng([seed, number // 2]), len(flight.time), flight.step
+        )
         sign = -1.0 if number % 2 else 1.0
         # The intercepts take what is constant; a mean of matrices with other means would not.
         centred = {name: sign * (error - error.mean()) for name, error in drawn.items()}
