@@ -373,9 +373,9 @@ def believable_sensors(joint: JointModel, indices: Sequence[int]) -> dict[int, t
             hypotheses[sensor],
             prior_sigma=max(limit / settings.kappa, hypotheses[sensor].prior_sigma or 0.0),
         )
-        test = replace(tests, campaign=campaign(joint.normal_equations, loose)).tested(
-            joint.terms, (), 1
-        )
+        test = replace(
+            tests, campaign=campaign(joint.normal_equations, loose, extrapolated=False)
+        ).tested(joint.terms, (), 1)
         for index, sensors in explaining.items():
             if not (
                 test.p[index] < settings.level

@@ -108,7 +108,9 @@ def joint_fit(
         values,
         normal_equations,
         CrossFlightTests(
-            campaign(normal_equations, hypotheses), tuple(range(len(bands))), settings
+            campaign(normal_equations, hypotheses, extrapolated=False),
+            tuple(range(len(bands))),
+            settings,
         ),
     )
 
@@ -127,7 +129,9 @@ def under(joint: JointModel, evidence: Sequence[Evidence]) -> CrossFlightTests:
         _about(band, columns, joint.values, settings) for band in bands if band.records
     ]
     return CrossFlightTests(
-        campaign(normal_equations, hypotheses), tuple(range(len(normal_equations))), settings
+        campaign(normal_equations, hypotheses, extrapolated=False),
+        tuple(range(len(normal_equations))),
+        settings,
     )
 
 

@@ -256,10 +256,12 @@ class _Problem:
         shares it.
         """
         size = np.sqrt(np.maximum(np.diagonal(self.before), 1e-300))
-        before = self.before / np.outer(size, size) + 1e-9 * np.eye(len(size))
-        after = self.square.sum(axis=0) / np.outer(size, size)
-        share, combination = eigh(after, before)
-        explained = combination[:, share * self.inflation_limit < 1.0]
+        before = self.before / np.outer(size, size)
+        power, direction = eigh(before)
+        rank = power > _RANK * power[-1]
+        basis = direction[:, rank] / np.sqrt(power[rank])
+        share, mixed = eigh(basis.T @ (self.square.sum(axis=0) / np.outer(size, size)) @ basis)
+        explained = basis @ mixed[:, share * self.inflation_limit < 1.0]
         keep = np.eye(len(size)) - explained @ (explained.T @ before)
         keep = keep * size / size[:, None]
         return np.asarray(keep.T @ self.square @ keep), np.asarray(self.right @ keep)

@@ -19,11 +19,13 @@ def campaign(
     normal_equations: Sequence[NormalEquations],
     hypotheses: Sequence[Hypothesis],
     earlier: Mapping[str, float] | None = None,
+    extrapolated: bool = True,
 ) -> Campaign:
     """Return the campaign of flights on the order of `hypotheses`.
 
     A flight that lacks a column says nothing about that hypothesis. earlier : id -> value of the
-    terms that earlier rounds added: their shape-misfit terms stand beside everything.
+    terms that earlier rounds added: their shape-misfit terms stand beside everything. extrapolated
+    : as in `Campaign`.
 
     Raises InputError when a flight has columns that the library lacks (they were made with another
     library), when a flight is given twice under one name, or when a sensor has no prior.
@@ -69,6 +71,7 @@ def campaign(
         offsets=tuple(offsets),
         shape_terms=shape_terms,
         earlier={known[id]: value for id, value in (earlier or {}).items() if id in known},
+        extrapolated=extrapolated,
     )
 
 

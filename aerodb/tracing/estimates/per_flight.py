@@ -34,7 +34,7 @@ class HypothesisBias:
     """Biases of one hypothesis' per-flight estimates, SI units.
 
     sensor_bias (flights, sensors) : what a unit error of the sensor adds in spite of its prior.
-    simex_bias (flights,) : what the flight's state noise, added once more, adds; 0 without.
+    simex_bias (flights,) : what the flight's state noise adds; 0 without.
     """
 
     sensor_bias: Array
@@ -120,8 +120,9 @@ class Campaign:
     sensors, 0 elsewhere. offsets : hypotheses that are an axis' own constant; their estimates are
     the intercepts. shape_terms : column of a shape-misfit term -> index of its base, and the least
     sigma of what it varies with; earlier : index -> value of a term that the database holds
-    already, whose shape may be wrong too. Results are cached, so that repetitions without some
-    flights cost no algebra.
+    already, whose shape may be wrong too. extrapolated : whether SIMEX biases are those against no
+    state noise; else what the noise adds when it comes once more. Results are cached, so that
+    repetitions without some flights cost no algebra.
     """
 
     flights: tuple[str, ...]
@@ -135,6 +136,7 @@ class Campaign:
     offsets: tuple[int, ...]
     shape_terms: Mapping[int, tuple[int, float]] = field(default_factory=dict)
     earlier: Mapping[int, float] = field(default_factory=dict)
+    extrapolated: bool = True
     cached: dict[Model, FlightEstimates] = field(
         default_factory=dict, init=False, repr=False, compare=False
     )
@@ -167,7 +169,7 @@ class Campaign:
             solved = self._reduced.beside(prior, *model[1:3])
             estimate, information = in_units(solved, np.arange(len(self.hypotheses)), self.scale)
             noisy = None if self._noisy is None else self._noisy.beside(prior, *model[1:3])
-            added = ModelBiases(solved, noisy, estimate, information, self.scale)
+            added = ModelBiases(solved, noisy, estimate, information, self.scale, self.extrapolated)
             self.cached[model] = FlightEstimates(
                 estimate, information, self._information_before, added
             )
@@ -272,7 +274,7 @@ class ModelBiases:
     """`EstimateBiases` of a model, computed and cached hypothesis by hypothesis.
 
     plain, noisy : the model, and the model with the state noise added once more; estimate,
-    information : as in `FlightEstimates`; scale : as in the campaign.
+    information : as in `FlightEstimates`; scale, extrapolated : as in the campaign.
     """
 
     plain: ModelElimination
@@ -280,6 +282,7 @@ class ModelBiases:
     estimate: Array
     information: Array
     scale: Array
+    extrapolated: bool
     cached: dict[int, HypothesisBias] = field(default_factory=dict, init=False)
 
     def at(self, indices: Sequence[int]) -> Sequence[HypothesisBias]:
@@ -306,6 +309,9 @@ class ModelBiases:
         """(hypotheses, flights)."""
         if self.noisy is None:
             return np.zeros((len(indices), len(self.estimate)))
+        if not self.extrapolated:
+            again, _ = in_units(self.noisy, indices, self.scale)
+            return (again - self.estimate[:, indices]).T
         once, twice, estimate = (
             self.plain.at(indices),
             self.noisy.at(indices),
