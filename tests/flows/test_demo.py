@@ -55,7 +55,7 @@ def blind(tmp_path_factory):
     imported, and what was found, the envelope opened afterwards."""
     folder = tmp_path_factory.mktemp("blind")
     logs = folder / "logs"
-    write_logs(logs, flights=8, seed=5)
+    write_logs(logs, flights=5, seed=5)
     write_database(logs)
     (folder / "vehicle.toml").write_text(read_example("vehicle.toml"), encoding="utf-8")
     effects = open_envelope(logs)

@@ -68,6 +68,12 @@ class SharedWorkspaces:
         to be changed."""
         return self._built("undisturbed", _run_undisturbed)
 
+    @property
+    def phoenix_flights(self) -> Path:
+        """The folder with the bank of flights of `tests.support.tracing_flights`, whose simulation
+        takes 20 seconds of processor time; not to be changed."""
+        return self._built("phoenix-flights", _fly_phoenix)
+
     def add_prefect_database(self, root: Path) -> None:
         """Put Prefect's database, migrated and empty, into the folder `root`: Prefect's own
         migrations of a new one take ten seconds of processor time."""
@@ -124,6 +130,14 @@ class SharedWorkspaces:
             workspace = self.prepared(place)
             ids = glider_runs.ingest(workspace, self.logs[:flights])
         return glider_runs.update(workspace, ids)
+
+
+def _fly_phoenix(place: Path) -> None:
+    from tests.support.tracing_flights import (
+        write_bank,
+    )  # imports effects and simulation, for which other tests need not wait
+
+    write_bank(place)
 
 
 def _run_undisturbed(place: Path) -> None:

@@ -7,9 +7,11 @@ from sensors to coefficients, and adds a coloured residual as buffet and unmodel
 What is drawn anew per campaign is the flights and the noise.
 """
 
+import pickle
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
 from scipy.signal import lfilter
@@ -90,6 +92,22 @@ BANK = 40
 FINE = 12
 
 
+#: The bank at 25 Hz, and its first flights at 100 Hz.
+_Flown = tuple[tuple[Flight, ...], tuple[Flight, ...]]
+_FILE = "phoenix-flights.pickle"
+_read_from: list[Path] = []
+
+
+def write_bank(folder: Path) -> None:
+    """Fly the bank and write it into `folder`, from which other processes can read it."""
+    (folder / _FILE).write_bytes(pickle.dumps(_simulated(), pickle.HIGHEST_PROTOCOL))
+
+
+def read_bank(folder: Path) -> None:
+    """From now on this process has the bank that `write_bank` wrote into `folder`."""
+    _read_from.append(folder / _FILE)
+
+
 def flown() -> tuple[Flight, ...]:
     """The bank: flights as perfect instruments show them, at 25 Hz."""
     return _flown()[0]
@@ -102,7 +120,14 @@ def flown_finely() -> tuple[Flight, ...]:
 
 
 @lru_cache(maxsize=1)
-def _flown() -> tuple[tuple[Flight, ...], tuple[Flight, ...]]:
+def _flown() -> _Flown:
+    if not _read_from:
+        return _simulated()
+    found: _Flown = pickle.loads(_read_from[0].read_bytes())
+    return found
+
+
+def _simulated() -> _Flown:
     history = simulate(vehicle(), preflight(), preflight(), 11, BANK)
     channels = at_instruments(history.channels, vehicle())
     names = [name for name in channels if name in CHANNELS or name.startswith("delta_")]

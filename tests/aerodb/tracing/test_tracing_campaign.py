@@ -34,7 +34,7 @@ from tests.support.tracing_cells import (
 )
 from tests.support.tracing_flights import Bank, Cell, flown, library, phoenix_size
 
-pytestmark = pytest.mark.heavy
+pytestmark = [pytest.mark.heavy, pytest.mark.usefixtures("phoenix_flights")]
 
 Trials = Callable[[int, int], int]
 #: Worst VIF at which an effect counts as excited (docs/reference/conventions.md, noise floor).
@@ -59,7 +59,7 @@ TWINS = {
 
 
 @pytest.fixture(scope="module")
-def plain() -> Bank:
+def plain(phoenix_flights: None) -> Bank:
     """Flights in which nothing is wrong."""
     return Bank(NOTHING, flown(), library(), SETTINGS)
 

@@ -1,6 +1,8 @@
 """Instruments from commands: a controller that reacts to the noise of the residual, and its
 commands."""
 
+from collections.abc import Callable, Iterable, Iterator
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -14,8 +16,10 @@ from aerodb.tracing.evidence.shape_misfit import with_shape_terms
 from tests.support.tracing_cells import SETTINGS
 from tests.support.tracing_flights import FLOOR, Cell, coloured, evidence_in, flown, library
 
+pytestmark = pytest.mark.usefixtures("phoenix_flights")
+
 NOTHING = Cell("nothing")
-CAMPAIGNS, FLIGHTS = 8, 6
+FLIGHTS = 6
 
 
 def _asked(generator: np.random.Generator, n: int, step: float) -> np.ndarray:
@@ -65,39 +69,39 @@ def _instrumented(flight: Flight, evidence: Evidence) -> Evidence:
     )
 
 
-def _campaigns(
-    gain: float, commands: bool, planted: float = 0.0, count: int = CAMPAIGNS
-) -> list[set[str]]:
-    found = []
-    for number in range(count):
-        generator = np.random.default_rng([77, number])
-        normal_equations = []
-        for place in generator.choice(len(flown()), FLIGHTS, replace=False):
-            flight, evidence = _flight(int(place), generator, gain, planted)
-            normal_equations.append(
-                normal_equations_of(
-                    _instrumented(flight, evidence) if commands else evidence, SETTINGS
-                )
-            )
-        traced = trace(normal_equations, library(), SETTINGS)
-        found.append(
-            {f.hypothesis for f in traced.findings if f.verdict in ("confirmed", "alias_group")}
-        )
-    return found
+def _flights(number: int, gain: float, planted: float = 0.0) -> Iterator[tuple[Flight, Evidence]]:
+    """The flights of a campaign."""
+    generator = np.random.default_rng([77, number])
+    for place in generator.choice(len(flown()), FLIGHTS, replace=False):
+        yield _flight(int(place), generator, gain, planted)
 
 
-def test_what_a_controller_answers_is_no_effect() -> None:
+def _claimed(evidence: Iterable[Evidence]) -> set[str]:
+    """What a campaign of these flights claims of the aerodynamics."""
+    normal_equations = [normal_equations_of(each, SETTINGS) for each in evidence]
+    traced = trace(normal_equations, library(), SETTINGS)
+    return {f.hypothesis for f in traced.findings if f.verdict in ("confirmed", "alias_group")}
+
+
+@pytest.mark.heavy
+def test_what_a_controller_answers_is_no_effect(trials: Callable[[int, int], int]) -> None:
     """Nothing is missing: without instruments most campaigns claim an effect, with those of the
     commands none."""
-    fooled, helped = (
-        sum(bool(found) for found in _campaigns(1.0, commands)) for commands in (False, True)
-    )
-    assert fooled >= CAMPAIGNS // 2
+    fooled = helped = 0
+    campaigns = trials(4, 8)
+    for number in range(campaigns):
+        flights = list(_flights(number, 1.0))
+        fooled += bool(_claimed(evidence for _, evidence in flights))
+        helped += bool(_claimed(_instrumented(*flight) for flight in flights))
+    assert fooled >= campaigns // 2
     assert helped == 0
 
 
 def test_a_missing_damping_is_still_found_and_named() -> None:
-    found = _campaigns(0.3, commands=True, planted=-4.0, count=3)
+    found = [
+        _claimed(_instrumented(*flight) for flight in _flights(number, 0.3, planted=-4.0))
+        for number in range(3)
+    ]
     assert all("pitch_damping@Cm" in each for each in found), found
 
 

@@ -14,6 +14,8 @@ from aerodb.tracing.settings import TracingSettings
 from tests.support.tracing_cells import ONLY_A_SENSOR
 from tests.support.tracing_flights import FLOOR, Cell, coloured, evidence_in, flown, library
 
+pytestmark = pytest.mark.usefixtures("phoenix_flights")
+
 SETTINGS = TracingSettings(bandwidth=1.0)
 PLANTED = "sideslip_coupling@Cn"
 
