@@ -138,7 +138,15 @@ def _residuals(
     edges = np.histogram_bin_edges(np.concatenate([values for values, _, _ in sides]), bins=80)
     for values, colour, name in sides:
         label = f"{name}: {rms(values):.2g} rms" if errors else name
-        panel.hist(values, bins=edges.tolist(), color=colour, alpha=0.6, label=label)
+        panel.hist(
+            values,
+            bins=edges.tolist(),
+            histtype="stepfilled",
+            color=colour,
+            alpha=0.6,
+            lw=0,
+            label=label,
+        )
     plain_panel(panel)
     panel.set_title(axis_description(axis), fontsize=8, loc="left", color="0.35", pad=3)
     panel.set_yticks([])

@@ -380,38 +380,31 @@ def _beyond(workspace: Path, model: Path, terms: Mapping[str, tuple[str, ...]]) 
     return document
 
 
-def test_what_the_short_set_of_the_side_force_lacks_is_suspected(attached, tmp_path) -> None:
-    """SOURCE.md: without the rudder CY lacks .18 to .22 per radian. One manoeuvre is made for it;
-    the others bear it out."""
-    document = _beyond(attached, tmp_path / "short.toml", {**FULL, "CY": FULL["CY"][:-1]})
-    (finding,) = document["findings"]
-    assert (finding["hypothesis"], finding["verdict"]) == (
-        "control_effectiveness@C_side:rudder",
-        "suspected",
-    )
-    assert finding["ci95"][0] < 0.18 < finding["value"] < 0.22
-    assert "one manoeuvre, the only one made for it" in finding["because"]
-
-
 @pytest.mark.parametrize(
     "kept",
     [("1", "alpha"), pytest.param(("1", "alpha", "q_hat"), marks=pytest.mark.campaign)],
     ids=["without q", "with q"],
 )
-def test_what_the_short_set_of_the_lift_lacks_is_suspected(
-    attached, tmp_path, kept: tuple[str, ...]
-) -> None:
-    """SOURCE.md: beside the short set CL lacks .30 to .45 per radian of elevator. One manoeuvre
-    moves the elevator; the others neither bear it out nor contradict, its halves agree."""
-    document = _beyond(attached, tmp_path / "short.toml", {**FULL, "C_lift": kept})
-    (finding,) = document["findings"]
-    assert (finding["hypothesis"], finding["verdict"]) == (
-        "control_effectiveness@C_lift:elevator",
-        "suspected",
+def test_what_short_sets_lack_is_suspected(attached, tmp_path, kept: tuple[str, ...]) -> None:
+    """SOURCE.md: without the rudder CY lacks .18 to .22 per radian. One manoeuvre is made for it;
+    the others bear it out. Beside the short set CL lacks .30 to .45 per radian of elevator. One
+    manoeuvre moves the elevator; the others neither bear it out nor contradict, its halves
+    agree."""
+    short = {**FULL, "CY": FULL["CY"][:-1], "C_lift": kept}
+    document = _beyond(attached, tmp_path / "short.toml", short)
+    found = {finding["hypothesis"]: finding for finding in document["findings"]}
+    rudder, elevator = (
+        f"control_effectiveness@{which}" for which in ("C_side:rudder", "C_lift:elevator")
     )
+    assert sorted(found) == sorted([rudder, elevator])
+    assert {finding["verdict"] for finding in found.values()} == {"suspected"}
+    finding = found[rudder]
+    assert finding["ci95"][0] < 0.18 < finding["value"] < 0.22
+    assert "one manoeuvre, the only one made for it" in finding["because"]
+    finding = found[elevator]
     assert 0.30 < finding["value"] < 0.45
     assert finding["ci95"][0] > 0.2
-    assert finding["explanation_set"] == ["control_effectiveness@C_lift:elevator"]
+    assert finding["explanation_set"] == [elevator]
     assert len(finding["votes"]) == 1
 
 

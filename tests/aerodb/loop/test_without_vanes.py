@@ -33,8 +33,8 @@ Trials = Callable[[int, int], int]
 
 @pytest.fixture(scope="module")
 def glider(tmp_path_factory: pytest.TempPathFactory, trials: Trials) -> Fleet:
-    """Six flights, or sixteen."""
-    return fleet(tmp_path_factory.mktemp("glider"), trials(6, 16), 11)
+    """Five flights, or sixteen."""
+    return fleet(tmp_path_factory.mktemp("glider"), trials(5, 16), 11)
 
 
 def _chosen(of: Fleet, trials: Trials, *sizes: int) -> list[list[int]]:
@@ -234,7 +234,7 @@ def test_a_biased_accelerometer_is_no_effect(tmp_path: Path, trials: Trials) -> 
     """.3 m/s^2, fifteen times the prior: the reconstruction takes it off. What it leaves along x
     (.02, since airspeed and ax trade off) may be found as just that; hardly ever an effect is
     confirmed instead. Campaigns share flights: errors recur."""
-    biased = fleet(tmp_path, trials(6, 16), 11, heave_bias=0.3, taken=trials(3, 16))
+    biased = fleet(tmp_path, trials(5, 16), 11, heave_bias=0.3, taken=trials(3, 16))
     chosen = _chosen(biased, trials, 6, 10) if trials(0, 1) else [[0, 1, 2]]
     for wrong in ("nothing", "lift"):
         truth, found = PLANTED.get(wrong, ("", 0.0))[0], biased.traced(wrong, chosen)
