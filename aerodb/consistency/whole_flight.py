@@ -2,7 +2,7 @@
 flight."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -23,6 +23,7 @@ from aerodb.consistency.output_error import (
 )
 from aerodb.consistency.plan import Plan, make_plan
 from aerodb.consistency.records import IGNORED_FLAGS
+from aerodb.consistency.sensor_noise import noise_beyond_declaration
 from aerodb.consistency.sensors import (
     Fault,
     FlowCheck,
@@ -86,10 +87,13 @@ def make_consistent(
     verdict = judge(known.reconstruction, flight.id, vehicle.accuracy, common_faults(records))
     values = applied_corrections(known.sensors, plan, calibration)
     corrected = corrected_flight(flight, vehicle, known.reconstruction, values, known.held)
-    document = _document(verdict, corrected.result, plan, corrected, values, drifted, calibration)
-    return Consistent(
-        corrected.flight, corrected.sigma, corrected.changed, document, verdict, drifted
+    moving = verdict.process_noise is not None and verdict.process_noise.matters
+    noisy = noise_beyond_declaration(known.reconstruction.paths, vehicle.sensors, moving)
+    document = _document(
+        verdict, corrected.result, plan, corrected, values, drifted, calibration, noisy
     )
+    made = replace(corrected.flight, notes=(*corrected.flight.notes, *noisy))
+    return Consistent(made, corrected.sigma, corrected.changed, document, verdict, drifted)
 
 
 def common_faults(records: Sequence[Record]) -> tuple[Fault, ...]:
@@ -154,6 +158,7 @@ def _document(
     values: Mapping[str, float],
     drifted: Sequence[Drift],
     calibration: Calibration | None,
+    noisy: Sequence[str],
 ) -> dict[str, Any]:
     shown = [entry for entry in result.estimates if entry.parameter.kind != "initial"]
     return {
@@ -167,7 +172,7 @@ def _document(
         "records": len(result.paths),
         "earth": "flat" if result.paths[0].record.earth is None else "rotating",
         "calibration": None if calibration is None else calibration.id,
-        "notes": [corrected.flight.notes[-1]],
+        "notes": [corrected.flight.notes[-1], *noisy],
         "drift": [entry.because for entry in drifted],
         "noise": corrected.noise.document(),
     }

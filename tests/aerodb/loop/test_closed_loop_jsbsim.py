@@ -1,19 +1,23 @@
 """The closed loop on aircraft of JSBSim whose database lacks a term that flies: found, named,
 sized, and nothing else."""
 
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 pytest.importorskip("jsbsim")
 
+from aerodb.flight import Flight
 from tests.support.command import asked
-from tests.support.jsbsim_campaign import imported, vehicle_text
+from tests.support.jsbsim_campaign import NOISE, STEP, Edit, imported, vehicle_text
 from tests.support.jsbsim_cases import CASES, IDENTIFIED, campaign
 from tests.support.jsbsim_loop import Closed, closed, judged
 from tests.support.small_glider import write_csv
+from tests.support.tracing_flights import DEGREE, coloured
 
 GEAR = "737 without the drag of its gear"
 STALL = "c172p without the hysteresis of its stall"
@@ -53,14 +57,22 @@ def test_the_same_flights_beside_the_whole_database_show_nothing(name: str) -> N
     assert not found.aerodynamic
 
 
-def by_commands(name: str, folder: Path) -> dict[str, Any]:
+def by_commands(
+    name: str,
+    folder: Path,
+    lacks: Edit | None,
+    flights: Sequence[Flight] | None = None,
+) -> dict[str, Any]:
     """A case wholly by commands: aircraft file, logs with raw instruments, reconstruction, loop,
-    proof; the loop's document."""
+    proof; the loop's document.
+
+    lacks : what is taken from the database. flights : as logged; None: those of the case.
+    """
     case, workspace = CASES[name], folder / "workspace"
-    vehicle, flights = campaign(name)
+    vehicle, logged = campaign(name)
     (folder / "vehicle.toml").write_text(vehicle_text(case.aircraft, imported(case.aircraft)))
     asked(workspace, "vehicle", "add", str(folder / "vehicle.toml"))
-    (folder / "lacking.xml").write_bytes(case.aircraft.file(case.lacks))
+    (folder / "lacking.xml").write_bytes(case.aircraft.file(lacks))
     bindings = [
         word
         for name, text in case.aircraft.bindings.items()
@@ -75,12 +87,12 @@ def by_commands(name: str, folder: Path) -> dict[str, Any]:
         vehicle.name,
         *bindings,
     )
-    for flight in flights[:IDENTIFIED]:
+    for flight in flights or logged[:IDENTIFIED]:
         log = write_csv(folder / f"{flight.id}.csv", {"time": flight.time, **flight.channels})
         answer = asked(
             workspace, "flight", "ingest", str(log), "--vehicle", vehicle.name, "--direct"
         )
-        assert answer[0]["consistency"]["verdict"] == "good"
+        assert answer[0]["consistency"]["verdict"] == "good" or flights
     found: dict[str, Any] = asked(workspace, "close-loop", "--vehicle", vehicle.name, "--direct")
     return found
 
@@ -89,7 +101,7 @@ def by_commands(name: str, folder: Path) -> dict[str, Any]:
 def test_by_commands_a_stall_that_is_a_closed_loop_is_told_from_flow_that_separates(
     tmp_path: Path,
 ) -> None:
-    found = by_commands(STALL, tmp_path)
+    found = by_commands(STALL, tmp_path, CASES[STALL].lacks)
     assert found["added"] == ["stall_hysteresis@C_lift:loop"]
     assert [f["hypothesis"] for f in found["findings"] if f["verdict"] == "confirmed"] == [
         "stall_hysteresis@C_lift:loop"
@@ -103,7 +115,7 @@ def test_by_commands_a_stall_that_is_a_closed_loop_is_told_from_flow_that_separa
 
 def test_by_commands_from_logs_to_proof(tmp_path: Path) -> None:
     """The gear's drag again, from logs with raw instruments on."""
-    found = by_commands(GEAR, tmp_path)
+    found = by_commands(GEAR, tmp_path, CASES[GEAR].lacks)
     assert (len(found["flights"]["identified"]), len(found["flights"]["held_out"])) == (4, 2)
     assert found["added"] == ["landing_gear@C_drag"]
     gear, *others = found["findings"]
@@ -122,3 +134,43 @@ def test_a_shape_is_made_finer_where_it_is_wrong_only() -> None:
     )
     assert stall[0] == {"stall_hysteresis@C_lift:loop": ("alpha",)}
     assert not any(gear)
+
+
+#: Noise that no vehicle file declares: channel -> one sigma and correlation time [s]. The first is
+#: in the suite.
+UNDECLARED: Mapping[str, Mapping[str, tuple[float, float]]] = {
+    "alpha .43 deg": {"alpha": (5.0 * NOISE["alpha"], 0.5)},
+    "alpha .3 deg": {"alpha": (0.3 * DEGREE, 0.5)},
+    "alpha .1 deg": {"alpha": (0.1 * DEGREE, 1.0)},
+    "beta .3 deg": {"beta": (0.3 * DEGREE, 0.5)},
+    "rates": {name: (5.0 * NOISE[name], 0.5) for name in ("p", "q", "r")},
+    "accelerometers": {f"a{axis}_imu": (5.0 * NOISE[f"a{axis}_imu"], 0.5) for axis in "xyz"},
+}
+
+
+def noisier(flight: Flight, noise: Mapping[str, tuple[float, float]], seed: int) -> Flight:
+    """The flight as logged by instruments with this noise besides."""
+    rng = np.random.default_rng([seed, int(flight.id.rpartition("-")[2])])
+    n = len(flight.time)
+    return flight.with_channels(
+        {
+            name: flight[name] + sigma * coloured(rng, n, lasting, STEP)
+            for name, (sigma, lasting) in noise.items()
+        }
+    )
+
+
+@pytest.mark.parametrize(
+    "cell",
+    [
+        next(iter(UNDECLARED)),
+        *(pytest.param(cell, marks=pytest.mark.campaign) for cell in list(UNDECLARED)[1:]),
+    ],
+)
+def test_undeclared_coloured_noise_is_no_effect_and_no_fault(cell: str, tmp_path: Path) -> None:
+    """Nothing is lacking, by commands: what ships estimates the noise from the flights alone."""
+    flights = [noisier(f, UNDECLARED[cell], 1) for f in campaign(GEAR)[1][:IDENTIFIED]]
+    found = by_commands(GEAR, tmp_path, None, flights)
+    claimed = {"confirmed", "alias_group", "suspected", "sensor", "ambiguous_sensor"}
+    assert [f["hypothesis"] for f in found["findings"] if f["verdict"] in claimed] == []
+    assert found["added"] == []
