@@ -3,7 +3,7 @@
 from typing import Any
 
 from aerodb.flows.run import Steps
-from aerodb.loop import Accept
+from aerodb.loop import Accept, without_gain
 from aerodb.tasks.steps import (
     compare_with_version,
     freeze_library,
@@ -63,6 +63,10 @@ def close_loop_flow(
     )
     loop = steps(run_loop, plan, frozen, **where, accept=accept)
     proof = steps(prove_loop, plan, frozen, loop, **where, accept=accept)
+    while idle := without_gain(loop, proof):
+        out = loop.without_gain | idle
+        loop = steps(run_loop, plan, frozen, **where, accept=accept, without_gain=out)
+        proof = steps(prove_loop, plan, frozen, loop, **where, accept=accept)
     left = steps(what_is_left, plan, frozen, loop, **where)
     document = steps(publish_loop, plan, frozen, loop, left, proof, **where, accept=accept)
     return {**document, "page": steps(write_update_page, document, **where)}

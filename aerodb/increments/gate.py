@@ -10,10 +10,11 @@ from typing import Any, Final
 
 import numpy as np
 
+from aerodb.increments.validation import UNCHANGED
 from aerodb.nomenclature import AXES
 from aerodb.tables import AeroDatabase, CheckCase, failed_check_cases, new_sign_changes
 
-#: An error must fall by more than this fraction to count as fallen.
+#: Fraction of an error below which a change is rounding.
 _ROUNDING: Final = 1e-9
 #: At most so many check values, or angles, are listed individually.
 _LISTED: Final = 4
@@ -138,8 +139,8 @@ def _check_cases(candidate: AeroDatabase, cases: Sequence[CheckCase]) -> tuple[s
 
 
 def _excess(axes: Mapping[str, Mapping[str, Any]]) -> tuple[str, ...]:
-    """Whether the error beyond the noise floor falls, pooled over the body axes in units of each
-    axis's floor."""
+    """Whether the error beyond the noise floor falls by more than the fraction `UNCHANGED`, pooled
+    over the body axes in units of each axis's floor."""
     validated = {
         axis: axes[axis]
         for axis in AXES
@@ -149,7 +150,7 @@ def _excess(axes: Mapping[str, Mapping[str, Any]]) -> tuple[str, ...]:
         return ("no flight was held out: nothing shows that the error falls",)
     before = _pooled(validated, "excess_before")
     after = _pooled(validated, "excess_after")
-    if after < before * (1.0 - _ROUNDING):
+    if after < before * (1.0 - UNCHANGED):
         return ()
     grown = ", ".join(
         f"{axis} {entry['excess_before']:.3g} to {entry['excess_after']:.3g}"

@@ -8,7 +8,8 @@ The way through, with flights from any `FlightSource` (a store, or memory):
    until nothing more is found; it returns a `LoopResult` with the candidate, all findings and those
    that were added (`loop.added`, each with a sentence `because`).
 3. `validate_loop(source, hold_out, library, loop, Accept())` gives the error before and after on
-   flights, or parts of flights, that did not identify.
+   flights, or parts of flights, that did not identify. `without_gain(loop, validation)` names what
+   was added and lowers none of these errors; `run_loop` again leaves it out.
 4. `unexplained_residuals(source, flights, loop.candidate, library)` reports, per axis, what is
    still predictable and named by no hypothesis.
 5. `consider_parameters` and `noisier_flights` give the sensor errors that the reconstruction leaves

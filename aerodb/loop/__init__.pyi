@@ -5,7 +5,7 @@ from .freezing import freeze_library
 from .library import Library
 from .rounds import Accept, LoopResult, run_loop
 from .unexplained import unexplained_residuals
-from .validation import validate_loop
+from .validation import validate_loop, without_gain
 
 __all__ = [
     "Accept",
@@ -20,4 +20,5 @@ __all__ = [
     "run_loop",
     "unexplained_residuals",
     "validate_loop",
+    "without_gain",
 ]

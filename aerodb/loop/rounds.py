@@ -72,6 +72,7 @@ class LoopResult:
 
     The candidate, all findings and those that were added, the last round's tracing, and remarks.
     by_manoeuvre : whether manoeuvres were the units, so that heads and tails of flights validate.
+    without_gain : ids that stayed out because their addition lowered no error of other flights.
     """
 
     baseline: AeroDatabase
@@ -82,6 +83,7 @@ class LoopResult:
     rounds: int
     remarks: tuple[str, ...] = ()
     by_manoeuvre: bool = False
+    without_gain: frozenset[str] = frozenset()
 
     @property
     def separates(self) -> bool:
@@ -95,12 +97,14 @@ def run_loop(
     baseline: AeroDatabase,
     library: Library,
     accept: Accept,
+    without_gain: frozenset[str] = frozenset(),
 ) -> LoopResult:
     """Run the loop on the flights (ids) that identify.
 
     Each round traces with the present candidate and admits confirmed findings, and those that
-    `accept` names; as many of them are added as make no axis worse. Raises InputError where
-    `accept` names what the library does not have.
+    `accept` names; as many of them are added as make no axis worse. without_gain : hypotheses whose
+    addition has been tried, and lowered no error of flights that did not identify; they stay out,
+    suspected at most. Raises InputError where `accept` names what the library does not have.
     """
     accept.check(library)
     database = baseline
@@ -114,7 +118,8 @@ def run_loop(
         suspected = by_manoeuvres(source, traced, library, database)
         if suspected:
             traced, by_manoeuvre = with_few_flight_findings(traced, suspected), True
-        have = {finding.hypothesis for finding in added} | withheld
+        traced = replace(traced, findings=_only_with_gain(traced.findings, without_gain))
+        have = {finding.hypothesis for finding in added} | withheld | without_gain
         have |= (
             {h.id for h in library.hypotheses if h.effect == EFFECT} if database.states else set()
         )
@@ -147,6 +152,13 @@ def run_loop(
             " axis worse"
         )
         remarks += (f"Not added although found: {', '.join(sorted(withheld))}; {why}.",)
+    if without_gain:
+        remarks += (
+            (
+                f"Not added although found: {', '.join(sorted(without_gain))}; with it the error of"
+                " flights that did not identify falls by less than 1 %."
+            ),
+        )
     if linear_beside:
         remarks += (
             (
@@ -164,6 +176,7 @@ def run_loop(
         rounds,
         remarks,
         by_manoeuvre,
+        without_gain,
     )
 
 
@@ -210,6 +223,19 @@ def only_what_was_frozen(
         _late(f) if is_late else f for f, is_late in zip(traced.findings, late, strict=True)
     )
     return replace(traced, findings=findings), (remark,)
+
+
+def _only_with_gain(
+    findings: Sequence[Finding], without_gain: frozenset[str]
+) -> tuple[Finding, ...]:
+    """Downgrade confirmed findings whose addition lowered no error of other flights."""
+    because = "but its addition lowers the error of flights that did not identify by less than 1 %"
+    return tuple(
+        replace(each, verdict="suspected", because=f"{each.because}; {because}")
+        if each.hypothesis in without_gain and each.verdict == "confirmed"
+        else each
+        for each in findings
+    )
 
 
 def _late(finding: Finding) -> Finding:

@@ -1,8 +1,11 @@
 """Validation of a loop: error before and after on flights, or parts of flights, that did not
 identify."""
 
+from collections.abc import Sequence
+
 from aerodb.coefficients import Comparison
 from aerodb.increments import (
+    UNCHANGED,
     AxisValidation,
     HoldOut,
     validate_by_leaving_one_out,
@@ -42,7 +45,27 @@ def validate_loop(
 
     def without(left_out: str) -> Comparison:
         others = tuple(flight for flight in hold_out.identified if flight != left_out)
-        again = run_loop(source, others, loop.baseline, library, accept)
+        again = run_loop(source, others, loop.baseline, library, accept, loop.without_gain)
         return source.comparison(left_out, again.candidate)[1]
 
     return validate_by_leaving_one_out(before, after, without)
+
+
+def without_gain(loop: LoopResult, proof: Sequence[AxisValidation]) -> frozenset[str]:
+    """Return the confirmed findings that were added and lower the error of no axis materially.
+
+    Errors are those on flights that did not identify. A finding gains with any of its axes, an axis
+    by more than the fraction `increments.UNCHANGED` of its rms error; one whose axes nothing
+    validates is not judged.
+    """
+    ratios = {
+        entry.axis: entry.held_out_rms_after / entry.held_out_rms_before
+        for entry in proof
+        if entry.held_out_rms_after is not None and entry.held_out_rms_before
+    }
+    judged = {
+        finding.hypothesis: [ratios[axis] for axis in finding.axis if axis in ratios]
+        for finding in loop.added
+        if finding.verdict == "confirmed"
+    }
+    return frozenset(id for id, falls in judged.items() if falls and min(falls) > 1.0 - UNCHANGED)

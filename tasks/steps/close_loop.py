@@ -10,14 +10,23 @@ from aerodb.tracing import UnexplainedResidual
 
 
 def run_loop(
-    plan: Plan, library: Library, *, workspace: str, run: str, accept: Accept
+    plan: Plan,
+    library: Library,
+    *,
+    workspace: str,
+    run: str,
+    accept: Accept,
+    without_gain: frozenset[str] = frozenset(),
 ) -> LoopResult:
-    """Run the closed loop on the plan's identification flights."""
+    """Run the closed loop on the plan's identification flights.
+
+    without_gain : hypotheses that stay out, because their addition proved no gain.
+    """
     source, baseline = (
         flights_of(workspace, plan.vehicle, run),
         access_workspace(workspace).database(plan.baseline),
     )
-    return run_rounds(source, plan.hold_out.identified, baseline, library, accept)
+    return run_rounds(source, plan.hold_out.identified, baseline, library, accept, without_gain)
 
 
 def prove_loop(

@@ -24,6 +24,7 @@ from aerodb.loop import (
     freeze_library,
     run_loop,
     validate_loop,
+    without_gain,
 )
 from aerodb.tables.database import AeroDatabase
 from aerodb.tracing.evidence.normal_equations import NormalEquations, normal_equations_of
@@ -158,6 +159,28 @@ def test_what_joined_the_library_after_a_look_is_suspected_at_most(source: Fligh
     found = {finding.hypothesis: finding for finding in loop.findings}
     assert found["pitch_damping@Cm"].verdict == "suspected"
     assert "joined the library" in found["pitch_damping@Cm"].because
+
+
+def test_what_lowers_no_error_of_flights_left_out_stays_out(source: FlightsInMemory) -> None:
+    """The proof is as it was, and then as if the finding had gained half a percent."""
+    split = hold_out(source)
+    library, loop = closed(source, split.identified, database())
+    proof = validate_loop(source, split, library, loop, Accept())
+    assert without_gain(loop, proof) == frozenset()
+    idle = tuple(
+        replace(entry, held_out_rms_after=0.995 * (entry.held_out_rms_before or 0.0))
+        for entry in proof
+    )
+    assert without_gain(loop, idle) == {"pitch_damping@Cm"}
+    again = run_loop(
+        source, split.identified, database(), library, Accept(), without_gain(loop, idle)
+    )
+    assert again.added == ()
+    assert again.candidate is again.baseline
+    (finding,) = [f for f in again.findings if f.hypothesis == "pitch_damping@Cm"]
+    assert finding.verdict == "suspected"
+    assert "by less than 1 %" in finding.because
+    assert any("Not added although found: pitch_damping@Cm" in text for text in again.remarks)
 
 
 def test_a_name_that_the_library_does_not_have_is_refused(source: FlightsInMemory) -> None:
