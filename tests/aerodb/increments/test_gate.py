@@ -130,7 +130,7 @@ def test_the_excess_error_must_fall_over_all_axes_in_units_of_their_noise(
     just, beyond = most * 0.999, most * 1.001
     assert judged(baseline, report=axes(Cm={"excess_after": just})).passed
     (reason,) = judged(baseline, report=axes(Cm={"excess_after": beyond})).reasons
-    assert "Cm 0.01 to 0.05" in reason
+    assert "Cm 0.01 to 0.0495" in reason
     (reason,) = judged(baseline, report=axes(CZ={"excess_after": 0.05})).reasons
     assert "goes from" in reason
     unproved = {
