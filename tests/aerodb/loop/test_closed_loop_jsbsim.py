@@ -139,8 +139,8 @@ def test_a_shape_is_made_finer_where_it_is_wrong_only() -> None:
 #: Noise that no vehicle file declares: channel -> one sigma and correlation time [s]. The first is
 #: in the suite.
 UNDECLARED: Mapping[str, Mapping[str, tuple[float, float]]] = {
-    "alpha .43 deg": {"alpha": (5.0 * NOISE["alpha"], 0.5)},
     "alpha .3 deg": {"alpha": (0.3 * DEGREE, 0.5)},
+    "alpha .43 deg": {"alpha": (5.0 * NOISE["alpha"], 0.5)},
     "alpha .1 deg": {"alpha": (0.1 * DEGREE, 1.0)},
     "beta .3 deg": {"beta": (0.3 * DEGREE, 0.5)},
     "rates": {name: (5.0 * NOISE[name], 0.5) for name in ("p", "q", "r")},
