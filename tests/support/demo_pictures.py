@@ -16,7 +16,7 @@ from aerodb.tasks.workspace_access import access_workspace
 #: File -> how the text of the picture in the report begins.
 PICTURES: Final = {
     "errors.svg": "Error per axis",
-    "votes.svg": "Votes of",
+    "votes.svg": "Estimates of",
     "residuals.svg": "Flight minus model",
     "slices.svg": "Slices through",
 }
