@@ -28,9 +28,10 @@ def noise_beyond_declaration(
     paths : reconstructed records of a flight. sensors : of the vehicle file, by channel.
     moving_air : whether the residuals of the air data are gusts; these channels are then left out.
     """
+    shown = [residuals_as_angles(path).residuals for path in paths]
     sentences = []
     for name, sensor in sensors.items():
-        residuals = [] if moving_air and name in AIR_DATA else _residuals(paths, name)
+        residuals = [] if moving_air and name in AIR_DATA else _residuals(shown, name)
         if sensor.noise <= 0.0 or not residuals:
             continue
         size = float(np.sqrt(np.mean([np.var(values) for values in residuals])))
@@ -44,8 +45,8 @@ def noise_beyond_declaration(
     return tuple(sentences)
 
 
-def _residuals(paths: Sequence[ReconstructedPath], name: str) -> list[Array]:
-    found = [residuals_as_angles(path).residuals.get(name) for path in paths]
+def _residuals(shown: Sequence[Mapping[str, Array]], name: str) -> list[Array]:
+    found = [residuals.get(name) for residuals in shown]
     finite = [values[np.isfinite(values)] for values in found if values is not None]
     return [values for values in finite if len(values) >= _FEWEST]
 

@@ -33,6 +33,8 @@ from aerodb.tracing import (
 
 #: The loop ends after this many rounds whatever it still finds.
 MOST_ROUNDS = 4
+#: Why a hypothesis that residuals may have suggested is suspected at most.
+_LATE = "it joined the library after these flights had been looked at"
 #: Axes on which a stall acts.
 _PITCH = frozenset({"CX", "CZ", "Cm"})
 
@@ -220,7 +222,8 @@ def only_what_was_frozen(
     )
     late = [f.hypothesis not in known and f.verdict == "confirmed" for f in traced.findings]
     findings = tuple(
-        _late(f) if is_late else f for f, is_late in zip(traced.findings, late, strict=True)
+        _only_suspected(f, _LATE) if is_late else f
+        for f, is_late in zip(traced.findings, late, strict=True)
     )
     return replace(traced, findings=findings), (remark,)
 
@@ -229,18 +232,17 @@ def _only_with_gain(
     findings: Sequence[Finding], without_gain: frozenset[str]
 ) -> tuple[Finding, ...]:
     """Downgrade confirmed findings whose addition lowered no error of other flights."""
-    because = "but its addition lowers the error of flights that did not identify by less than 1 %"
+    because = "its addition lowers the error of flights that did not identify by less than 1 %"
     return tuple(
-        replace(each, verdict="suspected", because=f"{each.because}; {because}")
+        _only_suspected(each, because)
         if each.hypothesis in without_gain and each.verdict == "confirmed"
         else each
         for each in findings
     )
 
 
-def _late(finding: Finding) -> Finding:
-    because = f"{finding.because}; but it joined the library after these flights had been looked at"
-    return replace(finding, verdict="suspected", because=because)
+def _only_suspected(finding: Finding, but: str) -> Finding:
+    return replace(finding, verdict="suspected", because=f"{finding.because}; but {but}")
 
 
 def _with_linear_terms(

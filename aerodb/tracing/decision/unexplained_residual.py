@@ -33,6 +33,8 @@ _RIDGES = (1e-3, 1e-2, 1e-1, 1.0)
 _GROUPS = 5
 #: Part of the largest singular value below which a direction of the sensors' columns is rounding.
 _RANK = 1e-6
+#: Part of the largest variance within flights below which a feature's is rounding.
+_STANDS = 1e-12
 #: A variable matters if the model without it loses this part of the skill.
 _MATTERS = 0.2
 
@@ -255,15 +257,20 @@ class _Problem:
         ``1 / inflation_limit`` of their variance: what is left of those is noise, and the residual
         shares it.
         """
-        size = np.sqrt(np.maximum(np.diagonal(self.before), 1e-300))
-        before = self.before / np.outer(size, size)
-        power, direction = eigh(before)
-        rank = power > _RANK * power[-1]
-        basis = direction[:, rank] / np.sqrt(power[rank])
-        share, mixed = eigh(basis.T @ (self.square.sum(axis=0) / np.outer(size, size)) @ basis)
-        explained = basis @ mixed[:, share * self.inflation_limit < 1.0]
-        keep = np.eye(len(size)) - explained @ (explained.T @ before)
-        keep = keep * size / size[:, None]
+        variance = np.diagonal(self.before)
+        # a feature that is constant within every flight has only rounding left
+        moving = np.flatnonzero(variance > _STANDS * variance.max())
+        keep = np.eye(len(variance))
+        if len(moving):
+            size = np.sqrt(variance[moving])
+            scale, chosen = np.outer(size, size), np.ix_(moving, moving)
+            before = self.before[chosen] / scale
+            power, direction = eigh(before)
+            rank = power > _RANK * power[-1]
+            basis = direction[:, rank] / np.sqrt(power[rank])
+            share, mixed = eigh(basis.T @ (self.square.sum(axis=0)[chosen] / scale) @ basis)
+            explained = basis @ mixed[:, share * self.inflation_limit < 1.0]
+            keep[chosen] -= explained @ (explained.T @ before) * size / size[:, None]
         return np.asarray(keep.T @ self.square @ keep), np.asarray(self.right @ keep)
 
 

@@ -235,6 +235,17 @@ def test_what_no_template_fits_is_unnamed_with_its_variables() -> None:
     assert cz.variables == ()
 
 
+def test_a_variable_that_stands_in_every_flight_hides_nothing() -> None:
+    """The mass differs between flights, and is constant in each."""
+    given = [
+        replace(flight, variables={**flight.variables, "mass": np.full(1500, 1000.0 + number)})
+        for number, flight in enumerate(left(6, 0.3))
+    ]
+    cx, cz = unexplained_by_axis(given, SETTINGS)
+    assert (cx.found, cz.found) == (True, False)
+    assert {"u", "v"} <= set(cx.variables)
+
+
 def test_noise_that_a_variable_shares_with_the_residual_is_not_unnamed() -> None:
     """A sensor's column is a variable without its noise, and the residual holds that noise: of the
     variable nothing but the noise is left beside the sensor."""
