@@ -314,6 +314,16 @@ def mass_channels(flight: Flight, vehicle: Vehicle) -> Mapping[str, Array]:
     }
 
 
+def with_mass_channels(flight: Flight, vehicle: Vehicle) -> Flight:
+    """Return the flight with mass [kg], CG [m] and inertia [kg m2] of the vehicle file where it has
+    no such channels: a database may depend on them.
+
+    Raises InputError as `mass_channels` does.
+    """
+    properties = mass_channels(flight, vehicle)
+    return flight.with_channels({k: v for k, v in properties.items() if k not in flight})
+
+
 def cg_positions(flight: Flight, vehicle: Vehicle) -> Array:
     """Return the CG position at each sample, (n, 3) [m] in body axes from the datum.
 

@@ -16,12 +16,12 @@ from aerodb.tasks.memory_cache import cached, file_key
 from aerodb.tasks.steps.consistency import load_consistent
 from aerodb.tasks.stored_steps import StoredResult
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
-from aerodb.vehicle import Vehicle, cg_positions
+from aerodb.vehicle import Vehicle, cg_positions, with_mass_channels
 
 
 @dataclass(frozen=True)
 class FlightCoefficients:
-    """A consistent flight, its total coefficients, and their key."""
+    """A consistent flight with its mass properties, its total coefficients, and their key."""
 
     flight: Flight
     coefficients: Coefficients
@@ -67,10 +67,10 @@ def load_coefficients(access: WorkspaceAccess, row: FlightRow, run: str) -> Flig
         coefficients = cached(
             file_key(path, consistent.key), lambda: _stored(path, flight, vehicle)
         )
-        return FlightCoefficients(flight, coefficients, result.key)
+        return FlightCoefficients(with_mass_channels(flight, vehicle), coefficients, result.key)
     coefficients = total_coefficients(flight, vehicle)
     result.keep(run, lambda path: _write(path, coefficients, settings))
-    return FlightCoefficients(flight, coefficients, result.key)
+    return FlightCoefficients(with_mass_channels(flight, vehicle), coefficients, result.key)
 
 
 def _stored(path: Path, flight: Flight, vehicle: Vehicle) -> Coefficients:

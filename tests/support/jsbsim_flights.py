@@ -81,6 +81,7 @@ _MEANING = {
     "phi": ("attitude/phi-rad", 1.0),
     "theta": ("attitude/theta-rad", 1.0),
     "calibrated_airspeed": ("velocities/vc-fps", FOOT),
+    "mass": ("inertia/mass-slugs", POUND / FOOT),
     "cg_x": ("inertia/cg-x-in", -INCH),
     "cg_y": ("inertia/cg-y-in", INCH),
     "cg_z": ("inertia/cg-z-in", -INCH),

@@ -15,6 +15,8 @@ INCH: Final = 0.0254  # m, exact
 POUND_FORCE: Final = 4.4482216152605  # N, exact
 PSF: Final = POUND_FORCE / FOOT**2  # Pa
 SLUG_PER_FT3: Final = POUND_FORCE / FOOT**4  # kg/m3: a slug is 1 lbf s2/ft
+SLUG: Final = POUND_FORCE / FOOT  # kg
+POUNDS_PER_SLUG: Final = 32.174049  # weight in JSBSim, wherever it is
 KNOT: Final = 1852.0 / 3600.0  # m/s, exact
 DEGREES: Final = 180.0 / math.pi
 
@@ -73,6 +75,8 @@ PROPERTIES: Final[dict[str, str]] = {
         f"inertia/cg-{axis}-in": f"{sign}cg_{axis}/{INCH!r}"
         for axis, sign in (("x", "-"), ("y", ""), ("z", "-"))
     },
+    "inertia/mass-slugs": f"mass/{SLUG!r}",
+    "inertia/weight-lbs": f"mass*{POUNDS_PER_SLUG!r}/{SLUG!r}",
     "position/h-sl-ft": f"altitude/{FOOT!r}",
     "position/h-agl-ft": f"height_above_ground/{FOOT!r}",
     "gear/gear-pos-norm": "delta_landing_gear",
