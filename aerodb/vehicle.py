@@ -16,10 +16,13 @@ from pydantic import Field, model_validator
 from aerodb.errors import InputError, UnknownNameError, nearest
 from aerodb.five_hole import FiveHole
 from aerodb.flight import Flight
-from aerodb.nomenclature import channel
+from aerodb.nomenclature import channel, is_surface
 from aerodb.quantities import Inertia, Kilograms, Metres, Number, Point, Radians, Seconds, in_unit
 from aerodb.support import Array, Strict, validated_toml
 from aerodb.units import quantity
+
+#: What `[measured]` can state beside deflections.
+_MEASURABLE = ("mass", "cg_x", "cg_y", "cg_z", "Ixx", "Iyy", "Izz", "Ixz", "thrust")
 
 
 class Reference(Strict):
@@ -160,6 +163,17 @@ class Sensor(Strict):
     delay_prior: Seconds = 0.0
 
 
+class Measured(Strict):
+    """How well a mass property, the thrust or a deflection was measured outside flight.
+
+    sigma : one standard deviation, of cg_x, cg_y and cg_z in m, of all others as a share. by : how
+    and when, for reports.
+    """
+
+    sigma: Annotated[float, Field(gt=0)]
+    by: str = ""
+
+
 class Accuracy(Strict):
     """Limits of the consistency verdict.
 
@@ -201,6 +215,7 @@ class Vehicle(Strict):
     processing: Processing = Processing()
     air_data: AirData = AirData()
     configuration: dict[str, Number] = {}
+    measured: dict[str, Measured] = {}
 
     @model_validator(mode="before")
     @classmethod
@@ -217,7 +232,16 @@ class Vehicle(Strict):
         configuration = data.get("configuration", {})
         if isinstance(configuration, dict):
             configuration = {name: _converted(name, value) for name, value in configuration.items()}
-        return {**data, "sensors": sensors, "configuration": configuration}
+        measured = data.get("measured", {})
+        if isinstance(measured, dict):
+            measured = {
+                name: {**entry, "sigma": _sigma_of(name, entry["sigma"])}
+                if isinstance(entry, dict) and "sigma" in entry
+                else entry
+                for name, entry in measured.items()
+            }
+        made = {"sensors": sensors, "configuration": configuration, "measured": measured}
+        return {**data, **{name: made[name] for name in made if name in data}}
 
     @model_validator(mode="after")
     def _names(self) -> Self:
@@ -228,7 +252,13 @@ class Vehicle(Strict):
                         f"combination uses surface '{side}', which is not declared;"
                         f" {nearest(side, self.surfaces)}"
                     )
-        for name in (*self.configuration, *self.sensors):
+        for name in self.measured:
+            if name not in _MEASURABLE and not is_surface(name):
+                raise ValueError(
+                    f"'{name}' in [measured] is no mass property, thrust or deflection;"
+                    f" {nearest(name, _MEASURABLE)}"
+                )
+        for name in (*self.configuration, *self.sensors, *self.measured):
             try:
                 channel(name)
             except UnknownNameError as error:
@@ -241,6 +271,11 @@ def _converted(name: str, value: Any) -> Any:
         return quantity(value, channel(name).unit) if isinstance(value, str) else value
     except UnknownNameError:
         return value  # `_names` refuses the unknown name later, with the nearest known one
+
+
+def _sigma_of(name: str, value: Any) -> Any:
+    unit = "m" if name.startswith("cg_") else ""
+    return quantity(value, unit) if isinstance(value, str) else value
 
 
 def _in_unit_of(name: str, entry: dict[str, Any]) -> dict[str, Any]:
@@ -391,6 +426,11 @@ source = "unknown"     # "none" for a glider, "channel" if thrust is logged
 
 # [processing]
 # bandwidth = "5 Hz"   # of differentiated rates: about five times the short-period frequency
+
+# [measured]           # what was measured outside flight: one sigma, in m for the CG, else a share.
+# mass = {sigma = "0.2 %", by = "scales, 2026-03-01"}   # Tracing blames no error beyond three sigma
+# cg_x = {sigma = "3 mm", by = "weighed"}               # on it.
+# delta_elevator = {sigma = "0.5 %", by = "rig"}        # scale of the deflection
 
 # [configuration]      # channels that are not logged and were constant
 # delta_flap = 0.0

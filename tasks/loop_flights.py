@@ -18,6 +18,7 @@ from aerodb.tasks.steps import (
     load_consistent,
     noise_of,
     reconstructed_angles,
+    remaining_errors,
     segments_of,
 )
 from aerodb.tasks.stored_steps import StoredResult
@@ -58,6 +59,7 @@ class StoredFlights:
             noise=noise_of(document),
             angles=reconstructed_angles(document),
             errors=errors,
+            known=remaining_errors(document),
             applied=tuple(applied_errors(document)),
             calibrated=bool(document.get("calibration")),
         )

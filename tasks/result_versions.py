@@ -9,13 +9,13 @@ from typing import Final
 RESULT_VERSION: Final[dict[str, int]] = {
     "ingest": 3,
     "conditioning": 1,
-    "consistency": 3,
+    "consistency": 4,
     "coefficients": 2,
     "compare": 1,
     "import": 1,
     "update": 4,
     "gram": 7,
-    "close_loop": 7,
+    "close_loop": 8,
 }
 
 #: Names of versions that the product itself moves.

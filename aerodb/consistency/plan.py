@@ -39,6 +39,8 @@ class Plan:
     not_estimated : what could not be estimated and why, in sentences.
     moving_air : whether parameters were left out because the air moved.
     noise_floor : channel -> smallest credible noise (one sigma), SI.
+    removed : parameter that was estimated and removed as insignificant -> its estimate and
+        standard error before, SI.
     """
 
     free: tuple[str, ...]
@@ -47,6 +49,7 @@ class Plan:
     not_estimated: tuple[str, ...]
     moving_air: bool = False
     noise_floor: Mapping[str, float] = field(default_factory=dict)
+    removed: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
     def priors(self) -> dict[str, float]:

@@ -167,6 +167,10 @@ def _document(
         "used": {name: source.text for name, source in corrected.used.items()},
         "estimates": [_estimate(entry, values) for entry in shown],
         "not_estimated": list(plan.not_estimated),
+        "removed": [
+            {"parameter": name, "value": value, "standard_error": error}
+            for name, (value, error) in plan.removed.items()
+        ],
         "converged": result.converged,
         "iterations": result.iterations,
         "records": len(result.paths),

@@ -20,23 +20,18 @@ class Reconstruction:
 
     noise : spectrum of the errors of its states, None where nothing was reconstructed. angles :
     flow angles (``alpha``, ``beta``) that no sensor measured and that come from the motion. errors
-    : sensor parameter -> standard error (SI) of all that was estimated; applied : those of them
-    that were subtracted from the channels. calibrated : whether its sensors were corrected by a
-    calibration, which other flights share.
+    : sensor parameter -> standard error (SI) of all that was estimated; known : the error that the
+    channels still have and its standard error, also of what was estimated and found insignificant;
+    applied : those of `errors` that were subtracted from the channels. calibrated : whether its
+    sensors were corrected by a calibration, which other flights share.
     """
 
     noise: StateNoise | None = None
     angles: frozenset[str] = frozenset()
     errors: Mapping[str, float] = field(default_factory=dict)
+    known: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     applied: tuple[str, ...] = ()
     calibrated: bool = False
-
-    @property
-    def applied_errors(self) -> dict[str, float]:
-        """Parameter -> standard error (SI) of every sensor error that was subtracted from the
-        channels.
-        """
-        return {name: self.errors[name] for name in self.applied}
 
 
 class FlightSource(Protocol):

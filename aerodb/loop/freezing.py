@@ -68,8 +68,9 @@ def freeze_library(
         hypotheses = with_loops(
             with_laws(hypotheses, laws, database, vehicle), loops, database, vehicle
         )
-    if "alpha" in reconstructed:
-        hypotheses = within_reconstruction_accuracy(
-            hypotheses, [each.applied_errors for each in reconstructions]
-        )
+    hypotheses = within_reconstruction_accuracy(
+        hypotheses,
+        [each.known for each in reconstructions],
+        independent=not any(each.calibrated for each in reconstructions),
+    )
     return Library(hypotheses, settings, sha256, laws, loops, reconstructed)

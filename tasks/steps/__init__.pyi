@@ -9,6 +9,7 @@ from .consistency import (
     load_consistent,
     noise_of,
     reconstructed_angles,
+    remaining_errors,
 )
 from .counting import repeat_documents, repeating
 from .export import FORMS, export_version
@@ -68,6 +69,7 @@ __all__ = [
     "publish_loop",
     "reconstruct",
     "reconstructed_angles",
+    "remaining_errors",
     "repeat_documents",
     "repeating",
     "roll_back",

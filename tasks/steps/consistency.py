@@ -144,6 +144,19 @@ def applied_errors(document: Mapping[str, Any]) -> dict[str, float]:
     }
 
 
+def remaining_errors(document: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
+    """Return parameter -> error that the channels still have and its standard error [SI], of all
+    sensor parameters that reconstruction estimated, from a stored document.
+
+    Nothing is left of a correction but its standard error.
+    """
+    estimated = [e for e in document.get("estimates", ()) if e["stretch"] is None]
+    return {
+        e["parameter"]: (0.0 if e.get("applied") else e["value"], e["standard_error"])
+        for e in (*document.get("removed", ()), *estimated)
+    }
+
+
 def noise_of(document: Mapping[str, Any]) -> StateNoise | None:
     """Return the error spectrum of a consistent flight's channels, from its stored document.
 

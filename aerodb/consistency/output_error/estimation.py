@@ -129,12 +129,14 @@ def estimate_sensors(
     if moving_air(result.paths).matters:
         plan = plan.in_moving_air().with_noise_floor(independent_noise(result.paths))
         result = solve(records, plan)
+    tested = with_vehicle_priors(shared_estimates(result), plan.stated_priors).by_name
     for _ in range(_ROUNDS):
         kept = plan.only(significant_parameters(result, plan, accuracy))
         if kept.free == plan.free:
             break
         plan, result = kept, solve(records, kept)
-    return result, plan
+    removed = {name: known for name, known in tested.items() if name not in plan.free}
+    return result, replace(plan, removed=removed)
 
 
 @dataclass(frozen=True)

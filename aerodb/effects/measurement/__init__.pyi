@@ -1,10 +1,7 @@
 from .angle_errors import alpha_consider_parameters, with_attenuation
 from .constant_errors import sensor_consider_parameters
-from .reconstructed_angles import (
-    hypotheses_for_flight,
-    with_reconstructed_angles,
-    within_reconstruction_accuracy,
-)
+from .reconstructed_angles import hypotheses_for_flight, with_reconstructed_angles
+from .remaining_errors import within_reconstruction_accuracy
 
 __all__ = [
     "alpha_consider_parameters",

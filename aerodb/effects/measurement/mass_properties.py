@@ -73,6 +73,7 @@ def _mass(context: LibraryContext) -> list[Hypothesis]:
             formula="(C*qbar*S + T)/(qbar*S), and its moment about the moment reference",
             needs=("qbar",),
             source=SOURCE,
+            measured=("mass",),
         )
     ]
 
@@ -93,6 +94,7 @@ def _centre_of_gravity(context: LibraryContext) -> list[Hypothesis]:
             needs=("p", "q", "r", "qbar"),
             source=SOURCE,
             subject=axis,
+            measured=(f"cg_{axis}",),
         )
         for axis in "xyz"
     ]
@@ -113,6 +115,7 @@ def _inertia(context: LibraryContext) -> list[Hypothesis]:
             needs=("p", "q", "r", "qbar"),
             source=SOURCE,
             subject=name,
+            measured=(name,),
         )
         for name in INERTIAS
     ]
@@ -134,6 +137,7 @@ def _thrust(context: LibraryContext) -> list[Hypothesis]:
             formula="-T/(qbar*S), and its moment",
             needs=("thrust", "qbar"),
             source=SOURCE,
+            measured=("thrust",),
         )
     ]
 

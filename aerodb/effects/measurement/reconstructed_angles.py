@@ -4,26 +4,22 @@ Without a vane, no vane bias or delay exists. The reconstructed angle can still 
 error (wind), a proportional one (airspeed, unseen gusts) or a delay (velocity over ground), so it
 has hypotheses under its own name. It is computed from the accelerations whose residuals tracing
 explains: the alpha of a trimmed flight varies as 1/qbar, like the effect of an accelerometer bias.
-But reconstruction has compared the accelerations with the velocity over ground, so a bias far
-beyond the standard error of its correction is not believable (docs/method/tracing.md, section 18).
+`remaining_errors` bounds such a bias (docs/method/tracing.md, section 18).
 """
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable
 from dataclasses import replace
 from typing import Final
 
 from aerodb.effects.hypothesis import Hypothesis
 from aerodb.effects.measurement.sensor_flow_angles import WORDS
 
-#: Largest believable remainder of a bias corrected by reconstruction, in standard errors.
-BELIEVED = 3.0
 _SAYS: Final = {
     "bias": "is off by a constant",
     "scale": "is off in proportion",
     "delay": "is late or early",
 }
 _OF_PROBE: Final = "air_data_position"
-_INERTIAL: Final = ("accelerometer_bias", "gyro_bias")
 
 
 def with_reconstructed_angles(
@@ -69,29 +65,3 @@ def hypotheses_for_flight(
     left_out |= {f"reconstructed_{angle}" for angle in WORDS if angle not in reconstructed}
     left_out |= {_OF_PROBE} if set(WORDS) <= set(reconstructed) else set()
     return tuple(hypothesis for hypothesis in hypotheses if hypothesis.effect not in left_out)
-
-
-def within_reconstruction_accuracy(
-    hypotheses: Iterable[Hypothesis], known: Sequence[Mapping[str, float]]
-) -> tuple[Hypothesis, ...]:
-    """Narrow the plausible ranges of inertial biases to the accuracy of reconstruction.
-
-    known : per flight, ``<channel>_bias`` -> standard error (SI) of the correction. The least
-    certain flight counts.
-    """
-    common = set[str]().union(*known).intersection(*known)
-    largest = {name: BELIEVED * max(flight[name] for flight in known) for name in common}
-    return tuple(
-        _narrowed(hypothesis, largest.get(hypothesis.parameter)) for hypothesis in hypotheses
-    )
-
-
-def _narrowed(hypothesis: Hypothesis, size: float | None) -> Hypothesis:
-    if size is None or hypothesis.effect not in _INERTIAL:
-        return hypothesis
-    low, high = hypothesis.plausible
-    return replace(
-        hypothesis,
-        plausible=(max(low, -size), min(high, size)),
-        known_by="the flight-path reconstruction",
-    )

@@ -6,7 +6,7 @@ model. Where the measurement itself would appear (a mass error scales it), the p
 model takes its place.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import reduce
 
 import numpy as np
@@ -17,6 +17,9 @@ from aerodb.effects.hypothesis import Columns, Hypothesis
 from aerodb.effects.template import LibraryContext
 from aerodb.nomenclature import AXES
 from aerodb.support import Array
+
+#: Largest believable error of what was measured or reconstructed, in standard deviations.
+BELIEVED = 3.0
 
 
 def sensor(
@@ -34,9 +37,22 @@ def sensor(
     source: str,
     subject: str = "",
     declared: float = 0.0,
+    measured: Sequence[str] = (),
 ) -> Hypothesis:
     """A sensor hypothesis; its sigma is the context's prior for `parameter`, else `declared`, else
-    `natural`."""
+    `natural`.
+
+    measured : channels whose size the parameter is an error of. Where the vehicle file states for
+    all of them how well they were measured, that is the sigma, and three times it the believable
+    range.
+    """
+    known_by = ""
+    stated = [context.vehicle.measured.get(name) for name in measured]
+    if stated and all(stated):
+        largest = max((each for each in stated if each), key=lambda each: each.sigma)
+        declared, known_by = largest.sigma, largest.by or "the vehicle file"
+        least, most = plausible
+        plausible = (max(least, -BELIEVED * declared), min(most, BELIEVED * declared))
     return Hypothesis(
         effect=effect,
         axes=AXES,
@@ -51,6 +67,7 @@ def sensor(
         formula=formula,
         needs=needs,
         source=source,
+        known_by=known_by,
     )
 
 

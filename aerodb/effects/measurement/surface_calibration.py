@@ -60,9 +60,11 @@ def _scale(context: LibraryContext) -> list[Hypothesis]:
         pair_name(*sides): tuple(s.channel for s in surfaces)
         for sides, surfaces in pairs(context).items()
     }
-    groups |= {
-        surface.name: (surface.channel,) for surface in context.surfaces if not surface.right
+    single = {surface.name: (surface.channel,) for surface in context.surfaces if not surface.right}
+    measured = single | {
+        pair_name(*sides): tuple(f"delta_{side}" for side in sides) for sides in pairs(context)
     }
+    groups |= single
     return [
         sensor(
             context,
@@ -80,6 +82,7 @@ def _scale(context: LibraryContext) -> list[Hypothesis]:
             needs=channels,
             source=SOURCE,
             subject=name,
+            measured=measured[name],
         )
         for name, channels in sorted(groups.items())
         if not name.endswith("gear")
