@@ -106,6 +106,7 @@ def _gate(access: WorkspaceAccess, row: VersionRow, released: NameEvent | None) 
         candidate,
         cases,
         documents.report.get("axes", {}),
+        within_flights=documents.report.get("validation", {}).get("within_flights", False),
     )
     return Verdict((*verdict.checks, *_enough_flights(access, row)))
 

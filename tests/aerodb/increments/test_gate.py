@@ -145,6 +145,15 @@ def test_the_excess_error_must_fall_over_all_axes_in_units_of_their_noise(
     assert not judged(baseline, report={}).passed
 
 
+def test_parts_of_the_flights_that_identified_are_no_proof(baseline: AeroDatabase) -> None:
+    candidate = updated(baseline, increment("CZ", {"1": -0.02, "alpha": -0.5}))
+    cases = make_check_cases(candidate)
+    verdict = judge_release(STANDING, baseline, candidate, cases, axes(), within_flights=True)
+    (failed,) = [entry for entry in verdict.checks if not entry.passed]
+    assert failed.name == "excess held-out error falls"
+    assert "only parts of the flights" in failed.reasons[0]
+
+
 def test_an_axis_may_be_worse_by_what_flights_differ_among_themselves(
     baseline: AeroDatabase,
 ) -> None:
