@@ -1,7 +1,8 @@
 """Error rates of the closed loop over aircraft and instruments, through the commands.
 
 ``python -m tests.campaigns.closed_loop --aircraft 737 --cell declared --flights 3 6 --seed 1``
-appends one line of JSON per run to a file; ``--report`` prints what that file holds.
+appends one line of JSON per run to a file; with ``--planted`` an error is planted in the database.
+``--report`` prints what the files hold.
 """
 
 import argparse
@@ -10,13 +11,14 @@ import shutil
 import tempfile
 import warnings
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from tests.campaigns.fleet import CONDITIONS, airframe
 from tests.campaigns.instruments import CELLS
-from tests.campaigns.runs import judged, looped, prepared, record
+from tests.campaigns.planted import PLANTED, NotThere, Planted, lacks, measured_text, true_value
+from tests.campaigns.runs import channels_of, judged, looped, prepared, record
 
 CLASSES = ("confirmed", "aerodynamic", "unnamed", "sensor")
 
@@ -55,6 +57,104 @@ def run_null(
         shutil.rmtree(here)
 
 
+def run_planted(
+    aircraft: str, kinds: Sequence[str], flights: Sequence[int], seed: int, folder: Path
+) -> Iterable[dict[str, Any]]:
+    """The runs with one error planted in the database, all on the same flights, instruments as
+    declared, mass properties and deflections measured to 1 %."""
+    craft = airframe(aircraft)
+    here = Path(tempfile.mkdtemp(prefix=f"{craft.vehicle}-", dir=folder))
+    numbers = [(seed * 5 + k) % 16 for k in range(max(flights))]
+    cell = "declared"
+    more = measured_text(craft)
+    ready = prepared(craft, cell, numbers, seed, here / "all", folder / "flights", more)
+    clean = {
+        str(number): channels_of(craft, number, CELLS[cell], folder / "flights")
+        for number in numbers
+    }
+    for kind in kinds:
+        planted = PLANTED[kind]
+        try:
+            xml, bindings = planted.file(craft), planted.bindings_of(craft)
+        except NotThere:
+            continue
+        wrong = craft.database(xml, bindings)
+        if lacks(craft, wrong, planted.axis, clean[str(numbers[0])]) == 0.0:
+            continue
+        for n in flights:
+            loop = looped(craft, ready, n, here / f"{n}-{kind.replace(' ', '-')}", xml, bindings)
+            line: dict[str, Any] = {
+                "aircraft": aircraft, "planted": kind, "flights": n, "seed": seed,
+                "loop_cpu": round(loop.cpu, 2), "refused": loop.refused, "folder": str(loop.folder),
+            }  # fmt: skip
+            if loop.found is not None:
+                truth = {
+                    finding["hypothesis"]: true_value(
+                        finding["hypothesis"], craft, wrong, clean, CELLS[cell].step
+                    )
+                    for finding in loop.found["findings"]
+                    if planted.names(finding["hypothesis"])
+                }
+                line |= power(loop.found, planted, truth)
+            yield line
+
+
+def power(
+    found: Mapping[str, Any], planted: Planted, truth: Mapping[str, float | None]
+) -> dict[str, Any]:
+    """How one planted error was met: verdicts of what names it, whether it is in a set, whether the
+    interval holds `truth`, the share of the excess held-out error that is gone, what else was
+    claimed."""
+    findings = found["findings"]
+    right = [f for f in findings if planted.names(f["hypothesis"])]
+    others = [f for f in findings if not planted.names(f["hypothesis"], near=True)]
+    members = [name for f in findings for name in (f["hypothesis"], *f["explanation_set"])]
+    axis = found["axes"].get(planted.axis, {})
+    before, after = axis.get("excess_before"), axis.get("excess_after")
+    return {
+        "named": [f["verdict"] for f in right],
+        "in_set": any(planted.names(name, near=True) for name in members),
+        "covered": [
+            f["ci95"][0] <= value <= f["ci95"][1]
+            for f in right
+            if f["ci95"] and (value := truth[f["hypothesis"]]) is not None
+        ],
+        "sizes": [[f["value"], *(f["ci95"] or ()), truth[f["hypothesis"]]] for f in right],
+        "removed": 1.0 - after / before if before else None,
+        "added": found["added"],
+        "others": [[f["verdict"], f["hypothesis"]] for f in others],
+    }
+
+
+def report_power(lines: Sequence[dict[str, Any]]) -> str:
+    """Per planted error: runs, confirmed, named with any verdict, in a set, covered, and the median
+    share of the excess held-out error that is gone where something right was added."""
+    done = [line for line in lines if not line["refused"]]
+    text = [f"{'planted':22} runs conf named inset covered  removed"]
+    for kind in ["", *sorted({line["planted"] for line in done})]:
+        chosen = [line for line in done if not kind or line["planted"] == kind]
+        covered = [hit for line in chosen for hit in line["covered"]]
+        gone = sorted(
+            line["removed"]
+            for line in chosen
+            if line["removed"] is not None and "confirmed" in line["named"]
+        )
+        counts = (
+            len(chosen),
+            sum("confirmed" in line["named"] for line in chosen),
+            sum(bool(line["named"]) for line in chosen),
+            sum(line["in_set"] for line in chosen),
+        )
+        median = f"{gone[len(gone) // 2]:.2f}" if gone else "-"
+        share = f"{sum(covered)}/{len(covered)}"
+        text.append(
+            f"{kind or 'all':22} " + " ".join(f"{k:4}" for k in counts) + f"  {share:>7}  {median}"
+        )
+    others = Counter(f"{v} {h}" for line in done for v, h in line["others"])
+    text.append("beside: " + ", ".join(f"{name} {k}" for name, k in others.most_common(30)))
+    return "\n".join(text)
+
+
 def report(lines: Sequence[dict[str, Any]]) -> str:
     """Counts of wrong claims per cell and pooled, and which they were."""
     done = [line for line in lines if not line["refused"]]
@@ -80,21 +180,33 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--aircraft", nargs="+", default=list(CONDITIONS), choices=[*CONDITIONS])
     parser.add_argument("--cell", nargs="+", default=list(CELLS), choices=[*CELLS])
+    parser.add_argument("--planted", nargs="*", default=[], choices=[*PLANTED])
     parser.add_argument("--flights", nargs="+", type=int, default=[3, 6, 12])
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--folder", type=Path, default=Path("campaign"))
     parser.add_argument("--report", action="store_true")
     chosen = parser.parse_args(arguments)
-    results = chosen.folder / "results.jsonl"
     if not chosen.report:
         warnings.simplefilter("ignore")
         chosen.folder.mkdir(parents=True, exist_ok=True)
-        for cell in chosen.cell:
-            for aircraft in chosen.aircraft:
-                for line in run_null(aircraft, cell, chosen.flights, chosen.seed, chosen.folder):
-                    with results.open("a", encoding="utf-8") as file:
-                        file.write(json.dumps(line) + "\n")
-    print(report([json.loads(line) for line in results.read_text(encoding="utf-8").splitlines()]))
+        for aircraft in chosen.aircraft:
+            common = (chosen.flights, chosen.seed, chosen.folder)
+            if chosen.planted:
+                _append(chosen.folder, "power", run_planted(aircraft, chosen.planted, *common))
+                continue
+            for cell in chosen.cell:
+                _append(chosen.folder, "results", run_null(aircraft, cell, *common))
+    for name, summary in (("results", report), ("power", report_power)):
+        place = chosen.folder / f"{name}.jsonl"
+        if place.exists():
+            lines = place.read_text(encoding="utf-8").splitlines()
+            print(summary([json.loads(line) for line in lines]))
+
+
+def _append(folder: Path, name: str, lines: Iterable[dict[str, Any]]) -> None:
+    for line in lines:
+        with (folder / f"{name}.jsonl").open("a", encoding="utf-8") as file:
+            file.write(json.dumps(line) + "\n")
 
 
 if __name__ == "__main__":

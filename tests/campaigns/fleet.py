@@ -63,13 +63,13 @@ class Airframe:
         """Its name in vehicle files."""
         return self.name.lower()
 
-    def database(self, xml: bytes | None = None) -> AeroDatabase:
-        """Its database, of the text `xml` of a file instead of its own."""
-        return import_jsbsim(
-            aircraft_file(self.name) if xml is None else xml,
-            bindings=self.bindings,
-            name=self.vehicle,
-        )
+    def database(
+        self, xml: bytes | None = None, bindings: Mapping[str, str] | None = None
+    ) -> AeroDatabase:
+        """Its database, of the text `xml` of a file and other bindings instead of its own."""
+        text = aircraft_file(self.name) if xml is None else xml
+        known = self.bindings if bindings is None else bindings
+        return import_jsbsim(text, bindings=known, name=self.vehicle)
 
 
 def trimmed(name: str, altitude: float, knots: float, step: float) -> Any:
@@ -112,7 +112,7 @@ def airframe(name: str) -> Airframe:
     seen = _seen(name, altitude, knots, tuple(places))
     still = {channel for channel, (place, _) in surfaces.items() if np.ptp(seen[place]) == 0.0}
     surfaces = {channel: place for channel, place in surfaces.items() if channel not in still}
-    bindings = {
+    bindings: dict[str, str] = {
         place: repr(float(seen[place][0]))
         for place, text in own.items()
         if any(channel in text for channel in still)
@@ -122,20 +122,17 @@ def airframe(name: str) -> Airframe:
         if np.ptp(values) == 0.0:
             bindings[place] = repr(float(values[0]))
             continue
-        text = next(
-            (
-                made
-                for channel, (base, scale) in surfaces.items()
-                if (made := _in_terms_of(channel, seen[base] * scale, values))
-            ),
-            None,
-        )
-        if text is None:
+        known = [
+            made
+            for channel, (base, scale) in surfaces.items()
+            if (made := _in_terms_of(channel, seen[base] * scale, values))
+        ]
+        if not known:
             channel = _channel_of(place, surfaces)
             sign = -1.0 if "left" in place else 1.0
             surfaces[channel] = (place, sign)
-            text = channel if sign > 0 else f"-{channel}"
-        bindings[place] = text
+            known = [channel if sign > 0 else f"-{channel}"]
+        bindings[place] = known[0]
     direction, point = _thrust_line(name, altitude, knots)
     words = " ".join([*surfaces])
     roles = tuple(

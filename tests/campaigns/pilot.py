@@ -120,7 +120,7 @@ def script(craft: Airframe, number: int) -> Script:
             control: _multisine(size[control], 2 + late, 50.0, start, rng)
             for start, control in enumerate(CONTROLS)
         }
-    moved = {"gear/gear-cmd-norm": nothing}
+    moved: dict[str, Signal] = {"gear/gear-cmd-norm": nothing}
     for role, first, lasting in (("gear", 20, 14.0), ("brake", 38, 7.0), ("flap", 6, 16.0)):
         if role in craft.roles:
             start = first + rng.uniform(-4.0, 6.0)
@@ -242,7 +242,7 @@ class _Pilot:
 
     def moved(self, control: str, wanted: float) -> float:
         """Where the stick is after CONTROL_STEP towards `wanted`."""
-        share = 1.0 - np.exp(-CONTROL_STEP / _ARM)
+        share = 1.0 - float(np.exp(-CONTROL_STEP / _ARM))
         first, second = self.arm.get(control, (0.0, 0.0))
         first += share * (wanted - first)
         second += share * (first - second)

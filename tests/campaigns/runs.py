@@ -14,8 +14,9 @@ from typer.testing import CliRunner
 from aerodb.flows.cli.main import app
 from tests.campaigns.fleet import Airframe, vehicle_text
 from tests.campaigns.instruments import CELLS, Cell, biases_of, noise_of, shown
-from tests.campaigns.pilot import CONTROL_STEP, MARGIN, SECONDS, SETTLING, flown
+from tests.campaigns.pilot import CONTROL_STEP, SECONDS, flown
 from tests.support.command import asked, document
+from tests.support.jsbsim_campaign import MARGIN, SETTLING
 from tests.support.jsbsim_flights import aircraft_file
 from tests.support.small_glider import write_csv
 
@@ -67,7 +68,7 @@ def prepared(
     folder.mkdir(parents=True)
     (folder / "vehicle.toml").write_text(vehicle_text(craft) + more)
     asked(workspace, "vehicle", "add", str(folder / "vehicle.toml"))
-    _import(craft, folder, workspace, aircraft_file(craft.name), {})
+    _import(craft, folder, workspace, aircraft_file(craft.name), craft.bindings)
     key = [seed, zlib.crc32(craft.name.encode()), zlib.crc32(name.encode())]
     biases = biases_of(cell, np.random.default_rng(key))
     flights, verdicts, start = {}, {}, time.process_time()
@@ -101,7 +102,7 @@ def _import(
 ) -> str:
     place = folder / f"database-{zlib.crc32(xml):08x}.xml"
     place.write_bytes(xml)
-    words = [w for k, v in {**craft.bindings, **bindings}.items() for w in ("--bind", f"{k}={v}")]
+    words = [word for name, text in bindings.items() for word in ("--bind", f"{name}={text}")]
     command = ("database", "import", str(place), "--vehicle", craft.vehicle, *words)
     return str(asked(workspace, *command)["version"])
 
