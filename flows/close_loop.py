@@ -12,6 +12,7 @@ from aerodb.tasks.steps import (
     publish_loop,
     run_loop,
     trace_flight,
+    what_differs,
     what_is_left,
     write_update_page,
 )
@@ -68,5 +69,6 @@ def close_loop_flow(
         loop = steps(run_loop, plan, frozen, **where, accept=accept, without_gain=out)
         proof = steps(prove_loop, plan, frozen, loop, **where, accept=accept)
     left = steps(what_is_left, plan, frozen, loop, **where)
-    document = steps(publish_loop, plan, frozen, loop, left, proof, **where, accept=accept)
+    between = steps(what_differs, plan, frozen, loop, **where)
+    document = steps(publish_loop, plan, frozen, loop, left, between, proof, **where, accept=accept)
     return {**document, "page": steps(write_update_page, document, **where)}

@@ -15,7 +15,7 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "import": 1,
     "update": 4,
     "gram": 7,
-    "close_loop": 8,
+    "close_loop": 9,
 }
 
 #: Names of versions that the product itself moves.

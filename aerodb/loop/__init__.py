@@ -11,14 +11,15 @@ The way through, with flights from any `FlightSource` (a store, or memory):
    flights, or parts of flights, that did not identify. `without_gain(loop, validation)` names what
    was added and lowers none of these errors; `run_loop` again leaves it out.
 4. `unexplained_residuals(source, flights, loop.candidate, library)` reports, per axis, what is
-   still predictable and named by no hypothesis.
+   still predictable and named by no hypothesis; `dependences_between_flights` which effects change
+   with the conditions of the flights.
 5. `consider_parameters` and `noisier_flights` give the sensor errors that the reconstruction leaves
    open, for declared increments.
 
 Modules: `flights` (what a source of flights gives), `freezing` and `library`, `evidence` (of one
 flight and a database), `rounds`, `manoeuvre_units` (too few flights), `stall` and `stall_loop`,
-`refit` (gains and shapes once more), `validation` and `within_flight`, `unexplained`, `consider`.
-The method: docs/method/tracing.md, sections 13 to 16.
+`refit` (gains and shapes once more), `validation` and `within_flight`, `unexplained`,
+`between_flights`, `consider`. The method: docs/method/tracing.md, sections 13 to 16 and 25.
 """
 
 import lazy_loader as lazy

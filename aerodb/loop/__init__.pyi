@@ -1,3 +1,4 @@
+from .between_flights import dependences_between_flights
 from .consider import consider_parameters, noisier_flights
 from .evidence import evidence_beside
 from .flights import FlightSource, Reconstruction
@@ -14,6 +15,7 @@ __all__ = [
     "LoopResult",
     "Reconstruction",
     "consider_parameters",
+    "dependences_between_flights",
     "evidence_beside",
     "freeze_library",
     "noisier_flights",

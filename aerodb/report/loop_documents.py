@@ -8,7 +8,7 @@ from typing import Any
 
 from aerodb.increments import AxisValidation, HoldOut
 from aerodb.report.document import axis_document, opening
-from aerodb.tracing import Finding, Traced, UnexplainedResidual
+from aerodb.tracing import Finding, FlightDependence, Traced, UnexplainedResidual
 
 
 def loop_document(
@@ -27,11 +27,13 @@ def loop_document(
     proof: Sequence[AxisValidation],
     remarks: Sequence[str],
     within_flights: bool = False,
+    between: Sequence[FlightDependence] = (),
 ) -> dict[str, Any]:
     """Make the document of a closed loop.
 
     findings : of all rounds. added : those that entered the candidate. traced : the last round,
-    which found nothing more to add. left : the unnamed remainder per axis. within_flights : whether
+    which found nothing more to add. left : the unnamed remainder per axis. between : what
+    changes with the conditions of the flights. within_flights : whether
     parts of flights were predicted from the rest. ``candidate`` is left
     None: who stores the version fills it in.
     """
@@ -59,7 +61,8 @@ def loop_document(
         "not_found": [
             item.document() for item in traced.not_found if item.hypothesis not in standing
         ],
-        "next_flight": list(traced.next_flight),
+        "between_flights": [entry.document() for entry in between],
+        "next_flight": [*traced.next_flight, *(entry.settled_by for entry in between)],
         "remarks": [*remarks, *traced.notes],
     }
 

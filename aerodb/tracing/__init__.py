@@ -25,7 +25,8 @@ docs/method/tracing.md has the method at length; its section numbers stand in br
 8. Too few flights: `units` cuts them into manoeuvres (`SamplingUnit`), `few_flight_findings` fits
    these jointly (`joint_fit`); nothing found so is more than suspected [16].
 9. With a candidate database: `refine` fits gains and shapes once more, `unexplained_by_axis` asks
-   whether anything in the state still predicts the residual [14].
+   whether anything in the state still predicts the residual [14], `dependences_on_conditions`
+   whether an effect changes with the conditions of the flights [25].
 
 `TracingSettings` holds all settings and their hash [22]. Modules: `evidence` is one flight,
 `estimates` all flights and one model, `decision` the choice between models.

@@ -112,6 +112,10 @@ def say_loop(session: Session, document: dict[str, Any]) -> None:
             session.say(f"   equally good explanations: {', '.join(rivals)}")
         for rival, reason in list(finding.get("fallen", {}).items())[:3]:
             session.say(f"   not {rival}: {reason}")
+    for entry in document.get("between_flights", []):
+        session.say()
+        session.say(f"differs between flights: {entry['hypothesis']} over {entry['condition']}")
+        session.say(f"   {entry['because']}.")
     session.say()
     say_axes(session, document)
     _say_not_found(session, document["not_found"])

@@ -1,12 +1,20 @@
-"""The closed loop: its rounds, their validation, and the residual that stays unexplained."""
+"""The closed loop: its rounds, their validation, what stays unexplained, and what differs between
+flights."""
 
 from aerodb.increments import AxisValidation
-from aerodb.loop import Accept, Library, LoopResult, unexplained_residuals, validate_loop
+from aerodb.loop import (
+    Accept,
+    Library,
+    LoopResult,
+    dependences_between_flights,
+    unexplained_residuals,
+    validate_loop,
+)
 from aerodb.loop import run_loop as run_rounds
 from aerodb.tasks.loop_flights import flights_of
 from aerodb.tasks.steps.update import Plan
 from aerodb.tasks.workspace_access import access_workspace
-from aerodb.tracing import UnexplainedResidual
+from aerodb.tracing import FlightDependence, UnexplainedResidual
 
 
 def run_loop(
@@ -51,3 +59,14 @@ def what_is_left(
     return unexplained_residuals(
         flights_of(workspace, plan.vehicle, run), plan.hold_out.identified, loop.candidate, library
     )
+
+
+def what_differs(
+    plan: Plan, library: Library, loop: LoopResult, *, workspace: str, run: str
+) -> tuple[FlightDependence, ...]:
+    """Return the effects that change with the conditions of the identification flights.
+
+    Empty below five flights, or where these have the same conditions.
+    """
+    source = flights_of(workspace, plan.vehicle, run)
+    return dependences_between_flights(source, plan.hold_out.identified, library, loop)

@@ -30,7 +30,7 @@ from aerodb.tasks.result_versions import CANDIDATE, RELEASED, RESULT_VERSION
 from aerodb.tasks.steps.update import Plan
 from aerodb.tasks.stored_steps import StoredResult
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
-from aerodb.tracing import UnexplainedResidual
+from aerodb.tracing import FlightDependence, UnexplainedResidual
 
 #: Formats that mark their files: where, with which bytes, and what reads them.
 _BY_MARK: Final[tuple[tuple[int, bytes, Callable[[bytes, str], AeroDatabase]], ...]] = (
@@ -154,6 +154,7 @@ def publish_loop(
     library: Library,
     loop: LoopResult,
     left: tuple[UnexplainedResidual, ...],
+    between: tuple[FlightDependence, ...],
     proof: tuple[AxisValidation, ...],
     *,
     workspace: str,
@@ -186,6 +187,7 @@ def publish_loop(
         findings=loop.findings,
         added=loop.added,
         left=left,
+        between=between,
         proof=proof,
         remarks=_loop_remarks(plan, loop),
         within_flights=_is_within_flights(plan, loop),

@@ -221,10 +221,13 @@ def flown(seed: int, truth: AeroDatabase, of: Vehicle | None = None) -> Flight:
 
 
 def flown_together(
-    seeds: Sequence[int], truth: AeroDatabase, of: Vehicle | None = None
+    seeds: Sequence[int],
+    truth: AeroDatabase,
+    of: Vehicle | None = None,
+    prescribe: Callable[[int], dict[str, Callable[[Array], Array]]] = prescribed,
 ) -> list[Flight]:
     """A flight per seed, as `flown` gives it, integrated side by side: many cost little more than
-    one."""
+    one. prescribe : seed -> what is prescribed."""
     of = of or vehicle()
     t = np.arange(round(SECONDS * RATE)) / RATE
     cg, properties = np.asarray(of.mass.cg, dtype=float), of.mass
@@ -248,7 +251,7 @@ def flown_together(
         return force / float(np.asarray(properties.mass)), speeding
 
     fine = np.arange(2 * len(t) - 1) / (2 * RATE)
-    states = [_state(prescribed(seed), fine) for seed in seeds]
+    states = [_state(prescribe(seed), fine) for seed in seeds]
     together = {name: np.column_stack([state[name] for state in states]) for name in states[0]}
     rates = np.zeros((len(t), len(seeds), 3))
     for k in range(len(t) - 1):  # Runge-Kutta of fourth order, deflections at half steps

@@ -33,7 +33,7 @@ GOLDEN: dict[str, tuple[int, str, str]] = {
     "coefficients": (2, "17009f9a5e13e0f0", "9ddddc1b635ef5d7"),
     "compare": (1, "4af879129db88dc3", "75ab953bf9aaf46f"),
     "gram": (7, "10ed19fa4a1ea574", "397ceeca15787f07"),
-    "close_loop": (8, "bde30ae272bb0065", "6303239909fbe35c"),
+    "close_loop": (9, "85f48d577a673a44", "6303239909fbe35c"),
     "import": (1, "f51fd88b5b312d78", "15d078bd64552f53"),
     "update": (4, "cb0a39e3f2497c2f", "6b1983884f9e9ae7"),
 }

@@ -3,11 +3,13 @@
 `trace` is the whole decision for enough flights: selection, explanation sets, refits without a
 fold, verdicts, next flight; it returns a `Traced` of `Finding`s and bounds. `few_flight_findings`
 takes its place where manoeuvres have to count as units. `refine` fits what was accepted once more,
-`unexplained_by_axis` looks for what no hypothesis names.
+`unexplained_by_axis` looks for what no hypothesis names, `dependences_on_conditions` for what
+differs between flights.
 
 Modules: `selection` (forward selection, `CrossFlightTests`), `explanation_sets`, `verdicts`,
 `next_flight`, `findings` (results and their JSON); `few_flights` and `joint_model`; `refinement`;
-`unexplained_residual`. The method: docs/method/tracing.md, sections 9 to 16.
+`unexplained_residual`; `between_flights`. The method: docs/method/tracing.md, sections 9 to 16 and
+25.
 """
 
 import lazy_loader as lazy

@@ -1,3 +1,4 @@
+from .between_flights import FlightDependence, dependences_on_conditions
 from .few_flights import (
     LINEAR,
     FewFlightFindings,
@@ -16,11 +17,13 @@ __all__ = [
     "LINEAR",
     "FewFlightFindings",
     "Finding",
+    "FlightDependence",
     "FlightResidual",
     "Refined",
     "Traced",
     "UnexplainedResidual",
     "accompanying_linear_terms",
+    "dependences_on_conditions",
     "downgraded_on_axes",
     "few_flight_findings",
     "joint_bands",

@@ -20,6 +20,7 @@ from aerodb.loop import (
     Library,
     LoopResult,
     Reconstruction,
+    dependences_between_flights,
     evidence_beside,
     freeze_library,
     run_loop,
@@ -29,7 +30,7 @@ from aerodb.loop import (
 from aerodb.tables.database import AeroDatabase
 from aerodb.tracing.evidence.normal_equations import NormalEquations, normal_equations_of
 from aerodb.vehicle import Vehicle
-from tests.support import effect_flights
+from tests.support import effect_flights, varied_flights
 from tests.support.tracing_flights import FLOOR, coloured
 
 #: Flights that identify, and flights that validate.
@@ -190,3 +191,36 @@ def test_a_name_that_the_library_does_not_have_is_refused(source: FlightsInMemor
         run_loop(source, split.identified, database(), library, Accept(suspected=("pitch_dampng",)))
     with pytest.raises(InputError, match="it changed after it was frozen"):
         freeze_library(source, split.identified, database(), expected="0" * 64)
+
+
+def test_an_aileron_that_loses_with_dynamic_pressure_differs_between_flights() -> None:
+    """It averages out of the flights, so that the loop adds nothing; the comparison of flights says
+    it, in the database's own terms."""
+    rng, flown = np.random.default_rng(5), {}
+    for flight in varied_flights.flown()[:8]:
+        made = total_coefficients(flight, varied_flights.vehicle(), angular_acceleration="logged")
+        loss = 8e-5 * flight["delta_aileron"] * (flight["qbar"] - 2400.0)
+        values = {
+            axis: given + FLOOR[axis] * coloured(rng, len(loss), step=flight.step)
+            for axis, given in made.values.items()
+        }
+        values["Cl"] = values["Cl"] + loss
+        flown[flight.id] = (flight, replace(made, values=values))
+    source = FlightsInMemory(varied_flights.vehicle(), flown)
+    library, loop = closed(source, tuple(flown), varied_flights.database())
+    found = dependences_between_flights(source, tuple(flown), library, loop)
+    assert [claim.hypothesis.id for claim in found] == ["control_effectiveness@Cl:aileron"]
+    (claim,) = found
+    assert "qbar" in (claim.condition, *claim.also)
+    assert claim.relative is not None
+    said = claim.document()
+    assert said["ci95"][0] < said["slope"] < said["ci95"][1]
+    assert len(said["votes"]) == 8
+    if claim.condition == "qbar":
+        assert claim.ci95[0] < 8e-5 < claim.ci95[1]
+        assert claim.relative == pytest.approx(8e-5 / -0.16, rel=0.2)
+    assert "falls by" in claim.because
+    assert "with the same sensors" in claim.settled_by
+    assert not [f for f in loop.added if f.axis == ("Cl",)]
+    few = tuple(flown)[:4]
+    assert dependences_between_flights(source, few, library, loop) == ()

@@ -339,6 +339,16 @@ def page_of(document: dict[str, Any]) -> Any:
     return checked(update_report(UpdateStory(document, labels, "v0001", None, None, {}, {}, {})))
 
 
+def test_the_page_says_what_differs_between_flights() -> None:
+    document = loop([], [], [proof("CX", 0.002, 0.002, outcome="unchanged")])
+    assert document["between_flights"] == []
+    assert not page_of(document).xpath("//h2[text()='Differs between flights']")
+    entry = {"because": "Cl_da falls by 5 % <per> kPa", "settled_by": "one flight"}
+    tree = page_of({**document, "between_flights": [entry]})
+    (said,) = tree.xpath("//h2[text()='Differs between flights']/following-sibling::ul[1]/li")
+    assert said.text_content() == "Cl_da falls by 5 % <per> kPa"
+
+
 def test_the_page_of_a_loop_that_finds_nothing() -> None:
     """The empty case: said in the first sentence, with the size that is excluded; nothing is drawn
     as if it were found."""
