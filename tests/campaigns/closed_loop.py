@@ -79,7 +79,7 @@ def run_planted(
         except NotThere:
             continue
         wrong = craft.database(xml, bindings)
-        if lacks(craft, wrong, planted.axis, clean[str(numbers[0])]) == 0.0:
+        if lacks(craft, wrong, planted.axis, [*clean.values()]) == 0.0:
             continue
         for n in flights:
             loop = looped(craft, ready, n, here / f"{n}-{kind.replace(' ', '-')}", xml, bindings)
@@ -96,6 +96,11 @@ def run_planted(
                     if planted.names(finding["hypothesis"])
                 }
                 line |= power(loop.found, planted, truth)
+                held = [clean[str(ready.flights[f])] for f in loop.found["flights"]["held_out"]]
+                before = lacks(craft, wrong, planted.axis, held)
+                if loop.candidate is not None and held:
+                    after = lacks(craft, loop.candidate, planted.axis, held)
+                    line["removed"] = 1.0 - after / before
             yield line
 
 
@@ -103,14 +108,12 @@ def power(
     found: Mapping[str, Any], planted: Planted, truth: Mapping[str, float | None]
 ) -> dict[str, Any]:
     """How one planted error was met: verdicts of what names it, whether it is in a set, whether the
-    interval holds `truth`, the share of the excess held-out error that is gone, what else was
-    claimed."""
+    interval holds `truth`, what else was claimed. removed : the share by which the candidate comes
+    nearer to the whole database along the held-out flights, to be filled in."""
     findings = found["findings"]
     right = [f for f in findings if planted.names(f["hypothesis"])]
     others = [f for f in findings if not planted.names(f["hypothesis"], near=True)]
     members = [name for f in findings for name in (f["hypothesis"], *f["explanation_set"])]
-    axis = found["axes"].get(planted.axis, {})
-    before, after = axis.get("excess_before"), axis.get("excess_after")
     return {
         "named": [f["verdict"] for f in right],
         "in_set": any(planted.names(name, near=True) for name in members),
@@ -120,7 +123,7 @@ def power(
             if f["ci95"] and (value := truth[f["hypothesis"]]) is not None
         ],
         "sizes": [[f["value"], *(f["ci95"] or ()), truth[f["hypothesis"]]] for f in right],
-        "removed": 1.0 - after / before if before else None,
+        "removed": None,
         "added": found["added"],
         "others": [[f["verdict"], f["hypothesis"]] for f in others],
     }

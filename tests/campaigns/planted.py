@@ -6,7 +6,7 @@ aircraft; what changes has the shape of the aircraft's own tables.
 """
 
 import copy
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from xml.etree import ElementTree
 
@@ -210,7 +210,8 @@ _MOMENT = (*_FORCE, "metrics/cbarw-ft")
 
 PLANTED: Mapping[str, Planted] = {
     "lift slope 15 %": Planted(
-        alpha_slope("LIFT", 1.0 / 1.15), ("alpha_slope@C_lift",), "CZ"
+        alpha_slope("LIFT", 1.0 / 1.15), ("alpha_slope@C_lift",), "CZ",
+        ("alpha_slope@C_drag",),  # right too, where drag is imported as a function of lift
     ),
     "Cm_alpha 20 %": Planted(
         alpha_slope("PITCH", 0.8), ("alpha_slope@Cm",), "Cm", ("cg_offset@all:x",)
@@ -256,12 +257,16 @@ def measured_text(craft: Airframe) -> str:
     return "\n[measured]\n" + "\n".join(lines) + "\n"
 
 
-def lacks(craft: Airframe, wrong: AeroDatabase, axis: str, channels: Mapping[str, Array]) -> float:
-    """rms of what the database `wrong` lacks on an axis along channels (n,)."""
-    whole = craft.database()
-    steady = {"alphadot": 0.0 * channels["V"], "betadot": 0.0 * channels["V"], **channels}
-    parts = [database.predict(steady).coefficients[axis] for database in (whole, wrong)]
-    return rms(parts[0] - parts[1])
+def lacks(
+    craft: Airframe, wrong: AeroDatabase, axis: str, flights: Sequence[Mapping[str, Array]]
+) -> float:
+    """rms of what the database `wrong` lacks on a body axis along flights, channels (n,) each."""
+    whole, missing = craft.database(), []
+    for channels in flights:
+        steady = {"alphadot": 0.0 * channels["V"], "betadot": 0.0 * channels["V"], **channels}
+        parts = [database.predict(steady).coefficients[axis] for database in (whole, wrong)]
+        missing.append(parts[0] - parts[1])
+    return rms(np.concatenate(missing))
 
 
 def true_value(

@@ -12,6 +12,8 @@ import numpy as np
 from typer.testing import CliRunner
 
 from aerodb.flows.cli.main import app
+from aerodb.tables.database import AeroDatabase
+from aerodb.tasks.workspace_access import access_workspace
 from tests.campaigns.fleet import Airframe, vehicle_text
 from tests.campaigns.instruments import CELLS, Cell, biases_of, noise_of, shown
 from tests.campaigns.pilot import CONTROL_STEP, SECONDS, flown
@@ -109,12 +111,14 @@ def _import(
 
 @dataclass(frozen=True)
 class Loop:
-    """What `close-loop` answered: its document, or why it refused; CPU s."""
+    """What `close-loop` answered: its document, or why it refused; CPU s; the candidate version's
+    database, None where nothing was added."""
 
     folder: Path
     found: dict[str, Any] | None
     refused: str
     cpu: float
+    candidate: AeroDatabase | None = None
 
 
 def looped(
@@ -140,7 +144,10 @@ def looped(
     if result.exit_code:
         return Loop(folder, None, (result.stderr or repr(result.exception))[:600], cpu)
     (folder / "document.json").write_text(result.stdout)
-    return Loop(folder, document(result.stdout), "", cpu)
+    found = document(result.stdout)
+    version = found["candidate"]
+    candidate = access_workspace(str(workspace)).database(version) if version else None
+    return Loop(folder, found, "", cpu, candidate)
 
 
 @dataclass(frozen=True)
